@@ -1,0 +1,1 @@
+"""Everything that touches the world: links, logs, filter, bus, recorder, commands."""

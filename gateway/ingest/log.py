@@ -1,0 +1,66 @@
+"""What every kind of recording is turned into: columns by message, and counts of what was odd."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Table:
+    """All messages of one name, as columns.
+
+    order            (K,)  position of each message among all accepted ones of the log
+    receive_time_ns  (K,)  int64 Unix ns of receipt (a DataFlash log has no receiver: boat time)
+    system           (K,)  MAVLink system id (0 in DataFlash)
+    component        (K,)  MAVLink component id (0 in DataFlash)
+    columns          name -> (K,) or (K, n): fields under the names and in the units of the
+                     definition (pymavlink's), not scaled; text fields are arrays of bytes or str
+    """
+
+    name: str
+    order: NDArray[np.int64]
+    receive_time_ns: NDArray[np.int64]
+    system: NDArray[np.uint8]
+    component: NDArray[np.uint8]
+    columns: Mapping[str, NDArray[np.generic]]
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What was found while reading: shown by `shadow info`, never hidden."""
+
+    size_bytes: int = 0
+    accepted: int = 0
+    bad_checksum: int = 0
+    junk_bytes: int = 0
+    unknown_messages: int = 0
+    signed: int = 0
+    mavlink1: int = 0
+    mavlink2: int = 0
+    truncated_tail: bool = False
+    lost: int = 0  # gaps in the sequence numbers, per system and component, summed
+    duplicates: int = 0
+    time_backwards: int = 0  # receive clock stepped back
+    notes: tuple[str, ...] = field(default=())
+
+
+class Log(Protocol):
+    """A recording opened for reading."""
+
+    path: str
+    kind: str  # "tlog", "dataflash", "mcap", "csv"
+    statistics: Statistics
+
+    def counts(self) -> Mapping[str, int]:
+        """Message name -> number of accepted messages."""
+        ...
+
+    def table(self, name: str) -> Table:
+        """All messages of that name (an empty table where there is none)."""
+        ...

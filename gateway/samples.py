@@ -1,0 +1,63 @@
+"""What the boat said, decoded: quantities in SI units with two clocks.
+
+A `Measurement` is one fact from a live link; `Samples` is a column of them from a log. Both come
+from the same mapping functions (`gateway.ingest.mapping`), which take scalars or columns alike.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Quantity(IntEnum):
+    """What is measured, and the columns of its values."""
+
+    YAW = 0  # yaw_rad
+    YAW_RATE = 1  # yaw_rate_radps (body z axis)
+    TILT = 2  # roll_rad, pitch_rad
+    VELOCITY = 3  # north_mps, east_mps over ground
+    POSITION = 4  # north_m, east_m from the autopilot's local origin
+    GLOBAL_POSITION = 5  # latitude_deg, longitude_deg
+    ACCELERATION = 6  # forward, starboard specific force [m/s²] (contains gravity through tilt)
+    BODY_VELOCITY = 7  # u_mps, v_mps over ground
+    ACTUATORS = 8  # pulse width of channels 1 … 32 [µs]; NaN = channel not reported
+    VOLTAGE = 9  # battery voltage_v
+    WIND = 10  # velocity of the air towards north_mps, east_mps
+    ARMED = 11  # 1 armed, 0 disarmed
+    FIX = 12  # GNSS fix type (0–1 none, 2 2-D, 3 3-D, 4 DGPS, 5 RTK float, 6 RTK fixed)
+    ORIGIN = 13  # latitude_deg, longitude_deg of the autopilot's local origin
+    UNIX_TIME = 14  # the boat's own idea of Unix time [s]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One decoded fact, in SI units, on the boat's clock and on the receiver's."""
+
+    quantity: Quantity
+    source: str  # name of the message it came from
+    vehicle_time_ns: int
+    receive_time_ns: int
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """All measurements of one quantity from one message of one boat in a log.
+
+    order            (K,)    position of the message in the log: what came first
+    vehicle_time_ns  (K,)    int64
+    receive_time_ns  (K,)    int64
+    values           (K, n)  SI units, see `Quantity`
+    """
+
+    quantity: Quantity
+    source: str
+    order: NDArray[np.int64]
+    vehicle_time_ns: NDArray[np.int64]
+    receive_time_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.order)

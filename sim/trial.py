@@ -1,0 +1,70 @@
+"""One stretch of a recording on a uniform time grid: what all offline inference reads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.state import Floats
+
+MOTION = 9  # components of `covariance`: eta (3), nu (3), nu_dot (3)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of time [s after the first sample] that is left out, and why."""
+
+    start: float
+    end: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Smoothed motion, its covariance and the commands on the grid `time`.
+
+    All motion is *as reported by the boat's sensors* (antenna position and velocity, compass
+    heading): a model is mapped through its sensor effects before it is compared. Row k of `pwm`,
+    `voltage` and `wind` holds over [time[k], time[k] + dt).
+
+    time        (T,)       s after the first sample, uniform
+    eta         (T, 3)     north [m], east [m], yaw [rad, unwrapped]
+    nu          (T, 3)     u [m/s], v [m/s], r [rad/s]
+    nu_dot      (T, 3)     m/s², m/s², rad/s²: time derivative of the body-frame components
+    covariance  (T, 9, 9)  of (eta, nu, nu_dot)
+    channels    (n,)       servo output channel of each column of `pwm`, 1-based
+    pwm         (T, n)     mean pulse over the interval [µs]; NaN = no pulse or disarmed
+    voltage     (T,)       battery [V]; NaN = not measured
+    wind        (T, 2)     velocity of the air towards north, east [m/s]; NaN = not measured
+    usable      (T,)       bool: armed, under way, motion and commands known
+    """
+
+    name: str
+    time: Floats
+    eta: Floats
+    nu: Floats
+    nu_dot: Floats
+    covariance: Floats
+    channels: tuple[int, ...]
+    pwm: Floats
+    voltage: Floats
+    wind: Floats
+    usable: NDArray[np.bool_]
+    excluded: tuple[Stretch, ...] = ()
+    start_time_ns: int = 0
+    origin_deg: tuple[float, float] | None = None
+    sources: Mapping[str, str] = field(default_factory=dict)
+    rates_hz: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def dt(self) -> float:
+        """Grid step [s]."""
+        return float(self.time[1] - self.time[0])
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def std(self) -> Floats:
+        """Standard deviations of (eta, nu, nu_dot): (T, 9)."""
+        return np.sqrt(np.einsum("tii->ti", self.covariance))
