@@ -1,0 +1,111 @@
+"""The measurement update of a Kalman filter for one or two components, in Joseph's form.
+
+    S = H P Hᵀ + R    K = P Hᵀ S⁻¹    x += K y    P = (I − K H) P (I − K H)ᵀ + K R Kᵀ
+
+R is diagonal: its one or two variances.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gateway.estimation.jit import compiled
+from gateway.estimation.names import STATES
+from sim.state import Floats
+
+
+class Work(NamedTuple):
+    """Scratch of one step, reused so that the loop allocates nothing; also what it leaves behind.
+
+    F (14, 14) transition, H (2, 14), y (2,), S_inv (2, 2), K (14, 2) of the last update
+    """
+
+    F: Floats
+    Q: Floats
+    H: Floats
+    y: Floats
+    R: Floats
+    S_inv: Floats
+    K: Floats
+    PH: Floats
+    A: Floats
+
+
+@compiled
+def new_work() -> Work:
+    """Scratch for one thread."""
+    return Work(
+        np.eye(STATES),
+        np.zeros((3, 3)),
+        np.zeros((2, STATES)),
+        np.zeros(2),
+        np.zeros(2),
+        np.zeros((2, 2)),
+        np.zeros((STATES, 2)),
+        np.zeros((STATES, 2)),
+        np.zeros((STATES, STATES)),
+    )
+
+
+@compiled
+def times_rows(P: Floats, H: Floats, m: int, out: Floats) -> None:
+    """P (14, 14), H (2, 14) -> P Hᵀ (14, m)."""
+    for i in range(STATES):
+        for a in range(m):
+            total = 0.0
+            for j in range(STATES):
+                total += P[i, j] * H[a, j]
+            out[i, a] = total
+
+
+@compiled
+def weigh(P: Floats, m: int, work: Work) -> float:
+    """Covariance and the innovation in `work` -> its NIS; leaves S⁻¹ and P Hᵀ in `work`."""
+    times_rows(P, work.H, m, work.PH)
+    s00, s01, s11 = work.R[0], 0.0, work.R[1]
+    for j in range(STATES):
+        s00 += work.H[0, j] * work.PH[j, 0]
+    if m == 1:
+        work.S_inv[:] = 0.0
+        work.S_inv[0, 0] = 1.0 / s00
+        return float(work.y[0] * work.y[0] / s00)
+    for j in range(STATES):
+        s01 += work.H[0, j] * work.PH[j, 1]
+        s11 += work.H[1, j] * work.PH[j, 1]
+    determinant = s00 * s11 - s01 * s01
+    work.S_inv[0, 0], work.S_inv[1, 1] = s11 / determinant, s00 / determinant
+    work.S_inv[0, 1] = work.S_inv[1, 0] = -s01 / determinant
+    y0, y1 = work.y[0], work.y[1]
+    return float((s11 * y0 * y0 - 2.0 * s01 * y0 * y1 + s00 * y1 * y1) / determinant)
+
+
+@compiled
+def update(x: Floats, P: Floats, m: int, work: Work) -> None:
+    """State (14,) and covariance (14, 14) take in the innovation that `weigh` left, in place."""
+    K, PH, A = work.K, work.PH, work.A
+    for i in range(STATES):
+        for a in range(m):
+            K[i, a] = PH[i, 0] * work.S_inv[0, a]
+            if m == 2:
+                K[i, a] += PH[i, 1] * work.S_inv[1, a]
+            x[i] += K[i, a] * work.y[a]
+    for i in range(STATES):
+        for j in range(STATES):
+            A[i, j] = P[i, j] - K[i, 0] * PH[j, 0]
+            if m == 2:
+                A[i, j] -= K[i, 1] * PH[j, 1]
+    times_rows(A, work.H, m, PH)
+    for i in range(STATES):
+        for j in range(STATES):
+            P[i, j] = A[i, j] - (PH[i, 0] - K[i, 0] * work.R[0]) * K[j, 0]
+            if m == 2:
+                P[i, j] -= (PH[i, 1] - K[i, 1] * work.R[1]) * K[j, 1]
+    symmetrise(P)
+
+
+@compiled
+def symmetrise(P: Floats) -> None:
+    """P (n, n) becomes the mean of itself and its transpose."""
+    for i in range(len(P)):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
