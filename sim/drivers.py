@@ -1,0 +1,134 @@
+"""The loops around the composed laws. `sim.compiled` copies this file's text into every kernel,
+
+where `jit` compiles; in numpy mode `jit` leaves the functions as they are.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.body import Report
+from sim.composed import (
+    NX,
+    Inputs,
+    Numbers,
+    State,
+    at_rest,
+    axpy,
+    commands_from,
+    delay_of,
+    observe,
+    rates,
+    state_from,
+    unpack,
+)  # fmt: skip
+from sim.jit import jitable as entry
+from sim.jit import jitable as jit
+from sim.sensing import corrected
+from sim.state import Floats
+
+# -- the text from here on goes into the kernel --
+
+
+@jit
+def advance(x: State, time: float, inputs: Inputs, dt: float, substeps: int, p: Numbers) -> State:
+    """One interval of held inputs by classical Runge–Kutta of fourth order -> the next state."""
+    h = dt / substeps
+    for i in range(substeps):
+        t = time + i * h
+        k1 = rates(x, t, inputs, p)
+        k2 = rates(axpy(x, 0.5 * h, k1), t + 0.5 * h, inputs, p)
+        k3 = rates(axpy(x, 0.5 * h, k2), t + 0.5 * h, inputs, p)
+        k4 = rates(axpy(x, h, k3), t + h, inputs, p)
+        x = axpy(axpy(axpy(axpy(x, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+    return x
+
+
+@jit
+def report_of(x: State, time: float, inputs: Inputs, p: Numbers) -> Report:
+    """What the sensors report of a state, accelerations included."""
+    k = rates(x, time, inputs, p)
+    return observe(Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5]), p)
+
+
+@jit
+def true_motion(measured: Report, p: Numbers) -> Report:
+    """Reported motion -> the motion that the sensors would report so (inverse of `observe`)."""
+    guess = measured
+    for _ in range(25):
+        guess = corrected(guess, measured, observe(guess, p))
+    return guess
+
+
+@jit
+def integral_at(total: Floats, position: float, i: int) -> float:
+    """Command i integrated up to a position in steps; its edges are continued."""
+    k = min(max(int(np.floor(position)), 0), len(total) - 2)
+    return total[k, i] + (position - k) * (total[k + 1, i] - total[k, i])
+
+
+@jit
+def held(row: Floats, voltage: float, wind_north: float, wind_east: float) -> Inputs:
+    """Inputs from a row of commands (na,); a wind of NaN was not measured."""
+    if np.isfinite(wind_north + wind_east):
+        return Inputs(commands_from(row), voltage, wind_north, wind_east, 1.0)
+    return Inputs(commands_from(row), voltage, 0.0, 0.0, 0.0)
+
+
+@jit
+def inputs_at(
+    total: Floats, position: float, voltage: float, wind_north: float, wind_east: float,
+    row: Floats,
+) -> Inputs:  # fmt: skip
+    """Inputs over one step that begins at `position`: commands are the mean over the step."""
+    for i in range(len(row)):
+        row[i] = integral_at(total, position + 1.0, i) - integral_at(total, position, i)
+    return held(row, voltage, wind_north, wind_east)
+
+
+@entry
+def rollout(
+    theta: Floats, x0: Floats, table: NDArray[np.int64], start: NDArray[np.int64],
+    steps: NDArray[np.int64], delay: Floats, total: Floats, voltage: Floats, wind: Floats,
+    time: Floats, dt: float, substeps: int, states: Floats, reports: Floats,
+) -> None:  # fmt: skip
+    """Run the model freely from each start.
+
+    theta (B or 1, P), x0 (B, nx), table/start/steps/delay (B,), total (C, T+1, na) integrated
+    commands, voltage (C, T), wind (C, T, 2), time (C, T) -> states (B, H+1, nx), reports
+    (B, H+1, 9); rows beyond a run's steps, or after it diverged, are left as they are (NaN).
+    NaN in the memory part of x0 means: at rest under the first command.
+    """
+    row = np.empty(total.shape[2])
+    for b in range(len(x0)):
+        p = unpack(theta[b % len(theta)])
+        c = table[b]
+        shift = (delay[b] + delay_of(p)) / dt
+        x = state_from(x0[b])
+        for k in range(steps[b] + 1):
+            j = min(start[b] + k, time.shape[1] - 1)
+            t = time[c, start[b]] + k * dt
+            inputs = inputs_at(
+                total[c], start[b] + k - shift, voltage[c, j], wind[c, j, 0], wind[c, j, 1], row
+            )
+            if k == 0 and NX > 6 and not np.isfinite(x[NX - 1]):
+                x = at_rest(x, t, inputs, p)
+            for i in range(len(x)):
+                states[b, k, i] = x[i]
+            said = report_of(x, t, inputs, p)
+            for i in range(9):
+                reports[b, k, i] = said[i]
+            if k < steps[b]:
+                x = advance(x, t, inputs, dt, substeps, p)
+            if not np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]) or abs(x[3]) > 1e3:
+                break
+
+
+@entry
+def true_states(theta: Floats, motion: Floats, out: Floats) -> None:
+    """Reported motion (B, 9) -> true pose and velocity (B, 6), for each theta (B or 1, P)."""
+    for b in range(len(motion)):
+        m = motion[b]
+        p = unpack(theta[b % len(theta)])
+        true = true_motion(Report(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]), p)
+        out[b, 0], out[b, 1], out[b, 2] = true.north, true.east, true.yaw
+        out[b, 3], out[b, 4], out[b, 5] = true.u, true.v, true.r

@@ -1,0 +1,1 @@
+"""One physical effect per file, and one list of them all (`catalogue`)."""

@@ -1,0 +1,34 @@
+"""Cubic surge drag: wave-making that rises faster than speed squared.
+
+    X = X_uuu u³            X_uuu <= 0 [N s³/m³], u through the water [m/s]
+
+Valid for: displacement speeds. Source: Fossen, Handbook of Marine Craft Hydrodynamics,
+2nd ed. 2021, §6.4 (third-order damping of Abkowitz's expansion).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Flow
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.state import Wrench
+
+
+class Parameters(NamedTuple):
+    X_uuu: float
+
+
+def force(flow: Flow, p: Parameters) -> Wrench:
+    """Velocity through the water, scalars or arrays -> X, Y, N [N, N, N m]."""
+    return Wrench(p.X_uuu * flow.u**3, 0.0, 0.0)
+
+
+EFFECT = Effect(
+    name="cubic_drag",
+    scope=Scope.BOAT,
+    force=force,
+    parameters=(
+        Parameter("X_uuu", unit="N s³/m³", lower=-500.0, upper=0.0, start=-1.0, scale=1.0),
+    ),
+    looks_like="too fast at full throttle, right at low speed",
+    mistaken_for=("thrust_curve", "advance_loss"),
+)

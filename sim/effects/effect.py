@@ -1,0 +1,119 @@
+"""What an effect is: one physical cause that a model may or may not contain.
+
+A law is a module-level function on floats or arrays, ufuncs only (`np.maximum`, never `if`), so
+that the very same function runs on arrays in numpy and compiled on scalars. `p` is a tuple of the
+effect's parameters by name. An effect acts in one or more places:
+
+    command(c, drive, p) -> c            the command of a thruster, before its thrust curve
+    thrust(F, drive, flow, p) -> F       the thrust of a thruster [N]
+    thrust_rate(F, state, drive, p)      the thrust that acts becomes a state with this rate [N/s]
+    turn(azimuth, drive, flow, p)        the direction of a thruster [rad]
+    angle(δ, blade, p) -> δ              the angle of a rudder or steered motor [rad]
+    angle_rate(δ, state, blade, p)       the angle that acts becomes a state with this rate [rad/s]
+    delay(p) -> s                        all commands act that much later
+    water(time, pose, p) -> Water        motion of the water
+    force(flow, p) -> Wrench             force on the hull
+    inertia(M, flow, p) -> Inertia       mass matrix
+    observe(report, p) -> Report         what the sensors report
+    rate(flow, state, p), start          a state of its own; `force` is then force(flow, state, p)
+"""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from enum import Enum
+from pathlib import PurePath
+from typing import Any
+
+Law = Callable[..., Any]
+
+
+class Scope(Enum):
+    """Where the parameters of an effect hold."""
+
+    BOAT = "boat"  # true of the boat wherever it goes
+    VOYAGE = "voyage"  # of one day: current, wind, the moment of a fault
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect: unit, bounds, where a fit starts and how far a step is."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    start: float
+    scale: float = 0.0  # size of a change that matters; 0: a tenth of the range
+    says: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.start <= self.upper:
+            raise ValueError(
+                f"parameter {self.name}: start {self.start} is outside {self.lower} … {self.upper}"
+            )
+        if self.scale == 0.0:
+            object.__setattr__(self, "scale", 0.1 * (self.upper - self.lower))
+
+
+LAWS = (
+    "command", "thrust", "thrust_rate", "turn", "angle", "angle_rate",
+    "delay", "water", "force", "inertia", "observe", "rate",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical cause: where it acts, its parameters, and what it looks like in the data."""
+
+    name: str
+    scope: Scope
+    parameters: tuple[Parameter, ...]
+    looks_like: str
+    mistaken_for: tuple[str, ...] = ()
+    command: Law | None = None
+    thrust: Law | None = None
+    thrust_rate: Law | None = None
+    turn: Law | None = None
+    angle: Law | None = None
+    angle_rate: Law | None = None
+    delay: Law | None = None
+    water: Law | None = None
+    force: Law | None = None
+    inertia: Law | None = None
+    observe: Law | None = None
+    rate: Law | None = None
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        if not self.name.isidentifier():
+            raise ValueError(f"effect name {self.name!r} must be a plain identifier")
+        if not self.laws:
+            raise ValueError(f"effect {self.name} declares no law: give one of {', '.join(LAWS)}")
+
+    @property
+    def laws(self) -> dict[str, Law]:
+        """Place -> law, for the places where the effect acts."""
+        return {
+            f.name: getattr(self, f.name)
+            for f in fields(self)
+            if f.name in LAWS and getattr(self, f.name) is not None
+        }
+
+    @property
+    def source_code(self) -> str:
+        """Text of the file that the laws stand in: the kernel's name depends on it."""
+        law = next(iter(self.laws.values()))
+        return inspect.getsource(inspect.getmodule(law) or law)
+
+    @property
+    def explanation(self) -> str:
+        """The docstring of the effect's file: equation, symbols, validity, source."""
+        module = inspect.getmodule(next(iter(self.laws.values())))
+        return inspect.getdoc(module) or ""
+
+    @property
+    def file(self) -> str:
+        """Name of the file that the laws stand in."""
+        return PurePath(inspect.getfile(next(iter(self.laws.values())))).name

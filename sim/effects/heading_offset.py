@@ -1,0 +1,37 @@
+"""Heading offset: the compass reads a constant angle too much (a rotated sensor, declination).
+
+    reported ψ = ψ + angle            angle [rad]
+
+Velocities over ground come from the GNSS, so reported u and v are the true ones turned by −angle:
+the boat seems to crab. Valid for: any heading. Source: Groves, Principles of GNSS, Inertial and
+Multisensor Integrated Navigation Systems, 2nd ed. 2013, §6.1.
+"""
+
+from typing import NamedTuple
+
+from sim.body import Report
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.state import to_body
+
+
+class Parameters(NamedTuple):
+    angle: float
+
+
+def observe(report: Report, p: Parameters) -> Report:
+    """True motion -> motion as a turned compass reports it."""
+    u, v = to_body(report.u, report.v, p.angle)
+    u_dot, v_dot = to_body(report.u_dot, report.v_dot, p.angle)
+    return Report(
+        report.north, report.east, report.yaw + p.angle, u, v, report.r, u_dot, v_dot, report.r_dot
+    )
+
+
+EFFECT = Effect(
+    name="heading_offset",
+    scope=Scope.BOAT,
+    observe=observe,
+    parameters=(Parameter("angle", unit="rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02),),
+    looks_like="sideways speed in proportion to forward speed, on every heading, other sign astern",
+    mistaken_for=("steady_current", "cg_offset"),
+)

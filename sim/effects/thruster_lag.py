@@ -1,0 +1,31 @@
+"""Thruster lag: the shaft needs time, so thrust follows the command as a first-order lag.
+
+    Ḟ = (F_commanded − F) / tau        tau [s], one state F [N] per thruster
+
+Valid for: fixed-pitch propellers on speed-controlled motors. Source: Fossen, Handbook of Marine
+Craft Hydrodynamics, 2nd ed. 2021, §9.3 (propeller shaft dynamics, linearised).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Drive
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    tau: float
+
+
+def thrust_rate(thrust: float, state: float, drive: Drive, p: Parameters) -> float:
+    """Commanded and acting thrust [N] -> rate of the acting thrust [N/s]."""
+    return (thrust - state) / p.tau
+
+
+EFFECT = Effect(
+    name="thruster_lag",
+    scope=Scope.BOAT,
+    thrust_rate=thrust_rate,
+    parameters=(Parameter("tau", unit="s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
+    looks_like="the boat answers late to every change of throttle, and right once it is steady",
+    mistaken_for=("command_delay", "velocity_latency"),
+)

@@ -1,0 +1,1 @@
+"""The reference velocity, and the controller that makes a plant follow it."""

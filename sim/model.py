@@ -1,0 +1,252 @@
+"""A vessel as something that can be run: parameters by name, and the compiled loops on arrays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim import numpy_drivers
+from sim.body import Blade, Body, Drive
+from sim.compiled import Kernel, kernel_for
+from sim.compose import Structure
+from sim.effects.catalogue import EFFECTS
+from sim.state import Floats
+from sim.vessel import CURVES, AddedEffect, Vessel
+
+LONGEST_STEP = 0.1  # s, of one Runge–Kutta step
+
+
+@dataclass(frozen=True)
+class Model:
+    """The kernel of a vessel and its parameters: theta (P,), named."""
+
+    vessel: Vessel
+    kernel: Kernel
+    names: tuple[str, ...]
+    theta: Floats
+
+    @classmethod
+    def of(cls, vessel: Vessel) -> "Model":
+        """Compose and compile; from the second time on it comes from the cache."""
+        numbers = _numbers(vessel)
+        theta = np.array(list(numbers.values()), dtype=float)
+        return cls(vessel, kernel_for(_structure(vessel)), tuple(numbers), theta)
+
+    @property
+    def state_size(self) -> int:
+        """Components of a state: pose, velocity, memory of actuators and effects."""
+        return self.kernel.structure.nx
+
+    @property
+    def actuator_count(self) -> int:
+        """Columns of a command table (at least one)."""
+        return max(len(self.vessel.actuators), 1)
+
+    @cached_property
+    def delay(self) -> float:
+        """How much later all commands act [s]."""
+        return float(self.kernel.module.delay_of(self.kernel.module.unpack(self.theta)))
+
+    def replaced(self, **values: float) -> Floats:
+        """theta (P,) with some parameters changed, by name (dots as they are, via a dict)."""
+        theta = self.theta.copy()
+        for name, value in values.items():
+            theta[self.names.index(name)] = value
+        return theta
+
+    def simulate(
+        self,
+        commands: Floats,
+        dt: float,
+        x0: Floats | None = None,
+        *,
+        theta: Floats | None = None,
+        voltage: Floats | None = None,
+        wind: Floats | None = None,
+        start_time: float = 0.0,
+    ) -> tuple[Floats, Floats]:
+        """Commands (T, na) or (B, T, na) held over dt -> states (B, T+1, nx), reports (B, T+1, 9).
+
+        x0 (nx,), (6,) or (B, …): missing memory starts at rest under the first command. theta
+        (P,) or (B, P). voltage (T,) [V], wind (T, 2) [m/s]: not measured where left out.
+        """
+        table = np.asarray(commands, dtype=float)
+        table = table[None] if table.ndim == 2 else table
+        start = np.zeros((1, 6)) if x0 is None else np.atleast_2d(np.asarray(x0, dtype=float))
+        thetas = np.atleast_2d(self.theta if theta is None else theta)
+        batch = max(len(table), len(start), len(thetas))
+        steps = table.shape[1]
+        runs = Runs(
+            table=np.arange(batch) % len(table),
+            start=np.zeros(batch, np.int64),
+            steps=np.full(batch, steps),
+            delay=np.zeros(batch),
+        )
+        inputs = InputTable.of(table, dt, voltage, wind, start_time)
+        return self.run(np.resize(start, (batch, start.shape[1])), runs, inputs, theta=thetas)
+
+    def run(
+        self, x0: Floats, runs: "Runs", inputs: "InputTable", *, theta: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Free runs: x0 (B, 6 or nx) -> states (B, H+1, nx), reports (B, H+1, 9), NaN past ends."""
+        horizon = int(runs.steps.max()) + 1
+        start = np.full((len(x0), self.state_size), np.nan)
+        start[:, : x0.shape[1]] = x0
+        states = np.full((len(x0), horizon, self.state_size), np.nan)
+        reports = np.full((len(x0), horizon, 9), np.nan)
+        substeps = int(np.ceil(inputs.dt / self.longest_step(theta)))
+        rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
+        rollout(
+            np.atleast_2d(self.theta if theta is None else theta), start,
+            runs.table.astype(np.int64), runs.start.astype(np.int64), runs.steps.astype(np.int64),
+            runs.delay, inputs.total, inputs.voltage, inputs.wind, inputs.time, inputs.dt,
+            substeps, states, reports,
+        )  # fmt: skip
+        return states, reports
+
+    def longest_step(self, theta: Floats | None = None) -> float:
+        """Longest Runge–Kutta step [s] that is stable with the fastest lag of the vessel."""
+        taus = [i for i, name in enumerate(self.names) if name.endswith(".tau")]
+        rows = np.atleast_2d(self.theta if theta is None else theta)
+        fastest = float(np.min(rows[:, taus])) if taus else LONGEST_STEP
+        return min(LONGEST_STEP, max(fastest, 1e-3))
+
+    def missing_force(
+        self,
+        motion: Floats,
+        times: Floats,
+        before: Floats,
+        around: Floats,
+        *,
+        theta: Floats | None = None,
+        voltage: Floats | None = None,
+        wind: Floats | None = None,
+        carry: Floats | None = None,
+    ) -> tuple[Floats, Floats]:
+        """What the vessel would need on top of its commanded forces to move as measured.
+
+        Reported motion (T, 9) at times (T,) [s]; commands (T, na) `before` hold over the interval
+        that ends at their row, `around` act at its instant -> missing force (T, 3) and
+        τ(commands) (T, 3) [N, N, N m]. Commands are taken as they stand: a command delay is the
+        caller's. `carry` (nx + 1,) goes on from an earlier call and is changed in place.
+        """
+        out, acting = np.empty((len(times), 3)), np.empty((len(times), 3))
+        self.kernel.module.missing_force(
+            self.theta if theta is None else theta,
+            self.fresh_carry() if carry is None else carry,
+            times, motion, before, around, *_surroundings(len(times), voltage, wind), out, acting,
+        )  # fmt: skip
+        return out, acting
+
+    def fresh_carry(self) -> Floats:
+        """(nx + 1,) state and time before anything was seen."""
+        return np.full(self.state_size + 1, np.nan)
+
+    def true_states(self, motion: Floats, *, theta: Floats | None = None) -> Floats:
+        """Reported motion (B, 9) -> true pose and velocity (B, 6)."""
+        out = np.empty((len(motion), 6))
+        self.kernel.module.true_states(
+            np.atleast_2d(self.theta if theta is None else theta), motion, out
+        )
+        return out
+
+    def _rollout_in_numpy(self, *arguments: Any) -> None:
+        numpy_drivers.rollout(self.kernel.module, *arguments)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Which free runs, each (B,): input table, first row, length [steps], command delay [s]."""
+
+    table: NDArray[np.int64]
+    start: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    delay: Floats
+
+
+@dataclass(frozen=True)
+class InputTable:
+    """Inputs on uniform grids: integrated commands (C, T+1, na) [steps], voltage, wind, time."""
+
+    total: Floats
+    voltage: Floats
+    wind: Floats
+    time: Floats
+    dt: float
+
+    @classmethod
+    def of(
+        cls,
+        commands: Floats,
+        dt: float,
+        voltage: Floats | None = None,
+        wind: Floats | None = None,
+        start_time: float = 0.0,
+    ) -> "InputTable":
+        """Commands (C, T, na) held over dt [s]; voltage (T,), wind (T, 2), NaN where left out."""
+        tables, steps, _ = commands.shape
+        total = np.zeros((tables, steps + 1, commands.shape[2]))
+        np.cumsum(commands, axis=1, out=total[:, 1:])
+        volts, air = _surroundings(steps, voltage, wind)
+        return cls(
+            total,
+            np.broadcast_to(volts, (tables, steps)).copy(),
+            np.broadcast_to(air, (tables, steps, 2)).copy(),
+            np.tile(start_time + dt * np.arange(steps), (tables, 1)),
+            dt,
+        )
+
+
+def _surroundings(steps: int, voltage: Floats | None, wind: Floats | None) -> tuple[Floats, Floats]:
+    volts = np.full(steps, np.nan) if voltage is None else np.asarray(voltage, dtype=float)
+    air = np.full((steps, 2), np.nan) if wind is None else np.asarray(wind, dtype=float)
+    return volts, air
+
+
+def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:
+    """Effects in the order of the catalogue: a file may list them in any."""
+    place = {effect.name: i for i, effect in enumerate(EFFECTS)}
+    return sorted(added, key=lambda a: place.get(a.effect.name, len(place)))
+
+
+def _structure(vessel: Vessel) -> Structure:
+    position = {thruster.name: i for i, thruster in enumerate(vessel.thrusters)}
+    return Structure(
+        thrusters=len(vessel.thrusters),
+        rudders=tuple(
+            (
+                -1 if rudder.motor is None else position[rudder.motor],
+                -1 if rudder.wash is None else position[rudder.wash],
+            )
+            for rudder in vessel.rudders
+        ),
+        effects=tuple(added.effect for added in _in_order(vessel.effects)),
+    )
+
+
+def _numbers(vessel: Vessel) -> dict[str, float]:
+    """All parameters by name, in the order in which the kernel unpacks them."""
+    h, s = vessel.hull, vessel.sensors
+    known = {
+        "length": h.length, "beam": h.beam, "mass": h.mass, "area_front": h.wind_area[0],
+        "area_side": h.wind_area[1], "antenna_x": s.antenna[0], "antenna_y": s.antenna[1],
+    }  # fmt: skip
+    numbers = {
+        field: known[field] if field in known else float(getattr(vessel.dynamics, field))
+        for field in Body._fields
+    }
+    for t in vessel.thrusters:
+        values = (*t.position, t.azimuth, *t.thrust, CURVES[t.curve])
+        numbers |= {f"{t.name}.{k}": v for k, v in zip(Drive._fields[1:], values, strict=True)}
+    for b in vessel.rudders:
+        values = (*b.position, *b.angle, b.area, b.aspect)
+        numbers |= {f"{b.name}.{k}": v for k, v in zip(Blade._fields[1:], values, strict=True)}
+    seen: dict[str, int] = {}
+    for added in _in_order(vessel.effects):
+        seen[added.effect.name] = count = seen.get(added.effect.name, 0) + 1
+        label = added.effect.name + (f"#{count}" if count > 1 else "")
+        numbers |= {f"{label}.{p.name}": added.values[p.name] for p in added.effect.parameters}
+    return numbers

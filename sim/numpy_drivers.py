@@ -1,0 +1,53 @@
+"""Free runs of a batch in numpy, for kernels that numba cannot compile: loop over time only."""
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.state import Floats
+
+
+def rollout(
+    kernel: ModuleType, theta: Floats, x0: Floats, table: NDArray[np.int64],
+    start: NDArray[np.int64], steps: NDArray[np.int64], delay: Floats, total: Floats,
+    voltage: Floats, wind: Floats, time: Floats, dt: float, substeps: int, states: Floats,
+    reports: Floats,
+) -> None:  # fmt: skip
+    """`rollout` of sim.drivers on arrays over the batch: same arguments, same results."""
+    p = kernel.unpack(np.resize(theta, (len(x0), theta.shape[1])).T)
+    shift = (delay + kernel.delay_of(p)) / dt
+    x: Any = kernel.state_from(x0.T)
+    alive = np.ones(len(x0), bool)
+    with np.errstate(all="ignore"):  # a run that diverges is cut off, as in the compiled loop
+        for k in range(int(steps.max()) + 1):
+            j = np.minimum(start + k, time.shape[1] - 1)
+            t = time[table, start] + k * dt
+            row = _mean_commands(total, table, start + k - shift)
+            air = wind[table, j]
+            known = np.isfinite(air.sum(axis=1))
+            inputs = kernel.Inputs(
+                kernel.commands_from(row.T), voltage[table, j], *np.nan_to_num(air).T, known * 1.0
+            )
+            if k == 0 and kernel.NX > 6:
+                rest = kernel.at_rest(x, t, inputs, p)
+                unset = ~np.isfinite(x0[:, -1])
+                x = tuple(np.where(unset, r, v) for r, v in zip(rest, x, strict=True))
+            alive &= k <= steps
+            states[alive, k] = np.stack(np.broadcast_arrays(*x), axis=-1)[alive]
+            said = np.stack(np.broadcast_arrays(*kernel.report_of(x, t, inputs, p)), axis=-1)
+            reports[alive, k] = said[alive]
+            x = kernel.advance(x, t, inputs, dt, substeps, p)
+            alive &= np.isfinite(np.sum(x[:6], axis=0)) & (np.abs(x[3]) <= 1e3)
+
+
+def _mean_commands(total: Floats, table: NDArray[np.int64], position: Floats) -> Floats:
+    """Mean commands (B, na) over one step from each position (B,) [steps]."""
+
+    def integral(at: Floats) -> Floats:
+        k = np.clip(np.floor(at).astype(int), 0, total.shape[1] - 2)
+        low = total[table, k]
+        return low + (at - k)[:, None] * (total[table, k + 1] - low)
+
+    return np.asarray(integral(position + 1.0) - integral(position))

@@ -1,0 +1,161 @@
+"""The model of a boat: hull, dynamics, thrusters, rudders, sensors, effects. Frozen values."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sim.effects.effect import Effect
+from sim.state import Floats
+
+CURVES = {"linear": 1.0, "quadratic": 2.0}  # name -> exponent of thrust against command
+
+
+@dataclass(frozen=True)
+class Hull:
+    """Size [m], mass [kg], frontal and lateral area above water [m²]."""
+
+    length: float
+    beam: float
+    mass: float
+    wind_area: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Base dynamics: inertia with added mass [kg, kg, kg m²], damping derivatives (negative)."""
+
+    m11: float
+    m22: float
+    m33: float
+    X_u: float
+    X_uu: float
+    Y_v: float
+    Y_vv: float
+    N_r: float
+    N_rr: float
+    x_g: float = 0.0
+    Y_r: float = 0.0
+    N_v: float = 0.0
+    Y_uv: float = 0.0
+    Y_ur: float = 0.0
+    N_uv: float = 0.0
+    N_ur: float = 0.0
+
+
+@dataclass(frozen=True)
+class Servo:
+    """Pulse widths [µs] of an output channel (1-based): lowest, neutral, highest."""
+
+    channel: int
+    pwm: tuple[float, float, float] = (1100.0, 1500.0, 1900.0)
+    reversed: bool = False
+
+    def command(self, pulse: Floats) -> Floats:
+        """Pulse widths [µs] -> commands in [−1, 1]; 0, 65535 and NaN mean no command: 0."""
+        low, neutral, high = self.pwm
+        valid = np.isfinite(pulse) & (pulse > 0) & (pulse < 65535)
+        command = np.interp(np.where(valid, pulse, neutral), (low, neutral, high), (-1, 0, 1))
+        return -command if self.reversed else command
+
+    def pulse(self, command: Floats) -> Floats:
+        """Commands in [−1, 1] -> pulse widths [µs]."""
+        signed = -np.asarray(command) if self.reversed else np.asarray(command)
+        return np.interp(signed, (-1.0, 0.0, 1.0), self.pwm)
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """A propeller at `position` [m, FRD], pushing along `azimuth` [rad]."""
+
+    name: str
+    servo: Servo
+    position: tuple[float, float]
+    thrust: tuple[float, float]  # N full astern, full ahead
+    azimuth: float = 0.0
+    curve: str = "linear"
+
+
+@dataclass(frozen=True)
+class Rudder:
+    """A blade at `position`, or (`motor`) the steering of that thruster."""
+
+    name: str
+    servo: Servo
+    position: tuple[float, float]
+    angle: tuple[float, float]  # rad at command −1, +1; positive turns the bow to starboard ahead
+    area: float = 0.0  # m²
+    aspect: float = 1.5  # span² / area
+    wash: str | None = None  # the thruster whose slipstream the blade stands in
+    motor: str | None = None  # the thruster that turns instead of a blade
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Where position and velocity (antenna) and accelerations (imu) are measured [m, FRD]."""
+
+    antenna: tuple[float, float] = (0.0, 0.0)
+    imu: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class AddedEffect:
+    """An effect in a vessel, with its parameters' values."""
+
+    effect: Effect
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        wanted = [p.name for p in self.effect.parameters]
+        missing = [name for name in wanted if name not in self.values]
+        unknown = [name for name in self.values if name not in wanted]
+        if missing or unknown:
+            raise ValueError(
+                f"effect {self.effect.name} takes {', '.join(wanted)}"
+                + (f"; missing {', '.join(missing)}" if missing else "")
+                + (f"; unknown {', '.join(unknown)}" if unknown else "")
+            )
+
+
+@dataclass(frozen=True)
+class Vessel:
+    """Everything that is known of a boat."""
+
+    name: str
+    hull: Hull
+    dynamics: Dynamics
+    thrusters: tuple[Thruster, ...]
+    rudders: tuple[Rudder, ...] = ()
+    sensors: Sensors = field(default_factory=Sensors)
+    effects: tuple[AddedEffect, ...] = ()
+    source: str = ""
+
+    @property
+    def actuators(self) -> tuple[Thruster | Rudder, ...]:
+        """Thrusters, then rudders: the order of the columns of a command table."""
+        return (*self.thrusters, *self.rudders)
+
+    def commands(self, channels: Sequence[int], pwm: Floats) -> Floats:
+        """Pulse widths (..., n) [µs] of `channels` -> commands (..., actuators) in [−1, 1].
+
+        A channel that is not there gives no command.
+        """
+        column = {channel: i for i, channel in enumerate(channels)}
+        out = np.zeros((*pwm.shape[:-1], len(self.actuators)))
+        for k, actuator in enumerate(self.actuators):
+            if actuator.servo.channel in column:
+                out[..., k] = actuator.servo.command(pwm[..., column[actuator.servo.channel]])
+        return out
+
+    def pulses(self, commands: Floats) -> tuple[tuple[int, ...], Floats]:
+        """Commands (..., actuators) -> channels and pulse widths (..., channels) [µs]."""
+        servos = [actuator.servo for actuator in self.actuators]
+        channels = tuple(sorted({servo.channel for servo in servos}))
+        pwm = np.full((*commands.shape[:-1], len(channels)), np.nan)
+        for k, servo in enumerate(servos):
+            pwm[..., channels.index(servo.channel)] = servo.pulse(commands[..., k])
+        return channels, pwm
+
+    def with_effects(self, *added: AddedEffect) -> "Vessel":
+        """The same vessel with these effects on top of those it has."""
+        return replace(self, effects=(*self.effects, *added))
