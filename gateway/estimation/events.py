@@ -53,7 +53,8 @@ def make_events(kind: Kind, time_s: Floats, z: Floats, std: float) -> Events:
     """Readings of one kind: times (K,) [s], values (K,) or (K, 1) or (K, 2), one std."""
     count = len(time_s)
     values = np.zeros((count, 2))
-    columns = np.asarray(z, float).reshape(count, -1)
+    columns = np.asarray(z, float)
+    columns = columns[:, np.newaxis] if columns.ndim == 1 else columns
     values[:, : columns.shape[1]] = columns
     return Events(
         np.asarray(time_s, float),
