@@ -1,0 +1,274 @@
+"""The one table of topics: bus, recorder, page and docs derive from it.
+
+A message is one flat JSON object. It is withheld until it can be complete: no null, no NaN, ever.
+`python -m gateway.topics` prints the table as docs/topics.md holds it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Kind(Enum):
+    """Type of a field, as JSON Schema names it."""
+
+    NUMBER = "number"
+    INTEGER = "integer"
+    STRING = "string"
+
+
+class Overflow(Enum):
+    """What happens to a message that a slow subscriber cannot take."""
+
+    DROP = "drop"
+
+
+@dataclass(frozen=True)
+class Field:
+    """One member of a message; `choices` lists the only values a string may have."""
+
+    name: str
+    unit: str
+    says: str
+    kind: Kind = Kind.NUMBER
+    choices: tuple[str, ...] = ()
+
+    def json_schema(self) -> dict[str, object]:
+        """The field as a JSON Schema."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        schema: dict[str, object] = {"type": self.kind.value, "description": f"{self.says}{unit}"}
+        if self.choices:
+            schema["enum"] = list(self.choices)
+        return schema
+
+
+TIMES = (
+    Field("vehicle_time_ns", "ns", "Unix time on the boat's clock", Kind.INTEGER),
+    Field(
+        "receive_time_ns",
+        "ns",
+        "Unix time at which the datagram that caused this was received",
+        Kind.INTEGER,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One kind of message: numbers first, integers next, strings last; the two times lead."""
+
+    name: str
+    schema: str
+    says: str
+    rate: str
+    fields: tuple[Field, ...]
+    recorded: bool = True
+    overflow: Overflow = Overflow.DROP
+
+    def __post_init__(self) -> None:
+        order = [list(Kind).index(field.kind) for field in self.fields]
+        if order != sorted(order):
+            raise ValueError(f"topic {self.name}: fields must be numbers, integers, then strings")
+
+    @property
+    def all_fields(self) -> tuple[Field, ...]:
+        """The fields of a message in their order, the two times included."""
+        return TIMES + self.fields
+
+    @property
+    def encoding(self) -> str:
+        """The zenoh encoding of every put."""
+        return f"application/json;{self.schema}"
+
+    def names(self, kind: Kind) -> tuple[str, ...]:
+        """Names of the fields of one kind, the two times left out."""
+        return tuple(field.name for field in self.fields if field.kind is kind)
+
+    def json_schema(self) -> dict[str, object]:
+        """The message as a JSON Schema: all members required, none beside them."""
+        return {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": self.schema,
+            "description": self.says,
+            "type": "object",
+            "properties": {field.name: field.json_schema() for field in self.all_fields},
+            "required": [field.name for field in self.all_fields],
+            "additionalProperties": False,
+        }
+
+
+MOTION = (
+    ("surge_mps", "m/s", "velocity over ground towards the bow"),
+    ("sway_mps", "m/s", "velocity over ground towards starboard"),
+    ("yaw_rate_radps", "rad/s", "turn rate, clockwise from above"),
+    ("surge_mps2", "m/s²", "time derivative of surge_mps"),
+    ("sway_mps2", "m/s²", "time derivative of sway_mps"),
+    ("yaw_radps2", "rad/s²", "time derivative of yaw_rate_radps"),
+    ("north_m", "m", "position north of the local origin"),
+    ("east_m", "m", "position east of the local origin"),
+    ("yaw_rad", "rad", "heading, clockwise from true north"),
+)
+FORCE = (
+    ("surge_n", "N", "force towards the bow"),
+    ("sway_n", "N", "force towards starboard"),
+    ("yaw_nm", "N m", "moment, clockwise from above"),
+)
+SOURCES = ("measured", "model")
+SEVERITIES = ("debug", "info", "warning", "error")
+HORIZONS_S = (1, 5, 10)
+
+# What `rate_…_hz` of `health` counts: every message that can tell that part of the motion.
+RATED = {
+    "attitude": ("ATTITUDE", "ATTITUDE_QUATERNION", "ATT"),
+    "local_position": ("LOCAL_POSITION_NED", "ODOMETRY", "XKF1"),
+    "global_position": ("GLOBAL_POSITION_INT",),
+    "gps": ("GPS_RAW_INT", "GPS"),
+    "vfr_hud": ("VFR_HUD",),
+    "imu": ("RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3", "HIGHRES_IMU", "IMU"),
+    "actuators": ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "RCOU"),
+    "battery": ("SYS_STATUS", "BATTERY_STATUS", "BAT"),
+    "wind": ("WIND",),
+    "heartbeat": ("HEARTBEAT",),
+}
+
+
+def _motion() -> tuple[Field, ...]:
+    values = [Field(*row) for row in MOTION]
+    stds = [Field(f"{name}_std", unit, f"standard deviation of {name}") for name, unit, _ in MOTION]
+    says = "measured while telemetry is fresh, model while the vessel's model stands in"
+    return (*values, *stds, Field("source", "", says, Kind.STRING, SOURCES))
+
+
+def _position() -> tuple[Field, ...]:
+    return tuple(
+        Field(f"{who}_{name}", unit, f"{says} of the {who}")
+        for who in ("boat", "shadow")
+        for name, unit, says in (
+            ("latitude_deg", "°", "WGS 84 latitude"),
+            ("longitude_deg", "°", "WGS 84 longitude"),
+            ("yaw_rad", "rad", "heading, clockwise from true north,"),
+        )
+    )
+
+
+def _control() -> tuple[Field, ...]:
+    control = (
+        Field(name, unit, f"{says} that the follower asks for") for name, unit, says in FORCE
+    )
+    command = (
+        Field(f"command_{name}", unit, f"{says} of the boat's commanded actuators")
+        for name, unit, says in FORCE
+    )
+    return (*control, *command)
+
+
+def _residual() -> tuple[Field, ...]:
+    force = [
+        Field(f"missing_{name}", unit, f"missing {says}: what the vessel's model lacks")
+        for name, unit, says in FORCE
+    ]
+    stds = [
+        Field(f"missing_{name}_std", unit, f"standard deviation of missing_{name}")
+        for name, unit, _ in FORCE
+    ]
+    errors = [
+        Field(f"error_{name}_{horizon}s", unit, f"{name}, measured − predicted {horizon} s ago")
+        for horizon in HORIZONS_S
+        for name, unit, _ in MOTION[:3]
+    ]
+    return (*force, *stds, *errors)
+
+
+def _health() -> tuple[Field, ...]:
+    rates = [
+        Field(f"rate_{name}_hz", "1/s", f"messages received: {', '.join(messages)}")
+        for name, messages in RATED.items()
+    ]
+    numbers = (
+        Field("link_age_s", "s", "time since the last frame of this boat"),
+        Field("rate_hz", "1/s", "messages of this boat received, all kinds"),
+        *rates,
+        Field("loss", "", "share of frames lost on the link, 0 to 1, from sequence numbers"),
+        Field("clock_offset_s", "s", "receipt minus boat time, lower envelope"),
+        Field("nis", "", "innovations squared over their expected value; 1 = noise is honest"),
+        Field("loop_lateness_s", "s", "worst delay from receipt to published estimate"),
+    )
+    counts = (
+        ("late", "measurements since start that came too late to be used"),
+        ("gated", "measurements since start refused as outliers"),
+        ("recorder_backlog", "messages now waiting to be recorded"),
+        ("recorder_drops", "messages since start that were not recorded"),
+    )
+    return (*numbers, *(Field(name, "", says, Kind.INTEGER) for name, says in counts))
+
+
+EVENT = (
+    Field("kind", "", "what happened, one word for programs", Kind.STRING),
+    Field("severity", "", "how bad it is", Kind.STRING, SEVERITIES),
+    Field("says", "", "what happened, a sentence for people", Kind.STRING),
+)
+
+_ALL = (
+    Topic("measured", "shadow.Motion", "How the real boat moves", "each estimate", _motion()),
+    Topic("reference", "shadow.Motion", "What the shadow follows", "each estimate", _motion()),
+    Topic("shadow", "shadow.Motion", "How the shadow moves", "each estimate", _motion()),
+    Topic(
+        "position",
+        "shadow.Position",
+        "Where boat and shadow are on Earth",
+        "each estimate, once an origin is known",
+        _position(),
+    ),
+    Topic(
+        "control", "shadow.Control", "The forces on shadow and boat", "each estimate", _control()
+    ),
+    Topic(
+        "residual",
+        "shadow.Residual",
+        "What the vessel's model lacks, and how far its latest predictions were off",
+        "each estimate, once a prediction over the longest horizon has come due",
+        _residual(),
+    ),
+    Topic("health", "shadow.Health", "How well link, filter and gateway are", "1 Hz", _health()),
+    Topic("event", "shadow.Event", "What happened, in words", "as it happens", EVENT),
+)
+TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _ALL}
+
+
+def _markdown(topic: Topic) -> list[str]:
+    lines = [
+        f"## `{topic.name}`",
+        "",
+        f"{topic.says}. Schema `{topic.schema}`, encoding `{topic.encoding}`.",
+        f"Rate: {topic.rate}. {'Recorded' if topic.recorded else 'Not recorded'}; "
+        f"a subscriber that is too slow: {topic.overflow.value}.",
+        "",
+        "| field | type | unit | meaning |",
+        "|---|---|---|---|",
+    ]
+    for field in topic.all_fields:
+        kind = field.kind.value
+        if field.choices:
+            kind = " / ".join(f"`{choice}`" for choice in field.choices)
+        lines.append(f"| `{field.name}` | {kind} | {field.unit} | {field.says} |")
+    return [*lines, ""]
+
+
+def markdown() -> str:
+    """The table for people: docs/topics.md."""
+    head = [
+        "# Topics",
+        "",
+        "Made by `python -m gateway.topics > docs/topics.md`; do not edit.",
+        "",
+        "On zenoh each topic is the key `shadow/<vessel>/<topic>`, in a recording the channel "
+        "`<topic>`.",
+        "Every payload is one JSON object with all of its fields: a message is withheld until it "
+        "is complete.",
+        "",
+    ]
+    return "\n".join([*head, *(line for topic in TOPICS.values() for line in _markdown(topic))])
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

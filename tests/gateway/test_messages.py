@@ -1,0 +1,131 @@
+"""Every message is strict JSON that its own schema accepts; incomplete ones are withheld."""
+
+import json
+import math
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from gateway.messages import Value, encode, encode_rows
+from gateway.topics import TOPICS, Kind
+
+VEHICLE, RECEIVED = 1_700_000_000_123_456_789, 1_700_000_000_200_000_001
+COLUMNAR = [name for name, topic in TOPICS.items() if not topic.names(Kind.INTEGER)]
+
+
+def sample_row(topic: str) -> dict[str, Value]:
+    """A complete message of any topic."""
+    values: dict[Kind, Value] = {Kind.NUMBER: -0.125, Kind.INTEGER: 7}
+    row: dict[str, Value] = {}
+    for field in TOPICS[topic].fields:
+        text = field.choices[0] if field.choices else 'said "so" – ünïcode\n'
+        row[field.name] = values.get(field.kind, text)
+    return {"vehicle_time_ns": VEHICLE, "receive_time_ns": RECEIVED, **row}
+
+
+def strict(payload: bytes) -> dict[str, Any]:
+    """Parse JSON, refusing what Python would let pass: NaN and infinities."""
+
+    def refuse(text: str) -> None:
+        raise ValueError(f"not JSON: {text}")
+
+    message = json.loads(payload, parse_constant=refuse)
+    assert isinstance(message, dict)
+    return message
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_a_message_is_accepted_by_its_schema_and_reads_back(topic: str) -> None:
+    row = sample_row(topic)
+    payload = encode(topic, row)
+    assert payload is not None
+    jsonschema.validate(strict(payload), TOPICS[topic].json_schema())
+    assert strict(payload) == row
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("topic", [name for name in TOPICS if TOPICS[name].names(Kind.NUMBER)])
+def test_a_message_with_a_number_that_is_not_finite_is_withheld(topic: str, bad: float) -> None:
+    for name in TOPICS[topic].names(Kind.NUMBER):
+        assert encode(topic, {**sample_row(topic), name: bad}) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"north_m_std": None}, "north_m_std"),
+        ({"depth_m": 1.0}, "depth_m"),
+        ({"source": "guessed"}, "one of measured, model"),
+        ({"receive_time_ns": 1.5}, "an integer"),
+    ],
+)
+def test_misuse_raises(change: dict[str, Any], says: str) -> None:
+    row = {k: v for k, v in {**sample_row("measured"), **change}.items() if v is not None}
+    with pytest.raises(ValueError, match=says):
+        encode("measured", row)
+
+
+def test_numpy_scalars_are_numbers_too() -> None:
+    row = {**sample_row("control"), "surge_n": np.float64(0.1), "vehicle_time_ns": np.int64(5)}
+    assert strict(encode("control", row) or b"")["surge_n"] == 0.1
+
+
+def columns(topic: str, values: list[list[float]]) -> NDArray[np.float64]:
+    width = len(TOPICS[topic].names(Kind.NUMBER))
+    return np.array(values, float).reshape(len(values), width)
+
+
+@pytest.mark.parametrize("topic", COLUMNAR)
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_columns_and_single_messages_give_the_same_bytes(topic: str, data: st.DataObject) -> None:
+    entry = TOPICS[topic]
+    numbers = entry.names(Kind.NUMBER)
+    one = st.lists(st.floats(width=64), min_size=len(numbers), max_size=len(numbers))
+    values = columns(topic, data.draw(st.lists(one, max_size=4)))
+    K = len(values)
+    times = np.arange(K) + VEHICLE
+    strings = {
+        field.name: data.draw(
+            st.lists(st.sampled_from(field.choices or ("a", 'b"')), min_size=K, max_size=K)
+        )
+        for field in entry.fields
+        if field.kind is Kind.STRING
+    }
+    rows = encode_rows(topic, times, times - 9, values, strings)
+    single = [
+        encode(
+            topic,
+            {
+                "vehicle_time_ns": int(times[k]),
+                "receive_time_ns": int(times[k]) - 9,
+                **dict(zip(numbers, values[k].tolist(), strict=True)),
+                **{name: strings[name][k] for name in strings},
+            },
+        )
+        for k in range(K)
+    ]
+    assert rows.payloads == [payload for payload in single if payload is not None]
+
+
+def test_times_stay_beside_their_messages_when_rows_are_withheld() -> None:
+    values = np.zeros((5, 6))
+    values[[1, 3], [0, 5]] = np.nan, np.inf
+    rows = encode_rows("control", np.arange(5), np.arange(5) + 10, values)
+    assert rows.vehicle_time_ns.tolist() == [0, 2, 4]
+    assert [strict(p)["receive_time_ns"] for p in rows.payloads] == rows.receive_time_ns.tolist()
+
+
+def test_columns_of_the_wrong_width_and_strings_of_the_wrong_length_raise() -> None:
+    times = np.arange(2)
+    with pytest.raises(ValueError, match=r"expected \(K, 6\)"):
+        encode_rows("control", times, times, np.zeros((2, 5)))
+    with pytest.raises(ValueError, match="3 strings for 2 rows"):
+        encode_rows("measured", times, times, np.zeros((2, 18)), {"source": ["model"] * 3})
+    with pytest.raises(ValueError, match="expected \\['source'\\]"):
+        encode_rows("measured", times, times, np.zeros((2, 18)))
