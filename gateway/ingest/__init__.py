@@ -1,0 +1,1 @@
+"""Links and logs in, messages out, messages to samples."""

@@ -1,0 +1,95 @@
+"""XKF1, NKF1, ATT, IMU, GPS, BAT, CURR, ARM, EV, ORGN, WIND: what the autopilot wrote on board.
+
+Columns are in the unit of the log's own definition after its multiplier: degrees, m, m/s, rad/s.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from gateway.ingest.mapping.motion import FIX_2D, along
+from gateway.ingest.mapping.rule import Counter, Facts, Rule, known, only_where
+from gateway.samples import Quantity
+
+EVENT_ARMED, EVENT_DISARMED = 10, 11
+
+
+def kalman(m: Any) -> Facts:
+    """XKF1, NKF1 of one lane -> position from the origin, velocity, yaw."""
+    return (
+        (Quantity.POSITION, (m.PN, m.PE)),
+        (Quantity.VELOCITY, (m.VN, m.VE)),
+        (Quantity.YAW, (np.radians(m.Yaw),)),
+    )
+
+
+def att(m: Any) -> Facts:
+    """ATT -> yaw, tilt of the lane in use."""
+    return (
+        (Quantity.YAW, (np.radians(m.Yaw),)),
+        (Quantity.TILT, (np.radians(m.Roll), np.radians(m.Pitch))),
+    )
+
+
+def imu(m: Any) -> Facts:
+    """IMU -> yaw rate with the gyro's bias still in it, specific force."""
+    return (
+        (Quantity.YAW_RATE, (m.GyrZ,)),
+        (Quantity.ACCELERATION, (m.AccX, m.AccY)),
+    )
+
+
+def gps(m: Any) -> Facts:
+    """GPS -> fix, and position and velocity where there is a fix."""
+    fixed = np.asarray(m.Status) >= FIX_2D
+    north, east = along(only_where(fixed, m.Spd), np.radians(m.GCrs))
+    return (
+        (Quantity.FIX, (m.Status,)),
+        (Quantity.GLOBAL_POSITION, (only_where(fixed, m.Lat), only_where(fixed, m.Lng))),
+        (Quantity.VELOCITY, (north, east)),
+    )
+
+
+def bat(m: Any) -> Facts:
+    """BAT, CURR -> battery voltage."""
+    return ((Quantity.VOLTAGE, (known(m.Volt, 0.0),)),)
+
+
+def arm(m: Any) -> Facts:
+    """ARM -> armed or not, at each change."""
+    return ((Quantity.ARMED, (np.asarray(m.ArmState) != 0,)),)
+
+
+def event(m: Any) -> Facts:
+    """EV -> armed or not, where the event is about that."""
+    known_event = (np.asarray(m.Id) == EVENT_ARMED) | (np.asarray(m.Id) == EVENT_DISARMED)
+    return ((Quantity.ARMED, (only_where(known_event, np.asarray(m.Id) == EVENT_ARMED),)),)
+
+
+def origin(m: Any) -> Facts:
+    """ORGN -> where the filter's local frame starts."""
+    return ((Quantity.ORIGIN, (m.Lat, m.Lng)),)
+
+
+def wind_vane(m: Any) -> Facts:
+    """WIND (true direction it comes from, degrees) -> velocity of the air towards north, east."""
+    return ((Quantity.WIND, along(m.SpdTru, np.radians(np.asarray(m.DrTru) + 180.0))),)
+
+
+def _rule(message: str, facts: Any, instance: tuple[str, ...] = ()) -> Rule:
+    return Rule(message, facts, Counter.BOOT_US, instance=instance, field="TimeUS")
+
+
+RULES = (
+    _rule("XKF1", kalman, ("C",)),
+    _rule("NKF1", kalman, ("C",)),
+    _rule("ATT", att),
+    _rule("IMU", imu, ("I",)),
+    _rule("GPS", gps, ("I",)),
+    _rule("BAT", bat, ("Inst", "Instance", "I")),
+    _rule("CURR", bat, ("Inst", "Instance", "I")),
+    _rule("ARM", arm),
+    _rule("EV", event),
+    _rule("ORGN", origin, ("Type",)),
+    _rule("WIND", wind_vane),
+)
