@@ -1,0 +1,271 @@
+"""Vessel files: TOML → checked → `sim.vessel.Vessel`, and back.
+
+The format is DESIGN §6. Every mistake is one line: file, key, what was expected.
+"""
+
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from gateway.effect_files import known_effects, load_effects
+from gateway.errors import BadInput
+from sim.effects.effect import Effect
+from sim.vessel import (
+    AddedEffect,
+    Dynamics,
+    Hull,
+    Rudder,
+    Sensors,
+    Servo,
+    Thruster,
+    Vessel,
+)
+
+Positive = Annotated[float, Gt(0.0)]
+Damping = Annotated[float, Le(0.0)]
+Azimuth = Annotated[float, Ge(-3.1416), Le(3.1416)]
+Steering = Annotated[float, Gt(-1.58), Lt(1.58)]  # rad: degrees by mistake are caught
+Channel = Annotated[int, Ge(1), Le(32)]
+Point = tuple[float, float]
+
+
+def _ascending(pwm: tuple[float, float, float]) -> tuple[float, float, float]:
+    low, neutral, high = pwm
+    if not 500 <= low <= neutral <= high <= 2500 or low == high:
+        raise ValueError("must be ascending pulse widths in µs: lowest, neutral, highest")
+    return pwm
+
+
+def _astern_ahead(thrust: Point) -> Point:
+    if not thrust[0] <= 0.0 < thrust[1]:
+        raise ValueError("must be thrust in N full astern (negative or 0), then full ahead")
+    return thrust
+
+
+Pulses = Annotated[tuple[float, float, float], AfterValidator(_ascending)]
+Thrust = Annotated[Point, AfterValidator(_astern_ahead)]
+
+
+class Strict(BaseModel):
+    """Unknown keys are mistakes; numbers are finite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class HullTable(Strict):
+    """[hull]"""
+
+    length: Positive
+    beam: Positive
+    mass: Positive
+    wind_area: Annotated[Point, Field(description="frontal, lateral [m²]")] = (0.0, 0.0)
+
+
+class DynamicsTable(Strict):
+    """[dynamics]"""
+
+    m11: Positive
+    m22: Positive
+    m33: Positive
+    X_u: Damping
+    X_uu: Damping
+    Y_v: Damping
+    Y_vv: Damping
+    N_r: Damping
+    N_rr: Damping
+    x_g: float = 0.0
+    Y_r: float = 0.0
+    N_v: float = 0.0
+    Y_uv: float = 0.0
+    Y_ur: float = 0.0
+    N_uv: float = 0.0
+    N_ur: float = 0.0
+
+
+class ThrusterTable(Strict):
+    """[[thrusters]]"""
+
+    name: str
+    channel: Channel
+    position: Point
+    azimuth: Azimuth = 0.0
+    pwm: Pulses = (1100.0, 1500.0, 1900.0)
+    reversed: bool = False
+    thrust: Thrust
+    curve: Literal["linear", "quadratic"] = "linear"
+
+
+class RudderTable(Strict):
+    """[[rudders]]"""
+
+    name: str = "rudder"
+    channel: Channel
+    position: Point = (0.0, 0.0)
+    pwm: Pulses = (1100.0, 1500.0, 1900.0)
+    reversed: bool = False
+    angle: tuple[Steering, Steering]
+    area: Annotated[float, Ge(0.0)] = 0.0
+    aspect: Positive = 1.5
+    wash: str | None = None
+    motor: str | None = None
+
+
+class SensorsTable(Strict):
+    """[sensors]"""
+
+    antenna: Point = (0.0, 0.0)
+    imu: Point = (0.0, 0.0)
+
+
+class Provenance(Strict):
+    """[provenance."KEY"]: where a number came from."""
+
+    recording: str = ""
+    date: str = ""
+    version: str = ""
+    ci95: Point | None = None
+    says: str = ""
+
+
+class VesselFile(Strict):
+    """A vessel file as written."""
+
+    name: str
+    source: str = ""
+    hull: HullTable
+    dynamics: DynamicsTable
+    thrusters: Annotated[tuple[ThrusterTable, ...], Field(min_length=1)]
+    rudders: tuple[RudderTable, ...] = ()
+    sensors: SensorsTable = SensorsTable()
+    effects: tuple[dict[str, float | str], ...] = ()
+    provenance: dict[str, Provenance] = Field(default_factory=dict)
+
+
+def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel:
+    """Read and check a vessel file; `more_effects` are known beside the catalogue's."""
+    file = Path(path)
+    checked = read_vessel_file(file)
+    names = [t.name for t in checked.thrusters] + [r.name for r in checked.rudders]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(f"{file}: the name {name!r} is given to {names.count(name)} actuators")
+    for i, rudder in enumerate(checked.rudders):
+        _check_rudder(file, f"rudders[{i}]", rudder, [t.name for t in checked.thrusters])
+    known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
+    return Vessel(
+        name=checked.name,
+        source=checked.source,
+        hull=Hull(**checked.hull.model_dump()),
+        dynamics=Dynamics(**checked.dynamics.model_dump()),
+        thrusters=tuple(_thruster(t) for t in checked.thrusters),
+        rudders=tuple(_rudder(r) for r in checked.rudders),
+        sensors=Sensors(**checked.sensors.model_dump()),
+        effects=tuple(
+            _effect(file, f"effects[{i}]", entry, known) for i, entry in enumerate(checked.effects)
+        ),
+    )
+
+
+def read_vessel_file(path: str | Path) -> VesselFile:
+    """The checked tables of a vessel file; BadInput with one line where it is wrong."""
+    file = Path(path)
+    try:
+        return VesselFile.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
+    except ValidationError as error:
+        raise BadInput(f"{file}: {explain(error)}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{file}: not a TOML file: {error}") from None
+    except UnicodeDecodeError:
+        raise BadInput(f"{file}: not a text file; a vessel file is TOML") from None
+    except OSError as error:
+        raise BadInput(f"{file}: cannot read the vessel file: {error.strerror}") from None
+
+
+def explain(error: ValidationError) -> str:
+    """The mistakes of a pydantic error in one line: key and what was expected."""
+    mistakes = error.errors()
+    unknown = [_key(m["loc"]) for m in mistakes if m["type"] == "extra_forbidden"]
+    missing = [_key(m["loc"]) for m in mistakes if m["type"] == "missing"]
+    if unknown or missing:
+        said = [f"unknown key {', '.join(unknown)}"] if unknown else []
+        return "; ".join([*said, *([f"missing key {', '.join(missing)}"] if missing else [])])
+    what = mistakes[0]["msg"].removeprefix("Value error, ")
+    more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
+    key, value = _key(mistakes[0]["loc"]), mistakes[0]["input"]
+    return f"{key} = {value!r}: {what[0].lower()}{what[1:]}{more}"
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
+
+
+def _check_rudder(file: Path, key: str, rudder: RudderTable, thrusters: list[str]) -> None:
+    for name in (rudder.wash, rudder.motor):
+        if name is not None and name not in thrusters:
+            raise BadInput(
+                f"{file}: {key}: no thruster named {name!r}: there are {', '.join(thrusters)}"
+            )
+    if rudder.motor is None and rudder.area == 0.0:
+        raise BadInput(f"{file}: {key}: a blade needs its area [m²]; a steered motor needs motor")
+
+
+def _thruster(t: ThrusterTable) -> Thruster:
+    servo = Servo(t.channel, t.pwm, t.reversed)
+    return Thruster(t.name, servo, t.position, t.thrust, t.azimuth, t.curve)
+
+
+def _rudder(r: RudderTable) -> Rudder:
+    servo = Servo(r.channel, r.pwm, r.reversed)
+    return Rudder(r.name, servo, r.position, r.angle, r.area, r.aspect, r.wash, r.motor)
+
+
+def _effect(
+    file: Path, key: str, entry: dict[str, float | str], known: dict[str, Effect]
+) -> AddedEffect:
+    values = dict(entry)
+    name, source = values.pop("type", None), values.pop("file", None)
+    if source is not None:
+        known = known | {e.name: e for e in load_effects(file.parent / str(source))}
+    if name not in known:
+        raise BadInput(f"{file}: {key}.type = {name!r}: expected one of {', '.join(sorted(known))}")
+    effect = known[str(name)]
+    for parameter, value in values.items():
+        if isinstance(value, str):
+            raise BadInput(f"{file}: {key}.{parameter} = {value!r}: expected a number")
+    try:
+        return AddedEffect(effect, {k: float(v) for k, v in values.items()})
+    except ValueError as error:
+        raise BadInput(f"{file}: {key}: {error}") from None
+
+
+def vessel_tables(
+    vessel: Vessel, provenance: dict[str, Provenance] | None = None
+) -> dict[str, Any]:
+    """A vessel as the tables of its file; defaults are left out."""
+    file = VesselFile(
+        name=vessel.name,
+        source=vessel.source,
+        hull=HullTable(**vars(vessel.hull)),
+        dynamics=DynamicsTable(**vars(vessel.dynamics)),
+        thrusters=tuple(ThrusterTable(**_flat(t)) for t in vessel.thrusters),
+        rudders=tuple(RudderTable(**_flat(r)) for r in vessel.rudders),
+        sensors=SensorsTable(**vars(vessel.sensors)),
+        effects=tuple({"type": a.effect.name, **a.values} for a in vessel.effects),
+        provenance=provenance or {},
+    )
+    return file.model_dump(exclude_defaults=True)
+
+
+def _flat(actuator: Thruster | Rudder) -> dict[str, Any]:
+    values = dict(vars(actuator))
+    return values | vars(values.pop("servo"))
+
+
+def dump_vessel(vessel: Vessel, provenance: dict[str, Provenance] | None = None) -> str:
+    """A vessel as the text of its file: `load_vessel` of it gives the same vessel."""
+    return tomli_w.dumps(vessel_tables(vessel, provenance))
