@@ -16,10 +16,10 @@ from gateway.estimation.names import STATES, State
 from gateway.estimation.settings import Model
 from sim.state import Floats
 
-# Nodes and weights of Gauss-Legendre on [0, 1]: the noise of a step is an integral whose closed
-# form cancels badly for short steps; a sum of three squares cannot become negative.
-NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
-WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+# Gauss-Legendre on [0, 1]: the noise of a step is an integral whose closed form cancels badly for
+# short steps; a sum of squares cannot become negative.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+NODES, WEIGHTS = 0.5 + 0.5 * _NODES, 0.5 * _WEIGHTS
 
 # Where the transition matrix can be non-zero off its diagonal. It is upper triangular.
 _COUPLED = [
@@ -46,7 +46,7 @@ def axis_noise(dt: float, sigma: float, tau: float, Q: Floats) -> None:
     """Noise of (displacement, velocity, acceleration) of one axis over a step into Q (3, 3)."""
     Q[:] = 0.0
     density = 2.0 * sigma * sigma / tau
-    for k in range(3):
+    for k in range(len(NODES)):
         g = axis_response(dt * NODES[k], tau)
         for i in range(3):
             for j in range(3):

@@ -1,0 +1,61 @@
+"""filterpy says the same: filter and smoother agree with it to 1e-9."""
+
+import numpy as np
+import pytest
+from filterpy.kalman import rts_smoother
+
+from gateway.estimation.estimator import Estimator
+from gateway.estimation.names import Flag, Kind
+from gateway.estimation.settings import FilterSettings
+from gateway.estimation.smoother import smooth
+from tests.gateway.estimation import oracle
+
+SETTINGS = FilterSettings(prior_position_m=30.0, gate_probability=1 - 1e-15, velocity_error_mps=0.1)
+
+
+def started(events):
+    """The events from the first yaw on: before it the filter does not move."""
+    return events[np.argmax(events.kind == Kind.YAW) :]
+
+
+@pytest.mark.parametrize("body", [False, True])
+def test_filter_agrees_with_filterpy(body):
+    events = started(oracle.random_events(np.random.default_rng(1), 600, body))
+    expected = oracle.run(events, SETTINGS)
+    estimator = Estimator(SETTINGS)
+    _, rows = estimator.advance(estimator.start(), events, covariance=True)
+    assert not rows.has(Flag.GATED).any()
+    assert set(events.kind) >= {Kind.TICK, Kind.YAW, Kind.YAW_RATE, Kind.POSITION}
+    np.testing.assert_allclose(rows.motion, expected.x[:, :9], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(rows.covariance, expected.P[:, :9, :9], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(rows.nis, expected.nis, rtol=1e-7, atol=1e-9)
+
+
+def test_smoother_agrees_with_filterpy():
+    events = started(oracle.random_events(np.random.default_rng(2), 600))
+    forward = oracle.run(events, SETTINGS)
+    # filterpy's smoother is linear: taking the offset o out of the states makes the filter so.
+    offset = np.zeros_like(forward.x)
+    for k in range(1, len(offset)):
+        offset[k] = forward.F[k] @ offset[k - 1] + forward.moved[k]
+    x, P, _, _ = rts_smoother(forward.x - offset, forward.P, forward.F[1:], forward.Q[1:])
+    x += offset
+
+    at = np.flatnonzero(events.kind == Kind.TICK)
+    result = smooth(events, events.time_s[at], SETTINGS)
+    motion = np.hstack([result.eta, result.nu, result.nu_dot])
+    # Of several events at one time the smoother's state is the same.
+    known = result.known
+    assert known.mean() > 0.9
+    np.testing.assert_allclose(motion[known], x[at][known, :9], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(result.covariance[known], P[at][known, :9, :9], rtol=1e-9, atol=1e-9)
+
+
+def test_smoother_does_not_depend_on_the_size_of_its_chunks(monkeypatch):
+    events = started(oracle.random_events(np.random.default_rng(3), 400))
+    grid = np.arange(1.0, 8.0, 0.05)
+    whole = smooth(events, grid, SETTINGS)
+    monkeypatch.setattr("gateway.estimation.smoother.CHUNK", 37)
+    pieces = smooth(events, grid, SETTINGS)
+    np.testing.assert_array_equal(whole.nu, pieces.nu)
+    np.testing.assert_array_equal(whole.covariance, pieces.covariance)
