@@ -31,6 +31,7 @@ from sim.compose import Structure, kernel_text
 CORE = (
     "jit.py", "state.py", "body.py", "balance.py", "actuators.py", "sensing.py", "drivers.py",
     "compose.py", "compiled.py", "following/law.py", "following/drivers.py",
+    "following/watch.py",
 )  # fmt: skip
 Jit = Callable[[Callable[..., Any]], Any]
 
@@ -96,7 +97,9 @@ class Kernel(NamedTuple):
 
 
 def _jit(function: Callable[..., Any]) -> Any:
-    return numba.njit(nogil=True, error_model="numpy")(function)
+    return numba.njit(
+        nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+    )(function)
 
 
 def _entry(function: Callable[..., Any]) -> Any:

@@ -13,7 +13,11 @@ import sim
 from sim.body import Blade, Body, Drive
 from sim.effects.effect import Effect
 
-DRIVERS = ("drivers.py", "following/drivers.py")  # loops whose text goes into every kernel
+DRIVERS = (
+    "drivers.py",
+    "following/drivers.py",
+    "following/watch.py",
+)  # loops whose text goes into every kernel
 MARK = "# -- the text from here on goes into the kernel --\n"
 
 HEADER = '''"""Kernel written by sim.compiled for: {title}. Do not edit."""

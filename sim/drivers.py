@@ -55,7 +55,12 @@ def true_motion(measured: Report, p: Numbers) -> Report:
     """Reported motion -> the motion that the sensors would report so (inverse of `observe`)."""
     guess = measured
     for _ in range(25):
-        guess = corrected(guess, measured, observe(guess, p))
+        better = corrected(guess, measured, observe(guess, p))
+        moved = abs(better.u - guess.u) + abs(better.v - guess.v) + abs(better.r - guess.r)
+        moved += abs(better.yaw - guess.yaw) + abs(better.north - guess.north)
+        guess = better
+        if moved < 1e-13:
+            break
     return guess
 
 

@@ -141,6 +141,24 @@ class Model:
         )  # fmt: skip
         return out, acting
 
+    def missing_spread(
+        self,
+        motion: Floats,
+        covariance: Floats,
+        times: Floats,
+        around: Floats,
+        *,
+        voltage: Floats | None = None,
+        wind: Floats | None = None,
+    ) -> Floats:
+        """Motion (T, 9) with covariance (T, 9, 9) -> std of the missing force (T, 3)."""
+        out = np.empty((len(times), 3))
+        self.kernel.module.missing_spread(
+            self.theta, times, motion, covariance, around,
+            *_surroundings(len(times), voltage, wind), out,
+        )  # fmt: skip
+        return out
+
     def fresh_carry(self) -> Floats:
         """(nx + 1,) state and time before anything was seen."""
         return np.full(self.state_size + 1, np.nan)
