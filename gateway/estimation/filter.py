@@ -26,12 +26,10 @@ def admit(history: History, time: float, kind: int, model: Model) -> tuple[int, 
     if np.abs(step) > model.gap:
         restart(history, model)
         return 1, RESTART
-    if step >= 0.0:
-        history.counts[REFUSED_RUN] = 0
-        return count, 0
-    number = place(history, time) if -step <= model.max_late else -1
+    number = place(history, time, kind) if -step <= model.max_late else -1
     if number > 0:
-        return number, LATE
+        history.counts[REFUSED_RUN] = 0
+        return number, LATE if step < 0.0 else 0
     history.counts[REFUSED_RUN] += 1
     if history.counts[REFUSED_RUN] >= model.refused_run:
         restart(history, model)

@@ -98,12 +98,21 @@ def write(history: History, number: int, time: float, kind: int, z: Floats, std:
 
 
 @compiled
-def place(history: History, time: float) -> int:
-    """The number that an event of this time gets among those kept; −1 where it is too old."""
+def place(history: History, time: float, kind: int) -> int:
+    """The number that an event gets among those kept; −1 where it is too old.
+
+    Order is by time, then by kind, then by receipt: so that it does not depend on the way in
+    which two messages of one moment came.
+    """
     capacity, count = len(history.time), history.counts[COUNT]
     oldest = max(0, count - capacity)
     number = int(count)
-    while number > oldest and history.time[(number - 1) % capacity] > time:
+    while number > oldest:
+        before = (number - 1) % capacity
+        if history.time[before] < time:
+            break
+        if history.time[before] == time and history.kind[before] <= kind:
+            break
         number -= 1
     # The event before it must survive when the newest takes the oldest slot.
     if number == oldest or (number - 1 == oldest and count >= capacity):

@@ -77,6 +77,17 @@ def absurd(kind: int, z: Floats, std: Floats, m: int) -> bool:
 
 
 @compiled
+def poorly_known(P: Floats, std: Floats, model: Model) -> bool:
+    """Whether a reading of velocity is better than the filter's idea of it, by a factor of two.
+
+    Taking the slope against yaw at a velocity that is far off (zero, at the first reading) would
+    make the filter believe that it has learnt the heading.
+    """
+    reading = std[0] ** 2 + std[1] ** 2 + 2.0 * model.velocity_sigma**2
+    return bool(P[State.U, State.U] + P[State.V, State.V] > 4.0 * reading)
+
+
+@compiled
 def open_up(kind: int, P: Floats) -> None:
     """Adds the noise of a discontinuity to the states that this kind reads."""
     if kind == Kind.YAW:
@@ -114,7 +125,7 @@ def take_in(
     work: Work,
 ) -> tuple[float, int, int]:
     """Gates and uses one reading at its time -> NIS, components used (0: none), flags."""
-    m = observe(kind, x, z, work.H, work.y)
+    m = observe(kind, x, z, poorly_known(P, std, model), work.H, work.y)
     if m == 0:
         return 0.0, 0, 0
     if absurd(kind, z, std, m):
@@ -133,6 +144,7 @@ def take_in(
         if not persists(book[kind], time, model):
             return nis, 0, GATED
         open_up(kind, P)
+        observe(kind, x, z, True, work.H, work.y)
         weigh(P, m, work)
         flags |= JUMP
     book[kind, Record.SEEN] = 1.0

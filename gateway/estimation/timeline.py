@@ -33,7 +33,7 @@ def segments(events: Events, grid: Floats, settings: FilterSettings) -> Iterator
     """The stretches without a gap longer than the filter bridges, each with its grid points."""
     usable = np.isfinite(events.time_s) & (events.kind >= 0) & (events.kind < KINDS)
     events = events[usable]
-    events = events[np.argsort(events.time_s, kind="stable")]
+    events = events[np.lexsort((events.kind, events.time_s))]
     cuts = np.flatnonzero(np.diff(events.time_s) > settings.gap_s) + 1
     for part in np.split(np.arange(len(events)), cuts):
         if len(part):

@@ -130,9 +130,10 @@ def run(events: Events, s: FilterSettings) -> Run:
         if kind != Kind.TICK:
             m = 1 if kind in (Kind.YAW, Kind.YAW_RATE) else 2
             ekf.dim_z = m
+            place = slope_at(kind, ekf.x, ekf.P, z, std, s)
             ekf.update(
                 z[:m],
-                lambda x, kind=kind: jacobian(lambda y: reading(kind, y), x),
+                lambda x, kind=kind: jacobian(lambda y: reading(kind, y), place),
                 lambda x, kind=kind: reading(kind, x),
                 R=np.diag(std[:m] ** 2),
                 residual=lambda a, b, kind=kind: residual(kind, a, b),
@@ -140,6 +141,16 @@ def run(events: Events, s: FilterSettings) -> Run:
             nis = ekf.y @ ekf.SI @ ekf.y
         out.append((ekf.x.copy(), ekf.P.copy(), ekf.F.copy(), ekf.Q.copy(), moved, nis))
     return Run(*(np.array(column) for column in zip(*out, strict=True)))
+
+
+def slope_at(kind, x, P, z, std, s):
+    """Where to linearise: at the velocity read, where that is known much better."""
+    if kind != Kind.VELOCITY or P[3, 3] + P[4, 4] <= 4 * (std @ std + 2 * s.velocity_error_mps**2):
+        return x
+    turned = x.copy()
+    c, si = np.cos(x[2]), np.sin(x[2])
+    turned[3:5] = np.array([[c, si], [-si, c]]) @ (z - x[11:13])
+    return turned
 
 
 def residual(kind, a, b):
@@ -173,4 +184,4 @@ def random_events(rng: np.random.Generator, count: int, body: bool = False) -> E
         noise = std * rng.standard_normal(z[at].shape)
         parts.append(make_events(kind, time[at], z[at] + noise, std))
     events = join(parts)
-    return events[np.argsort(events.time_s, kind="stable")]
+    return events[np.lexsort((events.kind, events.time_s))]
