@@ -1,0 +1,274 @@
+"""What is recorded is what came, readable by the mcap library's own reader; no half files."""
+
+import errno
+import io
+import json
+import stat
+from collections import defaultdict
+from pathlib import Path
+from typing import IO, Any
+
+import jsonschema
+import pytest
+from mcap.reader import make_reader
+
+from gateway.errors import ShadowError
+from gateway.recorder import Recorder, RecordingSettings
+from gateway.recording_file import Compression
+from gateway.topics import TOPICS
+from tests.gateway.voyages import (
+    LATE,
+    METADATA,
+    START,
+    VESSEL,
+    event,
+    frames_of,
+    record,
+    rows_of,
+    times,
+)
+
+
+def plenty(_: Path) -> int:
+    return 10**12
+
+
+def messages(path: Path) -> dict[str, list[tuple[Any, Any]]]:
+    """Topic -> (schema, message) by the library's own reader."""
+    found = defaultdict(list)
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            found[channel.topic].append((schema, message))
+    return found
+
+
+@pytest.mark.parametrize("compression", Compression)
+def test_raw_frames_come_out_byte_for_byte_with_both_clocks(
+    tmp_path: Path, compression: Compression
+) -> None:
+    (path,) = record(tmp_path / "a.mcap", settings=RecordingSettings(compression=compression))
+    found = [message for _, message in messages(path)["mavlink/raw"]]
+    assert [message.data for message in found] == frames_of(100)
+    assert [message.publish_time for message in found] == times(100).tolist()
+    assert [message.log_time for message in found] == (times(100) + LATE).tolist()
+    assert [message.sequence for message in found] == list(range(100))
+
+
+def test_every_message_is_accepted_by_the_schema_in_the_file(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap")
+    checked = 0
+    for topic, found in messages(path).items():
+        for schema, message in found:
+            if topic != "mavlink/raw":
+                assert schema.encoding == "jsonschema"
+                definition = json.loads(schema.data)
+                assert definition["title"] == schema.name
+                jsonschema.validate(json.loads(message.data), definition)
+                checked += 1
+    assert checked > 400
+
+
+def test_topics_are_recorded_as_they_are_published(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap")
+    found = messages(path)
+    rows = rows_of("measured", 100)
+    assert [message.data for _, message in found["measured"]] == rows.payloads
+    assert {schema.name for schema, _ in found["measured"]} == {TOPICS["measured"].schema}
+
+
+def test_players_get_boat_and_shadow_ten_times_a_second_and_every_event(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap", rows=200)  # four seconds
+    found = messages(path)
+    counts = {topic: len(found[topic]) for topic in found if topic.startswith("foxglove/")}
+    assert counts.pop("foxglove/log") == 1
+    assert len(counts) == 6
+    assert all(40 <= count <= 41 for count in counts.values()), counts
+
+
+def test_north_of_ned_is_the_second_axis_of_the_players_world(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap", rows=1)
+    found = messages(path)
+    row = json.loads(found["measured"][0][1].data)
+    pose = json.loads(found["foxglove/boat_pose"][0][1].data)["pose"]
+    assert (pose["position"]["x"], pose["position"]["y"]) == (row["east_m"], row["north_m"])
+
+
+def test_vessel_and_versions_travel_in_the_file(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap")
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        assert [(a.name, a.data) for a in reader.iter_attachments()] == [(VESSEL.name, VESSEL.data)]
+        assert {m.name: m.metadata for m in reader.iter_metadata()} == METADATA
+        assert reader.get_header().profile == ""
+
+
+def test_the_same_voyage_gives_the_same_bytes(tmp_path: Path) -> None:
+    (a,), (b,) = record(tmp_path / "a.mcap"), record(tmp_path / "b.mcap")
+    assert a.read_bytes() == b.read_bytes()
+
+
+def test_links_keep_channels_of_their_own(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap", free=plenty) as recorder:
+        recorder.write_raw([b"one"], [1], link="udpin:a")
+        recorder.write_raw([b"two"], [2], link="serial:b")
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        links = [c.metadata["link"] for _, c, _ in make_reader(stream).iter_messages()]
+    assert links == ["udpin:a", "serial:b"]
+
+
+def test_rotation_by_size_gives_files_that_stand_alone(tmp_path: Path) -> None:
+    settings = RecordingSettings(
+        rotate_bytes=20_000, chunk_bytes=1000, compression=Compression.NONE
+    )
+    with Recorder(
+        tmp_path / "a.mcap", settings=settings, free=plenty, attachments=[VESSEL]
+    ) as recorder:
+        for block in range(10):
+            recorder.write_rows(*rows_of("measured", 20, first=20 * block))
+    assert [path.name for path in recorder.paths][:3] == ["a.mcap", "a-2.mcap", "a-3.mcap"]
+    total = 0
+    for path in recorder.paths:
+        total += len(messages(path)["measured"])
+        with path.open("rb") as stream:
+            assert len(list(make_reader(stream).iter_attachments())) == 1
+    assert total == 200
+
+
+def test_rotation_by_time_counts_the_time_of_receipt(tmp_path: Path) -> None:
+    settings = RecordingSettings(rotate_seconds=1.0)
+    with Recorder(tmp_path / "a.mcap", settings=settings, free=plenty) as recorder:
+        for block in range(30):  # twelve seconds, in blocks of 0.4 s
+            recorder.write_rows(*rows_of("control", 20, first=20 * block))
+    assert len(recorder.paths) == 10  # three blocks each
+    assert all(messages(path)["control"] for path in recorder.paths)
+
+
+def fail_midway(recorder: Recorder) -> None:
+    with recorder:
+        recorder.write_rows(*event())
+        raise ZeroDivisionError
+
+
+def test_a_replay_that_fails_leaves_nothing_and_harms_no_older_file(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap")
+    before = path.read_bytes()
+    with pytest.raises(ZeroDivisionError):
+        fail_midway(Recorder(path, free=plenty))
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_live_recording_is_finished_even_when_the_loop_fails(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError):
+        fail_midway(Recorder(tmp_path / "a.mcap", live=True, free=plenty))
+    assert len(messages(tmp_path / "a.mcap")["event"]) == 1
+
+
+def test_a_live_recording_never_overwrites_another(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap")
+    before = path.read_bytes()
+    with pytest.raises(ShadowError, match="there is a recording already"):
+        Recorder(path, live=True, free=plenty).__enter__()
+    assert path.read_bytes() == before
+
+
+def test_live_flushes_by_the_clock_it_is_given(tmp_path: Path) -> None:
+    now = 0.0
+    path = tmp_path / "a.mcap"
+    with Recorder(path, live=True, free=plenty, clock=lambda: now) as recorder:
+        recorder.write_rows(*event())
+        empty = path.stat().st_size
+        now = 0.49
+        recorder.flush_if_due()
+        assert path.stat().st_size == empty
+        now = 0.51
+        recorder.flush_if_due()
+        assert path.stat().st_size > empty
+
+
+class Full(io.BytesIO):
+    """A disk on which only so many bytes find room."""
+
+    def __init__(self, room: int) -> None:
+        super().__init__()
+        self.room = room
+
+    def write(self, data: Any, /) -> int:
+        self.room -= len(data)
+        if self.room < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(data)
+
+
+def write_much(recorder: Recorder) -> None:
+    with recorder:
+        for block in range(100):
+            recorder.write_rows(*rows_of("measured", 20, first=20 * block))
+
+
+@pytest.mark.parametrize("live", [False, True])
+@pytest.mark.parametrize("room", [0, 5_000, 60_000])
+def test_a_full_disk_is_one_clear_line(tmp_path: Path, room: int, live: bool) -> None:
+    def opener(path: Path) -> IO[bytes]:
+        path.touch()
+        return Full(room)
+
+    settings = RecordingSettings(chunk_bytes=1000)
+    path = tmp_path / "a.mcap"
+    recorder = Recorder(path, opener=opener, free=plenty, live=live, settings=settings)
+    with pytest.raises(ShadowError, match="No space left on device: make room") as caught:
+        write_much(recorder)
+    assert "\n" not in str(caught.value)
+    assert caught.value.exit_status == 1
+    if not live:
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_the_disk_guard_stops_while_the_file_can_still_be_finished(tmp_path: Path) -> None:
+    room, now = 10**12, 0.0
+    path = tmp_path / "a.mcap"
+    with Recorder(path, live=True, free=lambda _: room, clock=lambda: now) as recorder:
+        recorder.write_rows(*event())
+        room, now = 1_000_000, 1.0
+        with pytest.raises(ShadowError, match="only 1 MB left"):
+            recorder.write_rows(*event())
+    assert len(messages(path)["event"]) == 2
+
+
+def test_no_room_from_the_start_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ShadowError, match="not recording"):
+        Recorder(tmp_path / "a.mcap", free=lambda _: 0).__enter__()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ShadowError, match="cannot record: "):
+        Recorder(tmp_path / "file" / "a.mcap").__enter__()
+
+
+def test_no_permission_is_one_clear_line(tmp_path: Path) -> None:
+    def refused(path: Path) -> IO[bytes]:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    with pytest.raises(ShadowError, match="cannot record: Permission denied"):
+        Recorder(tmp_path / "a.mcap", opener=refused, free=plenty).__enter__()
+
+
+def test_a_finished_recorder_takes_no_more(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap", free=plenty) as recorder:
+        recorder.write_rows(*event())
+    with pytest.raises(ShadowError, match="the recording is closed"):
+        recorder.write_rows(*event())
+
+
+def test_a_boat_without_a_clock_does_not_stop_the_recording(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap", free=plenty) as recorder:
+        recorder.write_raw([b"frame"], [START], [-5])
+    assert messages(tmp_path / "a.mcap")["mavlink/raw"][0][1].publish_time == 0
+
+
+def test_recordings_are_ordinary_files(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "deep" / "down" / "a.mcap")
+    assert stat.S_ISREG(path.stat().st_mode)
+    assert list(path.parent.iterdir()) == [path]
