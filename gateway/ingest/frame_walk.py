@@ -1,0 +1,173 @@
+"""Finds MAVLink frames in bytes that may be damaged: compiled, and never trusting a length alone.
+
+A record of a .tlog is a time stamp (8 bytes, big-endian Unix µs) and one MAVLink frame. A frame is
+accepted when its checksum (CRC-16/MCRF4XX over all but magic, closed by the message's seed) holds.
+Frames that cannot be accepted, an unknown message or a wrong checksum, are stepped over whole only
+where another record or the end follows them; otherwise their length is not believed and the search
+goes on at the next byte.
+
+All compiled functions stand in this one file: numba's cache does not notice changes elsewhere.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+U = np.uint64
+
+MAGIC_1, MAGIC_2 = 0xFE, 0xFD
+HEADER_1, HEADER_2 = 6, 10
+CHECKSUM, SIGNATURE = 2, 13
+SIGNED = 0x01  # the only incompatibility flag that MAVLink defines
+STAMP = 8
+SHORTEST_RECORD = STAMP + HEADER_1 + CHECKSUM
+HEAD = STAMP + 3  # stamp, magic, length and one byte more: a shorter rest is a tail cut off
+
+NO_FRAME, GOOD, BAD_CHECKSUM, UNKNOWN, CUT = 0, 1, 2, 3, 4
+
+
+class Tally(IntEnum):
+    """Columns of the counts that a walk returns."""
+
+    BAD_CHECKSUM = 0
+    UNKNOWN = 1
+    JUNK_BYTES = 2
+    TRUNCATED_TAIL = 3
+
+
+def checksum_table() -> NDArray[np.uint16]:
+    """CRC-16/MCRF4XX of each byte with 0 … 7 zero bytes behind it: (8, 256)."""
+    crc = np.arange(256, dtype=np.uint16)
+    for _ in range(8):
+        crc = np.where(crc & 1, (crc >> 1) ^ 0x8408, crc >> 1).astype(np.uint16)
+    table = np.empty((8, 256), np.uint16)
+    table[0] = crc
+    for k in range(1, 8):
+        table[k] = (table[k - 1] >> 8) ^ crc[table[k - 1] & 0xFF]
+    return table
+
+
+@njit(cache=True, nogil=True)
+def checksum(data: Bytes, start: int, end: int, seed: int, table: NDArray[np.uint16]) -> U:
+    """Checksum of data[start:end] closed by the message's seed; eight bytes at a time."""
+    # unsigned throughout: numba then leaves out the branch for negative indices
+    i, stop, eight = U(start), U(end), U(8)
+    crc = U(0xFFFF)
+    while i + eight <= stop:
+        low = (crc ^ U(data[i])) & U(0xFF)
+        high = (crc >> eight) ^ U(data[i + U(1)])
+        crc = U(table[U(7), low]) ^ U(table[U(6), high])
+        for k in range(2, 8):
+            crc ^= U(table[U(7 - k), U(data[i + U(k)])])
+        i += eight
+    while i < stop:
+        crc = (crc >> eight) ^ U(table[U(0), (crc ^ U(data[i])) & U(0xFF)])
+        i += U(1)
+    return (crc >> eight) ^ U(table[U(0), (crc ^ U(seed)) & U(0xFF)])
+
+
+@njit(cache=True, nogil=True)
+def examine(
+    data: Bytes, at: int, end: int, seeds: NDArray[np.int16], table: NDArray[np.uint16]
+) -> tuple[int, np.int64]:
+    """Is there a frame in data[at:end], and how long is it? -> verdict, length [bytes]."""
+    first = np.int64(data[at]) if at < end else 0
+    if first != MAGIC_1 and first != MAGIC_2:
+        return NO_FRAME, np.int64(0)
+    header = HEADER_1 if first == MAGIC_1 else HEADER_2
+    if at + header + CHECKSUM > end:
+        return CUT, np.int64(0)
+    flags = np.int64(data[at + 2]) if first == MAGIC_2 else 0
+    body = at + header + np.int64(data[at + 1])
+    length = body - at + CHECKSUM + (SIGNATURE if flags & SIGNED else 0)
+    if at + length > end:
+        return CUT, length
+    number = np.int64(data[at + 5])
+    if first == MAGIC_2:
+        number = (
+            np.int64(data[at + 7]) + (np.int64(data[at + 8]) << 8) + (np.int64(data[at + 9]) << 16)
+        )
+    if number >= len(seeds) or seeds[number] < 0 or flags & ~SIGNED:
+        return UNKNOWN, length
+    expected = np.int64(data[body]) + (np.int64(data[body + 1]) << 8)
+    if checksum(data, at + 1, body, seeds[number], table) != expected:
+        return BAD_CHECKSUM, length
+    return GOOD, length
+
+
+@njit(cache=True, nogil=True)
+def record_starts(data: Bytes, at: int) -> bool:
+    """Do a credible time stamp (before the year 2112) and a magic byte stand here?"""
+    if at + STAMP >= len(data) or data[at] != 0 or data[at + 1] > 0x0F:
+        return False
+    return data[at + STAMP] == MAGIC_1 or data[at + STAMP] == MAGIC_2
+
+
+@njit(cache=True, nogil=True)
+def walk_records(
+    data: Bytes, seeds: NDArray[np.int16], table: NDArray[np.uint16]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Bytes of a .tlog -> where accepted frames start (K,), counts of `Tally`."""
+    # room for as many records as these bytes can hold: growing inside the loop costs half the speed
+    offset, count = np.empty(len(data) // SHORTEST_RECORD + 1, np.int64), 0
+    tally = np.zeros(4, np.int64)
+    at, done, tail = (
+        np.int64(0),
+        np.int64(0),
+        np.int64(-1),
+    )  # done: end of the last record, tail: a record that the end cuts
+    while at + HEAD <= len(data):
+        verdict, length = NO_FRAME, np.int64(0)
+        if record_starts(data, at):
+            verdict, length = examine(data, at + STAMP, len(data), seeds, table)
+        end = at + STAMP + length
+        if verdict in (BAD_CHECKSUM, UNKNOWN):
+            if end != len(data) and not record_starts(data, end):
+                verdict = NO_FRAME
+            elif verdict == BAD_CHECKSUM:
+                tally[0] += 1
+            else:
+                tally[1] += 1
+        elif verdict == GOOD:
+            offset[count] = at + STAMP
+            count += 1
+        elif verdict == CUT and tail < 0:
+            tail = at
+        if verdict in (NO_FRAME, CUT):
+            at += 1
+        else:
+            tally[2] += at - done
+            at, done, tail = end, end, -1
+    if tail < 0:
+        tail = at
+    tally[2] += tail - done
+    tally[3] = tail < len(data)
+    return offset[:count].copy(), tally
+
+
+@njit(cache=True, nogil=True)
+def check_frames(
+    data: Bytes,
+    start: NDArray[np.int64],
+    end: NDArray[np.int64],
+    seeds: NDArray[np.int16],
+    table: NDArray[np.uint16],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Stretches data[start:end] of one frame each -> which are accepted (K,), counts of `Tally`."""
+    accepted, count = np.empty(len(start), np.int64), 0
+    tally = np.zeros(4, np.int64)
+    for i in range(len(start)):
+        verdict, length = examine(data, start[i], end[i], seeds, table)
+        if verdict == GOOD and start[i] + length == end[i]:
+            accepted[count] = i
+            count += 1
+        elif verdict == BAD_CHECKSUM:
+            tally[0] += 1
+        elif verdict == UNKNOWN:
+            tally[1] += 1
+        else:
+            tally[2] += end[i] - start[i]
+    return accepted[:count].copy(), tally

@@ -1,0 +1,38 @@
+"""Opens a recording as what its content says it is."""
+
+from pathlib import Path
+
+from gateway.errors import BadInput
+from gateway.ingest.dataflash import DataflashLog
+from gateway.ingest.files import DATAFLASH_MAGIC, MCAP_MAGIC, is_text, read_bytes
+from gateway.ingest.log import Log
+from gateway.ingest.tlog import TlogFile
+
+KINDS = "a .tlog, a DataFlash .BIN, an MCAP recording or a .csv table"
+
+
+def open_log(path: str | Path) -> Log:
+    """Any recording that can be read."""
+    raw = read_bytes(path)
+    if raw.startswith(MCAP_MAGIC):
+        # only where one is opened: the other kinds need not load the mcap library
+        from gateway.ingest.mcap_log import McapLog
+
+        return McapLog.open(path)
+    if raw.startswith(DATAFLASH_MAGIC) or _named(path, ".bin"):
+        return DataflashLog.from_bytes(raw, str(path))
+    if is_text(raw):
+        return _open_text(path)
+    return TlogFile.from_bytes(raw, str(path))
+
+
+def _open_text(path: str | Path) -> Log:
+    if _named(path, ".csv"):
+        from gateway.ingest.csv_log import CsvLog
+
+        return CsvLog.open(path)
+    raise BadInput(f"{path} is a text file: a recording is {KINDS}")
+
+
+def _named(path: str | Path, suffix: str) -> bool:
+    return Path(path).suffix.lower() == suffix

@@ -1,0 +1,47 @@
+"""Telemetry logs (.tlog): MAVLink frames, each behind the time of its receipt."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from gateway.errors import BadInput
+from gateway.ingest.files import looks_like, read_bytes
+from gateway.ingest.frames import Frames
+from gateway.ingest.log import Statistics, Table
+
+
+@dataclass
+class TlogFile:
+    """An opened .tlog: its accepted frames."""
+
+    path: str
+    frames: Frames
+    kind: str = "tlog"
+
+    @classmethod
+    def open(cls, path: str | Path) -> "TlogFile":
+        """Reads a file to its end."""
+        return cls.from_bytes(read_bytes(path), str(path))
+
+    @classmethod
+    def from_bytes(cls, raw: bytes, path: str = "tlog") -> "TlogFile":
+        """The same from bytes in memory; `path` names them in messages."""
+        frames = Frames.from_records(raw)
+        if not len(frames):
+            raise BadInput(
+                f"{path} holds no valid MAVLink frame of a .tlog: it looks like {looks_like(raw)}"
+            )
+        return cls(path, frames)
+
+    @property
+    def statistics(self) -> Statistics:
+        """What was found while reading."""
+        return self.frames.statistics
+
+    def counts(self) -> Mapping[str, int]:
+        """Message name -> number of accepted messages."""
+        return self.frames.counts()
+
+    def table(self, name: str) -> Table:
+        """All messages of that name (an empty table where there is none)."""
+        return self.frames.table(name)
