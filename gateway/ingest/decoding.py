@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gateway.ingest.boats import Boat
 from gateway.ingest.clock import BoatClock, ClockReport
 from gateway.ingest.clock_step import UNIX_FROM_US, Verdict
+from gateway.ingest.csv_log import CsvLog
 from gateway.ingest.gyro import without_bias
 from gateway.ingest.lanes import primary_lane
 from gateway.ingest.log import Log, Table
@@ -54,6 +55,8 @@ class _Rows:
 
 def decode(log: Log, boat: Boat) -> Decoded:
     """All samples of one boat."""
+    if isinstance(log, CsvLog):
+        return _of_table(log, boat)
     lane = primary_lane(log)
     parts = [_rows(log.table(rule.message), rule, boat, lane) for rule in rules(log.kind)]
     parts = [part for part in parts if len(part.order)]
@@ -67,6 +70,13 @@ def decode(log: Log, boat: Boat) -> Decoded:
             without_bias(s, log, lane) if s.quantity is Quantity.YAW_RATE else s for s in samples
         ]
     return Decoded(boat, tuple(samples), clock.report(), sessions)
+
+
+def _of_table(log: CsvLog, boat: Boat) -> Decoded:
+    """A table has one clock, and its mapping file has said everything else."""
+    times = log.time_ns()
+    span = (int(times.min()), int(times.max()))
+    return Decoded(boat, log.samples(), BoatClock(streams=1).report(), (span,))
 
 
 def _rows(table: Table, rule: Rule, boat: Boat, lane: int) -> _Rows:

@@ -1,0 +1,75 @@
+"""Which stretches of a trial can be used, and why the others cannot."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.ingest.parameters import Kind, actuators
+from gateway.pipelines.events import Held
+from sim.state import Floats, Nu
+from sim.trial import Stretch
+
+Bools = NDArray[np.bool_]
+
+DISARMED = "disarmed"
+NO_FIX = "no 3-D fix"
+GAP = "no telemetry"
+NO_COMMANDS = "no commands"
+IDLE = "not under way"
+REASONS = (DISARMED, NO_FIX, GAP, NO_COMMANDS, IDLE)
+
+FIX_3D = 3
+GAP_S = 2.0
+IDLE_S = 10.0  # at least so long without thrust and motion
+SLOW_MPS, SLOW_RADPS = 0.1, 0.05
+THRUST_US = 20.0  # from neutral
+PUSHES = (Kind.THROTTLE, Kind.THROTTLE_LEFT, Kind.THROTTLE_RIGHT, Kind.MOTOR)
+
+
+def disarmed(held: Held, time: Floats) -> Bools:
+    """(T,) s -> (T,): the boat says that it is disarmed."""
+    return np.asarray(held.armed.at(time)[:, 0] == 0.0)
+
+
+def no_fix(held: Held, time: Floats) -> Bools:
+    """(T,) s -> (T,): the receiver says that it has no 3-D fix."""
+    return np.asarray(held.fix.at(time)[:, 0] < FIX_3D)
+
+
+def idle(time: Floats, nu: Floats, thrust: Bools) -> Bools:
+    """(T,) s, (T, 3), (T,) -> (T,): neither thrust nor motion for a while."""
+    speed = np.hypot(nu[:, Nu.U], nu[:, Nu.V])
+    still = ~thrust & (speed < SLOW_MPS) & (np.abs(nu[:, Nu.R]) < SLOW_RADPS)
+    found = np.zeros(len(time), np.bool_)
+    for start, end in runs(still):
+        if time[end - 1] - time[start] >= IDLE_S:
+            found[start:end] = True
+    return found
+
+
+def thrust_commanded(
+    pwm: Floats, channels: Sequence[int], parameters: Mapping[str, float]
+) -> Bools:
+    """Pulses (T, n) [µs] -> (T,): a motor is away from neutral; without functions, any channel."""
+    motors = {a.channel: a.pwm[1] for a in actuators(parameters) if a.kind in PUSHES}
+    neutral = np.array([motors.get(channel, np.nan if motors else 1500.0) for channel in channels])
+    away = np.abs(pwm - neutral) > THRUST_US  # NaN is not away
+    return np.asarray(away.any(axis=1))
+
+
+def runs(flags: Bools) -> list[tuple[int, int]]:
+    """(T,) -> first index and index after the last of each run of True."""
+    steps = np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8))
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def stretches(time: Floats, dt: float, why: Mapping[str, Bools]) -> tuple[Stretch, ...]:
+    """Reason -> flags (T,) as stretches of time, in order."""
+    found = [
+        Stretch(float(time[start]), float(time[end - 1]) + dt, reason)
+        for reason, flags in why.items()
+        for start, end in runs(flags)
+    ]
+    return tuple(sorted(found, key=lambda stretch: stretch.start))
