@@ -1,0 +1,228 @@
+"""Publishes the shadow on zenoh: `shadow/<vessel>/<topic>`, last values on request, a life sign.
+
+By default the gateway is a peer that listens on the loopback interface and looks for nobody. Where
+a router already holds that port it joins as a client; with a zenoh configuration file it does what
+that says.
+
+Publishing never waits: a slow subscriber loses samples (DROP). zenoh's callbacks run on threads of
+its own and only look at the last value kept here, under a lock.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from types import TracebackType
+from typing import Any, Self
+
+import orjson
+import zenoh
+from zenoh import ext
+
+from gateway.errors import BadInput, ShadowError
+from gateway.topics import TOPICS, Overflow, Topic
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+MODEL_ENCODING = "application/toml"
+STATUS_ENCODING = "application/json"
+CONGESTION = {Overflow.DROP: zenoh.CongestionControl.DROP}
+Payload = bytes | Callable[[], bytes]
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """Where the session is: a zenoh configuration file, else `endpoint` of this machine."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    config_file: Path | None = None
+
+
+def _config(mode: str, endpoints: Mapping[str, Sequence[str]]) -> zenoh.Config:
+    """A zenoh configuration without scouting."""
+    config = zenoh.Config()
+    entries: dict[str, object] = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "timestamping/enabled": True,
+        **{f"{kind}/endpoints": list(endpoints.get(kind, ())) for kind in ("listen", "connect")},
+    }
+    for key, value in entries.items():
+        config.insert_json5(key, orjson.dumps(value).decode())
+    return config
+
+
+def _open_file(path: Path) -> zenoh.Session:
+    """A session as a zenoh configuration file describes it, timestamps on in any case."""
+    if not path.is_file():
+        raise BadInput(f"{path}: no such zenoh configuration file: give an existing .json5 file")
+    try:
+        config = zenoh.Config.from_file(path)
+        config.insert_json5("timestamping/enabled", "true")
+    except (zenoh.ZError, ValueError) as error:
+        raise BadInput(f"{path}: not a zenoh configuration: {_first_line(error)}") from error
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise ShadowError(f"{path}: zenoh cannot start so: {_first_line(error)}") from error
+
+
+def open_session(settings: BusSettings) -> zenoh.Session:
+    """Listen on the endpoint, or join whatever zenoh already listens there."""
+    if settings.config_file is not None:
+        return _open_file(settings.config_file)
+    endpoint = settings.endpoint
+    with suppress(zenoh.ZError):
+        return zenoh.open(_config("peer", {"listen": [endpoint]}))
+    try:
+        return zenoh.open(_config("client", {"connect": [endpoint]}))
+    except zenoh.ZError as error:
+        raise ShadowError(
+            f"{endpoint}: can neither listen nor join: {_first_line(error)}: is another program "
+            "on that port? choose another endpoint"
+        ) from error
+
+
+def _first_line(error: Exception) -> str:
+    """zenoh's own words without the places in its source code."""
+    return str(error).splitlines()[0].split(" at /")[0].strip()
+
+
+class _Channel:
+    """One topic: its publisher, whether anyone listens, and the last value.
+
+    Values are kept even while nobody listens, as bytes or as what makes them, so that whoever
+    asks or comes late gets the last one at no cost to a loop without listeners.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, topic: Topic, scope: ExitStack) -> None:
+        self.wanted = False
+        self._key, self._encoding = key, topic.encoding
+        self._lock = Lock()
+        self._last: Payload | None = None
+        self._sent = False
+        self._publisher = ext.declare_advanced_publisher(
+            session,
+            key,
+            encoding=topic.encoding,
+            congestion_control=CONGESTION[topic.overflow],
+            cache=ext.CacheConfig(1),
+            publisher_detection=True,
+        )
+        scope.callback(self._publisher.undeclare)
+        # The advanced publisher cannot tell who listens; a plain one beside it, never used, can.
+        watcher = session.declare_publisher(key)
+        scope.callback(watcher.undeclare)
+        listener = watcher.declare_matching_listener(self._matched)
+        scope.callback(listener.undeclare)
+        # Documented as a bool, but an object with one in the versions seen so far.
+        status = watcher.matching_status
+        self.wanted = self.wanted or getattr(status, "matching", status)
+        queryable = session.declare_queryable(key, self._answer, complete=True)
+        scope.callback(queryable.undeclare)
+
+    def publish(self, payload: Payload) -> None:
+        """Send where anyone listens, keep in any case."""
+        with self._lock:
+            self._last, self._sent = payload, False
+            if self.wanted:
+                self._send()
+
+    def _send(self) -> None:
+        self._publisher.put(self._bytes())
+        self._sent = True
+
+    def _bytes(self) -> bytes:
+        if callable(self._last):
+            self._last = self._last()
+        assert self._last is not None
+        return self._last
+
+    def _matched(self, status: Any) -> None:
+        """The first subscriber came, or the last one went."""
+        with self._lock:
+            self.wanted = status.matching
+            if self.wanted and self._last is not None and not self._sent:
+                self._send()
+
+    def _answer(self, query: Any) -> None:
+        with query, self._lock:
+            if self._last is not None:
+                query.reply(self._key, self._bytes(), encoding=self._encoding)
+
+
+class Bus:
+    """The zenoh side of one vessel. `model` is its file's text, `status` makes a JSON object."""
+
+    def __init__(
+        self,
+        vessel: str,
+        *,
+        model: bytes = b"",
+        status: Callable[[], bytes] = lambda: b"{}",
+        settings: BusSettings | None = None,
+        session: zenoh.Session | None = None,
+    ) -> None:
+        self._root = f"shadow/{vessel}"
+        self._model, self._status = model, status
+        self._settings = settings or BusSettings()
+        self._given = session
+        self._scope = ExitStack()
+        self._channels: dict[str, _Channel] = {}
+
+    def __enter__(self) -> Self:
+        _check_name(self._root)
+        with ExitStack() as scope:
+            session = self._given or scope.enter_context(open_session(self._settings))
+            for name, topic in TOPICS.items():
+                key = f"{self._root}/{name}"
+                self._channels[name] = _Channel(session, key, topic, scope)
+            self._serve(session, scope, "model", lambda: self._model, MODEL_ENCODING)
+            self._serve(session, scope, "status", self._status, STATUS_ENCODING)
+            token = session.liveliness().declare_token(f"{self._root}/alive")
+            scope.callback(token.undeclare)
+            self._scope = scope.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self._channels.clear()
+        self._scope.close()
+
+    def wants(self, topic: str) -> bool:
+        """Does anyone listen to this topic now?"""
+        return self._channels[topic].wanted
+
+    def publish(self, topic: str, payload: Payload) -> None:
+        """Publish a message, or what will make it when somebody wants it.
+
+        A function is called at most once, here or later on a thread of zenoh: it must depend on
+        nothing that changes.
+        """
+        self._channels[topic].publish(payload)
+
+    def _serve(
+        self,
+        session: zenoh.Session,
+        scope: ExitStack,
+        name: str,
+        content: Callable[[], bytes],
+        encoding: str,
+    ) -> None:
+        key = f"{self._root}/{name}"
+
+        def answer(query: Any) -> None:
+            with query:
+                query.reply(key, content(), encoding=encoding)
+
+        queryable = session.declare_queryable(key, answer, complete=True)
+        scope.callback(queryable.undeclare)
+
+
+def _check_name(root: str) -> None:
+    """A vessel's name becomes one part of a key: it must not hold what keys use otherwise."""
+    name = root.removeprefix("shadow/")
+    if not name or any(letter in name for letter in "/*$?#@"):
+        raise BadInput(f"vessel name {name!r}: must not be empty nor contain / * $ ? # @")
