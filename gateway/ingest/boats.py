@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as definitions
 from gateway.errors import BadInput
 from gateway.ingest.log import Log, Table
 from gateway.ingest.mapping.condition import AUTOPILOT_INVALID
+from gateway.ingest.text import texts
 
 GROUND_STATION = 6  # MAV_TYPE_GCS
 AUTOPILOT_COMPONENT = 1
@@ -29,13 +30,19 @@ class Boat:
         return f"system {self.system} ({kind})"
 
 
+BANNERS = {  # how the banner in a DataFlash log begins -> what the vehicle is
+    "ArduRover": "rover or boat",
+    "ArduSub": "submarine",
+    "ArduCopter": "multicopter",
+    "ArduPlane": "plane",
+}
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4", 0: "generic autopilot"}
 
 
 def boats(log: Log) -> tuple[Boat, ...]:
     """All boats of a log, ordered by their address."""
     if log.kind == "dataflash":
-        return (Boat(0, 0, "ArduPilot", ""),)
+        return (Boat(0, 0, "ArduPilot", from_banner(log.table("MSG"))),)
     if log.kind == "csv":
         return (Boat(0, 0, "", "table"),)
     found = from_heartbeats(log.table("HEARTBEAT"))
@@ -55,6 +62,15 @@ def from_heartbeats(table: Table) -> tuple[Boat, ...]:
         Boat(system, component, AUTOPILOTS.get(kind, _enum("MAV_AUTOPILOT", kind)), _type(type_))
         for (system, component), (kind, type_) in sorted(named.items())
     )
+
+
+def from_banner(table: Table) -> str:
+    """What the firmware that wrote a DataFlash log drives; empty where it did not say."""
+    if not len(table):
+        return ""
+    lines = texts(table.columns["Message"])
+    kinds = [kind for line in lines for name, kind in BANNERS.items() if line.startswith(name)]
+    return kinds[0] if kinds else ""
 
 
 def from_motion(log: Log) -> tuple[Boat, ...]:

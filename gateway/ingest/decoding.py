@@ -85,7 +85,9 @@ def _rows(table: Table, rule: Rule, boat: Boat, lane: int) -> _Rows:
     number = lane if "C" in rule.instance else rule.number
     mine = (table.system == boat.system) & (table.component == boat.component)
     mine = mine & (np.asarray(instance_of(message, rule, number)) == number)
-    picked = SimpleNamespace(**{name: column[mine] for name, column in table.columns.items()})
+    picked = SimpleNamespace(
+        **{name: _as_live(column[mine]) for name, column in table.columns.items()}
+    )
     return _Rows(
         rule,
         np.asarray(table.order[mine], np.int64),
@@ -93,6 +95,11 @@ def _rows(table: Table, rule: Rule, boat: Boat, lane: int) -> _Rows:
         counter_us(picked, rule, int(mine.sum())),
         picked,
     )
+
+
+def _as_live(column: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Single precision as double: a live message comes as Python floats, and both must agree."""
+    return column.astype(np.float64) if column.dtype.kind == "f" else column
 
 
 def counter_us(message: Any, rule: Rule, count: int) -> Ints:

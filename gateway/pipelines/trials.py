@@ -16,6 +16,7 @@ from gateway.estimation.events import Events
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import SmoothedMotion, smooth
 from gateway.ingest.boats import choose_boat
+from gateway.ingest.csv_log import CsvLog
 from gateway.ingest.decoding import decode
 from gateway.ingest.earth import Origin
 from gateway.ingest.log import Log
@@ -58,10 +59,19 @@ def load_trials(
     paths: str | Path | Sequence[str | Path],
     system: int | None = None,
     options: TrialOptions | None = None,
+    mapping: str | Path | None = None,
 ) -> list[Trial]:
-    """Recordings -> their trials, in order; a recording without any is bad input."""
+    """Recordings -> their trials, in order; a recording without any is bad input.
+
+    `mapping` names the mapping file of .csv tables; default: the one beside each.
+    """
     files = [paths] if isinstance(paths, str | Path) else list(paths)
-    return [t for file in files for t in trials_of(open_log(file), system, options)]
+    return [t for file in files for t in trials_of(_open(file, mapping), system, options)]
+
+
+def _open(file: str | Path, mapping: str | Path | None) -> Log:
+    table = mapping is not None and Path(file).suffix.lower() == ".csv"
+    return CsvLog.open(file, mapping) if table else open_log(file)
 
 
 def trials_of(

@@ -1,0 +1,145 @@
+"""What is in a recording: all that `shadow info` shows, as one frozen value."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from gateway.ingest.boats import Boat, boats, choose_boat
+from gateway.ingest.clock import ClockReport
+from gateway.ingest.decoding import Decoded, decode
+from gateway.ingest.firmware import firmware
+from gateway.ingest.good_for import good_for
+from gateway.ingest.log import Log, Statistics
+from gateway.ingest.parameters import Actuator, actuators, autopilot_parameters
+from gateway.ingest.sources import PRIORITY, Choice, choose
+from gateway.samples import Quantity
+
+
+@dataclass(frozen=True)
+class MessageSurvey:
+    """How often one message came, by its receipt."""
+
+    count: int
+    rate_hz: float  # between gaps
+    longest_gap_s: float
+
+
+@dataclass(frozen=True)
+class SourceSurvey:
+    """Where one quantity comes from, and why from there."""
+
+    source: str
+    rate_hz: float
+    longest_gap_s: float
+    why: str
+    preference: tuple[str, ...]  # the whole order
+
+
+@dataclass(frozen=True)
+class BoatSurvey:
+    """One boat of the recording."""
+
+    boat: Boat
+    firmware: str
+    seconds: float
+    sessions_s: tuple[float, ...]  # length of each boot
+    clock: ClockReport
+    unix_ahead_s: float | None  # the boat's own Unix time minus vehicle time; None = never told
+    sources: Mapping[str, SourceSurvey]
+    actuators: tuple[Actuator, ...]
+    parameters: int
+    good_for: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """One recording."""
+
+    path: str
+    kind: str
+    seconds: float  # by receipt, gaps and backward steps of the clock left out
+    statistics: Statistics
+    messages: Mapping[str, MessageSurvey]
+    boats: tuple[BoatSurvey, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain dicts, lists, strings and numbers: what `--json` prints."""
+        plain: dict[str, Any] = asdict(self)
+        for number, one in enumerate(self.boats):
+            for place, actuator in enumerate(one.actuators):
+                plain["boats"][number]["actuators"][place]["kind"] = actuator.kind.value
+        return plain
+
+
+def survey(log: Log, system: int | None = None) -> Survey:
+    """Looks at a whole recording, and at one boat of it or at all."""
+    chosen = boats(log) if system is None else (choose_boat(log, system),)
+    receipts = {name: log.table(name).receive_time_ns for name in log.counts()}
+    return Survey(
+        log.path,
+        log.kind,
+        _duration(receipts),
+        log.statistics,
+        {name: _message(times) for name, times in sorted(receipts.items())},
+        tuple(_boat(log, boat) for boat in chosen),
+    )
+
+
+def _duration(receipts: Mapping[str, np.ndarray[Any, np.dtype[np.int64]]]) -> float:
+    """Sum of the time between successive receipts [s], where it is forward."""
+    steps = [_steps(times).sum() for times in receipts.values()]
+    return float(max(steps, default=0.0))
+
+
+def _steps(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    steps = (times[1:] - times[:-1]) * 1e-9
+    return np.asarray(steps[steps > 0.0], np.float64)
+
+
+def _message(times: np.ndarray[Any, np.dtype[np.int64]]) -> MessageSurvey:
+    steps = _steps(times)
+    if not len(steps):
+        return MessageSurvey(len(times), 0.0, 0.0)
+    # The mean, not the median: receipts come in bunches.
+    return MessageSurvey(len(times), float(len(times) - 1) / float(steps.sum()), float(steps.max()))
+
+
+def _boat(log: Log, boat: Boat) -> BoatSurvey:
+    decoded = decode(log, boat)
+    choices = choose(decoded.samples)
+    parameters = autopilot_parameters(log, boat)
+    lengths = tuple((end - start) * 1e-9 for start, end in decoded.sessions)
+    return BoatSurvey(
+        boat,
+        firmware(log, boat),
+        sum(lengths),
+        lengths,
+        decoded.clock,
+        _unix_ahead(decoded),
+        {name: _source(choice) for name, choice in choices.items()},
+        tuple(actuators(parameters)),
+        len(parameters),
+        good_for(boat, choices, _ever_armed(choices)),
+    )
+
+
+def _source(choice: Choice) -> SourceSurvey:
+    order = tuple(source for _, source in PRIORITY[choice.name])
+    return SourceSurvey(choice.source, choice.rate_hz, choice.longest_gap_s, choice.why, order)
+
+
+def _unix_ahead(decoded: Decoded) -> float | None:
+    told = decoded.of(Quantity.UNIX_TIME)
+    if not told:
+        return None
+    return float(np.median(told[0].values[:, 0] - told[0].vehicle_time_ns * 1e-9))
+
+
+def _ever_armed(choices: Mapping[str, Choice]) -> bool | None:
+    """None where the log says nothing about it. Logs that tell changes only had one of each."""
+    if "armed" not in choices:
+        return None
+    armed = choices["armed"]
+    return bool((armed.samples.values > 0.0).any()) or armed.source in ("ARM", "EV")
