@@ -1,0 +1,81 @@
+"""What happened on the path, in words: the rows of the event topic."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimation.estimator import Rows
+from gateway.estimation.names import Flag
+from gateway.pipelines.feed import Feed
+from gateway.pipelines.path import Shadowing
+from gateway.pipelines.rows import Happening
+
+
+@dataclass(frozen=True)
+class Watchman:
+    """Knows how things stood after the last row, so that each change is told once."""
+
+    started: bool = False
+    fresh: bool = True
+    modelled: bool = False
+    bound: bool = False
+
+    def observe(
+        self, feed: Feed, rows: Rows, out: Shadowing
+    ) -> tuple["Watchman", list[Happening]]:
+        """A chunk of the path -> how things stand now, and what happened, in order."""
+        told: list[Happening] = []
+        if not self.started and len(out):
+            told.append(_at(out, 0, "started", "info", "the first estimate is there"))
+        for flag, kind, severity, says in _FLAGS:
+            told += [
+                Happening(
+                    int(feed.vehicle_time_ns[k]), int(feed.receive_time_ns[k]), kind, severity, says
+                )
+                for k in np.flatnonzero(rows.has(flag))
+                if self.started or kind != "restart"
+            ]
+        told += self._changes(out, out.fresh, self.fresh, _TELEMETRY)
+        told += self._changes(out, out.from_model, self.modelled, _REFERENCE)
+        told += self._changes(out, out.bound, self.bound, _LIMITS)
+        told.sort(key=lambda h: h.receive_time_ns)
+        if not len(out):
+            return self, told
+        stands = replace(
+            self, started=True, fresh=bool(out.fresh[-1]), modelled=bool(out.from_model[-1]),
+            bound=bool(out.bound[-1]),
+        )  # fmt: skip
+        return stands, told
+
+    def _changes(
+        self, out: Shadowing, now: NDArray[np.bool_], before: bool, words: "_Words"
+    ) -> list[Happening]:
+        changed = np.flatnonzero(np.diff(np.append(before, now).astype(np.int8)) != 0)
+        return [_at(out, int(k), *words[bool(now[k])]) for k in changed]
+
+
+def _at(out: Shadowing, k: int, kind: str, severity: str, says: str) -> Happening:
+    return Happening(
+        int(out.vehicle_time_ns[k]), int(out.receive_time_ns[k]), kind, severity, says
+    )
+
+
+_Words = dict[bool, tuple[str, str, str]]
+
+_TELEMETRY: _Words = {
+    True: ("telemetry_back", "info", "telemetry is fresh again"),
+    False: ("telemetry_silent", "warning", "no fact about the boat's motion for a second"),
+}
+_REFERENCE: _Words = {
+    True: ("reference_model", "info", "the shadow follows the vessel's own prediction now"),
+    False: ("reference_measured", "info", "the shadow follows the measurement now"),
+}
+_LIMITS: _Words = {
+    True: ("limits_bind", "warning", "the plant's thrust limits bind: it cannot follow"),
+    False: ("limits_free", "info", "the plant's thrust limits no longer bind"),
+}
+_FLAGS = (
+    (Flag.JUMP, "jump", "warning", "the source jumped: a discontinuity, not motion"),
+    (Flag.RESTART, "restart", "warning", "the filter started afresh: long silence or a new clock"),
+)

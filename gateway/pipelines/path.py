@@ -1,0 +1,179 @@
+"""The one path from facts to shadow, shared by live and replay.
+
+    facts → estimate → ν_ref → follower → plant → rows of every topic
+
+State is a value and a pure function of the ordered inputs: it does not matter how they are cut
+into chunks. Live gives what a datagram brought, replay a few thousand facts at a time.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimation.estimator import Estimator, FilterState, Rows
+from gateway.estimation.names import Flag
+from gateway.estimation.settings import FilterSettings
+from gateway.pipelines.feed import Feed
+from gateway.pipelines.watch import Watch, Watched, WatchState
+from sim.following.follower import Follower
+from sim.following.reference import Reference, ReferenceState
+from sim.model import Model
+from sim.state import Floats
+
+STALE_S = 1.0  # without a fact for this long, telemetry is not fresh
+MEMORY_S = 15.0  # how far back commands are remembered, for those that act late
+
+
+@dataclass(frozen=True)
+class PathState:
+    """Everything that the path remembers."""
+
+    filter: FilterState
+    reference: ReferenceState
+    follower: Any
+    watch: WatchState
+    tape_times: Floats  # recent rows …
+    tape_commands: Floats  # … and what was commanded then
+    published: float = -np.inf  # time of the last row that went out [s]
+    used: float = -np.inf  # time of the last fact that the filter used [s]
+    jumped: bool = False  # a discontinuity since the last row that went out
+
+
+@dataclass(frozen=True)
+class Shadowing:
+    """K rows that go out: estimate, reference and shadow (K, 9), forces (K, 3), and their times.
+
+    row (K,) is the place of each in the chunk; `fresh` tells measured from blind rows, `bound`
+    where the plant's thrust limits were hit, `jumped` where the estimate did not move but jump.
+    """
+
+    row: NDArray[np.int64]
+    time_s: Floats
+    vehicle_time_ns: NDArray[np.int64]
+    receive_time_ns: NDArray[np.int64]
+    estimate: Floats
+    std: Floats
+    fresh: NDArray[np.bool_]
+    jumped: NDArray[np.bool_]
+    reference: Floats
+    from_model: NDArray[np.bool_]
+    shadow: Floats
+    control: Floats
+    bound: NDArray[np.bool_]
+    watched: Watched
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+class ShadowPath:
+    """Estimator, reference, follower and watch in a row. Holds settings, no state."""
+
+    def __init__(
+        self,
+        model: Model,
+        reference: Reference,
+        follower: Follower,
+        settings: FilterSettings | None = None,
+        rate_hz: float = 50.0,
+    ) -> None:
+        self.model = model
+        self.estimator = Estimator(settings)
+        self.reference = reference
+        self.follower = follower
+        self.watch = Watch(model)
+        self.shortest_s = 0.9 / rate_hz
+
+    def start(self) -> PathState:
+        """Nothing seen yet."""
+        return PathState(
+            self.estimator.start(),
+            self.reference.start(),
+            self.follower.start(),
+            self.watch.start(),
+            np.zeros(0),
+            np.zeros((0, self.model.actuator_count)),
+        )
+
+    def advance(self, state: PathState, feed: Feed) -> tuple[PathState, Shadowing, Rows]:
+        """Take in K facts -> the state after them, the rows that go out, the filter's rows."""
+        kept, rows = self.estimator.advance(state.filter, feed.events, covariance=True)
+        state = replace(state, filter=kept)
+        state, chosen, fresh, jumped = self._choose(state, feed, rows)
+        times, estimate = rows.time_s[chosen], rows.motion[chosen]
+        voltage, wind = feed.voltage[chosen], feed.wind[chosen]
+        state, commands = self._commands(state, times, feed.pulses[chosen])
+        referred = self.reference.advance(
+            state.reference, times, estimate, fresh, commands, voltage, wind, jumped
+        )
+        from_model = referred.from_model
+        followed = self.follower.advance(
+            state.follower, times, referred.references, jumped & ~from_model, voltage, wind
+        )
+        watch_state, watched = self.watch.advance(
+            state.watch, times, estimate, rows.covariance[chosen], commands, voltage, wind
+        )
+        watched = replace(watched, missing=np.where(fresh[:, None], watched.missing, np.nan))
+        state = replace(
+            state, reference=referred.state, follower=followed.state, watch=watch_state
+        )
+        return (
+            state,
+            Shadowing(
+                chosen,
+                times,
+                feed.vehicle_time_ns[chosen],
+                feed.receive_time_ns[chosen],
+                estimate,
+                rows.std[chosen],
+                fresh,
+                jumped,
+                referred.references,
+                from_model,
+                followed.shadows,
+                followed.forces,
+                followed.bound,
+                watched,
+            ),
+            rows,
+        )
+
+    def _choose(
+        self, state: PathState, feed: Feed, rows: Rows
+    ) -> tuple[PathState, NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which rows go out: valid, at the end of a message, not faster than the rate asked for.
+
+        -> state, rows (K,), and for each whether telemetry is fresh and whether it jumped.
+        """
+        published, used, jumped = state.published, state.used, state.jumped
+        good, taken = rows.has(Flag.VALID), rows.has(Flag.USED)
+        broken = rows.has(Flag.JUMP) | rows.has(Flag.RESTART)
+        out: list[tuple[int, bool, bool]] = []
+        for k, time in enumerate(rows.time_s.tolist()):
+            used = time if taken[k] else used
+            if broken[k]:
+                jumped = True
+                published = min(published, time - self.shortest_s)
+            if good[k] and feed.complete[k] and time - published >= self.shortest_s:
+                out.append((k, time - used <= STALE_S, jumped))
+                published, jumped = time, False
+        table = np.array(out, dtype=np.int64).reshape(-1, 3)
+        state = replace(state, published=published, used=used, jumped=jumped)
+        return state, table[:, 0], table[:, 1].astype(bool), table[:, 2].astype(bool)
+
+    def _commands(
+        self, state: PathState, times: Floats, pulses: Floats
+    ) -> tuple[PathState, Floats]:
+        """Commands (K, na) that act at each row: the latest ones, or as late as the vessel says."""
+        commands = self.model.vessel.commands(range(1, pulses.shape[1] + 1), pulses)
+        delay = self.model.delay
+        if delay <= 0.0:
+            return state, commands
+        tape_times = np.concatenate([state.tape_times, times])
+        tape = np.concatenate([state.tape_commands, commands])
+        at = np.searchsorted(tape_times, times - delay, side="right") - 1
+        acting = tape[np.maximum(at, 0)]
+        recent = tape_times > (times[-1] if len(times) else -np.inf) - MEMORY_S
+        return replace(state, tape_times=tape_times[recent], tape_commands=tape[recent]), acting

@@ -1,0 +1,275 @@
+"""A recording through the live path: log → facts → shadow → topics → MCAP and zenoh."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import orjson
+
+from gateway.bus import Bus
+from gateway.config import Settings, as_tables
+from gateway.errors import BadInput
+from gateway.ingest.boats import choose_boat
+from gateway.ingest.decoding import Decoded, decode
+from gateway.ingest.earth import Origin
+from gateway.ingest.frames import Frames
+from gateway.ingest.log import Log
+from gateway.ingest.open import open_log
+from gateway.ingest.sources import choose
+from gateway.messages import Rows
+from gateway.pipelines.events import origin_of
+from gateway.pipelines.feed import Feed, feed_of
+from gateway.pipelines.happenings import Watchman
+from gateway.pipelines.health import HealthMeter
+from gateway.pipelines.path import Shadowing, ShadowPath
+from gateway.pipelines.rows import event_rows, topic_rows
+from gateway.recorder import Recorder
+from gateway.recording_file import Attachment
+from gateway.vessel_file import dump_vessel
+from sim.following.follower import VesselFollower
+from sim.following.reference import Reference
+from sim.model import Model
+from sim.state import Floats
+from sim.vessel import Vessel
+
+CHUNK_S = 5.0  # of receipt at a time when nothing else sets the pace
+PACE_S = 0.02  # at the speed at which it was recorded
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """What a user may choose about a replay."""
+
+    out: Path | None = None  # folder for the recording; None: do not record
+    realtime: bool = False
+    system: int | None = None
+    name: str | None = None  # key on zenoh; default: the vessel's name in small letters
+    settings: Settings = Settings()
+
+
+@dataclass(frozen=True)
+class ReplaySummary:
+    """What a replay did."""
+
+    log: str
+    boat: str
+    seconds: float
+    rows: int
+    wall_seconds: float
+    rmse: Floats  # (6,) shadow − estimate while measured: north, east, yaw, u, v, r
+    missing: Floats  # (3,) root mean square of the missing force [N, N, N m]
+    events: int
+    recordings: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class Material:
+    """A log made ready for the path."""
+
+    log: Log
+    decoded: Decoded
+    origin: Origin | None
+    feed: Feed
+
+
+def prepare(log_path: str | Path, system: int | None, settings: Settings) -> Material:
+    """Read, decode, choose the sources."""
+    log = open_log(log_path)
+    decoded = decode(log, choose_boat(log, system))
+    choices = choose(decoded.samples)
+    for needed in ("yaw", "velocity"):
+        if needed not in choices:
+            raise BadInput(f"{log.path}: nothing in it tells {needed}: there is nothing to follow")
+    origin = origin_of(decoded, choices)
+    return Material(log, decoded, origin, feed_of(decoded, choices, origin, settings.filter))
+
+
+def replay(
+    log_path: str | Path,
+    vessel: Vessel,
+    plant: Vessel | None = None,
+    options: ReplayOptions | None = None,
+    progress: Progress = lambda share: None,
+) -> ReplaySummary:
+    """Run a recording through the shadow; `progress` is told the share done."""
+    options = options or ReplayOptions()
+    material = prepare(log_path, options.system, options.settings)
+    model = Model.of(vessel)
+    following = options.settings.following
+    path = ShadowPath(
+        model,
+        Reference(model, following.reference),
+        VesselFollower.of(model if plant is None else Model.of(plant), following.follower),
+        options.settings.filter,
+        following.rate_hz,
+    )
+    name = options.name or key_of(vessel)
+    started, tally = time.monotonic(), Tally()
+    with ExitStack() as scope:
+        sinks = _sinks(scope, material, vessel, name, options)
+        for out, rows, raw in _shadowed(path, material, options.realtime, progress):
+            tally.add(out, rows)
+            sinks.write(rows, raw)
+    if not tally.count:
+        raise BadInput(f"{log_path}: the filter never found heading and velocity together")
+    return tally.summary(material, time.monotonic() - started, sinks.files())
+
+
+def key_of(vessel: Vessel) -> str:
+    """The vessel's name as a key on zenoh: small letters, no blanks or special characters."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in vessel.name.lower()).strip("-")
+
+
+def _shadowed(
+    path: ShadowPath, material: Material, realtime: bool, progress: Progress
+) -> Iterator[tuple[Shadowing, list[Rows], slice]]:
+    """Chunk by chunk: what went out, as messages, and which raw frames had come in by then."""
+    state, watchman = path.start(), Watchman()
+    meter = HealthMeter.of_log(material.log, material.decoded)
+    feed, frames = material.feed, _frames(material.log)
+    begun, seen = 0, 0
+    for end in _paced(feed, PACE_S if realtime else CHUNK_S, realtime):
+        chunk = feed[begun:end]
+        state, out, filtered = path.advance(state, chunk)
+        watchman, happened = watchman.observe(chunk, filtered, out)
+        rows = topic_rows(out, material.origin)
+        rows += [event_rows(happened), meter.advance(chunk.receive_time_ns, filtered)]
+        last = end == len(feed)
+        upto = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0
+        yield out, rows, slice(seen, max(seen, upto))
+        begun, seen = end, max(seen, upto)
+        progress(end / len(feed))
+
+
+def _paced(feed: Feed, chunk_s: float, realtime: bool) -> Iterator[int]:
+    """Where each chunk ends; at the recorded speed, when its time has come."""
+    receive = (feed.receive_time_ns - feed.receive_time_ns[0]) * 1e-9
+    since = np.maximum.accumulate(receive)  # the receiver's clock may have stepped back
+    started, begun = time.monotonic(), 0
+    while begun < len(feed):
+        end = int(np.searchsorted(since, since[begun] + chunk_s, side="left"))
+        end = max(end, begun + 1)
+        if realtime:
+            time.sleep(max(0.0, started + float(since[end - 1]) - time.monotonic()))
+        yield end
+        begun = end
+
+
+def _frames(log: Log) -> Frames | tuple[()]:
+    return getattr(log, "frames", ())
+
+
+@dataclass(frozen=True)
+class Sinks:
+    """Where messages go: recorder and bus, either of which may be absent."""
+
+    material: Material
+    recorder: Recorder | None
+    bus: Bus | None
+
+    def write(self, rows: list[Rows], raw: slice) -> None:
+        """Raw frames first: they came in before what followed from them."""
+        frames = _frames(self.material.log)
+        if self.recorder is not None and frames and raw.stop > raw.start:
+            self.recorder.write_raw(
+                [frames.raw(i) for i in range(raw.start, raw.stop)], frames.receive_time_ns[raw]
+            )
+        for part in rows:
+            if self.recorder is not None:
+                self.recorder.write_rows(*part)
+            if self.bus is not None and part.payloads:
+                wanted = part.payloads if self.bus.wants(part.topic) else part.payloads[-1:]
+                for payload in wanted:
+                    self.bus.publish(part.topic, payload)
+
+    def files(self) -> tuple[Path, ...]:
+        """The recordings that were written."""
+        return self.recorder.paths if self.recorder is not None else ()
+
+
+def _sinks(
+    scope: ExitStack, material: Material, vessel: Vessel, name: str, options: ReplayOptions
+) -> Sinks:
+    recorder = bus = None
+    vessel_text = dump_vessel(vessel).encode()
+    if options.out is not None:
+        file = options.out / f"{Path(material.log.path).stem}-shadow.mcap"
+        config = orjson.dumps(as_tables(options.settings), option=orjson.OPT_INDENT_2)
+        recorder = scope.enter_context(
+            Recorder(
+                file,
+                attachments=[
+                    Attachment("vessel.toml", "application/toml", vessel_text),
+                    Attachment("config.json", "application/json", config),
+                ],
+                metadata={"shadow": _about(material, name)},
+                settings=options.settings.recording,
+            )
+        )
+    if options.settings.zenoh.publish:
+        bus = scope.enter_context(
+            Bus(name, model=vessel_text, settings=options.settings.zenoh.bus())
+        )
+    return Sinks(material, recorder, bus)
+
+
+def _about(material: Material, name: str) -> dict[str, str]:
+    return {
+        "gateway": version("shadow-gateway"),
+        "vessel": name,
+        "log": Path(material.log.path).name,
+        "boat": str(material.decoded.boat),
+    }
+
+
+@dataclass
+class Tally:
+    """Adds up what the summary tells."""
+
+    count: int = 0
+    compared: int = 0
+    squares: Floats | None = None
+    missing: Floats | None = None
+    events: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+
+    def add(self, out: Shadowing, rows: list[Rows]) -> None:
+        """Take in a chunk's rows."""
+        self.events += sum(len(part.payloads) for part in rows if part.topic == "event")
+        if not len(out):
+            return
+        self.first_s = self.first_s if self.count else float(out.time_s[0])
+        self.last_s = float(out.time_s[-1])
+        self.count += len(out)
+        off = (out.shadow - out.estimate)[out.fresh, :6]
+        off[:, 2] = (off[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+        self.compared += len(off)
+        force = out.watched.missing[out.fresh]
+        self.squares = (off**2).sum(axis=0) + (0.0 if self.squares is None else self.squares)
+        self.missing = (force**2).sum(axis=0) + (0.0 if self.missing is None else self.missing)
+
+    def summary(
+        self, material: Material, wall_seconds: float, files: tuple[Path, ...]
+    ) -> ReplaySummary:
+        """The sums as root mean squares."""
+        count = max(self.compared, 1)
+        assert self.squares is not None
+        assert self.missing is not None
+        return ReplaySummary(
+            material.log.path,
+            str(material.decoded.boat),
+            self.last_s - self.first_s,
+            self.count,
+            wall_seconds,
+            np.sqrt(self.squares / count),
+            np.sqrt(self.missing / count),
+            self.events,
+            files,
+        )
