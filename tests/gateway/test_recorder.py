@@ -3,6 +3,7 @@
 import errno
 import io
 import json
+import math
 import stat
 from collections import defaultdict
 from pathlib import Path
@@ -12,6 +13,7 @@ import jsonschema
 import pytest
 from mcap.reader import make_reader
 
+from gateway import foxglove
 from gateway.errors import ShadowError
 from gateway.recorder import Recorder, RecordingSettings
 from gateway.recording_file import Compression
@@ -91,6 +93,16 @@ def test_north_of_ned_is_the_second_axis_of_the_players_world(tmp_path: Path) ->
     row = json.loads(found["measured"][0][1].data)
     pose = json.loads(found["foxglove/boat_pose"][0][1].data)["pose"]
     assert (pose["position"]["x"], pose["position"]["y"]) == (row["east_m"], row["north_m"])
+
+
+@pytest.mark.parametrize(
+    ("yaw", "forward"), [(0.0, (0.0, 1.0)), (math.pi / 2, (1.0, 0.0)), (math.pi, (0.0, -1.0))]
+)
+def test_the_bow_points_where_the_heading_says(yaw: float, forward: tuple[float, float]) -> None:
+    row = {"receive_time_ns": START, "north_m": 0.0, "east_m": 0.0, "yaw_rad": yaw}
+    q = foxglove.pose(row)["pose"]["orientation"]
+    east, north = 1.0 - 2.0 * q["z"] ** 2, 2.0 * q["w"] * q["z"]  # the x axis, turned by q
+    assert (east, north) == pytest.approx(forward, abs=1e-12)
 
 
 def test_vessel_and_versions_travel_in_the_file(tmp_path: Path) -> None:

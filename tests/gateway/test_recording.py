@@ -72,11 +72,12 @@ def test_every_cut_of_a_file_opens_and_gives_a_beginning_of_it(tmp_path: Path) -
     data = path.read_bytes()
     frames = Recording.open(path).raw().frames()
     lengths = []
-    for cut in range(8, len(data), 97):
+    for cut in (*range(8, 500), *range(500, len(data), 97)):  # the start: metadata, attachment
         path.write_bytes(data[:cut])
         recording = Recording.open(path)
         found = recording.raw().frames()
         assert not recording.finished
+        assert recording.attachments in ({}, {VESSEL.name: VESSEL})
         assert found == frames[: len(found)]
         lengths.append(len(found))
     assert lengths == sorted(lengths)
