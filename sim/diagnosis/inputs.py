@@ -1,0 +1,46 @@
+"""What drove the boat, as a model reads it: commands, voltage and wind of a trial."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.model import InputTable, Model, Runs
+from sim.state import Floats
+from sim.trial import Trial
+
+
+def motion_of(trial: Trial) -> Floats:
+    """Reported motion of all rows: (T, 9) of (eta, nu, nu_dot)."""
+    return np.concatenate([trial.eta, trial.nu, trial.nu_dot], axis=1)
+
+
+def commands_of(model: Model, trial: Trial) -> Floats:
+    """Recorded pulses as the vessel's commands (T, na) in [−1, 1]; no pulse is no command."""
+    commands = np.zeros((len(trial), model.actuator_count))
+    known = model.vessel.commands(trial.channels, trial.pwm)
+    commands[:, : known.shape[1]] = known
+    return commands
+
+
+def inputs_of(model: Model, trial: Trial) -> InputTable:
+    """One input table for all free runs over the trial."""
+    commands = commands_of(model, trial)[None]
+    return InputTable.of(commands, trial.dt, trial.voltage, trial.wind, float(trial.time[0]))
+
+
+def runs_from(rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Runs:
+    """Free runs from rows (B,) of the trial over steps (B,)."""
+    nothing = np.zeros(len(rows), np.int64)
+    return Runs(table=nothing, start=rows, steps=steps, delay=np.zeros(len(rows)))
+
+
+def delayed(commands: Floats, dt: float, delay: float) -> Floats:
+    """Commands (T, na) held over dt, acting `delay` [s] later, as means over each interval."""
+    if delay == 0.0:
+        return commands
+    total = np.vstack([np.zeros(commands.shape[1]), np.cumsum(commands, axis=0)])
+    grid = np.arange(len(total), dtype=float)
+    before = np.minimum(grid - delay / dt, 0.0)  # before the trial: its first command
+    shifted = [
+        np.interp(grid - delay / dt, grid, column) + before * column[1] for column in total.T
+    ]
+    return np.diff(np.stack(shifted, axis=1), axis=0)

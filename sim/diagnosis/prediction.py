@@ -1,0 +1,92 @@
+"""Free runs from every segment's start, and their error: measured − model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.diagnosis.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
+from sim.diagnosis.ruler import Ruler
+from sim.diagnosis.segments import Ints
+from sim.model import Model
+from sim.state import Eta, Floats, wrap
+from sim.trial import Trial
+
+WORST = 100.0  # scales (or 10 km): an error beyond this is a run that left the track
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Motion in many free runs, and how far the boat was from it.
+
+    rows      (S,)        row of the trial where the run starts
+    steps     (S,)        its length
+    model     (S, H+1, 6) eta, nu as the vessel's sensors would report them; NaN past the end
+    error     (S, H+1, 6) measured − model, yaw in [−π, π); NaN past the end
+    diverged  (S,)        the run left the track: its error was held at the largest that counts
+    """
+
+    rows: Ints
+    steps: Ints
+    model: Floats
+    error: Floats
+    diverged: NDArray[np.bool_]
+
+    def along(self) -> tuple[Ints, Ints, Floats]:
+        """Segment (M,), row of the trial (M,) and error (M, 6) of every predicted row."""
+        after = np.arange(1, self.error.shape[1])
+        segment, j = np.nonzero(after <= self.steps[:, None])
+        return segment, self.rows[segment] + after[j], self.error[segment, after[j]]
+
+
+def predict(trial: Trial, model: Model, ruler: Ruler) -> Prediction:
+    """One batched call from all segments' starts on the recorded commands, voltage and wind."""
+    rows, steps = ruler.segments.rows, ruler.segments.steps
+    motion = motion_of(trial)
+    x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
+    _, reports = model.run(x0, runs_from(rows, steps), inputs_of(model, trial))
+    said = reports[..., :6]
+    error = error_of(motion[:, :6], rows, said)
+    within = np.arange(error.shape[1]) <= steps[:, None]
+    largest = np.concatenate([[1e4, 1e4, np.pi], WORST * ruler.scales])
+    lost = within & ~np.all(np.abs(error) <= largest, axis=2)
+    held = np.where(within[..., None], _held(np.clip(error, -largest, largest)), np.nan)
+    return Prediction(rows, steps, said, held, lost.any(axis=1))
+
+
+def error_of(measured: Floats, rows: Ints, model: Floats) -> Floats:
+    """Measured (T, 6), first rows (S,), model (S, H+1, 6) -> measured − model, SI."""
+    at = np.minimum(rows[:, None] + np.arange(model.shape[1]), len(measured) - 1)
+    error = measured[at] - model
+    error[..., Eta.YAW] = wrap(error[..., Eta.YAW])
+    return error
+
+
+def _held(error: Floats) -> Floats:
+    """Where a run has ended (NaN), its last error stays: (S, H+1, 6)."""
+    gone = ~np.isfinite(error).all(axis=2)
+    if not gone.any():
+        return error
+    at = np.where(gone, 0, np.arange(error.shape[1]))
+    last = np.maximum.accumulate(at, axis=1)
+    return np.take_along_axis(error, last[..., None], axis=1)
+
+
+def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
+    """Memory of actuators and effects at rows (S,), run along the measured motion: (S, nx − 6)."""
+    memory = np.full((len(rows), model.state_size - 6), np.nan)
+    if memory.shape[1] == 0:
+        return memory
+    commands = delayed(commands_of(model, trial), trial.dt, model.delay)
+    before = np.vstack([commands[:1], commands[:-1]])
+    motion, carry, done = motion_of(trial), model.fresh_carry(), 0
+    for i in np.argsort(rows):
+        part = slice(done, int(rows[i]) + 1)
+        if part.stop > part.start:
+            model.missing_force(
+                motion[part], trial.time[part], before[part], before[part],
+                voltage=trial.voltage[part], wind=trial.wind[part], carry=carry,
+            )  # fmt: skip
+            done = part.stop
+        memory[i] = carry[6:-1]
+    return memory

@@ -1,0 +1,50 @@
+"""Error in numbers, per channel and as one: RMSE, MAE, R², fit per cent, nrmse.
+
+    R² = 1 − Σe²/Σ(y − ȳ)²      fit = 100 (1 − √(Σe²/Σ(y − ȳ)²))
+    nrmse = √( mean over u, v, r of (RMSE_i / scale_i)² )
+
+R² and fit are MATLAB's; all sums run over the predicted rows of all segments.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.state import Floats
+
+COLUMN = {"u": 3, "v": 4, "r": 5, "x": 0, "y": 1, "psi": 2}  # of (eta, nu); x north, y east
+
+
+@dataclass(frozen=True)
+class Scores:
+    """By channel, in m/s, rad/s, m and rad; a channel that never moved has no R² and no fit."""
+
+    rmse: Mapping[str, float]
+    mae: Mapping[str, float]
+    r2: Mapping[str, float]
+    fit_percent: Mapping[str, float]
+
+
+def scores(measured: Floats, error: Floats) -> Scores:
+    """Measured (M, 6) and error (M, 6) of (eta, nu) -> scores by channel."""
+    squares = np.sum(error**2, axis=0)
+    about_mean = np.sum((measured - measured.mean(axis=0)) ** 2, axis=0)
+    moved = {name: i for name, i in COLUMN.items() if about_mean[i] > 0.0}
+    return Scores(
+        {name: float(np.sqrt(squares[i] / len(error))) for name, i in COLUMN.items()},
+        {name: float(np.mean(np.abs(error[:, i]))) for name, i in COLUMN.items()},
+        {name: float(1.0 - squares[i] / about_mean[i]) for name, i in moved.items()},
+        {name: float(100.0 * (1.0 - np.sqrt(squares[i] / about_mean[i])))
+         for name, i in moved.items()},
+    )  # fmt: skip
+
+
+def scaled_squares(error: Floats, scales: Floats) -> Floats:
+    """Error (..., 6), scales (3,) of u, v, r -> mean squared error in scales (...)."""
+    return np.mean((error[..., 3:] / scales) ** 2, axis=-1)
+
+
+def nrmse(error: Floats, scales: Floats) -> float:
+    """Error (M, 6), scales (3,) of u, v, r -> one number."""
+    return float(np.sqrt(np.mean(scaled_squares(error, scales))))

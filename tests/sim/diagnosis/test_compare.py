@@ -1,0 +1,66 @@
+"""The comparison as a whole: what is said, in strict JSON, under one ruler."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.compare import compare
+from sim.model import Model
+from tests.sim.diagnosis.voyages import WAM_V, simulated
+
+KEYS = {"log", "seconds", "vessel", "horizon_s", "cut_short", "rmse", "mae", "r2", "fit_percent",
+        "nrmse", "noise_floor_nrmse", "free_run", "where"}  # fmt: skip
+CHANNELS = {"u", "v", "r", "x", "y", "psi"}
+SLUGGISH = replace(WAM_V, name="sluggish", dynamics=replace(WAM_V.dynamics, X_u=-60.0))
+AWAY = replace(WAM_V, name="away", dynamics=replace(WAM_V.dynamics, X_u=200.0, X_uu=400.0))
+
+
+@pytest.fixture(scope="module")
+def found():
+    models = [Model.of(v) for v in (WAM_V, SLUGGISH, AWAY)]
+    return compare(simulated(WAM_V), models)
+
+
+def test_json_is_strict_and_has_the_keys(found):
+    for one in found:
+        said = json.loads(json.dumps(one.as_dict(), allow_nan=False))
+        assert set(said) == KEYS
+        assert set(said["rmse"]) == set(said["mae"]) == CHANNELS
+        assert set(said["free_run"]) - {"diverged"} == {"rmse", "mae", "r2"}
+        assert {"by", "from", "to", "unit", "share", "says"} == set(said["where"][0])
+        headings = [b for b in said["where"] if b["by"] == "heading"]
+        assert all(0.0 <= b["from"] < b["to"] <= 2.0 * np.pi for b in headings)
+
+
+def test_the_better_model_has_the_smaller_error_and_the_ruler_is_one(found):
+    right, wrong, away = found
+    assert right.nrmse < 1e-3 < 0.05 < wrong.nrmse < away.nrmse
+    assert right.ruler is wrong.ruler
+    assert right.scores.fit_percent["u"] > 99.9 > wrong.scores.fit_percent["u"]
+    low, high = wrong.nrmse_ci95
+    assert low < wrong.nrmse < high
+
+
+def test_the_floor_and_horizons_are_those_of_the_first_vessel(found):
+    alone = compare(simulated(WAM_V), [Model.of(SLUGGISH)])[0]
+    beside = found[1]
+    assert beside.noise_floor_nrmse == found[0].noise_floor_nrmse
+    assert alone.noise_floor_nrmse != beside.noise_floor_nrmse
+
+
+def test_a_free_run_that_diverges_says_so(found):
+    right, _, away = found
+    assert right.free_run.as_dict()["r2"]["u"] > 0.999
+    assert "diverged" not in right.free_run.as_dict()
+    assert away.free_run.as_dict()["diverged"] is True
+    assert len(away.free_run.model) < len(right.free_run.model)
+
+
+def test_nothing_is_called_worst_where_all_is_noise(found):
+    right, wrong, _ = found
+    loud = replace(right, noise_floor_nrmse=right.nrmse)
+    assert loud.worst() == ()
+    assert wrong.worst()
+    assert all(b.share > b.time_share for b in wrong.worst())

@@ -1,0 +1,64 @@
+"""The noise floor against truth that other physics made, with estimate errors of known size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.prediction import predict
+from sim.diagnosis.ruler import Ruler
+from sim.diagnosis.scores import nrmse
+from sim.diagnosis.settings import CompareSettings
+from sim.model import Model
+from tests.sim.diagnosis.voyages import UNSTABLE, WAM_V, legs, trial_of, voyage
+
+STD = np.array([0.05, 0.05, 0.01, 0.03, 0.03, 0.01])  # of eta, nu
+DT = 0.05
+
+
+def smooth_errors(seconds, lasting, rng):
+    """Gaussian errors (T, 6) of size STD and their rates, correlated as exp(−t²/2 lasting²)."""
+    t = np.arange(round(seconds / DT)) * DT
+    omega = rng.normal(size=(200, 6)) / lasting  # the spectrum of such a correlation
+    phase = rng.uniform(0.0, 2.0 * np.pi, (200, 6))
+    at = omega[None] * t[:, None, None] + phase
+    scale = STD * np.sqrt(2.0 / 200)
+    return scale * np.cos(at).sum(axis=1), (-scale * omega * np.sin(at)).sum(axis=1)
+
+
+def noisy(motion, lasting, seed):
+    """A trial whose estimate errs as its covariance says; `lasting` [s], 0 for white errors."""
+    eta, nu, nu_dot, drive = motion
+    rng = np.random.default_rng(seed)
+    if lasting:
+        error, rate = smooth_errors(len(eta) * DT, lasting, rng)
+        rate_std = STD / lasting
+    else:
+        error, rate = rng.normal(size=(len(eta), 6)) * STD, np.zeros((len(eta), 6))
+        rate_std = np.full(6, 1e6)
+    covariance = np.diag(np.concatenate([STD, rate_std[3:]]) ** 2)
+    return trial_of(
+        eta + error[:, :3], nu + error[:, 3:], nu_dot + rate[:, 3:], drive, DT, covariance
+    )
+
+
+@pytest.mark.parametrize("lasting", [0.0, 1.0])
+def test_a_perfect_model_is_at_the_floor_and_a_wrong_one_above(lasting):
+    trial = noisy(voyage(300.0, DT, seed=3), lasting, seed=5)
+    wrong = replace(WAM_V, dynamics=replace(WAM_V.dynamics, X_uu=-20.0, N_r=-70.0))
+    ruler = Ruler.of(trial, Model.of(WAM_V))
+    shown = [nrmse(predict(trial, Model.of(v), ruler).along()[2], ruler.scales)
+             for v in (WAM_V, wrong)]  # fmt: skip
+    assert shown[0] == pytest.approx(ruler.noise_floor, rel=0.2)
+    assert shown[1] > 2.0 * ruler.noise_floor
+
+
+def test_an_unstable_hull_has_its_true_model_at_the_floor_too():
+    """Without the limit on the horizon the true model looks far worse than any noise."""
+    trial, model = noisy(legs(UNSTABLE, 300.0), 0.0, seed=5), Model.of(UNSTABLE)
+    ruler = Ruler.of(trial, model)
+    shown = nrmse(predict(trial, model, ruler).along()[2], ruler.scales)
+    assert ruler.cut_short > 0.5
+    assert shown == pytest.approx(ruler.noise_floor, rel=0.2)
+    endless = Ruler.of(trial, model, CompareSettings(spread_limit=1e9))
+    assert nrmse(predict(trial, model, endless).along()[2], ruler.scales) > 2.0 * shown

@@ -1,0 +1,108 @@
+"""Free runs of the model that made the data, and of others."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.inputs import delayed, motion_of
+from sim.diagnosis.prediction import predict
+from sim.diagnosis.ruler import Ruler
+from sim.diagnosis.scores import nrmse
+from sim.diagnosis.settings import CompareSettings
+from sim.effects.catalogue import named
+from sim.model import Model
+from sim.vessel import AddedEffect, Sensors
+from tests.sim.diagnosis.voyages import UNSTABLE, WAM_V, legs, simulated, trial_of
+
+EFFECTS = {
+    "plain": (),
+    "thruster_lag": (AddedEffect(named("thruster_lag"), {"tau": 0.5}),),
+    "heading_offset": (AddedEffect(named("heading_offset"), {"angle": 0.2}),),
+    "steady_current": (AddedEffect(named("steady_current"), {"speed": 0.4, "direction": 2.0}),),
+}
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_the_model_that_made_the_data_shows_no_error(effect):
+    """Sensors away from the origin, sensor effects and memory included."""
+    vessel = replace(WAM_V, sensors=Sensors(antenna=(0.8, 0.3)), effects=EFFECTS[effect])
+    trial, model = simulated(vessel), Model.of(vessel)
+    ruler = Ruler.of(trial, model)
+    _, _, error = predict(trial, model, ruler).along()
+    assert len(ruler.segments.rows) > 40
+    assert nrmse(error, ruler.scales) < 1e-3
+
+
+def test_error_is_measured_minus_model_with_yaw_wrapped():
+    trial, model = simulated(WAM_V, 60.0), Model.of(WAM_V)
+    ruler = Ruler.of(trial, model)
+    turned = replace(trial, eta=trial.eta + np.array([0.0, 0.0, 2.0 * np.pi]))
+    moved = replace(turned, nu=trial.nu.copy())
+    moved.nu[:, 0] += 0.1 * (trial.time > 30.0)
+    _, rows, error = predict(moved, model, ruler).along()
+    assert np.abs(error[:, 2]).max() < 0.5
+    crossing = (rows * trial.dt > 30.05) & (rows * trial.dt < 31.0)
+    assert error[crossing, 3].max() == pytest.approx(0.1, abs=0.01)
+
+
+def test_no_pulse_is_no_command():
+    trial, model = simulated(WAM_V, 60.0), Model.of(WAM_V)
+    silent = replace(trial, pwm=np.where(trial.time[:, None] > 20.0, np.nan, trial.pwm))
+    neutral = replace(trial, pwm=np.where(trial.time[:, None] > 20.0, 1500.0, trial.pwm))
+    ruler = Ruler.of(trial, model)
+    one, other = predict(silent, model, ruler).along()[2], predict(neutral, model, ruler).along()[2]
+    np.testing.assert_array_equal(one, other)
+    assert np.abs(one).max() > 0.1
+
+
+def test_segments_stay_within_usable_stretches():
+    trial, model = simulated(WAM_V, 120.0), Model.of(WAM_V)
+    usable = (trial.time % 37.0 > 3.0) & ~((trial.time > 80.0) & (trial.time < 104.0))
+    ruler = Ruler.of(replace(trial, usable=usable), model)
+    for row, steps in zip(ruler.segments.rows, ruler.segments.steps, strict=True):
+        assert usable[row : row + steps + 1].all()
+    assert ruler.segments.steps.min() < ruler.segments.steps.max()  # the short stretch is used
+
+
+def test_a_trial_without_usable_time_is_refused():
+    trial = simulated(WAM_V, 30.0)
+    with pytest.raises(ValueError, match="no usable stretch"):
+        Ruler.of(replace(trial, usable=np.zeros(len(trial), bool)), Model.of(WAM_V))
+
+
+def test_a_model_that_diverges_gives_finite_errors_and_says_so():
+    away = replace(WAM_V, dynamics=replace(WAM_V.dynamics, X_u=200.0, X_uu=400.0))
+    trial = simulated(WAM_V, 60.0)
+    ruler = Ruler.of(trial, Model.of(WAM_V))
+    prediction = predict(trial, Model.of(away), ruler)
+    assert prediction.diverged.any()
+    assert np.isfinite(prediction.along()[2]).all()
+    assert nrmse(prediction.along()[2], ruler.scales) > 10.0
+
+
+def test_an_unstable_hull_is_cut_short_and_a_stable_one_is_not():
+    spread = np.diag(np.square([0.1, 0.1, 0.01, 0.02, 0.02, 0.01, 0.05, 0.05, 0.02]))
+
+    def cut(vessel):
+        return Ruler.of(trial_of(*legs(vessel, 120.0), 0.05, spread), Model.of(vessel))
+
+    unstable = cut(UNSTABLE)
+    assert cut(WAM_V).cut_short == 0.0
+    assert unstable.cut_short > 0.5
+    assert (unstable.segments.steps * 0.05).min() >= CompareSettings().shortest
+
+
+def test_commands_are_delayed_by_parts_of_a_step():
+    ramp = np.arange(20.0)[:, None]
+    late = delayed(ramp, 0.1, 0.25)
+    np.testing.assert_allclose(late[5:, 0], ramp[5:, 0] - 2.5)
+    np.testing.assert_allclose(late[:2, 0], 0.0)
+
+
+def test_the_ruler_does_not_depend_on_the_other_vessels():
+    trial = simulated(WAM_V, 60.0)
+    assert motion_of(trial).shape == (len(trial), 9)
+    one, two = (Ruler.of(trial, Model.of(WAM_V)) for _ in range(2))
+    np.testing.assert_array_equal(one.segments.steps, two.segments.steps)
+    assert one.noise_floor == two.noise_floor
