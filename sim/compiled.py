@@ -30,7 +30,7 @@ from sim.compose import Structure, kernel_text
 
 CORE = (
     "jit.py", "state.py", "body.py", "balance.py", "actuators.py", "sensing.py", "drivers.py",
-    "compose.py", "compiled.py", "following/law.py", "following/drivers.py",
+    "compose.py", "compiled.py", "following/law.py", "following/blend.py", "following/drivers.py",
     "following/watch.py",
 )  # fmt: skip
 Jit = Callable[[Callable[..., Any]], Any]
@@ -97,6 +97,7 @@ class Kernel(NamedTuple):
 
 
 def _jit(function: Callable[..., Any]) -> Any:
+    """What only compiled code calls: without the wrappers for Python it compiles twice as fast."""
     return numba.njit(
         nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
     )(function)
@@ -143,4 +144,11 @@ def kernel_for(s: Structure) -> Kernel:
     warnings.warn(
         f"effects {names} run in numpy, slower: numba cannot compile them ({problem})", stacklevel=2
     )
-    return Kernel(_load(file, s, _as_it_is, _as_it_is), s, False)
+    return plain_kernel_for(s)
+
+
+@lru_cache(maxsize=128)
+def plain_kernel_for(s: Structure) -> Kernel:
+    """The kernel of a structure in plain Python: on floats, or on arrays over a batch."""
+    text = kernel_text(s)
+    return Kernel(_load(_write(text, _fingerprint(s, text)), s, _as_it_is, _as_it_is), s, False)

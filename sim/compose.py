@@ -34,8 +34,9 @@ from sim.balance import (
     unbalanced, velocity_through,
 )
 from sim.body import Blade, Body, Drive, Flow, Report
+from sim.following.blend import Track, blended, gap, track_of
 from sim.following.law import Gains, reference_rate, wanted_acceleration
-from sim.sensing import at_antenna, corrected
+from sim.sensing import agree, at_antenna, corrected
 from sim.state import Pose, Velocity, Water, Wrench, add_water, add_wrench, to_body, to_world, wrap
 
 NX = {nx}
@@ -222,7 +223,10 @@ def _dynamics(s: Structure) -> str:
     ]
     six = ["pose_dot[0]", "pose_dot[1]", "pose_dot[2]", "nu_dot.u", "nu_dot.v", "nu_dot.r"]
     rates = [f"more[{k}]" for k in range(len(s.memories))]
-    still = [f"0.0 * x[{6 + k}]" for k in range(len(s.memories))]
+    fluid = [  # actuators rest while a force moves the plant; an effect's own state does not
+        f"rate_{e}(flow, x[{6 + k}], p.e{e})" if place == "rate" else f"0.0 * x[{6 + k}]"
+        for k, (e, place, _) in enumerate(s.memories)
+    ]
     asked = ["M, rest = balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)", "return rest"]
     question = "(x, u_dot, v_dot, r_dot, time, inputs, p)"
     acting = "tau, fed = actuators(x, flow, inputs, p)"
@@ -234,7 +238,7 @@ def _dynamics(s: Structure) -> str:
              "return " + _tuple(six + rates)],
         )
         + _function("pushed(x, time, inputs, tau, p)", [*around, *moved,
-                    "return " + _tuple(six + still)])
+                    "return " + _tuple(six + fluid)])
         + _function("commanded(x, time, inputs, p)", [*around, acting, "return tau"])
         + _function("missing" + question, [*around, acting, *asked])
         + _function("required" + question, [*around, "tau = Wrench(0.0, 0.0, 0.0)", *asked])

@@ -61,7 +61,7 @@ def rates(x: State, time: float, inputs: Inputs, p: Numbers) -> State:
 
 
 def pushed(x: State, time: float, inputs: Inputs, tau: Wrench, p: Numbers) -> State:
-    """Time derivative of the state, driven by a force instead of the thrusters."""
+    """Time derivative of the state, driven by a force; the actuators' memory rests."""
     raise NotImplementedError
 
 

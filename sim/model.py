@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,8 @@ class Model:
     @cached_property
     def delay(self) -> float:
         """How much later all commands act [s]."""
-        return float(self.kernel.module.delay_of(self.kernel.module.unpack(self.theta)))
+        laws = [(a.effect.delay, a.values) for a in self.vessel.effects]
+        return float(sum(law(SimpleNamespace(**values)) for law, values in laws if law))
 
     def replaced(self, **values: float) -> Floats:
         """theta (P,) with some parameters changed, by name (dots as they are, via a dict)."""
@@ -225,9 +227,9 @@ def _surroundings(steps: int, voltage: Floats | None, wind: Floats | None) -> tu
 
 
 def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:
-    """Effects in the order of the catalogue: a file may list them in any."""
+    """Effects in the order of the catalogue, a user's by name: a file may list them in any."""
     place = {effect.name: i for i, effect in enumerate(EFFECTS)}
-    return sorted(added, key=lambda a: place.get(a.effect.name, len(place)))
+    return sorted(added, key=lambda a: (place.get(a.effect.name, len(place)), a.effect.name))
 
 
 def _structure(vessel: Vessel) -> Structure:

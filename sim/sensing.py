@@ -11,6 +11,8 @@ from sim.body import Body, Report
 from sim.jit import jitable
 from sim.state import to_world
 
+ROUNDING = 1e-13  # relative
+
 
 @jitable
 def at_antenna(report: Report, body: Body) -> Report:
@@ -44,3 +46,12 @@ def corrected(guess: Report, measured: Report, predicted: Report) -> Report:
         guess.v_dot + (measured.v_dot - predicted.v_dot),
         guess.r_dot + (measured.r_dot - predicted.r_dot),
     )
+
+
+@jitable
+def agree(a: Report, b: Report) -> bool:
+    """True where two reports differ by no more than rounding (or one of them is not a number)."""
+    alike = True
+    for i in range(len(a)):
+        alike = alike and not abs(a[i] - b[i]) > ROUNDING * (1.0 + abs(a[i]))
+    return alike

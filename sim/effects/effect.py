@@ -19,8 +19,8 @@ effect's parameters by name. An effect acts in one or more places:
 """
 
 import inspect
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from pathlib import PurePath
 from typing import Any
@@ -62,6 +62,14 @@ LAWS = (
 )  # fmt: skip
 
 
+def _source_of(laws: Sequence[Law]) -> str:
+    """Text of the file that the laws stand in; of the laws themselves where there is no file."""
+    try:
+        return inspect.getsource(inspect.getmodule(laws[0]) or laws[0])
+    except (OSError, TypeError):
+        return "\n".join(inspect.getsource(law) for law in laws)
+
+
 @dataclass(frozen=True)
 class Effect:
     """One physical cause: where it acts, its parameters, and what it looks like in the data."""
@@ -84,6 +92,7 @@ class Effect:
     observe: Law | None = None
     rate: Law | None = None
     start: float = 0.0
+    source_code: str = field(init=False, repr=False, compare=False)  # the kernel's name holds it
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(self.parameters))
@@ -91,6 +100,8 @@ class Effect:
             raise ValueError(f"effect name {self.name!r} must be a plain identifier")
         if not self.laws:
             raise ValueError(f"effect {self.name} declares no law: give one of {', '.join(LAWS)}")
+        # read now: should the file change later, these are still the laws that were loaded
+        object.__setattr__(self, "source_code", _source_of(tuple(self.laws.values())))
 
     @property
     def laws(self) -> dict[str, Law]:
@@ -100,12 +111,6 @@ class Effect:
             for f in fields(self)
             if f.name in LAWS and getattr(self, f.name) is not None
         }
-
-    @property
-    def source_code(self) -> str:
-        """Text of the file that the laws stand in: the kernel's name depends on it."""
-        law = next(iter(self.laws.values()))
-        return inspect.getsource(inspect.getmodule(law) or law)
 
     @property
     def explanation(self) -> str:

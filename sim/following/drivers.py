@@ -22,10 +22,11 @@ from sim.composed import (
     unpack,
 )  # fmt: skip
 from sim.drivers import advance, held, report_of, true_motion
+from sim.following.blend import Track, blended, gap, track_of
 from sim.following.law import Gains, reference_rate, wanted_acceleration
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
-from sim.state import Floats, Pose, Velocity, Wrench
+from sim.state import Floats, Pose, Velocity, Wrench, wrap
 
 # -- the text from here on goes into the kernel --
 
@@ -61,22 +62,30 @@ def push(x: State, time: float, inputs: Inputs, tau: Wrench, h: float, p: Number
 @jit
 def pull(
     x: State, ref: Floats, inner: Floats, time: float, h: float, inputs: Inputs, gains: Gains,
-    p: Numbers,
-) -> Wrench:  # fmt: skip
-    """τ_c for a reference row (9,); `inner` (3,), the integral of e, grows by one step h."""
+    allocate: Floats, effect: Floats, low: Floats, high: Floats, p: Numbers,
+) -> tuple[Wrench, bool]:  # fmt: skip
+    """τ_c for a reference row (9,), and whether limits bind.
+
+    `inner` (3,), the integral of e, grows by one step h unless they do.
+    """
     eta_ref, nu_s = Pose(ref[0], ref[1], ref[2]), Velocity(x[3], x[4], x[5])
     nu_ref = reference_rate(
         eta_ref, Velocity(ref[3], ref[4], ref[5]), Pose(x[0], x[1], x[2]), gains
     )
-    inner[0] += h * (nu_ref.u - nu_s.u)
-    inner[1] += h * (nu_ref.v - nu_s.v)
-    inner[2] += h * (nu_ref.r - nu_s.r)
     ref_dot = Velocity(ref[6], ref[7], ref[8])
-    gamma = wanted_acceleration(
-        nu_ref, ref_dot, nu_s, Velocity(inner[0], inner[1], inner[2]), gains
+    grown = Velocity(
+        inner[0] + h * (nu_ref.u - nu_s.u),
+        inner[1] + h * (nu_ref.v - nu_s.v),
+        inner[2] + h * (nu_ref.r - nu_s.r),
     )
-    tau = required(x, gamma.u, gamma.v, gamma.r, time, inputs, p)
-    return Wrench(tau.X, gains.sway * tau.Y, tau.N)
+    gamma = wanted_acceleration(nu_ref, ref_dot, nu_s, grown, gains)
+    wanted = required(x, gamma.u, gamma.v, gamma.r, time, inputs, p)
+    tau, bound = Wrench(wanted.X, gains.sway * wanted.Y, wanted.N), False
+    if len(low) > 0:
+        tau, bound = limited(tau, allocate, effect, low, high)
+    if not bound:
+        inner[0], inner[1], inner[2] = grown.u, grown.v, grown.r
+    return tau, bound
 
 
 @entry
@@ -87,44 +96,42 @@ def follow(
 ) -> None:  # fmt: skip
     """Make the plant follow references (K, 9) at times (K,).
 
-    carry (NX + 13,): plant state, integral of e (3), time and row of the last reference; a NaN
-    time means that nothing was followed yet: the plant starts at the first reference. `jumps`
-    marks references that did not come about by motion (an origin shift): the plant is set anew.
-    allocate (n, 3), effect (3, n), low, high (n,): thrust limits; none where n = 0.
+    carry (NX + 16,): plant state, integral of e (3), τ_c (3), time and row of the last reference;
+    a NaN time means that nothing was followed yet: the plant starts at the first reference.
+    `jumps` marks references that did not come about by motion (an origin shift): the plant is set
+    anew. allocate (n, 3), effect (3, n), low, high (n,): thrust limits; none where n = 0.
     -> shadows (K, 9) pose, velocity, acceleration; forces (K, 3) τ_c; bound (K,) limits binding.
     """
     p = unpack(theta)
     gains = Gains(gains_row[0], gains_row[1], gains_row[2], gains_row[3], gains_row[4])
-    x = state_from(carry)
-    inner, ref = carry[NX : NX + 3].copy(), np.empty(9)
-    last_time, last = carry[NX + 3], carry[NX + 4 : NX + 13].copy()
+    x, ref = state_from(carry), np.empty(9)
+    inner, last, at = carry[NX : NX + 3], carry[NX + 7 : NX + 16], NX + 6
+    tau = Wrench(carry[NX + 3], carry[NX + 4], carry[NX + 5])
     still = np.zeros(64)  # the plant's own thrusters are not what moves it
-    tau = Wrench(0.0, 0.0, 0.0)
     for k in range(len(times)):
         inputs = held(still, voltage[k], wind[k, 0], wind[k, 1])
-        if jumps[k] or not np.isfinite(last_time):
+        if jumps[k] or not np.isfinite(carry[at]):
             for i in range(6):
                 carry[i] = references[k, i]
-            x = state_from(carry)
-            last[:] = references[k]
-            inner[:] = 0.0
-            last_time = times[k]
-        span = times[k] - last_time
+            x = at_rest(state_from(carry), times[k], inputs, p)
+            carry[at], inner[:], last[:] = times[k], 0.0, references[k]
+            tau, bound[k] = pull(
+                x, last, inner, times[k], 0.0, inputs, gains, allocate, effect, low, high, p
+            )
+        span = times[k] - carry[at]
         n = int(np.ceil(span / LONGEST_STEP - 1e-9))
         for j in range(n):
-            h = span / n
-            for i in range(9):
-                ref[i] = last[i] + (j + 0.5) / n * (references[k, i] - last[i])
-            t = last_time + j * h
-            tau = pull(x, ref, inner, t, h, inputs, gains, p)
-            if len(low) > 0:
-                tau, hit = limited(tau, allocate, effect, low, high)
-                bound[k] = bound[k] or hit
+            h, t = span / n, carry[at] + j * (span / n)
+            for i in range(9):  # errors at the start of the step, accelerations over it
+                part = (j + 0.5 * (i > 5)) / n
+                change = references[k, i] - last[i]
+                ref[i] = last[i] + part * (wrap(change) if i == 2 else change)
+            tau, hit = pull(x, ref, inner, t, h, inputs, gains, allocate, effect, low, high, p)
+            bound[k] = bound[k] or hit
             x = push(x, t, inputs, tau, h, p)
         if span > 0.0:
-            last_time = times[k]
-            last[:] = references[k]
-        now = pushed(x, last_time, inputs, tau, p)
+            carry[at], last[:] = times[k], references[k]
+        now = pushed(x, carry[at], inputs, tau, p)
         for i in range(6):
             shadows[k, i] = x[i]
         for i in range(3):
@@ -132,45 +139,77 @@ def follow(
         forces[k, 0], forces[k, 1], forces[k, 2] = tau.X, tau.Y, tau.N
     for i in range(NX):
         carry[i] = x[i]
-    carry[NX : NX + 3] = inner
-    carry[NX + 3] = last_time
-    carry[NX + 4 : NX + 13] = last
+    carry[NX + 3], carry[NX + 4], carry[NX + 5] = tau.X, tau.Y, tau.N
+
+
+@jit
+def set_row(row: Floats, values: State) -> None:
+    """Values into the first places of a row."""
+    for i in range(len(values)):
+        row[i] = values[i]
+
+
+@jit
+def faded(source: Report, carry: Floats, fade: float) -> Report:
+    """The source plus what is left of the last difference; carry as in `refer`."""
+    t = carry[NX] - carry[NX + 2]
+    if t < 40.0 * fade:
+        o = carry[NX + 3 : NX + 12]
+        offset = Track(o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8])
+        return blended(source, offset, t, fade)
+    return source
 
 
 @entry
-def predict(
-    theta: Floats, carry: Floats, times: Floats, anchors: Floats, anchored: NDArray[np.bool_],
+def refer(
+    theta: Floats, carry: Floats, fade: float, times: Floats, estimates: Floats,
+    modelled: NDArray[np.bool_], anchored: NDArray[np.bool_], jumps: NDArray[np.bool_],
     commands: Floats, voltage: Floats, wind: Floats, out: Floats,
 ) -> None:  # fmt: skip
-    """The vessel's own motion under the boat's commands, row by row.
+    """The reference: estimates (K, 9), or where `modelled` the vessel's own motion under commands.
 
-    carry (NX + 1,): state and time, NaN before the start. Where `anchored`, the state is set to
-    the reported motion `anchors` (K, 9), memory kept; else it runs on. commands (K, na) hold over
-    the interval that ends at their row -> out (K, 9) the reported motion.
+    Commands (K, na) hold over the interval that ends at their row. Where `anchored` the model is
+    set to the estimate, its memory kept, and runs on from there. At a hand-over, either way, the
+    reference goes on where it was and the difference fades with the time constant `fade` [s];
+    at `jumps` it is dropped. carry (NX + 21,): state, time, source, time and size (9) of the
+    last difference, last row (9); NaN before the start -> out (K, 9).
     """
     p = unpack(theta)
     for k in range(len(times)):
         inputs = held(commands[k], voltage[k], wind[k, 0], wind[k, 1])
+        e = estimates[k]
+        estimate = Report(e[0], e[1], e[2], e[3], e[4], e[5], e[6], e[7], e[8])
         fresh = not np.isfinite(carry[NX])
+        handed = not fresh and modelled[k] != (carry[NX + 1] > 0.0)
+        if handed and modelled[k]:
+            c = carry[NX + 12 : NX + 21]
+            before = Report(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8])
+            own = report_of(state_from(carry), carry[NX], inputs, p)
+            carry[NX + 2] = carry[NX]
+            set_row(carry[NX + 3 : NX + 12], gap(track_of(before), track_of(own)))
         span = 0.0 if fresh else times[k] - carry[NX]
         if span > 0.0:
             n = int(np.ceil(span / LONGEST_STEP - 1e-9))
-            x = advance(state_from(carry), carry[NX], inputs, span, n, p)
-            for i in range(NX):
-                carry[i] = x[i]
-        if anchored[k] or fresh:
-            a = anchors[k]
-            true = true_motion(Report(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8]), p)
+            set_row(carry, advance(state_from(carry), carry[NX], inputs, span, n, p))
+        carry[NX] = times[k] if fresh else max(carry[NX], times[k])
+        if handed and not modelled[k]:
+            own = faded(report_of(state_from(carry), carry[NX], inputs, p), carry, fade)
+            carry[NX + 2] = carry[NX]
+            set_row(carry[NX + 3 : NX + 12], gap(track_of(own), track_of(estimate)))
+        if anchored[k] or jumps[k] or fresh:
+            true = true_motion(estimate, p)
             carry[0], carry[1], carry[2] = true.north, true.east, true.yaw
             carry[3], carry[4], carry[5] = true.u, true.v, true.r
         if fresh:
-            x = at_rest(state_from(carry), times[k], inputs, p)
-            for i in range(NX):
-                carry[i] = x[i]
-        carry[NX] = times[k] if fresh else max(carry[NX], times[k])
-        said = report_of(state_from(carry), times[k], inputs, p)
-        for i in range(9):
-            out[k, i] = said[i]
+            set_row(carry, at_rest(state_from(carry), times[k], inputs, p))
+        if jumps[k]:
+            carry[NX + 2] = np.nan
+        source = estimate
+        if modelled[k]:
+            source = report_of(state_from(carry), carry[NX], inputs, p)
+        carry[NX + 1] = 1.0 if modelled[k] else 0.0
+        set_row(carry[NX + 12 : NX + 21], faded(source, carry, fade))
+        out[k] = carry[NX + 12 : NX + 21]
 
 
 @entry

@@ -1,0 +1,1 @@
+"""What the follower drives: one plant per file, and one list of them all (`catalogue`)."""

@@ -1,0 +1,86 @@
+"""Vessels for the tests: one of every shape, and the two of the paper (FLU turned into FRD)."""
+
+import numpy as np
+
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Effect
+from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel
+
+IACQUABOT = Vessel(
+    name="IAcquaBot",
+    hull=Hull(1.5, 0.67, 21.0, wind_area=(0.1, 0.3)),
+    dynamics=Dynamics(
+        124.5923, 120.0275, 141.5164,
+        -25.9335, -35.9833, -37.0247, -25.7968, -200.2944, -18.5319,
+    ),
+    thrusters=tuple(
+        Thruster(name, Servo(i + 1), (x, y), (-28.4, 36.4))
+        for i, (name, x, y) in enumerate(
+            [
+                ("front_left", 0.5, -0.335),
+                ("front_right", 0.5, 0.335),
+                ("rear_left", -0.5, -0.335),
+                ("rear_right", -0.5, 0.335),
+            ]
+        )
+    ),
+)  # fmt: skip
+WAMV = Vessel(
+    name="WAM-V",
+    hull=Hull(4.9, 2.3, 180.0, wind_area=(0.8, 1.6)),
+    dynamics=Dynamics(
+        125.9712, 121.4476, 70.5019,
+        -26.5692, -35.8778, -36.4337, -27.4138, -99.1686, -10.6007,
+    ),
+    thrusters=(
+        Thruster("left", Servo(1), (-0.7, -0.7), (-85.0, 90.0)),
+        Thruster("right", Servo(2), (-0.7, 0.7), (-85.0, 90.0)),
+    ),
+)  # fmt: skip
+SLENDER = Dynamics(60.0, 95.0, 30.0, -12.0, -9.0, -40.0, -60.0, -25.0, -15.0)
+CENTRE = Thruster("screw", Servo(1), (-1.0, 0.0), (-60.0, 120.0), curve="quadratic")
+RUDDER_BOAT = Vessel(
+    name="rudder boat",
+    hull=Hull(2.4, 0.8, 45.0, wind_area=(0.2, 0.6)),
+    dynamics=SLENDER,
+    thrusters=(CENTRE,),
+    rudders=(
+        Rudder("rudder", Servo(3), (-1.2, 0.0), (-0.6, 0.6), area=0.02, wash="screw"),
+    ),
+)  # fmt: skip
+STEERED_BOAT = Vessel(
+    name="outboard boat",
+    hull=Hull(2.4, 0.8, 45.0, wind_area=(0.2, 0.6)),
+    dynamics=SLENDER,
+    thrusters=(CENTRE,),
+    rudders=(Rudder("steering", Servo(3), (-1.0, 0.0), (-0.6, 0.6), motor="screw"),),
+)
+ANTENNA = Sensors(antenna=(0.6, -0.3))
+SHAPES = (WAMV, IACQUABOT, RUDDER_BOAT, STEERED_BOAT)
+VALUES = {  # off the neutral value, where `start` is neutral or weak
+    "cubic_drag": {"X_uuu": -8.0},
+    "heading_offset": {"angle": 0.15},
+    "steady_current": {"speed": 0.3, "direction": 1.2},
+}
+
+
+def added(effect: Effect) -> AddedEffect:
+    """An effect with values that make a difference: its start, moved by one scale."""
+    values = {
+        p.name: p.start + p.scale if p.start + p.scale <= p.upper else p.start - p.scale
+        for p in effect.parameters
+    }
+    return AddedEffect(effect, VALUES.get(effect.name, values))
+
+
+def every_effect() -> tuple[AddedEffect, ...]:
+    """The whole catalogue, each with values that make a difference."""
+    return tuple(added(effect) for effect in EFFECTS)
+
+
+def excitation(vessel: Vessel, seconds: float, dt: float, seed: int = 7) -> np.ndarray:
+    """Commands (T, na) in steps of 2 s, ahead more than astern."""
+    rng = np.random.default_rng(seed)
+    count, hold = round(seconds / dt), round(2.0 / dt)
+    levels = rng.uniform(-0.4, 0.9, (count // hold + 1, max(len(vessel.actuators), 1)))
+    return np.repeat(levels, hold, axis=0)[:count]
