@@ -1,7 +1,7 @@
 """The way back of a fixed-interval smoother: what the future says about the past.
 
 Bryson and Frazier's form of the Rauch-Tung-Striebel smoother, modified by Bierman: it carries the
-information of the future as λ (14,) and Λ (14, 14) and needs no inverse of a covariance:
+information of the future as λ (13,) and Λ (13, 13) and needs no inverse of a covariance:
 
     over a reading      λ ← λ − Hᵀ (S⁻¹ y + Kᵀ λ)    Λ ← (I − K H)ᵀ Λ (I − K H) + Hᵀ S⁻¹ H
     over a prediction   λ ← Fᵀ λ                      Λ ← Fᵀ Λ F
@@ -27,7 +27,7 @@ from sim.trial import MOTION
 class Trace(NamedTuple):
     """What the forward pass leaves of each of its n steps.
 
-    x (n, 14), P (n, 14, 14) after the step; F (n, 14, 14), H (n, 2, 14), K (n, 14, 2),
+    x (n, 13), P (n, 13, 13) after the step; F (n, 13, 13), H (n, 2, 13), K (n, 13, 2),
     S_inv (n, 2, 2), y (n, 2), components used (n,), valid (n,)
     """
 
@@ -75,7 +75,7 @@ def keep(trace: Trace, n: int, x: Floats, P: Floats, used: int, valid: int, work
 def smoothed(
     x: Floats, P: Floats, lam: Floats, Lam: Floats, A: Floats, mean: Floats, cov: Floats
 ) -> None:
-    """Filtered x, P and the future's λ, Λ -> motion (9,), covariance (9, 9); A (14, 14) scratch."""
+    """Filtered x, P and the future's λ, Λ -> motion (9,), covariance (9, 9); A (13, 13) scratch."""
     for i in range(MOTION):
         mean[i] = x[i]
         for j in range(STATES):
@@ -94,7 +94,7 @@ def smoothed(
 
 @compiled
 def back_over_reading(trace: Trace, n: int, lam: Floats, Lam: Floats, work: Work) -> None:
-    """λ (14,), Λ (14, 14) before the reading of step n, in place."""
+    """λ (13,), Λ (13, 13) before the reading of step n, in place."""
     H, K, S_inv, y, W = trace.H[n], trace.K[n], trace.S_inv[n], trace.y[n], work.PH
     m = trace.used[n]
     for a in range(m):
@@ -129,7 +129,7 @@ def back_over_reading(trace: Trace, n: int, lam: Floats, Lam: Floats, work: Work
 
 @compiled
 def lower_times(F: Floats, x: Floats) -> None:
-    """x (14,) becomes Fᵀ x in place, last column first: F is that of `motion.transition`."""
+    """x (13,) becomes Fᵀ x in place, last column first: F is that of `motion.transition`."""
     for i in range(State.U_DOT, STATES):
         x[i] *= F[i, i]
     for n in range(len(ROWS) - 1, -1, -1):
@@ -138,7 +138,7 @@ def lower_times(F: Floats, x: Floats) -> None:
 
 @compiled
 def back_over_prediction(F: Floats, lam: Floats, Lam: Floats) -> None:
-    """λ (14,), Λ (14, 14) before a prediction with transition F, in place."""
+    """λ (13,), Λ (13, 13) before a prediction with transition F, in place."""
     lower_times(F, lam)
     for k in range(STATES):
         lower_times(F, Lam[k, :])

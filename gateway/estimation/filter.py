@@ -8,6 +8,7 @@ from gateway.estimation.jit import compiled
 from gateway.estimation.names import KINDS, Flag
 from gateway.estimation.settings import Model
 from gateway.estimation.step import valid
+from gateway.estimation.uncertainty import add_heading_error, heading_slope
 from gateway.estimation.update import Work, new_work
 from sim.state import Floats
 from sim.trial import MOTION
@@ -38,15 +39,16 @@ def admit(history: History, time: float, kind: int, model: Model) -> tuple[int, 
 
 
 @compiled
-def report(history: History, motion: Floats, std: Floats, covariance: Floats) -> int:
+def report(history: History, model: Model, motion: Floats, std: Floats, covariance: Floats) -> int:
     """The newest state into motion (9,), std (9,), covariance (9, 9) or (0, 0); Flag.VALID or 0."""
     here = (history.counts[COUNT] - 1) % len(history.time)
+    x, P = history.x[here], history.P[here]
     for i in range(MOTION):
-        motion[i] = history.x[here, i]
-        std[i] = np.sqrt(history.P[here, i, i])
-    for i in range(len(covariance)):
-        for j in range(MOTION):
-            covariance[i, j] = history.P[here, i, j]
+        motion[i] = x[i]
+        std[i] = np.sqrt(P[i, i] + (model.heading_sigma * heading_slope(i, x)) ** 2)
+    if len(covariance):
+        covariance[:] = P[:MOTION, :MOTION]
+        add_heading_error(x, model.heading_sigma, covariance)
     return valid(history.book[here])
 
 
@@ -82,6 +84,6 @@ def run(
     work = new_work()
     for k in range(len(time)):
         nis, used, flags = one(history, time[k], kind[k], z[k], std[k], model, work)
-        flags |= report(history, out_motion[k], out_std[k], out_covariance[k])
+        flags |= report(history, model, out_motion[k], out_std[k], out_covariance[k])
         out_time[k] = history.time[(history.counts[COUNT] - 1) % len(history.time)]
         out_nis[k], out_used[k], out_flags[k] = nis, used, flags

@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 class History(NamedTuple):
     """Events and the filter after each of them, M slots.
 
-    time (M,) [s], kind (M,), z (M, 2), std (M, 2), x (M, 14), P (M, 14, 14), book (M, 7, 3);
+    time (M,) [s], kind (M,), z (M, 2), std (M, 2), x (M, 13), P (M, 13, 13), book (M, 7, 3);
     counts (2,): events so far with the beginning, events refused in a row
     """
 

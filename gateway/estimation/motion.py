@@ -55,7 +55,7 @@ def axis_noise(dt: float, sigma: float, tau: float, Q: Floats) -> None:
 
 @compiled
 def transition(x: Floats, dt: float, model: Model, F: Floats) -> None:
-    """State (14,) moves on by dt [s] in place; its Jacobian goes into F (14, 14)."""
+    """State (13,) moves on by dt [s] in place; its Jacobian goes into F (13, 13)."""
     F[:] = 0.0
     surge_d, surge_v, surge_a = axis_response(dt, model.surge_tau)
     sway_d, sway_v, sway_a = axis_response(dt, model.sway_tau)
@@ -107,12 +107,11 @@ def _error_rows(F: Floats, dt: float, model: Model) -> None:
     F[State.POSITION_ERROR_EAST, State.POSITION_ERROR_EAST] = position
     F[State.VELOCITY_ERROR_FIRST, State.VELOCITY_ERROR_FIRST] = velocity
     F[State.VELOCITY_ERROR_SECOND, State.VELOCITY_ERROR_SECOND] = velocity
-    F[State.HEADING_ERROR, State.HEADING_ERROR] = np.exp(-dt / model.heading_tau)
 
 
 @compiled
 def add_noise(P: Floats, yaw: float, dt: float, model: Model, Q: Floats) -> None:
-    """Process noise of a step dt [s] at that yaw [rad] added to P (14, 14); Q (3, 3) is scratch."""
+    """Process noise of a step dt [s] at that yaw [rad] added to P (13, 13); Q (3, 3) is scratch."""
     c, s = np.cos(yaw), np.sin(yaw)
     axis_noise(dt, model.surge_sigma, model.surge_tau, Q)
     _add_axis(P, Q, c, s, State.U, State.U_DOT)
@@ -127,7 +126,6 @@ def add_noise(P: Floats, yaw: float, dt: float, model: Model, Q: Floats) -> None
     _add_error_noise(P, State.POSITION_ERROR_EAST, model.position_sigma, dt / model.position_tau)
     _add_error_noise(P, State.VELOCITY_ERROR_FIRST, model.velocity_sigma, dt / model.velocity_tau)
     _add_error_noise(P, State.VELOCITY_ERROR_SECOND, model.velocity_sigma, dt / model.velocity_tau)
-    _add_error_noise(P, State.HEADING_ERROR, model.heading_sigma, dt / model.heading_tau)
 
 
 @compiled
@@ -155,7 +153,7 @@ def _add_error_noise(P: Floats, i: int, sigma: float, steps: float) -> None:
 
 @compiled
 def propagate(P: Floats, F: Floats) -> None:
-    """P (14, 14) becomes F P Fᵀ in place: F is upper triangular and mostly zero."""
+    """P (13, 13) becomes F P Fᵀ in place: F is upper triangular and mostly zero."""
     for k in range(STATES):
         _upper_times(F, P[k, :])
     for k in range(STATES):
@@ -164,7 +162,7 @@ def propagate(P: Floats, F: Floats) -> None:
 
 @compiled
 def _upper_times(F: Floats, x: Floats) -> None:
-    """x (14,) becomes F x in place, top row first: each row needs only rows below it."""
+    """x (13,) becomes F x in place, top row first: each row needs only rows below it."""
     last = -1
     for n in range(len(ROWS)):
         i = ROWS[n]
@@ -178,7 +176,7 @@ def _upper_times(F: Floats, x: Floats) -> None:
 
 @compiled
 def predict(x: Floats, P: Floats, dt: float, model: Model, F: Floats, Q: Floats) -> None:
-    """State (14,) and covariance (14, 14) move on by one step dt [s] in place; F, Q: scratch."""
+    """State (13,) and covariance (13, 13) move on by one step dt [s] in place; F, Q: scratch."""
     yaw = x[State.YAW] + 0.5 * dt * x[State.R] + 0.125 * dt * dt * x[State.R_DOT]
     transition(x, dt, model, F)
     propagate(P, F)

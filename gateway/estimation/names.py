@@ -21,7 +21,6 @@ class State(IntEnum):
     POSITION_ERROR_EAST = 10  # m
     VELOCITY_ERROR_FIRST = 11  # m/s, north; forward where the source reports body velocity
     VELOCITY_ERROR_SECOND = 12  # m/s, east; starboard
-    HEADING_ERROR = 13  # rad
 
 
 STATES = len(State)

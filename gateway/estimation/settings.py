@@ -6,6 +6,7 @@ boat's acceleration is a first-order Gauss-Markov process too (R. A. Singer, IEE
 Aerospace and Electronic Systems, 1970).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -75,7 +76,6 @@ class Model(NamedTuple):
     velocity_sigma: float
     velocity_tau: float
     heading_sigma: float
-    heading_tau: float
     gate_one: float
     gate_two: float
     gated_run: float
@@ -84,9 +84,18 @@ class Model(NamedTuple):
     gap: float
     refused_run: float
     max_step: float
+    gyro_delay: float
     prior_position: float
     prior_speed: float
     prior_yaw_rate: float
+
+
+def gyro_delay_s(cutoff_hz: float) -> float:
+    """Cut-off of the autopilot's gyro filter [Hz] (INS_GYRO_FILTER) -> delay of its yaw rate [s].
+
+    That of a second-order Butterworth low-pass for slow motion. 0 Hz means no filter.
+    """
+    return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -103,8 +112,8 @@ class FilterSettings:
     position_error_tau_s: float = 30.0
     velocity_error_mps: float = 0.03
     velocity_error_tau_s: float = 2.0
-    heading_error_rad: float = 0.02
-    heading_error_tau_s: float = 60.0
+    heading_error_rad: float = 0.02  # slow; see `uncertainty.py`
+    gyro_delay_s: float = 0.056  # see `gyro_delay_s()`: of ArduRover's own default, 4 Hz
     sources: Mapping[str, White] = field(default_factory=lambda: SOURCES)
     gate_probability: float = 0.9999  # share of honest measurements that pass
     gated_in_a_row: int = 10  # so many outliers …
@@ -120,6 +129,8 @@ class FilterSettings:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
+            if name == "gyro_delay_s" and value == 0.0:
+                continue
             if name != "sources" and not 0.0 < value < float("inf"):
                 raise BadInput(f"[filter] {name} = {value}: expected a positive number")
         if self.gate_probability >= 1.0:
@@ -143,7 +154,6 @@ class FilterSettings:
             self.velocity_error_mps,
             self.velocity_error_tau_s,
             self.heading_error_rad,
-            self.heading_error_tau_s,
             float(chi2.ppf(self.gate_probability, 1)),
             float(chi2.ppf(self.gate_probability, 2)),
             float(self.gated_in_a_row),
@@ -152,6 +162,7 @@ class FilterSettings:
             self.gap_s,
             float(self.refused_in_a_row),
             self.max_step_s,
+            self.gyro_delay_s,
             self.prior_position_m,
             self.prior_speed_mps,
             self.prior_yaw_rate_radps,

@@ -25,6 +25,7 @@ from gateway.estimation.names import KINDS, RECORDS, STATES, Flag
 from gateway.estimation.settings import FilterSettings, Model
 from gateway.estimation.step import begin, take_in, valid
 from gateway.estimation.timeline import NO_GRID, Timeline, segments
+from gateway.estimation.uncertainty import add_heading_error
 from gateway.estimation.update import Work, new_work
 from sim.state import Floats
 from sim.trial import MOTION
@@ -92,7 +93,7 @@ def _smooth_segment(
         part = line.cut(slice(starts[n], starts[n] + CHUNK))
         if n < len(starts) - 1:  # the trace of the last chunk is there already
             forward(part, model, x[n], P[n], book[n], trace)
-        backward(part.grid, trace, lam, Lam, mean, covariance, known)
+        backward(part.grid, model, trace, lam, Lam, mean, covariance, known)
     return gated
 
 
@@ -125,6 +126,7 @@ def move(x: Floats, P: Floats, span: float, model: Model, work: Work) -> None:
 @compiled
 def backward(
     grid: Ints,
+    model: Model,
     trace: Trace,
     lam: Floats,
     Lam: Floats,
@@ -138,6 +140,7 @@ def backward(
         row = grid[n]
         if row != NO_GRID:
             smoothed(trace.x[n], trace.P[n], lam, Lam, work.A, mean[row], covariance[row])
+            add_heading_error(mean[row], model.heading_sigma, covariance[row])
             known[row] = trace.valid[n] != 0
         if trace.used[n] > 0:
             back_over_reading(trace, n, lam, Lam, work)

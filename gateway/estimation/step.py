@@ -15,7 +15,7 @@ from gateway.estimation.settings import Model
 from gateway.estimation.update import Work, update, weigh
 from sim.state import Floats, wrap
 
-LOST_YAW = 1.0  # rad: with a worse heading nothing that turns with it can be used
+LOST_YAW = 0.5  # rad: with a worse heading nothing that turns with it can be used
 JUMP_POSITION = 1e3  # m: how far the states open up after a discontinuity
 JUMP_SPEED = 5.0  # m/s
 JUMP_YAW = 3.0  # rad
@@ -30,7 +30,7 @@ VALID, JUMP = int(Flag.VALID), int(Flag.JUMP)
 
 @compiled
 def begin(x: Floats, P: Floats, book: Floats, model: Model) -> None:
-    """State (14,), covariance (14, 14), book (7, 3) become those of a filter that knows nothing."""
+    """State (13,), covariance (13, 13), book (7, 3) become those of a filter that knows nothing."""
     x[:] = 0.0
     P[:] = 0.0
     book[:] = 0.0
@@ -45,7 +45,6 @@ def begin(x: Floats, P: Floats, book: Floats, model: Model) -> None:
     P[State.POSITION_ERROR_EAST, State.POSITION_ERROR_EAST] = model.position_sigma**2
     P[State.VELOCITY_ERROR_FIRST, State.VELOCITY_ERROR_FIRST] = model.velocity_sigma**2
     P[State.VELOCITY_ERROR_SECOND, State.VELOCITY_ERROR_SECOND] = model.velocity_sigma**2
-    P[State.HEADING_ERROR, State.HEADING_ERROR] = model.heading_sigma**2
 
 
 @compiled
@@ -74,17 +73,6 @@ def absurd(kind: int, z: Floats, std: Floats, m: int) -> bool:
         if not (np.isfinite(std[a]) and std[a] > 0.0):
             return True
     return False
-
-
-@compiled
-def poorly_known(P: Floats, std: Floats, model: Model) -> bool:
-    """Whether a reading of velocity is better than the filter's idea of it, by a factor of two.
-
-    Taking the slope against yaw at a velocity that is far off (zero, at the first reading) would
-    make the filter believe that it has learnt the heading.
-    """
-    reading = std[0] ** 2 + std[1] ** 2 + 2.0 * model.velocity_sigma**2
-    return bool(P[State.U, State.U] + P[State.V, State.V] > 4.0 * reading)
 
 
 @compiled
@@ -125,7 +113,7 @@ def take_in(
     work: Work,
 ) -> tuple[float, int, int]:
     """Gates and uses one reading at its time -> NIS, components used (0: none), flags."""
-    m = observe(kind, x, z, poorly_known(P, std, model), work.H, work.y)
+    m = observe(kind, x, z, model.gyro_delay, work.H, work.y)
     if m == 0:
         return 0.0, 0, 0
     if absurd(kind, z, std, m):
@@ -144,7 +132,6 @@ def take_in(
         if not persists(book[kind], time, model):
             return nis, 0, GATED
         open_up(kind, P)
-        observe(kind, x, z, True, work.H, work.y)
         weigh(P, m, work)
         flags |= JUMP
     book[kind, Record.SEEN] = 1.0

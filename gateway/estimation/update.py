@@ -17,7 +17,7 @@ from sim.state import Floats
 class Work(NamedTuple):
     """Scratch of one step, reused so that the loop allocates nothing; also what it leaves behind.
 
-    F (14, 14) transition, H (2, 14), y (2,), S_inv (2, 2), K (14, 2) of the last update
+    F (13, 13) transition, H (2, 13), y (2,), S_inv (2, 2), K (13, 2) of the last update
     """
 
     F: Floats
@@ -49,7 +49,7 @@ def new_work() -> Work:
 
 @compiled
 def times_rows(P: Floats, H: Floats, m: int, out: Floats) -> None:
-    """P (14, 14), H (2, 14) -> P Hᵀ (14, m)."""
+    """P (13, 13), H (2, 13) -> P Hᵀ (13, m)."""
     for i in range(STATES):
         for a in range(m):
             total = 0.0
@@ -81,7 +81,7 @@ def weigh(P: Floats, m: int, work: Work) -> float:
 
 @compiled
 def update(x: Floats, P: Floats, m: int, work: Work) -> None:
-    """State (14,) and covariance (14, 14) take in the innovation that `weigh` left, in place."""
+    """State (13,) and covariance (13, 13) take in the innovation that `weigh` left, in place."""
     K, PH, A = work.K, work.PH, work.A
     for i in range(STATES):
         for a in range(m):

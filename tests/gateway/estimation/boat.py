@@ -84,9 +84,9 @@ def telemetry(
         return gauss_markov(rng, sigma, tau, times)
 
     motion = truth.at(fast)
-    heading = motion[:, 2] + coloured(s.heading_error_rad, s.heading_error_tau_s, fast)
+    heading = motion[:, 2] + coloured(s.heading_error_rad, 100.0, fast)
     heading += white(Kind.YAW, "ATTITUDE", len(fast))
-    rate = motion[:, 5] + white(Kind.YAW_RATE, "ATTITUDE", len(fast))
+    rate = truth.at(fast - s.gyro_delay_s)[:, 5] + white(Kind.YAW_RATE, "ATTITUDE", len(fast))
     motion = truth.at(slow)
     yaw, u, v = motion[:, 2], motion[:, 3], motion[:, 4]
     velocity = np.c_[np.cos(yaw) * u - np.sin(yaw) * v, np.sin(yaw) * u + np.cos(yaw) * v]

@@ -29,15 +29,14 @@ def axes(dt, s):
 
 
 def errors(s):
-    """Std and time constant of the five coloured errors."""
+    """Std and time constant of the four coloured errors."""
     position = (s.position_error_m, s.position_error_tau_s)
     velocity = (s.velocity_error_mps, s.velocity_error_tau_s)
-    heading = (s.heading_error_rad, s.heading_error_tau_s)
-    return np.array([position, position, velocity, velocity, heading])
+    return np.array([position, position, velocity, velocity])
 
 
 def process(x, dt, s):
-    """State (14,) -> state dt later; complex numbers welcome."""
+    """State (13,) -> state dt later; complex numbers welcome."""
     n, e, psi, u, v, r, a, b, c = x[:9]
     (Fu, _), (Fv, _), (Fr, _) = axes(dt, s)
     ahead, u1, a1 = Fu @ [0, u, a]
@@ -65,14 +64,14 @@ def process_noise(x, dt, s):
     return block_diag(motion, np.diag(sigma**2 * (1 - np.exp(-2 * dt / tau))))
 
 
-def reading(kind, x):
-    """State (14,) -> what that kind reads."""
-    n, e, psi, u, v, r, a, b, _, pn, pe, v1, v2, h = x
-    c, s = np.cos(psi), np.sin(psi)
+def reading(kind, x, s):
+    """State (13,) -> what that kind reads."""
+    n, e, psi, u, v, r, a, b, r_dot, pn, pe, v1, v2 = x
+    c, si = np.cos(psi), np.sin(psi)
     return {
-        Kind.YAW: lambda: np.array([psi + h]),
-        Kind.YAW_RATE: lambda: np.array([r]),
-        Kind.VELOCITY: lambda: np.array([c * u - s * v + v1, s * u + c * v + v2]),
+        Kind.YAW: lambda: np.array([psi]),
+        Kind.YAW_RATE: lambda: np.array([r - s.gyro_delay_s * r_dot]),
+        Kind.VELOCITY: lambda: np.array([c * u - si * v + v1, si * u + c * v + v2]),
         Kind.POSITION: lambda: np.array([n + pn, e + pe]),
         Kind.BODY_VELOCITY: lambda: np.array([u + v1, v + v2]),
         Kind.ACCELERATION: lambda: np.array([a - r * v, b + r * u]),
@@ -130,11 +129,10 @@ def run(events: Events, s: FilterSettings) -> Run:
         if kind != Kind.TICK:
             m = 1 if kind in (Kind.YAW, Kind.YAW_RATE) else 2
             ekf.dim_z = m
-            place = slope_at(kind, ekf.x, ekf.P, z, std, s)
             ekf.update(
                 z[:m],
-                lambda x, kind=kind: jacobian(lambda y: reading(kind, y), place),
-                lambda x, kind=kind: reading(kind, x),
+                lambda x, kind=kind: jacobian(lambda y: reading(kind, y, s), x),
+                lambda x, kind=kind: reading(kind, x, s),
                 R=np.diag(std[:m] ** 2),
                 residual=lambda a, b, kind=kind: residual(kind, a, b),
             )
@@ -143,19 +141,18 @@ def run(events: Events, s: FilterSettings) -> Run:
     return Run(*(np.array(column) for column in zip(*out, strict=True)))
 
 
-def slope_at(kind, x, P, z, std, s):
-    """Where to linearise: at the velocity read, where that is known much better."""
-    if kind != Kind.VELOCITY or P[3, 3] + P[4, 4] <= 4 * (std @ std + 2 * s.velocity_error_mps**2):
-        return x
-    turned = x.copy()
-    c, si = np.cos(x[2]), np.sin(x[2])
-    turned[3:5] = np.array([[c, si], [-si, c]]) @ (z - x[11:13])
-    return turned
-
-
 def residual(kind, a, b):
     difference = a - b
     return (difference + np.pi) % (2 * np.pi) - np.pi if kind == Kind.YAW else difference
+
+
+def with_heading_error(x, P, s):
+    """Motion (K, 9), covariance (K, 9, 9) -> the same with an unknown heading error on top."""
+    P = P.copy()
+    for k, (_, _, _, u, v, _, a, b, _) in enumerate(x):
+        slope = s.heading_error_rad * np.array([0, 0, 1, v, -u, 0, b, -a, 0])
+        P[k] += np.outer(slope, slope)
+    return P
 
 
 def random_events(rng: np.random.Generator, count: int, body: bool = False) -> Events:
