@@ -1,0 +1,216 @@
+"""Boat time: none of wrap, reboot, late, duplicate and stepping receipt may corrupt it."""
+
+import numpy as np
+import pytest
+
+from gateway.ingest.clock import BoatClock
+from gateway.ingest.clock_step import Verdict
+from gateway.ingest.mapping.rule import Counter
+
+START = 1_700_000_000_000_000_000
+MS, US, US32, SAMPLE, NONE = (
+    Counter.BOOT_MS,
+    Counter.BOOT_US,
+    Counter.BOOT_US32,
+    Counter.SAMPLE_US,
+    Counter.RECEIPT,
+)
+
+
+class Link:
+    """A clock, and what it says about messages given in seconds."""
+
+    def __init__(self) -> None:
+        self.clock = BoatClock(streams=4)
+
+    def say(
+        self, boot_s: float, receipt_s: float, counter: Counter = MS, stream: int = 0
+    ) -> tuple[float, Verdict]:
+        """Boot time as its counter shows it, and receipt -> vehicle time [s after START]."""
+        wrap = {MS: 2**32 * 1000, US32: 2**32}.get(counter, 2**63)
+        shown = round(boot_s * 1e6) % wrap if counter is not NONE else 0
+        vehicle, verdict = self.clock.stamp(stream, counter, shown, START + round(receipt_s * 1e9))
+        return (vehicle - START) * 1e-9, verdict
+
+    def run(self, boot_s: float, receipt_s: float, seconds: float, step: float = 0.1) -> None:
+        """A steady stream of timed messages."""
+        for t in np.arange(0.0, seconds, step):
+            self.say(boot_s + t, receipt_s + t)
+
+
+def test_vehicle_time_advances_with_boot_time_whatever_the_delay_of_receipt() -> None:
+    link = Link()
+    delays = [0.05, 0.01, 0.4, 0.02, 5.7, 5.6, 0.01]
+    times = [link.say(10.0 + k, k + delay)[0] for k, delay in enumerate(delays)]
+    assert np.diff(times) == pytest.approx(np.ones(6), abs=1e-9)
+
+
+def test_offset_is_the_lower_envelope_not_the_mean() -> None:
+    link = Link()
+    generator = np.random.default_rng(1)
+    delays = 0.2 + generator.exponential(0.5, 200)
+    for k, delay in enumerate(delays):
+        link.say(5.0 + 0.1 * k, 0.1 * k + delay)
+    # Vehicle time started at the first receipt: the offset counts from its delay.
+    assert link.clock.offset_ns * 1e-9 == pytest.approx(delays.min() - delays[0], abs=1e-6)
+    vehicle, _ = link.say(0.0, 40.0, NONE, stream=1)  # long after: nothing near speaks for it
+    assert vehicle == pytest.approx(40.0 - (delays.min() - delays[0]), abs=1e-6)
+
+
+def test_offset_follows_a_drifting_clock() -> None:
+    link = Link()
+    for t in np.arange(0.0, 600.0, 0.5):
+        link.say(5.0 + t, t * (1.0 + 1e-4))
+    assert link.clock.report().offset_s == pytest.approx(0.06, abs=0.01)
+    assert link.clock.report().receive_steps == 0
+
+
+def test_wide_counter_wraps_after_49_days() -> None:
+    link = Link()
+    wrap = 2**32 / 1000.0
+    link.run(wrap - 5.0, 0.0, 10.0)
+    vehicle, verdict = link.say(wrap + 5.0, 10.0)
+    assert vehicle == pytest.approx(10.0, abs=1e-6)
+    assert verdict is Verdict.FRESH
+    assert (link.clock.report().wraps, link.clock.report().reboots) == (1, 0)
+
+
+def test_packet_from_before_the_wrap_that_comes_after_it_is_late_not_new() -> None:
+    link = Link()
+    wrap = 2**32 / 1000.0
+    link.run(wrap - 5.0, 0.0, 10.0)
+    vehicle, verdict = link.say(wrap - 0.05, 10.0)
+    assert vehicle == pytest.approx(4.95, abs=1e-6)
+    assert verdict is Verdict.LATE
+
+
+def test_narrow_counter_wraps_every_71_minutes_and_follows_the_wide_one() -> None:
+    link = Link()
+    wrap = 2**32 * 1e-6
+    for t in np.arange(0.0, 3.0 * wrap, 10.0):
+        link.say(100.0 + t, t)
+        vehicle, _ = link.say(100.0 + t + 0.02, t + 0.03, US32, stream=1)
+        assert vehicle == pytest.approx(t + 0.02, abs=1e-6)
+    assert (link.clock.report().wraps, link.clock.report().reboots) == (3, 0)
+
+
+def test_reboot_opens_a_session_and_time_goes_on() -> None:
+    link = Link()
+    link.run(600.0, 0.0, 10.0)
+    link.run(20.0, 40.0, 10.0)
+    vehicle, verdict = link.say(30.0, 50.0)
+    assert vehicle == pytest.approx(50.0, abs=0.2)
+    assert verdict is Verdict.FRESH
+    report = link.clock.report()
+    assert (report.reboots, report.sessions, link.clock.session) == (1, 2, 1)
+    assert 0 < report.unplaced <= 11  # only the second that confirms it
+
+
+def test_reboot_after_a_month_is_no_wrap() -> None:
+    link = Link()
+    link.run(30 * 86400.0, 0.0, 10.0)
+    link.run(20.0, 40.0, 10.0)
+    report = link.clock.report()
+    assert (report.reboots, report.wraps) == (1, 0)
+
+
+def test_time_goes_on_when_the_receipt_clock_steps_back_over_a_reboot() -> None:
+    link = Link()
+    link.run(600.0, 1000.0, 10.0)
+    before, _ = link.say(610.0, 1010.0)
+    link.run(30.0, 500.0, 10.0)
+    after, _ = link.say(40.0, 510.0)
+    assert after > before
+    assert link.clock.report().reboots == 1
+
+
+@pytest.mark.parametrize("step", [-300.0, -3.0, 120.0])
+def test_step_of_the_receipt_clock_does_not_touch_vehicle_time(step: float) -> None:
+    link = Link()
+    link.run(10.0, 0.0, 20.0)
+    link.run(30.0, 20.0 + step, 20.0)
+    vehicle, verdict = link.say(50.0, 40.0 + step)
+    assert vehicle == pytest.approx(40.0, abs=1e-6)
+    assert verdict is Verdict.FRESH
+    report = link.clock.report()
+    assert (report.receive_steps, report.reboots) == (1, 0)
+    untimed, _ = link.say(0.0, 45.0 + step, NONE, stream=1)
+    assert untimed == pytest.approx(45.0, abs=0.2)
+
+
+def test_one_damaged_counter_is_unplaced_and_opens_nothing() -> None:
+    link = Link()
+    link.run(100.0, 0.0, 10.0)
+    for boot in (5.0, 1.0e6):
+        _, verdict = link.say(boot, 10.0)
+        assert verdict is Verdict.UNPLACED
+        link.run(110.0, 10.05, 2.0)
+    assert link.clock.report().reboots == 0
+    assert link.clock.report().unplaced == 2
+
+
+def test_burst_of_old_packets_is_not_a_reboot() -> None:
+    link = Link()
+    link.run(100.0, 0.0, 30.0)
+    for boot in np.arange(105.0, 112.0, 0.1):
+        link.say(boot, 30.0)
+    assert link.clock.report().reboots == 0
+    assert link.say(130.0, 30.1)[1] is Verdict.FRESH
+
+
+def test_duplicates_are_told_within_their_stream_only() -> None:
+    link = Link()
+    assert link.say(10.0, 0.0)[1] is Verdict.FRESH
+    assert link.say(10.0, 0.1)[1] is Verdict.DUPLICATE
+    assert link.say(10.0, 0.1, stream=1)[1] is Verdict.FRESH
+    link.run(10.1, 0.2, 1.0)
+    assert link.say(10.5, 1.3)[1] is Verdict.DUPLICATE
+    assert link.clock.report().duplicates == 2
+
+
+def test_untimed_message_shares_the_delay_of_its_neighbours() -> None:
+    link = Link()
+    link.run(10.0, 0.0, 5.0)
+    link.say(15.0, 8.0)  # three seconds late
+    vehicle, _ = link.say(0.0, 8.01, NONE, stream=1)
+    assert vehicle == pytest.approx(5.01, abs=1e-6)
+
+
+def test_sample_time_of_a_receiver_that_lost_its_fix_moves_nothing() -> None:
+    link = Link()
+    link.run(100.0, 0.0, 30.0)
+    assert link.say(101.0, 30.0, SAMPLE, stream=2)[1] is Verdict.UNPLACED
+    vehicle, verdict = link.say(129.7, 30.0, SAMPLE, stream=2)
+    assert vehicle == pytest.approx(29.7, abs=1e-6)
+    assert verdict is Verdict.FRESH
+
+
+def test_unix_time_in_a_boot_counter_is_not_taken_for_boot_time() -> None:
+    link = Link()
+    link.run(100.0, 0.0, 10.0)
+    vehicle, _ = link.clock.stamp(1, US, 1_700_000_000_000_000, START + 10_000_000_000)
+    assert (vehicle - START) * 1e-9 == pytest.approx(10.0, abs=0.2)
+
+
+def test_columns_and_single_messages_agree() -> None:
+    generator = np.random.default_rng(7)
+    count = 4000
+    boot = np.cumsum(generator.exponential(0.05, count)) + 4290.0
+    boot[2500:] -= 4200.0  # a reboot
+    receipt = np.cumsum(generator.exponential(0.05, count)) + generator.exponential(0.3, count)
+    receipt[1200:] -= 90.0
+    stream = generator.integers(0, 3, count)
+    counter = np.array([int(MS), int(US32), int(NONE)])[stream]
+    counter_us = np.where(stream == 1, np.round(boot * 1e6) % 2**32, np.round(boot * 1e3) * 1e3)
+    counter_us = np.where(stream == 2, 0, counter_us).astype(np.int64)
+    receive = START + np.round(receipt * 1e9).astype(np.int64)
+    bulk, single = BoatClock(3), BoatClock(3)
+    vehicle, verdict, _ = bulk.stamp_all(stream, counter.astype(np.int64), counter_us, receive)
+    one = [
+        single.stamp(int(s), Counter(int(c)), int(u), int(r))
+        for s, c, u, r in zip(stream, counter, counter_us, receive, strict=True)
+    ]
+    assert [v for v, _ in one] == vehicle.tolist()
+    assert [int(w) for _, w in one] == verdict.tolist()
+    assert bulk.report() == single.report()
+    assert bulk.report().reboots == 1
