@@ -4,11 +4,12 @@ A plug-in registers its `Effect` objects under the entry point group `shadow.eff
 """
 
 import hashlib
-import importlib.util
+import linecache
 import sys
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
 
 from gateway.errors import BadInput
 from sim.effects.catalogue import EFFECTS
@@ -26,23 +27,35 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     """All effects that a Python file defines at its top level, as it stands now."""
     file = Path(path)
     try:
-        text = file.read_bytes()
+        text = file.read_bytes().decode("utf-8")
     except OSError as error:
         raise BadInput(f"{file}: cannot read the effect file: {error.strerror}") from None
-    # the content is in the name: an edited file is another module, and its kernel another kernel
-    name = f"effect_file_{hashlib.sha256(text).hexdigest()[:16]}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, file)
-        if spec is None or spec.loader is None:
-            raise BadInput(f"{file}: not a Python file (.py)")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        try:
-            spec.loader.exec_module(module)
-        except Exception as error:  # whatever a user's file does wrong is one line for its user
-            del sys.modules[name]
-            raise BadInput(f"{file}: {type(error).__name__}: {error}") from None
-    found = tuple(v for v in vars(sys.modules[name]).values() if isinstance(v, Effect))
+    except UnicodeDecodeError:
+        raise BadInput(f"{file}: not a Python file: its text is not UTF-8") from None
+    found = tuple(v for v in vars(_module_of(file, text)).values() if isinstance(v, Effect))
     if not found:
         raise BadInput(f"{file}: defines no Effect (see docs/effects.md for one in twenty lines)")
     return found
+
+
+def _module_of(file: Path, text: str) -> ModuleType:
+    """Run an effect file's text as a module.
+
+    Python's own loader would take stale bytecode for a file edited twice within a second. The
+    content is in the module's name: an edited file is another module, its kernel another kernel.
+    """
+    name = f"effect_file_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    module = ModuleType(name)
+    module.__file__ = str(file)
+    # no time of change: `inspect` and tracebacks quote what was run, not what is there now
+    linecache.cache[str(file)] = (len(text), None, text.splitlines(keepends=True), str(file))
+    sys.modules[name] = module
+    try:
+        exec(compile(text, str(file), "exec"), module.__dict__)
+    except Exception as error:  # whatever a user's file does wrong is one line for its user
+        del sys.modules[name]
+        says = " ".join(str(error).split())
+        raise BadInput(f"{file}: {type(error).__name__}: {says}") from None
+    return module
