@@ -74,7 +74,7 @@ class DataflashLog:
         garbled = int(self.tally[Tally.GARBLED])
         notes = []
         if garbled:
-            notes.append(f"{garbled} messages were refused: bytes are missing inside")
+            notes.append(f"{garbled} message(s) refused: bytes are missing inside")
         if not self.unix_minus_boot_ns:
             notes.append("no GPS time: times count from the boot of the autopilot")
         return Statistics(

@@ -52,6 +52,4 @@ def looks_like(raw: bytes) -> str:
         return "a text file"
     if not raw.strip(b"\0"):
         return "nothing but zeros"
-    if raw[:1] in (b"\xfd", b"\xfe"):
-        return "MAVLink without the time stamps of a .tlog"
     return "unknown binary data"

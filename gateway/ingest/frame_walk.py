@@ -2,9 +2,8 @@
 
 A record of a .tlog is a time stamp (8 bytes, big-endian Unix µs) and one MAVLink frame. A frame is
 accepted when its checksum (CRC-16/MCRF4XX over all but magic, closed by the message's seed) holds.
-Frames that cannot be accepted, an unknown message or a wrong checksum, are stepped over whole only
-where another record or the end follows them; otherwise their length is not believed and the search
-goes on at the next byte.
+An unknown message or a wrong checksum is counted as such where another record or the end follows;
+otherwise its bytes are junk. Its length is never relied on: the search goes on at its next byte.
 
 All compiled functions stand in this one file: numba's cache does not notice changes elsewhere.
 """
@@ -87,9 +86,8 @@ def examine(
         return CUT, length
     number = np.int64(data[at + 5])
     if first == MAGIC_2:
-        number = (
-            np.int64(data[at + 7]) + (np.int64(data[at + 8]) << 8) + (np.int64(data[at + 9]) << 16)
-        )
+        number = np.int64(data[at + 7]) + (np.int64(data[at + 8]) << 8)
+        number += np.int64(data[at + 9]) << 16
     if number >= len(seeds) or seeds[number] < 0 or flags & ~SIGNED:
         return UNKNOWN, length
     expected = np.int64(data[body]) + (np.int64(data[body + 1]) << 8)
@@ -114,35 +112,31 @@ def walk_records(
     # room for as many records as these bytes can hold: growing inside the loop costs half the speed
     offset, count = np.empty(len(data) // SHORTEST_RECORD + 1, np.int64), 0
     tally = np.zeros(4, np.int64)
-    at, done, tail = (
-        np.int64(0),
-        np.int64(0),
-        np.int64(-1),
-    )  # done: end of the last record, tail: a record that the end cuts
+    at = done = np.int64(0)  # done: end of the last record that was counted
+    tail = np.int64(-1)  # where a record begins that the end cuts
     while at + HEAD <= len(data):
         verdict, length = NO_FRAME, np.int64(0)
         if record_starts(data, at):
             verdict, length = examine(data, at + STAMP, len(data), seeds, table)
         end = at + STAMP + length
-        if verdict in (BAD_CHECKSUM, UNKNOWN):
-            if end != len(data) and not record_starts(data, end):
-                verdict = NO_FRAME
-            elif verdict == BAD_CHECKSUM:
-                tally[0] += 1
-            else:
-                tally[1] += 1
-        elif verdict == GOOD:
+        if verdict == GOOD:
             offset[count] = at + STAMP
             count += 1
-        elif verdict == CUT and tail < 0:
-            tail = at
-        if verdict in (NO_FRAME, CUT):
-            at += 1
-        else:
+            tally[2] += max(at - done, 0)
+            at = done = end
+            tail = np.int64(-1)
+            continue
+        refused = verdict in (BAD_CHECKSUM, UNKNOWN)
+        if refused and at >= done and (end == len(data) or record_starts(data, end)):
+            tally[0 if verdict == BAD_CHECKSUM else 1] += 1
             tally[2] += at - done
-            at, done, tail = end, end, -1
+            done = end
+            tail = np.int64(-1)
+        elif verdict == CUT and at >= done and tail < 0:
+            tail = at
+        at += 1  # also inside a refused frame: if its length is wrong, good ones begin there
     if tail < 0:
-        tail = at
+        tail = max(at, done)
     tally[2] += tail - done
     tally[3] = tail < len(data)
     return offset[:count].copy(), tally

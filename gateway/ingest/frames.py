@@ -124,10 +124,16 @@ def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: I
         lost=int(continuity[Continuity.LOST]),
         duplicates=int(continuity[Continuity.DUPLICATES]),
         time_backwards=int(np.count_nonzero(np.diff(times) < 0)),
-        notes=(f"{late} frames came after later ones of their source",) if late else (),
+        notes=(_late(late),) if late else (),
     )
 
 
 def _present(starts: Ints) -> Ints:
     """Message ids of which there is at least one."""
     return np.flatnonzero(np.diff(starts))
+
+
+def _late(count: int) -> str:
+    if count == 1:
+        return "1 frame came after a later one of its source"
+    return f"{count} frames came after later ones of their source"

@@ -4,8 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from gateway.errors import BadInput
+from gateway.ingest.definitions import checksum_seeds
 from gateway.ingest.files import looks_like, read_bytes
+from gateway.ingest.frame_walk import GOOD, checksum_table, examine
 from gateway.ingest.frames import Frames
 from gateway.ingest.log import Statistics, Table
 
@@ -26,6 +30,10 @@ class TlogFile:
     @classmethod
     def from_bytes(cls, raw: bytes, path: str = "tlog") -> "TlogFile":
         """The same from bytes in memory; `path` names them in messages."""
+        if _unstamped(raw):
+            raise BadInput(
+                f"{path} is MAVLink without time stamps: a .tlog has one before each frame"
+            )
         frames = Frames.from_records(raw)
         if not len(frames):
             raise BadInput(
@@ -45,3 +53,14 @@ class TlogFile:
     def table(self, name: str) -> Table:
         """All messages of that name (an empty table where there is none)."""
         return self.frames.table(name)
+
+
+def _unstamped(raw: bytes) -> bool:
+    """Do two good frames stand at the start without a time stamp?"""
+    data, at = np.frombuffer(raw, np.uint8), 0
+    for _ in range(2):
+        verdict, length = examine(data, at, len(data), checksum_seeds(), checksum_table())
+        if verdict != GOOD:
+            return False
+        at += int(length)
+    return True
