@@ -78,7 +78,7 @@ def compare(
     settings: CompareSettings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> list[Comparison]:
-    """All models on one trial, the first giving the ruler; ValueError without usable time."""
+    """All models on one trial, the first giving the ruler; NoUsableTimeError if so."""
     ruler, regimes = Ruler.of(trial, models[0], settings), regimes_of(trial, models[0])
     out = []
     for model in models:

@@ -36,7 +36,7 @@ class Ruler:
 
     @classmethod
     def of(cls, trial: Trial, first: Model, settings: CompareSettings | None = None) -> "Ruler":
-        """From the trial and the first vessel of a comparison; ValueError without usable time."""
+        """From the trial and the first vessel; NoUsableTimeError if nothing can be compared."""
         settings = settings or CompareSettings()
         whole, scales = segments_of(trial, settings), scales_of(trial)
         phi = carried(first, trial, whole)

@@ -14,6 +14,10 @@ SHORTEST_STRETCH = 2.0  # s of usable time that still give a segment
 Ints = NDArray[np.int64]
 
 
+class NoUsableTimeError(ValueError):
+    """The trial has no stretch that a model could be compared over."""
+
+
 @dataclass(frozen=True)
 class Segments:
     """Many moments of a trial from which free runs start.
@@ -34,7 +38,7 @@ class Segments:
 
 
 def segments_of(trial: Trial, settings: CompareSettings) -> Segments:
-    """Segments that lie within one usable stretch each; ValueError if there is none.
+    """Segments that lie within one usable stretch each; NoUsableTimeError if there is none.
 
     A stretch shorter than the horizon gives one segment as long as itself.
     """
@@ -51,7 +55,7 @@ def segments_of(trial: Trial, settings: CompareSettings) -> Segments:
         rows.append(stretch.start + stride * first)
         nodes.append(np.full(len(first), min(room, longest)))
     if not rows:
-        raise ValueError(
+        raise NoUsableTimeError(
             f"{trial.name}: no usable stretch of {SHORTEST_STRETCH:g} s or more to compare over"
         )
     return Segments(np.concatenate(rows), np.concatenate(nodes), stride)

@@ -1,0 +1,1 @@
+"""Pictures of a comparison: figure data as plain values, and what draws them."""

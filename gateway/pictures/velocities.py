@@ -1,0 +1,63 @@
+"""Velocities: measured against the model, running freely for a horizon, or over the whole trial."""
+
+import numpy as np
+
+from gateway.pictures.bins import DEGREES
+from gateway.pictures.figure_data import Axis, FigureData, Line, Panel, Role
+from sim.diagnosis.compare import Comparison
+from sim.diagnosis.prediction import Prediction
+from sim.state import Floats
+from sim.trial import Trial
+
+TIME = Axis("time", "s")
+CHANNELS = (
+    (3, Axis("surge u", "m/s"), 1.0),
+    (4, Axis("sway v", "m/s"), 1.0),
+    (5, Axis("yaw rate r", "°/s"), DEGREES),
+)
+
+
+def horizon_runs(trial: Trial, comparison: Comparison) -> FigureData:
+    """u, v, r measured, and the model started anew from the measurement again and again."""
+    time, model = pieces(trial, comparison.prediction)
+    runs = f"{comparison.vessel}, free for {comparison.ruler.settings.horizon:g} s at a time"
+    return _figure(f"{comparison.log}: velocities, {comparison.vessel}", trial, time, model, runs)
+
+
+def free_run(trial: Trial, comparison: Comparison) -> FigureData:
+    """u, v, r measured, and the model left alone from the start."""
+    run = comparison.free_run
+    time = trial.time[run.start : run.start + len(run.model)]
+    label = f"{comparison.vessel}, left alone" + (" (diverges)" if run.diverged else "")
+    title = f"{comparison.log}: free run, {comparison.vessel}"
+    return _figure(title, trial, time, run.model, label)
+
+
+def _figure(title: str, trial: Trial, time: Floats, model: Floats, label: str) -> FigureData:
+    measured = np.where(trial.usable[:, None], np.hstack([trial.eta, trial.nu]), np.nan)
+    panels = [
+        Panel(
+            TIME,
+            axis,
+            (
+                Line(trial.time, measured[:, i] * factor, Role.MEASURED, "measured"),
+                Line(time, model[:, i] * factor, Role.MODEL, label),
+            ),
+        )
+        for i, axis, factor in CHANNELS
+    ]
+    return FigureData(title, tuple(panels), shared_x=True)
+
+
+def pieces(trial: Trial, prediction: Prediction) -> tuple[Floats, Floats]:
+    """Free runs that follow one another without overlap: time (n,), motion (n, 6), NaN between."""
+    time: list[Floats] = []
+    motion: list[Floats] = []
+    free = -1
+    for row, steps, run in zip(prediction.rows, prediction.steps, prediction.model, strict=True):
+        if row < free:
+            continue
+        free = int(row + steps)
+        time += [trial.time[row : free + 1], trial.time[free : free + 1]]
+        motion += [run[: steps + 1], np.full((1, 6), np.nan)]
+    return np.concatenate(time), np.concatenate(motion)
