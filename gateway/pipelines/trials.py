@@ -84,7 +84,18 @@ def trials_of(
     if not spans:
         raise BadInput(f"{log.path}: no {SHORTEST_S:.0f} s of heading and velocity in one piece")
     names = _names(Path(log.path).stem, len(spans))
-    return [_trial(name, source, span, options) for name, span in zip(names, spans, strict=True)]
+    trials = [_trial(name, source, span, options) for name, span in zip(names, spans, strict=True)]
+    if not options.motion_only and not any(trial.usable.any() for trial in trials):
+        raise BadInput(f"{log.path}: nothing usable in it: {_summary(trials)}")
+    return trials
+
+
+def _summary(trials: Sequence[Trial]) -> str:
+    """What excluded how much: "disarmed 153 s, …"."""
+    lost: dict[str, float] = {}
+    for stretch in (stretch for trial in trials for stretch in trial.excluded):
+        lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
+    return ", ".join(f"{why} {length:.0f} s" for why, length in lost.items())
 
 
 @dataclass(frozen=True)

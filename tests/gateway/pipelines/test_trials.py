@@ -1,0 +1,192 @@
+"""Recordings become trials: motion as it was, commands as they were, stretches with a reason."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput
+from gateway.ingest.open import open_log
+from gateway.pipelines import usable
+from gateway.pipelines.trials import TrialOptions, load_trials, trials_of
+from sim.state import Eta, Nu
+from sim.trial import Trial
+from tests.gateway.ingest.scripted import (
+    Script,
+    attitude,
+    heartbeat,
+    local_position,
+    servo,
+    vfr_hud,
+)
+
+SPEED, RATE = 1.5, 0.1  # m/s, rad/s
+
+
+def circle(
+    script: Script, boot_s: float, receipt_s: float, seconds: float, armed: bool = True
+) -> None:
+    """A steady turn to starboard, told at 10 Hz; velocity from VFR_HUD contradicts it."""
+    for t in np.arange(0.0, seconds, 0.1):
+        boot, receipt, yaw = boot_s + t, receipt_s + t, RATE * t
+        script.send(receipt, attitude(boot, (yaw + np.pi) % (2 * np.pi) - np.pi, RATE))
+        north, east = SPEED / RATE * np.sin(yaw), SPEED / RATE * (1.0 - np.cos(yaw))
+        script.send(
+            receipt,
+            local_position(boot, north, east, SPEED * np.cos(yaw), SPEED * np.sin(yaw)),
+        )
+        script.send(receipt, servo(boot, 1700, 0, 1600))
+        script.send(receipt, vfr_hud(speed=9.0))
+        if round(t * 10) % 10 == 0:
+            script.send(receipt, heartbeat(armed))
+
+
+def one(script: Script, options: TrialOptions | None = None) -> Trial:
+    (trial,) = trials_of(script.log(), options=options)
+    return trial
+
+
+def test_a_steady_turn_is_found_as_it_was() -> None:
+    script = Script()
+    circle(script, 100.0, 0.0, 80.0)
+    trial = one(script)
+    inside = slice(50, -50)
+    assert trial.dt == pytest.approx(0.1)
+    assert trial.nu[inside] == pytest.approx(
+        np.tile([SPEED, 0.0, RATE], (len(trial) - 100, 1)), abs=0.01
+    )
+    assert trial.eta[-1, Eta.YAW] - trial.eta[0, Eta.YAW] == pytest.approx(
+        RATE * trial.time[-1], abs=0.02
+    )
+    assert trial.channels == (1, 3)
+    assert np.nanmin(trial.pwm, axis=0) == pytest.approx([1700.0, 1600.0])
+    assert trial.sources["velocity"] == "LOCAL_POSITION_NED"
+    assert trial.usable[20:-20].all()
+
+
+def test_disarmed_means_no_pulse_and_a_listed_stretch() -> None:
+    script = Script()
+    circle(script, 100.0, 0.0, 20.0, armed=False)
+    circle(script, 120.0, 20.0, 40.0, armed=True)
+    trial = one(script)
+    before = trial.time < 19.0
+    assert not trial.usable[before].any()
+    assert np.isnan(trial.pwm[before]).all()
+    stretch = next(s for s in trial.excluded if s.why == usable.DISARMED)
+    assert (stretch.start, stretch.end) == pytest.approx((0.0, 20.0), abs=0.2)
+
+
+def test_what_excludes_can_be_kept() -> None:
+    script = Script()
+    circle(script, 100.0, 0.0, 20.0, armed=False)
+    kept = TrialOptions(keep=(usable.DISARMED, usable.NO_COMMANDS))
+    assert one(script, kept).usable[20:-20].all()
+    with pytest.raises(BadInput, match="nothing usable in it: disarmed"):
+        trials_of(script.log())
+    with pytest.raises(BadInput, match="cannot keep"):
+        TrialOptions(keep=("the good parts",))
+
+
+def test_a_gap_of_telemetry_is_excluded_and_a_long_one_splits() -> None:
+    script = Script()
+    circle(script, 100.0, 0.0, 20.0)
+    circle(script, 125.0, 25.0, 20.0)
+    trial = one(script)
+    gap = next(s for s in trial.excluded if s.why == usable.GAP)
+    assert (gap.start, gap.end) == pytest.approx((19.9, 25.0), abs=0.21)
+    circle(script, 245.0, 145.0, 20.0)
+    assert [t.name for t in trials_of(script.log())] == ["scripted #1", "scripted #2"]
+
+
+def test_a_reboot_starts_a_trial_of_its_own() -> None:
+    script = Script()
+    circle(script, 600.0, 0.0, 20.0)
+    circle(script, 10.0, 22.0, 20.0)
+    first, second = trials_of(script.log())
+    assert second.start_time_ns > first.start_time_ns + 20_000_000_000
+    assert second.nu[30:-30, Nu.U] == pytest.approx(SPEED, abs=0.01)
+
+
+def test_lying_still_without_thrust_is_not_under_way() -> None:
+    script = Script()
+    circle(script, 100.0, 0.0, 20.0)
+    yaw = (20.0 * RATE + np.pi) % (2 * np.pi) - np.pi
+    for t in np.arange(120.0, 150.0, 0.1):
+        script.send(t - 100.0, attitude(t, yaw))
+        script.send(t - 100.0, local_position(t))
+        script.send(t - 100.0, servo(t, 1500, 0, 1500))
+    assert any(s.why == usable.IDLE and s.end - s.start > 20.0 for s in one(script).excluded)
+
+
+def test_what_is_missing_is_said() -> None:
+    script = Script()
+    for t in np.arange(0.0, 20.0, 0.1):
+        script.send(t, heartbeat())
+        script.send(t, local_position(100.0 + t))
+    with pytest.raises(BadInput, match="no heading in it"):
+        trials_of(script.log())
+    for t in np.arange(20.0, 40.0, 0.1):
+        script.send(t, attitude(100.0 + t))
+        script.send(t, local_position(100.0 + t))
+    with pytest.raises(BadInput, match="no servo outputs in it"):
+        trials_of(script.log())
+    assert len(trials_of(script.log(), options=TrialOptions(motion_only=True))) == 1
+
+
+def test_positions_in_degrees_become_metres_about_their_origin(tmp_path: Path) -> None:
+    rows = [f"{t:.1f},0,{50.0 + 1e-5 * t:.9f},8.0,1600" for t in np.arange(0.0, 30.0, 0.1)]
+    (tmp_path / "run.csv").write_text("t,yaw,lat,lon,left\n" + "\n".join(rows))
+    (tmp_path / "names.toml").write_text(
+        'time = { column = "t", unit = "s" }\n[columns]\n'
+        'yaw = { column = "yaw", unit = "deg" }\n'
+        'latitude = { column = "lat", unit = "deg" }\n'
+        'longitude = { column = "lon", unit = "deg" }\n'
+        'channel_1 = { column = "left", unit = "us" }\n'
+    )
+    (trial,) = load_trials(tmp_path / "run.csv", mapping=tmp_path / "names.toml")
+    assert trial.origin_deg == pytest.approx((50.0, 8.0))
+    assert trial.nu[100:-100, Nu.U] == pytest.approx(1.1123, abs=0.02)
+
+
+def boot_aligned(shared_data: Path, name: str) -> Trial:
+    (trial,) = trials_of(open_log(shared_data / "sitl" / name), options=TrialOptions(rate_hz=20.0))
+    return trial
+
+
+def test_both_logs_of_one_run_give_the_same_velocities(shared_data: Path) -> None:
+    radio, board = (boot_aligned(shared_data, f"otter_calm.{kind}") for kind in ("tlog", "BIN"))
+    first_ms = open_log(shared_data / "sitl" / "otter_calm.tlog").table("LOCAL_POSITION_NED")
+    first_us = open_log(shared_data / "sitl" / "otter_calm.BIN").table("XKF1")
+    starts = first_ms.columns["time_boot_ms"][0] * 1e-3, first_us.columns["TimeUS"][0] * 1e-6
+    moments = board.time + (starts[1] - starts[0])
+    inside = board.usable & (board.time > 5.0) & (board.time < 540.0)
+    for component, limit in ((Nu.U, 0.01), (Nu.V, 0.01), (Nu.R, 0.005)):
+        there = np.interp(moments, radio.time, radio.nu[:, component])
+        apart = (there - board.nu[:, component])[inside]
+        assert np.sqrt(np.mean(apart**2)) < limit, component.name
+        allowed = 3.0 * np.hypot(*(t.std()[:, 3 + component].mean() for t in (radio, board)))
+        assert np.percentile(np.abs(apart), 99) < allowed, component.name
+
+
+USABLE = {
+    "bluerov.tlog": "",
+    "three-sessions-zero-holes-clock-back.tlog": "",
+    "zero-tail.tlog": "",
+    "mavlink1-cut-tail.tlog": "",
+    "mixed-mavlink-1-and-2-one-signed.tlog": "nothing usable in it: disarmed",
+    "cut-inside-a-frame.tlog": "nothing usable in it: disarmed",
+    "bluerov.BIN": "nothing usable in it",
+    "dataflash-dropped-messages.bin": "no servo outputs in it",
+}
+
+
+@pytest.mark.parametrize("name", USABLE)
+def test_every_odd_log_gives_trials_or_says_what_is_missing(shared_data: Path, name: str) -> None:
+    path = shared_data / "odd-logs" / name
+    motion = load_trials(path, options=TrialOptions(motion_only=True))
+    assert all(np.isfinite(trial.nu).all() and np.isfinite(trial.std()).all() for trial in motion)
+    if USABLE[name]:
+        with pytest.raises(BadInput, match=f"{name}: {USABLE[name]}"):
+            load_trials(path)
+    else:
+        assert any(trial.usable.any() for trial in load_trials(path))
