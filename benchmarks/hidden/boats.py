@@ -1,0 +1,160 @@
+"""The fleet: invented and published boats, and the vessel file that describes each exactly."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Hull(NamedTuple):
+    """Size [m], mass [kg], areas above water [m²], inertia and damping (SNAME, negative)."""
+
+    length: float
+    beam: float
+    mass: float
+    frontal: float
+    lateral: float
+    m11: float
+    m22: float
+    m33: float
+    X_u: float
+    X_uu: float
+    Y_v: float
+    Y_vv: float
+    N_r: float
+    N_rr: float
+    x_g: float = 0.0
+
+
+NINE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
+
+
+class Motor(NamedTuple):
+    """A propeller at x ahead, y to starboard [m], on a servo output; thrust [N]."""
+
+    name: str
+    channel: int
+    x: float
+    y: float
+    astern: float
+    ahead: float
+    pulses: tuple[int, int, int] = (1100, 1500, 1900)  # lowest, neutral, highest [µs]
+    reversed: bool = False
+
+    def pulse(self, command: float) -> int:
+        """A command in [−1, 1] -> the pulse that is sent [µs]."""
+        low, neutral, high = self.pulses
+        c = max(-1.0, min(1.0, -command if self.reversed else command))
+        return round(neutral + c * (high - neutral if c > 0.0 else neutral - low))
+
+    def command(self, pulse: int) -> float:
+        """The pulse that was sent [µs] -> the command in [−1, 1] that the motor takes."""
+        low, neutral, high = self.pulses
+        c = (pulse - neutral) / (high - neutral if pulse > neutral else neutral - low)
+        return -c if self.reversed else c
+
+
+@dataclass(frozen=True)
+class Boat:
+    """A boat that steers by differential thrust; `curve` is 1 (thrust ∝ command) or 2 (∝ c |c|)."""
+
+    name: str
+    source: str
+    hull: Hull
+    motors: tuple[Motor, ...]
+    curve: int = 1
+
+    @property
+    def ahead(self) -> float:
+        """Thrust of all motors full ahead [N]."""
+        return sum(motor.ahead for motor in self.motors)
+
+    @property
+    def helm(self) -> float:
+        """How much more than others this boat must steer to turn, 1 … 3."""
+        moment = sum(abs(m.y) * 0.5 * (m.ahead - m.astern) for m in self.motors)
+        return min(max(-self.hull.N_r / moment, 1.0), 3.0)
+
+    def top_speed(self) -> float:
+        """Speed of the plain boat at full throttle [m/s]."""
+        a, b = -self.hull.X_uu, -self.hull.X_u
+        return (-b + math.sqrt(b * b + 4.0 * a * self.ahead)) / (2.0 * a)
+
+    def unstable_above(self) -> float:
+        """Speed above which a straight course is unstable with the helm fixed [m/s]."""
+        h = self.hull
+        if h.m22 <= h.m11:
+            return float("inf")
+        return math.sqrt(h.Y_v * h.N_r / (h.m11 * (h.m22 - h.m11)))
+
+    def misjudged(self, seed: int, share: float = 0.1) -> "Boat":
+        """The same boat with its nine numbers each off by about `share`: a careless vessel file."""
+        rng = np.random.default_rng([seed, 0xBA5E])
+        off = np.exp(share * rng.choice([-1.0, 1.0], 9) * rng.uniform(0.7, 1.3, 9))
+        wrong = {name: getattr(self.hull, name) * off[i] for i, name in enumerate(NINE)}
+        return replace(self, hull=self.hull._replace(**wrong))
+
+
+IACQUABOT = Boat(
+    name="IAcquaBot",
+    source="Saldarriaga-Mesa et al., Robotics 2025, 14(9), 124, Tables 1 and 5",
+    hull=Hull(
+        length=1.5, beam=0.67, mass=21.0, frontal=0.12, lateral=0.3,
+        m11=124.5923, m22=120.0275, m33=141.5164, X_u=-25.9335, X_uu=-35.9833,
+        Y_v=-37.0247, Y_vv=-25.7968, N_r=-200.2944, N_rr=-18.5319,
+    ),
+    motors=(
+        Motor("front_left", 1, 0.5, -0.335, -28.4, 36.4),
+        Motor("front_right", 2, 0.5, 0.335, -28.4, 36.4),
+        Motor("rear_left", 3, -0.5, -0.335, -28.4, 36.4),
+        Motor("rear_right", 4, -0.5, 0.335, -28.4, 36.4),
+    ),
+)  # fmt: skip
+
+WAM_V = Boat(
+    name="WAM-V",
+    source="Saldarriaga-Mesa et al., Robotics 2025, 14(9), 124, Tables 1 and 5",
+    hull=Hull(
+        length=4.9, beam=2.3, mass=180.0, frontal=0.8, lateral=1.6,
+        m11=125.9712, m22=121.4476, m33=70.5019, X_u=-26.5692, X_uu=-35.8778,
+        Y_v=-36.4337, Y_vv=-27.4138, N_r=-99.1686, N_rr=-10.6007,
+    ),
+    motors=(
+        Motor("left", 1, -0.7, -0.7, -85.0, 90.0),
+        Motor("right", 3, -0.7, 0.7, -85.0, 90.0),
+    ),
+)  # fmt: skip
+
+TEAL = Boat(
+    name="Teal",
+    source="invented: a light catamaran of 1.2 m, unstable on course above 1 m/s",
+    hull=Hull(
+        length=1.2, beam=0.8, mass=24.0, frontal=0.1, lateral=0.22,
+        m11=27.0, m22=45.0, m33=6.5, X_u=-6.0, X_uu=-12.0,
+        Y_v=-40.0, Y_vv=-55.0, N_r=-12.0, N_rr=-6.0,
+    ),
+    motors=(
+        Motor("port", 1, -0.45, -0.32, -18.0, 24.0, pulses=(1000, 1500, 2000)),
+        Motor("starboard", 3, -0.45, 0.32, -18.0, 24.0, pulses=(1000, 1500, 2000), reversed=True),
+    ),
+)  # fmt: skip
+
+GREBE = Boat(
+    name="Grebe",
+    source="invented: a catamaran of 1.6 m for the recordings that ship, stable at its speeds",
+    hull=Hull(
+        length=1.6, beam=0.95, mass=38.0, frontal=0.15, lateral=0.35,
+        m11=42.0, m22=52.0, m33=12.0, X_u=-9.0, X_uu=-14.0,
+        Y_v=-90.0, Y_vv=-60.0, N_r=-18.0, N_rr=-14.0,
+    ),
+    motors=(
+        Motor("left", 1, -0.6, -0.4, -26.0, 32.0),
+        Motor("right", 3, -0.6, 0.4, -26.0, 32.0),
+    ),
+)  # fmt: skip
+
+BOATS: Mapping[str, Boat] = {
+    "iacquabot": IACQUABOT, "wam-v": WAM_V, "teal": TEAL, "grebe": GREBE,
+}  # fmt: skip

@@ -1,0 +1,75 @@
+"""Water and air in motion: currents, wind, waves, a force from nowhere."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from benchmarks.hidden.nature import Cause
+from benchmarks.hidden.scene import Push, Scene, Stream
+
+GRAVITY, AIR = 9.81, 1.22  # m/s², kg/m³
+
+
+def steady_current(speed: float, direction: float) -> Cause:
+    """The water moves towards `direction` [rad] at `speed` [m/s]."""
+    north, east = speed * math.cos(direction), speed * math.sin(direction)
+    return Cause(water=lambda time, n, e: Stream(north, east))
+
+
+def varying_current(speed: float, direction: float, period: float, phase: float) -> Cause:
+    """A tide: `speed` sin(2π t/`period` + `phase`), a little skewed by its overtide."""
+    omega = 2.0 * math.pi / period
+
+    def water(time: float, north: float, east: float) -> Stream:
+        a = omega * time + phase
+        flow = speed * (math.sin(a) + 0.08 * math.sin(2.0 * a))
+        change = speed * omega * (math.cos(a) + 0.16 * math.cos(2.0 * a))
+        c, s = math.cos(direction), math.sin(direction)
+        return Stream(flow * c, flow * s, change * c, change * s)
+
+    return Cause(water=water)
+
+
+def steady_wind(speed: float, direction: float) -> Cause:
+    """Wind from `direction` at `speed`: Blendermann's coefficients (Trondheim 1994)."""
+    resistance, cross, shape = 0.6, 0.85, 0.5  # ahead, abeam, cross-force parameter
+
+    def push(s: Scene, thrusts: Sequence[float]) -> Push:
+        ahead, right = s.in_body(-speed * math.cos(direction), -speed * math.sin(direction))
+        ahead, right = ahead - s.over_u, right - s.over_v
+        q = 0.5 * AIR * (ahead**2 + right**2)
+        off_bow = math.atan2(-right, -ahead)  # where it comes from, clockwise from the bow
+        thin = resistance * s.hull.frontal / s.hull.lateral / cross
+        full = 1.0 - 0.5 * shape * (1.0 - thin) * math.sin(2.0 * off_bow) ** 2
+        X = -q * s.hull.frontal * resistance * math.cos(off_bow) / full
+        Y = -q * s.hull.lateral * cross * math.sin(off_bow) / full
+        return Push(X, Y, 0.18 * (math.pi / 2.0 - abs(off_bow)) * s.hull.length * Y)
+
+    return Cause(push=push)
+
+
+def inertial_force(force: float, direction: float) -> Cause:
+    """A force [N] towards `direction`, the same whatever the boat does."""
+    north, east = force * math.cos(direction), force * math.sin(direction)
+    return Cause(push=lambda s, thrusts: Push(*s.in_body(north, east), 0.0))
+
+
+def wave_motion(force: float, omega: float, direction: float, phase: float) -> Cause:
+    """A group of three waves around `omega` [rad/s] that runs towards `direction`."""
+    group = ((0.95, 0.4, 1.3), (1.0, 0.85, 0.0), (1.05, 0.4, -0.7))  # frequency, height, phase
+
+    def push(s: Scene, thrusts: Sequence[float]) -> Push:
+        along = s.north * math.cos(direction) + s.east * math.sin(direction)
+        total = 0.0
+        for share, height, shift in group:
+            w = share * omega
+            angle = w * s.time - w * w / GRAVITY * along + phase + shift
+            total += force * height * math.sin(angle)
+        return Push(*s.in_body(total * math.cos(direction), total * math.sin(direction)), 0.0)
+
+    return Cause(push=push)
+
+
+CAUSES: Mapping[str, Callable[..., Cause]] = {
+    law.__name__: law
+    for law in (steady_current, varying_current, steady_wind, inertial_force, wave_motion)
+}

@@ -1,0 +1,121 @@
+"""The truth: a boat and the causes that act on it, as one differential equation.
+
+State: north, east, yaw, v_north, v_east (over ground, Newton's frame), r, and one shaft speed n
+per motor in shares of full speed. A motor thrusts k n|n|; a command sets n.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from benchmarks.hidden.boats import Boat, Hull, Motor
+from benchmarks.hidden.hull import answer, damping
+from benchmarks.hidden.scene import Push, Report, Scene, Stream
+
+YAW, V_NORTH, V_EAST, R, SHAFTS = 2, 3, 4, 5, 6  # places in the state
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that can be hidden, and where it acts; what is left out does not act."""
+
+    delay: float = 0.0  # s, until the motors hear a command
+    shaft_lag: float = 0.0  # s, until a shaft turns as commanded
+    turned: float = 0.0  # rad, of all motors, clockwise
+    latency: float = 0.0  # s, age of reported position and velocity
+    command: Callable[[list[float]], list[float]] | None = None
+    thrust: Callable[[float, Motor, Scene], float] | None = None
+    water: Callable[[float, float, float], Stream] | None = None  # time, north, east
+    push: Callable[[Scene, Sequence[float]], Push] | None = None  # scene, thrusts
+    hull: Callable[[Hull, float], Hull] | None = None  # hull, time
+    report: Callable[[Report], Report] | None = None
+
+
+class Nature:
+    """A boat among causes: laws only, no state."""
+
+    def __init__(self, boat: Boat, causes: Sequence[Cause] = ()) -> None:
+        self.boat = boat
+        self.delay = sum(c.delay for c in causes)
+        self.shaft_lag = sum(c.shaft_lag for c in causes)
+        self.latency = sum(c.latency for c in causes)
+        self._turned = sum(c.turned for c in causes)
+        self._commands = [c.command for c in causes if c.command]
+        self._thrusts = [c.thrust for c in causes if c.thrust]
+        self._waters = [c.water for c in causes if c.water]
+        self._pushes = [c.push for c in causes if c.push]
+        self._hulls = [c.hull for c in causes if c.hull]
+        self._reports = [c.report for c in causes if c.report]
+
+    def rates(
+        self, time: float, state: list[float], commands: Sequence[float], voltage: float
+    ) -> list[float]:
+        """The derivative of the state at a time [s]: list of 6 + motors."""
+        water = self.water(time, state[0], state[1])
+        scene = self._scene(time, state, water, voltage)
+        targets = self._shaft_speeds(commands)
+        shafts = state[SHAFTS:] if self.shaft_lag else targets
+        push = self._push(scene, shafts)
+        u_dot, v_dot, r_dot = answer(scene.hull, scene.u, scene.v, scene.r, push)
+        forward, starboard = u_dot - scene.r * scene.v, v_dot + scene.r * scene.u
+        c, s = math.cos(state[YAW]), math.sin(state[YAW])
+        lag = self.shaft_lag
+        return [
+            state[V_NORTH],
+            state[V_EAST],
+            state[R],
+            c * forward - s * starboard + water.north_dot,
+            s * forward + c * starboard + water.east_dot,
+            r_dot,
+            *((t - n) / lag if lag else 0.0 for t, n in zip(targets, state[SHAFTS:], strict=True)),
+        ]
+
+    def water(self, time: float, north: float, east: float) -> Stream:
+        """How the water moves there and then."""
+        streams = [water(time, north, east) for water in self._waters]
+        return Stream(*(sum(part) for part in zip(*streams, strict=True))) if streams else STILL
+
+    def reported(self, report: Report) -> Report:
+        """True motion -> motion as the sensors' own errors show it (latency apart)."""
+        for law in self._reports:
+            report = law(report)
+        return report
+
+    def _scene(self, time: float, state: list[float], water: Stream, voltage: float) -> Scene:
+        north, east, yaw, v_north, v_east, r = state[:SHAFTS]
+        hull = self.boat.hull
+        for law in self._hulls:
+            hull = law(hull, time)
+        c, s = math.cos(yaw), math.sin(yaw)
+        over_u, over_v = c * v_north + s * v_east, c * v_east - s * v_north
+        u = over_u - (c * water.north + s * water.east)
+        v = over_v - (c * water.east - s * water.north)
+        return Scene(time, north, east, yaw, u, v, r, over_u, over_v, voltage, hull)
+
+    def _shaft_speeds(self, commands: Sequence[float]) -> list[float]:
+        asked = list(commands)
+        for law in self._commands:
+            asked = law(asked)
+        if self.boat.curve == 2:
+            return asked
+        return [math.copysign(math.sqrt(abs(c)), c) for c in asked]
+
+    def _push(self, scene: Scene, shafts: Sequence[float]) -> Push:
+        thrusts = [self._thrust(n, m, scene) for n, m in zip(shafts, self.boat.motors, strict=True)]
+        pushes = [damping(scene.hull, scene.u, scene.v, scene.r)]
+        pushes += [self._motor(f, m) for f, m in zip(thrusts, self.boat.motors, strict=True)]
+        pushes += [law(scene, thrusts) for law in self._pushes]
+        return Push(*(sum(part) for part in zip(*pushes, strict=True)))
+
+    def _thrust(self, n: float, motor: Motor, scene: Scene) -> float:
+        force = n * abs(n) * (motor.ahead if n > 0.0 else -motor.astern)
+        for law in self._thrusts:
+            force = law(force, motor, scene)
+        return force
+
+    def _motor(self, force: float, motor: Motor) -> Push:
+        X, Y = force * math.cos(self._turned), force * math.sin(self._turned)
+        return Push(X, Y, motor.x * Y - motor.y * X)
+
+
+STILL = Stream(0.0, 0.0)

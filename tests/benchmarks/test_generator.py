@@ -1,0 +1,260 @@
+"""The generator of hidden effects: independent of `sim`, right where it claims to agree with it."""
+
+import ast
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from benchmarks.hidden.boats import BOATS, Boat
+from benchmarks.hidden.causes import KNOWN, UNKNOWN, Hidden, causes_of
+from benchmarks.hidden.missions import PILOTS
+from benchmarks.hidden.nature import Nature
+from benchmarks.hidden.pilots import random_steps
+from benchmarks.hidden.sail import TICK, Truth, sail, ticks_of
+from benchmarks.hidden.scene import Report
+from benchmarks.hidden.talk import MODEST
+from benchmarks.hidden.vessel_toml import vessel_toml
+from benchmarks.hidden.voyage import hidden_of, main, write_voyage
+from gateway.vessel_file import load_vessel
+from sim.model import Model
+
+FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "hidden"
+
+EXAMPLES = {
+    "steady_current": {"speed": 0.3, "direction": 1.0},
+    "varying_current": {"speed": 0.3, "direction": 1.0, "period": 90.0, "phase": 0.4},
+    "steady_wind": {"speed": 8.0, "direction": 2.0},
+    "inertial_force": {"force": 6.0, "direction": -1.0},
+    "wave_motion": {"force": 15.0, "omega": 2.2, "direction": 0.5, "phase": 0.0},
+    "cubic_drag": {"X_uuu": -12.0},
+    "drag_growth": {"rate": 0.02},
+    "payload_change": {"factor": 1.4, "time": 10.0},
+    "cg_offset": {"x_g": -0.15},
+    "cross_damping": {"Y_r": -8.0, "N_v": 6.0},
+    "hull_lift": {"Y_uv": -30.0, "Y_ur": 5.0, "N_uv": 8.0, "N_ur": -5.0},
+    "towed_load": {"drag": 8.0, "x": -0.8},
+    "thruster_lag": {"tau": 0.6},
+    "command_delay": {"delay": 0.33},
+    "thruster_misalignment": {"angle": 0.12},
+    "thruster_deadband": {"width": 0.15},
+    "thrust_curve": {"exponent": 1.4},
+    "actuator_wiring": {},
+    "thruster_imbalance": {"port_gain": 0.85},
+    "reverse_loss": {"factor": 0.6},
+    "thruster_fault": {"channel": 3.0, "gain": 0.6, "time": 10.0},
+    "battery_sag": {"nominal": 17.5},
+    "advance_loss": {"per_mps": 0.2},
+    "astern_stall": {"per_mps": 0.8, "above": 0.1},
+    "heading_offset": {"angle": 0.1},
+    "compass_deviation": {"b": 0.1, "c": -0.05},
+    "antenna_offset": {"x": 0.5, "y": 0.2},
+    "velocity_latency": {"delay": 0.3},
+    "yaw_rate_bias": {"bias": 0.02},
+    "shoal": {"north": 0.0, "east": 0.0, "radius": 8.0, "gain": 1.0},
+    "tether": {"north": 0.0, "east": 0.0, "slack": 1.0, "stiffness": 3.0},
+    "shear_current": {"gradient": 0.02, "north": -10.0},
+    "propeller_walk": {"share": 0.1},
+    "stuttering_motor": {"channel": 1.0, "period": 7.0, "hold": 1.0},
+    "bent_skeg": {"Y_uu": 6.0, "x": -0.7},
+    "resistance_hump": {"height": 10.0, "speed": 1.0, "width": 0.25},
+}
+
+
+def sailed(boat: Boat, seconds: float, *hidden: Hidden, pilot: str = "excitation") -> Truth:
+    """A voyage without noise."""
+    nature = Nature(boat, causes_of(hidden))
+    still = Report(*(np.zeros(ticks_of(seconds)) for _ in range(6)))
+    chosen = PILOTS[pilot](boat, np.random.default_rng(3))
+    return sail(nature, chosen, still, [1.0, -2.0, 0.7], seconds)
+
+
+def in_body(motion: np.ndarray) -> np.ndarray:
+    """North, east, yaw, v_north, v_east, r -> north, east, yaw, u, v, r: (T, 6)."""
+    c, s = np.cos(motion[:, 2]), np.sin(motion[:, 2])
+    u, v = c * motion[:, 3] + s * motion[:, 4], c * motion[:, 4] - s * motion[:, 3]
+    return np.column_stack([motion[:, :3], u, v, motion[:, 5]])
+
+
+def simulated(tmp_path: Path, boat: Boat, truth: Truth, effects: str = "") -> np.ndarray:
+    """The same pulses through `sim` with the boat's vessel file: (T, 6)."""
+    file = tmp_path / "vessel.toml"
+    file.write_text(vessel_toml(boat) + effects, encoding="utf-8")
+    vessel = load_vessel(file)
+    channels = [motor.channel for motor in boat.motors]
+    commands = vessel.commands(channels, truth.pulses.astype(float))
+    start = in_body(truth.motion[:1])[0]
+    states, _ = Model.of(vessel).simulate(commands, TICK, start)
+    return states[0, :-1, :6]
+
+
+def records(file: Path) -> list[tuple[int, Any]]:
+    """Stamp [µs] and message of every frame, decoded by pymavlink; no byte is left over."""
+    data, parser, out = file.read_bytes(), mavlink.MAVLink(None), []
+    at = 0
+    while at < len(data):
+        length = 8 + 12 + data[at + 9]
+        stamp = struct.unpack_from(">Q", data, at)[0]
+        out.append((stamp, parser.decode(bytearray(data[at + 8 : at + length]))))
+        at += length
+    assert at == len(data)
+    return out
+
+
+def test_shares_no_code_with_what_it_tests() -> None:
+    files = sorted(FOLDER.rglob("*.py"))
+    assert len(files) > 10
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not {n.split(".")[0] for n in names} & {"sim", "gateway", "tests"}, file
+
+
+@pytest.mark.parametrize("name", BOATS)
+def test_the_plain_boat_is_exactly_its_vessel_file(name: str, tmp_path: Path) -> None:
+    truth = sailed(BOATS[name], 40.0)
+    assert np.ptp(truth.motion[:, 3:], axis=0).min() > 0.05
+    difference = simulated(tmp_path, BOATS[name], truth) - in_body(truth.motion)
+    assert np.abs(difference).max() < 1e-3
+
+
+def test_a_current_and_cubic_drag_are_those_of_the_catalogue(tmp_path: Path) -> None:
+    current, drag = EXAMPLES["steady_current"], EXAMPLES["cubic_drag"]
+    truth = sailed(
+        BOATS["grebe"], 40.0, Hidden("steady_current", current), Hidden("cubic_drag", drag)
+    )
+    effects = (
+        '\n[[effects]]\ntype = "steady_current"\nspeed = 0.3\ndirection = 1.0\n'
+        '\n[[effects]]\ntype = "cubic_drag"\nX_uuu = -12.0\n'
+    )
+    difference = simulated(tmp_path, BOATS["grebe"], truth, effects) - in_body(truth.motion)
+    assert np.abs(difference).max() < 1e-3
+
+
+def test_only_the_boat_that_should_be_is_unstable() -> None:
+    fast = {name for name, boat in BOATS.items() if boat.unstable_above() < boat.top_speed()}
+    assert fast == {"teal"}
+    assert BOATS["teal"].unstable_above() == pytest.approx(1.0, abs=0.1)
+
+
+def test_every_cause_has_an_example() -> None:
+    assert set(EXAMPLES) == {*KNOWN, *UNKNOWN}
+    assert not set(KNOWN) & set(UNKNOWN)
+    assert len(UNKNOWN) >= 4
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_cause_changes_what_is_reported(name: str) -> None:
+    boat = BOATS["teal"]
+    natures = [Nature(boat), Nature(boat, causes_of([Hidden(name, EXAMPLES[name])]))]
+    still = Report(*(np.zeros(ticks_of(30.0)) for _ in range(6)))
+    plain, moved = (
+        sail(
+            n,
+            random_steps(np.random.default_rng(4), (-0.9, 1.0), 0.4, 31.0),
+            still,
+            [0.0] * 3,
+            30.0,
+        )
+        for n in natures
+    )
+    nature = natures[1]
+    seen = nature.reported(Report(*moved.motion.T))
+    reported = np.column_stack(np.broadcast_arrays(*seen))
+    assert np.abs(reported - plain.motion).max() > 0.01 or nature.latency > 0.0
+    assert np.isfinite(reported).all()
+    assert np.abs(moved.motion[:, 3:5]).max() < 3.0
+
+
+def test_drag_only_takes_energy_out() -> None:
+    boat = BOATS["teal"]
+    nature = Nature(boat)
+    h = boat.hull
+    state = [0.0, 0.0, 0.3, 1.0, -0.4, 0.5, 0.0, 0.0]
+    rates = nature.rates(0.0, state, [0.0, 0.0], 16.0)
+    u, v, r = in_body(np.array([state[:6]]))[0, 3:]
+    c, s = math.cos(0.3), math.sin(0.3)
+    u_dot = c * rates[3] + s * rates[4] + r * v
+    v_dot = c * rates[4] - s * rates[3] - r * u
+    power = h.m11 * u * u_dot + h.m22 * v * v_dot + h.m33 * r * rates[5]
+    loss = (
+        (h.X_u + h.X_uu * abs(u)) * u**2
+        + (h.Y_v + h.Y_vv * abs(v)) * v**2
+        + (h.N_r + h.N_rr * abs(r)) * r**2
+    )
+    assert power == pytest.approx(loss, rel=1e-12)
+
+
+def test_more_steer_turns_to_starboard_and_pulses_know_reversal() -> None:
+    for boat in BOATS.values():
+        for motor in boat.motors:
+            assert motor.command(motor.pulse(0.4)) == pytest.approx(0.4, abs=2e-3)
+            assert (motor.pulse(0.4) < motor.pulses[1]) == motor.reversed
+    circling = sailed(BOATS["teal"], 30.0, pilot="circles")
+    assert circling.motion[-1, 2] > 2.0
+
+
+@pytest.mark.parametrize("pilot", PILOTS)
+def test_every_pilot_keeps_the_boat_moving(pilot: str) -> None:
+    truth = sailed(BOATS["teal"], 60.0, pilot=pilot)
+    speed = np.hypot(truth.motion[:, 3], truth.motion[:, 4])
+    assert speed.mean() > 0.2
+    assert np.ptp(truth.motion[:, 2]) > 0.5
+
+
+def test_a_voyage_is_the_same_bytes_from_the_same_seed(tmp_path: Path) -> None:
+    files = [tmp_path / f"{i}.tlog" for i in range(3)]
+    for file, seed in zip(files, (5, 5, 6), strict=True):
+        write_voyage(file, BOATS["grebe"], [], "excitation", seed, 10.0)
+    first, again, other = (file.read_bytes() for file in files)
+    assert first == again
+    assert first != other
+
+
+def test_what_a_voyage_says(tmp_path: Path) -> None:
+    file = tmp_path / "a.tlog"
+    truth = write_voyage(file, BOATS["teal"], [], "excitation", 7, 60.0, MODEST)
+    said = records(file)
+    stamps = [stamp for stamp, _ in said]
+    assert stamps == sorted(stamps)
+    by: dict[str, list[Any]] = {}
+    for _, message in said:
+        by.setdefault(message.get_type(), []).append(message)
+    for name, rate in MODEST.items():
+        count = sum(m.get_srcSystem() == 1 for m in by[name])
+        assert count == pytest.approx(68.0 * rate, rel=0.05, abs=2)
+    parameters = {m.param_id: m.param_value for m in by["PARAM_VALUE"]}
+    assert (parameters["SERVO1_FUNCTION"], parameters["SERVO3_FUNCTION"]) == (73.0, 74.0)
+    assert (parameters["SERVO1_REVERSED"], parameters["SERVO3_REVERSED"]) == (0.0, 1.0)
+    boat = [m for m in by["HEARTBEAT"] if m.get_srcSystem() == 1]
+    assert {(m.type, m.autopilot) for m in boat} == {(11, 3)}
+    assert sum(m.base_mode >= 128 for m in boat) == pytest.approx(60, abs=1)
+    assert all(m.autopilot == 8 for m in by["HEARTBEAT"] if m.get_srcSystem() == 255)
+    _velocities_are_true_within_the_noise(by, truth)
+
+
+def _velocities_are_true_within_the_noise(by: dict[str, list[Any]], truth: Truth) -> None:
+    armed = next(m.time_boot_ms for m in by["SYSTEM_TIME"])
+    seconds = np.array([m.time_boot_ms for m in by["LOCAL_POSITION_NED"]]) * 1e-3
+    reported = np.array([[m.vx, m.vy] for m in by["LOCAL_POSITION_NED"]])
+    assert armed > 0
+    true = truth.motion[:, 3:5]
+    # the boat's clock is not that of the truth: the streams start 0.25 s after the truth does
+    time = truth.time - truth.time[0] - 0.25
+    since = seconds - seconds[0]
+    error = reported - np.column_stack([np.interp(since, time, c) for c in true.T])
+    assert 0.01 < error.std() < 0.04
+
+
+def test_the_command_line_refuses_what_does_not_exist(tmp_path: Path) -> None:
+    assert hidden_of("thruster_lag:tau=0.5") == Hidden("thruster_lag", {"tau": 0.5})
+    for wrong in ("sea_monster:size=3", "thruster_lag:size=3"):
+        with pytest.raises(SystemExit) as stopped:
+            main([str(tmp_path / "x.tlog"), "--hidden", wrong, "--seconds", "1"])
+        assert stopped.value.code == 2
+        assert not (tmp_path / "x.tlog").exists()
