@@ -1,16 +1,16 @@
 """gateway.toml → one typed, frozen object. Precedence: flag, then file, then default.
 
-    [[boats]]                   one per boat; without any, every boat of the log or link
-    system_id = 1
-    vessel = "wam-v.toml"       relative to this file
-    plant = "otter.toml"        what the follower drives; default: the vessel
-    name = "wam-v"              key on zenoh; default: the vessel's file name
+[[boats]]                   one per boat; without any, every boat of the log or link
+system_id = 1
+vessel = "wam-v.toml"       relative to this file
+plant = "otter.toml"        what the follower drives; default: the vessel
+name = "wam-v"              key on zenoh; default: the vessel's file name
 
-    [links]      endpoints = ["udpin:127.0.0.1:14550"]
-    [filter]     see gateway.estimation.settings
-    [zenoh]      publish, endpoint, config_file
-    [recording]  see gateway.recorder
-    [following]  reference, rate_hz, and the follower's options
+[links]      endpoints = ["udpin:127.0.0.1:14550"]
+[filter]     see gateway.estimation.settings
+[zenoh]      publish, endpoint, config_file
+[recording]  see gateway.recorder
+[following]  reference, rate_hz, and the follower's options
 """
 
 import tomllib

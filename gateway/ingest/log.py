@@ -53,9 +53,20 @@ class Statistics:
 class Log(Protocol):
     """A recording opened for reading."""
 
-    path: str
-    kind: str  # "tlog", "dataflash", "mcap", "csv"
-    statistics: Statistics
+    @property
+    def path(self) -> str:
+        """Where it was opened."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """One of "tlog", "dataflash", "mcap", "csv"."""
+        ...
+
+    @property
+    def statistics(self) -> Statistics:
+        """What was found while reading."""
+        ...
 
     def counts(self) -> Mapping[str, int]:
         """Message name -> number of accepted messages."""

@@ -11,8 +11,8 @@ from gateway.ingest.tlog import TlogFile
 KINDS = "a .tlog, a DataFlash .BIN, an MCAP recording or a .csv table"
 
 
-def open_log(path: str | Path) -> Log:
-    """Any recording that can be read."""
+def open_log(path: str | Path, mapping: str | Path | None = None) -> Log:
+    """Any recording that can be read; `mapping` says what the columns of a .csv mean."""
     raw = read_bytes(path)
     if raw.startswith(MCAP_MAGIC):
         # only where one is opened: the other kinds need not load the mcap library
@@ -22,15 +22,15 @@ def open_log(path: str | Path) -> Log:
     if raw.startswith(DATAFLASH_MAGIC) or _named(path, ".bin"):
         return DataflashLog.from_bytes(raw, str(path))
     if is_text(raw):
-        return _open_text(path)
+        return _open_text(path, mapping)
     return TlogFile.from_bytes(raw, str(path))
 
 
-def _open_text(path: str | Path) -> Log:
+def _open_text(path: str | Path, mapping: str | Path | None) -> Log:
     if _named(path, ".csv"):
         from gateway.ingest.csv_log import CsvLog
 
-        return CsvLog.open(path)
+        return CsvLog.open(path, mapping)
     raise BadInput(f"{path} is a text file: a recording is {KINDS}")
 
 

@@ -4,11 +4,15 @@ Channels, functions, pulse limits and directions come from the parameters. Size,
 cannot be known from a log: they are asked for, and what follows from them is marked as a guess.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
-from gateway.errors import BadInput
-from gateway.ingest.parameters import Actuator, Kind
-from gateway.vessel_file import Provenance
+from gateway.errors import BadInput, ShadowError
+from gateway.ingest.boats import choose_boat
+from gateway.ingest.open import open_log
+from gateway.ingest.parameters import Actuator, Kind, actuators, autopilot_parameters
+from gateway.vessel_file import Provenance, VesselFile, dump_vessel, read_vessel_file
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
 WATER = 1000.0  # kg/m³
@@ -24,6 +28,40 @@ class Size:
     mass: float = 30.0
     thrust: float = 40.0
     top_speed: float = 2.0
+
+
+def init_vessel(
+    log_path: Path,
+    out: Path,
+    name: str | None,
+    given: Mapping[str, float],
+    system: int | None = None,
+    force: bool = False,
+) -> VesselFile:
+    """Write a first vessel file for the boat of a log -> what was written."""
+    for key, value in given.items():
+        if not value > 0.0:
+            raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
+    if out.exists() and not force:
+        raise BadInput(f"{out}: there is such a file: give another name, or --force")
+    log = open_log(log_path)
+    parameters = autopilot_parameters(log, choose_boat(log, system))
+    if not parameters:
+        raise BadInput(
+            f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
+            "them with the ground station, or copy a file from configs/vessels"
+        )
+    try:
+        vessel, provenance = first_vessel(
+            name or log_path.stem, actuators(parameters), Size(**given), frozenset(given)
+        )
+    except BadInput as error:
+        raise BadInput(f"{log_path}: {error}") from None
+    try:
+        out.write_text(dump_vessel(vessel, provenance), encoding="utf-8")
+    except OSError as error:
+        raise ShadowError(f"{out}: cannot write the vessel file: {error.strerror}") from None
+    return read_vessel_file(out)
 
 
 def first_vessel(

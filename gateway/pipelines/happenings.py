@@ -21,9 +21,7 @@ class Watchman:
     modelled: bool = False
     bound: bool = False
 
-    def observe(
-        self, feed: Feed, rows: Rows, out: Shadowing
-    ) -> tuple["Watchman", list[Happening]]:
+    def observe(self, feed: Feed, rows: Rows, out: Shadowing) -> tuple["Watchman", list[Happening]]:
         """A chunk of the path -> how things stand now, and what happened, in order."""
         told: list[Happening] = []
         if not self.started and len(out):
@@ -56,9 +54,7 @@ class Watchman:
 
 
 def _at(out: Shadowing, k: int, kind: str, severity: str, says: str) -> Happening:
-    return Happening(
-        int(out.vehicle_time_ns[k]), int(out.receive_time_ns[k]), kind, severity, says
-    )
+    return Happening(int(out.vehicle_time_ns[k]), int(out.receive_time_ns[k]), kind, severity, says)
 
 
 _Words = dict[bool, tuple[str, str, str]]

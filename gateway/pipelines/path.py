@@ -116,9 +116,7 @@ class ShadowPath:
             state.watch, times, estimate, rows.covariance[chosen], commands, voltage, wind
         )
         watched = replace(watched, missing=np.where(fresh[:, None], watched.missing, np.nan))
-        state = replace(
-            state, reference=referred.state, follower=followed.state, watch=watch_state
-        )
+        state = replace(state, reference=referred.state, follower=followed.state, watch=watch_state)
         return (
             state,
             Shadowing(

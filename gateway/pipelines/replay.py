@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
@@ -50,7 +50,8 @@ class ReplayOptions:
     realtime: bool = False
     system: int | None = None
     name: str | None = None  # key on zenoh; default: the vessel's name in small letters
-    settings: Settings = Settings()
+    mapping: Path | None = None  # of a .csv
+    settings: Settings = field(default_factory=Settings)
 
 
 @dataclass(frozen=True)
@@ -78,16 +79,16 @@ class Material:
     feed: Feed
 
 
-def prepare(log_path: str | Path, system: int | None, settings: Settings) -> Material:
+def prepare(log_path: str | Path, options: ReplayOptions) -> Material:
     """Read, decode, choose the sources."""
-    log = open_log(log_path)
-    decoded = decode(log, choose_boat(log, system))
+    log = open_log(log_path, options.mapping)
+    decoded = decode(log, choose_boat(log, options.system))
     choices = choose(decoded.samples)
     for needed in ("yaw", "velocity"):
         if needed not in choices:
             raise BadInput(f"{log.path}: nothing in it tells {needed}: there is nothing to follow")
     origin = origin_of(decoded, choices)
-    return Material(log, decoded, origin, feed_of(decoded, choices, origin, settings.filter))
+    return Material(log, decoded, origin, feed_of(decoded, choices, origin, options.settings.filter))
 
 
 def replay(
@@ -99,7 +100,7 @@ def replay(
 ) -> ReplaySummary:
     """Run a recording through the shadow; `progress` is told the share done."""
     options = options or ReplayOptions()
-    material = prepare(log_path, options.system, options.settings)
+    material = prepare(log_path, options)
     model = Model.of(vessel)
     following = options.settings.following
     path = ShadowPath(

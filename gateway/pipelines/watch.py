@@ -69,4 +69,6 @@ class Watch:
             self.model.theta, after.bank, after.errors, self.horizons, PREDICTION_EVERY_S, times,
             motion, commands, voltage, wind, errors,
         )  # fmt: skip
-        return after, Watched(missing, spread, commanded, errors.reshape(len(times), -1))
+        return after, Watched(
+            missing, spread, commanded, errors.reshape(len(times), 3 * len(self.horizons))
+        )

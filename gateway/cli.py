@@ -1,0 +1,306 @@
+"""The command line: parse, call, print. The work is done in `gateway.pipelines`.
+
+Human output by default; `--json` prints JSON alone on standard output, progress goes to standard
+error. Exit status 0 done, 1 the work failed, 2 bad input, which gets one line.
+"""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from importlib.metadata import version as installed
+from pathlib import Path
+from typing import Annotated, Any
+
+import orjson
+import typer
+
+from gateway.errors import BadInput, ShadowError
+
+app = typer.Typer(
+    name="shadow",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="The digital shadow of an unmanned boat: is the model of your boat right, and what is "
+    "missing from it when it is not?\n\n"
+    "Start with [bold]shadow demo[/bold]. With a log of your own: [bold]shadow info LOG[/bold], "
+    "[bold]shadow init LOG --out boat.toml[/bold], [bold]shadow replay LOG --vessel boat.toml"
+    "[/bold], [bold]shadow compare LOG --vessel boat.toml[/bold].",
+)
+
+# The commands' modules are imported when they run: `shadow --help` answers at once.
+LogFile = Annotated[
+    Path, typer.Argument(help="A .tlog, DataFlash .BIN, MCAP recording of ours, or mapped .csv.")
+]
+LogFiles = Annotated[
+    list[Path],
+    typer.Argument(help="Recordings: .tlog, DataFlash .BIN, MCAP of ours, or mapped .csv."),
+]
+VesselFile = Annotated[
+    Path, typer.Option("--vessel", "-v", help="Model of the boat (TOML, see configs/vessels).")
+]
+EffectFiles = Annotated[
+    list[Path] | None, typer.Option("--effects", help="Python files with effects of your own.")
+]
+System = Annotated[
+    int | None, typer.Option("--system", help="MAVLink system id, where a log holds several boats.")
+]
+Mapping = Annotated[
+    Path | None, typer.Option("--mapping", help="What the columns of a .csv mean (TOML).")
+]
+Config = Annotated[Path | None, typer.Option("--config", help="gateway.toml.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output.")]
+
+
+@app.command()
+def info(
+    log: LogFile, system: System = None, mapping: Mapping = None, json: AsJson = False
+) -> None:
+    """What is in a recording: vehicles, messages, rates, gaps, sources, what it is good for."""
+    from gateway.ingest.open import open_log
+    from gateway.ingest.survey import survey
+    from gateway.show.survey import show_survey
+
+    found = survey(open_log(log, mapping), system)
+    _print(json, found.as_dict, lambda: show_survey(found))
+
+
+@app.command()
+def init(
+    log: LogFile,
+    out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
+    name: Annotated[str | None, typer.Option(help="Name of the boat.")] = None,
+    length: Annotated[float | None, typer.Option(help="Length [m].")] = None,
+    beam: Annotated[float | None, typer.Option(help="Beam [m].")] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass [kg].")] = None,
+    thrust: Annotated[float | None, typer.Option(help="Full thrust of one motor [N].")] = None,
+    top_speed: Annotated[float | None, typer.Option(help="Top speed [m/s].")] = None,
+    system: System = None,
+    force: Annotated[bool, typer.Option(help="Replace the file if it is there.")] = False,
+) -> None:
+    """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
+    from gateway.pipelines.first_vessel import init_vessel
+    from gateway.show.vessel import show_first_vessel
+
+    asked = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
+    given = {key: value for key, value in asked.items() if value is not None}
+    show_first_vessel(init_vessel(log, out, name, given, system, force), out)
+
+
+@app.command()
+def replay(
+    logs: LogFiles,
+    vessel: VesselFile,
+    plant: Annotated[
+        Path | None, typer.Option(help="What the shadow is played by. Default: the vessel.")
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(help="What the shadow follows: measured, model (prediction) or auto."),
+    ] = None,
+    speed: Annotated[str, typer.Option(help="1: as recorded; max: as fast as it goes.")] = "max",
+    out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
+    record: Annotated[bool, typer.Option(help="Record to MCAP.")] = True,
+    publish: Annotated[bool | None, typer.Option(help="Publish on zenoh.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name on zenoh: shadow/NAME/…")] = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    config: Config = None,
+    json: AsJson = False,
+) -> None:
+    """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
+    from gateway.pipelines import replay as work
+    from gateway.show.replay import replay_dict, show_replay
+
+    settings = _settings(config, reference, publish)
+    if speed not in ("1", "max"):
+        raise BadInput(f"--speed {speed}: expected 1 or max")
+    boat, own = _vessel(vessel, effects), _vessel(plant, effects) if plant else None
+    options = work.ReplayOptions(
+        out if record else None, speed == "1", system, name, mapping, settings
+    )  # fmt: skip
+    for log in logs:
+        with _progress(f"replaying {log.name}") as tell:
+            summary = work.replay(log, boat, own, options, tell)
+        _print(json, partial(replay_dict, summary), partial(show_replay, summary))
+
+
+@app.command()
+def simulate(
+    commands: Annotated[
+        Path, typer.Argument(help="CSV: time [s] and one column per actuator by name, −1 … 1.")
+    ],
+    vessel: VesselFile,
+    follow: Annotated[
+        Path | None, typer.Option("--follow", help="A second vessel that follows the first.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
+    effects: EffectFiles = None,
+    config: Config = None,
+) -> None:
+    """Commands in, motion out, as a recording; with --follow a second vessel moves as the first."""
+    from gateway.pipelines.simulate import simulate as work
+    from gateway.show.replay import show_simulated
+
+    follower = _vessel(follow, effects) if follow else None
+    options = _settings(config, None, None).following.follower
+    show_simulated(work(commands, _vessel(vessel, effects), follower, out, options=options))
+
+
+@app.command()
+def compare(
+    logs: LogFiles,
+    vessel: Annotated[
+        list[Path],
+        typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
+    ],
+    horizon: Annotated[float, typer.Option(help="How long the model runs freely [s].")] = 10.0,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG) of errors and tracks.")
+    ] = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
+) -> None:
+    """How far is the model from the measurement, beside the noise floor, and where is it worst."""
+    from gateway.pipelines.compare import as_json, compare_logs
+    from gateway.show.compare import show_comparisons
+    from gateway.show.progress import status
+    from sim.diagnosis.settings import CompareSettings
+
+    try:
+        settings = CompareSettings(horizon=horizon)
+    except ValueError as error:
+        raise BadInput(f"--horizon: {error}") from None
+    with status("comparing") as tell:
+        found = compare_logs(
+            logs, vessel, settings, system=system, mapping=mapping, effects=_effects(effects),
+            pictures=pictures, progress=tell,
+        )  # fmt: skip
+    _print(json, lambda: as_json(found), lambda: show_comparisons(found, pictures))
+
+
+@app.command(name="effects")
+def show_effects(
+    name: Annotated[str | None, typer.Argument(help="One effect, explained.")] = None,
+    effects: EffectFiles = None,
+) -> None:
+    """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
+    from gateway.effect_files import known_effects
+    from gateway.show.effects import show_catalogue, show_effect
+
+    known = [*known_effects(), *_effects(effects)]
+    if name is None:
+        show_catalogue(known)
+        return
+    chosen = [effect for effect in known if effect.name == name]
+    if not chosen:
+        raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
+    show_effect(chosen[0])
+
+
+@app.command(name="config")
+def show_config(config: Config = None, json: AsJson = False) -> None:
+    """The resolved configuration: gateway.toml over the defaults."""
+    import tomli_w
+
+    from gateway.config import as_tables
+
+    tables = as_tables(_settings(config, None, None))
+    _print(json, lambda: tables, lambda: print(tomli_w.dumps(tables), end=""))
+
+
+@app.command()
+def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> None:
+    """Make a recording whole that was cut off (power, kill): rewritten in one piece."""
+    from gateway.recording import repair as work
+
+    done = work(file)
+    state = "was whole already" if done.was_finished else f"made whole: {done.messages} messages"
+    print(f"{done.path}: {state}")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path("shadow-out/demo"),
+) -> None:
+    """The whole story on recordings that ship: replay, record, publish, compare. Offline."""
+    from gateway.pipelines.demo import run_demo
+
+    run_demo(out)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"shadow-gateway {installed('shadow-gateway')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+def _vessel(path: Path, effects: list[Path] | None) -> Any:
+    from gateway.vessel_file import load_vessel
+
+    return load_vessel(path, _effects(effects))
+
+
+def _effects(files: list[Path] | None) -> list[Any]:
+    from gateway.effect_files import load_effects
+
+    return [effect for file in files or [] for effect in load_effects(file)]
+
+
+def _settings(config: Path | None, reference: str | None, publish: bool | None) -> Any:
+    """The configuration file with what the flags say on top."""
+    from gateway.config import load_settings
+    from sim.following.reference import Mode
+
+    settings = load_settings(config)
+    if reference is not None:
+        if reference not in set(Mode):
+            raise BadInput(f"--reference {reference}: expected {', '.join(Mode)}")
+        following = replace(settings.following, reference=Mode(reference))
+        settings = replace(settings, following=following)
+    if publish is not None:
+        settings = replace(settings, zenoh=replace(settings.zenoh, publish=publish))
+    return settings
+
+
+def _progress(what: str) -> Any:
+    from gateway.show.progress import progress
+
+    return progress(what)
+
+
+def _print(json: bool, as_dict: Callable[[], Any], show: Callable[[], None]) -> None:
+    """One of the two forms of a result, on standard output."""
+    if json:
+        options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
+        sys.stdout.buffer.write(orjson.dumps(as_dict(), option=options))
+    else:
+        show()
+
+
+def main() -> None:
+    """Entry point of `shadow`: one line and an exit status for everything that goes wrong."""
+    try:
+        app()
+    except ShadowError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(error.exit_status)
+    except BrokenPipeError:
+        sys.exit(0)  # whoever read our output has seen enough
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)

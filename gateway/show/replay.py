@@ -1,0 +1,67 @@
+"""What a replay or a simulation did."""
+
+import math
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from gateway.pipelines.replay import ReplaySummary
+from gateway.pipelines.simulate import Simulated
+
+CHANNELS = ("x", "y", "psi", "u", "v", "r")
+UNITS = ("m", "m", "°", "m/s", "m/s", "°/s")
+
+
+def replay_dict(summary: ReplaySummary) -> dict[str, Any]:
+    """What `shadow replay --json` prints, SI units and radians."""
+    return {
+        "log": summary.log,
+        "boat": summary.boat,
+        "seconds": summary.seconds,
+        "rows": summary.rows,
+        "wall_seconds": summary.wall_seconds,
+        "following_rmse": dict(zip(CHANNELS, summary.rmse.tolist(), strict=True)),
+        "missing_force_rms": dict(zip("XYN", summary.missing.tolist(), strict=True)),
+        "events": summary.events,
+        "recordings": [str(path) for path in summary.recordings],
+    }
+
+
+def show_replay(summary: ReplaySummary) -> None:
+    """A short table, and where the recording is."""
+    out = Console()
+    rate = summary.seconds / max(summary.wall_seconds, 1e-9)
+    out.print(
+        f"[bold]{summary.log}[/bold]: {summary.boat}, {summary.seconds:.0f} s in "
+        f"{summary.wall_seconds:.1f} s ({rate:.0f} × real time), {summary.rows} rows, "
+        f"{summary.events} events"
+    )
+    table = Table("", *CHANNELS, title="shadow − boat while telemetry was fresh, RMSE")
+    degrees = [math.degrees(x) if "°" in u else x for x, u in zip(summary.rmse, UNITS, strict=True)]
+    table.add_row("", *(f"{value:.3g} {unit}" for value, unit in zip(degrees, UNITS, strict=True)))
+    out.print(table)
+    X, Y, N = summary.missing
+    out.print(
+        f"missing force, root mean square: {X:.3g} N ahead, {Y:.3g} N to starboard, {N:.3g} N m: "
+        "what the vessel would need on top of its thrusters to move as measured"
+    )
+    for path in summary.recordings:
+        out.print(f"recorded: {path}")
+
+
+def show_simulated(result: Simulated) -> None:
+    """How far it went, how well the follower followed, where the recording is."""
+    out = Console()
+    last = result.motion[-1]
+    out.print(
+        f"{result.time[-1]:.0f} s simulated; at the end {last[0]:.1f} m north, {last[1]:.1f} m "
+        f"east, {last[3]:.2f} m/s ahead"
+    )
+    if result.follower is not None:
+        off = ((result.follower - result.motion)[:, 3:6] ** 2).mean(axis=0) ** 0.5
+        out.print(
+            f"follower − vessel, RMSE: {off[0]:.4f} m/s, {off[1]:.4f} m/s, "
+            f"{math.degrees(off[2]):.3f} °/s"
+        )
+    out.print(f"recorded: {result.recording}")

@@ -1,0 +1,66 @@
+"""What `shadow info` shows of a recording."""
+
+import math
+
+from rich.console import Console
+from rich.table import Table
+
+from gateway.ingest.survey import BoatSurvey, Survey
+
+
+def show_survey(found: Survey) -> None:
+    """The recording, its boats, its messages."""
+    out, s = Console(), found.statistics
+    out.print(
+        f"[bold]{found.path}[/bold]: {found.kind}, {s.size_bytes / 1e6:.2f} MB, "
+        f"{found.seconds:.0f} s, {s.accepted} messages"
+    )
+    odd = {
+        "bad checksum": s.bad_checksum, "junk bytes": s.junk_bytes, "signed": s.signed,
+        "unknown messages": s.unknown_messages, "lost": s.lost, "duplicates": s.duplicates,
+        "clock steps back": s.time_backwards, "cut at the end": int(s.truncated_tail),
+    }  # fmt: skip
+    counted = ", ".join(f"{name} {count}" for name, count in odd.items() if count)
+    out.print(f"odd: {counted or 'nothing'}")
+    if s.mavlink1 or s.mavlink2:
+        out.print(f"MAVLink 1: {s.mavlink1}, MAVLink 2: {s.mavlink2}")
+    for note in s.notes:
+        out.print(f"note: {note}")
+    for boat in found.boats:
+        _show_boat(out, boat)
+    if not found.boats:
+        out.print("no boat in it: nobody but ground stations spoke, or nobody said what it is")
+    _show_messages(out, found)
+
+
+def _show_boat(out: Console, one: BoatSurvey) -> None:
+    clock = one.clock
+    out.print(f"\n[bold]{one.boat}[/bold] {one.firmware}: {one.seconds:.0f} s")
+    out.print(
+        f"clock: {clock.sessions} boot sessions, {clock.reboots} reboots, {clock.wraps} wraps, "
+        f"{clock.late} late, {clock.duplicates} duplicates, {clock.receive_steps} steps of the "
+        f"receiver's clock, delays spread over {clock.spread_s * 1000:.0f} ms"
+    )
+    table = Table("quantity", "source", "rate", "longest gap", "why", title="sources chosen")
+    for quantity, choice in one.sources.items():
+        gap = "" if math.isinf(choice.longest_gap_s) else f"{choice.longest_gap_s:.1f} s"
+        table.add_row(quantity, choice.source, f"{choice.rate_hz:.1f} Hz", gap, choice.why)
+    out.print(table)
+    for actuator in one.actuators:
+        low, neutral, high = actuator.pwm
+        turned = ", reversed" if actuator.reversed else ""
+        out.print(
+            f"servo {actuator.channel}: {actuator.kind.value}, "
+            f"{low:.0f} – {neutral:.0f} – {high:.0f} µs{turned}"
+        )
+    for line in one.good_for:
+        out.print(f"• {line}", highlight=False)
+
+
+def _show_messages(out: Console, found: Survey) -> None:
+    table = Table("message", "count", "rate", "longest gap", title="messages")
+    for name, message in found.messages.items():
+        table.add_row(
+            name, str(message.count), f"{message.rate_hz:.1f} Hz", f"{message.longest_gap_s:.1f} s"
+        )
+    out.print(table)
