@@ -160,7 +160,7 @@ def test_both_logs_of_one_run_give_the_same_velocities(shared_data: Path) -> Non
     starts = first_ms.columns["time_boot_ms"][0] * 1e-3, first_us.columns["TimeUS"][0] * 1e-6
     moments = board.time + (starts[1] - starts[0])
     inside = board.usable & (board.time > 5.0) & (board.time < 540.0)
-    for component, limit in ((Nu.U, 0.01), (Nu.V, 0.01), (Nu.R, 0.005)):
+    for component, limit in ((Nu.U, 0.003), (Nu.V, 0.003), (Nu.R, 0.001)):
         there = np.interp(moments, radio.time, radio.nu[:, component])
         apart = (there - board.nu[:, component])[inside]
         assert np.sqrt(np.mean(apart**2)) < limit, component.name
