@@ -42,23 +42,25 @@ FIELD_OF_KIND = {
     Kind.ACCELERATION: "acceleration_mps2",
 }
 
+# White parts on top of the coloured errors below. An autopilot's filter gives smooth outputs; the
+# values are several times what ArduRover shows in simulation, whose sensors are clean.
 SOURCES: Mapping[str, White] = {
-    "ATTITUDE": White(yaw_rad=0.002, yaw_rate_radps=0.005),
-    "ATTITUDE_QUATERNION": White(yaw_rad=0.002, yaw_rate_radps=0.005),
-    "LOCAL_POSITION_NED": White(velocity_mps=0.02, position_m=0.03),
-    "ODOMETRY": White(yaw_rad=0.002, velocity_mps=0.02, body_velocity_mps=0.02, position_m=0.03),
-    "GLOBAL_POSITION_INT": White(yaw_rad=0.005, velocity_mps=0.03, position_m=0.05),
-    "GPS_RAW_INT": White(velocity_mps=0.15, position_m=0.5),
-    "VFR_HUD": White(yaw_rad=0.01, velocity_mps=0.05, body_velocity_mps=0.1),
-    "RAW_IMU": White(yaw_rate_radps=0.01),
-    "SCALED_IMU": White(yaw_rate_radps=0.01),
-    "SCALED_IMU2": White(yaw_rate_radps=0.01),
-    "SCALED_IMU3": White(yaw_rate_radps=0.01),
-    "HIGHRES_IMU": White(yaw_rate_radps=0.01),
-    "XKF1": White(yaw_rad=0.002, velocity_mps=0.02, position_m=0.03),
-    "ATT": White(yaw_rad=0.002),
-    "IMU": White(yaw_rate_radps=0.01),
-    "GPS": White(velocity_mps=0.15, position_m=0.5),
+    "ATTITUDE": White(yaw_rad=0.001, yaw_rate_radps=0.006),
+    "ATTITUDE_QUATERNION": White(yaw_rad=0.001, yaw_rate_radps=0.006),
+    "LOCAL_POSITION_NED": White(velocity_mps=0.015, position_m=0.02),
+    "ODOMETRY": White(yaw_rad=0.001, velocity_mps=0.015, body_velocity_mps=0.015, position_m=0.02),
+    "GLOBAL_POSITION_INT": White(yaw_rad=0.005, velocity_mps=0.015, position_m=0.02),
+    "GPS_RAW_INT": White(velocity_mps=0.1, position_m=0.3),
+    "VFR_HUD": White(yaw_rad=0.01, velocity_mps=0.03, body_velocity_mps=0.1),
+    "RAW_IMU": White(yaw_rate_radps=0.006),
+    "SCALED_IMU": White(yaw_rate_radps=0.006),
+    "SCALED_IMU2": White(yaw_rate_radps=0.006),
+    "SCALED_IMU3": White(yaw_rate_radps=0.006),
+    "HIGHRES_IMU": White(yaw_rate_radps=0.006),
+    "XKF1": White(yaw_rad=0.001, velocity_mps=0.015, position_m=0.02),
+    "ATT": White(yaw_rad=0.001),
+    "IMU": White(yaw_rate_radps=0.006),
+    "GPS": White(velocity_mps=0.1, position_m=0.3),
 }
 
 
@@ -102,20 +104,20 @@ def gyro_delay_s(cutoff_hz: float) -> float:
 class FilterSettings:
     """Table `[filter]` of gateway.toml."""
 
-    surge_acceleration_mps2: float = 0.4
-    surge_tau_s: float = 1.5
-    sway_acceleration_mps2: float = 0.4
-    sway_tau_s: float = 1.5
+    surge_acceleration_mps2: float = 0.6
+    surge_tau_s: float = 1.0
+    sway_acceleration_mps2: float = 0.3
+    sway_tau_s: float = 1.0
     yaw_acceleration_radps2: float = 0.4
     yaw_tau_s: float = 0.7
     position_error_m: float = 0.5
-    position_error_tau_s: float = 30.0
+    position_error_tau_s: float = 60.0
     velocity_error_mps: float = 0.03
     velocity_error_tau_s: float = 2.0
     heading_error_rad: float = 0.02  # slow; see `uncertainty.py`
     gyro_delay_s: float = 0.056  # see `gyro_delay_s()`: of ArduRover's own default, 4 Hz
     sources: Mapping[str, White] = field(default_factory=lambda: SOURCES)
-    gate_probability: float = 0.9999  # share of honest measurements that pass
+    gate_probability: float = 0.999999  # share of honest measurements that pass
     gated_in_a_row: int = 10  # so many outliers …
     gated_for_s: float = 1.0  # … over so long are a discontinuity of the source
     max_late_s: float = 1.0  # later events are refused

@@ -2,7 +2,8 @@
 
 A reading that fails the gate again and again, for long enough, is a discontinuity of its source
 (a yaw reset, a lane switch, a shifted origin) and not motion: the states it reads are opened up by
-added noise, and the reading taken in.
+added noise, and the reading taken in. A gyro has no discontinuities: when a few of its readings in
+a row fail, the boat has begun to turn faster than was assumed, and the turn is taken in.
 """
 
 import numpy as np
@@ -20,6 +21,7 @@ JUMP_POSITION = 1e3  # m: how far the states open up after a discontinuity
 JUMP_SPEED = 5.0  # m/s
 JUMP_YAW = 3.0  # rad
 JUMP_YAW_RATE = 2.0  # rad/s
+TURN_RUN = 2  # gated yaw rates in a row that are a turn
 
 # No boat reads more than this: rad, rad/s, m/s, m, m/s, m/s² by kind.
 ABSURD = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0, 200.0])
@@ -76,12 +78,13 @@ def absurd(kind: int, z: Floats, std: Floats, m: int) -> bool:
 
 
 @compiled
-def open_up(kind: int, P: Floats) -> None:
-    """Adds the noise of a discontinuity to the states that this kind reads."""
+def open_up(kind: int, since: float, P: Floats) -> None:
+    """Adds the noise of a discontinuity, gated for `since` [s], to the states that a kind reads."""
     if kind == Kind.YAW:
         P[State.YAW, State.YAW] += JUMP_YAW**2
     elif kind == Kind.YAW_RATE:
         P[State.R, State.R] += JUMP_YAW_RATE**2
+        P[State.YAW, State.YAW] += (JUMP_YAW_RATE * since) ** 2
     elif kind == Kind.POSITION:
         P[State.NORTH, State.NORTH] += JUMP_POSITION**2
         P[State.EAST, State.EAST] += JUMP_POSITION**2
@@ -91,11 +94,13 @@ def open_up(kind: int, P: Floats) -> None:
 
 
 @compiled
-def persists(record: Floats, time: float, model: Model) -> bool:
+def persists(kind: int, record: Floats, time: float, model: Model) -> bool:
     """Counts one more outlier of a kind; whether it is a discontinuity by now."""
     if record[Record.GATED_RUN] == 0.0:
         record[Record.GATED_SINCE] = time
     record[Record.GATED_RUN] += 1.0
+    if kind == Kind.YAW_RATE:
+        return bool(record[Record.GATED_RUN] >= TURN_RUN)
     long_enough = time - record[Record.GATED_SINCE] >= model.gated_for
     return bool(long_enough and record[Record.GATED_RUN] >= model.gated_run)
 
@@ -129,9 +134,9 @@ def take_in(
     nis = weigh(P, m, work)
     flags = USED
     if nis > (model.gate_one if m == 1 else model.gate_two) and book[kind, Record.SEEN] > 0.0:
-        if not persists(book[kind], time, model):
+        if not persists(kind, book[kind], time, model):
             return nis, 0, GATED
-        open_up(kind, P)
+        open_up(kind, time - book[kind, Record.GATED_SINCE], P)
         weigh(P, m, work)
         flags |= JUMP
     book[kind, Record.SEEN] = 1.0

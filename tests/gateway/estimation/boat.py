@@ -84,7 +84,7 @@ def telemetry(
         return gauss_markov(rng, sigma, tau, times)
 
     motion = truth.at(fast)
-    heading = motion[:, 2] + coloured(s.heading_error_rad, 100.0, fast)
+    heading = motion[:, 2] + s.heading_error_rad * rng.standard_normal()
     heading += white(Kind.YAW, "ATTITUDE", len(fast))
     rate = truth.at(fast - s.gyro_delay_s)[:, 5] + white(Kind.YAW_RATE, "ATTITUDE", len(fast))
     motion = truth.at(slow)
