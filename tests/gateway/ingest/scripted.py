@@ -54,6 +54,12 @@ def servo(boot_s: float, *pulses: int, port: int = 0) -> Any:
     )
 
 
+def gps(boot_s: float, fix: int) -> Any:
+    return dialect.MAVLink_gps_raw_int_message(
+        round(boot_s * 1e6), fix, 634470000, 104000000, 0, 1, 1, 65535, 65535, 9
+    )
+
+
 def vfr_hud(speed: float = 1.0, heading_deg: int = 90) -> Any:
     return dialect.MAVLink_vfr_hud_message(0.0, speed, heading_deg, 0, 0.0, 0.0)
 

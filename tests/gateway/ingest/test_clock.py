@@ -188,7 +188,8 @@ def test_sample_time_of_a_receiver_that_lost_its_fix_moves_nothing() -> None:
 def test_unix_time_in_a_boot_counter_is_not_taken_for_boot_time() -> None:
     link = Link()
     link.run(100.0, 0.0, 10.0)
-    vehicle, _ = link.clock.stamp(1, US, 1_700_000_000_000_000, START + 10_000_000_000)
+    vehicle, verdict = link.clock.stamp(1, US, 1_700_000_000_000_000, START + 10_000_000_000)
+    assert verdict is Verdict.FRESH
     assert (vehicle - START) * 1e-9 == pytest.approx(10.0, abs=0.2)
 
 

@@ -228,8 +228,8 @@ def test_rows_of_other_systems_and_components_are_not_mixed_in() -> None:
     for k in range(20):
         script.send(0.1 * k, heartbeat())
         script.send(0.1 * k, attitude(5.0 + 0.1 * k, yaw=1.0))
-        script.send(0.1 * k, attitude(900.0 + 0.1 * k, yaw=2.0), component=191)
-        script.send(0.1 * k, attitude(3.0 + 0.1 * k, yaw=3.0), system=2)
+        script.send(0.1 * k, attitude(5.05 + 0.1 * k, yaw=2.0), component=191)
+        script.send(0.1 * k, attitude(5.02 + 0.1 * k, yaw=3.0), system=2)
     log = script.log()
     decoded: Decoded = decode(log, choose_boat(log))
     (yaw,) = decoded.of(Quantity.YAW)

@@ -14,6 +14,7 @@ from sim.trial import Trial
 from tests.gateway.ingest.scripted import (
     Script,
     attitude,
+    gps,
     heartbeat,
     local_position,
     servo,
@@ -116,6 +117,15 @@ def test_lying_still_without_thrust_is_not_under_way() -> None:
         script.send(t - 100.0, local_position(t))
         script.send(t - 100.0, servo(t, 1500, 0, 1500))
     assert any(s.why == usable.IDLE and s.end - s.start > 20.0 for s in one(script).excluded)
+
+
+def test_without_a_fix_nothing_is_usable() -> None:
+    script = Script()
+    for start, fix in ((0.0, 2), (20.0, 3)):
+        script.send(start, gps(100.0 + start, fix))
+        circle(script, 100.0 + start, start, 20.0)
+    stretches = [s for s in one(script).excluded if s.why == usable.NO_FIX]
+    assert [(s.start, s.end) for s in stretches] == [pytest.approx((0.0, 20.0), abs=0.2)]
 
 
 def test_what_is_missing_is_said() -> None:
