@@ -7,7 +7,8 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
 from gateway.errors import BadInput, ShadowError
@@ -40,6 +41,9 @@ LOOKS = {
     "svg.fonttype": "path",
     "svg.hashsalt": "shadow",
 }
+COMPASS = [
+    f"{45 * k}\n{name}" for k, name in enumerate(("N", "NE", "E", "SE", "S", "SW", "W", "NW", "N"))
+]
 COLOURS = LinearSegmentedColormap.from_list("little_to_much", LITTLE_TO_MUCH)
 WIDTH, ROW, STRIP_ROW, MAP_ROW = 10.0, 2.3, 1.35, 5.0  # inches
 
@@ -81,6 +85,7 @@ def draw(figure: FigureData) -> Figure:
     if figure.shared_x:
         for ax in axes[: -figure.columns]:
             ax.set_xlabel("")
+    _strip_scale(canvas, figure)
     _captions(canvas, figure)
     return canvas
 
@@ -91,6 +96,14 @@ def _height(panel: Panel) -> float:
     if any(isinstance(mark, Strip) for mark in panel.marks):
         return STRIP_ROW
     return 3.6 if panel.names else ROW
+
+
+def _strip_scale(canvas: Figure, figure: FigureData) -> None:
+    """One colour scale for all strips: they share it."""
+    strips = [mark for panel in figure.panels for mark in panel.marks if isinstance(mark, Strip)]
+    if strips:
+        cells = ScalarMappable(Normalize(0.0, strips[0].highest), COLOURS)
+        canvas.colorbar(cells, ax=canvas.axes, label=strips[0].scale.text, aspect=40, pad=0.01)
 
 
 def _captions(canvas: Figure, figure: FigureData) -> None:
@@ -111,7 +124,7 @@ def _panel(panel: Panel, ax: Any) -> None:
     for mark in panel.marks:
         add(mark, ax)
     if panel.equal:
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_aspect("equal", adjustable="box")
     if panel.names:
         ax.set_xticks(range(len(panel.names)), panel.names)
         ax.set_xlim(-0.6, max(len(panel.names) - 0.4, 2.6))
@@ -119,7 +132,7 @@ def _panel(panel: Panel, ax: Any) -> None:
     elif not panel.equal:
         ax.margins(x=0.01)
     if panel.x.label == "heading":
-        ax.set_xticks(range(0, 361, 45))
+        ax.set_xticks(range(0, 361, 45), COMPASS)
         ax.set_xlim(0.0, 360.0)
 
 
@@ -140,7 +153,7 @@ def _(mark: Coloured, ax: Any) -> None:
     top = float(np.quantile(mark.value, 0.99)) if len(mark.value) else 1.0
     points = ax.scatter(
         mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=COLOURS, vmin=0.0,
-        vmax=max(top, 1e-9), linewidths=0, rasterized=True,
+        vmax=max(top, 1e-9), linewidths=0, rasterized=True, zorder=3,
     )  # fmt: skip
     ax.figure.colorbar(points, ax=ax, label=mark.scale.text, shrink=0.7, extend="max")
 
@@ -160,14 +173,13 @@ def _(mark: Bars, ax: Any) -> None:
 def _(mark: Strip, ax: Any) -> None:
     for k in range(len(mark.start)):  # bins need not touch: one without data leaves a gap
         edges = [mark.start[k], mark.end[k]]
-        cells = ax.pcolormesh(
+        ax.pcolormesh(
             edges, np.arange(len(mark.rows) + 1) - 0.5, mark.value[:, k : k + 1],
             cmap=COLOURS, vmin=0.0, vmax=mark.highest,
         )  # fmt: skip
     ax.set_yticks(range(len(mark.rows)), mark.rows)
     ax.invert_yaxis()
     ax.grid(visible=False)
-    ax.figure.colorbar(cells, ax=ax, label=mark.scale.label + f"\n[{mark.scale.unit}]")
 
 
 @add.register
@@ -182,7 +194,7 @@ def _(mark: Dots, ax: Any) -> None:
 @add.register
 def _(mark: Band, ax: Any) -> None:
     ax.fill_between(
-        mark.x, mark.low, mark.high, color=COLOUR[mark.role], alpha=0.3, linewidth=0,
+        mark.x, mark.low, mark.high, color=COLOUR[mark.role], alpha=0.12, linewidth=0,
         label=mark.label or None,
     )  # fmt: skip
 

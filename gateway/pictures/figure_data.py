@@ -14,6 +14,7 @@ class Role(Enum):
     SHADOW = "shadow"
     ERROR = "error"
     FLOOR = "noise floor"
+    INTERVAL = "interval"
     CONTEXT = "context"
 
 

@@ -7,7 +7,8 @@ COLOUR = {
     Role.MODEL: "#D55E00",  # vermilion
     Role.SHADOW: "#009E73",  # bluish green
     Role.ERROR: "#CC79A7",  # reddish purple
-    Role.FLOOR: "#E69F00",  # orange
+    Role.FLOOR: "#000000",  # black: lies on bars of any colour
+    Role.INTERVAL: "#000000",
     Role.CONTEXT: "#767676",  # grey, 4.5 : 1 on white
 }
 

@@ -17,8 +17,8 @@ def vessels(comparisons: Sequence[Comparison]) -> FigureData:
     interval = np.array([c.nrmse_ci95 or (c.nrmse, c.nrmse) for c in comparisons])
     floor = comparisons[0].noise_floor_nrmse
     marks: tuple[Mark, ...] = (
-        Bars(x - 0.35, x + 0.35, height, Role.MODEL, "error of the model"),
-        Dots(x, height, interval[:, 0], interval[:, 1], Role.CONTEXT, "95 % interval"),
+        Bars(x - 0.25, x + 0.25, height, Role.MODEL, "error of the model"),
+        Dots(x, height, interval[:, 0], interval[:, 1], Role.INTERVAL, "95 % interval"),
         Level(floor, Role.FLOOR, "noise floor: what a perfect model would show"),
     )
     names = tuple(c.vessel for c in comparisons)

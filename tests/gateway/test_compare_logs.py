@@ -1,0 +1,66 @@
+"""Logs and vessel files -> comparisons: what is read, what is left out, what is refused."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput
+from gateway.pipelines.compare import as_json, compare_logs, told_apart
+from sim.trial import Stretch
+from tests.sim.diagnosis.voyages import WAM_V, simulated
+
+
+@pytest.fixture
+def logs(monkeypatch):
+    """A log of two trials, of which one was never armed; and a log of only that."""
+    good = simulated(WAM_V, 60.0)
+    idle = replace(
+        good, name="idle", usable=np.zeros(len(good), bool),
+        excluded=(Stretch(0.0, 60.0, "disarmed"),),
+    )  # fmt: skip
+    trials = {"both.tlog": [good, idle], "idle.tlog": [idle]}
+    monkeypatch.setattr("gateway.pipelines.compare.load_trials", lambda log, *_: trials[log])
+
+
+def test_one_entry_per_trial_and_vessel(logs):
+    said = []
+    found = compare_logs(["both.tlog"], [WAM_V, replace(WAM_V, name="other")], progress=said.append)
+    assert [(c.log, c.vessel) for c in found] == [("voyage", "plain"), ("voyage", "other")]
+    assert any("left out, idle: no usable stretch" in line for line in said)
+    assert len(json.loads(json.dumps(as_json(found), allow_nan=False))["trials"]) == 2
+
+
+def test_a_log_without_usable_time_is_bad_input_with_the_reason(logs):
+    with pytest.raises(BadInput, match=r"idle\.tlog: no stretch .*disarmed 60 s"):
+        compare_logs(["idle.tlog"], [WAM_V])
+
+
+def test_nothing_given_is_bad_input():
+    with pytest.raises(BadInput, match="at least one recording"):
+        compare_logs([], [WAM_V])
+
+
+def test_vessels_of_one_name_are_told_apart():
+    names = [v.name for v in told_apart([WAM_V, replace(WAM_V, name="b"), WAM_V])]
+    assert names == ["plain (#1)", "b", "plain (#3)"]
+
+
+def test_pictures_go_into_the_folder(logs, tmp_path):
+    compare_logs(["both.tlog"], [WAM_V], pictures=tmp_path / "pictures")
+    assert {p.name for p in (tmp_path / "pictures").iterdir()} == {
+        f"voyage-plain-{name}.png"
+        for name in ("velocities", "free-run", "track", "shares", "strips", "missing-force")
+    }
+
+
+def test_a_log_of_an_autopilot(shared_data):
+    """The same voyage as telemetry and as flash log: the same error, well above the noise."""
+    vessel = Path(__file__).parents[2] / "configs" / "vessels" / "otter.toml"
+    files = [shared_data / "sitl" / f"otter_calm.{kind}" for kind in ("tlog", "BIN")]
+    tlog, flash = compare_logs(files, [vessel])
+    assert tlog.nrmse == pytest.approx(flash.nrmse, rel=0.1)
+    assert tlog.noise_floor_nrmse < 0.5 * tlog.nrmse
+    assert tlog.scores.r2["u"] > 0.9
