@@ -1,7 +1,7 @@
 """How far models are from the measurement: a table, and the worst regimes in words."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -31,29 +31,25 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
 
 
 def _table(found: Sequence[Comparison]) -> Table:
-    table = Table(title="measured − model", title_justify="left")
-    for name in ("recording", "vessel", "nrmse", "95 %", "floor", "u", "v", "r", "free run u, v, r"):
-        table.add_column(name, justify="left" if name in ("recording", "vessel") else "right")
+    table = Table(title="measured − model, RMSE", title_justify="left")
+    for name in ("recording", "vessel", "run"):
+        table.add_column(name, overflow="fold")
+    for name in ("u m/s", "v m/s", "r °/s", "nrmse", "floor"):
+        table.add_column(name, justify="right", no_wrap=True)
     for c in found:
-        interval = "" if c.nrmse_ci95 is None else f"{c.nrmse_ci95[0]:.3f}–{c.nrmse_ci95[1]:.3f}"
+        interval = "" if c.nrmse_ci95 is None else f" {c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f}"
         table.add_row(
-            f"{c.log}, {c.seconds:.0f} s", c.vessel, f"{c.nrmse:.3f}", interval,
-            f"{c.noise_floor_nrmse:.3f}", *_errors(c.scores.rmse), _free_run(c),
+            f"{c.log}, {c.seconds:.0f} s", c.vessel, f"{c.ruler.settings.horizon:g} s",
+            *_errors(c.scores.rmse), f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}",
         )  # fmt: skip
+        table.add_row("", "", "free", *_free_run(c), end_section=True)
     return table
 
 
-def _errors(rmse: object) -> tuple[str, str, str]:
-    values = dict(rmse)  # type: ignore[call-overload]
-    return (
-        f"{values['u']:.3f} m/s",
-        f"{values['v']:.3f} m/s",
-        f"{math.degrees(values['r']):.2f} °/s",
-    )
+def _errors(rmse: Mapping[str, float]) -> tuple[str, str, str]:
+    return f"{rmse['u']:.3f}", f"{rmse['v']:.3f}", f"{math.degrees(rmse['r']):.2f}"
 
 
-def _free_run(c: Comparison) -> str:
-    free = c.free_run.as_dict()
-    if "rmse" not in free or "u" not in free["rmse"]:
-        return "diverged"
-    return ", ".join(_errors(free["rmse"]))
+def _free_run(c: Comparison) -> tuple[str, ...]:
+    rmse = c.free_run.as_dict().get("rmse", {})
+    return _errors(rmse) if "u" in rmse else ("diverged", "", "")

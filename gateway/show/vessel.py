@@ -5,14 +5,15 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from gateway.vessel_file import VesselFile
+from gateway.vessel_file import RudderTable, ThrusterTable, VesselFile
 
 
 def show_first_vessel(made: VesselFile, out: Path) -> None:
     """Actuators found, numbers assumed, what to do next."""
     console = Console()
     table = Table("actuator", "channel", "pwm [µs]", title=f"{made.name}: outputs that move it")
-    for part in (*made.thrusters, *made.rudders):
+    parts: list[ThrusterTable | RudderTable] = [*made.thrusters, *made.rudders]
+    for part in parts:
         pulses = " – ".join(f"{p:.0f}" for p in part.pwm)
         table.add_row(part.name, str(part.channel), pulses + (" reversed" * part.reversed))
     console.print(table)
