@@ -216,6 +216,18 @@ def test_a_voyage_is_the_same_bytes_from_the_same_seed(tmp_path: Path) -> None:
     assert first != other
 
 
+def test_a_voyage_does_not_hang_on_the_last_bit_of_a_sine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [tmp_path / "a.tlog", tmp_path / "b.tlog"]
+    write_voyage(files[0], BOATS["teal"], [], "survey", 5, 40.0)
+    for name in ("sin", "cos", "sqrt"):
+        exact = getattr(math, name)
+        monkeypatch.setattr(math, name, lambda x, f=exact: math.nextafter(f(x), 2.0))
+    write_voyage(files[1], BOATS["teal"], [], "survey", 5, 40.0)
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
 def test_what_a_voyage_says(tmp_path: Path) -> None:
     file = tmp_path / "a.tlog"
     truth = write_voyage(file, BOATS["teal"], [], "excitation", 7, 60.0, MODEST)
@@ -239,10 +251,8 @@ def test_what_a_voyage_says(tmp_path: Path) -> None:
 
 
 def _velocities_are_true_within_the_noise(by: dict[str, list[Any]], truth: Truth) -> None:
-    armed = next(m.time_boot_ms for m in by["SYSTEM_TIME"])
     seconds = np.array([m.time_boot_ms for m in by["LOCAL_POSITION_NED"]]) * 1e-3
     reported = np.array([[m.vx, m.vy] for m in by["LOCAL_POSITION_NED"]])
-    assert armed > 0
     true = truth.motion[:, 3:5]
     # the boat's clock is not that of the truth: the streams start 0.25 s after the truth does
     time = truth.time - truth.time[0] - 0.25
