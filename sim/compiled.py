@@ -113,7 +113,7 @@ def _as_it_is(function: Callable[..., Any]) -> Any:
 
 
 def _compiles(kernel: ModuleType, s: Structure, parameters: int) -> str | None:
-    """Compile the dynamics once -> None, or the first line of what numba could not do."""
+    """Compile the dynamics once -> None, or what numba could not do, and where."""
     na = max(s.thrusters + len(s.rudders), 1)
     try:
         kernel.rollout(
@@ -123,8 +123,16 @@ def _compiles(kernel: ModuleType, s: Structure, parameters: int) -> str | None:
             np.zeros((1, 1, s.nx)), np.zeros((1, 1, 9)),
         )  # fmt: skip
     except numba.core.errors.NumbaError as error:
-        return next((line for line in str(error).splitlines() if line.strip()), "unknown reason")
+        return _reason(str(error))
     return None
+
+
+def _reason(says: str) -> str:
+    """The line of numba's message that tells something, and the place in the source."""
+    lines = [line.strip() for line in says.splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith("Failed in nopython mode")]
+    place = [line.rstrip(":") for line in lines if line.startswith("File ")]
+    return ", ".join([*telling[:1], *place[:1]]) or "unknown reason"
 
 
 @lru_cache(maxsize=128)

@@ -322,7 +322,7 @@ def test_an_effect_with_a_state_of_its_own_runs_everywhere():
 def test_an_effect_that_numba_cannot_compile_runs_in_numpy_with_a_notice():
     slow_boat = WAMV.with_effects(AddedEffect(LISTED, {"k": 25.0}), added(thruster_lag.EFFECT))
     fast_boat = WAMV.with_effects(AddedEffect(PLAIN, {"k": 25.0}), added(thruster_lag.EFFECT))
-    with pytest.warns(UserWarning, match="listed.*numpy"):
+    with pytest.warns(UserWarning, match=r"listed.*numpy.*_asdict.*test_effects.py"):
         model, commands, _, reports = voyage(slow_boat)
     assert not model.kernel.compiled
     _, _, _, expected = voyage(fast_boat)
