@@ -42,11 +42,12 @@ def noisy(motion, lasting, seed):
     )
 
 
-@pytest.mark.parametrize("lasting", [0.0, 1.0])
-def test_a_perfect_model_is_at_the_floor_and_a_wrong_one_above(lasting):
+@pytest.mark.parametrize(("lasting", "horizon"), [(0.0, 10.0), (1.0, 10.0), (3.0, 2.0)])
+def test_a_perfect_model_is_at_the_floor_and_a_wrong_one_above(lasting, horizon):
+    """Errors that last longer than the horizon hardly show in it, and the floor knows."""
     trial = noisy(voyage(300.0, DT, seed=3), lasting, seed=5)
-    wrong = replace(WAM_V, dynamics=replace(WAM_V.dynamics, X_uu=-20.0, N_r=-70.0))
-    ruler = Ruler.of(trial, Model.of(WAM_V))
+    wrong = replace(WAM_V, dynamics=replace(WAM_V.dynamics, X_uu=-10.0, N_r=-50.0))
+    ruler = Ruler.of(trial, Model.of(WAM_V), CompareSettings(horizon=horizon))
     shown = [nrmse(predict(trial, Model.of(v), ruler).along()[2], ruler.scales)
              for v in (WAM_V, wrong)]  # fmt: skip
     assert shown[0] == pytest.approx(ruler.noise_floor, rel=0.2)

@@ -37,7 +37,8 @@ def test_the_model_that_made_the_data_shows_no_error(effect):
 def test_error_is_measured_minus_model_with_yaw_wrapped():
     trial, model = simulated(WAM_V, 60.0), Model.of(WAM_V)
     ruler = Ruler.of(trial, model)
-    turned = replace(trial, eta=trial.eta + np.array([0.0, 0.0, 2.0 * np.pi]))
+    turned = replace(trial, eta=trial.eta.copy())
+    turned.eta[trial.time > 21.0, 2] += 2.0 * np.pi
     moved = replace(turned, nu=trial.nu.copy())
     moved.nu[:, 0] += 0.1 * (trial.time > 30.0)
     _, rows, error = predict(moved, model, ruler).along()
