@@ -47,15 +47,11 @@ def place(regime: Regime, start: float, end: float) -> str:
         k = round(start * DEGREES / 45.0)
         ends = f"{COMPASS[k % 8]} and {COMPASS[(k + 1) % 8]}"
         return f"heading between {ends} ({start * DEGREES:.0f}–{end * DEGREES:.0f}°)"
+    if regime.by == "reverse" and start == 0.0:
+        return "no thruster astern"
     if regime.by in ("throttle", "reverse"):
-        if end <= 0.05:
-            return "no thruster astern" if regime.by == "reverse" else _percent(regime, start, end)
-        return _percent(regime, start, end)
+        return f"{NAMES[regime.by]} {_number(100 * start)} to {_number(100 * end)} %"
     return f"{NAMES[regime.by]} {span}"
-
-
-def _percent(regime: Regime, start: float, end: float) -> str:
-    return f"{NAMES[regime.by]} {_number(100 * start)} to {_number(100 * end)} %"
 
 
 def tendency(mean: Triple, rmse: Triple, scales: Floats) -> str:
