@@ -6,7 +6,7 @@ VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow check format clean
+.PHONY: demo test test-slow check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
@@ -26,13 +26,21 @@ format: $(READY)
 	$(RUN)/ruff check --fix .
 	$(RUN)/ruff format .
 
-# The stamp depends on what is installed, so a change of the pins sets up anew. A Python without
-# ensurepip (Debian splits it off) gets pip from virtualenv where that is there.
+# The stamp depends on what is installed, so a change of the pins sets up anew. Debian splits
+# ensurepip off its Python: there virtualenv or, for root, the package manager has to help.
 $(READY): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV) || $(PYTHON) -m virtualenv $(VENV)
+	$(PYTHON) -m venv $(VENV) || $(PYTHON) -m virtualenv $(VENV) || \
+		{ apt-get update && apt-get install -y python3-venv && $(PYTHON) -m venv $(VENV); }
 	$(RUN)/python -m pip install --quiet --disable-pip-version-check \
 		--constraint constraints.txt --editable '.[dev]'
 	touch $(READY)
+
+# Renew the pins from what a fresh environment resolves to.
+constraints:
+	rm -rf build/pins && $(PYTHON) -m venv build/pins
+	build/pins/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	{ sed -n '/^#/p' constraints.txt; build/pins/bin/python -m pip freeze --exclude-editable; } \
+		> build/constraints.txt && mv build/constraints.txt constraints.txt
 
 clean:
 	rm -rf $(VENV) out build *.egg-info

@@ -19,8 +19,8 @@ from gateway.show.replay import show_replay
 from gateway.vessel_file import load_vessel
 
 HOME = Path(gateway.__file__).resolve().parent.parent
-AUTOPILOT, OTTER = HOME / "recordings/otter_sitl.tlog", HOME / "configs/vessels/otter.toml"
-COMPLETE, VOYAGE = HOME / "recordings/voyage_0.tlog", HOME / "recordings/voyage_1.tlog"
+AUTOPILOT, OTTER = HOME / "recordings/otter_piece.tlog", HOME / "configs/vessels/otter.toml"
+COMPLETE, VOYAGE = HOME / "recordings/voyage_3.tlog", HOME / "recordings/voyage_1.tlog"
 DEMO_BOAT = HOME / "configs/vessels/demo_boat.toml"
 
 
