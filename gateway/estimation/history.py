@@ -83,7 +83,7 @@ def apply(history: History, number: int, model: Model, work: Work) -> tuple[floa
     if 0.0 < span < np.inf and book[:, 0].any():
         advance_to(x, P, span, model, work)
     return take_in(
-        x, P, book, time, history.kind[here], history.z[here], history.std[here], model, work
+        x, P, book, time, history.kind[here], history.z[here], history.std[here], x, model, work
     )
 
 

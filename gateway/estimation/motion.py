@@ -175,6 +175,21 @@ def _upper_times(F: Floats, x: Floats) -> None:
 
 
 @compiled
+def predict_about(
+    x: Floats, P: Floats, at: Floats, dt: float, model: Model, F: Floats, Q: Floats, moved: Floats
+) -> None:
+    """As `predict`, but linearised at another state (13,); `moved` (13,) is scratch."""
+    yaw = at[State.YAW] + 0.5 * dt * at[State.R] + 0.125 * dt * dt * at[State.R_DOT]
+    moved[:] = at
+    transition(moved, dt, model, F)
+    x -= at
+    _upper_times(F, x)
+    x += moved
+    propagate(P, F)
+    add_noise(P, yaw, dt, model, Q)
+
+
+@compiled
 def predict(x: Floats, P: Floats, dt: float, model: Model, F: Floats, Q: Floats) -> None:
     """State (13,) and covariance (13, 13) move on by one step dt [s] in place; F, Q: scratch."""
     yaw = x[State.YAW] + 0.5 * dt * x[State.R] + 0.125 * dt * dt * x[State.R_DOT]

@@ -2,6 +2,11 @@
 
 Memory stays bounded over hours: the forward pass keeps its state once per chunk of steps, and the
 way back goes through one chunk after another, running each forward again.
+
+In an outage the filter's own idea of the yaw is soon so bad that nothing linearised at it is true.
+So all is done twice: the second pass is linearised along the path that the first has found (an
+iterated smoother: B. M. Bell, The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal
+on Optimization 4(3), 1994).
 """
 
 from dataclasses import dataclass
@@ -20,17 +25,18 @@ from gateway.estimation.backward import (
 from gateway.estimation.events import Events
 from gateway.estimation.history import Ints
 from gateway.estimation.jit import compiled
-from gateway.estimation.motion import predict
+from gateway.estimation.motion import predict, predict_about
 from gateway.estimation.names import KINDS, RECORDS, STATES, Flag
 from gateway.estimation.settings import FilterSettings, Model
 from gateway.estimation.step import begin, take_in, valid
 from gateway.estimation.timeline import NO_GRID, Timeline, segments
 from gateway.estimation.uncertainty import add_heading_error
-from gateway.estimation.update import Work, new_work
+from gateway.estimation.update import new_work
 from sim.state import Floats
 from sim.trial import MOTION
 
 CHUNK = 1024  # steps held in memory at once
+PASSES = 2
 GATED = int(Flag.GATED)
 
 
@@ -66,8 +72,11 @@ def smooth(
     covariance = np.zeros((len(grid_times), MOTION, MOTION))
     known = np.zeros(len(grid_times), np.bool_)
     gated = 0
-    for timeline in segments(events, np.asarray(grid_times, np.float64), settings):
-        gated += _smooth_segment(timeline, model, mean, covariance, known)
+    for line in segments(events, np.asarray(grid_times, np.float64), settings):
+        path = np.full((len(line.time), STATES), np.nan)
+        for _ in range(PASSES):
+            outliers = _smooth_segment(line, model, path, mean, covariance, known)
+        gated += outliers
     _fill_unknown(mean, covariance, known, model)
     return SmoothedMotion(
         grid_times, mean[:, :3], mean[:, 3:6], mean[:, 6:], covariance, known, gated
@@ -75,37 +84,69 @@ def smooth(
 
 
 def _smooth_segment(
-    line: Timeline, model: Model, mean: Floats, covariance: Floats, known: NDArray[np.bool_]
+    line: Timeline,
+    model: Model,
+    path: Floats,
+    mean: Floats,
+    covariance: Floats,
+    known: NDArray[np.bool_],
 ) -> int:
-    """Fills the grid points of one segment; how many events were gated."""
+    """Fills the grid points of one segment and its path (n, 13); how many events were gated.
+
+    The path comes in as NaN, or as that of the pass before.
+    """
     starts = range(0, len(line.time), CHUNK)
     x, P = np.zeros((len(starts) + 1, STATES)), np.zeros((len(starts) + 1, STATES, STATES))
     book = np.zeros((len(starts) + 1, KINDS, RECORDS))
     begin(x[0], P[0], book[0], model)
     trace = new_trace(min(CHUNK, len(line.time)))
     gated = 0
+    before = path.copy()
     for n, start in enumerate(starts):
         x[n + 1], P[n + 1], book[n + 1] = x[n], P[n], book[n]
         part = line.cut(slice(start, start + CHUNK))
-        gated += forward(part, model, x[n + 1], P[n + 1], book[n + 1], trace)
+        gated += forward(part, model, before, start, x[n + 1], P[n + 1], book[n + 1], trace)
     lam, Lam = np.zeros(STATES), np.zeros((STATES, STATES))
     for n in range(len(starts) - 1, -1, -1):
         part = line.cut(slice(starts[n], starts[n] + CHUNK))
         if n < len(starts) - 1:  # the trace of the last chunk is there already
-            forward(part, model, x[n], P[n], book[n], trace)
-        backward(part.grid, model, trace, lam, Lam, mean, covariance, known)
+            forward(part, model, before, starts[n], x[n], P[n], book[n], trace)
+        here = path[starts[n] : starts[n] + CHUNK]
+        backward(part.grid, model, trace, lam, Lam, here, mean, covariance, known)
     return gated
 
 
 @compiled
-def forward(line: Timeline, model: Model, x: Floats, P: Floats, book: Floats, trace: Trace) -> int:
-    """The filter over n steps, in place, leaving its trace; how many events were gated."""
+def forward(
+    line: Timeline,
+    model: Model,
+    path: Floats,
+    start: int,
+    x: Floats,
+    P: Floats,
+    book: Floats,
+    trace: Trace,
+) -> int:
+    """The filter over n steps, in place, leaving its trace; how many events were gated.
+
+    The first of them is step `start` of the path (…, 13) to linearise along, NaN: along itself.
+    """
     work = new_work()
+    moved = np.zeros(STATES)
     gated = 0
     for n in range(len(line.time)):
-        move(x, P, line.span[n] if book[:, 0].any() else 0.0, model, work)
+        span = line.span[n] if book[:, 0].any() else 0.0
+        along = not np.isnan(path[start + n, 0])
+        if span <= 0.0:
+            stay(work.F)
+        elif along:
+            at = path[start + n - 1]
+            predict_about(x, P, at, span, model, work.F, work.Q, moved)
+        else:
+            predict(x, P, span, model, work.F, work.Q)
+        at = path[start + n] if along else x
         _, used, flags = take_in(
-            x, P, book, line.time[n], line.kind[n], line.z[n], line.std[n], model, work
+            x, P, book, line.time[n], line.kind[n], line.z[n], line.std[n], at, model, work
         )
         gated += 1 if flags & GATED else 0
         keep(trace, n, x, P, used, valid(book), work)
@@ -113,14 +154,11 @@ def forward(line: Timeline, model: Model, x: Floats, P: Floats, book: Floats, tr
 
 
 @compiled
-def move(x: Floats, P: Floats, span: float, model: Model, work: Work) -> None:
-    """One prediction, or none; leaves its transition in `work`."""
-    if span > 0.0:
-        predict(x, P, span, model, work.F, work.Q)
-        return
-    work.F[:] = 0.0
+def stay(F: Floats) -> None:
+    """The transition F (13, 13) over no time."""
+    F[:] = 0.0
     for i in range(STATES):
-        work.F[i, i] = 1.0
+        F[i, i] = 1.0
 
 
 @compiled
@@ -130,13 +168,15 @@ def backward(
     trace: Trace,
     lam: Floats,
     Lam: Floats,
+    path: Floats,
     mean: Floats,
     covariance: Floats,
     known: NDArray[np.bool_],
 ) -> None:
-    """Back over n steps, λ and Λ in place, filling the rows of the output that lie on the way."""
+    """Back over n steps, λ and Λ in place, filling the path (n, 13) and the grid's rows."""
     work = new_work()
     for n in range(len(grid) - 1, -1, -1):
+        path[n] = trace.x[n] - trace.P[n] @ lam
         row = grid[n]
         if row != NO_GRID:
             smoothed(trace.x[n], trace.P[n], lam, Lam, work.A, mean[row], covariance[row])

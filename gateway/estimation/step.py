@@ -10,7 +10,7 @@ import numpy as np
 
 from gateway.estimation.jit import compiled
 from gateway.estimation.motion import predict
-from gateway.estimation.names import KINDS, Flag, Kind, Record, State
+from gateway.estimation.names import KINDS, STATES, Flag, Kind, Record, State
 from gateway.estimation.observe import observe
 from gateway.estimation.settings import Model
 from gateway.estimation.update import Work, update, weigh
@@ -106,6 +106,14 @@ def persists(kind: int, record: Floats, time: float, model: Model) -> bool:
 
 
 @compiled
+def shift(x: Floats, at: Floats, m: int, work: Work) -> None:
+    """The innovation in `work`, taken at another state (13,), becomes that at x (13,)."""
+    for a in range(m):
+        for i in range(STATES):
+            work.y[a] -= work.H[a, i] * (x[i] - at[i])
+
+
+@compiled
 def take_in(
     x: Floats,
     P: Floats,
@@ -114,13 +122,18 @@ def take_in(
     kind: int,
     z: Floats,
     std: Floats,
+    at: Floats,
     model: Model,
     work: Work,
 ) -> tuple[float, int, int]:
-    """Gates and uses one reading at its time -> NIS, components used (0: none), flags."""
-    m = observe(kind, x, z, model.gyro_delay, work.H, work.y)
+    """Gates and uses one reading at its time -> NIS, components used (0: none), flags.
+
+    `at` is the state (13,) to linearise at: x itself, or one that is known better.
+    """
+    m = observe(kind, at, z, model.gyro_delay, work.H, work.y)
     if m == 0:
         return 0.0, 0, 0
+    shift(x, at, m, work)
     if absurd(kind, z, std, m):
         return 0.0, 0, GATED
     if kind == Kind.YAW and book[kind, Record.SEEN] == 0.0:

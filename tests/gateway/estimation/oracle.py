@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter, rts_smoother
 from scipy.linalg import block_diag, expm
 
 from gateway.estimation.events import Events, join, make_events, ticks
@@ -106,39 +106,59 @@ class Run:
     nis: np.ndarray
 
 
-def run(events: Events, s: FilterSettings) -> Run:
-    """filterpy over events in order of time; the first is a yaw."""
+def run(events: Events, s: FilterSettings, along=None) -> Run:
+    """filterpy over events in order of time; the first is a yaw.
+
+    Linearised at its own state, or along given states (K, 13).
+    """
     ekf = ExtendedKalmanFilter(STATES, 2)
     ekf.x, ekf.P = np.zeros(STATES), prior(s)
     ekf.x[2] = events.z[0, 0]
     out = []
     time = events.time_s[0]
-    for t, kind, z, std in zip(events.time_s, events.kind, events.z, events.std, strict=True):
+    for k, (t, kind) in enumerate(zip(events.time_s, events.kind, strict=True)):
         dt = t - time
         time = t
         before = ekf.x.copy()
         ekf.F, ekf.Q = np.eye(STATES), np.zeros((STATES, STATES))
+        after = before
         if dt > 0:
-            ekf.F = jacobian(lambda x, dt=dt: process(x, dt, s), before)
-            ekf.Q = process_noise(before, dt, s)
+            at = before if along is None else along[k - 1]
+            ekf.F = jacobian(lambda x, dt=dt: process(x, dt, s), at)
+            ekf.Q = process_noise(at, dt, s)
+            after = process(at, dt, s) + ekf.F @ (before - at)
         ekf.predict()
-        after = process(before, dt, s) if dt > 0 else before
         moved = after - ekf.F @ before
         ekf.x = after
         nis = 0.0
         if kind != Kind.TICK:
-            m = 1 if kind in (Kind.YAW, Kind.YAW_RATE) else 2
-            ekf.dim_z = m
-            ekf.update(
-                z[:m],
-                lambda x, kind=kind: jacobian(lambda y: reading(kind, y, s), x),
-                lambda x, kind=kind: reading(kind, x, s),
-                R=np.diag(std[:m] ** 2),
-                residual=lambda a, b, kind=kind: residual(kind, a, b),
-            )
+            measure(ekf, kind, events.z[k], events.std[k], ekf.x if along is None else along[k], s)
             nis = ekf.y @ ekf.SI @ ekf.y
         out.append((ekf.x.copy(), ekf.P.copy(), ekf.F.copy(), ekf.Q.copy(), moved, nis))
     return Run(*(np.array(column) for column in zip(*out, strict=True)))
+
+
+def measure(ekf, kind, z, std, at, s):
+    """One update linearised at a state (13,)."""
+    m = 1 if kind in (Kind.YAW, Kind.YAW_RATE) else 2
+    ekf.dim_z = m
+    H = jacobian(lambda x: reading(kind, x, s), at)
+    ekf.update(
+        z[:m],
+        lambda _: H,
+        lambda x: reading(kind, at, s) + H @ (x - at),
+        R=np.diag(std[:m] ** 2),
+        residual=lambda a, b: residual(kind, a, b),
+    )
+
+
+def smoothed(run: Run):
+    """filterpy's smoother is linear: taking an offset out of the states makes the filter so."""
+    offset = np.zeros_like(run.x)
+    for k in range(1, len(offset)):
+        offset[k] = run.F[k] @ offset[k - 1] + run.moved[k]
+    x, P, _, _ = rts_smoother(run.x - offset, run.P, run.F[1:], run.Q[1:])
+    return x + offset, P
 
 
 def residual(kind, a, b):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from filterpy.kalman import rts_smoother
 
 from gateway.estimation.estimator import Estimator
 from gateway.estimation.names import Flag, Kind
@@ -32,22 +31,19 @@ def test_filter_agrees_with_filterpy(body):
     np.testing.assert_allclose(rows.nis, expected.nis, rtol=1e-7, atol=1e-9)
 
 
-def test_smoother_agrees_with_filterpy():
+@pytest.mark.parametrize("passes", [1, 2])
+def test_smoother_agrees_with_filterpy(passes, monkeypatch):
     events = started(oracle.random_events(np.random.default_rng(2), 600))
-    forward = oracle.run(events, SETTINGS)
-    # filterpy's smoother is linear: taking the offset o out of the states makes the filter so.
-    offset = np.zeros_like(forward.x)
-    for k in range(1, len(offset)):
-        offset[k] = forward.F[k] @ offset[k - 1] + forward.moved[k]
-    x, P, _, _ = rts_smoother(forward.x - offset, forward.P, forward.F[1:], forward.Q[1:])
-    x += offset
+    x, P = oracle.smoothed(oracle.run(events, SETTINGS))
+    if passes == 2:
+        x, P = oracle.smoothed(oracle.run(events, SETTINGS, along=x))
 
+    monkeypatch.setattr("gateway.estimation.smoother.PASSES", passes)
     at = np.flatnonzero(events.kind == Kind.TICK)
     result = smooth(events, events.time_s[at], SETTINGS)
-    motion = np.hstack([result.eta, result.nu, result.nu_dot])
-    # Of several events at one time the smoother's state is the same.
     known = result.known
     assert known.mean() > 0.9
+    motion = np.hstack([result.eta, result.nu, result.nu_dot])
     np.testing.assert_allclose(motion[known], x[at][known, :9], rtol=1e-9, atol=1e-9)
     P = oracle.with_heading_error(x[at, :9], P[at, :9, :9], SETTINGS)
     np.testing.assert_allclose(result.covariance[known], P[known], rtol=1e-9, atol=1e-9)
