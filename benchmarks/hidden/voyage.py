@@ -67,10 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     boat = BOATS[a.boat]
     try:
         write_voyage(a.path, boat, a.hidden, a.pilot, a.seed, a.seconds, RATES[a.rates])
-    except ValueError as error:
+        if a.vessel:
+            a.vessel.write_text(vessel_toml(boat), encoding="utf-8")
+    except (ValueError, OSError) as error:
         parser.error(str(error))
-    if a.vessel:
-        a.vessel.write_text(vessel_toml(boat), encoding="utf-8")
     return 0
 
 
