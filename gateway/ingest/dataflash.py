@@ -14,7 +14,7 @@ from gateway.ingest.dataflash_clock import clocks, unix_minus_boot_ns
 from gateway.ingest.dataflash_formats import HEADER, Format, decoded, fmt_itself, formats, sizes
 from gateway.ingest.dataflash_walk import Tally, walk_messages
 from gateway.ingest.files import looks_like, read_bytes
-from gateway.ingest.frame_headers import gather, group
+from gateway.ingest.frame_headers import group
 from gateway.ingest.log import Statistics, Table
 
 Ints = NDArray[np.int64]
@@ -120,8 +120,10 @@ class DataflashLog:
     def _records(self, layout: Format) -> NDArray[np.void]:
         """All messages of one format, packed as they lie in the log: (K,)."""
         size = layout.dtype.itemsize
-        packed = gather(self.data, self.offset + HEADER, self._whole, self._rows(layout), size)
-        return packed.view(layout.dtype)
+        # every stretch of that size is one element: taking some of them copies each at once
+        shape = (max(len(self.data) - size + 1, 0),)
+        stretches = np.ndarray(shape, f"V{size}", self.data, strides=(1,))
+        return stretches[self.offset[self._rows(layout)] + HEADER].view(layout.dtype)
 
     def _rows(self, layout: Format) -> Ints:
         order, starts = self._groups
@@ -140,8 +142,3 @@ class DataflashLog:
     @cached_property
     def _groups(self) -> tuple[Ints, Ints]:
         return group(self.type, 255)
-
-    @cached_property
-    def _whole(self) -> Ints:
-        """Messages are accepted whole only: no length below 255 has to be looked at."""
-        return np.full(len(self.offset), 255)

@@ -21,7 +21,7 @@ LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
 def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> Ints:
     """Time of each message, or of the one before where it tells none: (K,) [µs since boot].
 
-    width, scale  (256,)  by type: bytes of the clock at the front (0: none), µs per count
+    width, scale  (256,)  by type: bytes of the clock at the front (8, 4 or 0: none), µs per count
     """
     times = np.empty(len(offset), np.int64)
     now = np.int64(-1)
@@ -29,8 +29,12 @@ def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> I
         number, start = kind[i], U(offset[i] + PAYLOAD)
         if width[number] > 0:
             count = U(0)
-            for k in range(width[number] - 1, -1, -1):
-                count = (count << U(8)) | U(data[start + U(k)])
+            if width[number] == 8:  # a loop of constant length becomes one load
+                for k in range(8):
+                    count |= U(data[start + U(k)]) << U(8 * k)
+            else:
+                for k in range(4):
+                    count |= U(data[start + U(k)]) << U(8 * k)
             if count < U(CREDIBLE_US):
                 first = now < 0
                 now = np.int64(count) * scale[number]

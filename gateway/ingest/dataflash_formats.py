@@ -80,13 +80,15 @@ def formats(records: NDArray[np.void]) -> dict[int, Format]:
 
     A second type of the same name is told apart by its number: `NAME#17`.
     """
-    found = {FMT_TYPE: fmt_itself()}
+    found, names = {FMT_TYPE: fmt_itself()}, {"FMT"}
     for record in records:
         number, length, name, characters, columns = record.item()
         made = _format(number, name, characters, columns)
         if made and number not in found and made.dtype.itemsize + HEADER == length:
-            taken = made.name in {other.name for other in found.values()}
-            found[number] = made._replace(name=f"{made.name}#{number}") if taken else made
+            found[number] = made
+            if made.name in names:
+                found[number] = made._replace(name=f"{made.name}#{number}")
+            names.add(made.name)
     return found
 
 
@@ -108,7 +110,7 @@ def _values(raw: NDArray[Any], layout: Format, k: int) -> NDArray[np.generic]:
 
 def _format(number: int, name: bytes, characters: bytes, columns: bytes) -> Format | None:
     codes = _word(characters)
-    if not set(codes) <= set(KINDS):
+    if not codes or not set(codes) <= set(KINDS):
         return None
     dtype = np.dtype([(f"f{k}", KINDS[code]) for k, code in enumerate(codes)])
     names = tuple(_word(columns).split(",")) if _word(columns) else ()

@@ -34,7 +34,7 @@ class Tally(IntEnum):
     GARBLED = 3
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def starts(data: Bytes, at: int, lengths: Ints) -> bool:
     """Does a message of known type begin here?"""
     if at + HEADER > len(data):

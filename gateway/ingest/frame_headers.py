@@ -18,10 +18,10 @@ class Headers(NamedTuple):
     """Headers of accepted frames, all (K,)."""
 
     offset: Ints  # of the frame in the data [bytes]
-    length: Ints  # of the frame [bytes]
+    length: NDArray[np.int32]  # of the frame [bytes]
     payload_offset: Ints
-    payload_length: Ints
-    message_id: Ints
+    payload_length: NDArray[np.uint8]
+    message_id: NDArray[np.int32]
     sequence: NDArray[np.uint8]
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
@@ -37,10 +37,10 @@ def read_headers(data: Bytes, offset: Ints) -> Headers:
 
     headers = Headers(
         offset=offset,
-        length=of(np.int64),
+        length=of(np.int32),
         payload_offset=of(np.int64),
-        payload_length=of(np.int64),
-        message_id=of(np.int64),
+        payload_length=of(np.uint8),
+        message_id=of(np.int32),
         sequence=of(np.uint8),
         system=of(np.uint8),
         component=of(np.uint8),
@@ -87,7 +87,7 @@ def read_stamps(data: Bytes, offset: Ints) -> Ints:
 
 
 @njit(cache=True, nogil=True)
-def group(key: Ints, largest: int) -> tuple[Ints, Ints]:
+def group(key: NDArray[np.int32] | Ints, largest: int) -> tuple[Ints, Ints]:
     """Keys (K,) -> their stable sorting order (K,), where each key starts in it (largest + 2,)."""
     starts = np.zeros(largest + 2, np.int64)
     for number in key:
@@ -102,13 +102,13 @@ def group(key: Ints, largest: int) -> tuple[Ints, Ints]:
 
 
 @njit(cache=True, nogil=True)
-def gather(data: Bytes, start: Ints, length: Ints, rows: Ints, size: int) -> Bytes:
+def gather(data: Bytes, start: Ints, length: NDArray[np.uint8], rows: Ints, size: int) -> Bytes:
     """The stretch of each of `rows` (K,), cut or filled with zeros to `size`: (K × size,)."""
     payloads = np.empty(len(rows) * size, np.uint8)
     for i in range(len(rows)):
         row = rows[i]
         source, target = start[row], i * size
-        given = min(length[row], size)
+        given = min(int(length[row]), size)
         # unsigned indices: numba then leaves out the branch for negative ones
         for k in range(given):
             payloads[U(target + k)] = data[U(source + k)]

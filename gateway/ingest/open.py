@@ -4,11 +4,12 @@ from pathlib import Path
 
 from gateway.errors import BadInput
 from gateway.ingest.dataflash import DataflashLog
-from gateway.ingest.files import DATAFLASH_MAGIC, MCAP_MAGIC, is_text, read_bytes
+from gateway.ingest.files import DATAFLASH_MAGIC, MCAP_MAGIC, SAMPLE, is_text, read_bytes
 from gateway.ingest.log import Log
 from gateway.ingest.tlog import TlogFile
 
 KINDS = "a .tlog, a DataFlash .BIN, an MCAP recording or a .csv table"
+FMT_RECORD = DATAFLASH_MAGIC + b"\x80"  # behind junk, this is how a DataFlash log begins
 
 
 def open_log(path: str | Path, mapping: str | Path | None = None) -> Log:
@@ -19,7 +20,7 @@ def open_log(path: str | Path, mapping: str | Path | None = None) -> Log:
         from gateway.ingest.mcap_log import McapLog
 
         return McapLog.open(path)
-    if raw.startswith(DATAFLASH_MAGIC) or _named(path, ".bin"):
+    if raw.startswith(DATAFLASH_MAGIC) or FMT_RECORD in raw[:SAMPLE]:
         return DataflashLog.from_bytes(raw, str(path))
     if is_text(raw):
         return _open_text(path, mapping)
@@ -27,12 +28,8 @@ def open_log(path: str | Path, mapping: str | Path | None = None) -> Log:
 
 
 def _open_text(path: str | Path, mapping: str | Path | None) -> Log:
-    if _named(path, ".csv"):
+    if Path(path).suffix.lower() == ".csv":
         from gateway.ingest.csv_log import CsvLog
 
         return CsvLog.open(path, mapping)
     raise BadInput(f"{path} is a text file: a recording is {KINDS}")
-
-
-def _named(path: str | Path, suffix: str) -> bool:
-    return Path(path).suffix.lower() == suffix

@@ -37,7 +37,7 @@ class TlogFile:
         frames = Frames.from_records(raw)
         if not len(frames):
             raise BadInput(
-                f"{path} holds no valid MAVLink frame of a .tlog: it looks like {looks_like(raw)}"
+                f"{path} holds no MAVLink frame with a time stamp: it looks like {looks_like(raw)}"
             )
         return cls(path, frames)
 

@@ -259,6 +259,19 @@ def test_what_is_no_log_gets_one_clear_line(tmp_path: Path, content: bytes, says
     assert str(path) in str(raised.value)
 
 
+def test_junk_before_the_log_is_survived(tmp_path: Path) -> None:
+    path = tmp_path / "log.BIN"
+    path.write_bytes(b"\x01\x00\x02" * 30 + FMT_ITSELF + TICK + tick(1, 5))
+    assert open_log(path).counts() == {"FMT": 2, "TICK": 1}
+
+
+def test_a_format_without_columns_defines_nothing() -> None:
+    empty = fmt(9, "NONE", "", "")
+    log = DataflashLog.from_bytes(FMT_ITSELF + TICK + empty + tick(1, 5))
+    assert log.counts() == {"FMT": 3, "TICK": 1}
+    assert len(log.table("NONE")) == 0
+
+
 def test_content_decides_and_not_the_name(tmp_path: Path) -> None:
     path = tmp_path / "log.tlog"
     path.write_bytes(FMT_ITSELF + TICK + tick(1, 5))
