@@ -196,6 +196,25 @@ def test_columns_are_read_only_and_read_once() -> None:
         table.columns["type"][0] = 1
 
 
+def test_a_wrong_length_hides_no_good_frame() -> None:
+    mav = packer()
+    first, second, third = (bytearray(heartbeat(mav)) for _ in range(3))
+    first[1] += 8 + len(second)  # as if it reached to the start of the third record
+    frames = Frames.from_records(tlog(first, second, third))
+    assert [frames.raw(i) for i in range(len(frames))] == [bytes(second), bytes(third)]
+    assert frames.statistics.bad_checksum == 1
+
+
+def test_frames_with_flags_that_nobody_knows_are_not_decoded() -> None:
+    mav = packer()
+    frame = bytearray(heartbeat(mav))
+    frame[2] |= 0x02
+    crc = dialect.x25crc(bytes(frame[1:-2]) + bytes([dialect.MAVLink_heartbeat_message.crc_extra]))
+    frame[-2:] = crc.crc.to_bytes(2, "little")
+    found = Frames.from_records(tlog(bytes(frame), heartbeat(mav))).statistics
+    assert (found.accepted, found.unknown_messages, found.bad_checksum) == (1, 1, 0)
+
+
 def test_lost_frames_are_counted_over_the_wrap_and_by_source() -> None:
     one, other = packer(1), packer(2)
     one.seq, other.seq = 250, 10
