@@ -137,6 +137,8 @@ class FilterSettings:
                 raise BadInput(f"[filter] {name} = {value}: expected a positive number")
         if self.gate_probability >= 1.0:
             raise BadInput(f"[filter] gate_probability = {self.gate_probability}: expected < 1")
+        if self.history_events < 2:
+            raise BadInput(f"[filter] history_events = {self.history_events}: expected 2 or more")
 
     def white_std(self, kind: Kind, source: str) -> float:
         """Standard deviation of the white error of one kind of measurement from one message."""

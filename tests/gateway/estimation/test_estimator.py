@@ -217,3 +217,20 @@ def test_arrays_that_do_not_belong_together_are_refused():
 def test_no_events_no_rows():
     _, rows = ESTIMATOR.advance(ESTIMATOR.start(), ticks(np.zeros(0)))
     assert len(rows) == 0
+
+
+def test_a_turn_sharper_than_assumed_is_motion():
+    time = np.arange(0.0, 20.0, 0.02)
+    rate = np.where(time < 10.0, 0.0, 2.0)
+    yaw = np.concatenate([[0.0], np.cumsum(rate[:-1] * 0.02)])
+    events = join(
+        [
+            make_events(Kind.YAW, time, (yaw + np.pi) % (2 * np.pi) - np.pi, 0.001),
+            make_events(Kind.YAW_RATE, time, rate, 0.006),
+            make_events(Kind.VELOCITY, time, np.zeros((len(time), 2)), 0.02),
+        ]
+    )
+    rows = run(events[np.lexsort((events.kind, events.time_s))])
+    after = rows.time_s > 10.5
+    assert np.abs(rows.motion[after, State.R] - 2.0).max() < 0.1
+    assert np.abs(rows.motion[-1, State.YAW] - yaw[-1]) < 0.01

@@ -1,0 +1,64 @@
+"""Samples of a log become events; settings refuse what cannot be."""
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput
+from gateway.estimation.events import from_samples
+from gateway.estimation.names import Kind
+from gateway.estimation.settings import FIELD_OF_KIND, FilterSettings, White, gyro_delay_s
+from gateway.samples import Quantity, Samples
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+def samples(quantity, source, order, values):
+    order = np.asarray(order)
+    time = EPOCH + order * 10_000_000
+    return Samples(quantity, source, order, time, time, np.asarray(values, float))
+
+
+def test_samples_become_events_in_the_order_of_the_log():
+    columns = [
+        samples(Quantity.YAW_RATE, "ATTITUDE", [0, 2], [[0.1], [0.2]]),
+        samples(Quantity.YAW, "ATTITUDE", [0, 2], [[1.0], [1.1]]),
+        samples(Quantity.VELOCITY, "LOCAL_POSITION_NED", [1], [[3.0, 4.0]]),
+        samples(Quantity.VOLTAGE, "SYS_STATUS", [1], [[12.0]]),
+    ]
+    events = from_samples(columns, FilterSettings(), EPOCH)
+    expected = [Kind.YAW, Kind.YAW_RATE, Kind.VELOCITY, Kind.YAW, Kind.YAW_RATE]
+    assert events.kind.tolist() == expected
+    np.testing.assert_allclose(events.time_s, [0.0, 0.0, 0.01, 0.02, 0.02])
+    assert events.z[2].tolist() == [3.0, 4.0]
+    assert events.std[2, 0] == FilterSettings().white_std(Kind.VELOCITY, "LOCAL_POSITION_NED")
+
+
+def test_no_samples_are_no_events():
+    assert len(from_samples([], FilterSettings(), EPOCH)) == 0
+
+
+def test_every_kind_has_a_std_and_an_unknown_source_the_default():
+    assert set(FIELD_OF_KIND) == set(Kind) - {Kind.TICK}
+    assert FilterSettings().white_std(Kind.POSITION, "NEW_MESSAGE") == White().position_m
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"surge_tau_s": 0.0},
+        {"max_late_s": -1.0},
+        {"velocity_error_mps": float("nan")},
+        {"gate_probability": 1.0},
+        {"history_events": 1},
+    ],
+)
+def test_settings_refuse_what_cannot_be(wrong):
+    (name,) = wrong
+    with pytest.raises(BadInput, match=name):
+        FilterSettings(**wrong)
+
+
+def test_delay_of_the_gyro_filter():
+    assert gyro_delay_s(4.0) == pytest.approx(FilterSettings().gyro_delay_s, abs=0.001)
+    assert gyro_delay_s(0.0) == 0.0
+    assert FilterSettings(gyro_delay_s=0.0).model().gyro_delay == 0.0
