@@ -72,7 +72,7 @@ def plain_rate(model: Model, commands: Floats) -> Floats:
     p = kernel.unpack(model.theta.tolist())
     x = kernel.state_from([0.0] * model.state_size)
     for k, row in enumerate(commands.tolist()):
-        inputs = kernel.held(row, np.nan, np.nan, np.nan)
+        inputs = kernel.held(row, np.nan, np.nan, np.nan, p)
         if k == 0:
             x = kernel.at_rest(x, 0.0, inputs, p)
         kernel.report_of(x, k * DT, inputs, p)
@@ -86,7 +86,7 @@ def by_scipy(model: Model, commands: Floats, hold: int) -> Floats:
     p = kernel.unpack(model.theta)
     x = np.zeros(model.state_size)
     for k in range(0, len(commands), hold):
-        inputs = kernel.held(commands[k], np.nan, np.nan, np.nan)
+        inputs = kernel.held(commands[k], np.nan, np.nan, np.nan, p)
         if k == 0:
             x = np.array(kernel.at_rest(tuple(x), 0.0, inputs, p), dtype=float)
 

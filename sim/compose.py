@@ -43,7 +43,7 @@ NX = {nx}
 
 
 class Inputs(NamedTuple):
-    commands: tuple[float, ...]
+    acting: tuple[float, ...]
     voltage: float
     wind_north: float
     wind_east: float
@@ -116,12 +116,11 @@ def _unpack(s: Structure) -> str:
 
 def _tuples(s: Structure) -> str:
     """Arithmetic on states, and the delay of all commands."""
-    n, na = s.nx, max(s.thrusters + len(s.rudders), 1)
+    n = s.nx
     delays = [f"delay_{e}(p.e{e})" for e in s.acting("delay")]
     return (
         _function("axpy(x, h, k)", ["return " + _tuple([f"x[{i}] + h * k[{i}]" for i in range(n)])])
         + _function("state_from(row)", ["return " + _tuple([f"row[{i}]" for i in range(n)])])
-        + _function("commands_from(row)", ["return " + _tuple([f"row[{i}]" for i in range(na)])])
         + _function("delay_of(p)", ["return " + " + ".join(["0.0", *delays])])
     )
 
@@ -140,12 +139,26 @@ def _surroundings(s: Structure) -> str:
     )
 
 
+def _actuated(s: Structure) -> str:
+    """`actuated`: what the commands come to before motion has a say."""
+    lines, names = [], []
+    for i in range(s.thrusters):
+        names.append(f"F{i}")
+        lines.append(f"c{i} = row[{i}]")
+        lines += [f"c{i} = command_{e}(c{i}, p.t{i}, p.e{e})" for e in s.acting("command")]
+        lines.append(f"F{i} = thrust_of(c{i}, p.t{i})")
+    for i in range(len(s.rudders)):
+        names.append(f"d{i}")
+        lines.append(f"d{i} = angle_of(row[{s.thrusters + i}], p.r{i})")
+        lines += [f"d{i} = angle_{e}(d{i}, p.r{i}, p.e{e})" for e in s.acting("angle")]
+    return _function("actuated(row, p)", [*lines, "return " + _tuple(names or ["row[0]"])])
+
+
 def _actuators(s: Structure) -> str:
-    """`actuators`: commands and memory -> wrench, and the inputs of the memory's laws."""
+    """`actuators`: what acts and memory -> wrench, and the inputs of the memory's laws."""
     lines, fed, turned = ["tau = Wrench(0.0, 0.0, 0.0)"], {}, {}
     for i, (motor, _) in enumerate(s.rudders):
-        lines.append(f"d{i} = angle_of(inputs.commands[{s.thrusters + i}], p.r{i})")
-        lines += [f"d{i} = angle_{e}(d{i}, p.r{i}, p.e{e})" for e in s.acting("angle")]
+        lines.append(f"d{i} = inputs.acting[{s.thrusters + i}]")
         for e in s.acting("angle_rate"):
             at = s.memory(e, "angle_rate", i)
             fed[at] = f"d{i}_{e}"
@@ -153,9 +166,7 @@ def _actuators(s: Structure) -> str:
         if motor >= 0:
             turned[motor] = f" - d{i}"
     for i in range(s.thrusters):
-        lines.append(f"c{i} = inputs.commands[{i}]")
-        lines += [f"c{i} = command_{e}(c{i}, p.t{i}, p.e{e})" for e in s.acting("command")]
-        lines.append(f"F{i} = thrust_of(c{i}, p.t{i})")
+        lines.append(f"F{i} = inputs.acting[{i}]")
         lines += [f"F{i} = thrust_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("thrust")]
         for e in s.acting("thrust_rate"):
             at = s.memory(e, "thrust_rate", i)
@@ -258,7 +269,7 @@ def kernel_text(s: Structure) -> str:
         ", ".join(effect.name for effect in s.effects) or "no effects"
     )
     parts = [HEADER.format(title=title, nx=s.nx), _unpack(s), _tuples(s), _surroundings(s)]
-    parts += [_actuators(s), _memory(s), _dynamics(s), _observe(s)]
+    parts += [_actuated(s), _actuators(s), _memory(s), _dynamics(s), _observe(s)]
     root = Path(sim.__file__).parent
     return "".join(parts) + "".join(
         "\n" + (root / name).read_text(encoding="utf-8").split(MARK)[1] for name in DRIVERS

@@ -18,7 +18,7 @@ NX = 6  # length of a state
 class Inputs(NamedTuple):
     """What acts from outside during one step."""
 
-    commands: tuple[Any, ...]  # −1 … 1
+    acting: tuple[Any, ...]  # what `actuated` makes of the commands [N, rad]
     voltage: float  # V
     wind_north: float  # m/s
     wind_east: float  # m/s
@@ -40,8 +40,11 @@ def state_from(row: Floats) -> State:
     raise NotImplementedError
 
 
-def commands_from(row: Floats) -> tuple[Any, ...]:
-    """(na,) or (na, B) -> commands."""
+def actuated(row: Floats, p: Numbers) -> tuple[Any, ...]:
+    """Commands (na,) or (na, B) -> static thrusts [N], then rudder angles [rad].
+
+    All that does not depend on motion: worked out once per interval, not at every stage.
+    """
     raise NotImplementedError
 
 

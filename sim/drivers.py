@@ -12,9 +12,9 @@ from sim.composed import (
     Inputs,
     Numbers,
     State,
+    actuated,
     at_rest,
     axpy,
-    commands_from,
     delay_of,
     observe,
     rates,
@@ -32,24 +32,33 @@ INVERSIONS = 200  # at most: a compass that is off by 0.8 rad takes 100
 
 
 @jit
+def step(x: State, k1: State, t: float, inputs: Inputs, h: float, p: Numbers) -> State:
+    """One step of classical Runge–Kutta of fourth order from a state and its rates k1."""
+    k2 = rates(axpy(x, 0.5 * h, k1), t + 0.5 * h, inputs, p)
+    k3 = rates(axpy(x, 0.5 * h, k2), t + 0.5 * h, inputs, p)
+    k4 = rates(axpy(x, h, k3), t + h, inputs, p)
+    return axpy(axpy(axpy(axpy(x, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+
+
+@jit
 def advance(x: State, time: float, inputs: Inputs, dt: float, substeps: int, p: Numbers) -> State:
-    """One interval of held inputs by classical Runge–Kutta of fourth order -> the next state."""
+    """One interval of held inputs in equal steps -> the next state."""
     h = dt / substeps
     for i in range(substeps):
-        t = time + i * h
-        k1 = rates(x, t, inputs, p)
-        k2 = rates(axpy(x, 0.5 * h, k1), t + 0.5 * h, inputs, p)
-        k3 = rates(axpy(x, 0.5 * h, k2), t + 0.5 * h, inputs, p)
-        k4 = rates(axpy(x, h, k3), t + h, inputs, p)
-        x = axpy(axpy(axpy(axpy(x, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+        x = step(x, rates(x, time + i * h, inputs, p), time + i * h, inputs, h, p)
     return x
+
+
+@jit
+def reported(x: State, k: State, p: Numbers) -> Report:
+    """What the sensors report of a state and its rates."""
+    return observe(Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5]), p)
 
 
 @jit
 def report_of(x: State, time: float, inputs: Inputs, p: Numbers) -> Report:
     """What the sensors report of a state, accelerations included."""
-    k = rates(x, time, inputs, p)
-    return observe(Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5]), p)
+    return reported(x, rates(x, time, inputs, p), p)
 
 
 @jit
@@ -72,22 +81,24 @@ def integral_at(total: Floats, position: float, i: int) -> float:
 
 
 @jit
-def held(row: Floats, voltage: float, wind_north: float, wind_east: float) -> Inputs:
+def held(
+    row: Floats, voltage: float, wind_north: float, wind_east: float, p: Numbers
+) -> Inputs:  # fmt: skip
     """Inputs from a row of commands (na,); a wind of NaN was not measured."""
     if np.isfinite(wind_north + wind_east):
-        return Inputs(commands_from(row), voltage, wind_north, wind_east, 1.0)
-    return Inputs(commands_from(row), voltage, 0.0, 0.0, 0.0)
+        return Inputs(actuated(row, p), voltage, wind_north, wind_east, 1.0)
+    return Inputs(actuated(row, p), voltage, 0.0, 0.0, 0.0)
 
 
 @jit
 def inputs_at(
     total: Floats, position: float, voltage: float, wind_north: float, wind_east: float,
-    row: Floats,
+    row: Floats, p: Numbers,
 ) -> Inputs:  # fmt: skip
     """Inputs over one step that begins at `position`: commands are the mean over the step."""
     for i in range(len(row)):
         row[i] = integral_at(total, position + 1.0, i) - integral_at(total, position, i)
-    return held(row, voltage, wind_north, wind_east)
+    return held(row, voltage, wind_north, wind_east, p)
 
 
 @entry
@@ -103,7 +114,7 @@ def rollout(
     (B, H+1, 9); rows beyond a run's steps, or after it diverged, are left as they are (NaN).
     NaN in the memory part of x0 means: at rest under the first command.
     """
-    row = np.empty(total.shape[2])
+    row, h = np.empty(total.shape[2]), dt / substeps
     for b in range(len(x0)):
         p = unpack(theta[b % len(theta)])
         c = table[b]
@@ -113,17 +124,20 @@ def rollout(
             j = min(start[b] + k, time.shape[1] - 1)
             t = time[c, start[b]] + k * dt
             inputs = inputs_at(
-                total[c], start[b] + k - shift, voltage[c, j], wind[c, j, 0], wind[c, j, 1], row
+                total[c], start[b] + k - shift, voltage[c, j], wind[c, j, 0], wind[c, j, 1], row, p
             )
             if k == 0 and NX > 6 and not np.isfinite(x[NX - 1]):
                 x = at_rest(x, t, inputs, p)
             for i in range(len(x)):
                 states[b, k, i] = x[i]
-            said = report_of(x, t, inputs, p)
+            k1 = rates(x, t, inputs, p)
+            said = reported(x, k1, p)
             for i in range(9):
                 reports[b, k, i] = said[i]
             if k < steps[b]:
-                x = advance(x, t, inputs, dt, substeps, p)
+                x = step(x, k1, t, inputs, h, p)
+                for i in range(1, substeps):
+                    x = step(x, rates(x, t + i * h, inputs, p), t + i * h, inputs, h, p)
             if not np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]) or abs(x[3]) > 1e3:
                 break
 

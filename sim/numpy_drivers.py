@@ -19,6 +19,7 @@ def rollout(
     p = kernel.unpack(np.resize(theta, (len(x0), theta.shape[1])).T)
     shift = (delay + kernel.delay_of(p)) / dt
     x: Any = kernel.state_from(x0.T)
+    h = dt / substeps
     alive = np.ones(len(x0), bool)
     with np.errstate(all="ignore"):  # a run that diverges is cut off, as in the compiled loop
         for k in range(int(steps.max()) + 1):
@@ -28,7 +29,7 @@ def rollout(
             air = wind[table, j]
             known = np.isfinite(air.sum(axis=1))
             inputs = kernel.Inputs(
-                kernel.commands_from(row.T), voltage[table, j], *np.nan_to_num(air).T, known * 1.0
+                kernel.actuated(row.T, p), voltage[table, j], *np.nan_to_num(air).T, known * 1.0
             )
             if k == 0 and kernel.NX > 6:
                 rest = kernel.at_rest(x, t, inputs, p)
@@ -36,9 +37,12 @@ def rollout(
                 x = tuple(np.where(unset, r, v) for r, v in zip(rest, x, strict=True))
             alive &= k <= steps
             states[alive, k] = np.stack(np.broadcast_arrays(*x), axis=-1)[alive]
-            said = np.stack(np.broadcast_arrays(*kernel.report_of(x, t, inputs, p)), axis=-1)
+            k1 = kernel.rates(x, t, inputs, p)
+            said = np.stack(np.broadcast_arrays(*kernel.reported(x, k1, p)), axis=-1)
             reports[alive, k] = said[alive]
-            x = kernel.advance(x, t, inputs, dt, substeps, p)
+            for i in range(substeps):
+                k1 = kernel.rates(x, t + i * h, inputs, p) if i else k1
+                x = kernel.step(x, k1, t + i * h, inputs, h, p)
             alive &= np.isfinite(np.sum(x[:6], axis=0)) & (np.abs(x[3]) <= 1e3)
 
 

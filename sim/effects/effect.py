@@ -2,7 +2,8 @@
 
 A law is a module-level function on floats or arrays, ufuncs only (`np.maximum`, never `if`), so
 that the very same function runs on arrays in numpy and compiled on scalars. `p` is a tuple of the
-effect's parameters by name. An effect acts in one or more places:
+effect's parameters by name. `command` and `angle` are asked once per interval of held commands,
+all others at every stage of a step. An effect acts in one or more places:
 
     command(c, drive, p) -> c            the command of a thruster, before its thrust curve
     thrust(F, drive, flow, p) -> F       the thrust of a thruster [N]

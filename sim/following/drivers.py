@@ -109,7 +109,7 @@ def follow(
     tau = Wrench(carry[NX + 3], carry[NX + 4], carry[NX + 5])
     still = np.zeros(64)  # the plant's own thrusters are not what moves it
     for k in range(len(times)):
-        inputs = held(still, voltage[k], wind[k, 0], wind[k, 1])
+        inputs = held(still, voltage[k], wind[k, 0], wind[k, 1], p)
         if jumps[k] or not np.isfinite(carry[at]):
             for i in range(6):
                 carry[i] = references[k, i]
@@ -176,7 +176,7 @@ def refer(
     """
     p = unpack(theta)
     for k in range(len(times)):
-        inputs = held(commands[k], voltage[k], wind[k, 0], wind[k, 1])
+        inputs = held(commands[k], voltage[k], wind[k, 0], wind[k, 1], p)
         e = estimates[k]
         estimate = Report(e[0], e[1], e[2], e[3], e[4], e[5], e[6], e[7], e[8])
         fresh = not np.isfinite(carry[NX])
@@ -227,12 +227,12 @@ def missing_force(
     p = unpack(theta)
     for k in range(len(times)):
         m = motion[k]
-        inputs = held(around[k], voltage[k], wind[k, 0], wind[k, 1])
+        inputs = held(around[k], voltage[k], wind[k, 0], wind[k, 1], p)
         fresh = not np.isfinite(carry[NX])
         span = 0.0 if fresh else times[k] - carry[NX]
         if span > 0.0 and NX > 6:
             n = int(np.ceil(span / LONGEST_STEP - 1e-9))
-            past = held(before[k], voltage[k], wind[k, 0], wind[k, 1])
+            past = held(before[k], voltage[k], wind[k, 0], wind[k, 1], p)
             x = advance(state_from(carry), carry[NX], past, span, n, p)
             for i in range(6, NX):
                 carry[i] = x[i]

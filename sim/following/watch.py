@@ -31,7 +31,7 @@ def missing_spread(
     base, row = np.full(NX, np.nan), np.empty(9)
     J = np.empty((3, 9))
     for k in range(len(times)):
-        inputs = held(around[k], voltage[k], wind[k, 0], wind[k, 1])
+        inputs = held(around[k], voltage[k], wind[k, 0], wind[k, 1], p)
         for i in range(9):
             for side in range(2):
                 row[:] = motion[k]
@@ -77,7 +77,7 @@ def forecast(
             newest = bank[s, NX]
     for k in range(len(times)):
         t, a = times[k], motion[k]
-        inputs = held(commands[k], voltage[k], wind[k, 0], wind[k, 1])
+        inputs = held(commands[k], voltage[k], wind[k, 0], wind[k, 1], p)
         for s in range(len(bank)):
             before = bank[s, NX + 1]
             if np.isfinite(before) and t > before:

@@ -33,7 +33,8 @@ class VesselPlant:
 
     def _inputs(self, around: Around) -> Any:
         still = np.zeros(self.model.actuator_count)
-        return self._kernel.held(still, around.voltage, around.wind_north, around.wind_east)
+        air = around.wind_north, around.wind_east
+        return self._kernel.held(still, around.voltage, *air, self._numbers)
 
     def place(self, motion: Motion, around: Around) -> State:
         """A state with that pose and velocity, memory at rest."""
