@@ -25,7 +25,7 @@ from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
 from gateway.estimation.settings import FilterSettings, White
 from gateway.recorder import RecordingSettings
-from gateway.vessel_file import explain
+from gateway.vessel_file import checked, explain
 from sim.following.options import Following
 from sim.following.reference import Mode
 
@@ -68,6 +68,10 @@ class FollowingSettings:
     rate_hz: float = 50.0
     follower: Following = field(default_factory=Following)
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate_hz < float("inf"):
+            raise BadInput(f"[following] rate_hz = {self.rate_hz}: expected a positive number")
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -79,6 +83,12 @@ class Settings:
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
     following: FollowingSettings = field(default_factory=FollowingSettings)
+
+    def __post_init__(self) -> None:
+        for name in ("chunk_bytes", "flush_seconds", "foxglove_hz"):
+            value = getattr(self.recording, name)
+            if not value > 0:
+                raise BadInput(f"[recording] {name} = {value}: expected a positive number")
 
 
 for _table in (
@@ -97,7 +107,7 @@ def load_settings(path: str | Path | None) -> Settings:
     file = Path(path)
     try:
         tables = tomllib.loads(file.read_text(encoding="utf-8"))
-        settings = _CHECKED.validate_python(tables)
+        return checked(_CHECKED, _over(as_tables(Settings()), tables))
     except ValidationError as error:
         raise BadInput(f"{file}: {explain(error)}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -106,7 +116,15 @@ def load_settings(path: str | Path | None) -> Settings:
         raise BadInput(f"{file}: {error}") from None
     except OSError as error:
         raise BadInput(f"{file}: cannot read the configuration: {error.strerror}") from None
-    return settings
+
+
+def _over(defaults: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """Tables over tables, key by key: one given number leaves its neighbours as they were."""
+    out = dict(defaults)
+    for key, value in given.items():
+        nested = isinstance(value, dict) and isinstance(out.get(key), dict)
+        out[key] = _over(out[key], value) if nested else value
+    return out
 
 
 def as_tables(value: Any) -> Any:

@@ -3,14 +3,16 @@
 The format is DESIGN §6. Every mistake is one line: file, key, what was expected.
 """
 
+import json
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import tomli_w
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.effect_files import known_effects, load_effects
 from gateway.errors import BadInput
@@ -25,6 +27,8 @@ from sim.vessel import (
     Thruster,
     Vessel,
 )
+
+T = TypeVar("T")
 
 Positive = Annotated[float, Gt(0.0)]
 Damping = Annotated[float, Le(0.0)]
@@ -142,31 +146,34 @@ class VesselFile(Strict):
     thrusters: Annotated[tuple[ThrusterTable, ...], Field(min_length=1)]
     rudders: tuple[RudderTable, ...] = ()
     sensors: SensorsTable = SensorsTable()
-    effects: tuple[dict[str, float | str], ...] = ()
+    effects: tuple[dict[str, Any], ...] = ()
     provenance: dict[str, Provenance] = Field(default_factory=dict)
+
+
+_CHECKED = TypeAdapter(VesselFile)
 
 
 def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel:
     """Read and check a vessel file; `more_effects` are known beside the catalogue's."""
     file = Path(path)
-    checked = read_vessel_file(file)
-    names = [t.name for t in checked.thrusters] + [r.name for r in checked.rudders]
+    read = read_vessel_file(file)
+    names = [t.name for t in read.thrusters] + [r.name for r in read.rudders]
     for name in names:
         if names.count(name) > 1:
             raise BadInput(f"{file}: the name {name!r} is given to {names.count(name)} actuators")
-    for i, rudder in enumerate(checked.rudders):
-        _check_rudder(file, f"rudders[{i}]", rudder, [t.name for t in checked.thrusters])
+    for i, rudder in enumerate(read.rudders):
+        _check_rudder(file, f"rudders[{i}]", rudder, [t.name for t in read.thrusters])
     known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
     return Vessel(
-        name=checked.name,
-        source=checked.source,
-        hull=Hull(**checked.hull.model_dump()),
-        dynamics=Dynamics(**checked.dynamics.model_dump()),
-        thrusters=tuple(_thruster(t) for t in checked.thrusters),
-        rudders=tuple(_rudder(r) for r in checked.rudders),
-        sensors=Sensors(**checked.sensors.model_dump()),
+        name=read.name,
+        source=read.source,
+        hull=Hull(**read.hull.model_dump()),
+        dynamics=Dynamics(**read.dynamics.model_dump()),
+        thrusters=tuple(_thruster(t) for t in read.thrusters),
+        rudders=tuple(_rudder(r) for r in read.rudders),
+        sensors=Sensors(**read.sensors.model_dump()),
         effects=tuple(
-            _effect(file, f"effects[{i}]", entry, known) for i, entry in enumerate(checked.effects)
+            _effect(file, f"effects[{i}]", entry, known) for i, entry in enumerate(read.effects)
         ),
     )
 
@@ -175,7 +182,7 @@ def read_vessel_file(path: str | Path) -> VesselFile:
     """The checked tables of a vessel file; BadInput with one line where it is wrong."""
     file = Path(path)
     try:
-        return VesselFile.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
+        return checked(_CHECKED, tomllib.loads(file.read_text(encoding="utf-8")))
     except ValidationError as error:
         raise BadInput(f"{file}: {explain(error)}") from None
     except tomllib.TOMLDecodeError as error:
@@ -186,10 +193,18 @@ def read_vessel_file(path: str | Path) -> VesselFile:
         raise BadInput(f"{file}: cannot read the vessel file: {error.strerror}") from None
 
 
+def checked(kind: TypeAdapter[T], tables: Mapping[str, Any]) -> T:
+    """TOML tables as a checked object: a number in quotes or a bool for a number is a mistake.
+
+    pydantic's strict rules for JSON are those of TOML too: there are no tuples and no enums in it.
+    """
+    return kind.validate_json(json.dumps(tables, default=str), strict=True)
+
+
 def explain(error: ValidationError) -> str:
     """The mistakes of a pydantic error in one line: key and what was expected."""
     mistakes = error.errors()
-    unknown = [_key(m["loc"]) for m in mistakes if m["type"] == "extra_forbidden"]
+    unknown = [_key(m["loc"]) for m in mistakes if m["type"] in _UNKNOWN]
     missing = [_key(m["loc"]) for m in mistakes if m["type"] == "missing"]
     if unknown or missing:
         said = [f"unknown key {', '.join(unknown)}"] if unknown else []
@@ -197,7 +212,11 @@ def explain(error: ValidationError) -> str:
     what = mistakes[0]["msg"].removeprefix("Value error, ")
     more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
     key, value = _key(mistakes[0]["loc"]), mistakes[0]["input"]
-    return f"{key} = {value!r}: {what[0].lower()}{what[1:]}{more}"
+    shown = "" if isinstance(value, dict) else f" = {value!r}"  # a whole table says nothing
+    return f"{key}{shown}: {what[0].lower()}{what[1:]}{more}"
+
+
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def _key(location: tuple[int | str, ...]) -> str:
@@ -224,22 +243,34 @@ def _rudder(r: RudderTable) -> Rudder:
     return Rudder(r.name, servo, r.position, r.angle, r.area, r.aspect, r.wash, r.motor)
 
 
-def _effect(
-    file: Path, key: str, entry: dict[str, float | str], known: dict[str, Effect]
-) -> AddedEffect:
+def _effect(file: Path, key: str, entry: dict[str, Any], known: dict[str, Effect]) -> AddedEffect:
     values = dict(entry)
     name, source = values.pop("type", None), values.pop("file", None)
+    if name is None:
+        raise BadInput(
+            f"{file}: missing key {key}.type: expected one of {', '.join(sorted(known))}"
+        )
     if source is not None:
-        known = known | {e.name: e for e in load_effects(file.parent / str(source))}
+        known = known | {e.name: e for e in _effects_in(file, f"{key}.file", source)}
     if name not in known:
         raise BadInput(f"{file}: {key}.type = {name!r}: expected one of {', '.join(sorted(known))}")
     effect = known[str(name)]
     for parameter, value in values.items():
-        if isinstance(value, str):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise BadInput(f"{file}: {key}.{parameter} = {value!r}: expected a number")
     try:
         return AddedEffect(effect, {k: float(v) for k, v in values.items()})
     except ValueError as error:
+        raise BadInput(f"{file}: {key}: {error}") from None
+
+
+def _effects_in(file: Path, key: str, source: Any) -> tuple[Effect, ...]:
+    """Effects of the Python file that an entry names, relative to the vessel file."""
+    if not isinstance(source, str):
+        raise BadInput(f"{file}: {key} = {source!r}: expected a path")
+    try:
+        return load_effects(file.parent / source)
+    except BadInput as error:
         raise BadInput(f"{file}: {key}: {error}") from None
 
 
