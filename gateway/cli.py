@@ -4,13 +4,13 @@ Human output by default; `--json` prints JSON alone on standard output, progress
 error. Exit status 0 done, 1 the work failed, 2 bad input, which gets one line.
 """
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from importlib.metadata import version as installed
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import orjson
 import typer
@@ -19,7 +19,6 @@ from gateway.errors import BadInput, ShadowError
 
 app = typer.Typer(
     name="shadow",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -32,11 +31,16 @@ app = typer.Typer(
 
 # The commands' modules are imported when they run: `shadow --help` answers at once.
 LogFile = Annotated[
-    Path, typer.Argument(help="A .tlog, DataFlash .BIN, MCAP recording of ours, or mapped .csv.")
+    Path,
+    typer.Argument(
+        metavar="LOG", help="A .tlog, DataFlash .BIN, MCAP recording of ours, or mapped .csv."
+    ),
 ]
 LogFiles = Annotated[
     list[Path],
-    typer.Argument(help="Recordings: .tlog, DataFlash .BIN, MCAP of ours, or mapped .csv."),
+    typer.Argument(
+        metavar="LOG", help="Recordings: .tlog, DataFlash .BIN, MCAP of ours, or mapped .csv."
+    ),
 ]
 VesselFile = Annotated[
     Path, typer.Option("--vessel", "-v", help="Model of the boat (TOML, see configs/vessels).")
@@ -113,7 +117,7 @@ def replay(
 ) -> None:
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.pipelines import replay as work
-    from gateway.show.replay import replay_dict, show_replay
+    from gateway.show.replay import replays_dict, show_replay
 
     settings = _settings(config, reference, publish)
     if speed not in ("1", "max"):
@@ -122,10 +126,13 @@ def replay(
     options = work.ReplayOptions(
         out if record else None, speed == "1", system, name, mapping, settings
     )  # fmt: skip
-    for log in logs:
+    done = []
+    for log, chosen in zip(logs, work.told_apart(logs, options), strict=True):
         with _progress(f"replaying {log.name}") as tell:
-            summary = work.replay(log, boat, own, options, tell)
-        _print(json, partial(replay_dict, summary), partial(show_replay, summary))
+            done.append(work.replay(log, boat, own, chosen, tell))
+        if not json:
+            show_replay(done[-1])
+    _print(json, lambda: replays_dict(done), lambda: None)
 
 
 @app.command()
@@ -292,15 +299,34 @@ def _print(json: bool, as_dict: Callable[[], Any], show: Callable[[], None]) -> 
         show()
 
 
+# What typer raises for a command line that it cannot use; it has no public name.
+_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+
+
 def main() -> None:
     """Entry point of `shadow`: one line and an exit status for everything that goes wrong."""
     try:
-        app()
+        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        sys.stdout.flush()
     except ShadowError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(error.exit_status)
-    except BrokenPipeError:
-        sys.exit(0)  # whoever read our output has seen enough
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(130)
+        _fail(str(error), error.exit_status)
+    except _UsageError as error:
+        _fail(_usage(error), 2)
+    except (KeyboardInterrupt, typer.Abort):
+        _fail("interrupted", 130)
+    except BrokenPipeError:  # whoever read our output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _usage(error: Any) -> str:
+    """What is wrong on the command line, and where to read more."""
+    command = error.ctx.command_path if error.ctx is not None else "shadow"
+    return f"{error.format_message().rstrip('.')}: see `{command} --help`"
+
+
+def _fail(says: str, status: int) -> NoReturn:
+    """One line, whatever names with line breaks it quotes."""
+    print(f"error: {' '.join(says.split())}", file=sys.stderr)
+    sys.exit(status)

@@ -1,9 +1,10 @@
 """A recording through the live path: log → facts → shadow → topics → MCAP and zenoh."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from gateway.ingest.boats import choose_boat
 from gateway.ingest.decoding import Decoded, decode
 from gateway.ingest.earth import Origin
 from gateway.ingest.frames import Frames
-from gateway.ingest.log import Log
+from gateway.ingest.log import Log, Statistics
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.messages import Rows
@@ -31,6 +32,7 @@ from gateway.recorder import Recorder
 from gateway.recording_file import Attachment
 from gateway.vessel_file import dump_vessel
 from sim.following.follower import VesselFollower
+from sim.following.options import Following
 from sim.following.reference import Reference
 from sim.model import Model
 from sim.state import Floats
@@ -51,6 +53,7 @@ class ReplayOptions:
     system: int | None = None
     name: str | None = None  # key on zenoh; default: the vessel's name in small letters
     mapping: Path | None = None  # of a .csv
+    stem: str | None = None  # of the recording's name; default: the log's
     settings: Settings = field(default_factory=Settings)
 
 
@@ -67,6 +70,7 @@ class ReplaySummary:
     missing: Floats  # (3,) root mean square of the missing force [N, N, N m]
     events: int
     recordings: tuple[Path, ...]
+    notes: tuple[str, ...] = ()  # what was odd about the log
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,19 @@ def prepare(log_path: str | Path, options: ReplayOptions) -> Material:
         if needed not in choices:
             raise BadInput(f"{log.path}: nothing in it tells {needed}: there is nothing to follow")
     origin = origin_of(decoded, choices)
-    return Material(log, decoded, origin, feed_of(decoded, choices, origin, options.settings.filter))
+    feed = feed_of(decoded, choices, origin, options.settings.filter)
+    return Material(log, decoded, origin, feed)
+
+
+def told_apart(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayOptions]:
+    """Options for each of several logs: those with one name (.tlog, .BIN) get two recordings."""
+    seen: Counter[str] = Counter()
+    out = []
+    for log in logs:
+        seen[log.stem] += 1
+        again = seen[log.stem] > 1
+        out.append(replace(options, stem=f"{log.stem}-{seen[log.stem]}" if again else log.stem))
+    return out
 
 
 def replay(
@@ -106,7 +122,7 @@ def replay(
     path = ShadowPath(
         model,
         Reference(model, following.reference),
-        VesselFollower.of(model if plant is None else Model.of(plant), following.follower),
+        follower_of(model if plant is None else Model.of(plant), following.follower),
         options.settings.filter,
         following.rate_hz,
     )
@@ -120,6 +136,14 @@ def replay(
     if not tally.count:
         raise BadInput(f"{log_path}: the filter never found heading and velocity together")
     return tally.summary(material, time.monotonic() - started, sinks.files())
+
+
+def follower_of(plant: Model, options: Following) -> VesselFollower:
+    """Follow with that plant; one line where its thrusters cannot, and limits are asked for."""
+    try:
+        return VesselFollower.of(plant, options)
+    except ValueError as error:
+        raise BadInput(f"{plant.vessel.name}: {error}") from None
 
 
 def key_of(vessel: Vessel) -> str:
@@ -200,7 +224,7 @@ def _sinks(
     recorder = bus = None
     vessel_text = dump_vessel(vessel).encode()
     if options.out is not None:
-        file = options.out / f"{Path(material.log.path).stem}-shadow.mcap"
+        file = options.out / f"{options.stem or Path(material.log.path).stem}-shadow.mcap"
         config = orjson.dumps(as_tables(options.settings), option=orjson.OPT_INDENT_2)
         recorder = scope.enter_context(
             Recorder(
@@ -227,6 +251,18 @@ def _about(material: Material, name: str) -> dict[str, str]:
         "log": Path(material.log.path).name,
         "boat": str(material.decoded.boat),
     }
+
+
+def _notes(found: Statistics) -> tuple[str, ...]:
+    """What a user should know about the log that was replayed."""
+    odd = {
+        "bytes were no message": found.junk_bytes,
+        "messages had a wrong checksum": found.bad_checksum,
+    }
+    notes = [f"{count} {what}" for what, count in odd.items() if count]
+    if found.truncated_tail:
+        notes.append("the log is cut off at its end: read up to there")
+    return (*notes, *found.notes)
 
 
 @dataclass
@@ -273,4 +309,5 @@ class Tally:
             np.sqrt(self.missing / count),
             self.events,
             files,
+            _notes(material.log.statistics),
         )

@@ -1,6 +1,7 @@
 """What a replay or a simulation did."""
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 from rich.console import Console
@@ -13,8 +14,12 @@ CHANNELS = ("x", "y", "psi", "u", "v", "r")
 UNITS = ("m", "m", "°", "m/s", "m/s", "°/s")
 
 
-def replay_dict(summary: ReplaySummary) -> dict[str, Any]:
-    """What `shadow replay --json` prints, SI units and radians."""
+def replays_dict(done: Iterable[ReplaySummary]) -> dict[str, Any]:
+    """What `shadow replay --json` prints, SI units and radians: one entry per log."""
+    return {"replays": [_one(summary) for summary in done]}
+
+
+def _one(summary: ReplaySummary) -> dict[str, Any]:
     return {
         "log": summary.log,
         "boat": summary.boat,
@@ -24,6 +29,7 @@ def replay_dict(summary: ReplaySummary) -> dict[str, Any]:
         "following_rmse": dict(zip(CHANNELS, summary.rmse.tolist(), strict=True)),
         "missing_force_rms": dict(zip("XYN", summary.missing.tolist(), strict=True)),
         "events": summary.events,
+        "notes": summary.notes,
         "recordings": [str(path) for path in summary.recordings],
     }
 
@@ -46,8 +52,10 @@ def show_replay(summary: ReplaySummary) -> None:
         f"missing force, root mean square: {X:.3g} N ahead, {Y:.3g} N to starboard, {N:.3g} N m: "
         "what the vessel would need on top of its thrusters to move as measured"
     )
+    for note in summary.notes:
+        out.print(f"note: {note}", highlight=False, markup=False)
     for path in summary.recordings:
-        out.print(f"recorded: {path}")
+        out.print(f"recorded: {path}", soft_wrap=True, markup=False)
 
 
 def show_simulated(result: Simulated) -> None:
@@ -64,4 +72,4 @@ def show_simulated(result: Simulated) -> None:
             f"follower − vessel, RMSE: {off[0]:.4f} m/s, {off[1]:.4f} m/s, "
             f"{math.degrees(off[2]):.3f} °/s"
         )
-    out.print(f"recorded: {result.recording}")
+    out.print(f"recorded: {result.recording}", soft_wrap=True, markup=False)
