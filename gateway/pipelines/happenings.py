@@ -24,6 +24,7 @@ class Watchman:
     def observe(self, feed: Feed, rows: Rows, out: Shadowing) -> tuple["Watchman", list[Happening]]:
         """A chunk of the path -> how things stand now, and what happened, in order."""
         told: list[Happening] = []
+        first = 0 if self.started else int(out.row[0]) + 1 if len(out) else len(rows)
         if not self.started and len(out):
             told.append(_at(out, 0, "started", "info", "the first estimate is there"))
         for flag, kind, severity, says in _FLAGS:
@@ -32,7 +33,7 @@ class Watchman:
                     int(feed.vehicle_time_ns[k]), int(feed.receive_time_ns[k]), kind, severity, says
                 )
                 for k in np.flatnonzero(rows.has(flag))
-                if self.started or kind != "restart"
+                if k >= first or kind != "restart"  # the first start is none
             ]
         told += self._changes(out, out.fresh, self.fresh, _TELEMETRY)
         told += self._changes(out, out.from_model, self.modelled, _REFERENCE)

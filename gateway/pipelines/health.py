@@ -1,12 +1,14 @@
 """Once a second: how well link, clocks and filter are. Rows of the health topic."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.estimation.estimator import Rows
 from gateway.estimation.names import Flag
+from gateway.ingest.continuity import LATE
 from gateway.ingest.decoding import Decoded
 from gateway.ingest.log import Log
 from gateway.messages import Rows as Messages
@@ -47,8 +49,8 @@ class HealthMeter:
         """What a log tells of one boat."""
         arrivals = {}
         for name in log.counts():
-            table = log.table(name)
-            mine = table.system == decoded.boat.system
+            table, boat = log.table(name), decoded.boat
+            mine = (table.system == boat.system) & (table.component == boat.component)
             arrivals[name] = np.sort(table.receive_time_ns[mine])
         stamps = [np.stack([s.receive_time_ns, s.vehicle_time_ns], axis=1) for s in decoded.samples]
         both = np.concatenate(stamps) if stamps else np.zeros((0, 2), np.int64)
@@ -57,18 +59,27 @@ class HealthMeter:
     def advance(self, receive_time_ns: Ints, rows: Rows) -> Messages:
         """What the filter said of facts received then -> one row for each second now over."""
         seconds = receive_time_ns // SECOND
+        edges = np.flatnonzero(np.diff(seconds, prepend=-1, append=-1)).tolist()
         out: list[tuple[int, bytes]] = []
-        for second in np.unique(seconds).tolist():
-            if self.second >= 0 and second > self.second:
+        for start, end in pairwise(edges):  # in the order of receipt: chunks make no difference
+            second = int(seconds[start])
+            if self._over(second):
                 out.append((second * SECOND, self._row(second * SECOND)))
                 self.nis, self.used = 0.0, 0
-            self.second = max(self.second, second)
-            self._count(rows, seconds == second)
+            self._count(rows, slice(start, end))
         times = np.array([time for time, _ in out], np.int64)
         return Messages("health", times - self._offset_ns(times), times, [row for _, row in out])
 
-    def _count(self, rows: Rows, mine: NDArray[np.bool_]) -> None:
-        self.nis += float(rows.nis[mine].sum(where=rows.used[mine] > 0))
+    def _over(self, second: int) -> bool:
+        """Is the second before this one over? A clock set back by long starts anew."""
+        first, later = self.second < 0, second > self.second
+        if first or later or second < self.second - WINDOW_S:
+            self.second = second
+        return later and not first
+
+    def _count(self, rows: Rows, mine: slice) -> None:
+        for nis in rows.nis[mine][rows.used[mine] > 0].tolist():
+            self.nis += nis
         self.used += int(rows.used[mine].sum())
         self.late += int(np.count_nonzero(rows.has(Flag.REFUSED)[mine]))
         self.gated += int(np.count_nonzero(rows.has(Flag.GATED)[mine]))
@@ -124,7 +135,11 @@ def _losses(log: Log, decoded: Decoded) -> Ints:
     mine = (frames.headers.system == decoded.boat.system) & (
         frames.headers.component == decoded.boat.component
     )
-    sequence = frames.headers.sequence[mine].astype(np.int64)
-    missing = (np.diff(sequence) - 1) % 256
-    missing[missing > 128] = 0  # a step back: late or repeated, not 200 lost
-    return np.asarray(np.repeat(frames.receive_time_ns[mine][1:], missing))
+    number = frames.headers.sequence[mine].astype(np.int64)
+    if not len(number):
+        return np.zeros(0, np.int64)
+    steps = (np.diff(number) + LATE) % 256 - LATE
+    number = np.cumsum(np.append(number[0], steps))  # without wraps; late frames step back
+    absent = np.setdiff1d(np.arange(number[0], number.max()), number)
+    noticed = np.searchsorted(np.maximum.accumulate(number), absent)
+    return np.sort(frames.receive_time_ns[mine][noticed])
