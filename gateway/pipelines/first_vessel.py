@@ -4,15 +4,18 @@ Channels, functions, pulse limits and directions come from the parameters. Size,
 cannot be known from a log: they are asked for, and what follows from them is marked as a guess.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.boats import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.parameters import Actuator, Kind, actuators, autopilot_parameters
-from gateway.vessel_file import Provenance, VesselFile, dump_vessel, read_vessel_file
+from gateway.vessel_file import Provenance, VesselFile, dump_vessel, explain, read_vessel_file
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
 WATER = 1000.0  # kg/m³
@@ -40,7 +43,7 @@ def init_vessel(
 ) -> VesselFile:
     """Write a first vessel file for the boat of a log -> what was written."""
     for key, value in given.items():
-        if not value > 0.0:
+        if not 0.0 < value < float("inf"):
             raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
     if out.exists() and not force:
         raise BadInput(f"{out}: there is such a file: give another name, or --force")
@@ -55,13 +58,26 @@ def init_vessel(
         vessel, provenance = first_vessel(
             name or log_path.stem, actuators(parameters), Size(**given), frozenset(given)
         )
+        text = dump_vessel(vessel, provenance)
     except BadInput as error:
         raise BadInput(f"{log_path}: {error}") from None
+    except ValidationError as error:
+        raise BadInput(f"{log_path}: no vessel comes of that: {explain(error)}") from None
+    _write(out, text)
+    return read_vessel_file(out)
+
+
+def _write(out: Path, text: str) -> None:
+    """Whole or not at all."""
+    part = out.with_name(out.name + ".part")
     try:
-        out.write_text(dump_vessel(vessel, provenance), encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
+        part.replace(out)
     except OSError as error:
         raise ShadowError(f"{out}: cannot write the vessel file: {error.strerror}") from None
-    return read_vessel_file(out)
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def first_vessel(
@@ -79,8 +95,13 @@ def first_vessel(
             "no output drives the boat (SERVOn_FUNCTION 70, 73, 74 or 33 to 36): "
             "write the [[thrusters]] by hand, see configs/vessels"
         )
-    thrusters = tuple(_thruster(a, size, len(motors)) for a in motors)
-    rudders = tuple(_rudder(a, thrusters[0].name, size) for a in steering)
+    thrusters = tuple(
+        _thruster(a, name, size) for a, name in zip(motors, _names(motors), strict=True)
+    )
+    rudders = tuple(
+        _rudder(a, name, thrusters[0].name, size)
+        for a, name in zip(steering, _names(steering), strict=True)
+    )
     vessel = Vessel(
         name=name,
         source="shadow init: actuators from the log's parameters, the rest guessed from size",
@@ -94,26 +115,40 @@ def first_vessel(
 
 _MOTORS = (Kind.THROTTLE, Kind.THROTTLE_LEFT, Kind.THROTTLE_RIGHT, Kind.MOTOR)
 _SIDES = {Kind.THROTTLE: 0.0, Kind.THROTTLE_LEFT: -1.0, Kind.THROTTLE_RIGHT: 1.0}
-_NAMES = {Kind.THROTTLE: "main", Kind.THROTTLE_LEFT: "left", Kind.THROTTLE_RIGHT: "right"}
+_NAMES = {
+    Kind.THROTTLE: "main",
+    Kind.THROTTLE_LEFT: "left",
+    Kind.THROTTLE_RIGHT: "right",
+    Kind.MOTOR: "motor",
+    Kind.STEERING: "rudder",
+}
 _OMNI = {1: (1.0, 1.0), 2: (-1.0, -1.0), 3: (1.0, -1.0), 4: (-1.0, 1.0)}  # corner of motors 1 … 4
 
 
-def _thruster(a: Actuator, size: Size, count: int) -> Thruster:
+def _names(found: Sequence[Actuator]) -> list[str]:
+    """A name for each; where several outputs have one function, its channel tells them apart."""
+    plain = [_NAMES[a.kind] + (f"_{a.motor}" if a.motor else "") for a in found]
+    return [
+        name if plain.count(name) == 1 else f"{name}_{a.channel}"
+        for a, name in zip(found, plain, strict=True)
+    ]
+
+
+def _thruster(a: Actuator, name: str, size: Size) -> Thruster:
     """Where a motor of that function usually stands."""
     if a.motor is not None:
         ahead, side = _OMNI[a.motor]
-        name, position = f"motor_{a.motor}", (0.35 * size.length * ahead, 0.35 * size.beam * side)
+        position = (0.35 * size.length * ahead, 0.35 * size.beam * side)
     else:
-        name = _NAMES[a.kind]
         position = (-0.4 * size.length, 0.4 * size.beam * _SIDES[a.kind])
     thrust = (-round(ASTERN * size.thrust, 1), size.thrust)
     return Thruster(name, Servo(a.channel, a.pwm, a.reversed), position, thrust)
 
 
-def _rudder(a: Actuator, behind: str, size: Size) -> Rudder:
+def _rudder(a: Actuator, name: str, behind: str, size: Size) -> Rudder:
     area = round(0.02 * size.length * 0.2 * size.length, 4)  # a small share of the lateral plane
     return Rudder(
-        "rudder", Servo(a.channel, a.pwm, a.reversed), (-0.5 * size.length, 0.0), (-0.6, 0.6),
+        name, Servo(a.channel, a.pwm, a.reversed), (-0.5 * size.length, 0.0), (-0.6, 0.6),
         area=max(area, 0.002), wash=behind,
     )  # fmt: skip
 
