@@ -13,18 +13,19 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.messages import encode_rows
+from gateway.pipelines.replay import follower_of
 from gateway.pipelines.rows import MOTION_FIELDS
 from gateway.recorder import Recorder
 from gateway.recording_file import Attachment
 from gateway.vessel_file import dump_vessel
-from sim.following.follower import VesselFollower
 from sim.following.options import Following
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
 
 SECOND = 1_000_000_000
-BLOCK = 2000  # rows handed to the recorder at a time
+BLOCK = 500  # rows handed to the recorder at a time
+LONGEST_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,12 @@ def read_commands(path: Path, vessel: Vessel) -> tuple[Floats, Floats]:
     """A table of commands -> times (R,) [s], commands (R, actuators)."""
     names = [actuator.name for actuator in vessel.actuators]
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"{path}: cannot read the commands: {error}") from None
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file, skipinitialspace=True))
+    except OSError as error:
+        raise BadInput(f"{path}: cannot read the commands: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise BadInput(f"{path}: not a text table: expected a CSV of commands") from None
     header = list(rows[0]) if rows else []
     if "time" not in header or not set(names) & set(header):
         raise BadInput(
@@ -58,6 +61,8 @@ def read_commands(path: Path, vessel: Vessel) -> tuple[Floats, Floats]:
     time = np.array([_number(path, k, row, "time") for k, row in enumerate(rows)])
     if len(time) < 2 or np.any(np.diff(time) <= 0.0):
         raise BadInput(f"{path}: time must have two or more rows and go up")
+    if time[-1] - time[0] > LONGEST_S:
+        raise BadInput(f"{path}: time spans {time[-1] - time[0]:.3g} s, more than a day: seconds?")
     columns = [[_number(path, k, r, n) if n in header else 0.0 for n in names]
                for k, r in enumerate(rows)]  # fmt: skip
     return time - time[0], np.array(columns)
@@ -92,7 +97,7 @@ def simulate(
     _, commanded = model.missing_force(motion, grid, held, held)
     followed = forces = None
     if follow is not None:
-        follower = VesselFollower.of(Model.of(follow), options)
+        follower = follower_of(Model.of(follow), options or Following())
         _, followed, forces, _ = follower.advance(follower.start(), grid, motion)
     recording = out / f"{commands.stem}-simulated.mcap"
     result = Simulated(grid, motion, followed, forces, commanded, recording)
