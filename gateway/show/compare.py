@@ -22,8 +22,8 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
     )
     for comparison in found:
         worst = comparison.worst(WORST)
-        head = f"\n[bold]{comparison.vessel}[/bold] on {comparison.log}"
-        out.print(f"{head}: where it is worst" if worst else f"{head}: no worse anywhere than noise")
+        says = "where it is worst" if worst else "no worse anywhere than noise"
+        out.print(f"\n[bold]{comparison.vessel}[/bold] on {comparison.log}: {says}")
         for one in worst:
             out.print(f"• {one.says}", highlight=False, markup=False)
     if pictures is not None:
