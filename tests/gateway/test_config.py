@@ -1,0 +1,129 @@
+"""gateway.toml: flags over file over defaults; every mistake is one line."""
+
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+from gateway.config import Settings, as_tables, load_settings
+from gateway.errors import BadInput
+from gateway.estimation.settings import SOURCES
+from gateway.recording_file import Compression
+from sim.following.options import Law
+from sim.following.reference import Mode
+
+EVERYTHING = """
+[[boats]]
+system_id = 1
+vessel = "wam-v.toml"
+plant = "otter.toml"
+name = "wam-v"
+
+[links]
+endpoints = ["udpin:127.0.0.1:14550"]
+
+[filter]
+gyro_delay_s = 0.02
+
+[filter.sources.ATTITUDE]
+yaw_rad = 0.03
+
+[zenoh]
+publish = false
+endpoint = "tcp/127.0.0.1:9000"
+config_file = "zenoh.json5"
+
+[recording]
+compression = "lz4"
+rotate_seconds = 60
+
+[following]
+reference = "auto"
+rate_hz = 20
+
+[following.follower]
+rate = 3.0
+law = "printed"
+limits = true
+"""
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "gateway.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_without_a_file_the_defaults_stand(tmp_path: Path) -> None:
+    assert load_settings(None) == Settings()
+    assert load_settings(written(tmp_path, "")) == Settings()
+
+
+def test_every_table_is_read(tmp_path: Path) -> None:
+    found = load_settings(written(tmp_path, EVERYTHING))
+    (boat,) = found.boats
+    assert (boat.system_id, boat.vessel, boat.plant) == (1, "wam-v.toml", "otter.toml")
+    assert found.links.endpoints == ("udpin:127.0.0.1:14550",)
+    assert found.filter.gyro_delay_s == 0.02
+    assert (found.zenoh.publish, found.zenoh.bus().config_file) == (False, Path("zenoh.json5"))
+    assert found.recording.compression is Compression.LZ4
+    assert found.following.reference is Mode.AUTO
+    assert found.following.follower.law is Law.PRINTED
+
+
+def test_what_a_file_leaves_out_stays_as_it_was(tmp_path: Path) -> None:
+    found, usual = load_settings(written(tmp_path, EVERYTHING)), Settings()
+    assert found.recording.chunk_bytes == usual.recording.chunk_bytes
+    assert found.following.follower.integral == usual.following.follower.integral
+    assert found.filter.sources["ATTITUDE"].yaw_rad == 0.03
+    assert found.filter.sources["ATTITUDE"].yaw_rate_radps == SOURCES["ATTITUDE"].yaw_rate_radps
+    assert found.filter.sources["XKF1"] == SOURCES["XKF1"]
+
+
+@pytest.mark.parametrize("text", ["", EVERYTHING])
+def test_the_resolved_configuration_is_a_configuration(tmp_path: Path, text: str) -> None:
+    resolved = load_settings(written(tmp_path, text))
+    again = load_settings(written(tmp_path, tomli_w.dumps(as_tables(resolved))))
+    assert again == resolved
+
+
+MISTAKES = {
+    "[follow]": "unknown key follow",
+    "[zenoh]\nport = 7447": "unknown key zenoh.port",
+    "[filter]\nspeed = 1.0": "unknown key filter.speed",
+    "[filter.sources.ATTITUDE]\nroll = 1.0": "unknown key filter.sources.ATTITUDE.roll",
+    "[[boats]]\nsystem_id = 1": "missing key boats[0].vessel",
+    '[zenoh]\npublish = "yes"': "zenoh.publish = 'yes': input should be a valid boolean",
+    '[following]\nrate_hz = "50"': "following.rate_hz = '50': input should be a valid number",
+    "[following]\nrate_hz = 0": "[following] rate_hz = 0.0: expected a positive number",
+    '[following]\nreference = "both"': "following.reference = 'both': input should be 'measured'",
+    "[following.follower]\nrate = -1.0": "rate must be above 0 1/s, not -1.0",
+    "[filter]\nsurge_tau_s = 0.0": "[filter] surge_tau_s = 0.0: expected a positive number",
+    '[recording]\ncompression = "rar"': "recording.compression = 'rar': input should be 'lz4', ",
+    "[recording]\nfoxglove_hz = 0": "[recording] foxglove_hz = 0.0: expected a positive number",
+    '[links]\nendpoints = "udp"': "links.endpoints = 'udp': input should be a valid array",
+    "boats = 3": "boats = 3: input should be a valid array",
+    "[zenoh": "not a TOML file",
+}
+
+
+@pytest.mark.parametrize("text", MISTAKES)
+def test_a_mistake_is_one_line_with_key_and_what_was_expected(tmp_path: Path, text: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(BadInput) as caught:
+        load_settings(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert MISTAKES[text] in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_configuration_is_said(tmp_path: Path) -> None:
+    binary = tmp_path / "noise.toml"
+    binary.write_bytes(b"\xff\xfe\x00\x01")
+    for path, expected in (
+        (tmp_path / "absent.toml", "cannot read the configuration: No such file"),
+        (tmp_path, "cannot read the configuration: Is a directory"),
+        (binary, "not a TOML file"),
+    ):
+        with pytest.raises(BadInput, match=f"^{path}: {expected}"):
+            load_settings(path)

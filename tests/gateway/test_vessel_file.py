@@ -1,0 +1,208 @@
+"""Vessel files: what is written is what is read, and every mistake is one line that helps."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.effect_files import load_effects
+from gateway.errors import BadInput
+from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
+from sim.effects.catalogue import EFFECTS
+from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel
+from tests.conftest import ROOT
+from tests.gateway.test_effect_files import FILE
+from tests.sim.vessels import SHAPES, WAMV, every_effect
+
+SHIPPED = sorted((ROOT / "configs" / "vessels").glob("*.toml"))
+STEERED = (ROOT / "configs" / "vessels" / "steered.toml").read_text(encoding="utf-8")
+CURRENT = '[[effects]]\ntype = "steady_current"\nspeed = 0.3\ndirection = 1.2\n'
+
+positive = st.floats(1e-6, 1e6)
+damping = st.floats(-1e6, 0.0)
+number = st.floats(-1e6, 1e6)
+point = st.tuples(number, number)
+word = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=12)
+servo = st.builds(
+    Servo,
+    st.integers(1, 32),
+    st.tuples(st.floats(500, 1300), st.floats(1300, 1700), st.floats(1701, 2500)),
+    st.booleans(),
+)
+thruster = st.builds(
+    Thruster,
+    word,
+    servo,
+    point,
+    st.tuples(st.floats(-1e4, 0.0), st.floats(0.1, 1e4)),
+    st.floats(-3.14, 3.14),
+    st.sampled_from(["linear", "quadratic"]),
+)
+dynamics = st.builds(
+    Dynamics,
+    *[positive] * 3,
+    *[damping] * 6,
+    *[number] * (len(fields(Dynamics)) - 9),
+)
+
+
+@st.composite
+def vessels(draw: st.DrawFn) -> Vessel:
+    """Any vessel that a file can hold."""
+    thrusters = draw(st.lists(thruster, min_size=1, max_size=4, unique_by=lambda t: t.name))
+    angle = st.floats(-1.5, 1.5)
+    rudder = st.builds(
+        Rudder,
+        word.map(lambda name: "rudder " + name),
+        servo,
+        point,
+        st.tuples(angle, angle),
+        area=positive,
+        aspect=positive,
+        wash=st.none() | st.sampled_from([t.name for t in thrusters]),
+        motor=st.none() | st.sampled_from([t.name for t in thrusters]),
+    )
+    names = {t.name for t in thrusters}
+    rudders = draw(st.lists(rudder, max_size=2, unique_by=lambda r: r.name))
+    effects = draw(st.lists(st.sampled_from(EFFECTS), max_size=3))
+    return Vessel(
+        draw(word),
+        draw(st.builds(Hull, positive, positive, positive, point)),
+        draw(dynamics),
+        tuple(thrusters),
+        tuple(r for r in rudders if r.name not in names),
+        draw(st.builds(Sensors, point, point)),
+        tuple(AddedEffect(e, {p.name: draw(number) for p in e.parameters}) for e in effects),
+        draw(word),
+    )
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_vessel_that_ships_is_read(path: Path) -> None:
+    vessel = load_vessel(path)
+    assert vessel.name
+    assert vessel.source
+
+
+@given(vessel=vessels())
+def test_what_is_written_is_what_is_read(
+    vessel: Vessel, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "vessel.toml"
+    path.write_text(dump_vessel(vessel), encoding="utf-8", newline="\n")
+    assert load_vessel(path) == vessel
+
+
+@pytest.mark.parametrize("vessel", SHAPES, ids=lambda vessel: vessel.name)
+def test_every_shape_with_every_effect_comes_back(vessel: Vessel, tmp_path: Path) -> None:
+    full = vessel.with_effects(*every_effect())
+    path = tmp_path / "full.toml"
+    path.write_text(dump_vessel(full), encoding="utf-8")
+    assert load_vessel(path) == full
+
+
+def test_where_a_number_came_from_is_kept(tmp_path: Path) -> None:
+    origin = Provenance(recording="a.tlog", date="2026-01-01", version="0.1", ci95=(1.0, 2.0))
+    path = tmp_path / "v.toml"
+    path.write_text(dump_vessel(WAMV, {"dynamics.m11": origin}), encoding="utf-8")
+    assert read_vessel_file(path).provenance == {"dynamics.m11": origin}
+
+
+def message(tmp_path: Path, text: str) -> str:
+    """What is said of a file with that text: one line that names the file."""
+    path = tmp_path / "boat.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput) as caught:
+        load_vessel(path)
+    says = str(caught.value)
+    assert says.startswith(f"{path}: ")
+    assert "\n" not in says
+    return says.removeprefix(f"{path}: ")
+
+
+MISTAKES = {
+    "unknown key": ("X_u = -10.0", "X_u = -10.0\nX_q = 1.0", "unknown key dynamics.X_q"),
+    "unknown table": ("[hull]", "[hulls]", "unknown key hulls; missing key hull"),
+    "missing": ("mass = 90.0", "", "missing key hull.mass"),
+    "text": ("mass = 90.0", 'mass = "90"', "hull.mass = '90': input should be a valid number"),
+    "truth": ("mass = 90.0", "mass = true", "hull.mass = True: input should be a valid number"),
+    "infinite": ("mass = 90.0", "mass = inf", "hull.mass = inf: input should be a finite number"),
+    "no size": ("mass = 90.0", "mass = 0.0", "hull.mass = 0.0: input should be greater than 0"),
+    "sign": ("X_u = -10.0", "X_u = 10.0", "dynamics.X_u = 10.0: input should be less than or eq"),
+    "short": ("[-1.1, 0.0]", "[-1.1]", "missing key thrusters[0].position[1]"),
+    "channel 0": ("channel = 3", "channel = 0", "thrusters[0].channel = 0: input should be gr"),
+    "channel 33": ("channel = 3", "channel = 33", "thrusters[0].channel = 33: input should be le"),
+    "fraction": ("channel = 3", "channel = 3.5", "thrusters[0].channel = 3.5: input should be a v"),
+    "pwm": ("channel = 4", "channel = 4\npwm = [1900, 1500, 1100]", "must be ascending pulse"),
+    "pwm range": ("channel = 4", "channel = 4\npwm = [0, 1, 2]", "must be ascending pulse"),
+    "thrust": ("[-60.0, 120.0]", "[60.0, 120.0]", "thrusters[0].thrust = [60.0, 120.0]: must be"),
+    "curve": ('"quadratic"', '"cubic"', "thrusters[0].curve = 'cubic': input should be 'linear'"),
+    "degrees": ("[-0.6, 0.6]", "[-35.0, 35.0]", "rudders[0].angle[0] = -35.0: input should be"),
+    "azimuth": ("channel = 4", "channel = 4\nazimuth = 90.0", "thrusters[1].azimuth = 90.0: inp"),
+    "wash": ('wash = "main"', 'wash = "mian"', "rudders[0]: no thruster named 'mian': there are"),
+    "motor": ('motor = "outboard"', 'motor = "x"', "rudders[1]: no thruster named 'x': there are"),
+    "blade": ("area = 0.02", "", "rudders[0]: a blade needs its area"),
+    "twins": ('"outboard_steering"', '"blade"', "the name 'blade' is given to 2 actuators"),
+    "effect": ("[hull]", '[[effects]]\ntype = "x"\n[hull]', "effects[0].type = 'x': expected one"),
+    "no type": ("[hull]", "[[effects]]\nspeed = 1.0\n[hull]", "missing key effects[0].type"),
+    "parameter": ("[hull]", CURRENT.replace("direction", "to") + "[hull]", "missing direction; u"),
+    "no number": ("[hull]", CURRENT.replace("0.3", '"a"') + "[hull]", "effects[0].speed = 'a': e"),
+    "not finite": ("[hull]", CURRENT.replace("0.3", "nan") + "[hull]", "effects[0].speed = nan:"),
+    "no file": ("[hull]", CURRENT + 'file = "x.py"\n[hull]', "effects[0].file: "),
+    "no path": ("[hull]", CURRENT + "file = 3\n[hull]", "effects[0].file = 3: expected a path"),
+    "not TOML": ("[hull]", "[hull", "not a TOML file"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line_with_key_and_what_was_expected(tmp_path: Path, mistake: str) -> None:
+    right, wrong, expected = MISTAKES[mistake]
+    assert right in STEERED
+    assert expected in message(tmp_path, STEERED.replace(right, wrong, 1))
+
+
+def test_a_whole_number_is_a_number(tmp_path: Path) -> None:
+    path = tmp_path / "boat.toml"
+    path.write_text(STEERED.replace("mass = 90.0", "mass = 90"), encoding="utf-8")
+    assert load_vessel(path).hull.mass == 90.0
+
+
+def test_what_is_no_vessel_file_is_said(tmp_path: Path) -> None:
+    binary = tmp_path / "noise.toml"
+    binary.write_bytes(b"\xff\xfe\x00\x01")
+    for path, expected in (
+        (tmp_path / "absent.toml", "cannot read the vessel file: No such file"),
+        (tmp_path, "cannot read the vessel file: Is a directory"),
+        (binary, "not a text file"),
+    ):
+        with pytest.raises(BadInput, match=f"^{path}: {expected}"):
+            load_vessel(path)
+
+
+def test_an_effect_of_ones_own_is_found_beside_the_vessel_file(tmp_path: Path) -> None:
+    (tmp_path / "line.py").write_text(FILE.replace("FACTOR", "1"))
+    entry = '[[effects]]\ntype = "line_drag"\nk = 20.0\n'
+    path = tmp_path / "boat.toml"
+    path.write_text(STEERED + entry + 'file = "line.py"\n', encoding="utf-8")
+    named = load_vessel(path).effects
+    path.write_text(STEERED + entry, encoding="utf-8")
+    given_too = load_vessel(path, load_effects(tmp_path / "line.py")).effects
+    assert [(a.effect.name, a.values) for a in named] == [("line_drag", {"k": 20.0})]
+    assert given_too == named
+    with pytest.raises(BadInput, match=r"type = 'line_drag': expected one of cubic_drag, "):
+        load_vessel(path)
+
+
+def test_a_broken_effect_file_is_one_line_that_names_both_files(tmp_path: Path) -> None:
+    (tmp_path / "line.py").write_text("def force(:\n")
+    entry = '[[effects]]\ntype = "line_drag"\nfile = "line.py"\nk = 20.0\n'
+    says = message(tmp_path, STEERED + entry)
+    assert "effects[0].file: " in says
+    assert "line.py: SyntaxError" in says
+
+
+def test_two_files_differ_where_two_vessels_differ(tmp_path: Path) -> None:
+    heavier = replace(WAMV, hull=replace(WAMV.hull, mass=200.0))
+    assert dump_vessel(heavier) != dump_vessel(WAMV)
