@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import orjson
-from numba import njit
 from numpy.typing import NDArray
+
+from gateway.jit import compiled
 
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
@@ -19,7 +20,7 @@ Integers = NDArray[np.int64]
 OPEN, CLOSE, COMMA = ord("["), ord("]"), ord(",")
 
 
-@njit(cache=True)
+@compiled
 def _copy_token(text: Bytes, at: int, out: Bytes, end: int) -> tuple[int, int]:
     """Append the next number of a JSON array to `out` -> position in text, end of `out`."""
     while text[at] == OPEN or text[at] == CLOSE or text[at] == COMMA:
@@ -31,7 +32,7 @@ def _copy_token(text: Bytes, at: int, out: Bytes, end: int) -> tuple[int, int]:
     return at, end
 
 
-@njit(cache=True)
+@compiled
 def _copy_piece(pieces: Bytes, edges: Integers, which: int, out: Bytes, end: int) -> int:
     """Append piece number `which` of a joined text to `out` -> end of `out`."""
     for i in range(edges[which], edges[which + 1]):
@@ -40,7 +41,7 @@ def _copy_piece(pieces: Bytes, edges: Integers, which: int, out: Bytes, end: int
     return end
 
 
-@njit(cache=True)
+@compiled
 def _weave(
     integers: Bytes,
     numbers: Bytes,

@@ -19,8 +19,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
-from numba import njit
 from numpy.typing import NDArray
+
+from gateway.jit import compiled
 
 Integers = NDArray[np.int64]
 
@@ -84,7 +85,7 @@ def read_spans(stream: IO[bytes], size: int) -> Spans:
     return Spans(tuple(records), False)
 
 
-@njit(cache=True)
+@compiled
 def _little(data: NDArray[np.uint8], at: int, size: int) -> np.int64:
     """An unsigned little-endian number of `size` bytes."""
     value = np.int64(0)
@@ -93,7 +94,7 @@ def _little(data: NDArray[np.uint8], at: int, size: int) -> np.int64:
     return value
 
 
-@njit(cache=True)
+@compiled
 def _walk(data: NDArray[np.uint8], found: Integers) -> int:
     """Fill `found` (R, 3) with opcode, start and end of each whole record -> how many."""
     at, count = 0, 0
@@ -103,13 +104,13 @@ def _walk(data: NDArray[np.uint8], found: Integers) -> int:
             break
         found[count, 0] = data[at]
         found[count, 1] = at + PREFIX_BYTES
-        at += PREFIX_BYTES + length
+        at += PREFIX_BYTES + int(length)
         found[count, 2] = at
         count += 1
     return count
 
 
-@njit(cache=True)
+@compiled
 def _heads(data: NDArray[np.uint8], start: Integers) -> Integers:
     """Where messages start (K,) -> channel, sequence, log time, publish time (K, 4)."""
     heads = np.empty((len(start), 4), np.int64)

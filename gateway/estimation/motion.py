@@ -11,9 +11,9 @@ Electronic Systems 6(4), 1970.
 
 import numpy as np
 
-from gateway.estimation.jit import compiled
 from gateway.estimation.names import STATES, State
 from gateway.estimation.settings import Model
+from gateway.jit import compiled
 from sim.state import Floats
 
 # Gauss-Legendre on [0, 1]: the noise of a step is an integral whose closed form cancels badly for

@@ -10,8 +10,8 @@ the gyro's low-pass filter.
 
 import numpy as np
 
-from gateway.estimation.jit import compiled
 from gateway.estimation.names import Kind, State
+from gateway.jit import compiled
 from sim.state import Floats, wrap
 
 

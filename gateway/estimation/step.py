@@ -8,12 +8,12 @@ a row fail, the boat has begun to turn faster than was assumed, and the turn is 
 
 import numpy as np
 
-from gateway.estimation.jit import compiled
 from gateway.estimation.motion import predict
 from gateway.estimation.names import KINDS, STATES, Flag, Kind, Record, State
 from gateway.estimation.observe import observe
 from gateway.estimation.settings import Model
 from gateway.estimation.update import Work, update, weigh
+from gateway.jit import compiled
 from sim.state import Floats, wrap
 
 LOST_YAW = 0.5  # rad: with a worse heading nothing that turns with it can be used

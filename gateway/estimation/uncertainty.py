@@ -7,8 +7,8 @@ no state: linearised filters believe that they learn such an angle, and turn a g
 bad one. Its variance is added to what is reported.
 """
 
-from gateway.estimation.jit import compiled
 from gateway.estimation.names import State
+from gateway.jit import compiled
 from sim.state import Floats
 from sim.trial import MOTION
 

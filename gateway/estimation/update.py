@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.estimation.jit import compiled
 from gateway.estimation.names import STATES
+from gateway.jit import compiled
 from sim.state import Floats
 
 

@@ -14,10 +14,10 @@ One compiled step serves the live link and the columns of a log: they cannot dis
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gateway.ingest.mapping.rule import Counter
+from gateway.jit import compiled
 
 Ints = NDArray[np.int64]
 
@@ -78,20 +78,20 @@ class S(IntEnum):
     SPREAD = 21  # largest delay above the envelope [ns]
 
 
-@njit(cache=True)
+@compiled
 def _offset(s: Ints) -> int:
     """Lower envelope of receipt − vehicle time [ns]."""
     return int(min(s[S.MIN_NOW], s[S.MIN_BEFORE]))
 
 
-@njit(cache=True)
+@compiled
 def _restart_offset(s: Ints, delay: int, receive: int) -> None:
     s[S.MIN_NOW] = delay
     s[S.MIN_BEFORE] = delay
     s[S.WINDOW_FROM] = receive
 
 
-@njit(cache=True)
+@compiled
 def _open_session(s: Ints, counter_us: int, receive: int) -> None:
     """The counter starts anew; vehicle time goes on from where it was, or from the receipt."""
     boot = counter_us * 1000
@@ -111,20 +111,20 @@ def _open_session(s: Ints, counter_us: int, receive: int) -> None:
     _restart_offset(s, receive - epoch - boot, receive)
 
 
-@njit(cache=True)
+@compiled
 def _turns(s: Ints, counter_us: int, modulus_us: int) -> int:
     """How often the counter has wrapped if it means the moment nearest to the newest one."""
     return int(max((s[S.BOOT] // 1000 - counter_us + modulus_us // 2) // modulus_us, 0))
 
 
-@njit(cache=True)
+@compiled
 def _is_jump(s: Ints, boot: int, receive: int) -> bool:
     """Whether boot time moved in a way that neither lateness nor an outage explains."""
     ahead = boot - int(s[S.BOOT])
     return ahead < -JUMP or ahead > JUMP + int(max(receive - s[S.RECEIVED], 0))
 
 
-@njit(cache=True)
+@compiled
 def _confirmed(s: Ints, offset: int, receive: int) -> bool:
     """Whether messages have told the same jump for long enough."""
     if not s[S.PENDING] or abs(offset - s[S.PENDING_OFFSET]) > AGREE:
@@ -134,7 +134,7 @@ def _confirmed(s: Ints, offset: int, receive: int) -> bool:
     return receive - int(s[S.PENDING_SINCE]) >= CONFIRM
 
 
-@njit(cache=True)
+@compiled
 def _update_offset(s: Ints, boot: int, receive: int) -> None:
     """Lower envelope over windows; steps of the receipt clock start it anew."""
     delay = receive - s[S.EPOCH] - boot
@@ -157,7 +157,7 @@ def _update_offset(s: Ints, boot: int, receive: int) -> None:
         s[S.SPREAD] = max(s[S.SPREAD], delay - _offset(s))
 
 
-@njit(cache=True)
+@compiled
 def _drive(s: Ints, counter: int, counter_us: int, receive: int) -> int:
     """A counter stamped at sending moves the clock -> boot time [ns], −1 where unplaced."""
     if not s[S.STARTED]:
@@ -180,7 +180,7 @@ def _drive(s: Ints, counter: int, counter_us: int, receive: int) -> int:
     return boot
 
 
-@njit(cache=True)
+@compiled
 def _from_receipt(s: Ints, receive: int) -> int:
     """Vehicle time [ns] of a message without a counter."""
     if not s[S.STARTED]:
@@ -191,7 +191,7 @@ def _from_receipt(s: Ints, receive: int) -> int:
     return receive - int(_offset(s))
 
 
-@njit(cache=True)
+@compiled
 def _follow(s: Ints, counter: int, counter_us: int, receive: int) -> int:
     """A counter that only follows the clock -> vehicle time [ns], −1 where unplaced."""
     if not s[S.STARTED]:
@@ -207,7 +207,7 @@ def _follow(s: Ints, counter: int, counter_us: int, receive: int) -> int:
     return int(s[S.EPOCH]) + boot
 
 
-@njit(cache=True)
+@compiled
 def _vehicle_time(s: Ints, counter: int, counter_us: int, receive: int) -> int:
     """Vehicle time [ns], −1 where unplaced."""
     if counter == COUNTER_RECEIPT or counter_us <= 0 or counter_us >= UNIX_FROM_US:
@@ -218,7 +218,7 @@ def _vehicle_time(s: Ints, counter: int, counter_us: int, receive: int) -> int:
     return -1 if boot < 0 else int(s[S.EPOCH]) + boot
 
 
-@njit(cache=True)
+@compiled
 def _verdict(recent: Ints, vehicle: int) -> int:
     """Fresh (0), late (1) or duplicate (2) within its stream.
 
@@ -234,7 +234,7 @@ def _verdict(recent: Ints, vehicle: int) -> int:
     return 1 if vehicle < newest else 0
 
 
-@njit(cache=True)
+@compiled
 def stamp(s: Ints, recent: Ints, counter: int, counter_us: int, receive: int) -> tuple[int, int]:
     """One message -> vehicle time [ns], verdict. Moves the state `s` and its stream's `recent`."""
     vehicle = _vehicle_time(s, counter, counter_us, receive)
@@ -249,7 +249,7 @@ def stamp(s: Ints, recent: Ints, counter: int, counter_us: int, receive: int) ->
     return vehicle, verdict
 
 
-@njit(cache=True)
+@compiled
 def stamp_all(
     s: Ints, recent: Ints, stream: Ints, counter: Ints, counter_us: Ints, receive: Ints
 ) -> tuple[Ints, Ints, Ints]:

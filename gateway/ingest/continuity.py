@@ -3,10 +3,10 @@
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gateway.ingest.frame_headers import Bytes, Headers
+from gateway.jit import compiled
 
 SOURCES = 65536  # systems × components
 LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss
@@ -20,7 +20,7 @@ class Continuity(IntEnum):
     DUPLICATES = 2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def same_frame(data: Bytes, h: Headers, one: int, other: int) -> bool:
     """Do two frames carry the same number, message and payload?"""
     if (
@@ -35,7 +35,7 @@ def same_frame(data: Bytes, h: Headers, one: int, other: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def follow(data: Bytes, h: Headers) -> NDArray[np.int64]:
     """Headers (K,) -> counts of `Continuity`, each source (system, component) by itself."""
     counts = np.zeros(3, np.int64)

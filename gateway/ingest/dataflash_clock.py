@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gateway.jit import compiled
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -17,7 +18,7 @@ WEEK_S = 604_800
 LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> Ints:
     """Time of each message, or of the one before where it tells none: (K,) [µs since boot].
 

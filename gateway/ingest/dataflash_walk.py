@@ -11,8 +11,9 @@ All compiled functions stand in this one file: numba's cache does not notice cha
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gateway.jit import compiled, inlined
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -34,7 +35,7 @@ class Tally(IntEnum):
     GARBLED = 3
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def starts(data: Bytes, at: int, lengths: Ints) -> bool:
     """Does a message of known type begin here?"""
     if at + HEADER > len(data):
@@ -44,7 +45,7 @@ def starts(data: Bytes, at: int, lengths: Ints) -> bool:
     return magic and lengths[U(data[i + U(2)])] > 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def hides_another(data: Bytes, at: int, end: int, lengths: Ints) -> bool:
     """Does a message begin inside data[at:end] that another one follows?"""
     for k in range(at + 1, end):
@@ -55,7 +56,7 @@ def hides_another(data: Bytes, at: int, end: int, lengths: Ints) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def defines(data: Bytes, at: int, sizes: Ints) -> int:
     """The FMT record at `at` -> length of the messages it defines, 0 if it contradicts itself."""
     length = HEADER
@@ -68,7 +69,7 @@ def defines(data: Bytes, at: int, sizes: Ints) -> int:
     return length if length == data[at + 4] and length >= SHORTEST else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def walk_messages(data: Bytes, sizes: Ints) -> tuple[Ints, Ints, Ints]:
     """Bytes -> where messages start (K,), their types (K,), counts of `Tally`."""
     # room for as many messages as these bytes can hold

@@ -3,8 +3,9 @@
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gateway.jit import compiled
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -51,7 +52,7 @@ def read_headers(data: Bytes, offset: Ints) -> Headers:
     return headers
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fill_headers(data: Bytes, headers: Headers) -> None:
     """Writes what stands in the data at `headers.offset` into the other arrays."""
     for i in range(len(headers.offset)):
@@ -74,7 +75,7 @@ def fill_headers(data: Bytes, headers: Headers) -> None:
         headers.version[i] = 2 if second else 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def read_stamps(data: Bytes, offset: Ints) -> Ints:
     """The time stamp in front of each frame: (K,) [Unix ns]."""
     stamps = np.empty(len(offset), np.int64)
@@ -86,7 +87,7 @@ def read_stamps(data: Bytes, offset: Ints) -> Ints:
     return stamps
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def group(key: NDArray[np.int32] | Ints, largest: int) -> tuple[Ints, Ints]:
     """Keys (K,) -> their stable sorting order (K,), where each key starts in it (largest + 2,)."""
     starts = np.zeros(largest + 2, np.int64)
@@ -101,7 +102,7 @@ def group(key: NDArray[np.int32] | Ints, largest: int) -> tuple[Ints, Ints]:
     return order, starts
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def gather(data: Bytes, start: Ints, length: NDArray[np.uint8], rows: Ints, size: int) -> Bytes:
     """The stretch of each of `rows` (K,), cut or filled with zeros to `size`: (K × size,)."""
     payloads = np.empty(len(rows) * size, np.uint8)

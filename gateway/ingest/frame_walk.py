@@ -10,12 +10,15 @@ are inlined by numba, which saves a third of the time over calls.
 """
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from gateway.jit import compiled, inlined
+
 Bytes = NDArray[np.uint8]
+Index = int | np.integer[Any]  # what compiled code counts with
 U = np.uint64
 
 MAGIC_1, MAGIC_2 = 0xFE, 0xFD
@@ -50,8 +53,8 @@ def checksum_table() -> NDArray[np.uint16]:
     return table
 
 
-@njit(cache=True, nogil=True, inline="always")
-def checksum(data: Bytes, start: int, end: int, seed: int, table: NDArray[np.uint16]) -> U:
+@inlined
+def checksum(data: Bytes, start: Index, end: Index, seed: Index, table: NDArray[np.uint16]) -> U:
     """Checksum of data[start:end] closed by the message's seed; eight bytes at a time."""
     # unsigned throughout: numba then leaves out the branch for negative indices
     i, stop, eight = U(start), U(end), U(8)
@@ -69,9 +72,9 @@ def checksum(data: Bytes, start: int, end: int, seed: int, table: NDArray[np.uin
     return (crc >> eight) ^ U(table[U(0), (crc ^ U(seed)) & U(0xFF)])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def examine(
-    data: Bytes, at: int, end: int, seeds: NDArray[np.int16], table: NDArray[np.uint16]
+    data: Bytes, at: Index, end: Index, seeds: NDArray[np.int16], table: NDArray[np.uint16]
 ) -> tuple[int, np.int64]:
     """Is there a frame in data[at:end], and how long is it? -> verdict, length [bytes]."""
     first = np.int64(data[at]) if at < end else 0
@@ -97,15 +100,15 @@ def examine(
     return GOOD, length
 
 
-@njit(cache=True, nogil=True, inline="always")
-def record_starts(data: Bytes, at: int) -> bool:
+@inlined
+def record_starts(data: Bytes, at: Index) -> bool:
     """Do a credible time stamp (before the year 2112) and a magic byte stand here?"""
     if at + STAMP >= len(data) or data[at] != 0 or data[at + 1] > 0x0F:
         return False
     return data[at + STAMP] == MAGIC_1 or data[at + STAMP] == MAGIC_2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def walk_records(
     data: Bytes, seeds: NDArray[np.int16], table: NDArray[np.uint16]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -143,7 +146,7 @@ def walk_records(
     return offset[:count].copy(), tally
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def check_frames(
     data: Bytes,
     start: NDArray[np.int64],

@@ -16,7 +16,7 @@ LABEL = {name: label for label, names in RATED.items() for name in names}
 class LiveHealth:
     """Counts what passes; `row` says how things stood over the last seconds."""
 
-    seen: deque[tuple[int, str, int]] = field(default_factory=deque)  # receipt, message, lost before
+    seen: deque[tuple[int, str, int]] = field(default_factory=deque)  # receipt, name, lost
     offsets: deque[tuple[int, int]] = field(default_factory=deque)  # receipt, receipt − boat time
     sequence: dict[int, int] = field(default_factory=dict)  # component -> its last number
     nis: float = 0.0
