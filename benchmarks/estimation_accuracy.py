@@ -174,7 +174,7 @@ def speed(events: Events, settings: FilterSettings) -> None:
 def main() -> None:
     if not SHARED.is_dir():
         raise SystemExit(f"no logs at {SHARED}: set SHADOW_SHARED")
-    settings = FilterSettings()
+    settings = FilterSettings().told_by({"INS_GYRO_FILTER": 4.0})  # as both logs say
     for name in ("otter_calm", "boat_calm"):
         events = accuracy(name, settings)
     speed(events, settings)

@@ -8,7 +8,7 @@ Aerospace and Electronic Systems, 1970).
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from scipy.stats import chi2
@@ -115,7 +115,7 @@ class FilterSettings:
     velocity_error_mps: float = 0.03
     velocity_error_tau_s: float = 2.0
     heading_error_rad: float = 0.02  # slow; see `uncertainty.py`
-    gyro_delay_s: float = 0.056  # see `gyro_delay_s()`: of ArduRover's own default, 4 Hz
+    gyro_delay_s: float = 0.0  # of the reported yaw rate; see `told_by`
     sources: Mapping[str, White] = field(default_factory=lambda: SOURCES)
     gate_probability: float = 0.999999  # share of honest measurements that pass
     gated_in_a_row: int = 10  # so many outliers …
@@ -139,6 +139,12 @@ class FilterSettings:
             raise BadInput(f"[filter] gate_probability = {self.gate_probability}: expected < 1")
         if self.history_events < 2:
             raise BadInput(f"[filter] history_events = {self.history_events}: expected 2 or more")
+
+    def told_by(self, parameters: Mapping[str, float]) -> "FilterSettings":
+        """The same with what the autopilot's parameters tell: the delay of its gyro filter."""
+        if self.gyro_delay_s > 0.0 or "INS_GYRO_FILTER" not in parameters:
+            return self
+        return replace(self, gyro_delay_s=gyro_delay_s(parameters["INS_GYRO_FILTER"]))
 
     def white_std(self, kind: Kind, source: str) -> float:
         """Standard deviation of the white error of one kind of measurement from one message."""

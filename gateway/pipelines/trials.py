@@ -119,7 +119,8 @@ def _gather(log: Log, system: int | None, options: TrialOptions) -> _Source:
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
-    settings = options.settings
+    parameters = autopilot_parameters(log, boat)
+    settings = options.settings.told_by(parameters)
     return _Source(
         epoch_ns,
         decoded.sessions,
@@ -127,7 +128,7 @@ def _gather(log: Log, system: int | None, options: TrialOptions) -> _Source:
         origin,
         motion_events(choices, origin, settings, epoch_ns),
         held(decoded, choices, epoch_ns),
-        autopilot_parameters(log, boat),
+        parameters,
         settings,
     )
 

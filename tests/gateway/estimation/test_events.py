@@ -59,6 +59,10 @@ def test_settings_refuse_what_cannot_be(wrong):
 
 
 def test_delay_of_the_gyro_filter():
-    assert gyro_delay_s(4.0) == pytest.approx(FilterSettings().gyro_delay_s, abs=0.001)
+    assert gyro_delay_s(4.0) == pytest.approx(0.0563, abs=1e-4)
+    told = FilterSettings().told_by({"INS_GYRO_FILTER": 4.0})
+    assert told.gyro_delay_s == gyro_delay_s(4.0)
+    chosen = FilterSettings(gyro_delay_s=0.01)
+    assert chosen.told_by({"INS_GYRO_FILTER": 4.0}) is chosen
     assert gyro_delay_s(0.0) == 0.0
     assert FilterSettings(gyro_delay_s=0.0).model().gyro_delay == 0.0
