@@ -14,6 +14,7 @@ from sim.body import Blade, Body, Drive
 from sim.compiled import Kernel, kernel_for
 from sim.compose import Structure
 from sim.effects.catalogue import EFFECTS
+from sim.rows import air, floats
 from sim.state import Floats
 from sim.vessel import CURVES, AddedEffect, Vessel
 
@@ -102,7 +103,7 @@ class Model:
         substeps = int(np.ceil(inputs.dt / self.longest_step(theta)))
         rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
         rollout(
-            np.atleast_2d(self.theta if theta is None else theta), start,
+            floats(np.atleast_2d(self.theta if theta is None else theta)), start,
             runs.table.astype(np.int64), runs.start.astype(np.int64), runs.steps.astype(np.int64),
             runs.delay, inputs.total, inputs.voltage, inputs.wind, inputs.time, inputs.dt,
             substeps, states, reports,
@@ -137,9 +138,10 @@ class Model:
         """
         out, acting = np.empty((len(times), 3)), np.empty((len(times), 3))
         self.kernel.module.missing_force(
-            self.theta if theta is None else theta,
+            floats(self.theta if theta is None else theta),
             self.fresh_carry() if carry is None else carry,
-            times, motion, before, around, *_surroundings(len(times), voltage, wind), out, acting,
+            floats(times), floats(motion), floats(before), floats(around),
+            *air(voltage, wind, len(times)), out, acting,
         )  # fmt: skip
         return out, acting
 
@@ -156,8 +158,8 @@ class Model:
         """Motion (T, 9) with covariance (T, 9, 9) -> std of the missing force (T, 3)."""
         out = np.empty((len(times), 3))
         self.kernel.module.missing_spread(
-            self.theta, times, motion, covariance, around,
-            *_surroundings(len(times), voltage, wind), out,
+            self.theta, floats(times), floats(motion), floats(covariance), floats(around),
+            *air(voltage, wind, len(times)), out,
         )  # fmt: skip
         return out
 
@@ -169,7 +171,7 @@ class Model:
         """Reported motion (B, 9) -> true pose and velocity (B, 6)."""
         out = np.empty((len(motion), 6))
         self.kernel.module.true_states(
-            np.atleast_2d(self.theta if theta is None else theta), motion, out
+            floats(np.atleast_2d(self.theta if theta is None else theta)), floats(motion), out
         )
         return out
 
@@ -210,20 +212,14 @@ class InputTable:
         tables, steps, _ = commands.shape
         total = np.zeros((tables, steps + 1, commands.shape[2]))
         np.cumsum(commands, axis=1, out=total[:, 1:])
-        volts, air = _surroundings(steps, voltage, wind)
+        volts, winds = air(voltage, wind, steps)
         return cls(
             total,
             np.broadcast_to(volts, (tables, steps)).copy(),
-            np.broadcast_to(air, (tables, steps, 2)).copy(),
+            np.broadcast_to(winds, (tables, steps, 2)).copy(),
             np.tile(start_time + dt * np.arange(steps), (tables, 1)),
             dt,
         )
-
-
-def _surroundings(steps: int, voltage: Floats | None, wind: Floats | None) -> tuple[Floats, Floats]:
-    volts = np.full(steps, np.nan) if voltage is None else np.asarray(voltage, dtype=float)
-    air = np.full((steps, 2), np.nan) if wind is None else np.asarray(wind, dtype=float)
-    return volts, air
 
 
 def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:

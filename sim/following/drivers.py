@@ -219,7 +219,8 @@ def missing_force(
 ) -> None:  # fmt: skip
     """Balance along a measured motion: what the vessel would need on top of its own forces.
 
-    carry (NX + 1,) as in `predict`: only the memory of actuators and effects runs along.
+    carry (NX + 1,): state and time, NaN before the start; of the state, only the memory of
+    actuators and effects runs along, and starts anew where motion was not known.
     motion (K, 9) as reported; commands (K, na): `before` hold over the interval that ends at
     their row, `around` act at its instant -> out (K, 3) missing force, acting (K, 3) τ(commands)
     [N, N, N m].
@@ -240,10 +241,9 @@ def missing_force(
         carry[0], carry[1], carry[2] = true.north, true.east, true.yaw
         carry[3], carry[4], carry[5] = true.u, true.v, true.r
         x = state_from(carry)
-        if fresh:
+        if not np.isfinite(carry[6:NX].sum()):
             x = at_rest(x, times[k], inputs, p)
-            for i in range(NX):
-                carry[i] = x[i]
+            set_row(carry, x)
         carry[NX] = times[k] if fresh else max(carry[NX], times[k])
         force = missing(x, true.u_dot, true.v_dot, true.r_dot, times[k], inputs, p)
         tau = commanded(x, times[k], inputs, p)

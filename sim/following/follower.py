@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from sim.following.limits import Limits
 from sim.following.options import Following
-from sim.following.rows import air, flags, floats, frozen
 from sim.model import Model
+from sim.rows import air, flags, floats, frozen
 from sim.state import Floats
 
 __all__ = ["Followed", "Follower", "FollowerState", "Following", "VesselFollower"]
@@ -45,6 +45,10 @@ class Follower(Protocol):
 
     def start(self) -> FollowerState:
         """The state before the first reference."""
+        ...
+
+    def prepare(self) -> None:
+        """Do now what would hold up the first row."""
         ...
 
     def advance(

@@ -13,8 +13,8 @@ from sim.following.follower import Followed, FollowerState
 from sim.following.law import Gains, reference_rate, wanted_acceleration
 from sim.following.limits import Limits
 from sim.following.options import Following
-from sim.following.rows import air, flags, floats, frozen
 from sim.plants.plant import Around, Motion, Plant
+from sim.rows import air, flags, floats, frozen
 from sim.state import Eta, Floats, Pose, Velocity, Wrench, wrap
 from sim.vessel import Vessel
 

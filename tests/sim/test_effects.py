@@ -367,3 +367,31 @@ def test_water_at_rest_changes_nothing():
     np.testing.assert_array_equal(
         voyage(WAMV.with_effects(AddedEffect(still, {})))[3], voyage(WAMV)[3]
     )
+
+
+def test_missing_force_recovers_after_a_stretch_without_motion():
+    """Memory fed by a motion that was not known starts anew, it does not stay unknown."""
+    lossy = Effect(
+        "lossy", Scope.BOAT, (), "slow", thrust=lambda F, drive, flow, p: F * (1.0 - 0.1 * flow.u)
+    )
+    vessel = WAMV.with_effects(AddedEffect(lossy, {}), added(thruster_lag.EFFECT))
+    model, commands, _, reports = voyage(vessel)
+    broken = reports.copy()
+    broken[200:220] = np.nan
+    force = missing_along(model, commands, broken)
+    assert np.isnan(force[200:220]).all()
+    assert np.abs(force[-100:]).max() < 1.0
+    assert np.isfinite(force[220:]).all()
+
+
+def test_arrays_of_any_kind_give_the_same():
+    """Slices and read-only arrays are taken as they are."""
+    model, commands, _, reports = voyage(WAMV)
+    wide = np.repeat(np.concatenate([reports, reports], axis=1), 2, axis=0)
+    sliced = wide[::2, 9:]
+    frozen = reports.copy()
+    frozen.flags.writeable = False
+    expected = missing_along(model, commands, reports)
+    np.testing.assert_array_equal(missing_along(model, commands, sliced), expected)
+    np.testing.assert_array_equal(missing_along(model, commands, frozen), expected)
+    assert len(model.kernel.module.missing_force.signatures) == 1

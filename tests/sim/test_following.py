@@ -141,6 +141,17 @@ def test_limits_bind_and_say_so():
     assert not free.advance(free.start(), times, rows).bound.any()
 
 
+def test_what_limits_withhold_is_not_saved_up_for_later():
+    """A minute at the limits, then a speed within them: no overshoot from a wound-up integral."""
+    times, rows = steady(90.0, u=1.0)
+    rows[:3000, 3] = 3.0
+    wound = Following(integral=1.0, position=0.0, limits=True)
+    follower = VesselFollower.of(Model.of(WAMV), wound)
+    followed = follower.advance(follower.start(), times, rows)
+    assert followed.bound[1000:3000].all()
+    np.testing.assert_allclose(followed.shadows[3500:, 3], 1.0, atol=0.05)
+
+
 def test_a_rudder_boat_cannot_be_limited_by_thrust_alone():
     with pytest.raises(ValueError, match="limits"):
         VesselFollower.of(Model.of(RUDDER_BOAT), Following(limits=True))
@@ -154,7 +165,8 @@ def test_any_plant_follows_as_the_compiled_one_does(options):
     jumps = np.zeros(len(times), bool)
     jumps[200] = True
     rows[200:, :2] += 40.0
-    rows[50:, 2] -= 2 * np.pi  # wrapped
+    rows[100:, 2] -= 2 * np.pi  # wrapped
+    rows[150:170, 3] += 1.5  # more than the thrusters can give
     fast, slow = (
         VesselFollower.of(model, options),
         PlantFollower.of(VesselPlant(model), options, WAMV),
@@ -164,6 +176,7 @@ def test_any_plant_follows_as_the_compiled_one_does(options):
     np.testing.assert_allclose(a.shadows, b.shadows, rtol=0, atol=1e-9)
     np.testing.assert_allclose(a.forces, b.forces, rtol=0, atol=1e-7)
     np.testing.assert_array_equal(a.bound, b.bound)
+    assert a.bound.any() == options.limits
 
 
 @pytest.mark.parametrize("kind", [VesselFollower, PlantFollower])

@@ -67,12 +67,13 @@ def test_auto_bridges_a_silent_link():
     )
 
 
-def wrong_model_voyage():
+def wrong_model_voyage(jumps=None):
     """A boat that the model does not describe: times, estimates, freshness, reference."""
     times, rows, commands = voyage(30.0)
     fresh = outage(len(times), 500, 800)
     reference = Reference(Model.of(WAMV))  # neither lag nor heading offset
-    _, out, _ = reference.advance(reference.start(), times, rows, fresh, 0.8 * commands)
+    start, commands = reference.start(), 0.8 * commands
+    _, out, _ = reference.advance(start, times, rows, fresh, commands, jumps=jumps)
     return times, rows, fresh, out
 
 
@@ -120,6 +121,13 @@ def test_an_origin_shift_is_not_a_bump_to_be_hidden():
     reference = Reference(Model.of(BOAT))
     _, out, _ = reference.advance(reference.start(), times, rows, fresh, commands, jumps=jumps)
     np.testing.assert_allclose(out[:, :6], rows[:, :6], atol=1e-7)
+
+
+def test_a_jump_ends_a_hand_over():
+    jumps = np.arange(1501) == 810
+    _, rows, _, out = wrong_model_voyage(jumps)
+    assert np.abs(out[809] - rows[809]).max() > 0.1
+    np.testing.assert_array_equal(out[810:], rows[810:])
 
 
 @pytest.mark.parametrize("mode", list(Mode))
