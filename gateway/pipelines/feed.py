@@ -3,7 +3,7 @@
 Nothing here looks ahead: a row knows only what had been received by then, as it would live.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +76,7 @@ def feed_of(
     sequence = np.lexsort((kinds, order))
     events = from_samples(columns, settings, epoch_ns)
     events, order, vehicle, receive = _with_ticks(
-        events, order[sequence], vehicle[sequence], receive[sequence]
+        events, order[sequence], vehicle[sequence], receive[sequence], _arrivals(decoded.samples)
     )
     return Feed(
         events,
@@ -102,10 +102,21 @@ def _clocks(columns: list[Samples]) -> tuple[Ints, Ints, Ints, Ints]:
     )
 
 
+def _arrivals(samples: Sequence[Samples]) -> tuple[Ints, Ints]:
+    """Places in the log of all that was said, in order, and the newest receipt up to each [ns]."""
+    order = np.concatenate([np.zeros(0, np.int64), *(s.order for s in samples)])
+    receive = np.concatenate([np.zeros(0, np.int64), *(s.receive_time_ns for s in samples)])
+    sequence = np.argsort(order, kind="stable")
+    return order[sequence], np.maximum.accumulate(receive[sequence])
+
+
 def _with_ticks(
-    events: Events, order: Ints, vehicle: Ints, receive: Ints
+    events: Events, order: Ints, vehicle: Ints, receive: Ints, arrivals: tuple[Ints, Ints]
 ) -> tuple[Events, Ints, Ints, Ints]:
-    """Moments without any fact, so that the shadow runs on while telemetry is silent."""
+    """Moments without any fact, so that the shadow runs on while telemetry is silent.
+
+    A tick knows what came by then: commands may go on while nothing tells the motion.
+    """
     latest = np.maximum.accumulate(events.time_s) if len(events) else events.time_s
     gaps = np.flatnonzero(np.diff(latest) > SILENCE_S)
     after, ahead = [np.zeros(0, np.int64)], [np.zeros(0)]
@@ -120,9 +131,12 @@ def _with_ticks(
     )
     shift = np.round(step * 1e9).astype(np.int64)
     newest = np.maximum.accumulate(vehicle) if len(vehicle) else vehicle
+    said, heard = arrivals
+    known = said[np.searchsorted(heard, receive[at] + shift, side="right") - 1]
+    known = np.clip(known, order[at], np.maximum(order[at], order[at + 1] - 1))
     return (
         join([events, ticks(latest[at] + step)])[place],
-        np.concatenate([order, order[at]])[place],
+        np.concatenate([order, known])[place],
         np.concatenate([vehicle, newest[at] + shift])[place],
         np.concatenate([receive, receive[at] + shift])[place],
     )

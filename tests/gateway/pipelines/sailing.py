@@ -13,7 +13,6 @@ from sim.vessel import Vessel
 from tests.gateway.ingest.scripted import (
     START_NS,
     attitude,
-    gps,
     heartbeat,
     local_position,
     servo,
@@ -21,6 +20,7 @@ from tests.gateway.ingest.scripted import (
 from tests.sim.vessels import WAMV
 
 RATE_HZ = 20.0
+ORIGIN = (634470000, 104000000)  # latitude, longitude [1e-7 deg]
 BOOT_S, DELAY_S = 100.0, 0.02  # boot time of the first message; what the link needs
 Span = tuple[float, float]
 Said = tuple[float, Any]  # s after the first message, message
@@ -39,13 +39,13 @@ def voyage(
     commands = _sticks(times, len(vessel.actuators))
     states, _ = Model.of(vessel).simulate(commands, 1.0 / RATE_HZ)
     _, pulses = vessel.pulses(commands)
-    said = []
+    said: list[Said] = [(0.0, dialect.MAVLink_gps_global_origin_message(*ORIGIN, 0))]
     for k, row in enumerate(_measured(states[0, :-1, :6], noise)):
         t, moving = float(times[k]), not silent[0] <= times[k] < silent[1]
         said += [(t, message) for message in _reports(BOOT_S + t, row)] if moving else []
         said.append((t, servo(BOOT_S + t, *np.round(pulses[k]).astype(int).tolist())))
         if k % int(RATE_HZ) == 0:
-            said += [(t, heartbeat()), (t, gps(BOOT_S + t, 3))]
+            said.append((t, heartbeat()))
     return said
 
 

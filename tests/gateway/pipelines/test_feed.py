@@ -1,0 +1,111 @@
+"""The feed knows at each moment what had been received by then, and nothing of what came later."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.estimation.names import Kind
+from gateway.pipelines.feed import BLIND_S, SILENCE_S, TICK_S, Feed
+from gateway.pipelines.replay import ReplayOptions, prepare
+from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
+from tests.gateway.pipelines.sailing import Said, tlog, voyage
+
+
+def feed_of(script: Script, folder: Path) -> Feed:
+    path = folder / "scripted.tlog"
+    path.write_bytes(bytes(script.raw))
+    return prepare(path, ReplayOptions()).feed
+
+
+def moving(script: Script, start: float, end: float) -> None:
+    """Motion told at 10 Hz."""
+    for t in np.arange(start, end - 1e-9, 0.1):
+        script.send(t, attitude(100.0 + t))
+        script.send(t, local_position(100.0 + t))
+
+
+def test_a_fact_knows_the_latest_command_received_before_it(tmp_path: Path) -> None:
+    script = Script()
+    script.send(0.0, heartbeat())
+    moving(script, 0.0, 1.0)
+    script.send(1.0, servo(101.0, 1700))
+    moving(script, 1.0, 2.0)
+    script.send(2.0, servo(102.0, 1300))
+    moving(script, 2.0, 3.0)
+    feed = feed_of(script, tmp_path)
+    first = feed.pulses[:, 0]
+    assert np.isnan(first[feed.events.time_s < 0.99]).all()
+    assert (first[(feed.events.time_s > 0.99) & (feed.events.time_s < 1.99)] == 1700.0).all()
+    assert (first[feed.events.time_s > 1.99] == 1300.0).all()
+
+
+def test_no_pulses_while_disarmed(tmp_path: Path) -> None:
+    script = Script()
+    for start, armed in ((0.0, False), (2.0, True), (4.0, False)):
+        script.send(start, heartbeat(armed))
+        script.send(start, servo(100.0 + start, 1700))
+        moving(script, start, start + 2.0)
+    feed = feed_of(script, tmp_path)
+    armed = (feed.events.time_s > 1.99) & (feed.events.time_s < 3.99)
+    assert (feed.pulses[armed, 0] == 1700.0).all()
+    assert np.isnan(feed.pulses[~armed, 0]).all()
+
+
+def test_what_comes_later_changes_nothing_before(tmp_path: Path) -> None:
+    said = voyage(8.0)
+    whole = prepare(tlog(tmp_path / "whole.tlog", said), ReplayOptions()).feed
+    cut = prepare(tlog(tmp_path / "cut.tlog", said[: len(said) // 2]), ReplayOptions()).feed
+    same = slice(0, len(cut))
+    assert 100 < len(cut) < len(whole)
+    assert whole.events.z[same] == pytest.approx(cut.events.z, abs=0.0)
+    assert np.array_equal(whole.pulses[same], cut.pulses, equal_nan=True)
+    assert np.array_equal(whole.order[same], cut.order)
+
+
+def silence(script: Script, seconds: float) -> None:
+    """Motion, then none while the commands go on, then motion again."""
+    script.send(0.0, heartbeat())
+    moving(script, 0.0, 1.0)
+    for t in np.arange(1.0, 1.0 + seconds, 0.2):
+        script.send(t, servo(100.0 + t, 1500 + round(100 * t)))
+    moving(script, 1.0 + seconds, 2.0 + seconds)
+
+
+def test_ticks_bridge_a_silence_and_know_the_commands_that_came_meanwhile(tmp_path: Path) -> None:
+    script = Script()
+    silence(script, 3.0)
+    feed = feed_of(script, tmp_path)
+    ticks = feed.events.kind == Kind.TICK
+    times, pulses = feed.events.time_s[ticks], feed.pulses[ticks, 0]
+    assert times[0] == pytest.approx(0.9 + SILENCE_S)
+    assert np.diff(times) == pytest.approx(TICK_S)
+    assert times[-1] == pytest.approx(3.9, abs=TICK_S)
+    latest = 1500.0 + 100.0 * (1.0 + 0.2 * np.floor((times - 1.0 + 1e-6) / 0.2))
+    assert pulses == pytest.approx(latest)
+    assert (np.diff(feed.order) >= 0).all()
+    assert feed.complete[ticks].all()
+
+
+def test_ticks_end_where_it_makes_no_sense_to_run_on(tmp_path: Path) -> None:
+    script = Script()
+    silence(script, 100.0)
+    times = (feed := feed_of(script, tmp_path)).events.time_s[feed.events.kind == Kind.TICK]
+    assert times[-1] == pytest.approx(0.9 + BLIND_S, abs=2.0 * TICK_S)
+
+
+def test_the_last_fact_of_each_message_completes_it(tmp_path: Path) -> None:
+    script = Script()
+    moving(script, 0.0, 1.0)
+    feed = feed_of(script, tmp_path)
+    assert feed.complete.sum() == 20
+    assert feed.events.kind[feed.complete].tolist() == [Kind.YAW_RATE, Kind.POSITION] * 10
+
+
+def test_the_order_is_the_place_of_the_frame_in_the_log(tmp_path: Path) -> None:
+    said: list[Said] = voyage(3.0)
+    feed = prepare(tlog(tmp_path / "a.tlog", said), ReplayOptions()).feed
+    motion = ("ATTITUDE", "LOCAL_POSITION_NED")
+    places = [k for k, (_, message) in enumerate(said) if message.get_type() in motion]
+    assert np.unique(feed.order).tolist() == places
+    assert (np.diff(feed.receive_time_ns) >= 0).all()
