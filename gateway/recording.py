@@ -22,6 +22,7 @@ from gateway.recording_file import LINK, RAW, Attachment
 
 Integers = NDArray[np.int64]
 QUIET_SECONDS = 10.0
+TICK_LINK = "tick"  # its frames are empty: moments at which the loop ran without telemetry
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,12 @@ class McapLog:
         """Read all frames; raises BadInput with one line where that is not possible."""
         recording = Recording.open(Path(path))
         raw = recording.raw()
-        if not len(raw):
+        told = raw.end > raw.start  # a tick of a live recording is an empty frame
+        if not told.any():
             raise BadInput(f"{path}: holds no MAVLink frames: give a recording of a voyage")
-        frames = Frames.from_buffer(raw.data, raw.start, raw.end, raw.receive_time_ns)
+        frames = Frames.from_buffer(
+            raw.data, raw.start[told], raw.end[told], raw.receive_time_ns[told]
+        )
         return cls(str(path), frames, _statistics(recording, frames.statistics))
 
     def counts(self) -> Mapping[str, int]:
