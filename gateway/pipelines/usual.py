@@ -63,7 +63,7 @@ class UsualRange:
                     unusual[axis] = off
                     told.append(_say(out, k, axis, off, mean, middle, width))
         blocks = np.vstack([self.blocks, mean])[-REMEMBERED:]
-        return replace(fresh, blocks=blocks, unusual=tuple(unusual)), told
+        return replace(fresh, blocks=blocks, unusual=(unusual[0], unusual[1], unusual[2])), told
 
 
 def _say(

@@ -68,7 +68,8 @@ def test_an_error_of_1_mps_decays_at_the_rate(gain):
 
 
 def test_the_default_gains_decay_at_their_rate_too():
-    _, rate = offset_decay(Following(), over=0.4)
+    # over 0.8 time constants: later the outer loop and the integral are what is left of the error
+    _, rate = offset_decay(Following(), over=0.8 / Following().rate)
     assert rate == pytest.approx(Following().rate, rel=0.1)
 
 
