@@ -62,7 +62,7 @@ _Words = dict[bool, tuple[str, str, str]]
 
 _TELEMETRY: _Words = {
     True: ("telemetry_back", "info", "telemetry is fresh again"),
-    False: ("telemetry_silent", "warning", "no fact about the boat's motion for a second"),
+    False: ("telemetry_silent", "warning", "the boat no longer tells its heading and velocity"),
 }
 _REFERENCE: _Words = {
     True: ("reference_model", "info", "the shadow follows the vessel's own prediction now"),

@@ -7,13 +7,13 @@ into chunks. Live gives what a datagram brought, replay a few thousand facts at 
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.estimation.estimator import Estimator, FilterState, Rows
-from gateway.estimation.names import Flag
+from gateway.estimation.names import Flag, Kind
 from gateway.estimation.settings import FilterSettings
 from gateway.pipelines.feed import Feed
 from gateway.pipelines.watch import Watch, Watched, WatchState
@@ -22,8 +22,40 @@ from sim.following.reference import Reference, ReferenceState
 from sim.model import Model
 from sim.state import Floats
 
-STALE_S = 1.0  # without a fact for this long, telemetry is not fresh
+STALE_S = 1.0  # without a fact for this long, telemetry is not fresh …
+LOST_S = 5.0  # … nor without heading, or without velocity and position, for this long
 MEMORY_S = 15.0  # how far back commands are remembered, for those that act late
+
+
+class News(NamedTuple):
+    """When the filter last used a fact [s]: any, of heading, of velocity or position.
+
+    After a silence the first facts mostly tell the heading alone: until all have come, the
+    estimate is still the one that ran blind.
+    """
+
+    last: float = -np.inf
+    heading: float = -np.inf
+    motion: float = -np.inf
+    back: float = -np.inf  # when the last silence ended
+
+    def heard(self, time: float, kind: int) -> "News":
+        """A fact of that kind was used."""
+        return News(
+            time,
+            time if kind == Kind.YAW else self.heading,
+            time if kind in MOTION else self.motion,
+            time if time - self.last > STALE_S else self.back,
+        )
+
+    def fresh(self, time: float) -> bool:
+        """Does the estimate at that time rest on what the boat says?"""
+        oldest = min(self.heading, self.motion)
+        return time - self.last <= STALE_S and oldest >= max(self.back, time - LOST_S)
+
+
+NOTHING = News()
+MOTION = (Kind.VELOCITY, Kind.BODY_VELOCITY, Kind.POSITION)
 
 
 @dataclass(frozen=True)
@@ -37,7 +69,7 @@ class PathState:
     tape_times: Floats  # recent rows …
     tape_commands: Floats  # … and what was commanded then
     published: float = -np.inf  # time of the last row that went out [s]
-    used: float = -np.inf  # time of the last fact that the filter used [s]
+    news: News = NOTHING
     jumped: bool = False  # a discontinuity since the last row that went out
 
 
@@ -145,20 +177,21 @@ class ShadowPath:
 
         -> state, rows (K,), and for each whether telemetry is fresh and whether it jumped.
         """
-        published, used, jumped = state.published, state.used, state.jumped
+        published, news, jumped = state.published, state.news, state.jumped
+        kinds = feed.events.kind.tolist()
         good, taken = rows.has(Flag.VALID), rows.has(Flag.USED)
         broken = rows.has(Flag.JUMP) | rows.has(Flag.RESTART)
         out: list[tuple[int, bool, bool]] = []
         for k, time in enumerate(rows.time_s.tolist()):
-            used = time if taken[k] else used
+            news = news.heard(time, kinds[k]) if taken[k] else news
             if broken[k]:
                 jumped = True
                 published = min(published, time - self.shortest_s)
             if good[k] and feed.complete[k] and time - published >= self.shortest_s:
-                out.append((k, time - used <= STALE_S, jumped))
+                out.append((k, news.fresh(time), jumped))
                 published, jumped = time, False
         table = np.array(out, dtype=np.int64).reshape(-1, 3)
-        state = replace(state, published=published, used=used, jumped=jumped)
+        state = replace(state, published=published, news=news, jumped=jumped)
         return state, table[:, 0], table[:, 1].astype(bool), table[:, 2].astype(bool)
 
     def _commands(

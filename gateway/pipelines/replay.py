@@ -85,7 +85,11 @@ class Material:
 
 def prepare(log_path: str | Path, options: ReplayOptions) -> Material:
     """Read, decode, choose the sources."""
-    log = open_log(log_path, options.mapping)
+    return material_of(open_log(log_path, options.mapping), options)
+
+
+def material_of(log: Log, options: ReplayOptions) -> Material:
+    """The same from an opened log."""
     decoded = decode(log, choose_boat(log, options.system))
     choices = choose(decoded.samples)
     for needed in ("yaw", "velocity"):

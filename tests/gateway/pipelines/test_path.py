@@ -1,0 +1,199 @@
+"""The path is a pure function of its inputs, and what it says follows from them."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.ingest.tlog import TlogFile
+from gateway.pipelines.happenings import Watchman
+from gateway.pipelines.health import HealthMeter
+from gateway.pipelines.path import LOST_S, STALE_S, Shadowing, ShadowPath
+from gateway.pipelines.replay import Material, ReplayOptions, material_of
+from gateway.pipelines.rows import event_rows, topic_rows
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.following.follower import VesselFollower
+from sim.following.options import Following
+from sim.following.reference import Mode, Reference
+from sim.model import Model
+from sim.vessel import AddedEffect, Vessel
+from tests.gateway.pipelines.sailing import Span, frames, voyage
+from tests.sim.vessels import IACQUABOT, WAMV
+
+SILENT, NEVER = (6.0, 11.0), (0.0, 0.0)
+
+
+def held_up(p: Any) -> Any:
+    """Commands act later by p.delay [s]."""
+    return p.delay
+
+
+LATE = AddedEffect(
+    Effect("held_up", Scope.BOAT, (Parameter("delay", "s", 0.0, 2.0, 0.5),), "late", delay=held_up),
+    {"delay": 0.7},
+)
+
+
+@cache
+def material(silent: Span = SILENT, noise: float = 1.0) -> Material:
+    """A voyage, by default with five seconds in which nothing tells the motion."""
+    said = voyage(16.0, silent=silent, noise=noise)
+    return material_of(TlogFile.from_bytes(b"".join(frames(said))), ReplayOptions())
+
+
+def path_of(mode: Mode, vessel: Vessel = WAMV, plant: Vessel | None = None) -> ShadowPath:
+    model = Model.of(vessel)
+    follower = VesselFollower.of(Model.of(plant) if plant else model, Following())
+    return ShadowPath(model, Reference(model, mode), follower)
+
+
+def outcome(path: ShadowPath, size: int) -> dict[str, list[bytes]]:
+    """Topic -> payloads, with the facts taken in `size` at a time."""
+    given = material()
+    state, watchman = path.start(), Watchman()
+    meter = HealthMeter.of_log(given.log, given.decoded)
+    said: dict[str, list[bytes]] = {}
+    for begin in range(0, len(given.feed), size):
+        chunk = given.feed[begin : begin + size]
+        state, out, filtered = path.advance(state, chunk)
+        watchman, happened = watchman.observe(chunk, filtered, out)
+        rows = [*topic_rows(out, given.origin), event_rows(happened)]
+        for part in [*rows, meter.advance(chunk.receive_time_ns, filtered)]:
+            said.setdefault(part.topic, []).extend(part.payloads)
+    return said
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_how_facts_are_cut_into_chunks_changes_no_bit(mode: Mode) -> None:
+    path = path_of(mode, WAMV.with_effects(LATE), IACQUABOT)
+    whole = outcome(path, 10**6)
+    assert all(whole.values())
+    for size in (1, 5, 64):
+        assert outcome(path, size) == whole
+
+
+def shadowed(mode: Mode, given: Material | None = None, **more: Any) -> Shadowing:
+    path = path_of(mode, **more)
+    return path.advance(path.start(), (given or material()).feed)[1]
+
+
+@cache
+def truth() -> Shadowing:
+    """The voyage as it was: complete, and without noise."""
+    return shadowed(Mode.MEASURED, material(NEVER, 0.0))
+
+
+def true_nu(out: Shadowing) -> Any:
+    """(K, 3): u, v, r of the voyage at the rows' times."""
+    columns = [np.interp(out.time_s, truth().time_s, truth().estimate[:, k]) for k in (3, 4, 5)]
+    return np.column_stack(columns)
+
+
+def test_measured_means_that_the_reference_is_the_estimate() -> None:
+    out = shadowed(Mode.MEASURED)
+    assert np.array_equal(out.reference, out.estimate)
+    assert not out.from_model.any()
+
+
+def test_model_means_that_the_estimate_is_not_looked_at_again() -> None:
+    out = shadowed(Mode.MODEL, material(NEVER))
+    assert out.from_model.all()
+    late = out.time_s > 3.0
+    off = np.abs(out.reference[:, 3:6] - true_nu(out))[late].max(axis=0)
+    assert (off < [0.03, 0.04, 0.01]).all()  # the vessel is the one that made the voyage
+    assert np.abs(out.reference - out.estimate)[late, 3:6].max() > 1e-3  # no copy
+    heavier = replace(WAMV, dynamics=replace(WAMV.dynamics, m11=400.0))
+    other = shadowed(Mode.MODEL, material(NEVER), vessel=heavier)
+    assert np.abs(other.reference[:, 3] - true_nu(other)[:, 0])[late].max() > 0.1
+
+
+def test_auto_hands_over_to_the_model_while_nothing_tells_the_motion() -> None:
+    out = shadowed(Mode.AUTO)
+    away = (out.time_s > SILENT[0] - 0.05 + STALE_S) & (out.time_s < SILENT[1] + 0.01)
+    assert away.sum() > 30
+    assert np.array_equal(out.from_model, away)
+    assert np.array_equal(out.fresh, ~away)
+
+
+def test_auto_predicts_where_a_held_estimate_is_far_off() -> None:
+    out = shadowed(Mode.AUTO)
+    settled = out.from_model & (out.time_s > SILENT[0] + STALE_S + 2.0)  # the hand-over has faded
+    predicted = np.abs(out.reference[:, 3:6] - true_nu(out))[settled].max(axis=0)
+    blind = np.abs(out.estimate[:, 3:6] - true_nu(out))[settled].max(axis=0)
+    assert (predicted < 0.25 * blind + [0.0, 0.0, 0.02]).all()
+
+
+def test_the_hand_over_goes_on_from_where_the_reference_was() -> None:
+    out = shadowed(Mode.AUTO)
+    dt = np.diff(out.time_s)[:, None]
+    acceleration = np.abs(np.diff(out.reference[:, 3:6], axis=0)) / dt
+    changes = np.flatnonzero(np.diff(out.from_model.astype(int)))
+    assert len(changes) == 2
+    for k in changes:
+        assert (acceleration[k - 1 : k + 3] < [0.6, 0.6, 0.6]).all()
+    off = np.abs(out.reference[:, 3:6] - true_nu(out))[out.time_s > SILENT[1]].max(axis=0)
+    assert (off < [0.1, 0.2, 0.06]).all()  # nothing overshoots when the boat is heard again
+
+
+def test_heading_alone_does_not_make_an_estimate_fresh() -> None:
+    said = voyage(16.0, silent=SILENT)
+    heard = [
+        (t, m) for t, m in said if t < 11.0 or m.get_type() != "LOCAL_POSITION_NED" or t > 14.0
+    ]
+    given = material_of(TlogFile.from_bytes(b"".join(frames(heard))), ReplayOptions())
+    out = shadowed(Mode.AUTO, given)
+    assert out.from_model[(out.time_s > 7.1) & (out.time_s < 14.0)].all()
+    assert out.fresh[out.time_s > 14.11].all()
+
+
+def test_without_velocity_and_position_an_estimate_goes_stale_in_the_end() -> None:
+    said = voyage(16.0)
+    heard = [(t, m) for t, m in said if t < 4.0 or m.get_type() != "LOCAL_POSITION_NED"]
+    given = material_of(TlogFile.from_bytes(b"".join(frames(heard))), ReplayOptions())
+    out = shadowed(Mode.AUTO, given)
+    assert out.fresh[out.time_s < 3.9 + LOST_S].all()
+    assert not out.fresh[out.time_s > 4.1 + LOST_S].any()
+
+
+@pytest.mark.parametrize("plant", [None, IACQUABOT], ids=["itself", "another"])
+def test_the_shadow_follows_and_does_not_copy(plant: Vessel | None) -> None:
+    out = shadowed(Mode.MEASURED, material(NEVER), plant=plant)
+    off = (out.shadow - out.estimate)[out.time_s > 3.0, 3:6]
+    assert (np.sqrt((off**2).mean(axis=0)) < [0.02, 0.02, 0.01]).all()
+    assert (np.abs(off).max(axis=0) > 1e-6).all()
+    pushed = (out.shadow[1:, 3] - out.shadow[:-1, 3]) / np.diff(out.time_s)
+    assert np.corrcoef(out.control[1:, 0], pushed)[0, 1] > 0.5  # it moves because it is pushed
+
+
+def test_nothing_is_missing_from_the_right_model_but_noise() -> None:
+    out = shadowed(Mode.MEASURED)
+    settled = out.fresh & (out.time_s > 3.0)
+    share = np.abs(out.watched.missing) / out.watched.missing_std
+    assert (np.median(share[settled], axis=0) < 1.0).all()
+    assert np.isnan(out.watched.missing[~out.fresh]).all()
+
+
+def test_rows_go_out_no_faster_than_asked() -> None:
+    model = Model.of(WAMV)
+    follower = VesselFollower.of(model)
+    slow = ShadowPath(model, Reference(model, Mode.MEASURED), follower, rate_hz=5.0)
+    out = slow.advance(slow.start(), material().feed)[1]
+    assert np.diff(out.time_s).min() >= 0.9 / 5.0
+    assert len(out) < 0.35 * len(shadowed(Mode.MEASURED))
+
+
+def test_what_happened_is_told_once_each() -> None:
+    given, path = material(), path_of(Mode.AUTO)
+    _, out, filtered = path.advance(path.start(), given.feed)
+    _, told = Watchman().observe(given.feed, filtered, out)
+    begun = told[0].receive_time_ns
+    found = [(h.kind, round((h.receive_time_ns - begun) * 1e-9, 1)) for h in told]
+    assert found == [
+        ("started", 0.0),
+        ("telemetry_silent", 7.0),
+        ("reference_model", 7.0),
+        ("telemetry_back", 11.1),
+        ("reference_measured", 11.1),
+    ]
