@@ -1,0 +1,1 @@
+"""Links to boats: the only sockets and serial ports of the project."""

@@ -1,0 +1,254 @@
+"""One link: a thread that waits for bytes, stamps their receipt and puts frames into the inbox.
+
+wait → receipt → frames (checksum) → signature → pymavlink's decoder → one item per datagram
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any, Self
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gateway.errors import BadInput
+from gateway.links.counts import Counts
+from gateway.links.endpoint import Endpoint, Kind, parse_endpoint
+from gateway.links.framing import Piece, cut
+from gateway.links.inbox import Inbox
+from gateway.links.items import Datagram, Frame, LinkEvent
+from gateway.links.items import Kind as Event
+from gateway.links.peers import News, Peers
+from gateway.links.serial_port import SerialWire
+from gateway.links.signing import Signatures, Verdict
+from gateway.links.tcp_client import TcpClientWire
+from gateway.links.tcp_server import TcpServerWire
+from gateway.links.udp import UdpWire
+from gateway.links.voice import Identity, Voice, permitted
+from gateway.links.waker import Closing, Waker
+from gateway.links.wire import Arrival, Peer, Wire, shown
+
+WIRES: dict[Kind, Callable[[Endpoint], Wire]] = {
+    Kind.UDP_IN: UdpWire,
+    Kind.UDP_OUT: UdpWire,
+    Kind.TCP_CLIENT: TcpClientWire,
+    Kind.TCP_SERVER: TcpServerWire,
+    Kind.SERIAL: SerialWire,
+}
+BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)  # between attempts to open a line again
+CLOSE_S = 0.5  # a thread that is looking up a host name may need longer: it is left behind
+RESTS = 64  # peers whose unfinished frames are kept
+QUIET_NS = 10_000_000_000  # between two reports of the same trouble
+REFUSALS = {
+    Verdict.UNSIGNED: "unsigned",
+    Verdict.WRONG: "wrong_signature",
+    Verdict.OLD: "old_signature",
+}
+
+
+class Link:
+    """A connection to one or more boats, opened with `with`.
+
+    identity  who we are when we speak; None: this link is silent and sends nothing at all
+    key       32 bytes: only frames signed with it are taken, and what we send is signed
+    number    of this link among ours: the link id in our signatures
+    """
+
+    def __init__(
+        self,
+        endpoint: str | Endpoint,
+        inbox: Inbox,
+        identity: Identity | None = None,
+        key: bytes | None = None,
+        number: int = 0,
+    ) -> None:
+        self.endpoint = parse_endpoint(endpoint) if isinstance(endpoint, str) else endpoint
+        if identity is None and self.endpoint.speaks_first:
+            raise BadInput(
+                f'endpoint "{self.endpoint}": nobody answers a silent link that has to speak '
+                "first; listen with udpin, or do without --silent"
+            )
+        self.name = str(self.endpoint)
+        self._inbox = inbox
+        self._wire = WIRES[self.endpoint.kind](self.endpoint)
+        self._decoder = dialect.MAVLink(None)
+        self._signatures = None if key is None else Signatures(key)
+        self._voice = None if identity is None else Voice(identity, key, number)
+        self._peers = Peers()
+        self._rests: dict[Peer, bytes] = {}
+        self._counts = Counts()
+        self._reported: dict[Event, int] = {}
+        self._up: bool | None = None  # None: not tried yet
+        self._lock = threading.Lock()  # a line is never closed while another thread sends on it
+        self._thread = threading.Thread(target=self._run, name=self.name, daemon=True)
+        self._scope = ExitStack()
+
+    def __enter__(self) -> Self:
+        cut(b"\xfd" * 12)  # whatever has to be compiled is compiled before the line is open
+        self._waker = self._scope.enter_context(Waker())
+        if self.endpoint.listens:
+            self._offer()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._waker.wake()
+        self._thread.join(CLOSE_S)
+        if not self._thread.is_alive():
+            self._scope.close()
+
+    @property
+    def announces(self) -> bool:
+        """Must we be heard before we can hear? A boat behind in time is taken only once it has
+        learnt the time from our signed frames."""
+        return self._voice is not None and (
+            self.endpoint.speaks_first or self._signatures is not None
+        )
+
+    def counts(self) -> Counts:
+        """A copy of what was counted so far."""
+        return replace(self._counts)
+
+    def say(self, message: Any) -> bool:
+        """Pack, sign and send a message; False where nothing was sent."""
+        if self._voice is None:
+            return False
+        stamp = 0 if self._signatures is None else self._signatures.next_timestamp(time.time_ns())
+        return self.send(self._voice.pack(message, stamp))
+
+    def send(self, raw: bytes) -> bool:
+        """Send a frame to the system it is for, without waiting; ValueError if it is not ours to
+        say; False where nobody was there or the link is silent."""
+        target = getattr(permitted(raw), "target_system", None)
+        if self._voice is None:
+            return False
+        fixed = self._wire.fixed_peer
+        peers = self._peers.towards(target, time.monotonic_ns()) if fixed is None else (fixed,)
+        with self._lock:
+            sent = sum(self._wire.send(raw, peer) for peer in peers)
+        self._counts.sent += sent
+        self._counts.unsent += len(peers) - sent if peers else 1
+        return sent > 0
+
+    def _offer(self) -> None:
+        """Open a port of ours; what stands in the way stays in the way, so it is the user's."""
+        try:
+            self._wire.open(self._waker, self._report)
+        except OSError as error:
+            self._wire.close()
+            self._scope.close()
+            why = error.strerror or error
+            raise BadInput(
+                f'endpoint "{self.endpoint}": cannot listen there: {why}; '
+                "is another program using the port?"
+            ) from None
+
+    def _run(self) -> None:
+        """The receiver's thread: serves the line, opens it again when it is lost."""
+        attempt, opened = 0, self.endpoint.listens
+        try:
+            while True:
+                try:
+                    if not opened:
+                        self._wire.open(self._waker, self._report)
+                    self._up = True
+                    while True:
+                        for arrival in self._wire.receive():
+                            attempt = 0
+                            self._take(arrival)
+                except OSError as error:
+                    self._lost(error)
+                opened = False
+                self._waker.sleep(BACKOFF_S[min(attempt, len(BACKOFF_S) - 1)])
+                attempt += 1
+        except Closing:
+            self._close()
+
+    def _lost(self, error: OSError) -> None:
+        """Said once per loss, however many attempts to come back fail."""
+        self._close()
+        self._rests.clear()
+        if self._up is not False:
+            self._counts.losses += self._up is True
+            self._report(Event.LOST, f"{error.strerror or error}; trying again")
+        self._up = False
+
+    def _close(self) -> None:
+        with self._lock:
+            self._wire.close()
+
+    def _take(self, arrival: Arrival) -> None:
+        """One read of the line into the inbox."""
+        self._counts.datagrams += 1
+        self._counts.bytes += len(arrival.data)
+        try:
+            frames = tuple(self._frames(arrival))
+        except Exception as error:  # whatever a stranger sent must not end the thread
+            self._counts.faults += 1
+            self._seldom(Event.FAULT, f"a datagram was lost to {error!r}")
+            return
+        if frames and not self._inbox.put(Datagram(self.name, arrival.receive_time_ns, frames)):
+            self._counts.dropped += 1
+
+    def _frames(self, arrival: Arrival) -> list[Frame]:
+        """Those of its frames that are accepted."""
+        peer = arrival.peer
+        pieces = cut(self._rests.pop(peer, b"") + arrival.data)
+        self._counts.bad_checksum += pieces.bad_checksum
+        self._counts.junk_bytes += pieces.junk_bytes
+        if pieces.rest:
+            if len(self._rests) >= RESTS:
+                del self._rests[next(iter(self._rests))]
+            self._rests[peer] = pieces.rest
+        taken = [piece for piece in pieces.found if self._acceptable(piece, arrival)]
+        self._counts.frames += len(taken)
+        return [self._decoded(piece, arrival) for piece in taken]
+
+    def _acceptable(self, piece: Piece, arrival: Arrival) -> bool:
+        if self._signatures is None:
+            return True
+        verdict = self._signatures.judge(piece.raw, arrival.receive_time_ns)
+        if verdict is Verdict.VALID:
+            return True
+        if verdict is Verdict.OLD:  # a boat behind in time learns the time from what we send
+            self._peers.hear(piece.raw[5], arrival.peer, time.monotonic_ns())
+        setattr(self._counts, REFUSALS[verdict], getattr(self._counts, REFUSALS[verdict]) + 1)
+        c = self._counts
+        self._seldom(
+            Event.REFUSED,
+            f"frames refused so far: {c.unsigned} unsigned, {c.wrong_signature} with a wrong "
+            f"signature, {c.old_signature} with an old timestamp",
+        )
+        return False
+
+    def _decoded(self, piece: Piece, arrival: Arrival) -> Frame:
+        raw = piece.raw
+        if not piece.known:
+            self._counts.unknown += 1
+            return Frame(raw, None)
+        system = raw[5] if raw[0] == 0xFD else raw[3]
+        self._hear(system, arrival)
+        return Frame(raw, self._decoder.decode(bytearray(raw)))
+
+    def _hear(self, system: int, arrival: Arrival) -> None:
+        """Where a system speaks from; said when it is new there or looks like two."""
+        news = self._peers.hear(system, arrival.peer, time.monotonic_ns())
+        if news is News.FIRST and self.endpoint.kind in (Kind.UDP_IN, Kind.UDP_OUT):
+            self._report(Event.CONNECTED, f"system {system} heard from {shown(arrival.peer)}")
+        elif news is News.SHARED:
+            self._report(
+                Event.SHARED_ID,
+                f"system {system} speaks from {shown(arrival.peer)} and from another address: "
+                "two boats with one id, or one boat by two ways",
+            )
+
+    def _seldom(self, kind: Event, says: str) -> None:
+        """Report a trouble that may come with every datagram."""
+        now_ns = time.monotonic_ns()
+        if now_ns - self._reported.get(kind, -QUIET_NS) >= QUIET_NS:
+            self._reported[kind] = now_ns
+            self._report(kind, says)
+
+    def _report(self, kind: Event, says: str) -> None:
+        self._inbox.put(LinkEvent(self.name, time.time_ns(), kind, says))
