@@ -136,25 +136,83 @@ def replay(
 
 
 @app.command()
-def simulate(
-    commands: Annotated[
-        Path, typer.Argument(help="CSV: time [s] and one column per actuator by name, −1 … 1.")
+def live(
+    endpoints: Annotated[
+        list[str],
+        typer.Argument(help="udpin:HOST:PORT, udpout:…, tcp:…, tcpin:…, /dev/NAME[,BAUD]."),
     ],
+    vessel: Annotated[
+        list[str],
+        typer.Option("--vessel", "-v", help="Model of the boat; SYSID=FILE where there are more."),
+    ],
+    plant: Annotated[
+        Path | None, typer.Option(help="What the shadow is played by. Default: the vessel.")
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(help="What the shadow follows: measured, model (prediction) or auto."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the recordings.")] = Path("shadow-out"),
+    record: Annotated[bool, typer.Option(help="Record to MCAP.")] = True,
+    publish: Annotated[bool | None, typer.Option(help="Publish on zenoh.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name on zenoh: shadow/NAME/…")] = None,
+    silent: Annotated[bool, typer.Option("--silent", help="Send nothing at all.")] = False,
+    signing_key: Annotated[
+        Path | None, typer.Option(help="Key file: only frames signed with it are taken.")
+    ] = None,
+    effects: EffectFiles = None,
+    config: Config = None,
+) -> None:
+    """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
+    from gateway.pipelines.live import LiveOptions, plans_of, run_until_stopped
+
+    settings = _settings(config, reference or "auto", publish)
+    plans = plans_of(vessel, plant, name, _effects(effects))
+    options = LiveOptions(tuple(endpoints), out if record else None, silent, signing_key, settings)
+    run_until_stopped(plans, options, _tell)
+
+
+@app.command()
+def simulate(
     vessel: VesselFile,
+    commands: Annotated[
+        str | None,
+        typer.Argument(
+            help="CSV: time [s] and one column per actuator by name, −1 … 1. With --live also "
+            "steps, zigzag, turns, chirp, random, mixed or still."
+        ),
+    ] = None,
     follow: Annotated[
         Path | None, typer.Option("--follow", help="A second vessel that follows the first.")
     ] = None,
+    live: Annotated[
+        str | None,
+        typer.Option(
+            "--live", metavar="ENDPOINT", help="Play it as a MAVLink boat, to udpout:HOST:PORT."
+        ),
+    ] = None,
+    system: Annotated[int, typer.Option("--system", help="System id of the played boat.")] = 1,
+    seconds: Annotated[float, typer.Option(help="How long to play [s].")] = float("inf"),
+    seed: Annotated[int, typer.Option(help="Seed of the played boat's noise.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
     effects: EffectFiles = None,
     config: Config = None,
 ) -> None:
-    """Commands in, motion out, as a recording; with --follow a second vessel moves as the first."""
+    """Commands in, motion out, as a recording; with --live as a boat to try live mode on."""
+    boat = _vessel(vessel, effects)
+    if live is not None:
+        from gateway.pipelines.play import play_until_stopped
+
+        play_until_stopped(boat, live, commands or "mixed", system, seed, seconds, _tell)
+        return
     from gateway.pipelines.simulate import simulate as work
     from gateway.show.replay import show_simulated
 
+    if commands is None:
+        raise BadInput("no commands: give a CSV, or --live ENDPOINT to play the boat")
     follower = _vessel(follow, effects) if follow else None
     options = _settings(config, None, None).following.follower
-    show_simulated(work(commands, _vessel(vessel, effects), follower, out, options=options))
+    show_simulated(work(Path(commands), boat, follower, out, options=options))
 
 
 @app.command()
@@ -282,6 +340,11 @@ def _settings(config: Path | None, reference: str | None, publish: bool | None) 
     if publish is not None:
         settings = replace(settings, zenoh=replace(settings.zenoh, publish=publish))
     return settings
+
+
+def _tell(says: str) -> None:
+    """A line about work that goes on, on standard error."""
+    print(says, file=sys.stderr, flush=True)
 
 
 def _progress(what: str) -> Any:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as definitions
@@ -71,6 +72,16 @@ def from_banner(table: Table) -> str:
     lines = texts(table.columns["Message"])
     kinds = [kind for line in lines for name, kind in BANNERS.items() if line.startswith(name)]
     return kinds[0] if kinds else ""
+
+
+def from_heartbeat(message: Any) -> Boat | None:
+    """A HEARTBEAT of a live link -> the boat that sent it; None from anybody else."""
+    if message.autopilot == AUTOPILOT_INVALID or message.type == GROUND_STATION:
+        return None
+    autopilot = AUTOPILOTS.get(message.autopilot) or _enum("MAV_AUTOPILOT", message.autopilot)
+    return Boat(
+        message.get_srcSystem(), message.get_srcComponent(), autopilot, _type(message.type)
+    )
 
 
 def from_motion(log: Log) -> tuple[Boat, ...]:

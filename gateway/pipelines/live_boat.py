@@ -5,7 +5,7 @@ here reads a clock.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,18 @@ from gateway.pipelines.happenings import Watchman
 from gateway.pipelines.health import SECOND
 from gateway.pipelines.hearing import Hearing
 from gateway.pipelines.live_health import LiveHealth
-from gateway.pipelines.path import ShadowPath
+from gateway.pipelines.path import Shadowing, ShadowPath
 from gateway.pipelines.rows import Happening, event_rows, topic_rows
+from gateway.pipelines.usual import UsualRange
 
 BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S, TICK_S))
+
+
+class Spoken(NamedTuple):
+    """Messages that go out, and the rows of the path that they were made from."""
+
+    rows: list[Rows]
+    out: Shadowing | None = None
 
 
 class LiveBoat:
@@ -32,12 +40,14 @@ class LiveBoat:
         self._path = path
         self._state = path.start()
         self._watchman = Watchman()
+        self._usual = UsualRange.start()
         self._hearing = Hearing(boat, path.estimator.settings)
         self._last_fact: tuple[int, int] | None = None  # receive, vehicle time of the newest fact
         self._last_tick_ns = 0
         self._reported_s = 0
+        self._reboots = 0
 
-    def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> list[Rows]:
+    def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Spoken:
         """The boat's messages of one datagram -> what goes out."""
         for m in messages:
             self.health.frame(receive_time_ns, m.get_type(), m.get_srcComponent(), m.get_seq())
@@ -50,7 +60,7 @@ class LiveBoat:
                 self._last_fact = receive_time_ns, self._last_fact[1]
         return self._advance(feed)
 
-    def tick(self, now_ns: int) -> list[Rows]:
+    def tick(self, now_ns: int) -> Spoken:
         """Time goes by without a word from the boat -> the shadow runs on, for a while."""
         assert self._last_fact is not None
         silent = now_ns - self._last_fact[0]
@@ -82,13 +92,25 @@ class LiveBoat:
             vehicle = self._last_fact[1] + now_ns - self._last_fact[0]
         return [event_rows([Happening(vehicle, now_ns, kind, severity, says)])]
 
-    def _advance(self, feed: Feed) -> list[Rows]:
+    @property
+    def address(self) -> tuple[int, int]:
+        """System and component id."""
+        return self.boat.system, self.boat.component
+
+    def rebooted(self) -> bool:
+        """Did the autopilot boot again since this was last asked?"""
+        reboots = self._hearing.decoder.clock.report().reboots
+        new, self._reboots = reboots > self._reboots, reboots
+        return new
+
+    def _advance(self, feed: Feed) -> Spoken:
         if not len(feed):
-            return []
+            return Spoken([])
         self._state, out, filtered = self._path.advance(self._state, feed)
-        self.health.filtered(
-            filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1])
-        )
+        self.health.filtered(filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1]))
         self._watchman, happened = self._watchman.observe(feed, filtered, out)
+        self._usual, unusual = self._usual.observe(out)
         rows = topic_rows(out, self._hearing.origin) if len(out) else []
-        return [*rows, event_rows(happened)] if happened else rows
+        if happened or unusual:
+            rows.append(event_rows([*happened, *unusual]))
+        return Spoken(rows, out)

@@ -1,6 +1,6 @@
 """Health of a live link: what passed in the last seconds, counted as it passes."""
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from gateway.estimation.estimator import Rows
@@ -39,6 +39,15 @@ class LiveHealth:
         self.late += int(rows.has(Flag.REFUSED).sum())
         self.gated += int(rows.has(Flag.GATED).sum())
         self.offsets.append((receive_ns, receive_ns - vehicle_ns))
+
+    def late_by(self, delay_ns: int) -> None:
+        """So long after receipt an estimate had gone out."""
+        self.lateness_ns = max(self.lateness_ns, delay_ns)
+
+    def rates_hz(self) -> dict[str, float]:
+        """Rates at which messages came over the last seconds."""
+        counts = Counter(name for _, name, _ in self.seen)
+        return {name: count / WINDOW_S for name, count in counts.items()}
 
     def row(self, now_ns: int, backlog: int, drops: int) -> dict[str, float | int]:
         """The health topic at a moment; NIS and lateness start anew."""

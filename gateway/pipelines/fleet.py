@@ -1,0 +1,153 @@
+"""Which boats speak on the links, and which vessel shadows which.
+
+A boat is known by the HEARTBEAT of its autopilot; a ground station is no boat. Pure in its inputs,
+like `LiveBoat`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gateway.config import Settings
+from gateway.ingest.boats import Boat, from_heartbeat
+from gateway.links.items import Datagram, Frame
+from gateway.pipelines.live_boat import LiveBoat, Spoken
+from gateway.pipelines.path import ShadowPath
+from gateway.pipelines.replay import key_of
+from sim.following.follower import VesselFollower
+from sim.following.reference import Reference
+from sim.model import Model
+from sim.vessel import Vessel
+
+
+@dataclass(frozen=True)
+class BoatPlan:
+    """A vessel for one boat (by system id), or for whoever comes (None)."""
+
+    vessel: Vessel
+    plant: Vessel | None = None
+    system: int | None = None
+    name: str | None = None  # on zenoh; default: the vessel's own
+
+    @property
+    def key(self) -> str:
+        """Name on zenoh and of the recording."""
+        return self.name or key_of(self.vessel)
+
+
+class Said(NamedTuple):
+    """What came of a datagram or tick for one boat."""
+
+    boat: LiveBoat
+    spoken: Spoken
+
+
+class Fleet:
+    """The shadows of all boats that were heard."""
+
+    def __init__(
+        self,
+        plans: Sequence[BoatPlan],
+        settings: Settings,
+        found: Callable[[LiveBoat, BoatPlan], None] = lambda boat, plan: None,
+    ) -> None:
+        self.boats: dict[int, LiveBoat] = {}
+        self.ignored: set[int] = set()  # systems that no plan is for
+        self._plans = tuple(plans)
+        self._settings = settings
+        self._found = found
+        self._paths = [self._path(plan) for plan in plans]
+        self._names: set[str] = set()
+
+    def prepare(self) -> None:
+        """Compile everything before a link is open, by a throw-away boat's first words."""
+        for path, plan in zip(self._paths, self._plans, strict=True):
+            boat = LiveBoat(Boat(1, 1), plan.key, path)
+            for k in range(4):
+                boat.datagram(_first_words(1000 + 20 * k), (k + 1) * 20_000_000)
+            boat.tick(400_000_000)
+
+    def datagram(self, datagram: Datagram) -> list[Said]:
+        """The frames of a datagram, each to its boat."""
+        by_system: dict[int, list[Any]] = {}
+        for frame in datagram.frames:
+            message = frame.message
+            if message is None:
+                continue
+            if message.get_type() == "HEARTBEAT":
+                self._meet(message)
+            boat = self.boats.get(message.get_srcSystem())
+            if boat is not None and message.get_srcComponent() == boat.boat.component:
+                by_system.setdefault(boat.boat.system, []).append(message)
+        return [
+            Said(
+                self.boats[system], self.boats[system].datagram(messages, datagram.receive_time_ns)
+            )
+            for system, messages in by_system.items()
+        ]
+
+    def tick(self, now_ns: int) -> list[Said]:
+        """Time goes by: boats that are silent run on."""
+        due = [boat for boat in self.boats.values() if boat.wants_tick(now_ns)]
+        return [Said(boat, boat.tick(now_ns)) for boat in due]
+
+    def frames_of(self, frames: Sequence[Frame], boat: LiveBoat) -> list[bytes]:
+        """What belongs into a boat's recording: its own frames, and those of no boat."""
+        others = self.boats.keys() - {boat.boat.system}
+        return [
+            f.raw for f in frames if f.message is None or f.message.get_srcSystem() not in others
+        ]
+
+    def _meet(self, message: Any) -> None:
+        system = message.get_srcSystem()
+        if system in self.boats or system in self.ignored:
+            return
+        boat = from_heartbeat(message)
+        if boat is None:
+            return
+        index = self._plan_for(system)
+        if index is None:
+            self.ignored.add(system)
+            return
+        plan = self._plans[index]
+        name = plan.key if plan.key not in self._names else f"{plan.key}-{system}"
+        self._names.add(name)
+        self.boats[system] = LiveBoat(boat, name, self._paths[index])
+        self._found(self.boats[system], plan)
+
+    def _plan_for(self, system: int) -> int | None:
+        """The plan for this very boat, else one for whoever comes."""
+        for wanted in (system, None):
+            for index, plan in enumerate(self._plans):
+                if plan.system == wanted:
+                    return index
+        return None
+
+    def _path(self, plan: BoatPlan) -> ShadowPath:
+        model = Model.of(plan.vessel)
+        following = self._settings.following
+        plant = model if plan.plant is None else Model.of(plan.plant)
+        return ShadowPath(
+            model,
+            Reference(model, following.reference),
+            VesselFollower.of(plant, following.follower),
+            self._settings.filter,
+            following.rate_hz,
+        )
+
+
+def _first_words(boot_ms: int) -> list[Any]:
+    """Messages that take every compiled step once."""
+    words: list[Any] = [
+        dialect.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0),
+        dialect.MAVLink_local_position_ned_message(boot_ms, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0),
+        dialect.MAVLink_global_position_int_message(
+            boot_ms, 600000000, 100000000, 0, 0, 10, 0, 0, 500
+        ),
+        dialect.MAVLink_servo_output_raw_message(boot_ms * 1000, 0, *([1500] * 8)),
+        dialect.MAVLink_sys_status_message(0, 0, 0, 0, 14800, 0, 0, 0, 0, 0, 0, 0, 0),
+    ]
+    mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    return [mav.decode(bytearray(word.pack(mav))) for word in words]
