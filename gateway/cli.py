@@ -290,6 +290,27 @@ def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> 
 
 
 @app.command()
+def monitor(
+    vessel: Annotated[
+        str, typer.Argument(metavar="NAME", help="One vessel, as in shadow/NAME/…; else all.")
+    ] = "*",
+    connect: Annotated[
+        str, typer.Option(help="Where a gateway or zenoh router listens.")
+    ] = "tcp/127.0.0.1:7447",
+    config: Annotated[
+        Path | None, typer.Option("--config", help="zenoh configuration (.json5), e.g. with TLS.")
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="One picture, then end.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Lines of JSON, one per vessel.")] = False,
+) -> None:
+    """Watch shadows in the terminal, from this machine or another: states, residuals, health."""
+    from gateway.monitor.run import MonitorOptions
+    from gateway.monitor.run import monitor as work
+
+    work(MonitorOptions(connect, config, vessel), once, json)
+
+
+@app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path("shadow-out/demo"),
 ) -> None:
