@@ -35,6 +35,7 @@ from gateway.pipelines.feed import TICK_S
 from gateway.pipelines.fleet import BoatPlan, Fleet
 from gateway.pipelines.health import SECOND
 from gateway.pipelines.live_boat import LiveBoat
+from gateway.pipelines.relive import LIVE
 from gateway.recorder import Recorder
 from gateway.recording_file import Attachment
 from gateway.recording_thread import RecordingThread
@@ -43,7 +44,6 @@ from sim.effects.effect import Effect
 
 WAIT_S = TICK_S / 4.0  # longest sleep of the loop
 OBSERVE_S = 5  # so often the rates that arrive are held against those asked for
-LIVE = "live"  # metadata: the recording's frames and ticks reproduce what ran
 
 
 @dataclass(frozen=True)
