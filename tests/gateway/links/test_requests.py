@@ -1,0 +1,272 @@
+"""Requests for rates: what is asked, when, how often, and what is made of the answers."""
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gateway.errors import BadInput
+from gateway.links.conversation import AGAIN_NS, ROUNDS, SECOND, WAITS_NS, Address
+from gateway.links.requests import RATES_HZ, Requests
+from gateway.links.voice import Identity
+from tests.gateway.links.boats import Autopilot, decoded
+
+BOAT = Address(1, 1)
+TWO = {"ATTITUDE": 50.0, "SYSTEM_TIME": 1.0}
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, BUSY = 0, 1, 2, 3, 5
+
+
+class Play:
+    """Requests with a clock: what is said is noted."""
+
+    def __init__(self, rates=TWO, **options):
+        self.requests = Requests(Identity(), rates, **options)
+        self.now, self.sequence = 0, 0
+
+    def wait(self, seconds):
+        self.now += round(seconds * SECOND)
+
+    def due(self):
+        """(message, tries) of what is asked, number of heartbeats, answers in words."""
+        said = self.requests.due(self.now)
+        self.requests = said.requests
+        asks = [
+            (dialect.mavlink_map[int(m.param1)].msgname, m.confirmation)
+            for m in said.messages
+            if m.get_type() == "COMMAND_LONG"
+        ]
+        return asks, len(said.messages) - len(asks), [answer.says for answer in said.answers]
+
+    def answer(self, result=ACCEPTED, boat=BOAT):
+        self.sequence += 1
+        self.requests = self.requests.acknowledged(boat, result, self.sequence, self.now)
+
+    def accept_all(self):
+        asked = []
+        while asks := self.due()[0]:
+            asked += asks
+            self.answer()
+        return asked
+
+
+@pytest.fixture
+def play():
+    made = Play()
+    made.requests = made.requests.heard(BOAT, 0)
+    return made
+
+
+def test_nothing_is_said_before_a_boat_is_heard():
+    play = Play()
+    assert play.due() == ([], 0, [])
+    assert play.requests.next_ns is None
+
+
+def test_one_after_the_other_with_a_heartbeat_ahead(play):
+    said = play.requests.due(0)
+    assert [m.get_type() for m in said.messages] == ["HEARTBEAT", "COMMAND_LONG"]
+    ask = said.messages[1]
+    assert (ask.target_system, ask.target_component, ask.command) == (1, 1, 511)
+    assert (ask.param1, ask.param2) == (30, 20_000)
+    play.due()
+    assert play.due() == ([], 0, [])
+    play.answer()
+    assert play.due() == ([("SYSTEM_TIME", 0)], 0, ["system 1: ATTITUDE at 50 Hz: accepted"])
+    play.answer()
+    assert play.due() == ([], 0, ["system 1: SYSTEM_TIME at 1 Hz: accepted"])
+    play.wait(1)
+    assert play.due() == ([], 1, [])
+
+
+def test_the_default_table_is_asked_for_whole():
+    play = Play(RATES_HZ)
+    play.requests = play.requests.heard(BOAT, 0)
+    assert play.accept_all() == [(name, 0) for name in RATES_HZ]
+
+
+def test_three_tries_further_and_further_apart_then_no_answer(play):
+    for tries, wait in enumerate(WAITS_NS):
+        assert play.due()[0] == [("ATTITUDE", tries)]
+        play.now += wait - 1
+        assert play.due()[0] == []
+        play.now += 1
+    asks, _, says = play.due()
+    assert asks == [("SYSTEM_TIME", 0)]
+    assert says == ["system 1: ATTITUDE at 50 Hz: no answer"]
+
+
+def test_a_lost_answer_is_asked_for_again(play):
+    play.due()
+    play.wait(1)
+    assert play.due()[0] == [("ATTITUDE", 1)]
+    play.answer()
+    assert play.due()[0] == [("SYSTEM_TIME", 0)]
+
+
+@pytest.mark.parametrize(
+    ("result", "word"), [(DENIED, "denied"), (UNSUPPORTED, "unsupported"), (4, "failed"),
+                         (42, "refused with result 42")],
+)  # fmt: skip
+def test_a_refusal_is_said_and_the_next_asked(play, result, word):
+    play.due()
+    play.answer(result)
+    assert play.due() == ([("SYSTEM_TIME", 0)], 0, [f"system 1: ATTITUDE at 50 Hz: {word}"])
+
+
+def test_rejected_for_now_is_tried_again_and_remembered(play):
+    for tries, wait in enumerate(WAITS_NS):
+        assert play.due()[0] == [("ATTITUDE", tries)]
+        play.answer(REJECTED)
+        assert play.due()[0] == []
+        play.now += wait
+    assert play.due()[2] == ["system 1: ATTITUDE at 50 Hz: rejected for now"]
+
+
+def test_in_progress_gives_it_more_time(play):
+    play.due()
+    play.wait(0.9)
+    play.answer(BUSY)
+    play.wait(3.9)
+    assert play.due()[0] == []
+    play.answer(ACCEPTED)
+    assert play.due()[2] == ["system 1: ATTITUDE at 50 Hz: accepted"]
+
+
+def test_a_repeated_answer_counts_once(play):
+    play.due()
+    play.answer()
+    play.due()
+    play.sequence -= 1  # the same frame again
+    play.answer(DENIED)
+    assert play.due() == ([], 0, [])
+
+
+def test_an_answer_nobody_asked_for_is_ignored(play):
+    play.answer(DENIED)
+    play.answer(DENIED, boat=Address(9, 1))
+    assert play.due()[2] == []
+
+
+def test_a_reboot_starts_it_all_again(play):
+    play.accept_all()
+    play.wait(100)
+    play.due()
+    play.requests = play.requests.rebooted(BOAT, play.now).rebooted(Address(9, 1), play.now)
+    assert play.accept_all() == [("ATTITUDE", 0), ("SYSTEM_TIME", 0)]
+
+
+def test_another_heartbeat_starts_nothing(play):
+    play.accept_all()
+    play.requests = play.requests.heard(BOAT, play.now)
+    assert play.due()[0] == []
+
+
+def test_what_was_accepted_but_does_not_arrive_is_asked_again(play):
+    play.accept_all()
+    slow, fast = {"ATTITUDE": 4.0, "SYSTEM_TIME": 1.0}, {"ATTITUDE": 48.0, "SYSTEM_TIME": 1.0}
+    play.requests = play.requests.observed(BOAT, slow, play.now)
+    assert play.due()[0] == []  # too soon to judge
+    for _ in range(ROUNDS):
+        play.now += AGAIN_NS
+        play.requests = play.requests.observed(BOAT, fast, play.now).observed(BOAT, {}, play.now)
+        assert play.due()[0] == []
+        play.requests = play.requests.observed(BOAT, slow, play.now)
+        assert play.accept_all() == [("ATTITUDE", 0)]
+
+
+def test_a_link_too_slow_is_said_and_left():
+    play = Play()
+    play.requests = play.requests.heard(BOAT, 0)
+    play.accept_all()
+    slow = {"ATTITUDE": 4.0, "SYSTEM_TIME": 1.0}
+    for _ in range(ROUNDS):
+        play.now += AGAIN_NS
+        play.requests = play.requests.observed(BOAT, slow, play.now)
+        assert play.accept_all() == [("ATTITUDE", 0)]
+    play.now += AGAIN_NS
+    play.requests = play.requests.observed(BOAT, slow, play.now)
+    asks, _, says = play.due()
+    assert (asks, says) == ([], ["system 1: ATTITUDE at 50 Hz: accepted, but 4 Hz arrive"])
+    play.now += AGAIN_NS
+    play.requests = play.requests.observed(BOAT, slow, play.now)
+    assert play.due()[0] == []
+
+
+def test_what_was_refused_is_not_asked_again(play):
+    play.due()
+    play.answer(UNSUPPORTED)
+    play.due()
+    play.answer()
+    play.now += AGAIN_NS
+    play.requests = play.requests.observed(BOAT, {"SYSTEM_TIME": 1.0}, play.now)
+    assert play.due()[0] == []
+
+
+def test_two_boats_each_have_their_own_conversation():
+    play = Play()
+    play.requests = play.requests.heard(BOAT, 0).heard(Address(2, 1), 0)
+    asks, heartbeats, _ = play.due()
+    assert (len(asks), heartbeats) == (2, 1)
+    play.answer(boat=Address(2, 1))
+    assert play.due()[2] == ["system 2: ATTITUDE at 50 Hz: accepted"]
+
+
+def test_the_next_moment_is_known(play):
+    play.due()
+    assert play.requests.next_ns == SECOND
+    play.wait(0.5)
+    play.answer()
+    assert play.requests.next_ns == play.now
+    play.accept_all()
+    assert play.requests.next_ns == SECOND  # the heartbeat alone
+
+
+def test_announcing_sends_heartbeats_alone():
+    play = Play(announce=True)
+    assert play.due() == ([], 1, [])
+    assert play.due() == ([], 0, [])
+    play.wait(1)
+    assert play.due() == ([], 1, [])
+
+
+def test_silence_is_silence():
+    silent = Requests(None, TWO, announce=True).heard(BOAT, 0).rebooted(BOAT, 0)
+    assert silent.due(0) == (silent, (), ())
+    assert silent.next_ns is None
+
+
+def one(raw):
+    (message,) = decoded(raw)
+    return message
+
+
+def test_messages_of_the_link_are_understood():
+    boat = Autopilot()
+    requests = Requests(Identity(), TWO).take(one(boat.attitude()), 0)
+    assert not requests.boats
+    requests = requests.take(one(boat.heartbeat()), 0).due(0).requests
+    assert set(requests.boats) == {BOAT}
+    for foreign in (boat.ack(system=255), boat.ack(command=400), Autopilot(2).ack()):
+        assert not requests.take(one(foreign), 1).answers
+    assert requests.take(one(boat.ack()), 1).answers[0].answer == "accepted"
+    assert requests.take(one(boat.ack(system=0)), 1).answers  # MAVLink 1 names nobody
+
+
+@pytest.mark.parametrize(("type_", "autopilot"), [(6, 8), (6, 0), (18, 8), (27, 8)])
+def test_what_is_no_boat_is_not_asked(type_, autopilot):
+    other = Autopilot(7)
+    raw = other.frame(dialect.MAVLink_heartbeat_message(type_, autopilot, 0, 0, 4, 3))
+    assert not Requests(Identity(), TWO).take(one(raw), 0).boats
+
+
+@pytest.mark.parametrize("rates", [{"ATITUDE": 50.0}, {"ATTITUDE": 0.0}, {"ATTITUDE": float("nan")},
+                                   {"ATTITUDE": 1e6}])  # fmt: skip
+def test_wrong_rates_are_refused(rates):
+    with pytest.raises(BadInput, match="rate of"):
+        Requests(Identity(), rates)
+
+
+@pytest.mark.parametrize(
+    ("system", "component"), [(255, 191), (0, 191), (256, 1), (1, 0), (1, 256)]
+)
+def test_an_identity_is_checked(system, component):
+    with pytest.raises(BadInput, match="own (system|component) id"):
+        Identity(system, component)
