@@ -16,6 +16,7 @@ KNOT_MPS = 1852.0 / 3600.0
 WIDE = 110  # columns from which link and rates stand beside the motion
 FULL_LINES = 21  # of a vessel in full at 80 columns, WIDE_LINES at WIDE
 WIDE_LINES = 17
+MOTION_COLUMNS = 74
 EVENTS_SHOWN = 4
 QUIET_S = 2.0  # without news: worth a word
 SIGNIFICANT = 3.0  # standard deviations
@@ -52,7 +53,8 @@ def _vessel(picture: VesselPicture, width: int) -> Panel:
     motion, link = _motion(picture), _link(picture.message("health"))
     body: list[RenderableType] = [motion, *link]
     if width >= WIDE:
-        side_by_side = Table.grid(padding=(0, 3), expand=True)
+        side_by_side = Table.grid(padding=(0, 2))
+        side_by_side.add_column(width=MOTION_COLUMNS)
         side_by_side.add_row(motion, Group(*link))
         body = [side_by_side]
     where = _where(picture)
@@ -81,11 +83,12 @@ def _state(picture: VesselPicture) -> Text:
 
 def _motion(picture: VesselPicture) -> Table:
     """Three axes: boat, shadow, how they differ, what the model lacks."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("", no_wrap=True)
-    for name in ("ahead", "to starboard", "turning right"):
-        table.add_column(name, justify="right", no_wrap=True, min_width=14, header_style="")
-    table.add_column("", style=FAINT, no_wrap=True)
+    table = Table.grid()
+    table.add_column(width=14)
+    for _ in AXES:
+        table.add_column(width=17)
+    table.add_column(width=9, style=FAINT)
+    table.add_row("", *(f"{name:>10}" for name in ("ahead", "starboard", "turn right")))
     boat, shadow = picture.message("measured"), picture.message("shadow")
     units = "m/s, °/s"
     table.add_row("boat", *_axes(boat, stds=True), units)
@@ -94,7 +97,7 @@ def _motion(picture: VesselPicture) -> Table:
     residual = picture.message("residual")
     for horizon in HORIZONS_S:
         error = _error(residual, horizon)
-        table.add_row(f"error after {horizon} s", *_axes(error), units)
+        table.add_row(f"error at {horizon} s", *_axes(error), units)
     table.add_row("missing force", *_forces(residual), "N, N m")
     return table
 
@@ -102,14 +105,20 @@ def _motion(picture: VesselPicture) -> Table:
 def _axes(message: Message | None, stds: bool = False) -> list[Text]:
     """u, v, r of a motion message, in the units people read."""
     if message is None:
-        return [Text("·", style=FAINT)] * len(AXES)
-    cells = []
-    for name, scale, digits in AXES:
-        cell = Text(_number(message[name] * scale, digits))
-        if stds:
-            cell.append(f" ±{_number(message[f'{name}_std'] * scale, digits)}", style=FAINT)
-        cells.append(cell)
-    return cells
+        return [_cell("·")] * len(AXES)
+    return [
+        _cell(
+            _number(message[name] * scale, digits),
+            _number(message[f"{name}_std"] * scale, digits) if stds else "",
+        )
+        for name, scale, digits in AXES
+    ]
+
+
+def _cell(value: str, std: str = "", style: str = "") -> Text:
+    """A value, and its standard deviation so that values stand below each other."""
+    spread = f" ±{std}" if std else ""
+    return Text.assemble((f"{value:>10}", style), (f"{spread:<7}", FAINT))
 
 
 def _difference(boat: Message | None, shadow: Message | None) -> Message | None:
@@ -130,14 +139,14 @@ def _error(residual: Message | None, horizon: int) -> Message | None:
 
 def _forces(residual: Message | None) -> list[Text]:
     if residual is None:
-        return [Text("·", style=FAINT)] * len(FORCES)
+        return [_cell("·")] * len(FORCES)
     return [_force(residual[name], residual[f"{name}_std"]) for name in FORCES]
 
 
 def _force(value: float, std: float) -> Text:
     """A force that stands out of its own uncertainty catches the eye."""
     style = f"bold {WARN}" if abs(value) > SIGNIFICANT * std else ""
-    return Text.assemble((_number(value, 1), style), (f" ±{_number(std, 1)}", FAINT))
+    return _cell(_number(value, 1), _number(std, 1), style)
 
 
 def _where(picture: VesselPicture) -> list[Text]:
@@ -146,16 +155,17 @@ def _where(picture: VesselPicture) -> list[Text]:
     if boat is None:
         return [Text("no estimate yet", style=FAINT)]
     speed = math.hypot(boat["surge_mps"], boat["sway_mps"])
-    line = Text(
-        f"{_number(speed / KNOT_MPS, 2)} kn over ground, heading {_heading(boat['yaw_rad'])}°"
-    )
+    line = Text(f"{_number(speed / KNOT_MPS, 2)} kn, heading {_heading(boat['yaw_rad'])}°")
     off = _difference(picture.message("measured"), picture.message("shadow"))
     if off is not None:
         line.append(f", shadow {_number(math.hypot(off['north_m'], off['east_m']), 2)} m away")
     place = picture.message("position")
     if place is not None:
-        latitude, longitude = place["boat_latitude_deg"], place["boat_longitude_deg"]
-        line.append(f", {_number(latitude, 5)}° {_number(longitude, 5)}°", style=FAINT)
+        line.append(
+            f", {_degrees(place['boat_latitude_deg'], 'NS')}"
+            f" {_degrees(place['boat_longitude_deg'], 'EW')}",
+            style=FAINT,
+        )
     return [line]
 
 
@@ -169,7 +179,7 @@ def _link(health: Message | None) -> list[Text]:
         (f"silent for {_number(h['link_age_s'], 1)} s", h["link_age_s"] > 1.0),
         (f"{_number(h['rate_hz'], 0)} messages/s", False),
         (f"loss {_number(100 * h['loss'], 1)} %", h["loss"] > 0.05),
-        (f"boat's clock {_number(-h['clock_offset_s'], 3)} s", False),
+        (f"clock offset {_number(h['clock_offset_s'], 3)} s", False),
     )
     inside = _words(
         "filter",
@@ -243,6 +253,11 @@ def _worst(residual: Message) -> Text:
     """The missing force furthest out of its own uncertainty, in standard deviations."""
     ratio = max(abs(residual[n]) / max(residual[f"{n}_std"], 1e-9) for n in FORCES)
     return Text(_number(ratio, 1), style=WARN if ratio > SIGNIFICANT else "")
+
+
+def _degrees(value: float, letters: str) -> str:
+    """Latitude or longitude with the letter of its half of the world."""
+    return f"{_number(abs(value), 5)}° {letters[value < 0.0]}"
 
 
 def _heading(yaw: float) -> str:
