@@ -49,7 +49,8 @@ class BoatState:
     frames: int  # sent since boot
     station_frames: int
     waiting: tuple[Frame, ...]  # on the wire
-    dice: Any  # state of the generator
+    dice: Any  # state of the generator of sensor errors …
+    luck: Any  # … and of faults: they do not change what the boat says
 
 
 class PlayedBoat:
@@ -95,21 +96,25 @@ class PlayedBoat:
                 station_frames=0,
                 waiting=(),
                 dice=dice.bit_generator.state,
+                luck=PCG64((self._seed, 1)).state,
             )
         )
 
     def advance(self, state: BoatState, until_s: float) -> tuple[BoatState, list[Frame]]:
         """Play on to that moment [s since play began] -> state, frames that arrive by then."""
-        dice = _dice(state)
+        dice, luck = _generator(state.dice), _generator(state.luck)
         arrived: list[Frame] = []
         while state.tick * self.dt <= until_s + SLACK:
             now = state.tick * self.dt
-            state, sent = self._tick(state, now, dice)
-            waiting, got = self._wire.carry(state.waiting, sent, now, dice)
+            state, sent = self._tick(state, now, dice, luck)
+            waiting, got = self._wire.carry(state.waiting, sent, now, luck)
             state = replace(state, waiting=waiting)
             arrived += got
-        waiting, got = self._wire.carry(state.waiting, (), until_s, dice)
-        return replace(state, waiting=waiting, dice=dice.bit_generator.state), arrived + got
+        waiting, got = self._wire.carry(state.waiting, (), until_s, luck)
+        after = replace(
+            state, waiting=waiting, dice=dice.bit_generator.state, luck=luck.bit_generator.state
+        )
+        return after, arrived + got
 
     def next_s(self, state: BoatState) -> float:
         """When there is something to do next [s since play began]."""
@@ -123,7 +128,9 @@ class PlayedBoat:
         answer = self._office.answer(state.streams, message, now)
         return replace(state, streams=answer.streams, queue=(*state.queue, *answer.messages))
 
-    def _tick(self, state: BoatState, now: float, dice: Generator) -> tuple[BoatState, list[Frame]]:
+    def _tick(
+        self, state: BoatState, now: float, dice: Generator, luck: Generator
+    ) -> tuple[BoatState, list[Frame]]:
         """One turn of the autopilot's loop."""
         state = self._rebooted(state, now)
         armed = self._armed(state, now)
@@ -147,10 +154,10 @@ class PlayedBoat:
         state = replace(
             state, tick=state.tick + 1, hull=hull, past=past, sensors=sensors, used_as=used_as
         )
-        return self._spoken(state, moment, now, dice)
+        return self._spoken(state, moment, now, luck)
 
     def _spoken(
-        self, state: BoatState, moment: Moment, now: float, dice: Generator
+        self, state: BoatState, moment: Moment, now: float, luck: Generator
     ) -> tuple[BoatState, list[Frame]]:
         """What the boat and the station beside it say at this moment."""
         frames = list(self._heard_beside(state, now))
@@ -160,7 +167,7 @@ class PlayedBoat:
         names = due(state.streams, now)
         streamed = [message for name in names for message in said(name, moment)]
         messages = [
-            *(self._perhaps_spoiled(message, dice) for message in streamed),
+            *(self._perhaps_spoiled(message, luck) for message in streamed),
             *state.queue[:ANSWERS_PER_TICK],
         ]
         boot_s = moment.boot_us * 1e-6
@@ -176,14 +183,14 @@ class PlayedBoat:
             station_frames=station,
         ), frames
 
-    def _perhaps_spoiled(self, message: Message, dice: Generator) -> Message:
+    def _perhaps_spoiled(self, message: Message, luck: Generator) -> Message:
         share = self.settings.faults.nonsense
-        if not share or message.get_type() == "HEARTBEAT" or dice.random() >= share:
+        if not share or message.get_type() == "HEARTBEAT" or luck.random() >= share:
             return message
-        return spoiled(message, dice)
+        return spoiled(message, luck)
 
     def _heard_beside(self, state: BoatState, now: float) -> Iterator[Frame]:
-        if self.settings.station and state.tick % round(self.settings.loop_hz) == 1:
+        if self.settings.station and (state.tick - 1) % round(self.settings.loop_hz) == 0:
             beat = mavlink.MAVLink_heartbeat_message(
                 mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
             )
@@ -224,7 +231,8 @@ class PlayedBoat:
         return replace(state, streams=streams, queue=(banner, *told))
 
 
-def _dice(state: BoatState) -> Generator:
-    bits = PCG64()
-    bits.state = state.dice
+def _generator(state: Any) -> Generator:
+    """A generator that goes on from that state."""
+    bits = PCG64(0)
+    bits.state = state
     return Generator(bits)

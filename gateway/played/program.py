@@ -5,7 +5,7 @@ of a user's own (CSV) speaks to each actuator by its name.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,8 @@ from gateway.pipelines.simulate import read_commands
 from sim.state import Floats
 from sim.vessel import Rudder, Thruster, Vessel
 
+THROTTLE_RATE, HELM_RATE = 1.0, 2.0  # 1/s: ArduRover's own limit of throttle; a quick hand
+EASE_STEP = 0.04  # s
 BLADE = 2.0  # a blade wants more helm than a difference of thrust
 Leg = tuple[float, float, float]  # seconds, surge, yaw (positive turns to starboard)
 
@@ -98,11 +100,26 @@ PROGRAMS: Mapping[str, Callable[[Generator], list[Leg]]] = {
 
 def _handed_out(vessel: Vessel, legs: list[Leg]) -> Program:
     """Surge and yaw -> commands of each actuator."""
-    seconds, surge, yaw = np.array(legs).T
+    seconds, surge, yaw = np.array(list(_eased(legs))).T
     ends = np.cumsum(seconds)
     ahead, helm = np.array([_share(vessel, actuator) for actuator in vessel.actuators]).T
     rows = np.clip(np.outer(surge, ahead) + np.outer(yaw, helm), -1.0, 1.0)
     return Program(ends - seconds, rows, float(ends[-1]))
+
+
+def _eased(legs: list[Leg]) -> Iterator[Leg]:
+    """The same legs, from one to the next as fast as a stick and MOT_SLEWRATE allow."""
+    for (_, surge_was, yaw_was), (seconds, surge, yaw) in zip(legs[-1:] + legs, legs, strict=False):
+        takes = max(abs(surge - surge_was) / THROTTLE_RATE, abs(yaw - yaw_was) / HELM_RATE)
+        count = int(min(takes, 0.9 * seconds) / EASE_STEP)
+        for k in range(1, count + 1):
+            share = k / (count + 1)
+            yield (
+                EASE_STEP,
+                surge_was + share * (surge - surge_was),
+                yaw_was + share * (yaw - yaw_was),
+            )
+        yield seconds - count * EASE_STEP, surge, yaw
 
 
 def _share(vessel: Vessel, actuator: Thruster | Rudder) -> tuple[float, float]:

@@ -32,18 +32,18 @@ class Wire:
         waiting: tuple[Frame, ...],
         sent: Iterable[Frame],
         until_s: float,
-        dice: Generator,
+        luck: Generator,
     ) -> tuple[tuple[Frame, ...], list[Frame]]:
         """Frames on their way and new ones -> those still on their way, those that arrive."""
-        moved = [copy for frame in sent for copy in self._fate(frame, dice)]
+        moved = [copy for frame in sent for copy in self._fate(frame, luck)]
         frames = sorted([*waiting, *moved], key=lambda frame: frame.time_s)
         arrived = sum(frame.time_s <= until_s for frame in frames)
         return tuple(frames[arrived:]), frames[:arrived]
 
-    def _fate(self, frame: Frame, dice: Generator) -> Iterator[Frame]:
+    def _fate(self, frame: Frame, luck: Generator) -> Iterator[Frame]:
         f, time = self.faults, frame.time_s
         lost, doubled, late = (
-            (dice.random(3) < (f.loss, f.duplicates, f.reordered)).tolist()
+            (luck.random(3) < (f.loss, f.duplicates, f.reordered)).tolist()
             if f.loss or f.duplicates or f.reordered
             else (False, False, False)
         )
@@ -51,7 +51,7 @@ class Wire:
             return
         for burst in f.bursts:
             time = burst.arrival(time)
-        time += dice.uniform(LATE_FROM, LATE_TO) if late else 0.0
+        time += luck.uniform(LATE_FROM, LATE_TO) if late else 0.0
         yield frame._replace(time_s=time)
         if doubled:
-            yield frame._replace(time_s=time + dice.uniform(0.0, TWICE_WITHIN))
+            yield frame._replace(time_s=time + luck.uniform(0.0, TWICE_WITHIN))

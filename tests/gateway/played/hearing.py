@@ -1,0 +1,50 @@
+"""Listening to a played boat: frames decoded, or written down as a telemetry log."""
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gateway.ingest.tlog import TlogFile
+from gateway.played.boat import PlayedBoat
+from gateway.played.settings import PlayedSettings
+from gateway.played.wire import Frame
+from tests.sim.vessels import WAMV
+
+UNIX_S = 1_700_000_000.0
+DELAY_S = 0.004  # on the way
+
+
+def boat(seed: int = 0, **settings: Any) -> PlayedBoat:
+    return PlayedBoat(WAMV, PlayedSettings(**settings), seed)
+
+
+def frames_of(player: PlayedBoat, seconds: float) -> list[Frame]:
+    return player.advance(player.start(), seconds)[1]
+
+
+def decoded(frames: Sequence[Frame]) -> list[Any]:
+    """Each frame through pymavlink's own strict parser."""
+    parser = mavlink.MAVLink(None)
+    messages = []
+    for frame in frames:
+        (message,) = parser.parse_buffer(frame.data)
+        messages.append(message)
+    return messages
+
+
+def named(frames: Sequence[Frame], name: str) -> list[Any]:
+    return [message for message in decoded(frames) if message.get_type() == name]
+
+
+def records(frames: Sequence[Frame]) -> bytes:
+    """The frames as a .tlog."""
+    stamps = [round((UNIX_S + frame.time_s + DELAY_S) * 1e6) for frame in frames]
+    return b"".join(
+        struct.pack(">Q", stamp) + frame.data for stamp, frame in zip(stamps, frames, strict=True)
+    )
+
+
+def log_of(frames: Sequence[Frame]) -> TlogFile:
+    return TlogFile.from_bytes(records(frames), "played.tlog")

@@ -1,0 +1,234 @@
+"""In real time, over real sockets: frames arrive, requests are answered, stopping is quick."""
+
+import socket
+import time
+from contextlib import closing
+from threading import Event, Thread
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gateway.errors import BadInput, ShadowError
+from gateway.played.play import Stage, play, playing
+from gateway.played.port import TcpPort, UdpPort, open_port, parse_endpoint
+from gateway.played.session import simulate_live
+from gateway.played.settings import FAST
+from tests.gateway.played.hearing import boat
+from tests.sim.vessels import WAMV
+
+HOST = "127.0.0.1"
+LONG = 10.0  # s, more than anything here takes
+
+
+class Listener:
+    """A gateway's end: a socket, and what came out of it."""
+
+    def __init__(self, plug: socket.socket) -> None:
+        self.plug, self.parser = plug, mavlink.MAVLink(None, 200, 190)
+        plug.settimeout(LONG)
+
+    def until(self, wanted):
+        """Messages up to the first that is wanted."""
+        found = []
+        deadline = time.monotonic() + LONG
+        while time.monotonic() < deadline:
+            for message in self.parser.parse_buffer(self.plug.recv(65536)) or ():
+                found.append(message)
+                if wanted(message):
+                    return found
+        raise AssertionError(f"never came; {len(found)} others did")
+
+    def ask(self, send) -> None:
+        """An interval of 20 ms for ATTITUDE."""
+        message = mavlink.MAVLink_command_long_message(1, 1, 511, 0, 30, 20000, 0, 0, 0, 0, 0)
+        send(message.pack(self.parser))
+
+
+def udp():
+    plug = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    plug.bind((HOST, 0))
+    return plug
+
+
+def free_port():
+    with closing(socket.socket()) as plug:
+        plug.bind((HOST, 0))
+        return plug.getsockname()[1]
+
+
+def acknowledged(message):
+    return message.get_type() == "COMMAND_ACK" and message.result == 0
+
+
+def speaks(system):
+    return lambda message: message.get_srcSystem() == system
+
+
+def test_udp_out_and_a_request_over_the_same_link():
+    with closing(udp()) as plug, playing([boat()], f"udpout:{HOST}:{plug.getsockname()[1]}"):
+        _, boat_side = plug.recvfrom(65536)
+        listener = Listener(plug)
+        listener.ask(lambda data: plug.sendto(data, boat_side))
+        listener.until(acknowledged)
+        listener.until(lambda m: m.get_type() == "ATTITUDE")
+
+
+def test_udp_in_speaks_to_whoever_has_spoken():
+    number = free_port()
+    with closing(udp()) as plug, playing([boat()], f"udpin:{HOST}:{number}"):
+        listener = Listener(plug)
+        plug.settimeout(0.1)
+        for _ in range(50):
+            listener.ask(lambda data: plug.sendto(data, (HOST, number)))
+            try:
+                listener.until(acknowledged)
+                return
+            except (TimeoutError, ConnectionError):  # it was not there yet
+                continue
+        raise AssertionError("no answer")
+
+
+def test_tcp_in_serves_and_survives_a_listener_that_leaves():
+    number = free_port()
+    with playing([boat()], f"tcpin:{HOST}:{number}"):
+        for _ in range(2):
+            with closing(_call(number)) as plug:
+                listener = Listener(plug)
+                listener.ask(plug.sendall)
+                listener.until(acknowledged)
+
+
+def _call(number):
+    deadline = time.monotonic() + LONG
+    while True:
+        try:
+            return socket.create_connection((HOST, number))
+        except OSError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.02)
+
+
+def test_tcp_calls_until_somebody_is_there():
+    number = free_port()
+    with playing([boat()], f"tcp:{HOST}:{number}") as played:
+        _wait(lambda: played.seconds > 0.05)  # the first call found nobody
+        with closing(socket.create_server((HOST, number))) as server:
+            server.settimeout(LONG)
+            plug, _ = server.accept()
+            with closing(plug):
+                Listener(plug).until(lambda m: m.get_type() == "ATTITUDE")
+
+
+def _wait(condition):
+    deadline = time.monotonic() + LONG
+    while not condition():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.01)
+
+
+def test_several_boats_share_a_port():
+    boats = [boat(system_id=1), boat(system_id=7)]
+    with closing(udp()) as plug, playing(boats, f"udpout:{HOST}:{plug.getsockname()[1]}"):
+        listener = Listener(plug)
+        listener.until(speaks(1))
+        listener.until(speaks(7))
+
+
+def test_stopping_ends_play_at_once():
+    stop = Event()
+    thread = Thread(target=play, args=([boat()], f"udpout:{HOST}:9", stop))
+    thread.start()
+    stop.set()
+    thread.join(LONG)
+    assert not thread.is_alive()
+
+
+class Box:
+    """A port that keeps what is sent, and says what it is told to say."""
+
+    def __init__(self):
+        self.sent, self.inbox = [], []
+
+    def send(self, data):
+        self.sent.append(data)
+
+    def heard(self):
+        said, self.inbox = self.inbox, []
+        return said
+
+    def close(self):
+        pass
+
+
+def test_pace_is_kept_against_the_start():
+    """Turns that come late do not move those after them."""
+    stage = Stage([boat(rates=FAST)], Box())
+    for late in (0.0, 0.011, 0.005, 0.3, 0.0):
+        due = stage.next_s()
+        assert due * 50.0 == pytest.approx(round(due * 50.0))
+        stage.turn(due + late)
+
+
+def test_after_a_stall_old_frames_are_not_sent():
+    box = Box()
+    stage = Stage([boat(rates=FAST)], box)
+    stage.turn(0.0)
+    sent = len(box.sent)
+    stage.turn(60.0)
+    assert len(box.sent) - sent < 150
+    assert stage.played.stale > 8000
+
+
+def test_rubbish_on_the_port_is_passed_over():
+    box = Box()
+    stage = Stage([boat()], box)
+    stage.turn(0.0)
+    question = mavlink.MAVLink_param_request_read_message(1, 1, b"FRAME_CLASS", -1)
+    packed = question.pack(mavlink.MAVLink(None, 200, 190))
+    box.inbox = [("a", b"GET / HTTP/1.1\r\n\r\n"), ("b", bytes(300)), ("c", packed[:9])]
+    stage.turn(0.1)
+    box.inbox = [("c", packed[9:])]
+    stage.turn(0.2)
+    assert stage.played.heard == 1
+
+
+def test_a_slow_listener_is_hung_up_on():
+    """Its unread bytes are bounded; the boat does not wait for it."""
+    server = TcpPort(listen=(HOST, 0))
+    with closing(server), closing(socket.create_connection(server.address)) as plug:
+        plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        _wait(lambda: server.heard() == [] and len(server._peers) == 1)
+        for _ in range(10_000):
+            server.send(bytes(1000))
+        assert not server._peers
+
+
+def test_a_port_that_is_taken_is_one_line():
+    taken = UdpPort((), bind=(HOST, 0))
+    with (
+        closing(taken),
+        pytest.raises(ShadowError, match="cannot open"),
+        open_port(f"udpin:{HOST}:{taken.address[1]}"),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("endpoint", ["udp:a:1", "udpout:14550", "udpout:h:x", "tcp::1", "", "tcp"])
+def test_an_endpoint_that_is_none_says_how_one_looks(endpoint):
+    with pytest.raises(BadInput, match=r"udpout:127\.0\.0\.1:14550"):
+        parse_endpoint(endpoint)
+
+
+def test_what_the_command_calls(tmp_path):
+    with closing(udp()) as plug:
+        endpoint = f"udpout:{HOST}:{plug.getsockname()[1]}"
+        told = []
+        played = simulate_live([WAMV, WAMV], endpoint, Event(), seconds=0.3, tell=told.append)
+        assert played.frames > 10
+        assert told[-1] is played
+        listener = Listener(plug)
+        listener.until(speaks(1))
+        listener.until(speaks(2))
+    with pytest.raises(BadInput, match="--vessel"):
+        simulate_live([], endpoint, Event())

@@ -1,0 +1,72 @@
+"""A played boat through ingest and replay: its own model explains it, another does not."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.config import Settings, ZenohSettings
+from gateway.ingest.boats import choose_boat
+from gateway.ingest.firmware import firmware
+from gateway.ingest.parameters import actuators, autopilot_parameters
+from gateway.pipelines.first_vessel import init_vessel
+from gateway.pipelines.replay import ReplayOptions, replay
+from gateway.played.boat import PlayedBoat
+from gateway.played.settings import FAST, THIN, PlayedSettings
+from gateway.vessel_file import load_vessel
+from sim.effects.catalogue import EFFECTS
+from sim.vessel import AddedEffect
+from tests.gateway.played.hearing import frames_of, log_of, records
+from tests.sim.vessels import VALUES
+
+VESSELS = Path(__file__).resolve().parents[3] / "configs/vessels"
+BOAT = load_vessel(VESSELS / "demo_boat.toml")
+KNOWN = {effect.name: effect for effect in EFFECTS}
+QUIET = ReplayOptions(settings=Settings(zenoh=ZenohSettings(publish=False)))
+
+
+def missing(folder, truth, model, seconds=60.0, **settings):
+    """Missing force of the model on a voyage of the truth: root mean square (3,) [N, N, N m]."""
+    player = PlayedBoat(truth, PlayedSettings(**{"rates": FAST, **settings}))
+    path = folder / "played.tlog"
+    path.write_bytes(records(frames_of(player, seconds)))
+    return replay(path, model, options=QUIET).missing
+
+
+@pytest.mark.parametrize("rates", [FAST, THIN], ids=["fast", "thin"])
+def test_the_true_vessel_misses_little(tmp_path, rates):
+    assert np.all(missing(tmp_path, BOAT, BOAT, rates=rates) < (6.0, 8.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "at_least"),
+    [("steady_current", 1, 15.0), ("cubic_drag", 0, 6.0), ("heading_offset", 1, 12.0)],
+)
+def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, name, axis, at_least):
+    truth = replace(BOAT, effects=(AddedEffect(KNOWN[name], VALUES[name]),))
+    without, within = missing(tmp_path, truth, BOAT), missing(tmp_path, truth, truth)
+    assert without[axis] > at_least
+    assert within[axis] < 0.6 * without[axis]
+
+
+@pytest.mark.parametrize("path", sorted(VESSELS.glob("*.toml")), ids=lambda p: p.stem)
+def test_a_first_vessel_comes_from_what_the_boat_says_of_its_outputs(tmp_path, path):
+    vessel = load_vessel(path)
+    log = tmp_path / "played.tlog"
+    log.write_bytes(records(frames_of(PlayedBoat(vessel), 5.0)))
+    init_vessel(log, tmp_path / "first.toml", None, {})
+    first = load_vessel(tmp_path / "first.toml")
+    assert {a.servo for a in first.thrusters} == {a.servo for a in vessel.thrusters}
+    assert {a.servo for a in first.rudders} == {a.servo for a in vessel.rudders}
+
+
+def test_sides_are_told_apart(tmp_path):
+    log = log_of(frames_of(PlayedBoat(BOAT), 5.0))
+    kinds = [a.kind.value for a in actuators(autopilot_parameters(log, choose_boat(log)))]
+    assert kinds == ["throttle left", "throttle right"]
+
+
+def test_the_firmware_says_that_it_is_no_real_boat():
+    log = log_of(frames_of(PlayedBoat(BOAT), 5.0))
+    assert "played" in firmware(log, choose_boat(log))
