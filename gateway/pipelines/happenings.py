@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gateway.estimation.estimator import Rows
 from gateway.estimation.names import Flag
 from gateway.pipelines.feed import Feed
-from gateway.pipelines.path import Shadowing
+from gateway.pipelines.path import Shadowing, discontinuous
 from gateway.pipelines.rows import Happening
 
 
@@ -27,13 +27,14 @@ class Watchman:
         first = 0 if self.started else int(out.row[0]) + 1 if len(out) else len(rows)
         if not self.started and len(out):
             told.append(_at(out, 0, "started", "info", "the first estimate is there"))
-        for flag, kind, severity, says in _FLAGS:
+        for flags, words in (
+            (discontinuous(feed, rows), _JUMP),
+            (rows.has(Flag.RESTART), _RESTART),
+        ):
             told += [
-                Happening(
-                    int(feed.vehicle_time_ns[k]), int(feed.receive_time_ns[k]), kind, severity, says
-                )
-                for k in np.flatnonzero(rows.has(flag))
-                if k >= first or kind != "restart"  # the first start is none
+                Happening(int(feed.vehicle_time_ns[k]), int(feed.receive_time_ns[k]), *words)
+                for k in np.flatnonzero(flags)
+                if k >= first  # before the first estimate there is nothing to interrupt
             ]
         told += self._changes(out, out.fresh, self.fresh, _TELEMETRY)
         told += self._changes(out, out.from_model, self.modelled, _REFERENCE)
@@ -72,7 +73,5 @@ _LIMITS: _Words = {
     True: ("limits_bind", "warning", "the plant's thrust limits bind: it cannot follow"),
     False: ("limits_free", "info", "the plant's thrust limits no longer bind"),
 }
-_FLAGS = (
-    (Flag.JUMP, "jump", "warning", "the source jumped: a discontinuity, not motion"),
-    (Flag.RESTART, "restart", "warning", "the filter started afresh: long silence or a new clock"),
-)
+_JUMP = ("jump", "warning", "the source jumped: a discontinuity, not motion")
+_RESTART = ("restart", "warning", "the filter started afresh: long silence or a new clock")

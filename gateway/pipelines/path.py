@@ -58,6 +58,11 @@ NOTHING = News()
 MOTION = (Kind.VELOCITY, Kind.BODY_VELOCITY, Kind.POSITION)
 
 
+def discontinuous(feed: Feed, rows: Rows) -> NDArray[np.bool_]:
+    """Where heading, velocity or position jumped (K,). A turn rate that does is a sharp turn."""
+    return np.asarray(rows.has(Flag.JUMP) & (feed.events.kind != Kind.YAW_RATE))
+
+
 @dataclass(frozen=True)
 class PathState:
     """Everything that the path remembers."""
@@ -180,7 +185,7 @@ class ShadowPath:
         published, news, jumped = state.published, state.news, state.jumped
         kinds = feed.events.kind.tolist()
         good, taken = rows.has(Flag.VALID), rows.has(Flag.USED)
-        broken = rows.has(Flag.JUMP) | rows.has(Flag.RESTART)
+        broken = discontinuous(feed, rows) | rows.has(Flag.RESTART)
         out: list[tuple[int, bool, bool]] = []
         for k, time in enumerate(rows.time_s.tolist()):
             news = news.heard(time, kinds[k]) if taken[k] else news

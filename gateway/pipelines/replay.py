@@ -20,6 +20,7 @@ from gateway.ingest.earth import Origin
 from gateway.ingest.frames import Frames
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.open import open_log
+from gateway.ingest.parameters import autopilot_parameters
 from gateway.ingest.sources import choose
 from gateway.messages import Rows
 from gateway.pipelines.events import origin_of
@@ -75,8 +76,9 @@ class ReplaySummary:
 
 @dataclass(frozen=True)
 class Material:
-    """A log made ready for the path."""
+    """A log made ready for the path; `settings` with what the boat's parameters tell."""
 
+    settings: Settings
     log: Log
     decoded: Decoded
     origin: Origin | None
@@ -90,14 +92,18 @@ def prepare(log_path: str | Path, options: ReplayOptions) -> Material:
 
 def material_of(log: Log, options: ReplayOptions) -> Material:
     """The same from an opened log."""
-    decoded = decode(log, choose_boat(log, options.system))
+    boat = choose_boat(log, options.system)
+    told = options.settings.filter.told_by(autopilot_parameters(log, boat))
+    settings = replace(options.settings, filter=told)
+    decoded = decode(log, boat)
     choices = choose(decoded.samples)
     for needed in ("yaw", "velocity"):
         if needed not in choices:
             raise BadInput(f"{log.path}: nothing in it tells {needed}: there is nothing to follow")
     origin = origin_of(decoded, choices)
-    feed = feed_of(decoded, choices, origin, options.settings.filter)
-    return Material(log, decoded, origin, feed)
+    return Material(
+        settings, log, decoded, origin, feed_of(decoded, choices, origin, settings.filter)
+    )
 
 
 def told_apart(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayOptions]:
@@ -122,12 +128,12 @@ def replay(
     options = options or ReplayOptions()
     material = prepare(log_path, options)
     model = Model.of(vessel)
-    following = options.settings.following
+    following = material.settings.following
     path = ShadowPath(
         model,
         Reference(model, following.reference),
         follower_of(model if plant is None else Model.of(plant), following.follower),
-        options.settings.filter,
+        material.settings.filter,
         following.rate_hz,
     )
     name = options.name or key_of(vessel)
@@ -229,7 +235,7 @@ def _sinks(
     vessel_text = dump_vessel(vessel).encode()
     if options.out is not None:
         file = options.out / f"{options.stem or Path(material.log.path).stem}-shadow.mcap"
-        config = orjson.dumps(as_tables(options.settings), option=orjson.OPT_INDENT_2)
+        config = orjson.dumps(as_tables(material.settings), option=orjson.OPT_INDENT_2)
         recorder = scope.enter_context(
             Recorder(
                 file,

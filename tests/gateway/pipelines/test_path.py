@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.estimation.names import Flag, Kind
 from gateway.ingest.tlog import TlogFile
 from gateway.pipelines.happenings import Watchman
 from gateway.pipelines.health import HealthMeter
-from gateway.pipelines.path import LOST_S, STALE_S, Shadowing, ShadowPath
+from gateway.pipelines.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
 from gateway.pipelines.replay import Material, ReplayOptions, material_of
 from gateway.pipelines.rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
@@ -19,6 +20,7 @@ from sim.following.options import Following
 from sim.following.reference import Mode, Reference
 from sim.model import Model
 from sim.vessel import AddedEffect, Vessel
+from tests.gateway.ingest.scripted import local_position
 from tests.gateway.pipelines.sailing import Span, frames, voyage
 from tests.sim.vessels import IACQUABOT, WAMV
 
@@ -173,6 +175,58 @@ def test_nothing_is_missing_from_the_right_model_but_noise() -> None:
     share = np.abs(out.watched.missing) / out.watched.missing_std
     assert (np.median(share[settled], axis=0) < 1.0).all()
     assert np.isnan(out.watched.missing[~out.fresh]).all()
+
+
+def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:
+    """A voyage with these flags on its first rows of each kind after the start -> what is told."""
+    given, path = material(NEVER), path_of(Mode.MEASURED)
+    _, out, filtered = path.advance(path.start(), given.feed)
+    raised = filtered.flags.copy()
+    for flag in flags:
+        raised[200:204] |= int(flag)  # yaw, yaw rate, velocity, position
+    changed = replace(filtered, flags=raised)
+    _, told = Watchman().observe(given.feed, changed, out)
+    return given.feed, changed, [h.kind for h in told]
+
+
+def test_a_sharp_turn_is_no_discontinuity() -> None:
+    feed, rows, told = flagged(Flag.JUMP)
+    kinds = set(feed.events.kind[discontinuous(feed, rows)].tolist())
+    assert kinds == {Kind.YAW, Kind.VELOCITY, Kind.POSITION}
+    assert told == ["started", "jump", "jump", "jump"]
+
+
+def test_a_restart_is_told_even_in_the_first_chunk_but_the_start_is_none() -> None:
+    assert flagged(Flag.RESTART)[2] == ["started", "restart", "restart", "restart", "restart"]
+    given, path = material(NEVER), path_of(Mode.MEASURED)
+    _, out, filtered = path.advance(path.start(), given.feed)
+    flags = filtered.flags.copy()
+    flags[0] |= int(Flag.RESTART)
+    _, told = Watchman().observe(given.feed, replace(filtered, flags=flags), out)
+    assert [h.kind for h in told] == ["started"]
+
+
+def test_after_a_discontinuity_the_shadow_is_set_anew_and_says_so() -> None:
+    said = voyage(12.0)
+    moved = [(t, shifted(m) if t > 6.0 else m) for t, m in said]
+    given = material_of(TlogFile.from_bytes(b"".join(frames(moved))), ReplayOptions())
+    path = path_of(Mode.MEASURED)
+    _, out, filtered = path.advance(path.start(), given.feed)
+    _, told = Watchman().observe(given.feed, filtered, out)
+    assert [h.kind for h in told].count("jump") == 1
+    assert out.jumped.sum() == 1
+    k = int(np.flatnonzero(out.jumped)[0])
+    assert out.estimate[k, 0] - out.estimate[k - 1, 0] == pytest.approx(300.0, abs=1.0)
+    assert out.shadow[k, 0] == pytest.approx(out.estimate[k, 0], abs=0.5)
+    assert out.shadow[k - 1, 0] == pytest.approx(out.estimate[k - 1, 0], abs=0.5)
+
+
+def shifted(message: Any) -> Any:
+    """The same, 300 m further north: the autopilot moved its origin."""
+    if message.get_type() != "LOCAL_POSITION_NED":
+        return message
+    m = message
+    return local_position(m.time_boot_ms * 1e-3, m.x + 300.0, m.y, m.vx, m.vy)
 
 
 def test_rows_go_out_no_faster_than_asked() -> None:

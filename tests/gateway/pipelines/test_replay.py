@@ -1,0 +1,278 @@
+"""A replay records what it computed, computes the same again, and shows it to others."""
+
+import json
+import socket
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from gateway.bus import BusSettings, open_session
+from gateway.config import Settings, ZenohSettings, as_tables
+from gateway.errors import BadInput
+from gateway.pipelines.replay import ReplayOptions, ReplaySummary, key_of, replay, told_apart
+from gateway.recording import Recording
+from gateway.topics import TOPICS
+from gateway.vessel_file import load_vessel
+from sim.following.options import Following
+from sim.following.reference import Mode
+from sim.vessel import Vessel
+from tests.conftest import ROOT
+from tests.gateway.ingest.scripted import Script, attitude, heartbeat
+from tests.gateway.pipelines.sailing import frames, tlog, voyage
+from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
+
+UNHEARD = Settings(zenoh=ZenohSettings(publish=False))
+OTTER = ROOT / "configs" / "vessels" / "otter.toml"
+
+
+def options(out: Path | None, mode: Mode = Mode.AUTO, **more: Any) -> ReplayOptions:
+    following = replace(UNHEARD.following, reference=mode)
+    return ReplayOptions(out, settings=replace(UNHEARD, following=following), **more)
+
+
+def recorded(path: Path) -> dict[str, list[tuple[Any, Any]]]:
+    """Topic -> (schema, message) as the mcap library reads it."""
+    found = defaultdict(list)
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            found[channel.topic].append((schema, message))
+    return found
+
+
+def payloads(path: Path) -> dict[str, list[bytes]]:
+    return {topic: [m.data for _, m in found] for topic, found in recorded(path).items()}
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fourteen seconds, with a silence of motion in the middle."""
+    return tlog(tmp_path_factory.mktemp("log") / "a.tlog", voyage(14.0, silent=(7.0, 9.5)))
+
+
+@pytest.fixture(scope="module")
+def first(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (path,) = replay(log, WAMV, None, options(tmp_path_factory.mktemp("first"))).recordings
+    return path
+
+
+def test_every_topic_is_recorded_and_every_message_fits_the_schema_in_the_file(first: Path) -> None:
+    found = recorded(first)
+    assert set(TOPICS) <= set(found)
+    for topic, messages in found.items():
+        for schema, message in messages if topic != "mavlink/raw" else []:
+            jsonschema.validate(json.loads(message.data), json.loads(schema.data))
+
+
+def test_raw_frames_come_out_byte_for_byte_with_their_receipt(log: Path, first: Path) -> None:
+    raw = frames(voyage(14.0, silent=(7.0, 9.5)))
+    found = [message for _, message in recorded(first)["mavlink/raw"]]
+    assert [message.data for message in found] == [frame[8:] for frame in raw]
+    stamps = [int.from_bytes(frame[:8], "big") * 1000 for frame in raw]
+    assert [message.log_time for message in found] == stamps
+
+
+def test_vessel_and_configuration_travel_in_the_file(first: Path, tmp_path: Path) -> None:
+    recording = Recording.open(first)
+    path = tmp_path / "vessel.toml"
+    path.write_bytes(recording.attachments["vessel.toml"].data)
+    assert load_vessel(path) == WAMV
+    assert json.loads(recording.attachments["config.json"].data) == json.loads(
+        json.dumps(as_tables(options(None).settings))
+    )
+    assert recording.metadata["shadow"]["vessel"] == "wam-v"
+
+
+def test_replaying_twice_gives_the_same_bytes(log: Path, first: Path, tmp_path: Path) -> None:
+    (again,) = replay(log, WAMV, None, options(tmp_path)).recordings
+    assert again.read_bytes() == first.read_bytes()
+
+
+def test_replaying_the_recording_reproduces_what_it_holds(first: Path, tmp_path: Path) -> None:
+    (again,) = replay(first, WAMV, None, options(tmp_path)).recordings
+    assert payloads(again) == payloads(first)
+
+
+def test_the_speed_of_a_replay_changes_no_state(tmp_path: Path) -> None:
+    short = tlog(tmp_path / "short.tlog", voyage(1.5))
+    (fast,) = replay(short, WAMV, None, options(tmp_path / "fast")).recordings
+    begun = time.monotonic()
+    (slow,) = replay(short, WAMV, None, options(tmp_path / "slow", realtime=True)).recordings
+    assert time.monotonic() - begun > 1.3
+    assert payloads(slow) == payloads(fast)
+
+
+def test_an_outage_is_told_in_events_and_the_shadow_runs_on(first: Path) -> None:
+    found = payloads(first)
+    kinds = [json.loads(event)["kind"] for event in found["event"]]
+    assert kinds == [
+        "started",
+        "telemetry_silent",
+        "reference_model",
+        "telemetry_back",
+        "reference_measured",
+    ]
+    times = [json.loads(row)["vehicle_time_ns"] for row in found["shadow"]]
+    assert np.diff(times).max() < 0.5e9
+    sources = {json.loads(row)["source"] for row in found["reference"]}
+    assert sources == {"measured", "model"}
+    assert len(found["measured"]) < len(found["shadow"])
+
+
+def test_positions_stand_about_the_boats_own_origin(first: Path) -> None:
+    row = json.loads(payloads(first)["position"][0])
+    assert row["boat_latitude_deg"] == pytest.approx(63.447, abs=1e-3)
+    assert row["boat_longitude_deg"] == pytest.approx(10.4, abs=1e-3)
+
+
+def test_the_summary_tells_how_the_shadow_followed(tmp_path: Path) -> None:
+    path = tlog(tmp_path / "whole.tlog", voyage(14.0))
+    summary = replay(path, WAMV, None, options(None, Mode.MEASURED))
+    assert summary.recordings == ()
+    assert summary.seconds == pytest.approx(13.9, abs=0.15)
+    assert (summary.rmse[3:] < [0.03, 0.02, 0.01]).all()
+    other = replay(path, WAMV, IACQUABOT, options(None, Mode.MEASURED))
+    assert (other.rmse[3:] < [0.03, 0.02, 0.01]).all()
+    assert not np.array_equal(other.rmse, summary.rmse)
+
+
+def test_another_vessel_misses_another_force(tmp_path: Path) -> None:
+    path = tlog(tmp_path / "whole.tlog", voyage(10.0))
+    weak = replace(WAMV, dynamics=replace(WAMV.dynamics, X_u=-80.0))
+    right, wrong = (replay(path, vessel, None, options(None)) for vessel in (WAMV, weak))
+    assert wrong.missing[0] > right.missing[0] + 20.0
+
+
+def test_what_is_odd_about_a_log_is_noted(log: Path, tmp_path: Path) -> None:
+    path = tmp_path / "cut.tlog"
+    path.write_bytes(log.read_bytes()[:-5])
+    assert (
+        "the log is cut off at its end: read up to there"
+        in replay(path, WAMV, None, options(None)).notes
+    )
+
+
+def test_a_log_that_tells_no_velocity_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
+    script = Script()
+    for k in range(50):
+        script.send(0.1 * k, attitude(100.0 + 0.1 * k))
+        script.send(0.1 * k, heartbeat())
+    path = tmp_path / "a.tlog"
+    path.write_bytes(bytes(script.raw))
+    with pytest.raises(BadInput, match=r"a\.tlog: nothing in it tells velocity"):
+        replay(path, WAMV, None, options(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_plant_that_cannot_be_limited_is_one_line(log: Path) -> None:
+    following = replace(UNHEARD.following, follower=Following(limits=True))
+    limited = ReplayOptions(settings=replace(UNHEARD, following=following))
+    with pytest.raises(BadInput, match=r"^rudder boat: "):
+        replay(log, WAMV, RUDDER_BOAT, limited)
+
+
+def test_a_failure_midway_leaves_nothing(log: Path, tmp_path: Path) -> None:
+    def fail(share: float) -> None:
+        if share > 0.5:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        replay(log, WAMV, None, options(tmp_path / "out"), fail)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_progress_ends_at_all_of_it(log: Path) -> None:
+    told: list[float] = []
+    replay(log, WAMV, None, options(None), told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_logs_of_one_name_get_recordings_of_their_own(tmp_path: Path) -> None:
+    logs = [Path("a/x.tlog"), Path("b/x.BIN"), Path("y.tlog")]
+    assert [o.stem for o in told_apart(logs, ReplayOptions())] == ["x", "x-2", "y"]
+
+
+def test_a_vessels_name_becomes_a_key() -> None:
+    assert key_of(replace(WAMV, name="Sea Otter #2 (new)")) == "sea-otter--2--new"
+
+
+@contextmanager
+def listener() -> Iterator[tuple[ZenohSettings, list[tuple[str, bytes, str]]]]:
+    """A second session on a port that nobody uses, and what it hears."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    heard: list[tuple[str, bytes, str]] = []
+
+    def hear(sample: Any) -> None:
+        heard.append((str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)))
+
+    with open_session(BusSettings(endpoint)) as session:
+        session.declare_subscriber("shadow/**", hear)
+        yield ZenohSettings(endpoint=endpoint), heard
+
+
+def test_a_second_session_hears_what_is_recorded(tmp_path: Path) -> None:
+    path = tlog(tmp_path / "a.tlog", voyage(4.0))
+    with listener() as (zenoh, heard):
+        settings = replace(UNHEARD, zenoh=zenoh)
+        paced = ReplayOptions(tmp_path, realtime=True, name="grebe", settings=settings)
+        (recording,) = replay(path, WAMV, None, paced).recordings
+    found = payloads(recording)
+    due = set(TOPICS) - {"residual"}  # its longest prediction needs ten seconds
+    assert {key for key, _, _ in heard} == {f"shadow/grebe/{topic}" for topic in due}
+    for key, payload, encoding in heard:
+        topic = key.removeprefix("shadow/grebe/")
+        assert encoding == TOPICS[topic].encoding
+        assert payload in found[topic]
+    shadows = [payload for key, payload, _ in heard if key.endswith("/shadow")]
+    assert len(shadows) > 0.8 * len(found["shadow"])
+
+
+# ---- logs of the shared folder
+
+
+def otter(path: Path, out: Path | None = None) -> ReplaySummary:
+    return replay(path, load_vessel(OTTER), None, options(out, Mode.MEASURED))
+
+
+@pytest.mark.parametrize("name", ["otter_calm.tlog", "otter_calm.BIN"])
+def test_the_shadow_of_the_otter_stays_with_it(shared_data: Path, name: str) -> None:
+    summary = otter(shared_data / "sitl" / name)
+    assert summary.seconds > 600.0
+    assert (summary.rmse[3:] <= [0.02, 0.02, 0.01]).all(), summary.rmse[3:]
+    assert (summary.rmse[:2] < 0.3).all(), summary.rmse[:2]
+
+
+def test_the_otters_recording_reproduces_itself(shared_data: Path, tmp_path: Path) -> None:
+    whole = (shared_data / "sitl" / "otter_calm.tlog").read_bytes()
+    piece = tmp_path / "piece.tlog"
+    piece.write_bytes(whole[: len(whole) // 8])
+    (first,) = otter(piece, tmp_path / "first").recordings
+    (again,) = otter(first, tmp_path / "again").recordings
+    assert payloads(again) == payloads(first)
+
+
+def vessel_of(name: str) -> Vessel:
+    return load_vessel(OTTER.with_name(f"{name}.toml"))
+
+
+@pytest.mark.parametrize("name", ["boat_calm.tlog", "boat_gps.tlog", "boat_radio.tlog"])
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.MEASURED])
+def test_the_shadow_stays_finite_and_near_on_every_log(
+    shared_data: Path, name: str, mode: Mode
+) -> None:
+    summary = replay(shared_data / "sitl" / name, vessel_of("blueboat"), None, options(None, mode))
+    assert np.isfinite(summary.rmse).all()
+    assert np.isfinite(summary.missing).all()
+    assert (summary.rmse[3:] < [0.4, 0.4, 0.5]).all()  # these boats turn at 1.5 rad/s
+    assert summary.events < 0.1 * summary.seconds  # and that is no discontinuity
