@@ -28,6 +28,7 @@ from sim.state import Floats
 from sim.vessel import Vessel
 
 STATION = 255  # system id of the ground station beside
+LONGEST_QUEUE = 1000  # of answers; what is asked for beyond is not answered
 ANSWERS_PER_TICK = 4  # a link is not flooded with parameters
 
 
@@ -126,7 +127,8 @@ class PlayedBoat:
         if now < state.speaks_s:
             return state
         answer = self._office.answer(state.streams, message, now)
-        return replace(state, streams=answer.streams, queue=(*state.queue, *answer.messages))
+        queue = (*state.queue, *answer.messages)[:LONGEST_QUEUE]
+        return replace(state, streams=answer.streams, queue=queue)
 
     def _tick(
         self, state: BoatState, now: float, dice: Generator, luck: Generator

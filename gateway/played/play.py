@@ -1,7 +1,8 @@
 """Play boats in real time on a port: frames go out when they are due, requests are answered.
 
 The only place of this package with a clock. Pace is kept against the start, so it does not drift;
-what a stalled machine could not send in time is lost, as on a real link.
+what a stalled machine could not send in time is lost, as on a real link. After a long sleep of
+the machine the boats go on from where they were.
 """
 
 import time
@@ -19,6 +20,7 @@ from gateway.played.port import Heard, Port, open_port
 from gateway.played.telemetry import Message
 
 STALE_S = 0.5  # frames older than this are not sent any more
+ASLEEP_S = 10.0  # behind by more: time stood still
 WARM_UP_S = 0.1  # of play, before the clock starts: everything compiled is loaded
 
 Clock = Callable[[], float]
@@ -52,6 +54,8 @@ def play(
         stage = Stage(boats, port)
         begun = clock()
         while not stop.is_set() and clock() - begun < seconds:
+            behind = clock() - begun - stage.next_s()
+            begun += behind if behind > ASLEEP_S else 0.0
             stage.turn(clock() - begun)
             tell(stage.played)
             stop.wait(max(0.0, stage.next_s() - (clock() - begun)))

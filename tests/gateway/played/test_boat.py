@@ -1,16 +1,21 @@
 """The stepper: what a played boat sends, when, and that it is a pure function of its seed."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from gateway.effect_files import load_effects
 from gateway.errors import BadInput
 from gateway.ingest.boats import boats
+from gateway.played.boat import PlayedBoat
 from gateway.played.faults import Faults, Reboot
 from gateway.played.settings import FAST, THIN, PlayedSettings
+from sim.vessel import AddedEffect
 from tests.gateway.played.hearing import boat, decoded, frames_of, log_of, named
+from tests.sim.vessels import WAMV
 
 SECONDS = 20.0
 REBOOTING = Faults(reboots=(Reboot(at_s=10.0, down_s=2.0),))
@@ -137,6 +142,36 @@ def test_a_reboot_moves_the_local_origin_to_where_the_boat_is():
     assert np.hypot(first.x, first.y) < 3.0 < np.hypot(position[240].x, position[240].y)
     origins = {(m.latitude, m.longitude) for m in named(frames, "GPS_GLOBAL_ORIGIN")}
     assert len(origins) == 2
+
+
+LATE = """
+from typing import NamedTuple
+from sim.effects.effect import Effect, Parameter, Scope
+
+class Parameters(NamedTuple):
+    seconds: float
+
+def delay(p: Parameters) -> float:
+    return p.seconds
+
+EFFECT = Effect(name="late", scope=Scope.BOAT, delay=delay, looks_like="late",
+    parameters=(Parameter("seconds", unit="s", lower=0.0, upper=5.0, start=0.5),))
+"""
+
+
+def test_commands_that_act_late_are_remembered(tmp_path):
+    """The pulses are told at once, the boat moves when the delay is over."""
+    (tmp_path / "late.py").write_text(LATE)
+    (effect,) = load_effects(tmp_path / "late.py")
+    vessel = replace(WAMV, effects=(AddedEffect(effect, {"seconds": 0.6}),))
+    settings = PlayedSettings(rates=FAST, noise=0.0, armed=(2.0, 99.0))
+    frames = frames_of(PlayedBoat(vessel, settings), 6.0)
+    pushed = [m.time_usec * 1e-6 for m in named(frames, "SERVO_OUTPUT_RAW") if m.servo1_raw > 1500]
+    moving = [
+        m.time_boot_ms * 1e-3 for m in named(frames, "LOCAL_POSITION_NED") if np.hypot(m.vx, m.vy)
+    ]
+    assert pushed[0] == pytest.approx(32.0, abs=0.1)
+    assert moving[0] == pytest.approx(32.6, abs=0.1)
 
 
 def test_a_ground_station_beside_is_no_boat():

@@ -180,6 +180,22 @@ def test_after_a_stall_old_frames_are_not_sent():
     assert stage.played.stale > 8000
 
 
+def test_boats_go_on_where_they_were_after_the_machine_has_slept():
+    times = iter([0.0, 0.0, 0.0, 0.0, 0.0, 3600.0, *[3600.0 + k * 0.001 for k in range(200)]])
+    played = play([boat()], f"udpout:{HOST}:9", Event(), seconds=0.1, clock=lambda: next(times))
+    assert played.stale == 0
+    assert played.seconds < 0.2
+
+
+def test_two_boats_with_one_system_id_both_speak():
+    box = Box()
+    stage = Stage([boat(seed=1), boat(seed=2)], box)
+    for k in range(6):
+        stage.turn(k * 0.2)
+    numbers = [data[4] for data in box.sent]
+    assert len(numbers) > len(set(numbers)) > 10
+
+
 def test_rubbish_on_the_port_is_passed_over():
     box = Box()
     stage = Stage([boat()], box)
