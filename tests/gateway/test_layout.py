@@ -61,7 +61,7 @@ def leaves(node: Any) -> Iterator[str]:
         yield from leaves(node["second"])
 
 
-@pytest.mark.parametrize("path", paths())
+@pytest.mark.parametrize("path", list(paths()))
 def test_every_path_ends_at_a_field_that_is_recorded(path: str) -> None:
     assert leaf_type(path) in ("number", "integer", "string")
     assert TOPICS[path.split(".")[0]].recorded
