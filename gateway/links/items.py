@@ -28,6 +28,7 @@ class Kind(StrEnum):
 
     LISTENING = "listening"  # we wait for others
     CONNECTED = "connected"
+    HEARD = "heard"  # the first frame of a system
     LOST = "lost"
     REFUSED = "refused"  # frames were not taken: signature missing, wrong or old
     SHARED_ID = "shared_id"  # one system id comes from two addresses

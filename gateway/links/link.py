@@ -10,24 +10,24 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, Self
 
-from pymavlink.dialects.v20 import ardupilotmega as dialect
-
 from gateway.errors import BadInput
 from gateway.links.counts import Counts
 from gateway.links.endpoint import Endpoint, Kind, parse_endpoint
-from gateway.links.framing import Piece, cut
+from gateway.links.framing import cut
 from gateway.links.inbox import Inbox
-from gateway.links.items import Datagram, Frame, LinkEvent
+from gateway.links.items import Datagram
 from gateway.links.items import Kind as Event
-from gateway.links.peers import News, Peers
+from gateway.links.peers import Peers
+from gateway.links.reader import Reader
+from gateway.links.reporter import Reporter
 from gateway.links.serial_port import SerialWire
-from gateway.links.signing import Signatures, Verdict
+from gateway.links.signing import Signatures
 from gateway.links.tcp_client import TcpClientWire
 from gateway.links.tcp_server import TcpServerWire
 from gateway.links.udp import UdpWire
 from gateway.links.voice import Identity, Voice, permitted
 from gateway.links.waker import Closing, Waker
-from gateway.links.wire import Arrival, Peer, Wire, shown
+from gateway.links.wire import Arrival, Wire
 
 WIRES: dict[Kind, Callable[[Endpoint], Wire]] = {
     Kind.UDP_IN: UdpWire,
@@ -38,13 +38,6 @@ WIRES: dict[Kind, Callable[[Endpoint], Wire]] = {
 }
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)  # between attempts to open a line again
 CLOSE_S = 0.5  # a thread that is looking up a host name may need longer: it is left behind
-RESTS = 64  # peers whose unfinished frames are kept
-QUIET_NS = 10_000_000_000  # between two reports of the same trouble
-REFUSALS = {
-    Verdict.UNSIGNED: "unsigned",
-    Verdict.WRONG: "wrong_signature",
-    Verdict.OLD: "old_signature",
-}
 
 
 class Link:
@@ -72,14 +65,13 @@ class Link:
         self.name = str(self.endpoint)
         self._inbox = inbox
         self._wire = WIRES[self.endpoint.kind](self.endpoint)
-        self._decoder = dialect.MAVLink(None)
         self._signatures = None if key is None else Signatures(key)
         self._voice = None if identity is None else Voice(identity, key, number)
-        self._peers = Peers()
-        self._rests: dict[Peer, bytes] = {}
-        self._counts = Counts()
-        self._reported: dict[Event, int] = {}
+        self._peers, self._counts = Peers(), Counts()
+        self._reporter = Reporter(self.name, inbox)
+        self._reader = Reader(self._counts, self._peers, self._signatures, self._reporter)
         self._up: bool | None = None  # None: not tried yet
+        self._attempt = 0  # to open the line again
         self._lock = threading.Lock()  # a line is never closed while another thread sends on it
         self._thread = threading.Thread(target=self._run, name=self.name, daemon=True)
         self._scope = ExitStack()
@@ -134,7 +126,7 @@ class Link:
     def _offer(self) -> None:
         """Open a port of ours; what stands in the way stays in the way, so it is the user's."""
         try:
-            self._wire.open(self._waker, self._report)
+            self._wire.open(self._waker, self._reporter.say)
         except OSError as error:
             self._wire.close()
             self._scope.close()
@@ -146,109 +138,56 @@ class Link:
 
     def _run(self) -> None:
         """The receiver's thread: serves the line, opens it again when it is lost."""
-        attempt, opened = 0, self.endpoint.listens
+        opened = self.endpoint.listens
         try:
             while True:
-                try:
-                    if not opened:
-                        self._wire.open(self._waker, self._report)
-                    self._up = True
-                    while True:
-                        for arrival in self._wire.receive():
-                            attempt = 0
-                            self._take(arrival)
-                except OSError as error:
-                    self._lost(error)
+                self._lost(self._served(opened))
                 opened = False
-                self._waker.sleep(BACKOFF_S[min(attempt, len(BACKOFF_S) - 1)])
-                attempt += 1
+                self._waker.sleep(BACKOFF_S[min(self._attempt, len(BACKOFF_S) - 1)])
+                self._attempt += 1
         except Closing:
             self._close()
 
-    def _lost(self, error: OSError) -> None:
-        """Said once per loss, however many attempts to come back fail."""
-        self._close()
-        self._rests.clear()
-        if self._up is not False:
-            self._counts.losses += self._up is True
-            self._report(Event.LOST, f"{error.strerror or error}; trying again")
-        self._up = False
-
-    def _close(self) -> None:
-        with self._lock:
-            self._wire.close()
+    def _served(self, opened: bool) -> str:
+        """Serves the line until it is lost -> why."""
+        try:
+            if not opened:
+                self._wire.open(self._waker, self._reporter.say)
+            self._up = True
+            while True:
+                for arrival in self._wire.receive():
+                    self._attempt = 0
+                    self._take(arrival)
+        except Closing:
+            raise
+        except OSError as error:
+            return str(error.strerror or error)
+        except Exception as error:  # a defect of ours: counted, said, and the line opened anew
+            self._counts.faults += 1
+            return repr(error)
 
     def _take(self, arrival: Arrival) -> None:
         """One read of the line into the inbox."""
         self._counts.datagrams += 1
         self._counts.bytes += len(arrival.data)
         try:
-            frames = tuple(self._frames(arrival))
-        except Exception as error:  # whatever a stranger sent must not end the thread
+            frames = self._reader.read(arrival)
+        except Exception as error:  # whatever a stranger sent must not end the connection
             self._counts.faults += 1
-            self._seldom(Event.FAULT, f"a datagram was lost to {error!r}")
+            self._reporter.seldom(Event.FAULT, f"a datagram was lost to {error!r}")
             return
         if frames and not self._inbox.put(Datagram(self.name, arrival.receive_time_ns, frames)):
             self._counts.dropped += 1
 
-    def _frames(self, arrival: Arrival) -> list[Frame]:
-        """Those of its frames that are accepted."""
-        peer = arrival.peer
-        pieces = cut(self._rests.pop(peer, b"") + arrival.data)
-        self._counts.bad_checksum += pieces.bad_checksum
-        self._counts.junk_bytes += pieces.junk_bytes
-        if pieces.rest:
-            if len(self._rests) >= RESTS:
-                del self._rests[next(iter(self._rests))]
-            self._rests[peer] = pieces.rest
-        taken = [piece for piece in pieces.found if self._acceptable(piece, arrival)]
-        self._counts.frames += len(taken)
-        return [self._decoded(piece, arrival) for piece in taken]
+    def _lost(self, why: str) -> None:
+        """Said once per loss, however many attempts to come back fail."""
+        self._close()
+        self._reader.forget()
+        if self._up is not False:
+            self._counts.losses += self._up is True
+            self._reporter.say(Event.LOST, f"{why}; trying again")
+        self._up = False
 
-    def _acceptable(self, piece: Piece, arrival: Arrival) -> bool:
-        if self._signatures is None:
-            return True
-        verdict = self._signatures.judge(piece.raw, arrival.receive_time_ns)
-        if verdict is Verdict.VALID:
-            return True
-        if verdict is Verdict.OLD:  # a boat behind in time learns the time from what we send
-            self._peers.hear(piece.raw[5], arrival.peer, time.monotonic_ns())
-        setattr(self._counts, REFUSALS[verdict], getattr(self._counts, REFUSALS[verdict]) + 1)
-        c = self._counts
-        self._seldom(
-            Event.REFUSED,
-            f"frames refused so far: {c.unsigned} unsigned, {c.wrong_signature} with a wrong "
-            f"signature, {c.old_signature} with an old timestamp",
-        )
-        return False
-
-    def _decoded(self, piece: Piece, arrival: Arrival) -> Frame:
-        raw = piece.raw
-        if not piece.known:
-            self._counts.unknown += 1
-            return Frame(raw, None)
-        system = raw[5] if raw[0] == 0xFD else raw[3]
-        self._hear(system, arrival)
-        return Frame(raw, self._decoder.decode(bytearray(raw)))
-
-    def _hear(self, system: int, arrival: Arrival) -> None:
-        """Where a system speaks from; said when it is new there or looks like two."""
-        news = self._peers.hear(system, arrival.peer, time.monotonic_ns())
-        if news is News.FIRST and self.endpoint.kind in (Kind.UDP_IN, Kind.UDP_OUT):
-            self._report(Event.CONNECTED, f"system {system} heard from {shown(arrival.peer)}")
-        elif news is News.SHARED:
-            self._report(
-                Event.SHARED_ID,
-                f"system {system} speaks from {shown(arrival.peer)} and from another address: "
-                "two boats with one id, or one boat by two ways",
-            )
-
-    def _seldom(self, kind: Event, says: str) -> None:
-        """Report a trouble that may come with every datagram."""
-        now_ns = time.monotonic_ns()
-        if now_ns - self._reported.get(kind, -QUIET_NS) >= QUIET_NS:
-            self._reported[kind] = now_ns
-            self._report(kind, says)
-
-    def _report(self, kind: Event, says: str) -> None:
-        self._inbox.put(LinkEvent(self.name, time.time_ns(), kind, says))
+    def _close(self) -> None:
+        with self._lock:
+            self._wire.close()

@@ -1,5 +1,6 @@
 """Who sends which system id over a link: where answers go, and whether an id is used twice."""
 
+import threading
 from enum import Enum, auto
 
 from gateway.links.wire import Peer
@@ -19,15 +20,20 @@ class News(Enum):
 
 
 class Peers:
-    """Addresses by the system ids that were heard from them."""
+    """Addresses by the system ids that were heard from them; two threads use it."""
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()
         self._heard: dict[int, dict[Peer, int]] = {}
         self._latest: dict[int, Peer] = {}
         self._switches: dict[int, tuple[int, int]] = {}
 
     def hear(self, system: int, peer: Peer, now_ns: int) -> News:
         """Note a frame."""
+        with self._lock:
+            return self._hear(system, peer, now_ns)
+
+    def _hear(self, system: int, peer: Peer, now_ns: int) -> News:
         known = self._heard.setdefault(system, {})
         known[peer] = now_ns
         before = self._latest.get(system)
@@ -44,8 +50,9 @@ class Peers:
     def towards(self, system: int | None, now_ns: int) -> tuple[Peer, ...]:
         """Addresses of a system, of all for None; the latest of each even after a long silence."""
         found: dict[Peer, None] = {}
-        for number, known in self._heard.items():
-            if system is None or number == system:
-                found[self._latest[number]] = None
-                found |= {p: None for p, when in known.items() if now_ns - when < FORGOTTEN_NS}
+        with self._lock:
+            for number, known in self._heard.items():
+                if system is None or number == system:
+                    found[self._latest[number]] = None
+                    found |= {p: None for p, when in known.items() if now_ns - when < FORGOTTEN_NS}
         return tuple(found)

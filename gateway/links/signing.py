@@ -79,7 +79,7 @@ class Signatures:
 
     def __init__(self, key: bytes) -> None:
         self._key = key
-        self._newest = 0
+        self._newest = self._sent = 0
         self._streams: dict[Stream, int] = {}
 
     def judge(self, raw: bytes, now_ns: int) -> Verdict:
@@ -91,7 +91,7 @@ class Signatures:
             return Verdict.WRONG
         stream = Stream(raw[-BLOCK], raw[5], raw[6])
         stamp = int.from_bytes(raw[1 - BLOCK : -SIGNATURE], "little")
-        known = max(self._newest, ticks(now_ns))
+        known = max(self._newest, self._sent, ticks(now_ns))
         if stamp <= self._streams.get(stream, known - MINUTE - 1):
             return Verdict.OLD
         self._streams[stream] = stamp
@@ -100,5 +100,5 @@ class Signatures:
 
     def next_timestamp(self, now_ns: int) -> int:
         """To sign with: grows with every call, and is behind nobody who was heard."""
-        self._newest = max(self._newest + 1, ticks(now_ns))
-        return self._newest
+        self._sent = max(self._sent + 1, self._newest + 1, ticks(now_ns))
+        return self._sent

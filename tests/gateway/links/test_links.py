@@ -110,7 +110,7 @@ def test_udp_out_survives_that_nobody_is_there_yet(inbox):
         with udp_socket(port) as boat:
             while not link.say(heartbeat()):
                 pass
-            raw, peer = boat.recvfrom(300)
+            _, peer = boat.recvfrom(300)
             boat.sendto(Autopilot().attitude(), peer)
             datagrams(inbox, 1)
     assert link.counts().losses == 0
@@ -143,6 +143,7 @@ def test_tcp_client_connects_loses_and_comes_back(inbox):
 def test_tcp_server_takes_several_and_accepts_again(inbox):
     port = free_port(TCP)
     with Link(f"tcpin:127.0.0.1:{port}", inbox, US) as link:
+        assert not link.say(heartbeat())
         with (
             socket.create_connection(("127.0.0.1", port), PATIENCE_S) as a,
             socket.create_connection(("127.0.0.1", port), PATIENCE_S) as b,
@@ -162,6 +163,16 @@ def test_tcp_server_takes_several_and_accepts_again(inbox):
             event(inbox, Kind.CONNECTED)
             c.sendall(Autopilot(3).attitude())
             assert datagrams(inbox, 1)[0].frames[0].message.get_srcSystem() == 3
+
+
+def test_tcp_server_outlives_many_short_connections(inbox):
+    port = free_port(TCP)
+    with Link(f"tcpin:127.0.0.1:{port}", inbox) as link:
+        for k in range(30):
+            with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as line:
+                line.sendall(Autopilot().attitude(k))
+            event(inbox, Kind.LOST)
+    assert (link.counts().frames, link.counts().faults) == (30, 0)
 
 
 @pytest.fixture
@@ -218,7 +229,7 @@ def test_what_is_no_serial_device_is_said(inbox, tmp_path):
 
 
 def test_a_baud_rate_that_does_not_exist(inbox):
-    with pytest.raises(BadInput, match="no baud rate 12345; there is .*57600"):
+    with pytest.raises(BadInput, match=r"no baud rate 12345; there is .*57600"):
         Link("/dev/ttyUSB0,12345", inbox)
 
 
@@ -296,5 +307,5 @@ def test_a_full_inbox_drops_and_counts_but_never_blocks():
         counts = link.counts()
     assert counts.dropped == 10 - 1  # two events were there first
     assert [getattr(inbox.get(0), "kind", "datagram") for _ in range(len(inbox))] == [
-        Kind.LISTENING, Kind.CONNECTED, "datagram",
+        Kind.LISTENING, Kind.HEARD, "datagram",
     ]  # fmt: skip

@@ -190,6 +190,17 @@ def test_a_link_too_slow_is_said_and_left():
     assert play.due()[0] == []
 
 
+def test_a_link_that_recovers_is_not_held_against_the_boat(play):
+    play.accept_all()
+    slow, fast = {"ATTITUDE": 4.0, "SYSTEM_TIME": 1.0}, {"ATTITUDE": 48.0, "SYSTEM_TIME": 1.0}
+    for _ in range(2 * ROUNDS):
+        play.now += AGAIN_NS
+        play.requests = play.requests.observed(BOAT, slow, play.now)
+        assert play.accept_all() == [("ATTITUDE", 0)]
+        play.now += AGAIN_NS
+        play.requests = play.requests.observed(BOAT, fast, play.now)
+
+
 def test_what_was_refused_is_not_asked_again(play):
     play.due()
     play.answer(UNSUPPORTED)
@@ -268,5 +279,5 @@ def test_wrong_rates_are_refused(rates):
     ("system", "component"), [(255, 191), (0, 191), (256, 1), (1, 0), (1, 256)]
 )
 def test_an_identity_is_checked(system, component):
-    with pytest.raises(BadInput, match="own (system|component) id"):
+    with pytest.raises(BadInput, match=r"own (system|component) id"):
         Identity(system, component)
