@@ -87,7 +87,7 @@ def test_columns_and_single_messages_give_the_same_bytes(topic: str, data: st.Da
     entry = TOPICS[topic]
     numbers = entry.names(Kind.NUMBER)
     one = st.lists(st.floats(width=64), min_size=len(numbers), max_size=len(numbers))
-    values = columns(topic, data.draw(st.lists(one, max_size=4)))
+    values = columns(topic, data.draw(st.lists(one, max_size=12)))
     K = len(values)
     times = np.arange(K) + VEHICLE
     strings = {
@@ -114,10 +114,10 @@ def test_columns_and_single_messages_give_the_same_bytes(topic: str, data: st.Da
 
 
 def test_times_stay_beside_their_messages_when_rows_are_withheld() -> None:
-    values = np.zeros((5, 6))
+    values = np.zeros((30, 6))
     values[[1, 3], [0, 5]] = np.nan, np.inf
-    rows = encode_rows("control", np.arange(5), np.arange(5) + 10, values)
-    assert rows.vehicle_time_ns.tolist() == [0, 2, 4]
+    rows = encode_rows("control", np.arange(30), np.arange(30) + 10, values)
+    assert rows.vehicle_time_ns.tolist() == [0, 2, *range(4, 30)]
     assert [strict(p)["receive_time_ns"] for p in rows.payloads] == rows.receive_time_ns.tolist()
 
 
