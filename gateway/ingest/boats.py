@@ -79,9 +79,7 @@ def from_heartbeat(message: Any) -> Boat | None:
     if message.autopilot == AUTOPILOT_INVALID or message.type == GROUND_STATION:
         return None
     autopilot = AUTOPILOTS.get(message.autopilot) or _enum("MAV_AUTOPILOT", message.autopilot)
-    return Boat(
-        message.get_srcSystem(), message.get_srcComponent(), autopilot, _type(message.type)
-    )
+    return Boat(message.get_srcSystem(), message.get_srcComponent(), autopilot, _type(message.type))
 
 
 def from_motion(log: Log) -> tuple[Boat, ...]:
