@@ -124,7 +124,8 @@ def replay(
         raise BadInput(f"--speed {speed}: expected 1 or max")
     boat, own = _vessel(vessel, effects), _vessel(plant, effects) if plant else None
     options = work.ReplayOptions(
-        out if record else None, speed == "1", system, name, mapping, settings
+        out=out if record else None, realtime=speed == "1", system=system, name=name,
+        mapping=mapping, settings=settings,
     )  # fmt: skip
     done = []
     for log, chosen in zip(logs, work.told_apart(logs, options), strict=True):
