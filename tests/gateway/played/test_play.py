@@ -170,6 +170,16 @@ def test_pace_is_kept_against_the_start():
         stage.turn(due + late)
 
 
+def test_boats_on_one_port_do_not_speak_in_chorus():
+    box, sent = Box(), []
+    stage = Stage([boat(system_id=1, rates=FAST), boat(system_id=2, rates=FAST)], box)
+    for _ in range(8):
+        stage.turn(stage.next_s())
+        sent.append({data[5] for data in box.sent})
+        box.sent.clear()
+    assert sent == [{1}, {2}] * 4
+
+
 def test_after_a_stall_old_frames_are_not_sent():
     box = Box()
     stage = Stage([boat(rates=FAST)], box)

@@ -16,7 +16,7 @@ from gateway.played.boat import PlayedBoat
 from gateway.played.settings import FAST, THIN, PlayedSettings
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
-from sim.vessel import AddedEffect
+from sim.vessel import AddedEffect, Servo
 from tests.gateway.played.hearing import frames_of, log_of, records
 from tests.sim.vessels import VALUES
 
@@ -59,6 +59,18 @@ def test_a_first_vessel_comes_from_what_the_boat_says_of_its_outputs(tmp_path, p
     first = load_vessel(tmp_path / "first.toml")
     assert {a.servo for a in first.thrusters} == {a.servo for a in vessel.thrusters}
     assert {a.servo for a in first.rudders} == {a.servo for a in vessel.rudders}
+
+
+def test_odd_servos_are_told_as_they_are():
+    odd = Servo(9, (1000.0, 1480.0, 1950.0), reversed=True)
+    left, right = BOAT.thrusters
+    vessel = replace(BOAT, thrusters=(replace(left, servo=odd), right))
+    log = log_of(frames_of(PlayedBoat(vessel), 5.0))
+    found = actuators(autopilot_parameters(log, choose_boat(log)))
+    assert {(a.channel, a.pwm, a.reversed) for a in found} == {
+        (9, (1000.0, 1480.0, 1950.0), True),
+        (right.servo.channel, right.servo.pwm, False),
+    }
 
 
 def test_sides_are_told_apart(tmp_path):
