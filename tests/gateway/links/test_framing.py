@@ -60,6 +60,7 @@ def test_unknown_flags_are_not_taken():
     assert raws(cut(bytes(raw))) == []
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 60))
 def test_any_cutting_of_a_stream_gives_the_same_frames(seed, size):
     random = np.random.default_rng(seed)
@@ -76,7 +77,7 @@ def test_any_cutting_of_a_stream_gives_the_same_frames(seed, size):
     assert found == frames
 
 
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 @given(st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"\xfd", b"\xfe\x09", UNKNOWN]),
                           st.integers(0, 9).map(lambda k: Autopilot().attitude(k)))))  # fmt: skip
 def test_every_byte_is_accounted_for_and_known_frames_are_a_logs(parts):
@@ -91,6 +92,7 @@ def test_every_byte_is_accounted_for_and_known_frames_are_a_logs(parts):
         assert refused == 0
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=3000))
 def test_noise_is_survived(data):
     pieces = cut(data)
