@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -11,14 +12,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 import tomli_w
 import typer
 
 from gateway import cli
 from gateway.config import Settings, as_tables, load_settings
+from gateway.ingest.csv_mapping import QUANTITIES
 from gateway.recording import Recording
 from gateway.vessel_file import dump_vessel, load_vessel
+from tests.conftest import ROOT
 from tests.gateway.pipelines.sailing import parameters, tlog, voyage
 from tests.gateway.test_effect_files import FILE
 from tests.sim.vessels import IACQUABOT, WAMV
@@ -448,6 +452,49 @@ def test_repair_says_what_it_found(run: Run, tmp_path: Path, boat: Path, log: Pa
     assert "made whole" in run("repair", file).out
     assert Recording.open(file).finished
     one_line(run("repair", tmp_path / "absent.mcap"), 2, "absent.mcap")
+
+
+# ---- tables
+
+
+def test_the_example_of_the_docs_is_read(run: Run, tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "csv.md").read_text(encoding="utf-8")
+    blocks = dict(re.findall(r"```(csv|toml)\n(.*?)```", page, re.DOTALL))
+    for kind, text in blocks.items():
+        (tmp_path / f"run.{kind}").write_text(text, encoding="utf-8")
+    found = strictly(run("info", tmp_path / "run.csv", "--json").out)
+    (boat,) = found["boats"]
+    assert {"yaw", "yaw rate", "velocity", "position", "commands", "voltage"} <= set(
+        boat["sources"]
+    )
+
+
+def test_the_docs_name_every_quantity_of_a_table_and_its_units() -> None:
+    page = (ROOT / "docs" / "csv.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    for name, (_, _, units) in QUANTITIES.items():
+        told = [row for row in rows if f"`{name}`" in row.split("|")[1]]
+        if name.startswith("channel_"):
+            told = [row for row in rows if "channel_1" in row]
+        assert len(told) == 1, name
+        assert all(f"`{unit}`" in told[0] for unit in units), name
+
+
+def test_a_table_can_be_replayed(run: Run, tmp_path: Path, boat: Path) -> None:
+    rows = [f"{t:.1f},{0.05 * t},{1.5},0,0.05,1600,1560" for t in np.arange(0.0, 30.0, 0.1)]
+    (tmp_path / "run.csv").write_text("t,psi,u,v,r,a,b\n" + "\n".join(rows), encoding="utf-8")
+    names = tmp_path / "names.toml"
+    names.write_text(
+        'time = { column = "t", unit = "s" }\n[columns]\n'
+        'yaw = { column = "psi", unit = "rad" }\nsurge = { column = "u", unit = "m/s" }\n'
+        'sway = { column = "v", unit = "m/s" }\nyaw_rate = { column = "r", unit = "rad/s" }\n'
+        'channel_1 = { column = "a", unit = "us" }\nchannel_2 = { column = "b", unit = "us" }\n'
+    )
+    words = command("replay", tmp_path / "run.csv", boat, tmp_path / "out")
+    one_line(run(*words), 2, "needs a mapping file")
+    (done,) = strictly(run(*words, "--mapping", names, "--json").out)["replays"]
+    assert done["seconds"] == pytest.approx(29.9, abs=0.2)
+    assert done["following_rmse"]["u"] < 0.1
 
 
 # ---- help
