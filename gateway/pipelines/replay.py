@@ -32,6 +32,7 @@ from gateway.pipelines.rows import event_rows, topic_rows
 from gateway.recorder import Recorder
 from gateway.recording_file import Attachment
 from gateway.vessel_file import dump_vessel
+from sim.effects.catalogue import EFFECTS
 from sim.following.follower import VesselFollower
 from sim.following.options import Following
 from sim.following.reference import Reference
@@ -139,7 +140,7 @@ def replay(
     name = options.name or key_of(vessel)
     started, tally = time.monotonic(), Tally()
     with ExitStack() as scope:
-        sinks = _sinks(scope, material, vessel, name, options)
+        sinks = _sinks(scope, material, vessels_of(vessel, plant), name, options)
         for out, rows, raw in _shadowed(path, material, options.realtime, progress):
             tally.add(out, rows)
             sinks.write(rows, raw)
@@ -228,11 +229,27 @@ class Sinks:
         return self.recorder.paths if self.recorder is not None else ()
 
 
+def vessels_of(vessel: Vessel, plant: Vessel | None) -> list[Attachment]:
+    """Vessel files as they travel in a recording, with the effects that are not the catalogue's."""
+    named = {"vessel.toml": vessel} | ({"plant.toml": plant} if plant is not None else {})
+    own = [a.effect for v in named.values() for a in v.effects if a.effect not in EFFECTS]
+    return [
+        *(Attachment(n, "application/toml", dump_vessel(v).encode()) for n, v in named.items()),
+        *(
+            Attachment(file, "text/x-python", text.encode())
+            for file, text in {effect.file: effect.source_code for effect in own}.items()
+        ),
+    ]
+
+
 def _sinks(
-    scope: ExitStack, material: Material, vessel: Vessel, name: str, options: ReplayOptions
+    scope: ExitStack,
+    material: Material,
+    vessels: list[Attachment],
+    name: str,
+    options: ReplayOptions,
 ) -> Sinks:
     recorder = bus = None
-    vessel_text = dump_vessel(vessel).encode()
     if options.out is not None:
         file = options.out / f"{options.stem or Path(material.log.path).stem}-shadow.mcap"
         config = orjson.dumps(as_tables(material.settings), option=orjson.OPT_INDENT_2)
@@ -240,7 +257,7 @@ def _sinks(
             Recorder(
                 file,
                 attachments=[
-                    Attachment("vessel.toml", "application/toml", vessel_text),
+                    *vessels,
                     Attachment("config.json", "application/json", config),
                 ],
                 metadata={"shadow": _about(material, name)},
@@ -249,7 +266,7 @@ def _sinks(
         )
     if options.settings.zenoh.publish:
         bus = scope.enter_context(
-            Bus(name, model=vessel_text, settings=options.settings.zenoh.bus())
+            Bus(name, model=vessels[0].data, settings=options.settings.zenoh.bus())
         )
     return Sinks(material, recorder, bus)
 

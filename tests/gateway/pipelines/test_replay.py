@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 
 from gateway.bus import BusSettings, open_session
 from gateway.config import Settings, ZenohSettings, as_tables
+from gateway.effect_files import load_effects
 from gateway.errors import BadInput
 from gateway.pipelines.replay import ReplayOptions, ReplaySummary, key_of, replay, told_apart
 from gateway.recording import Recording
@@ -24,10 +25,11 @@ from gateway.topics import TOPICS
 from gateway.vessel_file import load_vessel
 from sim.following.options import Following
 from sim.following.reference import Mode
-from sim.vessel import Vessel
+from sim.vessel import AddedEffect, Vessel
 from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat
 from tests.gateway.pipelines.sailing import frames, tlog, voyage
+from tests.gateway.test_effect_files import FILE
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
 UNHEARD = Settings(zenoh=ZenohSettings(publish=False))
@@ -89,6 +91,23 @@ def test_vessel_and_configuration_travel_in_the_file(first: Path, tmp_path: Path
         json.dumps(as_tables(options(None).settings))
     )
     assert recording.metadata["shadow"]["vessel"] == "wam-v"
+
+
+def test_a_plant_and_effects_of_ones_own_travel_too(log: Path, tmp_path: Path) -> None:
+    source = tmp_path / "line.py"
+    source.write_text(FILE.replace("FACTOR", "1"))
+    (effect,) = load_effects(source)
+    vessel = WAMV.with_effects(AddedEffect(effect, {"k": 5.0}))
+    recording = Recording.open(
+        replay(log, vessel, IACQUABOT, options(tmp_path / "out")).recordings[0]
+    )
+    folder = tmp_path / "unpacked"
+    folder.mkdir()
+    for name in ("vessel.toml", "plant.toml", "line.py"):
+        (folder / name).write_bytes(recording.attachments[name].data)
+    own = load_effects(folder / "line.py")
+    assert load_vessel(folder / "vessel.toml", own) == vessel
+    assert load_vessel(folder / "plant.toml") == IACQUABOT
 
 
 def test_replaying_twice_gives_the_same_bytes(log: Path, first: Path, tmp_path: Path) -> None:
