@@ -30,7 +30,8 @@ from sim.state import Floats, Pose, Velocity, Wrench, wrap
 
 # -- the text from here on goes into the kernel --
 
-LONGEST_STEP = 0.02  # s, of the shadow and of the free prediction
+LONGEST_STEP = 0.02  # s, of the free prediction
+CONTROL_STEP = 0.01  # s, over which the control force is held: K times this is well below 1
 
 
 @jit
@@ -119,7 +120,7 @@ def follow(
                 x, last, inner, times[k], 0.0, inputs, gains, allocate, effect, low, high, p
             )
         span = times[k] - carry[at]
-        n = int(np.ceil(span / LONGEST_STEP - 1e-9))
+        n = int(np.ceil(span / CONTROL_STEP - 1e-9))
         for j in range(n):
             h, t = span / n, carry[at] + j * (span / n)
             for i in range(9):  # errors at the start of the step, accelerations over it

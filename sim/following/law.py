@@ -21,8 +21,8 @@ CORRECTION_LIMIT = 1.0  # m/s and rad/s: the outer loop never asks for more than
 class Gains(NamedTuple):
     """Gains of the follower; sway = 0 leaves sway to coupling, as in the paper."""
 
-    rate: float = 5.0  # K [1/s]
-    integral: float = 0.25  # K_i [1/s²]
+    rate: float = 10.0  # K [1/s]
+    integral: float = 0.5  # K_i [1/s²]
     position: float = 0.1  # K_p of north and east [1/s]
     heading: float = 0.2  # K_p of yaw [1/s]
     sway: float = 1.0  # 1: three axes; 0: surge and yaw only

@@ -28,8 +28,8 @@ class Following:
     limits: the plant's thrusters must be able to give the force.
     """
 
-    rate: float = 5.0
-    integral: float = 0.25
+    rate: float = 10.0
+    integral: float = 0.5
     position: float = 0.1
     heading: float = 0.2
     axes: Axes = Axes.THREE

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.following.drivers import LONGEST_STEP, limited
+from sim.following.drivers import CONTROL_STEP, limited
 from sim.following.follower import Followed, FollowerState
 from sim.following.law import Gains, reference_rate, wanted_acceleration
 from sim.following.limits import Limits
@@ -94,7 +94,7 @@ class PlantFollower:
     def _row(self, plant: Any, row: Floats, around: Around, carry: Floats) -> tuple[Any, bool]:
         """Steps up to a reference row (9,) -> the plant's state, and whether limits bound."""
         start, span, bound = float(carry[TIME]), around.time - float(carry[TIME]), False
-        change, n = row - carry[LAST], int(np.ceil(span / LONGEST_STEP - 1e-9))
+        change, n = row - carry[LAST], int(np.ceil(span / CONTROL_STEP - 1e-9))
         change[Eta.YAW] = wrap(float(change[Eta.YAW]))
         for j in range(n):
             h = span / n

@@ -50,14 +50,18 @@ def moving(vessel, seconds=20.0):
     return DT * np.arange(len(commands) + 1), reports[0]
 
 
-def offset_decay(options, over):
-    """Surge error after a step of the reference of 1 m/s, and its mean rate of decay [1/s]."""
+def offset_decay(options, over, after=5 * DT):
+    """Surge error after a step of the reference of 1 m/s, and its mean rate of decay [1/s]
+
+    over that long, beginning that long after the step.
+    """
     times, rows = steady(6.0, u=1.0)
     rows[0, 3] = 0.0  # the plant starts at rest
     follower = VesselFollower.of(Model.of(WAMV), options)
     shadows = follower.advance(follower.start(), times, rows).shadows
     error = rows[:, 3] - shadows[:, 3]
-    a, b = 5, 5 + round(over / DT)
+    a = round(after / DT)
+    b = a + round(over / DT)
     return error, np.log(error[a] / error[b]) / (times[b] - times[a])
 
 
@@ -68,8 +72,9 @@ def test_an_error_of_1_mps_decays_at_the_rate(gain):
 
 
 def test_the_default_gains_decay_at_their_rate_too():
-    # over 0.8 time constants: later the outer loop and the integral are what is left of the error
-    _, rate = offset_decay(Following(), over=0.8 / Following().rate)
+    # within the first time constant: later the outer loop and the integral are what is left of it
+    tau = 1.0 / Following().rate
+    _, rate = offset_decay(Following(), over=0.8 * tau, after=0.2 * tau)
     assert rate == pytest.approx(Following().rate, rel=0.1)
 
 
