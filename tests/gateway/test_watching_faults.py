@@ -1,0 +1,172 @@
+"""Watchers that vanish, return or do not keep up: the publisher never waits for them."""
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from gateway.bus import Bus, BusSettings
+from gateway.monitor.joining import join
+from gateway.monitor.picture import VesselPicture
+from gateway.monitor.watcher import Watcher
+from gateway.topics import TOPICS
+from tests.conftest import ROOT
+from tests.gateway.test_schemas import some_message
+
+PATIENCE_S = 60.0  # of a test; zenoh itself looks for a peer that went every four seconds
+MESSAGES = {topic: some_message(topic) for topic in TOPICS}
+BURST = 20_000  # messages: tens of times what sockets and queues between two processes hold
+
+SUBSCRIBER = """
+import json, sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
+
+def heard(sample):
+    print(len(sample.payload), flush=True)
+    if "slow" in sys.argv:
+        time.sleep(3600.0)
+
+with zenoh.open(config) as session, session.declare_subscriber("shadow/**", heard):
+    time.sleep(3600.0)
+"""
+
+GATEWAY = """
+import sys, time
+from gateway.bus import Bus, BusSettings
+from tests.gateway.test_schemas import some_message
+with Bus("otter", settings=BusSettings(sys.argv[1])) as bus:
+    while True:
+        bus.publish("control", some_message("control"))
+        time.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@contextmanager
+def process(code: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A Python program beside us, gone at the end however it stands."""
+    command = [sys.executable, "-c", code, *words]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as running:
+        try:
+            yield running
+        finally:
+            running.kill()
+
+
+def wait(condition: Callable[[], Any]) -> Any:
+    end = time.monotonic() + PATIENCE_S
+    while not (value := condition()):
+        assert time.monotonic() < end, "nothing came"
+        time.sleep(0.02)
+    return value
+
+
+def published_in_time(bus: Bus, count: int) -> bool:
+    """Publish on a thread of its own; zenoh drops a link that blocks after 5 s, so: within 4 s."""
+    done = threading.Thread(target=lambda: _publish(bus, count), daemon=True)
+    done.start()
+    done.join(4.0)
+    return not done.is_alive()
+
+
+def _publish(bus: Bus, count: int) -> None:
+    for _ in range(count // len(MESSAGES)):
+        for topic, payload in MESSAGES.items():
+            bus.publish(topic, payload)
+
+
+def first_line(subscriber: subprocess.Popen[bytes], bus: Bus) -> None:
+    """Publish until the subscriber has heard something."""
+    assert subscriber.stdout is not None
+    wait(lambda: bus.wants("measured"))
+    bus.publish("measured", MESSAGES["measured"])
+    assert subscriber.stdout.readline()
+
+
+def lines_of(running: subprocess.Popen[bytes]) -> list[bytes]:
+    """What a process prints from now on, as it prints it."""
+    lines: list[bytes] = []
+    assert running.stdout is not None
+    threading.Thread(target=lines.extend, args=(running.stdout,), daemon=True).start()
+    return lines
+
+
+def test_a_subscriber_that_is_stopped_holds_nobody_up(endpoint: str) -> None:
+    with (
+        Bus("otter", settings=BusSettings(endpoint)) as bus,
+        process(SUBSCRIBER, endpoint) as subscriber,
+    ):
+        first_line(subscriber, bus)
+        subscriber.send_signal(signal.SIGSTOP)
+        assert published_in_time(bus, BURST)
+        assert bus.wants("measured")
+        subscriber.send_signal(signal.SIGCONT)
+
+
+def test_a_subscriber_whose_callback_hangs_holds_nobody_up(endpoint: str) -> None:
+    with (
+        Bus("otter", settings=BusSettings(endpoint)) as bus,
+        process(SUBSCRIBER, endpoint, "slow") as subscriber,
+    ):
+        first_line(subscriber, bus)
+        assert published_in_time(bus, BURST)
+
+
+def test_others_hear_what_is_new_while_one_is_stopped(endpoint: str) -> None:
+    with (
+        Bus("otter", settings=BusSettings(endpoint)) as bus,
+        process(SUBSCRIBER, endpoint) as stopped,
+        process(SUBSCRIBER, endpoint) as other,
+    ):
+        for subscriber in (stopped, other):
+            first_line(subscriber, bus)
+        stopped.send_signal(signal.SIGSTOP)
+        assert published_in_time(bus, BURST)
+        lines = lines_of(other)
+        wait(lambda: bus.publish("event", b"fresh") or b"5\n" in lines)
+        stopped.send_signal(signal.SIGCONT)
+
+
+def test_a_watcher_sees_a_gateway_killed_and_back(endpoint: str) -> None:
+    with process(GATEWAY, endpoint) as gateway:
+        session = wait(lambda: join(endpoint, None))
+        with session, Watcher(session) as watcher:
+            wait(lambda: heard(watcher) and only(watcher).alive)
+            gateway.kill()
+            wait(lambda: not only(watcher).alive)
+            with process(GATEWAY, endpoint):
+                wait(lambda: only(watcher).alive and only(watcher).latest["control"].age_s < 1.0)
+
+
+def test_a_watcher_gone_and_back_holds_nobody_up(endpoint: str) -> None:
+    with Bus("otter", settings=BusSettings(endpoint)) as bus:
+        for _ in range(2):
+            with process(SUBSCRIBER, endpoint) as subscriber:
+                first_line(subscriber, bus)
+                subscriber.kill()
+                assert published_in_time(bus, BURST)
+            wait(lambda: not bus.wants("measured"))
+
+
+def heard(watcher: Watcher) -> bool:
+    return any("control" in picture.latest for picture in watcher.pictures())
+
+
+def only(watcher: Watcher) -> VesselPicture:
+    (picture,) = watcher.pictures()
+    return picture
