@@ -207,23 +207,25 @@ def _words(head: str, *parts: tuple[str, bool]) -> Text:
     return line
 
 
-def _event(event: Message) -> Text:
+def _event(event: Message, name: str = "") -> Text:
+    """A line: when, which vessel where that is not plain, and what happened."""
     style = STYLES.get(event["severity"], WARN)
     line = Text(f"{_clock(event['receive_time_ns'])} ", style=FAINT, no_wrap=True,
                 overflow="ellipsis")  # fmt: skip
-    return line.append(event["says"], style=style)
+    return line.append(f"{name}: " if name else "").append(event["says"], style=style)
 
 
-def _overview(pictures: Sequence[VesselPicture]) -> Table:
-    """One line per vessel, the essentials."""
-    table = Table(expand=True)
-    table.add_column("vessel", no_wrap=True, ratio=1)
+def _overview(pictures: Sequence[VesselPicture]) -> Group:
+    """One line per vessel, the essentials; below, the latest events of all."""
+    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    table.add_column("vessel", no_wrap=True, max_width=24)
     for name in ("", "kn", "°", "off m", "missing σ", "silent s", "Hz", "loss %"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("last event", no_wrap=True, ratio=2)
     for picture in pictures:
         table.add_row(*_line(picture))
-    return table
+    events = [(event["receive_time_ns"], p.name, event) for p in pictures for event in p.events]
+    events.sort(key=lambda entry: entry[0])
+    return Group(table, *(_event(event, name) for _, name, event in events[-EVENTS_SHOWN:]))
 
 
 def _line(picture: VesselPicture) -> list[RenderableType]:
@@ -240,7 +242,6 @@ def _line(picture: VesselPicture) -> list[RenderableType]:
     cells.append("·" if health is None else _number(health["link_age_s"], 1))
     cells.append(_number(picture.rate_hz, 0))
     cells.append("·" if health is None else _number(100 * health["loss"], 1))
-    cells.append(_event(picture.events[-1]) if picture.events else "")
     return cells
 
 
