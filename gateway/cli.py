@@ -165,7 +165,8 @@ def live(
     config: Config = None,
 ) -> None:
     """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
-    from gateway.pipelines.live import LiveOptions, plans_of, run_until_stopped
+    from gateway.pipelines.live import LiveOptions
+    from gateway.pipelines.run_live import plans_of, run_until_stopped
 
     settings = _settings(config, reference or "auto", publish)
     plans = plans_of(vessel, plant, name, _effects(effects))

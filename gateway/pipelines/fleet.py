@@ -15,11 +15,12 @@ from gateway.ingest.boats import Boat, from_heartbeat
 from gateway.links.items import Datagram, Frame
 from gateway.pipelines.live_boat import LiveBoat, Spoken
 from gateway.pipelines.path import ShadowPath
-from gateway.pipelines.replay import key_of
-from sim.following.follower import VesselFollower
+from gateway.pipelines.replay import follower_of, key_of
 from sim.following.reference import Reference
 from sim.model import Model
 from sim.vessel import Vessel
+
+MOST = 32  # boats: whoever invents system ids may not use up files and memory
 
 
 @dataclass(frozen=True)
@@ -52,14 +53,15 @@ class Fleet:
         plans: Sequence[BoatPlan],
         settings: Settings,
         found: Callable[[LiveBoat, BoatPlan], None] = lambda boat, plan: None,
+        ignored: Callable[[Boat], None] = lambda boat: None,
     ) -> None:
         self.boats: dict[int, LiveBoat] = {}
-        self.ignored: set[int] = set()  # systems that no plan is for
+        self._ignored: set[int] = set()  # systems that no plan is for
+        self._ignore = ignored
         self._plans = tuple(plans)
         self._settings = settings
         self._found = found
         self._paths = [self._path(plan) for plan in plans]
-        self._names: set[str] = set()
 
     def prepare(self) -> None:
         """Compile everything before a link is open, by a throw-away boat's first words."""
@@ -102,20 +104,28 @@ class Fleet:
 
     def _meet(self, message: Any) -> None:
         system = message.get_srcSystem()
-        if system in self.boats or system in self.ignored:
+        if system in self.boats or system in self._ignored:
             return
         boat = from_heartbeat(message)
         if boat is None:
             return
         index = self._plan_for(system)
-        if index is None:
-            self.ignored.add(system)
+        if index is None or len(self.boats) >= MOST:
+            self._ignored.add(system)
+            self._ignore(boat)
             return
         plan = self._plans[index]
-        name = plan.key if plan.key not in self._names else f"{plan.key}-{system}"
-        self._names.add(name)
-        self.boats[system] = LiveBoat(boat, name, self._paths[index])
+        self.boats[system] = LiveBoat(boat, self._name(plan, system), self._paths[index])
         self._found(self.boats[system], plan)
+
+    def _name(self, plan: BoatPlan, system: int) -> str:
+        """The plan's name, with the system id where another boat or plan has it too."""
+        taken = {boat.name for boat in self.boats.values()}
+        taken |= {other.key for other in self._plans if other is not plan}
+        name = plan.key
+        while name in taken:
+            name = f"{name}-{system}"
+        return name
 
     def _plan_for(self, system: int) -> int | None:
         """The plan for this very boat, else one for whoever comes."""
@@ -132,7 +142,7 @@ class Fleet:
         return ShadowPath(
             model,
             Reference(model, following.reference),
-            VesselFollower.of(plant, following.follower),
+            follower_of(plant, following.follower),
             self._settings.filter,
             following.rate_hz,
         )

@@ -7,13 +7,10 @@ once. Ticks take over while telemetry is silent. Only this loop reads the clock;
 follows from datagrams and ticks, which are recorded.
 """
 
-import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -21,29 +18,26 @@ from typing import Any
 import orjson
 
 from gateway.bus import Bus, open_session
-from gateway.config import Settings, as_tables
-from gateway.errors import BadInput
-from gateway.links.conversation import Address
-from gateway.links.inbox import PER_LINK, Empty, Inbox
+from gateway.config import Settings
+from gateway.errors import BadInput, ShadowError
+from gateway.ingest.boats import Boat
+from gateway.links.inbox import PER_LINK, Empty, Inbox, Item
 from gateway.links.items import Datagram, LinkEvent
 from gateway.links.link import Link
-from gateway.links.requests import Requests
 from gateway.links.signing import load_key
 from gateway.links.voice import Identity
-from gateway.messages import Rows
+from gateway.pipelines.asking import Asking
 from gateway.pipelines.feed import TICK_S
 from gateway.pipelines.fleet import BoatPlan, Fleet
 from gateway.pipelines.health import SECOND
 from gateway.pipelines.live_boat import LiveBoat
-from gateway.pipelines.relive import LIVE
-from gateway.recorder import Recorder
-from gateway.recording_file import Attachment
-from gateway.recording_thread import RecordingThread
-from gateway.vessel_file import dump_vessel, load_vessel
-from sim.effects.effect import Effect
+from gateway.pipelines.outlet import Outlet, Unclaimed, start_recording
+from gateway.vessel_file import dump_vessel
 
 WAIT_S = TICK_S / 4.0  # longest sleep of the loop
-OBSERVE_S = 5  # so often the rates that arrive are held against those asked for
+QUIET_NS = 10 * SECOND  # between two reports of the same trouble
+
+Clock = Callable[[], int]
 
 
 @dataclass(frozen=True)
@@ -57,64 +51,50 @@ class LiveOptions:
     settings: Settings = field(default_factory=Settings)
 
 
-@dataclass
-class Outlet:
-    """Where one boat's messages go: its keys on zenoh and its recording, either may be absent."""
-
-    bus: Bus | None
-    recording: RecordingThread | None
-    told_failure: bool = False
-
-    def send(self, rows: Sequence[Rows]) -> None:
-        """Publish, then record."""
-        for part in rows:
-            if self.bus is not None:
-                for payload in part.payloads:
-                    self.bus.publish(part.topic, payload)
-        if self.recording is not None:
-            self.recording.rows(rows)
-
-    def failure(self) -> str | None:
-        """Why recording stopped, told once."""
-        if self.recording is None or self.recording.failure is None or self.told_failure:
-            return None
-        self.told_failure = True
-        return self.recording.failure
-
-
 class Gateway:
-    """The loop and what it holds; opened with `with`, run by `run`."""
+    """The loop and what it holds; opened with `with`, run by `run`.
+
+    strict  a defect ends the loop instead of being told and counted: for tests
+    """
 
     def __init__(
         self,
         plans: Sequence[BoatPlan],
         options: LiveOptions,
         tell: Callable[[str], None] = lambda says: None,
+        *,
+        clock: Clock = time.time_ns,
+        steady: Clock = time.monotonic_ns,
+        strict: bool = False,
     ) -> None:
         self.options = options
-        self.fleet = Fleet(plans, options.settings, self._found)
+        self.fleet = Fleet(plans, options.settings, self._found, self._ignored)
         self.inbox = Inbox(PER_LINK * max(len(options.endpoints), 1))
         self.links: list[Link] = []
         self.outlets: dict[int, Outlet] = {}
-        self._tell = tell
+        self.faults = 0
+        self._tell, self._clock, self._steady, self._strict = tell, clock, steady, strict
         self._scope = ExitStack()
         self._session: Any = None
-        self._identity = None if options.silent else Identity()
-        self._requests: dict[str, Requests] = {}  # by link
-        self._unclaimed: list[Datagram] = []  # what was heard before any boat was known
+        self._unclaimed = Unclaimed()
+        self._dropped = 0
         self._housekept_s = 0
+        self._fault_ns = -QUIET_NS
 
     def __enter__(self) -> "Gateway":
         self.fleet.prepare()
+        options = self.options
+        if options.out is not None:
+            _writable(options.out)
         with ExitStack() as scope:
-            if self.options.settings.zenoh.publish:
-                self._session = scope.enter_context(open_session(self.options.settings.zenoh.bus()))
-            key = None if self.options.signing_key is None else load_key(self.options.signing_key)
-            for number, text in enumerate(self.options.endpoints):
-                link = Link(text, self.inbox, self._identity, key, number)
-                announce = link.endpoint.speaks_first or key is not None
-                self._requests[link.name] = Requests(self._identity, announce=announce)
+            if options.settings.zenoh.publish:
+                self._session = scope.enter_context(open_session(options.settings.zenoh.bus()))
+            key = None if options.signing_key is None else load_key(options.signing_key)
+            identity = None if options.silent else Identity()
+            for number, text in enumerate(options.endpoints):
+                link = Link(text, self.inbox, identity, key, number)
                 self.links.append(scope.enter_context(link))
+            self._asking = Asking(self.links, identity)
             self._scope = scope.pop_all()
         return self
 
@@ -128,33 +108,43 @@ class Gateway:
                 item = self.inbox.get(timeout=WAIT_S)
             except Empty:
                 item = None
+            self.turn(item)
+
+    def turn(self, item: Item | None) -> None:
+        """One round of the loop: what came, if anything, and what is due."""
+        try:
             if isinstance(item, Datagram):
                 self._datagram(item)
             elif item is not None:
                 self._link_event(item)
-            self._time_goes_by(time.time_ns())
+            self._time_goes_by(self._clock())
+        except Exception as error:  # the outermost loop: a defect must not end the shadow
+            if self._strict:
+                raise
+            self._fault(error)
 
     def _datagram(self, datagram: Datagram) -> None:
         said = self.fleet.datagram(datagram)
-        self._record(datagram)
         for boat, spoken in said:
-            outlet = self.outlets[boat.boat.system]
-            outlet.send(spoken.rows)
+            self.outlets[boat.boat.system].publish(spoken.rows)
             if spoken.rows:
-                boat.health.late_by(time.time_ns() - datagram.receive_time_ns)
-        self._listen(datagram)
+                boat.health.late_by(self._clock() - datagram.receive_time_ns)
+        self._keep(datagram)
+        now_ns = self._steady()
+        for boat, spoken in said:
+            self.outlets[boat.boat.system].record(spoken.rows)
+            if boat.rebooted():
+                self._say(boat, "reboot", "warning", "the autopilot rebooted")
+                self._asking.rebooted(boat, now_ns)
+        self._asking.listen(datagram, self.fleet.boats.values(), now_ns)
 
-    def _record(self, datagram: Datagram) -> None:
+    def _keep(self, datagram: Datagram) -> None:
         """Raw frames to the recordings they belong to; none is lost while no boat is known."""
         if not self.outlets:
-            self._unclaimed.append(datagram)
-            self._unclaimed = self._unclaimed[-PER_LINK:]
-            return
+            self._unclaimed.keep(datagram)
         for system, outlet in self.outlets.items():
-            if outlet.recording is not None:
-                frames = self.fleet.frames_of(datagram.frames, self.fleet.boats[system])
-                if frames:
-                    outlet.recording.raw(datagram.link, datagram.receive_time_ns, frames)
+            frames = self.fleet.frames_of(datagram.frames, self.fleet.boats[system])
+            outlet.raw(datagram.link, datagram.receive_time_ns, frames)
 
     def _time_goes_by(self, now_ns: int) -> None:
         for boat, spoken in self.fleet.tick(now_ns):
@@ -162,136 +152,90 @@ class Gateway:
             if outlet.recording is not None:
                 outlet.recording.tick(now_ns)
             outlet.send(spoken.rows)
-        if any((at := r.next_ns) is not None and now_ns >= at for r in self._requests.values()):
-            self._ask(now_ns)
-        if now_ns // SECOND == self._housekept_s:
-            return
-        self._housekept_s = now_ns // SECOND
+        for answer in self._asking.due(self.fleet.boats.values(), self._steady()):
+            self._tell(answer.says)
+            self._say(self.fleet.boats[answer.boat.system], "rate_request", "info", answer.says)
+        if now_ns // SECOND != self._housekept_s:
+            self._housekept_s = now_ns // SECOND
+            self._housekeep(now_ns)
+
+    def _housekeep(self, now_ns: int) -> None:
+        """Once a second: health, and what went wrong beside the path."""
+        dropped = sum(link.counts().dropped for link in self.links)
         for system, boat in self.fleet.boats.items():
             outlet = self.outlets[system]
-            backlog = outlet.recording.backlog if outlet.recording is not None else 0
-            drops = outlet.recording.drops if outlet.recording is not None else 0
-            outlet.send(boat.status(now_ns, backlog, drops))
-            if failure := outlet.failure():
-                self._say(boat, "recording_failed", "error", failure, now_ns)
-        self._ask(now_ns)
-
-    def _listen(self, datagram: Datagram) -> None:
-        """What boats say that concerns our requests: who they are, their answers, a reboot."""
-        now, requests = datagram.receive_time_ns, self._requests[datagram.link]
-        for frame in datagram.frames:
-            if frame.message is not None:
-                requests = requests.take(frame.message, now)
-        for boat in self.fleet.boats.values():
-            if boat.rebooted():
-                self._say(boat, "reboot", "warning", "the autopilot rebooted", now)
-                requests = requests.rebooted(Address(*boat.address), now)
-        self._requests[datagram.link] = requests
-
-    def _ask(self, now_ns: int) -> None:
-        """Requests for message rates that are due, and what came of earlier ones."""
-        for link in self.links:
-            requests = self._requests[link.name]
-            if now_ns // SECOND % OBSERVE_S == 0:
-                for boat in self.fleet.boats.values():
-                    rates = boat.health.rates_hz()
-                    requests = requests.observed(Address(*boat.address), rates, now_ns)
-            said = requests.due(now_ns)
-            self._requests[link.name] = said.requests
-            for message in said.messages:
-                link.say(message)
-            for answer in said.answers:
-                if answer.boat.system in self.fleet.boats:
-                    boat = self.fleet.boats[answer.boat.system]
-                    self._tell(answer.says)
-                    self._say(boat, "rate_request", "info", answer.says, now_ns)
+            outlet.send(boat.status(now_ns, outlet.backlog, outlet.drops))
+            if failure := outlet.news():
+                self._say(boat, "recording_failed", "error", failure)
+            if dropped > self._dropped:
+                says = f"{dropped - self._dropped} datagrams dropped: more came than can be handled"
+                self._say(boat, "overload", "error", says)
+        self._dropped = dropped
 
     def _link_event(self, event: LinkEvent) -> None:
-        kind = f"link_{event.kind}"
         severity = "info" if event.kind in ("listening", "connected") else "warning"
-        self._tell(f"{event.link}: {event.says}")
+        says = f"{event.link}: {event.says}"
+        self._tell(says)
         for boat in self.fleet.boats.values():
-            says = f"{event.link}: {event.says}"
-            self._say(boat, kind, severity, says, event.receive_time_ns)
+            rows = boat.say(f"link_{event.kind}", severity, says, event.receive_time_ns)
+            self.outlets[boat.boat.system].send(rows)
 
-    def _say(self, boat: LiveBoat, kind: str, severity: str, says: str, now_ns: int) -> None:
+    def _say(self, boat: LiveBoat, kind: str, severity: str, says: str) -> None:
         if severity != "info":
             self._tell(f"{boat.name}: {says}")
-        self.outlets[boat.boat.system].send(boat.say(kind, severity, says, now_ns))
+        self.outlets[boat.boat.system].send(boat.say(kind, severity, says, self._clock()))
+
+    def _fault(self, error: Exception) -> None:
+        """Counted always, told seldom."""
+        self.faults += 1
+        if self._steady() - self._fault_ns >= QUIET_NS:
+            self._fault_ns = self._steady()
+            says = f"defect of the gateway, {self.faults} so far: {error!r}"
+            self._tell(says)
+            for boat in self.fleet.boats.values():
+                self.outlets[boat.boat.system].send(boat.say("fault", "error", says, self._clock()))
 
     def _found(self, boat: LiveBoat, plan: BoatPlan) -> None:
         """A boat spoke for the first time: give it its keys and its recording."""
-        vessel = dump_vessel(plan.vessel).encode()
-        bus = None
-        if self._session is not None:
-            bus = self._scope.enter_context(
-                Bus(boat.name, model=vessel, status=lambda: _status(boat), session=self._session)
-            )
-        recording = self._recording(boat, vessel) if self.options.out is not None else None
-        self.outlets[boat.boat.system] = Outlet(bus, recording)
+        outlet = self.outlets[boat.boat.system] = Outlet()
         self._tell(f"{boat.boat}: shadowed as {boat.name}")
-        for datagram in self._unclaimed:
-            if recording is not None:
-                frames = [frame.raw for frame in datagram.frames]
-                recording.raw(datagram.link, datagram.receive_time_ns, frames)
-        self._unclaimed.clear()
+        vessel = dump_vessel(plan.vessel).encode()
+        if self._session is not None:
+            status = self._status(boat)
+            bus = Bus(boat.name, model=vessel, status=status, session=self._session)
+            outlet.bus = self._scope.enter_context(bus)
+        if self.options.out is not None:
+            folder, settings = self.options.out, self.options.settings
+            try:
+                recording = start_recording(boat, folder, vessel, settings, self._scope)
+            except ShadowError as error:
+                outlet.failure = str(error)
+                return
+            outlet.recording = recording
+            self._tell(f"recording: {recording.paths[-1]}")
+        for datagram in self._unclaimed.claimed():
+            frames = [frame.raw for frame in datagram.frames]
+            outlet.raw(datagram.link, datagram.receive_time_ns, frames)
 
-    def _recording(self, boat: LiveBoat, vessel: bytes) -> RecordingThread:
-        assert self.options.out is not None
-        stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
-        config = orjson.dumps(as_tables(self.options.settings), option=orjson.OPT_INDENT_2)
-        recorder = Recorder(
-            self.options.out / f"{boat.name}-{stamp}.mcap",
-            attachments=[
-                Attachment("vessel.toml", "application/toml", vessel),
-                Attachment("config.json", "application/json", config),
-            ],
-            metadata={
-                "shadow": {
-                    "gateway": version("shadow-gateway"), "vessel": boat.name,
-                    "boat": str(boat.boat), "system": str(boat.boat.system), LIVE: "yes",
-                }
-            },
-            settings=self.options.settings.recording,
-            live=True,
-        )  # fmt: skip
-        recording = self._scope.enter_context(RecordingThread(recorder))
-        self._tell(f"recording: {recorder.paths[-1]}")
-        return recording
+    def _ignored(self, boat: Boat) -> None:
+        self._tell(f"{boat}: ignored, no vessel is given for it; --vessel {boat.system}=FILE does")
 
+    def _status(self, boat: LiveBoat) -> Callable[[], bytes]:
+        """What the queryable `status` answers, on a thread of zenoh."""
 
-def _status(boat: LiveBoat) -> bytes:
-    """What the queryable `status` answers."""
-    return orjson.dumps({"name": boat.name, "boat": str(boat.boat), "system": boat.boat.system})
+        def status() -> bytes:
+            links = {link.name: vars(link.counts()) for link in self.links}
+            about = {"name": boat.name, "boat": str(boat.boat), "system": boat.boat.system}
+            return orjson.dumps({**about, "links": links, "faults": self.faults})
+
+        return status
 
 
-def plans_of(
-    vessels: Sequence[str], plant: Path | None, name: str | None, effects: Sequence[Effect]
-) -> list[BoatPlan]:
-    """What `--vessel FILE` and `--vessel SYSID=FILE` say -> which vessel shadows which boat."""
-    own = None if plant is None else load_vessel(plant, effects)
-    plans = []
-    for text in vessels:
-        number, _, file = text.rpartition("=")
-        if number and not (number.isdigit() and 1 <= int(number) <= 254):
-            raise BadInput(f"--vessel {text}: expected FILE or SYSID=FILE, SYSID 1 to 254")
-        system = int(number) if number else None
-        key = name if name is None or len(vessels) == 1 else f"{name}-{number or 'any'}"
-        plans.append(BoatPlan(load_vessel(file, effects), own, system, key))
-    systems = [plan.system for plan in plans]
-    if len(set(systems)) < len(systems):
-        raise BadInput("--vessel: two vessels for one boat; give SYSID=FILE for each boat")
-    return plans
-
-
-def run_until_stopped(
-    plans: Sequence[BoatPlan], options: LiveOptions, tell: Callable[[str], None]
-) -> None:
-    """Run until SIGINT or SIGTERM; then everything is finished cleanly."""
-    stop = Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    with Gateway(plans, options, tell) as gateway:
-        tell(f"listening on {', '.join(options.endpoints)}; Ctrl-C ends")
-        gateway.run(stop)
-    tell("finished")
+def _writable(folder: Path) -> None:
+    """Said at the start rather than when the first boat is heard."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(
+            f"--out {folder}: cannot record there: {error.strerror}: choose another folder"
+        ) from None

@@ -5,11 +5,14 @@ here reads a clock.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gateway.estimation.estimator import Estimator
 from gateway.ingest.boats import Boat
+from gateway.ingest.clock_step import S
 from gateway.messages import Rows, encode
 from gateway.pipelines.feed import BLIND_S, SILENCE_S, TICK_S, Feed
 from gateway.pipelines.happenings import Watchman
@@ -27,7 +30,14 @@ class Spoken(NamedTuple):
     """Messages that go out, and the rows of the path that they were made from."""
 
     rows: list[Rows]
-    out: Shadowing | None = None
+    outs: list[Shadowing]
+
+
+class Newest(NamedTuple):
+    """The newest fact: receipt, and the boat's newest time by then."""
+
+    receive_time_ns: int
+    vehicle_time_ns: int
 
 
 class LiveBoat:
@@ -38,58 +48,61 @@ class LiveBoat:
         self.name = name
         self.health = LiveHealth()
         self._path = path
+        self._settings = path.estimator.settings
         self._state = path.start()
         self._watchman = Watchman()
         self._usual = UsualRange.start()
-        self._hearing = Hearing(boat, path.estimator.settings)
-        self._last_fact: tuple[int, int] | None = None  # receive, vehicle time of the newest fact
-        self._last_tick_ns = 0
+        self._hearing = Hearing(boat, self._settings)
+        self._parameters = self._hearing.parameters
+        self._newest: Newest | None = None
+        self._ticked_ns = 0
         self._reported_s = 0
         self._reboots = 0
+        self._resting = False
 
     def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Spoken:
-        """The boat's messages of one datagram -> what goes out."""
+        """The boat's messages of one datagram -> what goes out.
+
+        One after the other, so that it does not matter how a link packs them.
+        """
+        spoken = Spoken([], [])
         for m in messages:
             self.health.frame(receive_time_ns, m.get_type(), m.get_srcComponent(), m.get_seq())
-        feed = self._hearing.take(messages, receive_time_ns)
-        if len(feed):
-            newest = int(feed.vehicle_time_ns.max())
-            if self._last_fact is None or newest >= self._last_fact[1]:
-                self._last_fact = receive_time_ns, newest
-            else:
-                self._last_fact = receive_time_ns, self._last_fact[1]
-        return self._advance(feed)
+            feed = self._hearing.take(m, receive_time_ns)
+            self._learn()
+            if feed is not None:
+                self._note(feed, receive_time_ns)
+                rows, outs = self._advance(feed)
+                spoken = Spoken(spoken.rows + rows, spoken.outs + outs)
+        return spoken
 
     def tick(self, now_ns: int) -> Spoken:
         """Time goes by without a word from the boat -> the shadow runs on, for a while."""
-        assert self._last_fact is not None
-        silent = now_ns - self._last_fact[0]
-        self._last_tick_ns = now_ns
-        return self._advance(self._hearing.tick(now_ns, self._last_fact[1] + silent))
+        self._ticked_ns = now_ns
+        return self._advance(self._hearing.tick(now_ns, self._vehicle_time(now_ns)))
 
     def wants_tick(self, now_ns: int) -> bool:
         """Is it time for the next tick?"""
-        if self._last_fact is None:
+        if self._newest is None:
             return False
-        silent = now_ns - self._last_fact[0]
-        return SILENCE_NS <= silent <= BLIND_NS and now_ns - self._last_tick_ns >= TICK_NS
+        silent = now_ns - self._newest.receive_time_ns
+        return SILENCE_NS <= silent <= BLIND_NS and now_ns - self._ticked_ns >= TICK_NS
 
     def status(self, now_ns: int, backlog: int, drops: int) -> list[Rows]:
         """The health topic, once a second."""
-        if now_ns // SECOND <= self._reported_s:
+        second = now_ns // SECOND
+        if 0 <= self._reported_s - second <= 1:  # receipts of two links may change places
             return []
-        self._reported_s = now_ns // SECOND
+        self._reported_s = second
         row = self.health.row(now_ns, backlog, drops)
         payload = encode("health", row)
         assert payload is not None
         times = np.array([row["vehicle_time_ns"]], np.int64), np.array([now_ns], np.int64)
-        return [Rows("health", *times, [payload])]
+        return [Rows("health", *times, [payload]), *self._rest(now_ns)]
 
     def say(self, kind: str, severity: str, says: str, now_ns: int) -> list[Rows]:
         """An event of the gateway's own, at a moment on the receiver's clock."""
-        vehicle = now_ns
-        if self._last_fact is not None:
-            vehicle = self._last_fact[1] + now_ns - self._last_fact[0]
+        vehicle = self._vehicle_time(now_ns)
         return [event_rows([Happening(vehicle, now_ns, kind, severity, says)])]
 
     @property
@@ -99,13 +112,21 @@ class LiveBoat:
 
     def rebooted(self) -> bool:
         """Did the autopilot boot again since this was last asked?"""
-        reboots = self._hearing.decoder.clock.report().reboots
+        reboots = int(self._hearing.decoder.clock.state[S.REBOOTS])
         new, self._reboots = reboots > self._reboots, reboots
+        if new:
+            self.health.rebooted()
         return new
 
+    def _note(self, feed: Feed, receive_time_ns: int) -> None:
+        """Facts came: no silence any more."""
+        newest = int(feed.vehicle_time_ns.max())
+        if self._newest is not None:
+            newest = max(newest, self._newest.vehicle_time_ns)
+        self._newest = Newest(receive_time_ns, newest)
+        self._ticked_ns, self._resting = 0, False
+
     def _advance(self, feed: Feed) -> Spoken:
-        if not len(feed):
-            return Spoken([])
         self._state, out, filtered = self._path.advance(self._state, feed)
         self.health.filtered(filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1]))
         self._watchman, happened = self._watchman.observe(feed, filtered, out)
@@ -113,4 +134,27 @@ class LiveBoat:
         rows = topic_rows(out, self._hearing.origin) if len(out) else []
         if happened or unusual:
             rows.append(event_rows([*happened, *unusual]))
-        return Spoken(rows, out)
+        return Spoken(rows, [out])
+
+    def _learn(self) -> None:
+        """What the autopilot's parameters tell the filter, from here on."""
+        if self._hearing.parameters != self._parameters:
+            self._parameters = self._hearing.parameters
+            self._path = copy(self._path)  # it is shared with other boats
+            self._path.estimator = Estimator(self._settings.told_by(self._parameters))
+
+    def _vehicle_time(self, now_ns: int) -> int:
+        """The boat's time at a moment on the receiver's clock, as far as that is known."""
+        if self._newest is None:
+            return now_ns
+        return self._newest.vehicle_time_ns + now_ns - self._newest.receive_time_ns
+
+    def _rest(self, now_ns: int) -> list[Rows]:
+        """Said once when the silence has become too long to run on."""
+        if self._newest is None or now_ns - self._newest.receive_time_ns <= BLIND_NS:
+            return []
+        if self._resting:
+            return []
+        self._resting = True
+        says = f"nothing of the boat for {BLIND_S:.0f} s: the shadow stands still until it is back"
+        return self.say("shadow_rests", "warning", says, now_ns)

@@ -5,20 +5,46 @@ from dataclasses import dataclass, field
 
 from gateway.estimation.estimator import Rows
 from gateway.estimation.names import Flag
+from gateway.ingest.continuity import LATE
 from gateway.pipelines.health import SECOND, WINDOW_S
 from gateway.topics import RATED
 
 WINDOW_NS = WINDOW_S * SECOND
+REFUSED, GATED = int(Flag.REFUSED), int(Flag.GATED)
 LABEL = {name: label for label, names in RATED.items() for name in names}
+
+
+@dataclass
+class Numbers:
+    """Sequence numbers of one component, as links lose, double and reorder them."""
+
+    newest: int  # without wraps
+    missing: set[int] = field(default_factory=set)
+
+    def heard(self, sequence: int) -> int:
+        """A frame's number -> how many more are lost since; −1 where a lost one came after all."""
+        step = (sequence - self.newest + LATE) % 256 - LATE
+        if step <= 0:
+            found = self.newest + step in self.missing
+            self.missing.discard(self.newest + step)
+            return -1 if found else 0
+        self.missing |= set(range(self.newest + 1, self.newest + step))
+        self.newest += step
+        if len(self.missing) > LATE:  # what is older never counts as late
+            self.missing = {number for number in self.missing if number > self.newest - LATE}
+        return step - 1
 
 
 @dataclass
 class LiveHealth:
     """Counts what passes; `row` says how things stood over the last seconds."""
 
-    seen: deque[tuple[int, str, int]] = field(default_factory=deque)  # receipt, name, lost
+    heard_ns: int = 0  # receipt of the last frame
+    seen: deque[tuple[int, str]] = field(default_factory=deque)  # receipt, name
+    lost: deque[tuple[int, int]] = field(default_factory=deque)  # receipt, frames lost
     offsets: deque[tuple[int, int]] = field(default_factory=deque)  # receipt, receipt − boat time
-    sequence: dict[int, int] = field(default_factory=dict)  # component -> its last number
+    numbers: dict[int, Numbers] = field(default_factory=dict)  # by component
+    offset_ns: int = 0
     nis: float = 0.0
     used: int = 0
     late: int = 0
@@ -27,48 +53,55 @@ class LiveHealth:
 
     def frame(self, receive_ns: int, name: str, component: int, sequence: int) -> None:
         """A frame of the boat came in."""
-        gap = (sequence - self.sequence.get(component, sequence - 1) - 1) % 256
-        self.sequence[component] = sequence
-        self.seen.append((receive_ns, name, gap if gap < 128 else 0))
+        known = self.numbers.setdefault(component, Numbers(sequence - 1))
+        self.heard_ns = receive_ns
+        self.seen.append((receive_ns, name))
+        if lost := known.heard(sequence):
+            self.lost.append((receive_ns, lost))
 
     def filtered(self, rows: Rows, receive_ns: int, vehicle_ns: int) -> None:
         """What the filter said of a datagram's facts."""
-        mine = rows.used > 0
-        self.nis += float(rows.nis[mine].sum())
-        self.used += int(rows.used.sum())
-        self.late += int(rows.has(Flag.REFUSED).sum())
-        self.gated += int(rows.has(Flag.GATED).sum())
+        for nis, used, flags in zip(
+            rows.nis.tolist(), rows.used.tolist(), rows.flags.tolist(), strict=True
+        ):
+            self.nis += nis if used else 0.0
+            self.used += used
+            self.late += flags & REFUSED != 0
+            self.gated += flags & GATED != 0
         self.offsets.append((receive_ns, receive_ns - vehicle_ns))
 
     def late_by(self, delay_ns: int) -> None:
         """So long after receipt an estimate had gone out."""
         self.lateness_ns = max(self.lateness_ns, delay_ns)
 
+    def rebooted(self) -> None:
+        """The boat counts its frames anew: that is no loss."""
+        self.numbers.clear()
+        self.lost.clear()
+
     def rates_hz(self) -> dict[str, float]:
         """Rates at which messages came over the last seconds."""
-        counts = Counter(name for _, name, _ in self.seen)
+        counts = Counter(name for _, name in self.seen)
         return {name: count / WINDOW_S for name, count in counts.items()}
 
     def row(self, now_ns: int, backlog: int, drops: int) -> dict[str, float | int]:
         """The health topic at a moment; NIS and lateness start anew."""
-        age = (now_ns - self.seen[-1][0]) / SECOND if self.seen else 0.0
-        for window in (self.seen, self.offsets):
-            while window and window[0][0] < now_ns - WINDOW_NS:
-                window.popleft()  # type: ignore[attr-defined]
+        for window in (self.seen, self.lost, self.offsets):
+            _forget(window, now_ns)
         rates = dict.fromkeys(RATED, 0.0)
-        for _, name, _ in self.seen:
+        for name, rate in self.rates_hz().items():
             if name in LABEL:
-                rates[LABEL[name]] += 1.0 / WINDOW_S
-        lost = sum(gap for _, _, gap in self.seen)
-        offset = min((o for _, o in self.offsets), default=0)
+                rates[LABEL[name]] += rate
+        lost = max(sum(count for _, count in self.lost), 0)
+        self.offset_ns = min((offset for _, offset in self.offsets), default=self.offset_ns)
         row: dict[str, float | int] = {
-            "vehicle_time_ns": now_ns - offset,
+            "vehicle_time_ns": now_ns - self.offset_ns,
             "receive_time_ns": now_ns,
-            "link_age_s": age,
+            "link_age_s": max(now_ns - self.heard_ns, 0) / SECOND,
             "rate_hz": len(self.seen) / WINDOW_S,
             **{f"rate_{label}_hz": rate for label, rate in rates.items()},
             "loss": lost / max(lost + len(self.seen), 1),
-            "clock_offset_s": offset / SECOND,
+            "clock_offset_s": self.offset_ns / SECOND,
             "nis": self.nis / max(self.used, 1),
             "loop_lateness_s": self.lateness_ns / SECOND,
             "late": self.late,
@@ -78,3 +111,9 @@ class LiveHealth:
         }
         self.nis, self.used, self.lateness_ns = 0.0, 0, 0
         return row
+
+
+def _forget(window: deque[tuple[int, int]] | deque[tuple[int, str]], now_ns: int) -> None:
+    """What is older than the window; or of the time before the clock was set back."""
+    while window and not now_ns - WINDOW_NS <= window[0][0] <= now_ns + SECOND:
+        window.popleft()

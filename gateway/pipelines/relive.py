@@ -5,19 +5,23 @@ said can be reproduced to the last bit.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gateway.config import Settings
+from gateway.errors import BadInput
 from gateway.links.items import Datagram, Frame
 from gateway.messages import Rows
-from gateway.pipelines.fleet import Fleet, Said
+from gateway.pipelines.fleet import BoatPlan, Fleet, Said
 from gateway.pipelines.path import Shadowing
 from gateway.recording import TICK_LINK, RawFrames, Recording
 
 LIVE = "live"  # metadata of a recording whose frames and ticks reproduce what ran
+ABOUT = "shadow"
 
 
 class Moment(NamedTuple):
@@ -29,9 +33,25 @@ class Moment(NamedTuple):
     end: int
 
 
+class Relived(NamedTuple):
+    """What one input led to: messages, rows of the path, and the frames that it was made of."""
+
+    rows: list[Rows]
+    outs: list[Shadowing]
+    frames: slice
+
+
 def ran_live(recording: Recording) -> bool:
     """Was it made by `shadow live`?"""
-    return LIVE in recording.metadata.get("shadow", {})
+    return LIVE in recording.metadata.get(ABOUT, {})
+
+
+def fleet_of(recording: Recording, plan: BoatPlan, settings: Settings) -> Fleet:
+    """A fleet that shadows the boat of that recording, whoever else is heard in it."""
+    if not ran_live(recording):
+        raise BadInput(f"{recording.path}: not a recording of `shadow live`: replay it as a log")
+    system = int(recording.metadata[ABOUT]["system"])
+    return Fleet([replace(plan, system=system)], settings)
 
 
 def moments(raw: RawFrames) -> Iterator[Moment]:
@@ -44,16 +64,17 @@ def moments(raw: RawFrames) -> Iterator[Moment]:
         at += count
 
 
-def relived(fleet: Fleet, path: Path) -> Iterator[tuple[Shadowing, list[Rows], slice]]:
-    """Moment by moment: what went out, and which frames of the recording it followed from."""
+def relived(fleet: Fleet, path: Path) -> Iterator[Relived]:
+    """Moment by moment; a recording in several parts is one after another, with one fleet."""
     raw = Recording.open(path).raw()
     frames, decoder = raw.frames(), dialect.MAVLink(None)
     for moment in moments(raw):
-        for said in _said(fleet, moment, frames[moment.start : moment.end], decoder):
-            health = said.boat.status(moment.receive_time_ns, 0, 0)
-            if said.spoken.out is not None:
-                rows = [*said.spoken.rows, *health]
-                yield said.spoken.out, rows, slice(moment.start, moment.end)
+        part = slice(moment.start, moment.end)
+        rows, outs = list[Rows](), list[Shadowing]()
+        for said in _said(fleet, moment, frames[part], decoder):
+            rows += [*said.spoken.rows, *said.boat.status(moment.receive_time_ns, 0, 0)]
+            outs += said.spoken.outs
+        yield Relived(rows, outs, part)
 
 
 def _said(fleet: Fleet, moment: Moment, frames: list[bytes], decoder: Any) -> list[Said]:

@@ -1,0 +1,66 @@
+"""What the loop says to boats, which is little: requests for message rates over each link.
+
+Only boats that are shadowed are asked. Times are those of a clock that never steps.
+"""
+
+from collections.abc import Iterable
+
+from gateway.links.conversation import Address, Answer
+from gateway.links.items import Datagram
+from gateway.links.link import Link
+from gateway.links.requests import Requests
+from gateway.links.voice import Identity
+from gateway.pipelines.health import SECOND
+from gateway.pipelines.live_boat import LiveBoat
+
+OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are held against those asked for
+
+
+class Asking:
+    """The requests of all links."""
+
+    def __init__(self, links: Iterable[Link], identity: Identity | None) -> None:
+        self._links = {link.name: link for link in links}
+        self._requests = {
+            link.name: Requests(identity, announce=link.announces) for link in self._links.values()
+        }
+        self._observed_ns = 0
+
+    def listen(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        """What boats say that concerns our requests: who they are, and their answers."""
+        if datagram.link not in self._requests:
+            return
+        addresses = {boat.address for boat in boats}
+        for frame in datagram.frames:
+            m = frame.message
+            if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK"):
+                continue
+            if (m.get_srcSystem(), m.get_srcComponent()) in addresses:
+                requests = self._requests[datagram.link]
+                self._requests[datagram.link] = requests.take(m, now_ns)
+
+    def rebooted(self, boat: LiveBoat, now_ns: int) -> None:
+        """It has forgotten what it had accepted."""
+        for name, requests in self._requests.items():
+            self._requests[name] = requests.rebooted(Address(*boat.address), now_ns)
+
+    def due(self, boats: Iterable[LiveBoat], now_ns: int) -> list[Answer]:
+        """Say what is to be said by now -> what came of earlier requests."""
+        if now_ns - self._observed_ns >= OBSERVE_NS:
+            self._observed_ns = now_ns
+            self._observe(boats, now_ns)
+        answers: list[Answer] = []
+        for name, requests in self._requests.items():
+            if (at := requests.next_ns) is not None and now_ns >= at:
+                said = requests.due(now_ns)
+                self._requests[name] = said.requests
+                answers += said.answers
+                for message in said.messages:
+                    self._links[name].say(message)
+        return answers
+
+    def _observe(self, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        for boat in boats:
+            rates = boat.health.rates_hz()
+            for name, requests in self._requests.items():
+                self._requests[name] = requests.observed(Address(*boat.address), rates, now_ns)

@@ -1,0 +1,59 @@
+"""`shadow live` as a program: which vessel for which boat, and how it ends."""
+
+import gc
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+from gateway.errors import BadInput
+from gateway.pipelines.fleet import BoatPlan
+from gateway.pipelines.live import Gateway, LiveOptions
+from gateway.vessel_file import load_vessel
+from sim.effects.effect import Effect
+
+# Python lets a thread that is busy keep the interpreter for so long when another one wants it: the
+# recorder, when a datagram comes. The default is 5 ms.
+SWITCH_S = 0.0005
+
+
+def plans_of(
+    vessels: Sequence[str], plant: Path | None, name: str | None, effects: Sequence[Effect]
+) -> list[BoatPlan]:
+    """What `--vessel FILE` and `--vessel SYSID=FILE` say -> which vessel shadows which boat."""
+    own = None if plant is None else load_vessel(plant, effects)
+    plans = []
+    for text in vessels:
+        number, _, file = text.rpartition("=")
+        if number and not (number.isdigit() and 1 <= int(number) <= 254):
+            raise BadInput(f"--vessel {text}: expected FILE or SYSID=FILE, SYSID 1 to 254")
+        system = int(number) if number else None
+        key = name if name is None or len(vessels) == 1 else f"{name}-{number or 'any'}"
+        plans.append(BoatPlan(load_vessel(file, effects), own, system, key))
+    systems = [plan.system for plan in plans]
+    if len(set(systems)) < len(systems):
+        raise BadInput("--vessel: two vessels for one boat; give SYSID=FILE for each boat")
+    return plans
+
+
+def run_until_stopped(
+    plans: Sequence[BoatPlan], options: LiveOptions, tell: Callable[[str], None]
+) -> None:
+    """Run until SIGINT or SIGTERM; then everything is finished cleanly."""
+    stop = Event()
+
+    def ask_to_stop(number: int, _: Any) -> None:
+        stop.set()
+        signal.signal(number, signal.SIG_DFL)  # whoever asks twice does not want to wait
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, ask_to_stop)
+    sys.setswitchinterval(SWITCH_S)
+    with Gateway(plans, options, tell) as gateway:
+        gc.collect()
+        gc.freeze()  # what was loaded by now stays: no need to look through it again and again
+        tell(f"listening on {', '.join(options.endpoints)}; Ctrl-C ends")
+        gateway.run(stop)
+    tell("finished")
