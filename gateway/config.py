@@ -64,7 +64,7 @@ class ZenohSettings:
 class FollowingSettings:
     """Table `[following]`: what the shadow follows, how, and how often it goes out."""
 
-    reference: Mode = Mode.MEASURED
+    reference: Mode = Mode.AUTO
     rate_hz: float = 50.0
     follower: Following = field(default_factory=Following)
 
