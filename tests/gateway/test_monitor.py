@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from gateway.bus import Bus, BusSettings
+from gateway.bus import Bus, BusSettings, open_session
 from gateway.monitor.joining import join
 from gateway.monitor.picture import Latest, VesselPicture, decode
 from gateway.monitor.watcher import Watcher
@@ -290,6 +290,21 @@ def test_a_watcher_survives_what_others_publish_under_its_keys(endpoint: str) ->
             wait(lambda: sum(len(p.events) for p in watcher.pictures()) == 2)
             names = {p.name for p in watcher.pictures()}
     assert names == {"otter", "?[2J"}
+
+
+def test_a_vessel_that_only_answers_is_asked(endpoint: str) -> None:
+    key, payload = "shadow/otter/measured", some_message("measured")
+    with open_session(BusSettings(endpoint)) as quiet:
+        answer = quiet.declare_queryable(key, lambda query: query.reply(key, payload))
+        alive = quiet.liveliness().declare_token("shadow/otter/alive")
+        session = wait(lambda: join(endpoint, None))
+        with session, Watcher(session) as watcher:
+            found = wait(lambda: [p for p in watcher.pictures() if p.latest])
+        alive.undeclare()
+        answer.undeclare()
+    assert found[0].alive
+    assert found[0].message("measured") == json.loads(payload)
+    assert found[0].age_s() is None
 
 
 def test_the_example_in_twenty_lines_works(endpoint: str) -> None:
