@@ -147,9 +147,12 @@ class _Channel:
                 self._send()
 
     def _answer(self, query: Any) -> None:
-        with query, self._lock:
-            if self._last is not None:
-                query.reply(self._key, self._bytes(), encoding=self._encoding)
+        """Reply outside of the lock: replies wait for an asker that does not read."""
+        with self._lock:
+            payload = None if self._last is None else self._bytes()
+        with query:
+            if payload is not None:
+                query.reply(self._key, payload, encoding=self._encoding)
 
 
 class Bus:

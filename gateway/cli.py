@@ -119,7 +119,8 @@ def replay(
     from gateway.pipelines import replay as work
     from gateway.show.replay import replays_dict, show_replay
 
-    settings = _settings(config, reference, publish)
+    recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
+    settings = _settings(config, reference, publish, recorded)
     if speed not in ("1", "max"):
         raise BadInput(f"--speed {speed}: expected 1 or max")
     boat, own = _vessel(vessel, effects), _vessel(plant, effects) if plant else None
@@ -168,7 +169,7 @@ def live(
     from gateway.pipelines.live import LiveOptions
     from gateway.pipelines.run_live import plans_of, run_until_stopped
 
-    settings = _settings(config, reference or "auto", publish)
+    settings = _settings(config, reference, publish)
     plans = plans_of(vessel, plant, name, _effects(effects))
     options = LiveOptions(tuple(endpoints), out if record else None, silent, signing_key, settings)
     run_until_stopped(plans, options, _tell)
@@ -349,12 +350,14 @@ def _effects(files: list[Path] | None) -> list[Any]:
     return [effect for file in files or [] for effect in load_effects(file)]
 
 
-def _settings(config: Path | None, reference: str | None, publish: bool | None) -> Any:
-    """The configuration file with what the flags say on top."""
+def _settings(
+    config: Path | None, reference: str | None, publish: bool | None, recorded: Any = None
+) -> Any:
+    """What the flags say, over the configuration file, over what a recording was made with."""
     from gateway.config import load_settings
     from sim.following.reference import Mode
 
-    settings = load_settings(config)
+    settings = recorded or load_settings(config)
     if reference is not None:
         if reference not in set(Mode):
             raise BadInput(f"--reference {reference}: expected {', '.join(Mode)}")

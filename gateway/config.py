@@ -107,15 +107,21 @@ def load_settings(path: str | Path | None) -> Settings:
     file = Path(path)
     try:
         tables = tomllib.loads(file.read_text(encoding="utf-8"))
-        return checked(_CHECKED, _over(as_tables(Settings()), tables))
-    except ValidationError as error:
-        raise BadInput(f"{file}: {explain(error)}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInput(f"{file}: not a TOML file: {error}") from None
-    except BadInput as error:
-        raise BadInput(f"{file}: {error}") from None
     except OSError as error:
         raise BadInput(f"{file}: cannot read the configuration: {error.strerror}") from None
+    return settings_of(tables, str(file))
+
+
+def settings_of(tables: dict[str, Any], where: str) -> Settings:
+    """Tables over the defaults, checked; `where` they stand goes into the message."""
+    try:
+        return checked(_CHECKED, _over(as_tables(Settings()), tables))
+    except ValidationError as error:
+        raise BadInput(f"{where}: {explain(error)}") from None
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
 
 
 def _over(defaults: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:

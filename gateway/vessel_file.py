@@ -300,3 +300,8 @@ def _flat(actuator: Thruster | Rudder) -> dict[str, Any]:
 def dump_vessel(vessel: Vessel, provenance: dict[str, Provenance] | None = None) -> str:
     """A vessel as the text of its file: `load_vessel` of it gives the same vessel."""
     return tomli_w.dumps(vessel_tables(vessel, provenance))
+
+
+def key_of(vessel: Vessel) -> str:
+    """The vessel's name as a key on zenoh: small letters, no blanks or special characters."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in vessel.name.lower()).strip("-")

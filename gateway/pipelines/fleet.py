@@ -14,8 +14,8 @@ from gateway.config import Settings
 from gateway.ingest.boats import Boat, from_heartbeat
 from gateway.links.items import Datagram, Frame
 from gateway.pipelines.live_boat import LiveBoat, Spoken
-from gateway.pipelines.path import ShadowPath
-from gateway.pipelines.replay import follower_of, key_of
+from gateway.pipelines.path import ShadowPath, follower_of
+from gateway.vessel_file import key_of
 from sim.following.reference import Reference
 from sim.model import Model
 from sim.vessel import Vessel

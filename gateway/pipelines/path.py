@@ -7,23 +7,28 @@ into chunks. Live gives what a datagram brought, replay a few thousand facts at 
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.errors import BadInput
 from gateway.estimation.estimator import Estimator, FilterState, Rows
 from gateway.estimation.names import Flag, Kind
 from gateway.estimation.settings import FilterSettings
+from gateway.ingest.mapping.actuators import CHANNELS as CHANNEL_COUNT
 from gateway.pipelines.feed import Feed
 from gateway.pipelines.watch import Watch, Watched, WatchState
-from sim.following.follower import Follower
+from sim.following.follower import Follower, VesselFollower
+from sim.following.options import Following
 from sim.following.reference import Reference, ReferenceState
 from sim.model import Model
 from sim.state import Floats
 
 STALE_S = 1.0  # without a fact for this long, telemetry is not fresh …
 LOST_S = 5.0  # … nor without heading, or without velocity and position, for this long
+CHANNELS = range(1, CHANNEL_COUNT + 1)
 MEMORY_S = 15.0  # how far back commands are remembered, for those that act late
 
 
@@ -55,12 +60,21 @@ class News(NamedTuple):
 
 
 NOTHING = News()
+USED, VALID, BROKEN = int(Flag.USED), int(Flag.VALID), int(Flag.JUMP | Flag.RESTART)
 MOTION = (Kind.VELOCITY, Kind.BODY_VELOCITY, Kind.POSITION)
 
 
 def discontinuous(feed: Feed, rows: Rows) -> NDArray[np.bool_]:
     """Where heading, velocity or position jumped (K,). A turn rate that does is a sharp turn."""
     return np.asarray(rows.has(Flag.JUMP) & (feed.events.kind != Kind.YAW_RATE))
+
+
+def _broken(feed: Feed, rows: Rows) -> list[bool]:
+    """Where motion did not lead to the row, or the filter began anew; empty: nowhere."""
+    if not (rows.flags & BROKEN).any():
+        return []
+    broken: list[bool] = (discontinuous(feed, rows) | rows.has(Flag.RESTART)).tolist()
+    return broken
 
 
 @dataclass(frozen=True)
@@ -104,6 +118,16 @@ class Shadowing:
     def __len__(self) -> int:
         return len(self.row)
 
+    @classmethod
+    def none(cls, horizons: int) -> "Shadowing":
+        """No row at all."""
+        number, motion, force = np.zeros(0, np.int64), np.zeros((0, 9)), np.zeros((0, 3))
+        flag = np.zeros(0, np.bool_)
+        return cls(
+            number, np.zeros(0), number, number, motion, motion, flag, flag, motion, flag, motion,
+            force, flag, Watched(force, force, force, np.zeros((0, 3 * horizons))),
+        )  # fmt: skip
+
 
 class ShadowPath:
     """Estimator, reference, follower and watch in a row. Holds settings, no state."""
@@ -122,6 +146,8 @@ class ShadowPath:
         self.follower = follower
         self.watch = Watch(model)
         self.shortest_s = 0.9 / rate_hz
+        self._nothing = Shadowing.none(len(self.watch.horizons))
+        self._commanded = lru_cache(maxsize=64)(self._commanded_by)
 
     def start(self) -> PathState:
         """Nothing seen yet."""
@@ -134,11 +160,18 @@ class ShadowPath:
             np.zeros((0, self.model.actuator_count)),
         )
 
-    def advance(self, state: PathState, feed: Feed) -> tuple[PathState, Shadowing, Rows]:
-        """Take in K facts -> the state after them, the rows that go out, the filter's rows."""
-        kept, rows = self.estimator.advance(state.filter, feed.events, covariance=True)
+    def advance(
+        self, state: PathState, feed: Feed, spend: bool = False
+    ) -> tuple[PathState, Shadowing, Rows]:
+        """Take in K facts -> the state after them, the rows that go out, the filter's rows.
+
+        `spend`: the caller has no more use for `state`, see `Estimator.advance`.
+        """
+        kept, rows = self.estimator.advance(state.filter, feed.events, True, spend)
         state = replace(state, filter=kept)
         state, chosen, fresh, jumped = self._choose(state, feed, rows)
+        if not len(chosen):
+            return state, self._nothing, rows
         times, estimate = rows.time_s[chosen], rows.motion[chosen]
         voltage, wind = feed.voltage[chosen], feed.wind[chosen]
         state, commands = self._commands(state, times, feed.pulses[chosen])
@@ -183,27 +216,35 @@ class ShadowPath:
         -> state, rows (K,), and for each whether telemetry is fresh and whether it jumped.
         """
         published, news, jumped = state.published, state.news, state.jumped
-        kinds = feed.events.kind.tolist()
-        good, taken = rows.has(Flag.VALID), rows.has(Flag.USED)
-        broken = discontinuous(feed, rows) | rows.has(Flag.RESTART)
+        kinds, complete = feed.events.kind.tolist(), feed.complete.tolist()
+        flags, broken = rows.flags.tolist(), _broken(feed, rows)
         out: list[tuple[int, bool, bool]] = []
         for k, time in enumerate(rows.time_s.tolist()):
-            news = news.heard(time, kinds[k]) if taken[k] else news
-            if broken[k]:
+            news = news.heard(time, kinds[k]) if flags[k] & USED else news
+            if broken and broken[k]:
                 jumped = True
                 published = min(published, time - self.shortest_s)
-            if good[k] and feed.complete[k] and time - published >= self.shortest_s:
+            if flags[k] & VALID and complete[k] and time - published >= self.shortest_s:
                 out.append((k, news.fresh(time), jumped))
                 published, jumped = time, False
         table = np.array(out, dtype=np.int64).reshape(-1, 3)
         state = replace(state, published=published, news=news, jumped=jumped)
         return state, table[:, 0], table[:, 1].astype(bool), table[:, 2].astype(bool)
 
+    def _commanded_by(self, pulses: bytes) -> Floats:
+        """Pulses of one row -> commands (1, na)."""
+        commands = self.model.vessel.commands(CHANNELS, np.frombuffer(pulses)[np.newaxis])
+        commands.flags.writeable = False
+        return commands
+
     def _commands(
         self, state: PathState, times: Floats, pulses: Floats
     ) -> tuple[PathState, Floats]:
         """Commands (K, na) that act at each row: the latest ones, or as late as the vessel says."""
-        commands = self.model.vessel.commands(range(1, pulses.shape[1] + 1), pulses)
+        if len(pulses) == 1:  # live: the same pulses stand for some rows
+            commands = self._commanded(pulses.tobytes())
+        else:
+            commands = self.model.vessel.commands(CHANNELS, pulses)
         delay = self.model.delay
         if delay <= 0.0:
             return state, commands
@@ -213,3 +254,11 @@ class ShadowPath:
         acting = tape[np.maximum(at, 0)]
         recent = tape_times > (times[-1] if len(times) else -np.inf) - MEMORY_S
         return replace(state, tape_times=tape_times[recent], tape_commands=tape[recent]), acting
+
+
+def follower_of(plant: Model, options: Following) -> VesselFollower:
+    """Follow with that plant; one line where its thrusters cannot, and limits are asked for."""
+    try:
+        return VesselFollower.of(plant, options)
+    except ValueError as error:
+        raise BadInput(f"{plant.vessel.name}: {error}") from None

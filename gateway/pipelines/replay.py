@@ -5,18 +5,22 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import orjson
+from numpy.typing import NDArray
 
 from gateway.bus import Bus
-from gateway.config import Settings, as_tables
+from gateway.config import Settings, as_tables, settings_of
 from gateway.errors import BadInput
 from gateway.ingest.boats import choose_boat
 from gateway.ingest.decoding import Decoded, decode
 from gateway.ingest.earth import Origin
+from gateway.ingest.files import MCAP_MAGIC
 from gateway.ingest.frames import Frames
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.open import open_log
@@ -25,16 +29,17 @@ from gateway.ingest.sources import choose
 from gateway.messages import Rows
 from gateway.pipelines.events import origin_of
 from gateway.pipelines.feed import Feed, feed_of
+from gateway.pipelines.fleet import BoatPlan
 from gateway.pipelines.happenings import Watchman
 from gateway.pipelines.health import HealthMeter
-from gateway.pipelines.path import Shadowing, ShadowPath
+from gateway.pipelines.path import Shadowing, ShadowPath, follower_of
+from gateway.pipelines.relive import ABOUT, LIVE, fleet_of, ran_live, relived
 from gateway.pipelines.rows import event_rows, topic_rows
 from gateway.recorder import Recorder
+from gateway.recording import Recording
 from gateway.recording_file import Attachment
-from gateway.vessel_file import dump_vessel
+from gateway.vessel_file import dump_vessel, key_of
 from sim.effects.catalogue import EFFECTS
-from sim.following.follower import VesselFollower
-from sim.following.options import Following
 from sim.following.reference import Reference
 from sim.model import Model
 from sim.state import Floats
@@ -107,6 +112,15 @@ def material_of(log: Log, options: ReplayOptions) -> Material:
     )
 
 
+def recorded_settings(log_path: Path) -> Settings | None:
+    """The configuration that a recording of ours was made with; None for any other log."""
+    with log_path.open("rb") as file:
+        if file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+            return None
+    attached = Recording.open(log_path).attachments.get("config.json")
+    return None if attached is None else settings_of(orjson.loads(attached.data), str(log_path))
+
+
 def told_apart(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayOptions]:
     """Options for each of several logs: those with one name (.tlog, .BIN) get two recordings."""
     seen: Counter[str] = Counter()
@@ -139,33 +153,45 @@ def replay(
     )
     name = options.name or key_of(vessel)
     started, tally = time.monotonic(), Tally()
+    again = material.log.kind == "mcap" and ran_live(Recording.open(Path(log_path)))
+    if again:
+        plan = BoatPlan(vessel, plant, name=name)
+        recording = Recording.open(Path(log_path))
+        steps = _ran_again(recording, plan, options.settings, options.realtime, progress)
+    else:
+        steps = _shadowed(path, material, options.realtime, progress)
     with ExitStack() as scope:
-        sinks = _sinks(scope, material, vessels_of(vessel, plant), name, options)
-        for out, rows, raw in _shadowed(path, material, options.realtime, progress):
-            tally.add(out, rows)
-            sinks.write(rows, raw)
+        sinks = _sinks(scope, material, vessels_of(vessel, plant), name, again, options)
+        for step in steps:
+            for out in step.outs:
+                tally.add(out)
+            tally.count_events(step.rows)
+            sinks.write(step.rows, step.raw)
     if not tally.count:
         raise BadInput(f"{log_path}: the filter never found heading and velocity together")
     return tally.summary(material, time.monotonic() - started, sinks.files())
 
 
-def follower_of(plant: Model, options: Following) -> VesselFollower:
-    """Follow with that plant; one line where its thrusters cannot, and limits are asked for."""
-    try:
-        return VesselFollower.of(plant, options)
-    except ValueError as error:
-        raise BadInput(f"{plant.vessel.name}: {error}") from None
+class RawPart(NamedTuple):
+    """Frames of one link as they came, with their receipts."""
+
+    link: str
+    frames: list[bytes]
+    receive_time_ns: Sequence[int] | NDArray[np.int64]
 
 
-def key_of(vessel: Vessel) -> str:
-    """The vessel's name as a key on zenoh: small letters, no blanks or special characters."""
-    return "".join(c if c.isalnum() or c in "-_" else "-" for c in vessel.name.lower()).strip("-")
+class Step(NamedTuple):
+    """What some inputs led to, and what makes the frames that they were, where these are wanted."""
+
+    outs: list[Shadowing]
+    rows: list[Rows]
+    raw: Callable[[], RawPart]
 
 
 def _shadowed(
     path: ShadowPath, material: Material, realtime: bool, progress: Progress
-) -> Iterator[tuple[Shadowing, list[Rows], slice]]:
-    """Chunk by chunk: what went out, as messages, and which raw frames had come in by then."""
+) -> Iterator[Step]:
+    """A log, chunk by chunk."""
     state, watchman = path.start(), Watchman()
     meter = HealthMeter.of_log(material.log, material.decoded)
     feed, frames = material.feed, _frames(material.log)
@@ -178,9 +204,33 @@ def _shadowed(
         rows += [event_rows(happened), meter.advance(chunk.receive_time_ns, filtered)]
         last = end == len(feed)
         upto = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0
-        yield out, rows, slice(seen, max(seen, upto))
+        yield Step([out], rows, partial(_part_of, frames, seen, max(seen, upto)))
         begun, seen = end, max(seen, upto)
         progress(end / len(feed))
+
+
+def _part_of(frames: Frames | tuple[()], start: int, end: int) -> RawPart:
+    if not frames:
+        return RawPart("", [], [])
+    raw = [frames.raw(i) for i in range(start, end)]
+    return RawPart("", raw, frames.receive_time_ns[start:end])
+
+
+def _ran_again(
+    recording: Recording, plan: BoatPlan, settings: Settings, realtime: bool, progress: Progress
+) -> Iterator[Step]:
+    """A recording of `shadow live`: the same inputs in the same order give the same shadow."""
+    raw = recording.raw()
+    begun_ns, started = int(raw.receive_time_ns[0]), time.monotonic()
+    for one in relived(fleet_of(recording, plan, settings), recording.path):
+        k = one.frames.start
+        if realtime:
+            due = started + (int(raw.receive_time_ns[k]) - begun_ns) * 1e-9
+            time.sleep(max(0.0, due - time.monotonic()))
+        frames = [raw.data[raw.start[i] : raw.end[i]] for i in range(k, one.frames.stop)]
+        link, receipts = raw.links[raw.link[k]], raw.receive_time_ns[one.frames]
+        yield Step(one.outs, one.rows, partial(RawPart, link, frames, receipts))
+        progress(one.frames.stop / len(raw))
 
 
 def _paced(feed: Feed, chunk_s: float, realtime: bool) -> Iterator[int]:
@@ -209,13 +259,11 @@ class Sinks:
     recorder: Recorder | None
     bus: Bus | None
 
-    def write(self, rows: list[Rows], raw: slice) -> None:
+    def write(self, rows: list[Rows], raw: Callable[[], RawPart]) -> None:
         """Raw frames first: they came in before what followed from them."""
-        frames = _frames(self.material.log)
-        if self.recorder is not None and frames and raw.stop > raw.start:
-            self.recorder.write_raw(
-                [frames.raw(i) for i in range(raw.start, raw.stop)], frames.receive_time_ns[raw]
-            )
+        if self.recorder is not None:
+            heard = raw()
+            self.recorder.write_raw(heard.frames, heard.receive_time_ns, link=heard.link)
         for part in rows:
             if self.recorder is not None:
                 self.recorder.write_rows(*part)
@@ -247,6 +295,7 @@ def _sinks(
     material: Material,
     vessels: list[Attachment],
     name: str,
+    again: bool,
     options: ReplayOptions,
 ) -> Sinks:
     recorder = bus = None
@@ -260,7 +309,7 @@ def _sinks(
                     *vessels,
                     Attachment("config.json", "application/json", config),
                 ],
-                metadata={"shadow": _about(material, name)},
+                metadata={ABOUT: _about(material, name, again)},
                 settings=options.settings.recording,
             )
         )
@@ -271,13 +320,14 @@ def _sinks(
     return Sinks(material, recorder, bus)
 
 
-def _about(material: Material, name: str) -> dict[str, str]:
-    return {
+def _about(material: Material, name: str, again: bool) -> dict[str, str]:
+    about = {
         "gateway": version("shadow-gateway"),
         "vessel": name,
         "log": Path(material.log.path).name,
         "boat": str(material.decoded.boat),
     }
+    return about | ({LIVE: "yes", "system": str(material.decoded.boat.system)} if again else {})
 
 
 def _notes(found: Statistics) -> tuple[str, ...]:
@@ -304,9 +354,12 @@ class Tally:
     first_s: float = 0.0
     last_s: float = 0.0
 
-    def add(self, out: Shadowing, rows: list[Rows]) -> None:
-        """Take in a chunk's rows."""
+    def count_events(self, rows: list[Rows]) -> None:
+        """Take in what happened."""
         self.events += sum(len(part.payloads) for part in rows if part.topic == "event")
+
+    def add(self, out: Shadowing) -> None:
+        """Take in a chunk's rows."""
         if not len(out):
             return
         self.first_s = self.first_s if self.count else float(out.time_s[0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.messages import encode_rows
-from gateway.pipelines.replay import follower_of
+from gateway.pipelines.path import follower_of
 from gateway.pipelines.rows import MOTION_FIELDS
 from gateway.recorder import Recorder
 from gateway.recording_file import Attachment

@@ -36,7 +36,10 @@ def heard(sample):
         time.sleep(3600.0)
 
 with zenoh.open(config) as session, session.declare_subscriber("shadow/**", heard):
-    time.sleep(3600.0)
+    while True:
+        if "asks" in sys.argv:
+            session.get("shadow/otter/*", lambda reply: None, timeout=3600.0)
+        time.sleep(0.05)
 """
 
 GATEWAY = """
@@ -140,6 +143,16 @@ def test_others_hear_what_is_new_while_one_is_stopped(endpoint: str) -> None:
         lines = lines_of(other)
         wait(lambda: bus.publish("event", b"fresh") or b"5\n" in lines)
         stopped.send_signal(signal.SIGCONT)
+
+
+def test_who_asks_but_does_not_read_holds_nobody_up(endpoint: str) -> None:
+    with (
+        Bus("otter", settings=BusSettings(endpoint)) as bus,
+        process(SUBSCRIBER, endpoint, "slow", "asks") as subscriber,
+    ):
+        first_line(subscriber, bus)
+        assert published_in_time(bus, BURST)
+        assert all(published_in_time(bus, len(MESSAGES)) for _ in range(50))
 
 
 def test_a_watcher_sees_a_gateway_killed_and_back(endpoint: str) -> None:

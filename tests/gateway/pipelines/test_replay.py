@@ -19,10 +19,10 @@ from gateway.bus import BusSettings, open_session
 from gateway.config import Settings, ZenohSettings, as_tables
 from gateway.effect_files import load_effects
 from gateway.errors import BadInput
-from gateway.pipelines.replay import ReplayOptions, ReplaySummary, key_of, replay, told_apart
+from gateway.pipelines.replay import ReplayOptions, ReplaySummary, replay, told_apart
 from gateway.recording import Recording
 from gateway.topics import TOPICS
-from gateway.vessel_file import load_vessel
+from gateway.vessel_file import key_of, load_vessel
 from sim.following.options import Following
 from sim.following.reference import Mode
 from sim.vessel import AddedEffect, Vessel
