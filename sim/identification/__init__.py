@@ -1,0 +1,1 @@
+"""Parameters of a vessel from trials, with intervals that hold."""

@@ -1,0 +1,41 @@
+"""How a vessel is identified: what may be chosen, in seconds and in multiples of noise."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+BASE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
+METHODS = ("shooting", "regression")
+
+
+@dataclass(frozen=True)
+class IdentifySettings:
+    """Which numbers are looked for, and how.
+
+    free       parameters of the model by name; `effect.*` frees all of an effect
+    fix        taken out of those again
+    priors     name -> relative standard deviation of what is known beforehand
+    horizons   lengths of the free runs [s], from the first, careful fit to the last
+    growth     a run is halved where an error of its start grows by more than this
+    robust     residuals beyond so many standard deviations of noise count less
+    block      length of the blocks [s] that intervals are made from
+    offsets    two small offsets in time (commands, velocities) are estimated along
+    """
+
+    free: tuple[str, ...] = BASE
+    fix: tuple[str, ...] = ()
+    priors: Mapping[str, float] = field(default_factory=dict)
+    method: str = "shooting"
+    horizons: tuple[float, ...] = (0.6, 1.0, 2.0, 4.0, 8.0)
+    growth: float = 6.0
+    robust: float = 3.0
+    block: float = 25.0
+    offsets: bool = True
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"method {self.method!r}: expected one of {', '.join(METHODS)}")
+        if not self.horizons or min(self.horizons) <= 0.0:
+            raise ValueError(f"horizons {self.horizons}: expected lengths in seconds")
+        for name, share in self.priors.items():
+            if not share > 0.0:
+                raise ValueError(f"prior of {name}: {share} is no relative standard deviation")

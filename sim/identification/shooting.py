@@ -1,0 +1,257 @@
+"""Prediction-error identification by multiple shooting.
+
+    minimise over the parameters and the start of every run
+        Σ ρ( W (measured − model(start, parameters)) )  +  priors
+
+W whitens the errors in time (`sim.identification.noise`). The starts are taken out of each step
+linearly, so that the search sees the parameters alone (variable projection: Golub and Pereyra,
+Inverse Problems 19, 2003), and are then moved to where they fit best. Runs are short at first:
+from poor parameters a long one leaves the track. Each stage starts from the motion that the one
+before found. All runs and all changes of parameters are one call of the compiled model.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from sim.diagnosis.inputs import inputs_of, motion_of
+from sim.diagnosis.prediction import memory_at
+from sim.diagnosis.ruler import scales_of
+from sim.identification.noise import Errors, Noise, estimated, starts_out, whitened
+from sim.identification.settings import IdentifySettings
+from sim.identification.tiles import STEP, Tiles, tiles_of
+from sim.identification.unknowns import Unknowns
+from sim.model import Model, Runs
+from sim.state import Floats
+from sim.trial import Trial
+
+LOST = 100.0  # scales: an error of a run that left the track
+ROUNDS = 4  # at the last horizon: starts, noise and parameters in turn
+SETTLED = 0.02  # of a parameter's standard deviation: the rounds end
+NU = slice(3, 6)
+
+
+@dataclass(frozen=True)
+class Voyage:
+    """A trial as shooting sees it: which rows count, and the motion that starts are taken from."""
+
+    number: int
+    trial: Trial
+    usable: NDArray[np.bool_]
+    track: Floats  # (T, 9) reported motion; velocities are those that the model found
+
+
+@dataclass(frozen=True)
+class Window:
+    """The runs of one voyage, with all that does not change while the parameters do.
+
+    basis  (S, n, 3, 3) of what a start explains in the whitened residuals
+    """
+
+    voyage: Voyage
+    model: Model
+    tiles: Tiles
+    within: Floats
+    memory: Floats
+    noise: Noise
+    basis: Floats
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What shooting found: z (n,), whitened residuals (N,), slopes (N, n), weights (N,), blocks.
+
+    moment  (N,) s of the trial, voyage (N,): where each residual belongs
+    """
+
+    z: Floats
+    residual: Floats
+    slope: Floats
+    weight: Floats
+    moment: Floats
+    voyage: NDArray[np.int64]
+    noise: tuple[Noise, ...]
+    voyages: tuple[Voyage, ...]
+
+
+def shoot(
+    unknowns: Unknowns,
+    trials: Sequence[Trial],
+    usable: Sequence[NDArray[np.bool_]],
+    settings: IdentifySettings,
+    start: Floats | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Shot:
+    """Parameters from trials; only rows that are `usable` count."""
+    z = unknowns.start if start is None else start
+    voyages = [
+        Voyage(i, t, rows, motion_of(t))
+        for i, (t, rows) in enumerate(zip(trials, usable, strict=True))
+    ]
+    noise = [_first_guess(trial) for trial in trials]
+    last = settings.horizons[-1]
+    for horizon in settings.horizons:
+        for _ in range(ROUNDS if horizon == last else 1):
+            tell(f"{horizon:g} s")
+            windows = [
+                _window(v, unknowns, z, n, horizon, settings.growth)
+                for v, n in zip(voyages, noise, strict=True)
+            ]
+            before, z = z, _fitted(unknowns, windows, z, settings)
+            voyages = [_moved(w, unknowns, z) for w in windows]
+            noise = [_noise(w, unknowns, z) for w in windows]
+            shift = np.abs(z - before) / np.array([u.scale for u in unknowns.each])
+            if np.all(shift < 1e-4):
+                break
+    windows = [
+        _window(v, unknowns, z, n, last, settings.growth)
+        for v, n in zip(voyages, noise, strict=True)
+    ]
+    return _shot(unknowns, windows, z, settings, tuple(voyages))
+
+
+def _first_guess(trial: Trial) -> Noise:
+    """Before anything is known: a tenth of the motion, wandering over half a second."""
+    return Noise(0.1 * scales_of(trial), np.full(3, np.exp(-trial.dt / 0.5)))
+
+
+def _window(
+    voyage: Voyage, unknowns: Unknowns, z: Floats, noise: Noise, horizon: float, growth: float
+) -> Window:
+    """Tiles, memory of the actuators and the part of the starts, at parameters z."""
+    model = replace(unknowns.model, theta=unknowns.theta(z[None], voyage.number)[0])
+    tiles = tiles_of(voyage.trial, voyage.usable, model, horizon, growth)
+    within = (np.arange(int(tiles.count.max())) < tiles.count[:, None]).astype(float)
+    memory = memory_at(model, voyage.trial, tiles.first)
+    bare = Window(voyage, model, tiles, within, memory, noise, np.zeros(0))
+    _, basis, _ = starts_out(_errors(bare, unknowns, z), noise)
+    return replace(bare, basis=basis)
+
+
+def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
+    """Runs with parameters z (K, n) and starts moved by `nudge` (K, 3) -> errors (K, S, n, 3)."""
+    K, rows = len(z), window.tiles.first
+    theta = unknowns.theta(z, window.voyage.number)
+    start = np.repeat(window.voyage.track[rows], K, axis=0)
+    if nudge is not None:
+        start[:, NU] += np.tile(nudge, (len(rows), 1))
+    x0 = np.hstack(
+        [window.model.true_states(start, theta=theta), np.repeat(window.memory, K, axis=0)]
+    )
+    runs = Runs(
+        table=np.zeros(len(start), np.int64),
+        start=np.repeat(rows, K),
+        steps=np.repeat(window.tiles.count - 1, K),
+        delay=np.tile(unknowns.offset(z, "command_offset"), len(rows)),
+    )
+    trial = window.voyage.trial
+    _, reports = window.model.run(x0, runs, inputs_of(window.model, trial), theta=theta)
+    said = reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
+    nu = said[..., NU].copy()
+    nu[..., :2] -= unknowns.offset(z, "velocity_offset")[:, None, None, None] * said[..., 6:8]
+    at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
+    limit = LOST * scales_of(trial)
+    error = np.nan_to_num(trial.nu[at] - nu, nan=np.inf)
+    return np.clip(error, -limit, limit) * window.within[..., None]
+
+
+def _errors(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
+    """Errors at z (n,) and how they hang on the starts."""
+    nudge = np.vstack([np.zeros(3), np.diag(STEP)])
+    error = run(window, unknowns, np.tile(z, (4, 1)), nudge)
+    phi = np.stack([(error[0] - error[i + 1]) / STEP[i] for i in range(3)], axis=-1)
+    return Errors(error[0], phi, window.within)
+
+
+def _projected(window: Window, error: Floats) -> Floats:
+    """Errors (K, S, n, 3) -> whitened, without what a start explains: (K, N)."""
+    w = whitened(error, window.noise) * window.within[..., None]
+    along = np.einsum("sncl,ksnc->ksl", window.basis, w, optimize=True)
+    left = w - np.einsum("sncl,ksl->ksnc", window.basis, along, optimize=True)
+    return left[:, window.within > 0].reshape(len(error), -1)
+
+
+def _residuals(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
+    """Parameters z (K, n) -> residuals (K, N), without priors."""
+    return np.concatenate([_projected(w, run(w, unknowns, z)) for w in windows], axis=1)
+
+
+def _slope(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
+    """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
+    lower, upper = unknowns.bounds
+    step = np.array([u.step for u in unknowns.each])
+    step = np.where(z + step > upper, -step, step)
+    out = []
+    for w in windows:
+        mine = unknowns.of_trial(w.voyage.number)
+        moved = np.tile(z, (len(mine) + 1, 1))
+        moved[np.arange(len(mine)) + 1, mine] += step[mine]
+        r = _projected(w, run(w, unknowns, moved))
+        part = np.zeros((r.shape[1], len(z)))
+        part[:, mine] = ((r[1:] - r[0]) / step[mine, None]).T
+        out.append(part)
+    return np.concatenate(out)
+
+
+def _fitted(
+    unknowns: Unknowns, windows: Sequence[Window], z: Floats, settings: IdentifySettings
+) -> Floats:
+    """The best z (n,) with starts and noise as they are."""
+    known = np.array([1.0 / u.prior for u in unknowns.each])
+    has_prior = known > 0.0
+
+    def residuals(z: Floats) -> Floats:
+        return np.append(_residuals(unknowns, windows, z[None])[0], unknowns.prior(z)[has_prior])
+
+    def slope(z: Floats) -> Floats:
+        return np.vstack([_slope(unknowns, windows, z), np.diag(known)[has_prior]])
+
+    lower, upper = unknowns.bounds
+    inside = np.clip(z, lower, upper)
+    found = least_squares(
+        residuals, inside, slope, bounds=(lower, upper), loss="soft_l1", f_scale=settings.robust,
+        x_scale=np.array([u.scale for u in unknowns.each]), max_nfev=15, xtol=1e-5, ftol=1e-7,
+    )  # fmt: skip
+    return np.asarray(found.x)
+
+
+def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
+    """The voyage with its motion where the model found it: starts of the next stage."""
+    errors = _errors(window, unknowns, z)
+    _, _, correction = starts_out(errors, window.noise)
+    trial, track = window.voyage.trial, window.voyage.track.copy()
+    limit = scales_of(trial)
+    better = errors.error - np.einsum("snci,si->snc", errors.phi, np.clip(correction, -limit, limit))
+    rows = (window.tiles.first[:, None] + np.arange(better.shape[1]))[window.within > 0]
+    found = trial.nu[rows] - better[window.within > 0]
+    near = np.all(np.abs(found - trial.nu[rows]) < limit, axis=1)
+    track[rows, NU] = np.where(near[:, None], found, trial.nu[rows])
+    return replace(window.voyage, track=track)
+
+
+def _noise(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
+    return estimated(_errors(window, unknowns, z), window.voyage.trial.dt, window.noise)
+
+
+def _shot(
+    unknowns: Unknowns,
+    windows: Sequence[Window],
+    z: Floats,
+    settings: IdentifySettings,
+    voyages: tuple[Voyage, ...],
+) -> Shot:
+    """Residuals, slopes and weights at the end, each with its place in time."""
+    residual = _residuals(unknowns, windows, z[None])[0]
+    moment, number = [], []
+    for w in windows:
+        rows = (w.tiles.first[:, None] + np.zeros(w.within.shape[1], int))[w.within > 0]
+        moment.append(np.repeat(w.voyage.trial.time[rows], 3))
+        number.append(np.full(3 * len(rows), w.voyage.number))
+    weight = 1.0 / np.sqrt(1.0 + (residual / settings.robust) ** 2)
+    return Shot(
+        z, residual, _slope(unknowns, windows, z), weight, np.concatenate(moment),
+        np.concatenate(number), tuple(w.noise for w in windows), voyages,
+    )  # fmt: skip

@@ -1,0 +1,79 @@
+"""Usable time cut into free runs that share no row, each no longer than its start allows.
+
+An error of the start grows on a hull that is unstable on course. Where it would grow beyond a
+limit the run is halved, and halved again: no time is lost, and no run leaves the track.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.diagnosis.blocks import stretches
+from sim.diagnosis.inputs import inputs_of, motion_of, runs_from
+from sim.model import Model
+from sim.state import Floats
+from sim.trial import Trial
+
+Ints = NDArray[np.int64]
+SHORTEST = 0.5  # s
+STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
+
+
+class Tiles(NamedTuple):
+    """Free runs over rows first … first + count − 1 of a trial, each (S,)."""
+
+    first: Ints
+    count: Ints
+
+
+def tiles_of(
+    trial: Trial, usable: NDArray[np.bool_], model: Model, length: float, growth: float
+) -> Tiles:
+    """Tiles of `length` [s], shorter where a start's error would grow by more than `growth`."""
+    shortest = max(round(SHORTEST / trial.dt), 3)
+    tiles = cut(usable, max(round(length / trial.dt), shortest), shortest)
+    for _ in range(int(np.ceil(np.log2(max(length / SHORTEST, 1.0))))):
+        long = (grown(trial, model, tiles) > growth) & (tiles.count >= 2 * shortest)
+        if not long.any():
+            break
+        tiles = halved(tiles, long)
+    return tiles
+
+
+def cut(usable: NDArray[np.bool_], rows: int, shortest: int) -> Tiles:
+    """Stretches into tiles of about `rows`; what is shorter than `shortest` is left out."""
+    first: list[int] = []
+    count: list[int] = []
+    for stretch in stretches(usable):
+        if len(stretch) < shortest:
+            continue
+        edges = np.linspace(stretch.start, stretch.stop, max(round(len(stretch) / rows), 1) + 1)
+        whole = np.round(edges).astype(int)
+        first += whole[:-1].tolist()
+        count += np.diff(whole).tolist()
+    return Tiles(np.array(first, np.int64), np.array(count, np.int64))
+
+
+def halved(tiles: Tiles, which: NDArray[np.bool_]) -> Tiles:
+    """The same time with some tiles in two."""
+    half = tiles.count // 2
+    first = np.concatenate([tiles.first, (tiles.first + half)[which]])
+    count = np.concatenate([np.where(which, half, tiles.count), (tiles.count - half)[which]])
+    order = np.argsort(first)
+    return Tiles(first[order], count[order])
+
+
+def grown(trial: Trial, model: Model, tiles: Tiles) -> Floats:
+    """How much an error of the start has grown at most, channel by channel's own size: (S,)."""
+    motion = np.repeat(motion_of(trial)[tiles.first], 4, axis=0)
+    for i in range(3):
+        motion[i + 1 :: 4, 3 + i] += STEP[i]
+    runs = runs_from(np.repeat(tiles.first, 4), np.repeat(tiles.count - 1, 4))
+    _, reports = model.run(model.true_states(motion), runs, inputs_of(model, trial))
+    nu = reports[..., 3:6].reshape(len(tiles.first), 4, -1, 3)
+    gain = np.abs(nu[:, 1:] - nu[:, :1]) / STEP[None, :, None, None]
+    within = np.arange(nu.shape[2]) < tiles.count[:, None]
+    lost = within & ~np.isfinite(nu).all(axis=(1, 3))
+    gain = np.where(within[:, None, :, None], gain, 0.0)
+    return np.where(lost.any(axis=1), np.inf, np.nan_to_num(gain, nan=0.0).max(axis=(1, 2, 3)))

@@ -1,0 +1,223 @@
+"""The numbers that are looked for: by name, with bounds, scale and prior, and back into a model.
+
+A number that holds on one voyage only (a current, a fault) is looked for once per trial. A speed
+or force with a direction is looked for by its north and east parts: around zero a direction means
+nothing, and a search would not find its way.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.effects.effect import Parameter, Scope
+from sim.identification.settings import IdentifySettings
+from sim.model import Model
+from sim.state import Floats
+
+OFFSETS = ("command_offset", "velocity_offset")  # s later than the other streams
+OFFSET_STD, OFFSET_LIMIT = 0.03, 0.06
+MASSES = ("m11", "m22", "m33")
+UNITS = {
+    "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
+    "Y_vv": "N s²/m²", "N_r": "N m s", "N_rr": "N m s²", "x_g": "m", "Y_r": "N s", "N_v": "N s",
+    "Y_uv": "N s²/m²", "Y_ur": "N s²/m", "N_uv": "N s²/m", "N_ur": "N s²", "ahead": "N",
+    "astern": "N", "exponent": "1", "x": "m", "y": "m", "azimuth": "rad", "angle_low": "rad",
+    "angle_high": "rad", "area": "m²", "aspect": "1", "length": "m", "beam": "m", "mass": "kg",
+    "area_front": "m²", "area_side": "m²", "antenna_x": "m", "antenna_y": "m",
+    "command_offset": "s", "velocity_offset": "s",
+}  # fmt: skip
+
+
+class UnknownNameError(ValueError):
+    """A parameter that the vessel does not have."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number: where it starts, how far it may go, how large a change matters.
+
+    prior   standard deviation of what is known beforehand; inf: nothing
+    trial   the only trial that it belongs to; None: all
+    polar   it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
+    """
+
+    name: str
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    scale: float
+    step: float
+    prior: float = np.inf
+    trial: int | None = None
+    polar: int | None = None
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All of them, as one vector z (n,); `model` gives what is not looked for."""
+
+    model: Model
+    each: tuple[Unknown, ...]
+
+    def __len__(self) -> int:
+        return len(self.each)
+
+    def column(self, name: str) -> int | None:
+        """Where a name stands in z."""
+        names = [u.name for u in self.each]
+        return names.index(name) if name in names else None
+
+    def of_trial(self, trial: int) -> list[int]:
+        """Columns of z that act on a trial."""
+        return [i for i, u in enumerate(self.each) if u.trial in (None, trial)]
+
+    @property
+    def start(self) -> Floats:
+        """z (n,) of the vessel as it is."""
+        return self.solved(np.array([u.start for u in self.each]))
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Limits (n,), (n,) of z."""
+        lower = np.array([u.lower if u.polar is None else -u.upper for u in self.each])
+        return lower, np.array([u.upper for u in self.each])
+
+    def named(self, z: Floats) -> Floats:
+        """z (..., n) -> the numbers by their names (..., n)."""
+        out = np.array(z, dtype=float)
+        for i in self._pairs():
+            out[..., i] = np.hypot(z[..., i], z[..., i + 1])
+            out[..., i + 1] = np.arctan2(z[..., i + 1], z[..., i])
+        return out
+
+    def solved(self, values: Floats) -> Floats:
+        """The numbers by their names (n,) -> z (n,)."""
+        z = np.array(values, dtype=float)
+        for i in self._pairs():
+            z[i] = values[i] * np.cos(values[i + 1])
+            z[i + 1] = values[i] * np.sin(values[i + 1])
+        return z
+
+    def theta(self, z: Floats, trial: int) -> Floats:
+        """z (K, n) -> the model's parameters (K, P) on a trial."""
+        theta = np.tile(self.model.theta, (len(z), 1))
+        values = self.named(z)
+        for i in self.of_trial(trial):
+            if self.each[i].name in self.model.names:
+                theta[:, self.model.names.index(self.each[i].name)] = values[:, i]
+        return theta
+
+    def offset(self, z: Floats, name: str) -> Floats:
+        """z (K, n) -> one of `OFFSETS` (K,) [s]; zero where it is not looked for."""
+        i = self.column(name)
+        return np.zeros(len(z)) if i is None else np.asarray(z[:, i])
+
+    def prior(self, z: Floats) -> Floats:
+        """z (n,) -> residuals of the priors (n,); zero where nothing is known."""
+        return (z - self.start) / np.array([u.prior for u in self.each])
+
+    def _pairs(self) -> list[int]:
+        return [i for i, u in enumerate(self.each) if u.polar == 0]
+
+
+def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknowns:
+    """What the settings ask for; UnknownNameError where the vessel has no such number."""
+    names = _chosen(model, settings)
+    limits = _effect_parameters(model)
+    each: list[Unknown] = []
+    for name in names:
+        scope, parameter = limits.get(name, (Scope.BOAT, None))
+        start = float(model.theta[model.names.index(name)])
+        one = _base(model, name, start) if parameter is None else _of(name, start, parameter)
+        prior = settings.priors.get(name)
+        one = one if prior is None else replace(one, prior=prior * max(abs(start), 1e-9))
+        where = range(trials) if scope is Scope.VOYAGE else [None]
+        each += [replace(one, trial=trial) for trial in where]
+    if settings.offsets:
+        each += [
+            Unknown(name, "s", 0.0, -OFFSET_LIMIT, OFFSET_LIMIT, OFFSET_STD, 2e-3, OFFSET_STD)
+            for name in OFFSETS
+        ]
+    return Unknowns(model, _paired(sorted(each, key=lambda u: -1 if u.trial is None else u.trial)))
+
+
+def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
+    """Names in the order of the model; `effect.*` stands for all that begin so."""
+    known = [*model.names]
+
+    def matching(asked: str) -> list[str]:
+        found = [n for n in known if n == asked or (asked[-2:] == ".*" and n.startswith(asked[:-1]))]
+        if not found:
+            raise UnknownNameError(f"no parameter {asked!r}: there are {', '.join(known)}")
+        return found
+
+    free = {n for asked in settings.free for n in matching(asked)}
+    fixed = {n for asked in settings.fix for n in matching(asked)}
+    priors = {n for asked in settings.priors for n in matching(asked)}
+    if not free - fixed:
+        raise UnknownNameError("nothing is free: every parameter is fixed")
+    if priors - free:
+        raise UnknownNameError(f"a prior for {', '.join(sorted(priors - free))}, which is not free")
+    return [n for n in known if n in free - fixed]
+
+
+def _effect_parameters(model: Model) -> dict[str, tuple[Scope, Parameter]]:
+    """Names of the effects' parameters -> scope and limits; twins are marked `#2` in names."""
+    out = {}
+    for name in model.names:
+        label, _, key = name.partition(".")
+        for added in model.vessel.effects:
+            if added.effect.name == label.partition("#")[0]:
+                for p in added.effect.parameters:
+                    if p.name == key:
+                        out[name] = added.effect.scope, p
+    return out
+
+
+def _of(name: str, start: float, p: Parameter) -> Unknown:
+    """A parameter of an effect; a start on a limit would be stuck there."""
+    inside = min(max(start, p.lower), p.upper)
+    return Unknown(name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale)
+
+
+def _base(model: Model, name: str, start: float) -> Unknown:
+    """A number of the vessel file, with limits that physics and the file's format set."""
+    scale = max(abs(start), typical(model, name))
+    key = name.rpartition(".")[2]
+    lower, upper = -np.inf, np.inf
+    if key in (*MASSES, "ahead", "exponent", "aspect"):
+        lower, upper = 0.05 * scale, 20.0 * scale
+    elif key in ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr", "astern"):
+        lower, upper = -100.0 * scale, 0.0
+    elif key == "area":
+        lower = 0.0
+    start = min(max(start, lower), upper)
+    return Unknown(name, UNITS.get(key, ""), start, lower, upper, scale, 1e-3 * scale)
+
+
+def typical(model: Model, name: str) -> float:
+    """A size that a number of the vessel file might have, where the file says zero."""
+    m11, m22, m33, length = (
+        model.theta[model.names.index(n)] for n in ("m11", "m22", "m33", "length")
+    )
+    sizes = {
+        "X_u": 0.1 * m11, "X_uu": 0.1 * m11 / length, "Y_v": 0.1 * m22, "Y_vv": 0.1 * m22 / length,
+        "N_r": 0.1 * m33, "N_rr": 0.1 * m33, "x_g": 0.1 * length, "Y_r": 0.1 * m22 * length,
+        "N_v": 0.1 * m22 * length, "Y_uv": 0.1 * m22, "Y_ur": 0.1 * m22, "N_uv": 0.1 * m22,
+        "N_ur": 0.1 * m33, "x": 0.1 * length, "y": 0.1 * length, "azimuth": 0.1,
+    }  # fmt: skip
+    return float(sizes.get(name.rpartition(".")[2], 0.1))
+
+
+def _paired(each: Sequence[Unknown]) -> tuple[Unknown, ...]:
+    """Magnitudes that stand before their direction, marked: both are solved as north and east."""
+    out = list(each)
+    for i, (a, b) in enumerate(zip(out, out[1:], strict=False)):
+        label, _, key = a.name.partition(".")
+        if b.name == f"{label}.direction" and a.trial == b.trial and key in ("speed", "force"):
+            limits = {"lower": 0.0, "upper": a.upper, "scale": a.scale, "step": a.step}
+            out[i] = replace(a, polar=0)
+            out[i + 1] = replace(b, polar=1, **limits)
+    return tuple(out)
