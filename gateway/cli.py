@@ -196,6 +196,9 @@ def simulate(
     ] = None,
     system: Annotated[int, typer.Option("--system", help="System id of the played boat.")] = 1,
     seconds: Annotated[float, typer.Option(help="How long to play [s].")] = float("inf"),
+    fast: Annotated[
+        bool, typer.Option("--fast", help="High message rates at once, without being asked.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the played boat's noise.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
     effects: EffectFiles = None,
@@ -206,7 +209,10 @@ def simulate(
     if live is not None:
         from gateway.pipelines.play import play_until_stopped
 
-        play_until_stopped(boat, live, commands or "mixed", system, seed, seconds, _tell)
+        play_until_stopped(
+            boat, live, _tell, program=commands or "mixed", system=system, fast=fast, seed=seed,
+            seconds=seconds,
+        )  # fmt: skip
         return
     from gateway.pipelines.simulate import simulate as work
     from gateway.show.replay import show_simulated

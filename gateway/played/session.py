@@ -21,6 +21,7 @@ def simulate_live(
     endpoint: str,
     stop: Event,
     *,
+    system: int = 1,
     program: str | Path = "mixed",
     fast: bool = False,
     noise: float = 1.0,
@@ -29,7 +30,7 @@ def simulate_live(
     seconds: float = float("inf"),
     tell: Callable[[Played], None] = lambda played: None,
 ) -> Played:
-    """Play vessels side by side, with system ids 1, 2, …, from now on; ends when `stop` is set.
+    """Play vessels side by side, with system ids from `system` on, from now on; ends when `stop` is set.
 
     `program` is one of `gateway.played.program.PROGRAMS` or a CSV of commands; `fast` starts with
     high rates instead of a telemetry radio's.
@@ -42,7 +43,7 @@ def simulate_live(
         PlayedBoat(
             vessel,
             PlayedSettings(
-                system_id=1 + i,
+                system_id=system + i,
                 rates=FAST if fast else THIN,
                 noise=noise,
                 unix_s=now,
