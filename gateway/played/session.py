@@ -30,7 +30,7 @@ def simulate_live(
     seconds: float = float("inf"),
     tell: Callable[[Played], None] = lambda played: None,
 ) -> Played:
-    """Play vessels side by side, with system ids from `system` on, from now on; ends when `stop` is set.
+    """Play vessels side by side, with ids from `system` on, until `stop` is set.
 
     `program` is one of `gateway.played.program.PROGRAMS` or a CSV of commands; `fast` starts with
     high rates instead of a telemetry radio's.
