@@ -93,12 +93,11 @@ def _tails(
     topic: Topic, strings: Mapping[str, Text], rows: int
 ) -> tuple[list[bytes], NDArray[np.int64]]:
     """The closing texts that occur, and which of them each row has: (rows,)."""
-    fields = _plan(topic.name).strings
-    names = [field.name for field in fields]
-    if set(strings) != set(names):
+    names = [field.name for field in _plan(topic.name).strings]
+    if strings.keys() != set(names):
         raise ValueError(f"topic {topic.name}: strings {sorted(strings)}, expected {names}")
-    if all(isinstance(strings[name], str) for name in names):
-        only = _tail(topic.name, tuple(str(strings[name]) for name in names))
+    if all([isinstance(text, str) for text in strings.values()]):  # noqa: C419
+        only = _tail(topic.name, tuple([str(strings[name]) for name in names]))
         return [only], np.zeros(rows, np.int64)
     columns = [[text] * rows if isinstance(text := strings[name], str) else text for name in names]
     combinations = list(zip(*columns, strict=True))
@@ -109,34 +108,11 @@ def _tails(
     return tails, np.array([distinct[combination] for combination in combinations], np.int64)
 
 
-def _few(
-    plan: _Plan,
-    vehicle: NDArray[np.int64],
-    receive: NDArray[np.int64],
-    values: NDArray[np.float64],
-    tails: Sequence[bytes],
-    tail_of_row: NDArray[np.int64],
-) -> list[bytes]:
-    """Complete rows, one call each: the same bytes as `_many`."""
-    out = []
-    names = plan.names[: len(TIMES) + len(plan.numbers)]
-    for k, row in enumerate(values.tolist()):
-        numbers = dict(zip(names, [int(vehicle[k]), int(receive[k]), *row], strict=True))
-        out.append(orjson.dumps(numbers)[:-1] + tails[tail_of_row[k]])
-    return out
-
-
-def _many(
-    plan: _Plan,
-    vehicle: NDArray[np.int64],
-    receive: NDArray[np.int64],
-    values: NDArray[np.float64],
-    tails: Sequence[bytes],
-    tail_of_row: NDArray[np.int64],
-) -> list[bytes]:
-    """Complete rows by columns."""
-    names = plan.names[: len(TIMES) + len(plan.numbers)]
-    return json_rows(names, np.column_stack([vehicle, receive]), values, tails, tail_of_row)
+def _line(
+    names: Sequence[str], times: Sequence[int], values: Sequence[float], tail: bytes
+) -> bytes:
+    """One message: the same bytes as `json_rows` gives."""
+    return orjson.dumps(dict(zip(names, [*times, *values], strict=True)))[:-1] + tail
 
 
 def encode_rows(
@@ -155,10 +131,17 @@ def encode_rows(
     if len(plan.integers) > len(TIMES) or values.shape[1:] != (len(plan.numbers),):
         raise ValueError(f"topic {topic}: values {values.shape}, expected (K, {len(plan.numbers)})")
     tails, tail_of_row = _tails(TOPICS[topic], strings or {}, len(values))
-    complete = np.isfinite(values).all(axis=1)
+    complete = np.isfinite(values)
     if not complete.all():
-        vehicle_time_ns, receive_time_ns = vehicle_time_ns[complete], receive_time_ns[complete]
-        values, tail_of_row = values[complete], tail_of_row[complete]
-    write = _few if len(values) <= FEW else _many
-    payloads = write(plan, vehicle_time_ns, receive_time_ns, values, tails, tail_of_row)
+        whole = complete.all(axis=1)
+        vehicle_time_ns, receive_time_ns = vehicle_time_ns[whole], receive_time_ns[whole]
+        values, tail_of_row = values[whole], tail_of_row[whole]
+    names = plan.names[: len(TIMES) + len(plan.numbers)]
+    if len(values) > FEW:
+        times = np.column_stack([vehicle_time_ns, receive_time_ns])
+        payloads = json_rows(names, times, values, tails, tail_of_row)
+    else:
+        both = zip(vehicle_time_ns.tolist(), receive_time_ns.tolist(), strict=True)
+        rows = zip(both, values.tolist(), tail_of_row, strict=True)
+        payloads = [_line(names, time, row, tails[tail]) for time, row, tail in rows]
     return Rows(topic, vehicle_time_ns, receive_time_ns, payloads)

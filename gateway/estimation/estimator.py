@@ -66,10 +66,13 @@ class Estimator:
         return FilterState(new_history(self.settings.history_events, self._model))
 
     def advance(
-        self, state: FilterState, events: Events, covariance: bool = False
+        self, state: FilterState, events: Events, covariance: bool = False, spend: bool = False
     ) -> tuple[FilterState, Rows]:
-        """Takes K events in the order of their receipt -> the state after them, K rows."""
-        history = copied(state.history)
+        """Takes K events in the order of their receipt -> the state after them, K rows.
+
+        `spend`: the caller has no more use for `state`, its memory (0.4 MB) becomes the new one's.
+        """
+        history = state.history if spend else copied(state.history)
         rows = _empty_rows(len(events), MOTION if covariance else 0)
         run(
             history,

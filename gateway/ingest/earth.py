@@ -6,6 +6,7 @@
 Valid for: some kilometres around the origin, at sea level. Source: NIMA TR8350.2 (WGS-84).
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ class Origin(NamedTuple):
     longitude_deg: float
 
 
+@lru_cache(maxsize=16)
 def metres_per_degree(origin: Origin) -> tuple[float, float]:
     """Origin -> m per degree of latitude, of longitude."""
     sine = np.sin(np.radians(origin.latitude_deg))

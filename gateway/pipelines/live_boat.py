@@ -127,7 +127,7 @@ class LiveBoat:
         self._ticked_ns, self._resting = 0, False
 
     def _advance(self, feed: Feed) -> Spoken:
-        self._state, out, filtered = self._path.advance(self._state, feed)
+        self._state, out, filtered = self._path.advance(self._state, feed, spend=True)
         self.health.filtered(filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1]))
         self._watchman, happened = self._watchman.observe(feed, filtered, out)
         self._usual, unusual = self._usual.observe(out)

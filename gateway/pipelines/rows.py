@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.ingest.earth import Origin, to_degrees
 from gateway.messages import Rows, encode_rows
@@ -28,16 +27,12 @@ class Happening:
 
 def topic_rows(out: Shadowing, origin: Origin | None) -> list[Rows]:
     """All topics that follow from the path's rows; what is not complete is withheld."""
-    times = out.vehicle_time_ns, out.receive_time_ns
-    measured = out.fresh
-    source = np.where(out.from_model, "model", "measured").tolist()
-    followed = np.hstack([out.reference, out.std])
-    shadowed = np.hstack([out.shadow, out.std])
-    watched = out.watched
+    times, watched = (out.vehicle_time_ns, out.receive_time_ns), out.watched
+    source = {"source": _source(out)}
     rows = [
-        _motion("measured", out, np.hstack([out.estimate, out.std])[measured], measured),
-        encode_rows("reference", *times, _fields(followed), {"source": source}),
-        encode_rows("shadow", *times, _fields(shadowed), {"source": source}),
+        _measured(out),
+        encode_rows("reference", *times, _fields(out.reference, out.std), source),
+        encode_rows("shadow", *times, _fields(out.shadow, out.std), source),
         encode_rows("control", *times, np.hstack([out.control, watched.commanded])),
         encode_rows(
             "residual", *times, np.hstack([watched.missing, watched.missing_std, watched.errors])
@@ -48,20 +43,27 @@ def topic_rows(out: Shadowing, origin: Origin | None) -> list[Rows]:
     return rows
 
 
-def _fields(motion_and_std: Floats) -> Floats:
-    """(K, 18) motion, std -> (K, 18) in the order of the topic's fields."""
-    order = [*MOTION_FIELDS, *(9 + i for i in MOTION_FIELDS)]
-    return motion_and_std[:, order]
+def _fields(motion: Floats, std: Floats) -> Floats:
+    """(K, 9) motion and std -> (K, 18) in the order of the topic's fields."""
+    fields = np.empty((len(motion), 18))
+    fields[:, :9], fields[:, 9:] = motion[:, MOTION_FIELDS], std[:, MOTION_FIELDS]
+    return fields
 
 
-def _motion(topic: str, out: Shadowing, values: Floats, chosen: NDArray[np.bool_]) -> Rows:
-    return encode_rows(
-        topic,
-        out.vehicle_time_ns[chosen],
-        out.receive_time_ns[chosen],
-        _fields(values),
-        {"source": "measured"},
-    )
+def _source(out: Shadowing) -> str | list[str]:
+    """Where the reference came from, row by row where that changes."""
+    if not out.from_model.any():
+        return "measured"
+    return np.where(out.from_model, "model", "measured").tolist()
+
+
+def _measured(out: Shadowing) -> Rows:
+    """The estimate where it rests on what the boat says."""
+    vehicle, receive, fields = out.vehicle_time_ns, out.receive_time_ns, (out.estimate, out.std)
+    if not out.fresh.all():
+        vehicle, receive = vehicle[out.fresh], receive[out.fresh]
+        fields = out.estimate[out.fresh], out.std[out.fresh]
+    return encode_rows("measured", vehicle, receive, _fields(*fields), {"source": "measured"})
 
 
 def _positions(out: Shadowing, origin: Origin) -> Floats:
