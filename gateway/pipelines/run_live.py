@@ -26,8 +26,10 @@ def plans_of(
     own = None if plant is None else load_vessel(plant, effects)
     plans = []
     for text in vessels:
-        number, _, file = text.rpartition("=")
-        if number and not (number.isdigit() and 1 <= int(number) <= 254):
+        number, mark, file = text.partition("=")
+        if not (mark and number.isdecimal()):
+            number, file = "", text
+        elif not 1 <= int(number) <= 254:
             raise BadInput(f"--vessel {text}: expected FILE or SYSID=FILE, SYSID 1 to 254")
         system = int(number) if number else None
         key = name if name is None or len(vessels) == 1 else f"{name}-{number or 'any'}"

@@ -1,0 +1,135 @@
+"""Which boat is shadowed by which vessel, under which name, and who is ignored."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gateway.errors import BadInput
+from gateway.ingest.boats import Boat
+from gateway.links.items import Datagram, Frame
+from gateway.pipelines.fleet import MOST, BoatPlan, Fleet
+from gateway.pipelines.live_boat import LiveBoat
+from gateway.pipelines.run_live import plans_of
+from gateway.vessel_file import dump_vessel
+from tests.gateway.pipelines.aboard import SETTINGS
+from tests.sim.vessels import IACQUABOT, WAMV
+
+STATION = dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID
+BOAT = dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+
+
+class Harbour:
+    """A fleet and those whom it met."""
+
+    def __init__(self, *plans: BoatPlan) -> None:
+        self.found: list[tuple[str, str]] = []
+        self.ignored: list[int] = []
+        self.fleet = Fleet(plans, SETTINGS, self._found, self._ignored)
+
+    def beat(self, *systems: int, kind: tuple[int, int] = BOAT, component: int = 1) -> "Harbour":
+        for system in systems:
+            message = dialect.MAVLink_heartbeat_message(*kind, 0, 0, 4, 3)
+            self.fleet.datagram(Datagram("l", 10**18, (framed(message, system, component),)))
+        return self
+
+    def _found(self, boat: LiveBoat, plan: BoatPlan) -> None:
+        self.found.append((boat.name, plan.vessel.name))
+
+    def _ignored(self, boat: Boat) -> None:
+        self.ignored.append(boat.system)
+
+
+def framed(message: Any, system: int, component: int = 1) -> Frame:
+    mav = dialect.MAVLink(None, system, component)
+    raw = message.pack(mav)
+    return Frame(raw, mav.decode(bytearray(raw)))
+
+
+def test_each_boat_gets_the_vessel_meant_for_it_and_strangers_none() -> None:
+    harbour = Harbour(BoatPlan(WAMV, system=1), BoatPlan(IACQUABOT, system=7))
+    harbour.beat(7, 9, 1, 9, 7)
+    assert harbour.found == [("iacquabot", "IAcquaBot"), ("wam-v", "WAM-V")]
+    assert harbour.ignored == [9]
+
+
+def test_a_plan_for_a_system_goes_before_one_for_whoever_comes() -> None:
+    harbour = Harbour(BoatPlan(WAMV), BoatPlan(IACQUABOT, system=2)).beat(2, 3)
+    assert harbour.found == [("iacquabot", "IAcquaBot"), ("wam-v", "WAM-V")]
+
+
+@pytest.mark.parametrize("order", [(1, 2, 12), (12, 2, 1)])
+def test_names_never_collide_and_do_not_depend_on_who_comes_first(order: tuple[int, ...]) -> None:
+    plans = [BoatPlan(WAMV, system=1), BoatPlan(WAMV, system=2)]
+    harbour = Harbour(*plans, BoatPlan(WAMV, system=12, name="wam-v-1")).beat(*order)
+    names = dict(zip(order, [name for name, _ in harbour.found], strict=True))
+    assert names == {1: "wam-v-1-1", 2: "wam-v-2", 12: "wam-v-1"}
+
+
+def test_ground_stations_and_cameras_are_no_boats() -> None:
+    harbour = Harbour(BoatPlan(WAMV))
+    harbour.beat(255, kind=STATION).beat(1, kind=(dialect.MAV_TYPE_CAMERA, 8), component=100)
+    assert (harbour.found, harbour.ignored) == ([], [])
+    harbour.beat(1)
+    assert [name for name, _ in harbour.found] == ["wam-v"]
+
+
+def test_only_the_autopilots_own_words_are_heard() -> None:
+    harbour = Harbour(BoatPlan(WAMV)).beat(1)
+    said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    frames = (framed(said, 1, 100), framed(said, 2), framed(said, 1), Frame(b"unknown", None))
+    answers = harbour.fleet.datagram(Datagram("l", 10**18 + 1, frames))
+    assert [answer.boat.boat.system for answer in answers] == [1]
+    assert harbour.fleet.boats[1].health.row(10**18 + 2, 0, 0)["rate_hz"] == 2 / 5
+
+
+def test_whoever_invents_system_ids_meets_an_end() -> None:
+    harbour = Harbour(BoatPlan(WAMV)).beat(*range(1, 251))
+    assert len(harbour.found) == MOST
+    assert len(harbour.ignored) == 250 - MOST
+
+
+def test_a_recording_holds_the_frames_of_its_boat_and_of_no_other() -> None:
+    harbour = Harbour(BoatPlan(WAMV)).beat(1, 2)
+    said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    frames = (framed(said, 1), framed(said, 2), framed(said, 255), Frame(b"unknown", None))
+    kept = harbour.fleet.frames_of(frames, harbour.fleet.boats[1])
+    assert kept == [frames[0].raw, frames[2].raw, b"unknown"]
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[str, str]:
+    for name, vessel in (("a=b.toml", WAMV), ("c.toml", IACQUABOT)):
+        (tmp_path / name).write_text(dump_vessel(vessel))
+    return str(tmp_path / "a=b.toml"), str(tmp_path / "c.toml")
+
+
+def test_vessels_by_system_id_on_the_command_line(files: tuple[str, str]) -> None:
+    first, second = files
+    plans = plans_of([f"1={first}", second], None, None, ())
+    assert [(p.vessel.name, p.system, p.key) for p in plans] == [
+        ("WAM-V", 1, "wam-v"), ("IAcquaBot", None, "iacquabot"),
+    ]  # fmt: skip
+    named = plans_of([f"1={second}", f"2={second}"], Path(second), "duo", ())
+    assert [(p.key, p.plant and p.plant.name) for p in named] == [
+        ("duo-1", "IAcquaBot"), ("duo-2", "IAcquaBot"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("wanted", "says"),
+    [
+        (["0={}"], "SYSID 1 to 254"),
+        (["255={}"], "SYSID 1 to 254"),
+        (["x={}"], "x=/"),
+        (["1={}", "1={}"], "two vessels for one boat"),
+        (["{}", "{}"], "two vessels for one boat"),
+        (["{}.not"], r"c\.toml\.not"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_line(
+    files: tuple[str, str], wanted: list[str], says: str
+) -> None:
+    with pytest.raises(BadInput, match=says):
+        plans_of([text.format(files[1]) for text in wanted], None, None, ())

@@ -1,0 +1,124 @@
+"""Missing force live: near zero for the true vessel, told in words when something sets in."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.pipelines.path import Shadowing
+from gateway.pipelines.usual import BLOCK_S, NEEDED, REMEMBERED, UsualRange
+from gateway.pipelines.watch import Watched
+from gateway.played.boat import PlayedBoat
+from gateway.played.program import program_of
+from gateway.played.settings import FAST, PlayedSettings
+from gateway.played.wire import Frame
+from sim.effects.catalogue import EFFECTS
+from sim.vessel import AddedEffect
+from tests.gateway.pipelines.aboard import Deck, datagrams
+from tests.sim.vessels import WAMV
+
+MISSING = ("missing_surge_n", "missing_sway_n", "missing_yaw_nm")
+CUBIC = next(effect for effect in EFFECTS if effect.name == "cubic_drag")
+FOULED = WAMV.with_effects(AddedEffect(CUBIC, {"X_uuu": -40.0}))
+
+
+def rows(missing: Any, std: float = 30.0) -> Shadowing:
+    """A row a second with that missing force (K, 3)."""
+    count = len(missing)
+    none, one = np.zeros((count, 9)), np.ones((count, 3))
+    number, flag = np.arange(count), np.zeros(count, np.bool_)
+    watched = Watched(np.asarray(missing, float), std * one, one, np.zeros((count, 9)))
+    return Shadowing(
+        number, number * 1.0, number * 10**9, number * 10**9, none, none, ~flag, flag, none, flag,
+        none, one, flag, watched,
+    )  # fmt: skip
+
+
+def kinds(missing: Any) -> list[str]:
+    return [happening.kind for happening in UsualRange.start().observe(rows(missing))[1]]
+
+
+def noise(blocks: int, scale: float = 3.0) -> Any:
+    return np.random.default_rng(3).normal(0.0, scale, (int(blocks * BLOCK_S), 3))
+
+
+def test_noise_alone_is_usual() -> None:
+    assert kinds(noise(500)) == []
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_force_that_sets_in_is_told_once_and_once_more_when_it_is_gone(axis: int) -> None:
+    missing = noise(NEEDED + 40)
+    missing[100:150, axis] += 60.0
+    state, told = UsualRange.start().observe(rows(missing))
+    assert [h.kind for h in told] == ["residual_unusual", "residual_usual"]
+    assert 100e9 < told[0].vehicle_time_ns <= 110e9
+    assert ("ahead", "to starboard", "clockwise")[axis] in told[0].says
+    assert told[0].severity == "warning"
+    assert state.unusual == (False, False, False)
+
+
+def test_little_is_no_matter_however_calm_it_was_before() -> None:
+    missing = noise(NEEDED + 40, 0.01)
+    missing[100:] += 10.0
+    assert kinds(missing) == []
+
+
+def test_what_stays_for_minutes_is_usual_in_the_end_and_that_is_said() -> None:
+    missing = noise(NEEDED + REMEMBERED + 100)
+    missing[int((NEEDED + 2) * BLOCK_S) :, 0] += 60.0
+    assert kinds(missing) == ["residual_unusual", "residual_usual"]
+
+
+def test_how_rows_are_cut_into_chunks_makes_no_difference() -> None:
+    missing = noise(NEEDED + 20)
+    missing[100:130, 0] += 60.0
+    whole, state, told = rows(missing), UsualRange.start(), []
+    for k in range(len(missing)):
+        one = rows(missing[k : k + 1])
+        vars(one).update(time_s=whole.time_s[k : k + 1], vehicle_time_ns=whole.row[k : k + 1])
+        state, said = state.observe(one)
+        told += [happening.kind for happening in said]
+    assert told == kinds(missing)
+
+
+def one_after_another(*legs: tuple[PlayedBoat, float]) -> list[Frame]:
+    """Boats that take over from each other where the last one was; each plays until its time."""
+    state, frames = legs[0][0].start(), list[Frame]()
+    for boat, until_s in legs:
+        state, arrived = boat.advance(state, until_s)
+        frames += arrived
+    return frames
+
+
+def boat(vessel: Any, program: str) -> PlayedBoat:
+    return PlayedBoat(vessel, PlayedSettings(rates=FAST), 0, program_of(WAMV, program, 0))
+
+
+def test_the_true_vessel_lacks_nothing_and_an_effect_is_noticed_while_it_lasts() -> None:
+    clean, fouled = boat(WAMV, "steps"), boat(FOULED, "steps")
+    frames = one_after_another((clean, 90.0), (fouled, 115.0), (clean, 150.0))
+    with Deck() as deck:
+        heard = deck.hear(datagrams(frames)).heard()
+    times = np.array(heard.column("residual", "vehicle_time_ns")) * 1e-9 - 1.7e9
+    for name in MISSING:
+        force, std = np.array([heard.column("residual", n) for n in (name, f"{name}_std")])
+        calm = times < 90.0
+        assert abs(force[calm].mean()) < 0.1 * std[calm].mean()
+        assert np.sqrt(np.mean(force[calm] ** 2)) < std[calm].mean()
+    (unusual, usual) = [m for m in heard.messages("event") if m["kind"].startswith("residual")]
+    assert unusual["kind"] == "residual_unusual"
+    assert "ahead" in unusual["says"]
+    assert 90.0 < unusual["vehicle_time_ns"] * 1e-9 - 1.7e9 < 105.0
+    assert usual["kind"] == "residual_usual"
+    assert 110.0 < usual["vehicle_time_ns"] * 1e-9 - 1.7e9 < 130.0
+
+
+@pytest.mark.slow
+def test_ten_quiet_minutes_give_no_false_alarm() -> None:
+    """From standing still to every manoeuvre there is."""
+    frames = one_after_another((boat(WAMV, "still"), 120.0), (boat(WAMV, "mixed"), 600.0))
+    with Deck() as deck:
+        heard = deck.hear(datagrams(frames)).heard()
+    assert heard.events() == ["started"]
+    assert len(heard.payloads["residual"]) > 29_000
