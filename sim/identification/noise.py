@@ -14,7 +14,7 @@ import numpy as np
 
 from sim.state import Floats
 
-TIMES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 6.0)  # s, that errors may be correlated over
+TIMES = (0.1, 0.25, 0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 8.0)  # s, that errors may be correlated over
 CLIP = 3.0  # standard deviations: outliers count no more in σ
 SMALLEST = np.array([1e-5, 1e-5, 1e-6])  # m/s, m/s, rad/s: even of simulated, exact motion
 

@@ -15,6 +15,7 @@ class IdentifySettings:
     fix        taken out of those again
     priors     name -> relative standard deviation of what is known beforehand
     horizons   lengths of the free runs [s], from the first, careful fit to the last
+    average    rows are compared in means over so long [s]: what is faster, a smoother has rounded
     growth     a run is halved where an error of its start grows by more than this
     robust     residuals beyond so many standard deviations of noise count less
     block      length of the blocks [s] that intervals are made from
@@ -25,7 +26,8 @@ class IdentifySettings:
     fix: tuple[str, ...] = ()
     priors: Mapping[str, float] = field(default_factory=dict)
     method: str = "shooting"
-    horizons: tuple[float, ...] = (0.6, 1.0, 2.0, 4.0, 8.0)
+    horizons: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0)
+    average: float = 0.4
     growth: float = 6.0
     robust: float = 3.0
     block: float = 25.0

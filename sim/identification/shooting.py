@@ -48,12 +48,15 @@ class Voyage:
 class Window:
     """The runs of one voyage, with all that does not change while the parameters do.
 
+    Rows are compared in means of `every`; n of them in the longest run.
+
     basis  (S, n, 3, 3) of what a start explains in the whitened residuals
     """
 
     voyage: Voyage
     model: Model
     tiles: Tiles
+    every: int
     within: Floats
     memory: Floats
     noise: Noise
@@ -97,7 +100,7 @@ def shoot(
         for _ in range(ROUNDS if horizon == last else 1):
             tell(f"{horizon:g} s")
             windows = [
-                _window(v, unknowns, z, n, horizon, settings.growth)
+                _window(v, unknowns, z, n, horizon, settings)
                 for v, n in zip(voyages, noise, strict=True)
             ]
             before, z = z, _fitted(unknowns, windows, z, settings)
@@ -107,37 +110,44 @@ def shoot(
             if np.all(shift < 1e-4):
                 break
     windows = [
-        _window(v, unknowns, z, n, last, settings.growth)
+        _window(v, unknowns, z, n, last, settings)
         for v, n in zip(voyages, noise, strict=True)
     ]
     return _shot(unknowns, windows, z, settings, tuple(voyages))
 
 
 def _first_guess(trial: Trial) -> Noise:
-    """Before anything is known: a tenth of the motion, wandering over half a second."""
-    return Noise(0.1 * scales_of(trial), np.full(3, np.exp(-trial.dt / 0.5)))
+    """Before anything is known: a tenth of the motion, half of it from mean to mean."""
+    return Noise(0.1 * scales_of(trial), np.full(3, 0.5))
 
 
 def _window(
-    voyage: Voyage, unknowns: Unknowns, z: Floats, noise: Noise, horizon: float, growth: float
+    voyage: Voyage,
+    unknowns: Unknowns,
+    z: Floats,
+    noise: Noise,
+    horizon: float,
+    settings: IdentifySettings,
 ) -> Window:
     """Tiles, memory of the actuators and the part of the starts, at parameters z."""
     model = replace(unknowns.model, theta=unknowns.theta(z[None], voyage.number)[0])
-    tiles = tiles_of(voyage.trial, voyage.usable, model, horizon, growth)
-    within = (np.arange(int(tiles.count.max())) < tiles.count[:, None]).astype(float)
+    every = max(round(settings.average / voyage.trial.dt), 1)
+    tiles = tiles_of(voyage.trial, voyage.usable, model, horizon, settings.growth, every)
+    means = tiles.count // every
+    within = (np.arange(int(means.max())) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
-    bare = Window(voyage, model, tiles, within, memory, noise, np.zeros(0))
+    bare = Window(voyage, model, tiles, every, within, memory, noise, np.zeros(0))
     _, basis, _ = starts_out(_errors(bare, unknowns, z), noise)
     return replace(bare, basis=basis)
 
 
 def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
-    """Runs with parameters z (K, n) and starts moved by `nudge` (K, 3) -> errors (K, S, n, 3)."""
+    """Parameters z (K, n), starts moved by `nudge` (K, S, 3) -> reports (K, S, rows, 9)."""
     K, rows = len(z), window.tiles.first
     theta = unknowns.theta(z, window.voyage.number)
     start = np.repeat(window.voyage.track[rows], K, axis=0)
     if nudge is not None:
-        start[:, NU] += np.tile(nudge, (len(rows), 1))
+        start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
     x0 = np.hstack(
         [window.model.true_states(start, theta=theta), np.repeat(window.memory, K, axis=0)]
     )
@@ -147,21 +157,31 @@ def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = No
         steps=np.repeat(window.tiles.count - 1, K),
         delay=np.tile(unknowns.offset(z, "command_offset"), len(rows)),
     )
-    trial = window.voyage.trial
-    _, reports = window.model.run(x0, runs, inputs_of(window.model, trial), theta=theta)
-    said = reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
+    inputs = inputs_of(window.model, window.voyage.trial)
+    _, reports = window.model.run(x0, runs, inputs, theta=theta)
+    return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
+
+
+def errors_of(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
+    """The same -> means of measured − model over `every` rows: (K, S, n, 3)."""
+    said = run(window, unknowns, z, nudge)
     nu = said[..., NU].copy()
     nu[..., :2] -= unknowns.offset(z, "velocity_offset")[:, None, None, None] * said[..., 6:8]
+    trial, rows = window.voyage.trial, window.tiles.first
+    jerk = np.gradient(said[..., 6:9], trial.dt, axis=2)
+    nu += unknowns.offset(z, "rounding")[:, None, None, None] * np.nan_to_num(jerk)
     at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
     limit = LOST * scales_of(trial)
-    error = np.nan_to_num(trial.nu[at] - nu, nan=np.inf)
-    return np.clip(error, -limit, limit) * window.within[..., None]
+    error = np.clip(np.nan_to_num(trial.nu[at] - nu, nan=np.inf), -limit, limit)
+    means = error.reshape(len(z), len(rows), -1, window.every, 3).mean(axis=3)
+    return np.asarray(means * window.within[..., None])
 
 
 def _errors(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
     """Errors at z (n,) and how they hang on the starts."""
-    nudge = np.vstack([np.zeros(3), np.diag(STEP)])
-    error = run(window, unknowns, np.tile(z, (4, 1)), nudge)
+    nudge = np.vstack([np.zeros(3), np.diag(STEP)])[:, None, :]
+    nudge = np.repeat(nudge, len(window.tiles.first), axis=1)
+    error = errors_of(window, unknowns, np.tile(z, (4, 1)), nudge)
     phi = np.stack([(error[0] - error[i + 1]) / STEP[i] for i in range(3)], axis=-1)
     return Errors(error[0], phi, window.within)
 
@@ -176,7 +196,7 @@ def _projected(window: Window, error: Floats) -> Floats:
 
 def _residuals(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
     """Parameters z (K, n) -> residuals (K, N), without priors."""
-    return np.concatenate([_projected(w, run(w, unknowns, z)) for w in windows], axis=1)
+    return np.concatenate([_projected(w, errors_of(w, unknowns, z)) for w in windows], axis=1)
 
 
 def _slope(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
@@ -189,7 +209,7 @@ def _slope(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
         mine = unknowns.of_trial(w.voyage.number)
         moved = np.tile(z, (len(mine) + 1, 1))
         moved[np.arange(len(mine)) + 1, mine] += step[mine]
-        r = _projected(w, run(w, unknowns, moved))
+        r = _projected(w, errors_of(w, unknowns, moved))
         part = np.zeros((r.shape[1], len(z)))
         part[:, mine] = ((r[1:] - r[0]) / step[mine, None]).T
         out.append(part)
@@ -220,20 +240,22 @@ def _fitted(
 
 def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
     """The voyage with its motion where the model found it: starts of the next stage."""
-    errors = _errors(window, unknowns, z)
-    _, _, correction = starts_out(errors, window.noise)
+    _, _, correction = starts_out(_errors(window, unknowns, z), window.noise)
     trial, track = window.voyage.trial, window.voyage.track.copy()
     limit = scales_of(trial)
-    better = errors.error - np.einsum("snci,si->snc", errors.phi, np.clip(correction, -limit, limit))
-    rows = (window.tiles.first[:, None] + np.arange(better.shape[1]))[window.within > 0]
-    found = trial.nu[rows] - better[window.within > 0]
-    near = np.all(np.abs(found - trial.nu[rows]) < limit, axis=1)
-    track[rows, NU] = np.where(near[:, None], found, trial.nu[rows])
+    nudge = np.clip(correction, -limit, limit)[None]
+    found = run(window, unknowns, z[None], nudge)[0, ..., NU]
+    rows = window.tiles.first[:, None] + np.arange(found.shape[1])
+    within = np.arange(found.shape[1]) < window.tiles.count[:, None]
+    found, measured = found[within], trial.nu[rows[within]]
+    near = np.all(np.abs(found - measured) < limit, axis=1)
+    track[rows[within], NU] = np.where(near[:, None], found, measured)
     return replace(window.voyage, track=track)
 
 
 def _noise(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
-    return estimated(_errors(window, unknowns, z), window.voyage.trial.dt, window.noise)
+    step = window.every * window.voyage.trial.dt
+    return estimated(_errors(window, unknowns, z), step, window.noise)
 
 
 def _shot(

@@ -16,7 +16,7 @@ from sim.state import Floats
 from sim.trial import Trial
 
 Ints = NDArray[np.int64]
-SHORTEST = 0.5  # s
+SHORTEST = 3  # means in a run: fewer say little beside its start
 STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
 
 
@@ -28,36 +28,43 @@ class Tiles(NamedTuple):
 
 
 def tiles_of(
-    trial: Trial, usable: NDArray[np.bool_], model: Model, length: float, growth: float
+    trial: Trial,
+    usable: NDArray[np.bool_],
+    model: Model,
+    length: float,
+    growth: float,
+    every: int,
 ) -> Tiles:
-    """Tiles of `length` [s], shorter where a start's error would grow by more than `growth`."""
-    shortest = max(round(SHORTEST / trial.dt), 3)
-    tiles = cut(usable, max(round(length / trial.dt), shortest), shortest)
-    for _ in range(int(np.ceil(np.log2(max(length / SHORTEST, 1.0))))):
-        long = (grown(trial, model, tiles) > growth) & (tiles.count >= 2 * shortest)
+    """Tiles of `length` [s], shorter where a start's error would grow by more than `growth`.
+
+    All hold a multiple of `every` rows.
+    """
+    tiles = cut(usable, max(round(length / trial.dt / every), SHORTEST), every)
+    while True:
+        long = (grown(trial, model, tiles) > growth) & (tiles.count >= 2 * SHORTEST * every)
         if not long.any():
-            break
-        tiles = halved(tiles, long)
-    return tiles
+            return tiles
+        tiles = halved(tiles, long, every)
 
 
-def cut(usable: NDArray[np.bool_], rows: int, shortest: int) -> Tiles:
-    """Stretches into tiles of about `rows`; what is shorter than `shortest` is left out."""
+def cut(usable: NDArray[np.bool_], means: int, every: int) -> Tiles:
+    """Stretches into tiles of about `means` times `every` rows; a rest too short is left out."""
     first: list[int] = []
     count: list[int] = []
     for stretch in stretches(usable):
-        if len(stretch) < shortest:
+        room = len(stretch) // every
+        if room < SHORTEST:
             continue
-        edges = np.linspace(stretch.start, stretch.stop, max(round(len(stretch) / rows), 1) + 1)
-        whole = np.round(edges).astype(int)
+        edges = np.linspace(0, room, max(round(room / means), 1) + 1)
+        whole = stretch.start + every * np.round(edges).astype(int)
         first += whole[:-1].tolist()
         count += np.diff(whole).tolist()
     return Tiles(np.array(first, np.int64), np.array(count, np.int64))
 
 
-def halved(tiles: Tiles, which: NDArray[np.bool_]) -> Tiles:
+def halved(tiles: Tiles, which: NDArray[np.bool_], every: int) -> Tiles:
     """The same time with some tiles in two."""
-    half = tiles.count // 2
+    half = tiles.count // (2 * every) * every
     first = np.concatenate([tiles.first, (tiles.first + half)[which]])
     count = np.concatenate([np.where(which, half, tiles.count), (tiles.count - half)[which]])
     order = np.argsort(first)

@@ -140,6 +140,7 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
             Unknown(name, "s", 0.0, -OFFSET_LIMIT, OFFSET_LIMIT, OFFSET_STD, 2e-3, OFFSET_STD)
             for name in OFFSETS
         ]
+        each.append(Unknown("rounding", "s²", 0.0, -0.004, 0.004, 0.001, 1e-4, 0.001))
     return Unknowns(model, _paired(sorted(each, key=lambda u: -1 if u.trial is None else u.trial)))
 
 
