@@ -14,6 +14,7 @@ from gateway.links.items import Datagram, Frame
 from gateway.messages import Rows
 from gateway.pipelines.fleet import BoatPlan
 from gateway.pipelines.live import Gateway, LiveOptions
+from gateway.pipelines.live_boat import LiveBoat
 from gateway.played.boat import PlayedBoat
 from gateway.played.program import program_of
 from gateway.played.settings import FAST, PlayedSettings
@@ -106,6 +107,7 @@ class Deck:
             clock=lambda: self.now_ns, steady=lambda: self.now_ns, strict=True,
         )  # fmt: skip
         self._listeners: dict[int, Listener] = {}
+        self._found, self.gateway.fleet._found = self.gateway.fleet._found, self._listen
 
     def __enter__(self) -> "Deck":
         self.gateway.__enter__()
@@ -120,7 +122,6 @@ class Deck:
             self._idle(item.receive_time_ns)
             self.now_ns = max(self.now_ns, item.receive_time_ns)
             self.gateway.turn(item)
-            self._listen()
         if until_s is not None:
             self._idle(at_ns(until_s))
         return self
@@ -133,8 +134,7 @@ class Deck:
             self.now_ns += TURN_NS
             self.gateway.turn(None)
 
-    def _listen(self) -> None:
-        for system, outlet in self.gateway.outlets.items():
-            if system not in self._listeners:
-                self._listeners[system] = Listener()
-                outlet.bus = self._listeners[system]  # type: ignore[assignment]
+    def _listen(self, boat: LiveBoat, plan: BoatPlan) -> None:
+        self._found(boat, plan)
+        self._listeners[boat.boat.system] = Listener()
+        self.gateway.outlets[boat.boat.system].bus = self._listeners[boat.boat.system]  # type: ignore[assignment]

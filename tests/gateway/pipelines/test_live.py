@@ -1,0 +1,235 @@
+"""The loop without sockets: hand-over to the model and back, predictions, health, recording."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.config import FollowingSettings
+from gateway.errors import BadInput
+from gateway.links.items import Datagram, Kind, LinkEvent
+from gateway.pipelines.fleet import BoatPlan, Fleet
+from gateway.played.faults import Faults, Silence
+from gateway.played.settings import THIN
+from gateway.recording import TICK_LINK, Recording
+from sim.following.reference import Mode
+from sim.model import Model
+from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played
+from tests.sim.vessels import WAMV
+
+VELOCITY = ("surge_mps", "sway_mps", "yaw_rate_radps")
+SILENT = Silence(20.0, 32.0)
+
+
+@pytest.fixture(scope="module")
+def blind() -> Heard:
+    """A voyage with twelve seconds of silence, and the silence of the link's end."""
+    frames = played(45.0, faults=Faults(silences=(SILENT,)))
+    with Deck() as deck:
+        return deck.hear(datagrams(frames), until_s=90.0).heard()
+
+
+def table(heard: Heard, topic: str, *names: str) -> Any:
+    """Columns (K, 1 + n) of a topic, the boat's time [s since play began] first."""
+    times = np.array(heard.column(topic, "vehicle_time_ns")) * 1e-9 - 1.7e9
+    return np.column_stack([times, *(heard.column(topic, name) for name in names)])
+
+
+def test_the_model_takes_over_while_the_link_is_silent_and_both_are_events(blind: Heard) -> None:
+    kinds = [k for k in blind.events() if k.startswith(("telemetry", "reference"))]
+    assert kinds[:4] == [
+        "telemetry_silent", "reference_model", "telemetry_back", "reference_measured",
+    ]  # fmt: skip
+    shadow = table(blind, "shadow")[:, 0]
+    source = np.array(blind.column("shadow", "source"))
+    while_blind = (shadow > SILENT.from_s + 1.1) & (shadow < SILENT.to_s)
+    assert set(source[while_blind]) == {"model"}
+    assert set(source[(shadow > SILENT.to_s + 0.5) & (shadow < 45.0)]) == {"measured"}
+    assert np.diff(shadow[while_blind]).max() < 0.13  # ticks
+    measured = table(blind, "measured")[:, 0]
+    assert not ((measured > SILENT.from_s + 1.1) & (measured < SILENT.to_s)).any()
+
+
+def test_the_shadow_never_jumps_by_more_than_the_estimate_is_uncertain(blind: Heard) -> None:
+    names = (*VELOCITY, *(f"{name}_std" for name in VELOCITY))
+    rows = table(blind, "shadow", *names)[50:]
+    steps, std = np.abs(np.diff(rows[:, 1:4], axis=0)), rows[:-1, 4:]
+    step_s = np.diff(rows[:, 0])[:, None]
+    assert (steps < std + 1.0 * step_s).all()  # and what a boat's acceleration explains
+    back = table(blind, "measured", *VELOCITY)
+    k = np.searchsorted(rows[:, 0], SILENT.to_s) - 1
+    gap = np.abs(back[back[:, 0] > SILENT.to_s][:10, 1:] - rows[k, 1:4])
+    assert (gap < 3.0 * rows[k, 4:]).all()  # the pilot went on unheard; that is what std is for
+
+
+def test_uncertainty_grows_while_blind_and_is_small_again_after(blind: Heard) -> None:
+    names = [f"{name}_std" for name in (*VELOCITY, "north_m", "yaw_rad")]
+    rows = table(blind, "shadow", *names)
+    at = [np.searchsorted(rows[:, 0], t) for t in (19.9, 22.0, 26.0, 31.9, 34.0)]
+    before, two, six, twelve, after = rows[at, 1:]
+    assert (before < two).all()
+    assert (two[3:] < six[3:]).all()  # position and heading wander on
+    assert (six[3:] < twelve[3:]).all()
+    assert (two[:3] <= six[:3] + 1e-9).all()
+    assert (twelve > 2.0 * before).all()
+    assert (after < 1.2 * before).all()
+
+
+def test_after_thirty_seconds_the_shadow_stands_still_and_says_so(blind: Heard) -> None:
+    shadow = table(blind, "shadow")[:, 0]
+    assert 74.0 < shadow[-1] < 75.2
+    assert blind.events().count("shadow_rests") == 1
+    ages = table(blind, "health", "link_age_s")
+    assert ages[-1, 1] == pytest.approx(ages[-1, 0] - 45.0, abs=1.1)
+
+
+def test_health_tells_rates_loss_and_the_filters_honesty() -> None:
+    with Deck() as deck:
+        heard = deck.hear(datagrams(played(20.0, faults=Faults(loss=0.3)))).heard()
+    last = heard.messages("health")[-1]
+    assert last["rate_attitude_hz"] == pytest.approx(35.0, abs=4.0)
+    assert last["rate_local_position_hz"] == pytest.approx(17.5, abs=4.0)
+    assert last["loss"] == pytest.approx(0.3, abs=0.05)
+    assert 0.1 < last["nis"] < 1.5
+    assert last["clock_offset_s"] == pytest.approx(0.0, abs=0.03)
+    assert last["link_age_s"] < 0.1
+    assert np.diff(heard.column("health", "receive_time_ns")) == pytest.approx(1e9, abs=1e8)
+
+
+def test_telemetry_as_thin_as_a_radios_is_shadowed_all_the_same() -> None:
+    with Deck() as deck:
+        heard = deck.hear(datagrams(played(40.0, rates=THIN))).heard()
+    assert set(heard.column("shadow", "source")) == {"measured"}
+    assert heard.events() == ["started"]
+
+
+def errors_by_hand(rows: list[tuple[float, Any, Any]], horizon: float) -> Any:
+    """Rows of time, motion, commands -> the last error of u, v, r that has come due."""
+    starts, known = [0], None
+    for k in range(1, len(rows)):
+        if rows[k][0] >= rows[starts[-1]][0] + 1.0:
+            starts.append(k)
+    model = Model.of(WAMV)
+    for start in starts:
+        state = np.array(rows[start][1][:6])
+        for (before, _, _), (now, motion, commands) in zip(
+            rows[start:], rows[start + 1 :], strict=False
+        ):
+            states, _ = model.simulate(commands[None], now - before, state)
+            state = states[0, -1]
+            if now - rows[start][0] >= horizon:
+                known = motion[3:6] - state[3:6]
+                break
+    return known
+
+
+def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
+    fleet, rows, errors = Fleet([BoatPlan(WAMV)], SETTINGS), [], None
+    pulses = np.full(16, np.nan)
+    for datagram in datagrams(played(13.5)):
+        message = datagram.frames[0].message
+        if message.get_type() == "SERVO_OUTPUT_RAW":
+            pulses = np.array([getattr(message, f"servo{i}_raw") for i in range(1, 17)], float)
+        for said in fleet.datagram(datagram):
+            for out in said.spoken.outs:
+                commands = WAMV.commands(range(1, 17), pulses)
+                rows += [
+                    (float(t), m, commands) for t, m in zip(out.time_s, out.estimate, strict=True)
+                ]
+                errors = out.watched.errors[-1] if len(out) else errors
+    assert errors is not None
+    for k, horizon in enumerate((1.0, 5.0, 10.0)):
+        assert errors[3 * k : 3 * k + 3] == pytest.approx(errors_by_hand(rows, horizon), abs=1e-6)
+
+
+def test_in_mode_model_the_measurement_is_only_the_beginning() -> None:
+    settings = replace(SETTINGS, following=FollowingSettings(reference=Mode.MODEL))
+    with Deck(settings=settings) as deck:
+        heard = deck.hear(datagrams(played(20.0))).heard()
+    assert set(heard.column("shadow", "source")) == {"model"}
+    far = table(heard, "measured", *VELOCITY)[-1, 1:] - table(heard, "shadow", *VELOCITY)[-1, 1:]
+    assert np.abs(far).max() < 0.3
+
+
+def test_what_happens_to_a_link_is_an_event_of_every_boat_on_it(tmp_path: Path) -> None:
+    heard = datagrams(played(3.0))
+    with Deck(out=tmp_path) as deck:
+        deck.hear(heard)
+        event = LinkEvent("tcp:boat:5760", at_ns(3.1), Kind.LOST, "closed; trying again")
+        deck.gateway.turn(event)
+    (lost,) = [m for m in deck.heard().messages("event") if m["kind"] == "link_lost"]
+    assert lost["severity"] == "warning"
+    assert lost["says"] == "tcp:boat:5760: closed; trying again"
+    assert "tcp:boat:5760: closed; trying again" in deck.told
+
+
+def test_all_that_was_published_is_recorded_and_ticks_are(tmp_path: Path) -> None:
+    with Deck(out=tmp_path) as deck:
+        deck.hear(datagrams(played(12.0, faults=Faults(silences=(Silence(5.0, 8.0),)))))
+    (path,) = tmp_path.glob("*.mcap")
+    recording = Recording.open(path)
+    assert recording.finished
+    for topic, payloads in deck.heard().payloads.items():
+        recorded = [p for rows in recording.rows(topic) for p in rows.payloads]
+        assert recorded == payloads
+    raw = recording.raw()
+    assert len(raw) > 1000
+    assert TICK_LINK in raw.links
+    assert recording.metadata["shadow"]["vessel"] == "wam-v"
+    assert set(recording.attachments) == {"vessel.toml", "config.json"}
+
+
+def test_the_recording_of_a_second_start_takes_another_name(tmp_path: Path) -> None:
+    for _ in range(3):
+        with Deck(out=tmp_path) as deck:
+            deck.hear(datagrams(played(1.0)))
+    assert 1 <= len(list(tmp_path.glob("*.mcap"))) == 3
+
+
+def test_a_folder_that_cannot_be_is_bad_input_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BadInput, match="cannot record there"), Deck(out=tmp_path / "file" / "a"):
+        pass
+
+
+def test_a_clock_set_back_by_an_hour_stops_neither_ticks_nor_health() -> None:
+    first, then = datagrams(played(20.0)), []
+    for d in first:
+        late = d.receive_time_ns > at_ns(10.0)
+        then.append(Datagram(d.link, d.receive_time_ns - late * 3600 * 10**9, d.frames))
+    with Deck() as deck:
+        deck.hear(first[:1])
+        for d in then:
+            deck.now_ns = d.receive_time_ns
+            deck.gateway.turn(d)
+        end = deck.now_ns
+        before = len(deck.heard().payloads["shadow"])
+        while deck.now_ns < end + 3 * 10**9:
+            deck.now_ns += 25_000_000
+            deck.gateway.turn(None)
+    heard = deck.heard()
+    assert len(heard.payloads["shadow"]) - before > 20
+    health = heard.messages("health")
+    assert [h["receive_time_ns"] < at_ns(0.0) for h in health].count(True) >= 11
+    assert health[-4]["rate_attitude_hz"] == pytest.approx(50.0, abs=2.0)
+
+
+def test_a_defect_is_told_and_counted_but_does_not_end_the_shadow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    heard = datagrams(played(6.0))
+    with Deck() as deck:
+        deck.hear(heard[:200])
+        deck.gateway._strict = False
+        good = deck.gateway.fleet.datagram
+        monkeypatch.setattr(deck.gateway.fleet, "datagram", lambda d: 1 // 0)
+        deck.hear(heard[200:210])
+        monkeypatch.setattr(deck.gateway.fleet, "datagram", good)
+        before = len(deck.heard().payloads["shadow"])
+        deck.hear(heard[210:])
+    assert deck.gateway.faults == 10
+    assert sum("defect" in says for says in deck.told) == 1
+    assert deck.heard().events().count("fault") == 1
+    assert len(deck.heard().payloads["shadow"]) > before + 50
