@@ -23,7 +23,7 @@ from sim.diagnosis.ruler import scales_of
 from sim.identification.noise import Errors, Noise, estimated, starts_out, whitened
 from sim.identification.settings import IdentifySettings
 from sim.identification.tiles import STEP, Tiles, tiles_of
-from sim.identification.unknowns import Unknowns
+from sim.identification.unknowns import OFFSETS, ROUNDING, Unknowns
 from sim.model import Model, Runs
 from sim.state import Floats
 from sim.trial import Trial
@@ -110,8 +110,7 @@ def shoot(
             if np.all(shift < 1e-4):
                 break
     windows = [
-        _window(v, unknowns, z, n, last, settings)
-        for v, n in zip(voyages, noise, strict=True)
+        _window(v, unknowns, z, n, last, settings) for v, n in zip(voyages, noise, strict=True)
     ]
     return _shot(unknowns, windows, z, settings, tuple(voyages))
 
@@ -133,7 +132,7 @@ def _window(
     model = replace(unknowns.model, theta=unknowns.theta(z[None], voyage.number)[0])
     every = max(round(settings.average / voyage.trial.dt), 1)
     tiles = tiles_of(voyage.trial, voyage.usable, model, horizon, settings.growth, every)
-    means = tiles.count // every
+    means = tiles.size // every
     within = (np.arange(int(means.max())) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
     bare = Window(voyage, model, tiles, every, within, memory, noise, np.zeros(0))
@@ -154,8 +153,8 @@ def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = No
     runs = Runs(
         table=np.zeros(len(start), np.int64),
         start=np.repeat(rows, K),
-        steps=np.repeat(window.tiles.count - 1, K),
-        delay=np.tile(unknowns.offset(z, "command_offset"), len(rows)),
+        steps=np.repeat(window.tiles.size - 1, K),
+        delay=np.tile(unknowns.offset(z, OFFSETS[0]), len(rows)),
     )
     inputs = inputs_of(window.model, window.voyage.trial)
     _, reports = window.model.run(x0, runs, inputs, theta=theta)
@@ -166,10 +165,10 @@ def errors_of(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | Non
     """The same -> means of measured − model over `every` rows: (K, S, n, 3)."""
     said = run(window, unknowns, z, nudge)
     nu = said[..., NU].copy()
-    nu[..., :2] -= unknowns.offset(z, "velocity_offset")[:, None, None, None] * said[..., 6:8]
+    nu[..., :2] -= unknowns.offset(z, OFFSETS[1])[:, None, None, None] * said[..., 6:8]
     trial, rows = window.voyage.trial, window.tiles.first
     jerk = np.gradient(said[..., 6:9], trial.dt, axis=2)
-    nu += unknowns.offset(z, "rounding")[:, None, None, None] * np.nan_to_num(jerk)
+    nu += unknowns.offset(z, ROUNDING)[:, None, None, None] * np.nan_to_num(jerk)
     at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
     limit = LOST * scales_of(trial)
     error = np.clip(np.nan_to_num(trial.nu[at] - nu, nan=np.inf), -limit, limit)
@@ -201,7 +200,7 @@ def _residuals(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floa
 
 def _slope(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
     """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
-    lower, upper = unknowns.bounds
+    _, upper = unknowns.bounds
     step = np.array([u.step for u in unknowns.each])
     step = np.where(z + step > upper, -step, step)
     out = []
@@ -233,7 +232,8 @@ def _fitted(
     inside = np.clip(z, lower, upper)
     found = least_squares(
         residuals, inside, slope, bounds=(lower, upper), loss="soft_l1", f_scale=settings.robust,
-        x_scale=np.array([u.scale for u in unknowns.each]), max_nfev=15, xtol=1e-5, ftol=1e-7,
+        x_scale=np.array([u.scale for u in unknowns.each]), max_nfev=8, xtol=1e-4, ftol=1e-5,
+        tr_solver="lsmr", tr_options={"atol": 1e-10, "btol": 1e-10},
     )  # fmt: skip
     return np.asarray(found.x)
 
@@ -246,7 +246,7 @@ def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
     nudge = np.clip(correction, -limit, limit)[None]
     found = run(window, unknowns, z[None], nudge)[0, ..., NU]
     rows = window.tiles.first[:, None] + np.arange(found.shape[1])
-    within = np.arange(found.shape[1]) < window.tiles.count[:, None]
+    within = np.arange(found.shape[1]) < window.tiles.size[:, None]
     found, measured = found[within], trial.nu[rows[within]]
     near = np.all(np.abs(found - measured) < limit, axis=1)
     track[rows[within], NU] = np.where(near[:, None], found, measured)

@@ -21,10 +21,10 @@ STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
 
 
 class Tiles(NamedTuple):
-    """Free runs over rows first … first + count − 1 of a trial, each (S,)."""
+    """Free runs over rows first … first + size − 1 of a trial, each (S,)."""
 
     first: Ints
-    count: Ints
+    size: Ints
 
 
 def tiles_of(
@@ -41,7 +41,7 @@ def tiles_of(
     """
     tiles = cut(usable, max(round(length / trial.dt / every), SHORTEST), every)
     while True:
-        long = (grown(trial, model, tiles) > growth) & (tiles.count >= 2 * SHORTEST * every)
+        long = (grown(trial, model, tiles) > growth) & (tiles.size >= 2 * SHORTEST * every)
         if not long.any():
             return tiles
         tiles = halved(tiles, long, every)
@@ -64,9 +64,9 @@ def cut(usable: NDArray[np.bool_], means: int, every: int) -> Tiles:
 
 def halved(tiles: Tiles, which: NDArray[np.bool_], every: int) -> Tiles:
     """The same time with some tiles in two."""
-    half = tiles.count // (2 * every) * every
+    half = tiles.size // (2 * every) * every
     first = np.concatenate([tiles.first, (tiles.first + half)[which]])
-    count = np.concatenate([np.where(which, half, tiles.count), (tiles.count - half)[which]])
+    count = np.concatenate([np.where(which, half, tiles.size), (tiles.size - half)[which]])
     order = np.argsort(first)
     return Tiles(first[order], count[order])
 
@@ -76,11 +76,11 @@ def grown(trial: Trial, model: Model, tiles: Tiles) -> Floats:
     motion = np.repeat(motion_of(trial)[tiles.first], 4, axis=0)
     for i in range(3):
         motion[i + 1 :: 4, 3 + i] += STEP[i]
-    runs = runs_from(np.repeat(tiles.first, 4), np.repeat(tiles.count - 1, 4))
+    runs = runs_from(np.repeat(tiles.first, 4), np.repeat(tiles.size - 1, 4))
     _, reports = model.run(model.true_states(motion), runs, inputs_of(model, trial))
     nu = reports[..., 3:6].reshape(len(tiles.first), 4, -1, 3)
     gain = np.abs(nu[:, 1:] - nu[:, :1]) / STEP[None, :, None, None]
-    within = np.arange(nu.shape[2]) < tiles.count[:, None]
+    within = np.arange(nu.shape[2]) < tiles.size[:, None]
     lost = within & ~np.isfinite(nu).all(axis=(1, 3))
     gain = np.where(within[:, None, :, None], gain, 0.0)
     return np.where(lost.any(axis=1), np.inf, np.nan_to_num(gain, nan=0.0).max(axis=(1, 2, 3)))

@@ -3,10 +3,16 @@
 A number that holds on one voyage only (a current, a fault) is looked for once per trial. A speed
 or force with a direction is looked for by its north and east parts: around zero a direction means
 nothing, and a search would not find its way.
+
+Three numbers of no interest are looked for along: how much later than the other streams commands
+and velocities are, and how much rounder the motion is than the model's, because commands are held
+from message to message and a smoother cannot follow a corner. 20 ms look like a cause otherwise,
+and what is rounded costs the inertia one per cent.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +23,9 @@ from sim.state import Floats
 
 OFFSETS = ("command_offset", "velocity_offset")  # s later than the other streams
 OFFSET_STD, OFFSET_LIMIT = 0.03, 0.06
+ROUNDING = "rounding"  # s², by which the motion's second derivative is added to it
+ROUNDING_STD, ROUNDING_LIMIT = 0.001, 0.004
+NOT_IN_A_FILE = ("exponent",)  # a vessel file knows two curves by name; thrust_curve is the effect
 MASSES = ("m11", "m22", "m33")
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
@@ -25,7 +34,6 @@ UNITS = {
     "astern": "N", "exponent": "1", "x": "m", "y": "m", "azimuth": "rad", "angle_low": "rad",
     "angle_high": "rad", "area": "m²", "aspect": "1", "length": "m", "beam": "m", "mass": "kg",
     "area_front": "m²", "area_side": "m²", "antenna_x": "m", "antenna_y": "m",
-    "command_offset": "s", "velocity_offset": "s",
 }  # fmt: skip
 
 
@@ -140,16 +148,22 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
             Unknown(name, "s", 0.0, -OFFSET_LIMIT, OFFSET_LIMIT, OFFSET_STD, 2e-3, OFFSET_STD)
             for name in OFFSETS
         ]
-        each.append(Unknown("rounding", "s²", 0.0, -0.004, 0.004, 0.001, 1e-4, 0.001))
+        each.append(
+            Unknown(
+                ROUNDING, "s²", 0.0, -ROUNDING_LIMIT, ROUNDING_LIMIT, ROUNDING_STD, 1e-4,
+                ROUNDING_STD,
+            )
+        )  # fmt: skip
     return Unknowns(model, _paired(sorted(each, key=lambda u: -1 if u.trial is None else u.trial)))
 
 
 def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
     """Names in the order of the model; `effect.*` stands for all that begin so."""
-    known = [*model.names]
+    known = [n for n in model.names if n.rpartition(".")[2] not in NOT_IN_A_FILE]
 
     def matching(asked: str) -> list[str]:
-        found = [n for n in known if n == asked or (asked[-2:] == ".*" and n.startswith(asked[:-1]))]
+        whole = asked[:-1] if asked.endswith(".*") else None
+        found = [n for n in known if n == asked or (whole and n.startswith(whole))]
         if not found:
             raise UnknownNameError(f"no parameter {asked!r}: there are {', '.join(known)}")
         return found
@@ -180,11 +194,16 @@ def _effect_parameters(model: Model) -> dict[str, tuple[Scope, Parameter]]:
 def _of(name: str, start: float, p: Parameter) -> Unknown:
     """A parameter of an effect; a start on a limit would be stuck there."""
     inside = min(max(start, p.lower), p.upper)
-    return Unknown(name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale)
+    wide = 0.5 * (p.upper - p.lower)
+    return Unknown(name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale, wide)
 
 
 def _base(model: Model, name: str, start: float) -> Unknown:
-    """A number of the vessel file, with limits that physics and the file's format set."""
+    """A number of the vessel file, with limits that physics and the file's format set.
+
+    It is taken for known to within its own size: what the data do not tell stays as it was, and
+    what they do tell hardly notices.
+    """
     scale = max(abs(start), typical(model, name))
     key = name.rpartition(".")[2]
     lower, upper = -np.inf, np.inf
@@ -195,7 +214,7 @@ def _base(model: Model, name: str, start: float) -> Unknown:
     elif key == "area":
         lower = 0.0
     start = min(max(start, lower), upper)
-    return Unknown(name, UNITS.get(key, ""), start, lower, upper, scale, 1e-3 * scale)
+    return Unknown(name, UNITS.get(key, ""), start, lower, upper, scale, 1e-3 * scale, scale)
 
 
 def typical(model: Model, name: str) -> float:
@@ -204,10 +223,10 @@ def typical(model: Model, name: str) -> float:
         model.theta[model.names.index(n)] for n in ("m11", "m22", "m33", "length")
     )
     sizes = {
-        "X_u": 0.1 * m11, "X_uu": 0.1 * m11 / length, "Y_v": 0.1 * m22, "Y_vv": 0.1 * m22 / length,
-        "N_r": 0.1 * m33, "N_rr": 0.1 * m33, "x_g": 0.1 * length, "Y_r": 0.1 * m22 * length,
-        "N_v": 0.1 * m22 * length, "Y_uv": 0.1 * m22, "Y_ur": 0.1 * m22, "N_uv": 0.1 * m22,
-        "N_ur": 0.1 * m33, "x": 0.1 * length, "y": 0.1 * length, "azimuth": 0.1,
+        "X_u": 0.5 * m11, "X_uu": m11 / length, "Y_v": 0.5 * m22, "Y_vv": m22 / length,
+        "N_r": 0.5 * m33, "N_rr": 0.5 * m33, "x_g": 0.1 * length, "Y_r": 0.3 * m22 * length,
+        "N_v": 0.3 * m22 * length, "Y_uv": m22 / length, "Y_ur": m22, "N_uv": m22, "N_ur": m33,
+        "x": 0.1 * length, "y": 0.1 * length, "azimuth": 0.1, "ahead": 1.0, "astern": 1.0,
     }  # fmt: skip
     return float(sizes.get(name.rpartition(".")[2], 0.1))
 
@@ -215,10 +234,11 @@ def typical(model: Model, name: str) -> float:
 def _paired(each: Sequence[Unknown]) -> tuple[Unknown, ...]:
     """Magnitudes that stand before their direction, marked: both are solved as north and east."""
     out = list(each)
-    for i, (a, b) in enumerate(zip(out, out[1:], strict=False)):
+    for i, (a, b) in enumerate(pairwise(out)):
         label, _, key = a.name.partition(".")
         if b.name == f"{label}.direction" and a.trial == b.trial and key in ("speed", "force"):
-            limits = {"lower": 0.0, "upper": a.upper, "scale": a.scale, "step": a.step}
             out[i] = replace(a, polar=0)
-            out[i + 1] = replace(b, polar=1, **limits)
+            out[i + 1] = replace(
+                b, polar=1, lower=0.0, upper=a.upper, scale=a.scale, step=a.step, prior=a.prior
+            )
     return tuple(out)

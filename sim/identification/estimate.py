@@ -1,0 +1,127 @@
+"""What is told of a parameter: value, interval, and every doubt in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.identification.intervals import Spread
+from sim.identification.unknowns import MASSES, OFFSETS, ROUNDING, Unknowns
+from sim.state import Floats
+
+TOLD_LITTLE = 0.5  # of the standard deviation of what was known before: the data say little
+AT_LIMIT = 1e-3  # of the scale
+SHARES = 0.35  # of the largest part: a parameter takes part in a combination
+NUISANCE = (*OFFSETS, ROUNDING)
+
+EXCITES = {
+    "m11": "steps of the throttle and coasting to a stop",
+    "X_u": "steady runs at several speeds, slow ones among them, and coasting to a stop",
+    "X_uu": "steady runs at several speeds up to full throttle",
+    "m22": "weaving at speed: turns that begin and end quickly",
+    "Y_v": "turns at several speeds, so that the boat slides sideways",
+    "Y_vv": "hard turns at full speed, so that the boat slides sideways fast",
+    "m33": "quick changes of helm: zigzag, or steering swings from slow to fast",
+    "N_r": "steady turns at several rates, either way",
+    "N_rr": "spinning on the spot as fast as it goes",
+    "ahead": "a known mass or a bollard pull: motion alone tells thrust per mass",
+    "astern": "going astern, and a known mass",
+    "area": "turns at several speeds with different helm",
+}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number: before, now, and its 95 % interval; `doubt` is empty where there is none."""
+
+    name: str
+    unit: str
+    before: float
+    value: float
+    ci95: tuple[float, float]
+    identifiable: bool
+    trial: str | None = None
+    doubt: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: without what does not apply."""
+        out: dict[str, Any] = {
+            "value": self.value, "ci95": list(self.ci95), "unit": self.unit,
+            "before": self.before, "identifiable": self.identifiable,
+        }  # fmt: skip
+        return out | ({"doubt": self.doubt} if self.doubt else {})
+
+
+def estimates_of(
+    unknowns: Unknowns, z: Floats, spread: Spread, trials: Sequence[str]
+) -> tuple[Estimate, ...]:
+    """All numbers by their names, nuisances too."""
+    value, before = unknowns.named(z), unknowns.named(unknowns.start)
+    half = spread.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, spread)))
+    vague = np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * np.array(
+        [u.prior for u in unknowns.each]
+    )
+    out = []
+    for i, u in enumerate(unknowns.each):
+        nuisance = u.name in NUISANCE
+        out.append(
+            Estimate(
+                u.name, u.unit, float(before[i]), float(value[i]),
+                (float(value[i] - half[i]), float(value[i] + half[i])),
+                bool(nuisance or not vague[i]),
+                None if u.trial is None else trials[u.trial],
+                _doubt(unknowns, i, z, bool(vague[i]) and not nuisance),
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def _named_covariance(unknowns: Unknowns, z: Floats, spread: Spread) -> Floats:
+    """Covariance of the numbers by their names, where z holds north and east parts."""
+    step = 1e-5 * np.array([u.scale for u in unknowns.each])
+    moved = unknowns.named(z + np.diag(step)) - unknowns.named(z - np.diag(step))
+    J = (np.remainder(moved + np.pi, 2.0 * np.pi) - np.pi).T / (2.0 * step)
+    return np.asarray(J @ spread.covariance @ J.T)
+
+
+def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool) -> str:
+    u = unknowns.each[i]
+    lower, upper = unknowns.bounds
+    said = []
+    for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
+        if abs(z[i] - limit) < AT_LIMIT * u.scale:
+            said.append(f"stands at its {name} limit, {limit:g}")
+    if vague:
+        manoeuvre = EXCITES.get(u.name.rpartition(".")[2])
+        said.append(
+            "not identifiable from these data"
+            + (f"; would be told by {manoeuvre}" if manoeuvre else "")
+        )
+    return "; ".join(said)
+
+
+def combinations(unknowns: Unknowns, spread: Spread) -> tuple[str, ...]:
+    """Directions that the data hardly tell: the parameters that trade against each other."""
+    prior = np.array([u.prior for u in unknowns.each])
+    size = np.where(np.isfinite(prior), prior, [u.scale for u in unknowns.each])
+    value, vector = np.linalg.eigh(spread.information * np.outer(size, size))
+    out = []
+    for k in np.flatnonzero(value < TOLD_LITTLE**-2.0):
+        part = np.abs(vector[:, k])
+        names = [unknowns.each[i].name for i in np.argsort(-part) if part[i] > SHARES * part.max()]
+        names = [n for n in names if n not in NUISANCE]
+        if len(names) > 1:
+            out.append(_says(names))
+    return tuple(out)
+
+
+def _says(names: Sequence[str]) -> str:
+    keys = {n.rpartition(".")[2] for n in names}
+    listed = ", ".join(names)
+    if keys & {"ahead", "astern"} and keys & {*MASSES, "X_u", "X_uu", "N_r"}:
+        return (
+            f"thrust and mass cannot be told apart by motion alone ({listed}): "
+            "fix the thrust, or a mass"
+        )
+    return f"these trade against each other in these data: {listed}"

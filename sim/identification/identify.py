@@ -1,0 +1,141 @@
+"""Parameters of a vessel from trials: start, fit, intervals, validation."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sim.diagnosis.segments import NoUsableTimeError
+from sim.identification.applied import applied
+from sim.identification.estimate import NUISANCE, Estimate, combinations, estimates_of
+from sim.identification.intervals import spread_of
+from sim.identification.regression import regressed
+from sim.identification.settings import BASE, IdentifySettings
+from sim.identification.shooting import Shot, shoot
+from sim.identification.unknowns import Unknowns, unknowns_of
+from sim.identification.validation import Validation, held_out, judged_on, validated
+from sim.model import Model
+from sim.state import Floats
+from sim.trial import Trial
+from sim.vessel import Vessel
+
+LEAST_S = 20.0  # of usable time
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The vessel with its new numbers, how sure they are, and what it gains on unseen time."""
+
+    vessel: Vessel
+    method: str
+    seconds: float
+    estimates: tuple[Estimate, ...]
+    nuisances: tuple[Estimate, ...]
+    trade: tuple[str, ...]
+    validation: tuple[Validation, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `shadow identify --json` prints."""
+        shared = {e.name: e.as_dict() for e in self.estimates if e.trial is None}
+        of_trials: dict[str, dict[str, Any]] = {}
+        for e in self.estimates:
+            if e.trial is not None:
+                of_trials.setdefault(e.trial, {})[e.name] = e.as_dict()
+        return {
+            "vessel": self.vessel.name, "method": self.method, "seconds": self.seconds,
+            "parameters": shared, "parameters_of_recordings": of_trials,
+            "offsets": {e.name: e.as_dict() for e in self.nuisances},
+            "trade": list(self.trade), "validation": [v.as_dict() for v in self.validation],
+        }  # fmt: skip
+
+
+def identify(
+    trials: Sequence[Trial],
+    vessel: Vessel,
+    settings: IdentifySettings | None = None,
+    others: Sequence[Trial] = (),
+    tell: Callable[[str], None] = lambda _: None,
+) -> Identified:
+    """Fit on the trials, validate on `others`, or else on blocks that another fit did not see."""
+    settings = settings or IdentifySettings()
+    seconds = sum(float(t.usable.sum()) * t.dt for t in trials)
+    if seconds < LEAST_S:
+        raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {LEAST_S:.0f} s are needed")
+    before = Model.of(vessel)
+    if settings.method == "regression":
+        return _by_regression(trials, before, settings, others, seconds)
+    unknowns = unknowns_of(before, len(trials), settings)
+    shot = shoot(unknowns, trials, [t.usable for t in trials], settings, None, tell)
+    spread = spread_of(unknowns, shot, settings.block)
+    every = estimates_of(unknowns, shot.z, spread, [t.name for t in trials])
+    after = replaced(unknowns, shot.z)
+    validation = [validated(t, before, after, t.name) for t in others]
+    if not others:
+        tell("validation")
+        validation = _on_held_out(unknowns, trials, shot, settings, before)
+    return Identified(
+        after.vessel, settings.method, seconds,
+        tuple(e for e in every if e.name not in NUISANCE),
+        tuple(e for e in every if e.name in NUISANCE),
+        combinations(unknowns, spread), tuple(validation),
+    )  # fmt: skip
+
+
+def replaced(unknowns: Unknowns, z: Floats, trial: int = 0) -> Model:
+    """The model with the numbers found; those of one voyage as on that trial."""
+    theta = unknowns.theta(z[None], trial)[0]
+    model = unknowns.model
+    values = dict(zip(model.names, theta.tolist(), strict=True))
+    changed = {u.name: values[u.name] for u in unknowns.each if u.name in values}
+    return replace(model, vessel=applied(model.vessel, changed), theta=theta)
+
+
+def _on_held_out(
+    unknowns: Unknowns,
+    trials: Sequence[Trial],
+    shot: Shot,
+    settings: IdentifySettings,
+    before: Model,
+) -> list[Validation]:
+    """Another fit without each fourth block, judged on those blocks."""
+    cuts = [held_out(trial) for trial in trials]
+    if not any(cuts):
+        return []
+    usable = [t.usable if cut is None else cut[0] for t, cut in zip(trials, cuts, strict=True)]
+    last = replace(settings, horizons=settings.horizons[-1:])
+    again = shoot(unknowns, trials, usable, last, shot.z)
+    out = []
+    for i, (trial, cut) in enumerate(zip(trials, cuts, strict=True)):
+        if cut is not None:
+            after = replaced(unknowns, again.z, i)
+            name = f"{trial.name}, blocks held out"
+            out.append(validated(judged_on(trial, cut[1]), before, after, name, alone=False))
+    return out
+
+
+def _by_regression(
+    trials: Sequence[Trial],
+    before: Model,
+    settings: IdentifySettings,
+    others: Sequence[Trial],
+    seconds: float,
+) -> Identified:
+    """The paper's least squares: nine parameters of a plain vessel, all at once."""
+    found = regressed(trials, before)
+    values = {name: float(v) for name, v in zip(BASE, found.value, strict=True)}
+    usable = {n: min(v, 0.0) if n not in BASE[:3] else max(v, 1e-3) for n, v in values.items()}
+    vessel = applied(before.vessel, usable)
+    after = Model.of(vessel)
+    return Identified(
+        vessel, settings.method, seconds,
+        tuple(
+            Estimate(
+                name, unit, float(before.theta[before.names.index(name)]), values[name],
+                (float(found.low[i]), float(found.high[i])), bool(np.isfinite(found.std[i])),
+                doubt="" if values[name] == usable[name] else "sign that no vessel can have",
+            )
+            for i, (name, unit) in enumerate(zip(BASE, found.units, strict=True))
+        ),
+        (), (), tuple(validated(t, before, after, t.name) for t in others),
+    )  # fmt: skip
