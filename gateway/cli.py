@@ -225,6 +225,48 @@ def simulate(
 
 
 @app.command()
+def identify(
+    logs: LogFiles,
+    vessel: VesselFile,
+    out: Annotated[Path | None, typer.Option("--out", help="The vessel file to write.")] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", help="Start [s after a recording's first sample].")
+    ] = None,
+    end: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(help="Also fit this: m11 … N_ur, left.ahead, EFFECT.NAME or EFFECT.*"),
+    ] = None,
+    fix: Annotated[list[str] | None, typer.Option(help="Leave this as it is.")] = None,
+    prior: Annotated[
+        list[str] | None, typer.Option(help="NAME=SHARE: known beforehand to within that share.")
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help="shooting, or regression: the paper's least squares.")
+    ] = "shooting",
+    validate: Annotated[
+        list[Path] | None, typer.Option(help="Recordings to judge by; default: blocks held out.")
+    ] = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
+) -> None:
+    """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
+    from gateway.pipelines.identify import Span, identify_logs, settings_of
+    from gateway.show.identify import show_identified
+    from gateway.show.progress import status
+
+    settings = settings_of(free or (), fix or (), prior or (), method)
+    with status("identifying") as tell:
+        found = identify_logs(
+            logs, vessel, out, settings, span=Span(start, end), validate=validate or (),
+            system=system, mapping=mapping, effects=_effects(effects), tell=tell,
+        )  # fmt: skip
+    _print(json, found.as_dict, lambda: show_identified(found, out))
+
+
+@app.command()
 def compare(
     logs: LogFiles,
     vessel: Annotated[
