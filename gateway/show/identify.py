@@ -5,16 +5,19 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from sim.diagnosis.scores import Scores
 from sim.identification.estimate import Estimate
 from sim.identification.identify import Identified
-from sim.identification.validation import Validated, Validation
+from sim.identification.validation import Validation
+
+UNITS = {"u": "u m/s", "v": "v m/s", "r": "r rad/s", "x": "north m", "y": "east m", "psi": "ψ rad"}
 
 
 def show_identified(found: Identified, out: Path | None) -> None:
     """Parameters, doubts, validation, and where the file went."""
     console = Console()
     console.print(_parameters(found))
-    for e in found.estimates:
+    for e in (*found.estimates, *found.nuisances):
         if e.doubt:
             console.print(f"• {e.name} {e.doubt}", highlight=False, markup=False)
     for says in found.trade:
@@ -46,44 +49,45 @@ def _parameters(found: Identified) -> Table:
 
 def _validation(found: Identified) -> Table:
     table = Table(title="on time that the fit did not see", title_justify="left")
-    for name in ("recording", "vessel"):
-        table.add_column(name, overflow="fold")
-    for name in ("nrmse", "u RMSE, MAE, R², fit %", "v", "r"):
-        table.add_column(name, justify="right")
+    table.add_column("recording", overflow="fold")
+    for name in ("", "vessel", "RMSE", "MAE", "R²", "fit %"):
+        table.add_column(name, justify="right", no_wrap=True)
     for v in found.validation:
-        floor = f" (floor {v.noise_floor_nrmse:.3f})"
-        table.add_row(f"{v.name}, {v.seconds:.0f} s", "before", *_row(v.before))
-        table.add_row("", "after", *_row(v.after, floor), end_section=not _free(v))
-        if _free(v):
-            table.add_row("free run", "before", *_free_row(v.before))
-            table.add_row("", "after", *_free_row(v.after), end_section=True)
+        floor = f"{v.name}, {v.seconds:.0f} s: nrmse {v.before.nrmse:.3f} before, "
+        floor += f"{v.after.nrmse:.3f} after, {v.noise_floor_nrmse:.3f} by noise alone"
+        rows = _rows(v.before.scores, v.after.scores)
+        for i, cells in enumerate(rows):
+            table.add_row(floor if i == 0 else "", *cells, end_section=i == len(rows) - 1)
+        for cells in _free_rows(v):
+            table.add_row("one free run" if cells[0] == "u m/s" else "", *cells)
+        table.add_section()
     return table
 
 
-def _free(v: Validation) -> bool:
-    return v.before.free_run is not None
-
-
-def _row(v: Validated, floor: str = "") -> tuple[str, ...]:
-    s = v.scores
-    cells = [
-        f"{s.rmse[c]:.3f}, {s.mae[c]:.3f}, {s.r2.get(c, float('nan')):.3f}, "
-        f"{s.fit_percent.get(c, float('nan')):.0f}"
-        for c in ("u", "v", "r")
+def _rows(before: Scores, after: Scores) -> list[tuple[str, ...]]:
+    """Channel by channel, before and after."""
+    return [
+        (UNITS[c] if when == "before" else "", when, *_cells(s, c))
+        for c in UNITS
+        for when, s in (("before", before), ("after", after))
     ]
-    return f"{v.nrmse:.3f}{floor}", *cells
 
 
-def _free_row(v: Validated) -> tuple[str, ...]:
-    if v.free_run is None:
-        return ()
-    if v.free_run.diverged:
-        return "", "diverged", "", ""
-    s = v.free_run.scores
-    cells = [
-        f"{s.rmse[c]:.3f}, {s.mae[c]:.3f}, {s.r2.get(c, float('nan')):.3f}" for c in ("u", "v", "r")
-    ]
-    return "", *cells
+def _free_rows(v: Validation) -> list[tuple[str, ...]]:
+    runs = v.before.free_run, v.after.free_run
+    if runs[0] is None or runs[1] is None:
+        return []
+    if len(runs[1].error) == 0:
+        return [("u m/s", "after", "diverged", "", "", "")]
+    return _rows(runs[0].scores, runs[1].scores)
+
+
+def _cells(s: Scores, channel: str) -> tuple[str, ...]:
+    moved = channel in s.r2
+    return (
+        f"{s.rmse[channel]:.3f}", f"{s.mae[channel]:.3f}",
+        f"{s.r2[channel]:.3f}" if moved else "", f"{s.fit_percent[channel]:.0f}" if moved else "",
+    )  # fmt: skip
 
 
 def _short(e: Estimate) -> str:

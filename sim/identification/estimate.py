@@ -15,6 +15,10 @@ AT_LIMIT = 1e-3  # of the scale
 SHARES = 0.35  # of the largest part: a parameter takes part in a combination
 NUISANCE = (*OFFSETS, ROUNDING)
 
+TOO_LATE = {
+    OFFSETS[0]: ": the boat answers later than telemetry can explain (thruster_lag, command_delay)",
+    OFFSETS[1]: ": velocities are later than telemetry can explain (velocity_latency)",
+}
 EXCITES = {
     "m11": "steps of the throttle and coasting to a stop",
     "X_u": "steady runs at several speeds, slow ones among them, and coasting to a stop",
@@ -91,7 +95,7 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool) -> str:
     said = []
     for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
         if abs(z[i] - limit) < AT_LIMIT * u.scale:
-            said.append(f"stands at its {name} limit, {limit:g}")
+            said.append(f"stands at its {name} limit, {limit:g} {u.unit}{TOO_LATE.get(u.name, '')}")
     if vague:
         manoeuvre = EXCITES.get(u.name.rpartition(".")[2])
         said.append(
