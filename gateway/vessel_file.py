@@ -164,6 +164,13 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
     for i, rudder in enumerate(read.rudders):
         _check_rudder(file, f"rudders[{i}]", rudder, [t.name for t in read.thrusters])
     known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
+    try:
+        return _vessel(file, read, known)
+    except ValueError as error:  # an effect that cannot act on this vessel
+        raise BadInput(f"{file}: {error}") from None
+
+
+def _vessel(file: Path, read: VesselFile, known: dict[str, Effect]) -> Vessel:
     return Vessel(
         name=read.name,
         source=read.source,

@@ -5,7 +5,7 @@ each composed function means stands in `sim.composed`. The order in which effect
 the catalogue, whatever the order in the vessel file.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,13 +115,15 @@ def _unpack(s: Structure) -> str:
 
 
 def _tuples(s: Structure) -> str:
-    """Arithmetic on states, and the delay of all commands."""
+    """Arithmetic on states, the delay of all commands and the age of reports."""
     n = s.nx
     delays = [f"delay_{e}(p.e{e})" for e in s.acting("delay")]
+    ages = [f"latency_{e}(p.e{e})" for e in s.acting("latency")]
     return (
         _function("axpy(x, h, k)", ["return " + _tuple([f"x[{i}] + h * k[{i}]" for i in range(n)])])
         + _function("state_from(row)", ["return " + _tuple([f"row[{i}]" for i in range(n)])])
         + _function("delay_of(p)", ["return " + " + ".join(["0.0", *delays])])
+        + _function("latency_of(p)", ["return " + " + ".join(["0.0", *ages])])
     )
 
 
@@ -141,15 +143,19 @@ def _surroundings(s: Structure) -> str:
 
 def _actuated(s: Structure) -> str:
     """`actuated`: what the commands come to before motion has a say."""
-    lines, names = [], []
+    count = s.thrusters + len(s.rudders)
+    lines, names = ["c = " + _tuple([f"row[{i}]" for i in range(max(count, 1))])], []
+    for e in s.acting("wiring"):
+        heard = [f"wiring_{e}(c, {i}.0, p.e{e})" for i in range(count)]
+        lines.append("c = " + _tuple(heard or ["row[0]"]))
     for i in range(s.thrusters):
         names.append(f"F{i}")
-        lines.append(f"c{i} = row[{i}]")
+        lines.append(f"c{i} = c[{i}]")
         lines += [f"c{i} = command_{e}(c{i}, p.t{i}, p.e{e})" for e in s.acting("command")]
         lines.append(f"F{i} = thrust_of(c{i}, p.t{i})")
     for i in range(len(s.rudders)):
         names.append(f"d{i}")
-        lines.append(f"d{i} = angle_of(row[{s.thrusters + i}], p.r{i})")
+        lines.append(f"d{i} = angle_of(c[{s.thrusters + i}], p.r{i})")
         lines += [f"d{i} = angle_{e}(d{i}, p.r{i}, p.e{e})" for e in s.acting("angle")]
     return _function("actuated(row, p)", [*lines, "return " + _tuple(names or ["row[0]"])])
 
@@ -257,10 +263,16 @@ def _dynamics(s: Structure) -> str:
 
 
 def _observe(s: Structure) -> str:
-    """`observe`: lever arm of the antenna, then sensor effects."""
-    lines = ["report = at_antenna(report, p.body)"]
-    lines += [f"report = observe_{e}(report, p.e{e})" for e in s.acting("observe")]
-    return _function("observe(report, p)", [*lines, "return report"])
+    """`observe`: lever arm of the antenna, then sensor effects; `observe_now`: without the late."""
+
+    def told(which: Iterable[int]) -> list[str]:
+        laws = [f"report = observe_{e}(report, p.e{e})" for e in which]
+        return ["report = at_antenna(report, p.body)", *laws, "return report"]
+
+    prompt = (e for e in s.acting("observe") if s.effects[e].latency is None)
+    return _function("observe(report, p)", told(s.acting("observe"))) + _function(
+        "observe_now(report, p)", told(prompt)
+    )
 
 
 def kernel_text(s: Structure) -> str:

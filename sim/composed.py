@@ -35,6 +35,11 @@ def delay_of(p: Numbers) -> float:
     raise NotImplementedError
 
 
+def latency_of(p: Numbers) -> float:
+    """Age of reported position and velocity over ground [s]."""
+    raise NotImplementedError
+
+
 def state_from(row: Floats) -> State:
     """(nx,) or (nx, B) -> a state."""
     raise NotImplementedError
@@ -89,4 +94,9 @@ def required(
 
 def observe(report: Report, p: Numbers) -> Report:
     """True motion -> what the sensors report."""
+    raise NotImplementedError
+
+
+def observe_now(report: Report, p: Numbers) -> Report:
+    """True motion -> what the sensors would report if none of them were late."""
     raise NotImplementedError

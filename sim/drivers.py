@@ -16,7 +16,9 @@ from sim.composed import (
     at_rest,
     axpy,
     delay_of,
+    latency_of,
     observe,
+    observe_now,
     rates,
     state_from,
     unpack,
@@ -24,11 +26,11 @@ from sim.composed import (
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
 from sim.sensing import agree, corrected
-from sim.state import Floats
+from sim.state import Floats, to_body, to_world
 
 # -- the text from here on goes into the kernel --
 
-INVERSIONS = 200  # at most: a compass that is off by 0.8 rad takes 100
+INVERSIONS = 200  # at most: a receiver that is 0.3 s late takes 60 at 2 rad/s
 
 
 @jit
@@ -50,15 +52,42 @@ def advance(x: State, time: float, inputs: Inputs, dt: float, substeps: int, p: 
 
 
 @jit
-def reported(x: State, k: State, p: Numbers) -> Report:
-    """What the sensors report of a state and its rates."""
-    return observe(Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5]), p)
+def set_row(row: Floats, values: tuple[float, ...]) -> None:
+    """Values into the first places of a row."""
+    for i in range(len(values)):
+        row[i] = values[i]
+
+
+@jit
+def motion_of(x: State, k: State) -> Report:
+    """The true motion of a state and its rates."""
+    return Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5])
 
 
 @jit
 def report_of(x: State, time: float, inputs: Inputs, p: Numbers) -> Report:
     """What the sensors report of a state, accelerations included."""
-    return reported(x, rates(x, time, inputs, p), p)
+    return observe(motion_of(x, rates(x, time, inputs, p)), p)
+
+
+@jit
+def aged(rows: Floats, prompt: Floats, steps: float, dt: float) -> None:
+    """Position and velocity over ground in reports (K, 9) dt [s] apart become `steps` steps old.
+
+    Heading, turning and accelerations have sensors of their own, which are not late. `prompt`
+    (>= K, 9) is the past: the same reports if nothing were late. Rows whose past is not known stay.
+    """
+    for k in range(len(rows)):
+        i = min(int(np.floor(k - steps)), len(rows) - 2)
+        if i >= 0:
+            s, now, then = k - steps - i, prompt[i], prompt[i + 1]
+            north, east = to_world(now[3], now[4], now[2])
+            north_next, east_next = to_world(then[3], then[4], then[2])
+            rows[k, 0] = now[0] + s * (then[0] - now[0])
+            rows[k, 1] = now[1] + s * (then[1] - now[1])
+            rows[k, 3], rows[k, 4] = to_body(
+                north + s * (north_next - north), east + s * (east_next - east), rows[k, 2]
+            )
 
 
 @jit
@@ -67,9 +96,9 @@ def true_motion(measured: Report, p: Numbers) -> Report:
     guess = measured
     for _ in range(INVERSIONS):
         predicted = observe(guess, p)
-        guess = corrected(guess, measured, predicted)
         if agree(measured, predicted):
             break
+        guess = corrected(guess, measured, predicted)
     return guess
 
 
@@ -115,10 +144,11 @@ def rollout(
     NaN in the memory part of x0 means: at rest under the first command.
     """
     row, h = np.empty(total.shape[2]), dt / substeps
+    prompt = np.empty(reports.shape[1:])
     for b in range(len(x0)):
         p = unpack(theta[b % len(theta)])
         c = table[b]
-        shift = (delay[b] + delay_of(p)) / dt
+        shift, age, last = (delay[b] + delay_of(p)) / dt, latency_of(p) / dt, 0
         x = state_from(x0[b])
         for k in range(steps[b] + 1):
             j = min(start[b] + k, time.shape[1] - 1)
@@ -131,15 +161,18 @@ def rollout(
             for i in range(len(x)):
                 states[b, k, i] = x[i]
             k1 = rates(x, t, inputs, p)
-            said = reported(x, k1, p)
-            for i in range(9):
-                reports[b, k, i] = said[i]
+            set_row(reports[b, k], observe(motion_of(x, k1), p))
+            if age != 0.0:
+                set_row(prompt[k], observe_now(motion_of(x, k1), p))
+            last = k
             if k < steps[b]:
                 x = step(x, k1, t, inputs, h, p)
                 for i in range(1, substeps):
                     x = step(x, rates(x, t + i * h, inputs, p), t + i * h, inputs, h, p)
             if not np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]) or abs(x[3]) > 1e3:
                 break
+        if age != 0.0:
+            aged(reports[b, : last + 1], prompt, age, dt)
 
 
 @entry

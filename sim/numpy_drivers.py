@@ -20,6 +20,7 @@ def rollout(
     shift = (delay + kernel.delay_of(p)) / dt
     x: Any = kernel.state_from(x0.T)
     h = dt / substeps
+    prompt = np.empty_like(reports)
     alive = np.ones(len(x0), bool)
     with np.errstate(all="ignore"):  # a run that diverges is cut off, as in the compiled loop
         for k in range(int(steps.max()) + 1):
@@ -38,12 +39,17 @@ def rollout(
             alive &= k <= steps
             states[alive, k] = np.stack(np.broadcast_arrays(*x), axis=-1)[alive]
             k1 = kernel.rates(x, t, inputs, p)
-            said = np.stack(np.broadcast_arrays(*kernel.reported(x, k1, p)), axis=-1)
-            reports[alive, k] = said[alive]
+            motion = kernel.motion_of(x, k1)
+            for rows, told in ((reports, kernel.observe), (prompt, kernel.observe_now)):
+                said = np.stack(np.broadcast_arrays(*told(motion, p)), axis=-1)
+                rows[alive, k] = said[alive]
             for i in range(substeps):
                 k1 = kernel.rates(x, t + i * h, inputs, p) if i else k1
                 x = kernel.step(x, k1, t + i * h, inputs, h, p)
             alive &= np.isfinite(np.sum(x[:6], axis=0)) & (np.abs(x[3]) <= 1e3)
+    ages, count = np.broadcast_to(kernel.latency_of(p) / dt, len(x0)), np.isfinite(reports[..., 0])
+    for b in np.flatnonzero(ages):
+        kernel.aged(reports[b, : count[b].sum()], prompt[b], ages[b], dt)
 
 
 def _mean_commands(total: Floats, table: NDArray[np.int64], position: Floats) -> Floats:

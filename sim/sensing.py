@@ -9,7 +9,7 @@ converges because every sensor effect is a small departure from the identity.
 
 from sim.body import Body, Report
 from sim.jit import jitable
-from sim.state import to_world
+from sim.state import to_body, to_world
 
 ROUNDING = 1e-13  # relative
 
@@ -33,17 +33,35 @@ def at_antenna(report: Report, body: Body) -> Report:
 
 
 @jitable
+def shifted(
+    guess: Report, measured: Report, predicted: Report, yaw: float, i: int
+) -> tuple[float, float]:
+    """Components i and i + 1, a vector, corrected in the world and seen again under `yaw`."""
+    north, east = to_world(guess[i], guess[i + 1], guess.yaw)
+    north_m, east_m = to_world(measured[i], measured[i + 1], measured.yaw)
+    north_p, east_p = to_world(predicted[i], predicted[i + 1], predicted.yaw)
+    return to_body(north + (north_m - north_p), east + (east_m - east_p), yaw)
+
+
+@jitable
 def corrected(guess: Report, measured: Report, predicted: Report) -> Report:
-    """One step of the fixed-point iteration: guess + (measured − predicted)."""
+    """One step of the fixed-point iteration: guess + (measured − predicted).
+
+    Velocity and acceleration are compared in the world, where a compass that is off, by however
+    much, leaves them alone: what is left then goes down fast.
+    """
+    yaw = guess.yaw + (measured.yaw - predicted.yaw)
+    u, v = shifted(guess, measured, predicted, yaw, 3)
+    u_dot, v_dot = shifted(guess, measured, predicted, yaw, 6)
     return Report(
         guess.north + (measured.north - predicted.north),
         guess.east + (measured.east - predicted.east),
-        guess.yaw + (measured.yaw - predicted.yaw),
-        guess.u + (measured.u - predicted.u),
-        guess.v + (measured.v - predicted.v),
+        yaw,
+        u,
+        v,
         guess.r + (measured.r - predicted.r),
-        guess.u_dot + (measured.u_dot - predicted.u_dot),
-        guess.v_dot + (measured.v_dot - predicted.v_dot),
+        u_dot,
+        v_dot,
         guess.r_dot + (measured.r_dot - predicted.r_dot),
     )
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Need
 from sim.state import Floats
 
 CURVES = {"linear": 1.0, "quadratic": 2.0}  # name -> exponent of thrust against command
@@ -129,6 +129,21 @@ class Vessel:
     sensors: Sensors = field(default_factory=Sensors)
     effects: tuple[AddedEffect, ...] = ()
     source: str = ""
+
+    def __post_init__(self) -> None:
+        for added in self.effects:
+            name, lacking = added.effect.name, self.lacks(added.effect)
+            if lacking:
+                raise ValueError(f"effect {name} needs {lacking}: {self.name} has none")
+
+    def lacks(self, effect: Effect) -> str:
+        """What the vessel would need for that effect to act on it; nothing: an empty text."""
+        has = {
+            Need.WIND_AREA: min(self.hull.wind_area) > 0.0,
+            Need.PORT_THRUSTER: any(t.position[1] < 0.0 for t in self.thrusters),
+            Need.STEERING: bool(self.rudders),
+        }
+        return " and ".join(need.value for need in effect.needs if not has[need])
 
     @property
     def actuators(self) -> tuple[Thruster | Rudder, ...]:

@@ -27,7 +27,7 @@ EFFECT = Effect(
     scope=Scope.BOAT,
     force=force,
     parameters=(
-        Parameter("X_uuu", unit="N s³/m³", lower=-500.0, upper=0.0, start=-1.0, scale=1.0),
+        Parameter("X_uuu", "N s³/m³", lower=-500.0, upper=0.0, start=-1.0, scale=1.0, neutral=0.0),
     ),
     looks_like="too fast at full throttle, right at low speed",
     mistaken_for=("thrust_curve", "advance_loss"),

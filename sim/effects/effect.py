@@ -5,6 +5,7 @@ that the very same function runs on arrays in numpy and compiled on scalars. `p`
 effect's parameters by name. `command` and `angle` are asked once per interval of held commands,
 all others at every stage of a step. An effect acts in one or more places:
 
+    wiring(commands, place, p) -> c      of all commands, that of the actuator at `place` (0, 1, …)
     command(c, drive, p) -> c            the command of a thruster, before its thrust curve
     thrust(F, drive, flow, p) -> F       the thrust of a thruster [N]
     thrust_rate(F, state, drive, p)      the thrust that acts becomes a state with this rate [N/s]
@@ -16,6 +17,8 @@ all others at every stage of a step. An effect acts in one or more places:
     force(flow, p) -> Wrench             force on the hull
     inertia(M, flow, p) -> Inertia       mass matrix
     observe(report, p) -> Report         what the sensors report
+    latency(p) -> s                      reported position and velocity over ground are that old;
+                                         `observe` stands for it where nothing earlier is known
     rate(flow, state, p), start          a state of its own; `force` is then force(flow, state, p)
 """
 
@@ -29,6 +32,10 @@ from typing import Any
 Law = Callable[..., Any]
 
 
+class LawError(ValueError):
+    """A law of an effect does not work: what went wrong, in one line."""
+
+
 class Scope(Enum):
     """Where the parameters of an effect hold."""
 
@@ -36,9 +43,29 @@ class Scope(Enum):
     VOYAGE = "voyage"  # of one day: current, wind, the moment of a fault
 
 
+class Kind(Enum):
+    """How a parameter can be searched for."""
+
+    NUMBER = "number"  # a small step makes a small difference
+    CIRCLE = "circle"  # an angle [rad]: all around is the same place
+    MOMENT = "moment"  # of an event [s]: nothing changes until it passes a sample
+    CHOICE = "choice"  # a whole number
+
+
+class Need(Enum):
+    """What a vessel must have for an effect to act on it."""
+
+    WIND_AREA = "hull.wind_area, the frontal and lateral area above water [m²]"
+    PORT_THRUSTER = "a thruster to port of the centre line"
+    STEERING = "a rudder or a steered motor"
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect: unit, bounds, where a fit starts and how far a step is."""
+    """One number of an effect: unit, bounds, where a fit starts and how far a step is.
+
+    With all of its parameters that have a `neutral` value there, an effect does nothing.
+    """
 
     name: str
     unit: str
@@ -47,6 +74,8 @@ class Parameter:
     start: float
     scale: float = 0.0  # size of a change that matters; 0: a tenth of the range
     says: str = ""
+    kind: Kind = Kind.NUMBER
+    neutral: float | None = None
 
     def __post_init__(self) -> None:
         if not self.lower <= self.start <= self.upper:
@@ -58,8 +87,8 @@ class Parameter:
 
 
 LAWS = (
-    "command", "thrust", "thrust_rate", "turn", "angle", "angle_rate",
-    "delay", "water", "force", "inertia", "observe", "rate",
+    "wiring", "command", "thrust", "thrust_rate", "turn", "angle", "angle_rate",
+    "delay", "water", "force", "inertia", "observe", "latency", "rate",
 )  # fmt: skip
 
 
@@ -80,6 +109,8 @@ class Effect:
     parameters: tuple[Parameter, ...]
     looks_like: str
     mistaken_for: tuple[str, ...] = ()
+    needs: tuple[Need, ...] = ()
+    wiring: Law | None = None
     command: Law | None = None
     thrust: Law | None = None
     thrust_rate: Law | None = None
@@ -91,6 +122,7 @@ class Effect:
     force: Law | None = None
     inertia: Law | None = None
     observe: Law | None = None
+    latency: Law | None = None
     rate: Law | None = None
     start: float = 0.0
     source_code: str = field(init=False, repr=False, compare=False)  # the kernel's name holds it

@@ -31,7 +31,9 @@ EFFECT = Effect(
     name="heading_offset",
     scope=Scope.BOAT,
     observe=observe,
-    parameters=(Parameter("angle", unit="rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02),),
+    parameters=(
+        Parameter("angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0),
+    ),
     looks_like="sideways speed in proportion to forward speed, on every heading, other sign astern",
-    mistaken_for=("steady_current", "cg_offset"),
+    mistaken_for=("steady_current", "compass_deviation", "cg_offset"),
 )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope
 from sim.state import Pose, Water
 
 
@@ -29,10 +29,13 @@ EFFECT = Effect(
     scope=Scope.VOYAGE,
     water=water,
     parameters=(
-        Parameter("speed", unit="m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05),
-        Parameter("direction", unit="rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1),
+        Parameter("speed", "m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0),
+        Parameter("direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1,
+                  kind=Kind.CIRCLE, says="towards, clockwise from north"),
     ),
     looks_like="a velocity offset that stays fixed in the world while the boat turns, "
     "whatever its speed",
-    mistaken_for=("steady_wind", "heading_offset"),
-)
+    mistaken_for=(
+        "varying_current", "steady_wind", "inertial_force", "heading_offset", "compass_deviation",
+    ),
+)  # fmt: skip

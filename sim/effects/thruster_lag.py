@@ -27,5 +27,5 @@ EFFECT = Effect(
     thrust_rate=thrust_rate,
     parameters=(Parameter("tau", unit="s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
     looks_like="the boat answers late to every change of throttle, and right once it is steady",
-    mistaken_for=("command_delay", "velocity_latency"),
+    mistaken_for=("command_delay", "velocity_latency", "steering_lag"),
 )

@@ -21,7 +21,7 @@ from sim.composed import (
     state_from,
     unpack,
 )  # fmt: skip
-from sim.drivers import advance, held, report_of, true_motion
+from sim.drivers import advance, held, report_of, set_row, true_motion
 from sim.following.blend import Track, blended, gap, track_of
 from sim.following.law import Gains, reference_rate, wanted_acceleration
 from sim.jit import jitable as entry
@@ -141,13 +141,6 @@ def follow(
     for i in range(NX):
         carry[i] = x[i]
     carry[NX + 3], carry[NX + 4], carry[NX + 5] = tau.X, tau.Y, tau.N
-
-
-@jit
-def set_row(row: Floats, values: State) -> None:
-    """Values into the first places of a row."""
-    for i in range(len(values)):
-        row[i] = values[i]
 
 
 @jit

@@ -57,10 +57,30 @@ STEERED_BOAT = Vessel(
 )
 ANTENNA = Sensors(antenna=(0.6, -0.3))
 SHAPES = (WAMV, IACQUABOT, RUDDER_BOAT, STEERED_BOAT)
-VALUES = {  # off the neutral value, where `start` is neutral or weak
+VALUES = {  # off the neutral value, where `start` is neutral or weak; within a short voyage
+    "actuator_wiring": {"order": 21.0, "reversed": 2.0},
+    "antenna_offset": {"x": 0.4, "y": -0.3},
+    "astern_stall": {"per_mps": 0.6, "above": 0.1},
+    "battery_sag": {"nominal": 16.0},
+    "cg_offset": {"x_g": -0.15},
+    "compass_deviation": {"b": 0.12, "c": -0.08},
+    "cross_damping": {"Y_r": -14.0, "N_v": 11.0},
     "cubic_drag": {"X_uuu": -8.0},
+    "drag_growth": {"rate": 0.02},
     "heading_offset": {"angle": 0.15},
+    "hull_lift": {"Y_uv": -30.0, "Y_ur": 12.0, "N_uv": 15.0, "N_ur": -20.0},
+    "inertial_force": {"force": 8.0, "direction": 2.0},
+    "payload_change": {"factor": 1.4, "time": 4.01},
     "steady_current": {"speed": 0.3, "direction": 1.2},
+    "steering_offset": {"angle": 0.1},
+    "thrust_curve": {"exponent": 1.5},
+    "thruster_fault": {"thruster": 1.0, "gain": 0.3, "time": 4.01},
+    "thruster_imbalance": {"port_gain": 0.8},
+    "thruster_misalignment": {"angle": 0.12},
+    "towed_load": {"drag": 9.0, "x": -1.5},
+    "varying_current": {"speed": 0.3, "direction": 0.7, "period": 25.0, "phase": 0.4},
+    "wave_motion": {"force": 12.0, "omega": 2.2, "direction": 0.6, "phase": 0.3},
+    "yaw_rate_bias": {"bias": 0.03},
 }
 
 
@@ -73,9 +93,9 @@ def added(effect: Effect) -> AddedEffect:
     return AddedEffect(effect, VALUES.get(effect.name, values))
 
 
-def every_effect() -> tuple[AddedEffect, ...]:
-    """The whole catalogue, each with values that make a difference."""
-    return tuple(added(effect) for effect in EFFECTS)
+def every_effect(vessel: Vessel) -> tuple[AddedEffect, ...]:
+    """All of the catalogue that can act on the vessel, with values that make a difference."""
+    return tuple(added(effect) for effect in EFFECTS if not vessel.lacks(effect))
 
 
 def excitation(vessel: Vessel, seconds: float, dt: float, seed: int = 7) -> np.ndarray:

@@ -1,0 +1,40 @@
+"""Advance loss: a propeller that moves ahead pushes less, for the water comes to meet it.
+
+    F → F max(1 − per_mps max(u_a, 0), 0)   for F > 0        u_a = u cos α + v sin α
+
+per_mps [s/m], u_a [m/s] the boat's speed through the water along the thruster's azimuth α (for
+one that points ahead: u). Valid for: the first quadrant, advance ahead and thrust ahead; at
+1 / per_mps the propeller pushes no more. Source: Fossen, Handbook of Marine Craft Hydrodynamics,
+2nd ed. 2021, ch. 9 (K_T falls linearly with the advance number).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.body import Drive, Flow
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    per_mps: float
+
+
+def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+    """Thrust and velocity through the water -> thrust [N]."""
+    inflow = flow.u * np.cos(drive.azimuth) + flow.v * np.sin(drive.azimuth)
+    left = np.maximum(1.0 - p.per_mps * np.maximum(inflow, 0.0), 0.0)
+    return F * (1.0 + (F > 0.0) * (left - 1.0))
+
+
+EFFECT = Effect(
+    name="advance_loss",
+    scope=Scope.BOAT,
+    thrust=thrust,
+    parameters=(
+        Parameter("per_mps", "s/m", lower=0.0, upper=2.0, start=0.1, scale=0.02, neutral=0.0),
+    ),
+    looks_like="pulls away as modelled but tops out too slow; coasts down as modelled once the "
+    "motors stop",
+    mistaken_for=("cubic_drag", "towed_load"),
+)

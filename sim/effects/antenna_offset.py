@@ -1,0 +1,48 @@
+"""Antenna offset: the antenna does not sit where the vessel file says.
+
+    position + R(ψ) (x, y),   u − r y,   v + r x        x ahead, y to starboard [m]
+
+The lever arm is beyond `sensors.antenna`. Valid for: a rigid mount. Source: Groves, Principles of
+GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. 2013, §14.1 (lever arms).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Report
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.state import to_world
+
+
+class Parameters(NamedTuple):
+    x: float
+    y: float
+
+
+def observe(report: Report, p: Parameters) -> Report:
+    """Motion where the antenna should be -> motion where it is."""
+    north, east = to_world(p.x, p.y, report.yaw)
+    return Report(
+        report.north + north,
+        report.east + east,
+        report.yaw,
+        report.u - report.r * p.y,
+        report.v + report.r * p.x,
+        report.r,
+        report.u_dot - report.r_dot * p.y,
+        report.v_dot + report.r_dot * p.x,
+        report.r_dot,
+    )
+
+
+EFFECT = Effect(
+    name="antenna_offset",
+    scope=Scope.BOAT,
+    observe=observe,
+    parameters=(
+        Parameter("x", "m", lower=-20.0, upper=20.0, start=0.0, scale=0.05, neutral=0.0),
+        Parameter("y", "m", lower=-20.0, upper=20.0, start=0.0, scale=0.05, neutral=0.0),
+    ),
+    looks_like="sideways speed in proportion to the turn rate, at once and without any force; "
+    "spots on the track that swing around the boat",
+    mistaken_for=("cross_damping", "cg_offset"),
+)

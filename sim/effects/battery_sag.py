@@ -1,0 +1,38 @@
+"""Battery sag: shaft speed goes with the battery's voltage, so thrust goes with its square.
+
+    F → F (V / nominal)²        V measured [V], nominal [V] where the vessel file's thrust holds
+
+Where the voltage was not measured there is no sag. Valid for: speed controllers that command a duty
+cycle, not a speed. `nominal` and the scale of all thrusts are not separable where the voltage
+hardly changes: what the data tell is the sag relative to the mean. Source: Fossen, Handbook of
+Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust ∝ n², n ∝ armature voltage).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.body import Drive, Flow
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    nominal: float
+
+
+def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+    """Thrust and voltage (NaN: not measured) -> thrust [N]."""
+    known = 1.0 * np.isfinite(flow.voltage)
+    ratio = np.fmax(flow.voltage, 0.0) / p.nominal  # fmax: NaN becomes 0
+    return F * (1.0 + known * (ratio * ratio - 1.0))
+
+
+EFFECT = Effect(
+    name="battery_sag",
+    scope=Scope.BOAT,
+    thrust=thrust,
+    parameters=(Parameter("nominal", "V", lower=3.0, upper=100.0, start=14.8, scale=0.2),),
+    looks_like="weaker as the voltage falls: slower for the same throttle late in the voyage, and "
+    "whenever all motors pull",
+    mistaken_for=("thrust_curve", "drag_growth", "thruster_fault"),
+)

@@ -1,0 +1,40 @@
+"""CG offset: the centre of gravity does not lie at the origin of the body.
+
+    M₂₃ = M₃₂ = … + mass x_g        mass [kg] of the hull, x_g [m] ahead of the origin
+
+The Coriolis forces follow from M, so that a turn at speed pushes the bow out where x_g < 0. Valid
+for: offsets along the keel. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021,
+ch. 3 (rigid-body mass matrix about the origin).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Flow
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.state import Inertia
+
+
+class Parameters(NamedTuple):
+    x_g: float
+
+
+def inertia(M: Inertia, flow: Flow, p: Parameters) -> Inertia:
+    """Mass matrix -> with the coupling of sway and yaw [kg, kg m, kg m²]."""
+    m23 = M.m23 + flow.body.mass * p.x_g
+    return Inertia(M.m11, M.m12, M.m13, M.m22, m23, M.m33)
+
+
+EFFECT = Effect(
+    name="cg_offset",
+    scope=Scope.BOAT,
+    inertia=inertia,
+    parameters=(
+        Parameter("x_g", "m", lower=-2.0, upper=2.0, start=0.0, scale=0.02, neutral=0.0),
+    ),
+    looks_like="sideways speed where a turn begins and ends, other sign when it ends, and a bow "
+    "that is held out of or into every turn at speed",
+    mistaken_for=(
+        "cross_damping", "antenna_offset", "heading_offset", "thruster_imbalance",
+        "thruster_misalignment",
+    ),
+)  # fmt: skip

@@ -1,0 +1,31 @@
+"""Command delay: everything happens as commanded, only later.
+
+    c(t) → c(t − delay)        delay [s], of all thrusters and rudders
+
+Valid for: slow buses, radio links, filters in speed controllers; one delay for all. Source: Åström
+and Murray, Feedback Systems, 2nd ed. 2021, §9.2 (time delays).
+"""
+
+from typing import NamedTuple
+
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    delay: float
+
+
+def delay(p: Parameters) -> float:
+    """How much later all commands act [s]."""
+    return p.delay
+
+
+EFFECT = Effect(
+    name="command_delay",
+    scope=Scope.BOAT,
+    delay=delay,
+    parameters=(Parameter("delay", "s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0),),
+    looks_like="the whole motion comes late by the same time, fast and slow changes alike, turning "
+    "included",
+    mistaken_for=("thruster_lag", "velocity_latency", "steering_lag"),
+)

@@ -1,0 +1,56 @@
+"""Compass deviation: iron and currents on board turn the compass, by heading.
+
+    reported ψ = ψ + d,   d = b sin ψ + c cos ψ        b, c [rad]
+
+Velocities over ground come from the GNSS, so reported u and v are the true ones turned by −d; as d
+changes in a turn, so do they: u̇ gets + ḋ v, v̇ gets − ḋ u, with ḋ = (b cos ψ − c sin ψ) r. Valid
+for: permanent magnetism, small angles. Source: Bowditch, American Practical Navigator, 2019, ch. 6
+(semicircular deviation, coefficients B and C).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.body import Report
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.state import to_body
+
+
+class Parameters(NamedTuple):
+    b: float
+    c: float
+
+
+def observe(report: Report, p: Parameters) -> Report:
+    """True motion -> motion as a compass that deviates reports it."""
+    sine, cosine = np.sin(report.yaw), np.cos(report.yaw)
+    d = p.b * sine + p.c * cosine
+    d_dot = (p.b * cosine - p.c * sine) * report.r
+    u, v = to_body(report.u, report.v, d)
+    u_dot, v_dot = to_body(report.u_dot, report.v_dot, d)
+    return Report(
+        report.north,
+        report.east,
+        report.yaw + d,
+        u,
+        v,
+        report.r,
+        u_dot + d_dot * v,
+        v_dot - d_dot * u,
+        report.r_dot,
+    )
+
+
+EFFECT = Effect(
+    name="compass_deviation",
+    scope=Scope.BOAT,
+    observe=observe,
+    parameters=(
+        Parameter("b", "rad", lower=-0.6, upper=0.6, start=0.0, scale=0.02, neutral=0.0),
+        Parameter("c", "rad", lower=-0.6, upper=0.6, start=0.0, scale=0.02, neutral=0.0),
+    ),
+    looks_like="seems to crab to one side on some headings and to the other on the opposite ones; "
+    "the crab angle is the same at any speed and astern",
+    mistaken_for=("steady_current", "steady_wind", "heading_offset"),
+)

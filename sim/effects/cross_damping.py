@@ -1,0 +1,37 @@
+"""Cross damping: turning pushes the hull sideways, and drifting turns it.
+
+    Y = Y_r r,   N = N_v v        Y_r [N s], N_v [N s], r [rad/s], v through the water [m/s]
+
+Either sign: it tells whether bow or stern has the more grip. Valid for: small drift angles, low
+speed. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (linear damping,
+off-diagonal terms).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Flow
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.state import Wrench
+
+
+class Parameters(NamedTuple):
+    Y_r: float
+    N_v: float
+
+
+def force(flow: Flow, p: Parameters) -> Wrench:
+    """Velocity through the water -> X, Y, N [N, N, N m]."""
+    return Wrench(0.0, p.Y_r * flow.r, p.N_v * flow.v)
+
+
+EFFECT = Effect(
+    name="cross_damping",
+    scope=Scope.BOAT,
+    force=force,
+    parameters=(
+        Parameter("Y_r", "N s", lower=-2000.0, upper=2000.0, start=0.0, scale=5.0, neutral=0.0),
+        Parameter("N_v", "N s", lower=-2000.0, upper=2000.0, start=0.0, scale=5.0, neutral=0.0),
+    ),
+    looks_like="slips sideways in every turn, also on the spot, to the side that the turn decides",
+    mistaken_for=("cg_offset", "antenna_offset", "hull_lift"),
+)

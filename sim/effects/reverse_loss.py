@@ -1,0 +1,34 @@
+"""Reverse loss: astern the propellers give another thrust than the vessel file says.
+
+    F → factor F   for F < 0        factor [-]
+
+Valid for: propellers made for going ahead, at any speed. Source: Fossen, Handbook of Marine Craft
+Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficients differ ahead and astern).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Drive, Flow
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    factor: float
+
+
+def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+    """Thrust -> thrust [N]."""
+    return F * (1.0 + (F < 0.0) * (p.factor - 1.0))
+
+
+EFFECT = Effect(
+    name="reverse_loss",
+    scope=Scope.BOAT,
+    thrust=thrust,
+    parameters=(
+        Parameter("factor", "-", lower=0.0, upper=2.0, start=0.8, scale=0.05, neutral=1.0),
+    ),
+    looks_like="right ahead, but brakes and backs weaker (or stronger) than modelled, and so turns "
+    "otherwise on the spot",
+    mistaken_for=("astern_stall",),
+)

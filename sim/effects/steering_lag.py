@@ -1,0 +1,32 @@
+"""Steering lag: the rudder, or the steered motor, follows its command as a first-order lag.
+
+    δ̇ = (δ_commanded − δ) / tau        tau [s], one state δ [rad] per rudder
+
+Valid for: servos and steering gear away from their limit of rate. Source: Fossen, Handbook of
+Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (steering machine dynamics, linearised).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Blade
+from sim.effects.effect import Effect, Need, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    tau: float
+
+
+def angle_rate(angle: float, state: float, blade: Blade, p: Parameters) -> float:
+    """Commanded and acting angle [rad] -> rate of the acting angle [rad/s]."""
+    return (angle - state) / p.tau
+
+
+EFFECT = Effect(
+    name="steering_lag",
+    scope=Scope.BOAT,
+    angle_rate=angle_rate,
+    needs=(Need.STEERING,),
+    parameters=(Parameter("tau", "s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
+    looks_like="turns begin and end late, while changes of speed come in time",
+    mistaken_for=("thruster_lag", "command_delay"),
+)

@@ -1,0 +1,35 @@
+"""Steering offset: amidships is not straight ahead.
+
+    δ → δ + angle        δ of all rudders and steered motors [rad], angle [rad]
+
+Positive turns the bow to starboard when going ahead. Valid for: a trim that is off, a linkage that
+slipped. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 15 (rudder bias
+and its integral action).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Blade
+from sim.effects.effect import Effect, Need, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    angle: float
+
+
+def angle(δ: float, blade: Blade, p: Parameters) -> float:
+    """Angle -> angle [rad]."""
+    return δ + p.angle
+
+
+EFFECT = Effect(
+    name="steering_offset",
+    scope=Scope.BOAT,
+    angle=angle,
+    needs=(Need.STEERING,),
+    parameters=(
+        Parameter("angle", "rad", lower=-0.5, upper=0.5, start=0.0, scale=0.02, neutral=0.0),
+    ),
+    looks_like="turns to one side with the rudder amidships, the more the faster it goes",
+    mistaken_for=("thruster_imbalance", "thruster_misalignment"),
+)

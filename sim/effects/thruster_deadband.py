@@ -1,0 +1,36 @@
+"""Thruster dead-band: a small command does not turn the propeller.
+
+    c → sign(c) max(|c| − width, 0) / (1 − width)        width [-] of the command in [−1, 1]
+
+Full command still gives full thrust. Valid for: speed controllers with a dead zone around
+neutral. Source: Tao and Kokotović, Adaptive Control of Systems with Actuator and Sensor
+Nonlinearities, 1996, ch. 2 (dead-zone).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.body import Drive
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    width: float
+
+
+def command(c: float, drive: Drive, p: Parameters) -> float:
+    """Command -> command that turns the propeller [−1 … 1]."""
+    return np.sign(c) * np.maximum(np.abs(c) - p.width, 0.0) / (1.0 - p.width)
+
+
+EFFECT = Effect(
+    name="thruster_deadband",
+    scope=Scope.BOAT,
+    command=command,
+    parameters=(
+        Parameter("width", "-", lower=0.0, upper=0.6, start=0.05, scale=0.01, neutral=0.0),
+    ),
+    looks_like="does not answer small commands; nearly right at full throttle",
+    mistaken_for=("thrust_curve",),
+)

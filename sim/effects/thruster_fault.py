@@ -1,0 +1,42 @@
+"""Thruster fault: one thruster weakens, or fails, at one moment.
+
+    F_i → gain F_i   for i = thruster and t >= time
+
+thruster counted from 1 in the order of the vessel file, gain [-] (0: dead), time [s after the first
+sample]. Valid for: a lost blade, a line around the shaft, a motor in its emergency mode. Source:
+Blanke, Kinnaert, Lunze and Staroswiecki, Diagnosis and Fault-Tolerant Control, 3rd ed. 2016, ch. 4
+(loss of effectiveness of an actuator).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Drive, Flow
+from sim.effects.effect import Effect, Kind, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    thruster: float
+    gain: float
+    time: float
+
+
+def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+    """Thrust -> thrust [N]."""
+    hit = 1.0 * (drive.number + 1.0 == p.thruster) * (flow.time >= p.time)
+    return F * (1.0 + hit * (p.gain - 1.0))
+
+
+EFFECT = Effect(
+    name="thruster_fault",
+    scope=Scope.VOYAGE,
+    thrust=thrust,
+    parameters=(
+        Parameter("thruster", "-", lower=1.0, upper=16.0, start=1.0, scale=1.0, kind=Kind.CHOICE,
+                  says="1, 2, … in the order of the vessel file"),
+        Parameter("gain", "-", lower=0.0, upper=2.0, start=0.5, scale=0.05, neutral=1.0),
+        Parameter("time", "s", lower=0.0, upper=1e5, start=60.0, scale=5.0, kind=Kind.MOMENT,
+                  says="after the first sample"),
+    ),
+    looks_like="right up to one moment; from then on it pulls to one side and is slower",
+    mistaken_for=("payload_change", "drag_growth", "battery_sag"),
+)  # fmt: skip

@@ -1,0 +1,34 @@
+"""Thruster misalignment: all thrusters point a little to one side.
+
+    α → α + angle        α azimuth of a thruster [rad], angle [rad], clockwise positive
+
+Valid for: brackets bent or mounted askew alike. Source: Fossen, Handbook of Marine Craft
+Hydrodynamics, 2nd ed. 2021, ch. 9 (thruster configuration matrix).
+"""
+
+from typing import NamedTuple
+
+from sim.body import Drive, Flow
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    angle: float
+
+
+def turn(azimuth: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+    """Direction of a thruster -> direction [rad]."""
+    return azimuth + p.angle
+
+
+EFFECT = Effect(
+    name="thruster_misalignment",
+    scope=Scope.BOAT,
+    turn=turn,
+    parameters=(
+        Parameter("angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0),
+    ),
+    looks_like="pulls to one side and slips sideways in proportion to the throttle, on every "
+    "heading, and the other way astern",
+    mistaken_for=("thruster_imbalance", "steering_offset", "cg_offset", "steady_wind"),
+)

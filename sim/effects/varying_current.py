@@ -1,0 +1,51 @@
+"""Varying current: a tide or a seiche that swings to and fro along one line.
+
+    V_c = speed sin(2π t / period + phase) (cos direction, sin direction)
+
+speed [m/s] at its strongest, t [s after the first sample], period [s], phase [rad], direction
+[rad from north]. Valid for: water that moves as one; one harmonic. Over much less than a period it
+cannot be told from a steady current. Source: Fossen, Handbook of Marine Craft Hydrodynamics,
+2nd ed. 2021, §10.3; Pugh and Woodworth, Sea-Level Science, 2014, ch. 4 (harmonics of the tide).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.state import Pose, Water
+
+
+class Parameters(NamedTuple):
+    speed: float
+    direction: float
+    period: float
+    phase: float
+
+
+def water(time: float, pose: Pose, p: Parameters) -> Water:
+    """Time [s] -> velocity [m/s] and acceleration [m/s²] of the water."""
+    omega = 2.0 * np.pi / p.period
+    flow = p.speed * np.sin(omega * time + p.phase)
+    change = p.speed * omega * np.cos(omega * time + p.phase)
+    c, s = np.cos(p.direction), np.sin(p.direction)
+    return Water(flow * c, flow * s, change * c, change * s)
+
+
+EFFECT = Effect(
+    name="varying_current",
+    scope=Scope.VOYAGE,
+    water=water,
+    parameters=(
+        Parameter("speed", "m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0,
+                  says="at its strongest"),
+        Parameter("direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1,
+                  kind=Kind.CIRCLE, says="towards, clockwise from north"),
+        Parameter("period", "s", lower=20.0, upper=90000.0, start=300.0, scale=30.0),
+        Parameter("phase", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.2, kind=Kind.CIRCLE,
+                  says="at the first sample"),
+    ),
+    looks_like="a velocity offset along one line in the world that swings from one side to the "
+    "other as time goes by",
+    mistaken_for=("steady_current",),
+)  # fmt: skip

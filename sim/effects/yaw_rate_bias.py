@@ -1,0 +1,43 @@
+"""Yaw-rate bias: the gyro reads a constant rate too much.
+
+    reported r = r + bias        bias [rad/s]
+
+Valid for: hours of a MEMS gyro in even temperature; heading is not touched. Source: Groves,
+Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. 2013, §4.4.1.
+"""
+
+from typing import NamedTuple
+
+from sim.body import Report
+from sim.effects.effect import Effect, Parameter, Scope
+
+
+class Parameters(NamedTuple):
+    bias: float
+
+
+def observe(report: Report, p: Parameters) -> Report:
+    """True motion -> motion as a biased gyro reports it."""
+    return Report(
+        report.north,
+        report.east,
+        report.yaw,
+        report.u,
+        report.v,
+        report.r + p.bias,
+        report.u_dot,
+        report.v_dot,
+        report.r_dot,
+    )
+
+
+EFFECT = Effect(
+    name="yaw_rate_bias",
+    scope=Scope.VOYAGE,
+    observe=observe,
+    parameters=(
+        Parameter("bias", "rad/s", lower=-0.3, upper=0.3, start=0.0, scale=0.003, neutral=0.0),
+    ),
+    looks_like="a turn rate that is off by the same amount always, at rest too, while the heading "
+    "does not follow",
+)

@@ -1,0 +1,124 @@
+"""Laws that the effects of the catalogue obey, each over all members that they concern."""
+
+import numpy as np
+import pytest
+
+from sim.body import Body, Flow
+from sim.effects.catalogue import EFFECTS, named
+from sim.effects.effect import Need
+from sim.model import Model
+from sim.state import Pose
+from sim.vessel import AddedEffect
+from tests.sim.vessels import RUDDER_BOAT, WAMV, added, excitation
+
+DT = 0.02
+TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
+PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
+TURNED_ROUND = ("direction", "angle", "y", "bias", "c")  # parameters with a side
+OTHER_SIDE = {"thruster_fault": {"thruster": 2.0}, "actuator_wiring": {"reversed": 1.0}}
+ONE_SIDED = ("thruster_imbalance",)  # knows port only
+
+
+def home(effect):
+    return RUDDER_BOAT if Need.STEERING in effect.needs else WAMV
+
+
+def reports_of(vessel, commands, x0=None):
+    """Reports (T+1, 9) of a free run without a measured wind, at 14 V."""
+    return Model.of(vessel).simulate(commands, DT, x0, voltage=np.full(len(commands), 14.0))[1][0]
+
+
+def body_of(vessel, count):
+    values = vars(vessel.dynamics) | vars(vessel.hull)
+    return Body(*(np.full(count, float(values.get(name, 1.0))) for name in Body._fields))
+
+
+def flows(count, seed=3):
+    """Random flows (count,) around a WAM-V."""
+    rng = np.random.default_rng(seed)
+    flow = Flow(*(rng.uniform(-2.0, 2.0, count) for _ in Flow._fields[:-1]), body_of(WAMV, count))
+    return flow._replace(time=rng.uniform(0.0, 300.0, count), wind_known=np.zeros(count))
+
+
+def parameters_of(item):
+    """The effect's own tuple of parameters."""
+    return item.effect.laws[next(iter(item.effect.laws))].__globals__["Parameters"](**item.values)
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if any(p.neutral is not None for p in e.parameters)],
+    ids=lambda e: e.name,
+)  # fmt: skip
+def test_at_its_neutral_values_an_effect_does_nothing(effect):
+    values = dict(added(effect).values)
+    values |= {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
+    vessel = home(effect)
+    commands = excitation(vessel, 8.0, DT)
+    with_it = reports_of(vessel.with_effects(AddedEffect(effect, values)), commands)
+    np.testing.assert_allclose(with_it, reports_of(vessel, commands), rtol=0, atol=1e-12)
+
+
+def test_only_these_have_no_neutral_values():
+    without = {e.name for e in EFFECTS if all(p.neutral is None for p in e.parameters)}
+    assert without == {"steady_wind", "battery_sag", "thruster_lag", "steering_lag"}
+
+
+@pytest.mark.parametrize("name", TAKE_ENERGY)
+def test_drag_takes_energy_out(name):
+    flow, effect = flows(500), named(name)
+    tau = effect.force(flow, parameters_of(added(effect)))
+    power = tau.X * flow.u + tau.Y * flow.v + tau.N * flow.r
+    assert (power <= 0.0).all()
+    assert power.min() < -1.0
+
+
+def test_inertia_stays_that_of_a_mass():
+    """Symmetric by its type, and positive: energy of motion never is not."""
+    for effect in (e for e in EFFECTS if e.inertia):
+        M = effect.inertia(
+            Model.of(WAMV).kernel.module.base_inertia(body_of(WAMV, 1)),
+            flows(1), parameters_of(added(effect)),
+        )  # fmt: skip
+        matrix = np.zeros((3, 3))
+        matrix[np.triu_indices(3)] = [np.ravel(value)[0] for value in M]
+        assert (np.linalg.eigvalsh(matrix, UPLO="U") > 0.0).all(), effect.name
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if e.name not in ONE_SIDED], ids=lambda e: e.name
+)
+def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
+    vessel, item = home(effect), added(effect)
+    values = {k: -v if k in TURNED_ROUND else v for k, v in item.values.items()}
+    other = AddedEffect(effect, values | OTHER_SIDE.get(effect.name, {}))
+    commands, start = excitation(vessel, 8.0, DT), np.array([1.0, 2.0, 0.5, 0.4, 0.1, -0.1])
+    swapped = commands[:, ::-1] if vessel is WAMV else commands * [1.0, -1.0]
+    here = reports_of(vessel.with_effects(item), commands, start)
+    there = reports_of(vessel.with_effects(other), swapped, start * PORT_AND_STARBOARD[:6])
+    np.testing.assert_allclose(there, here * PORT_AND_STARBOARD, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.water], ids=lambda e: e.name)
+def test_the_waters_acceleration_is_that_of_its_velocity(effect):
+    p, h = parameters_of(added(effect)), 1e-3
+    time = np.linspace(0.0, 60.0, 50)
+    before, now, after = (effect.water(time + s, Pose(1.0, 2.0, 3.0), p) for s in (-h, 0.0, h))
+    for i in (0, 1):
+        rate = np.broadcast_to((after[i] - before[i]) / (2.0 * h), len(time))
+        np.testing.assert_allclose(np.broadcast_to(now[2 + i], len(time)), rate, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS if e.observe and not e.latency], ids=lambda e: e.name
+)
+def test_reported_accelerations_are_those_of_the_reported_velocities(effect):
+    commands = np.repeat([[0.8, 0.3]], 500, axis=0)
+    rows = reports_of(WAMV.with_effects(added(effect)), commands, np.full(6, 0.3))
+    rate = np.gradient(rows[:, 3:6], DT, axis=0)
+    np.testing.assert_allclose(rows[2:-2, 6:9], rate[2:-2], atol=1e-3)
+
+
+def test_what_one_is_mistaken_for_is_mistaken_for_it():
+    for effect in EFFECTS:
+        for other in effect.mistaken_for:
+            assert effect.name in named(other).mistaken_for, f"{effect.name} and {other}"

@@ -1,0 +1,246 @@
+"""What single effects do, in figures that their equations give by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.compiled import plain_kernel_for
+from sim.effects.catalogue import named
+from sim.model import Model
+from sim.vessel import AddedEffect, Hull
+from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation
+
+DT = 0.02
+
+
+def with_effect(vessel, name, **values):
+    return vessel.with_effects(AddedEffect(named(name), values))
+
+
+def run(vessel, commands, x0=None, plain=False, **air):
+    """States (T+1, nx) and reports (T+1, 9) of a free run."""
+    model = Model.of(vessel)
+    model = replace(model, kernel=plain_kernel_for(model.kernel.structure)) if plain else model
+    states, reports = model.simulate(commands, DT, x0, **air)
+    return states[0], reports[0]
+
+
+def first_push(vessel, x0, commands=None, **air):
+    """M ν̇ at the start (3,), less that of the vessel without effects: the force of the effect."""
+    rest = np.zeros((1, len(vessel.actuators))) if commands is None else np.array([commands])
+    d = vessel.dynamics
+    bare = replace(vessel, effects=())
+    rates = [run(v, rest, np.array(x0, float), **air)[1][0, 6:] for v in (vessel, bare)]
+    return (rates[0] - rates[1]) * [d.m11, d.m22, d.m33]
+
+
+# -- water and air --
+
+
+@pytest.mark.parametrize(("u", "v", "yaw"), [(0.0, 0.0, 0.0), (1.0, 0.3, 2.1), (-0.5, -0.4, -1.0)])
+def test_wind_has_fossens_symmetric_form(u, v, yaw):
+    vessel = with_effect(WAMV, "steady_wind", speed=6.0, direction=0.8)
+    air = 6.0 * np.array([np.cos(0.8 + np.pi), np.sin(0.8 + np.pi)])
+    u_rw = u - (np.cos(yaw) * air[0] + np.sin(yaw) * air[1])
+    v_rw = v - (np.cos(yaw) * air[1] - np.sin(yaw) * air[0])
+    angle = -np.arctan2(v_rw, u_rw)
+    q, (front, side) = 0.5 * 1.225 * (u_rw**2 + v_rw**2), WAMV.hull.wind_area
+    expected = q * np.array(
+        [
+            -0.7 * np.cos(angle) * front,
+            0.825 * np.sin(angle) * side,
+            0.125 * np.sin(2.0 * angle) * side * WAMV.hull.length,
+        ]
+    )
+    np.testing.assert_allclose(first_push(vessel, [0, 0, yaw, u, v, 0]), expected, atol=1e-9)
+
+
+def test_a_measured_wind_counts_and_the_assumed_one_does_not():
+    """The wind that blows from 0.8 rad at 6 m/s, once assumed and once measured."""
+    commands = excitation(WAMV, 4.0, DT)
+    blowing = np.tile([-6.0 * np.cos(0.8), -6.0 * np.sin(0.8)], (len(commands), 1))
+    assumed = run(with_effect(WAMV, "steady_wind", speed=6.0, direction=0.8), commands)[1]
+    other = with_effect(WAMV, "steady_wind", speed=30.0, direction=-2.0)
+    np.testing.assert_allclose(run(other, commands, wind=blowing)[1], assumed, atol=1e-12)
+
+
+def test_wind_needs_areas():
+    bare = replace(WAMV, hull=Hull(4.9, 2.3, 180.0))
+    with pytest.raises(ValueError, match=r"steady_wind needs hull\.wind_area.*WAM-V has none"):
+        with_effect(bare, "steady_wind", speed=5.0, direction=0.0)
+    assert bare.lacks(named("steady_wind"))
+    assert not WAMV.lacks(named("steady_wind"))
+
+
+def test_steering_effects_need_something_that_steers():
+    with pytest.raises(ValueError, match="steering_lag needs a rudder"):
+        with_effect(WAMV, "steering_lag", tau=0.3)
+    assert with_effect(RUDDER_BOAT, "steering_lag", tau=0.3).effects
+
+
+def test_a_boat_that_runs_with_the_wave_feels_one_phase():
+    p = {"force": 10.0, "omega": 2.0, "direction": 0.5, "phase": 1.0}
+    law, parameters = named("wave_motion").force, SimpleWave(**p)
+    time = np.linspace(0.0, 30.0, 20)
+    along = 9.81 / 2.0 * time  # celerity g/ω
+    push = law(Place(time, along * np.cos(0.5), along * np.sin(0.5), 0.5), parameters)
+    np.testing.assert_allclose(push.X, 10.0 * np.sin(1.0), atol=1e-9)
+    np.testing.assert_allclose(push.Y, 0.0, atol=1e-9)
+
+
+class SimpleWave:
+    def __init__(self, **values):
+        vars(self).update(values)
+
+
+class Place:
+    def __init__(self, time, north, east, yaw):
+        self.time, self.north, self.east, self.yaw = time, north, east, yaw
+
+
+# -- thrust --
+
+
+def test_wiring_is_read_digit_by_digit():
+    commands = excitation(IACQUABOT, 4.0, DT)
+    wired = with_effect(IACQUABOT, "actuator_wiring", order=3142.0, reversed=24.0)
+    expected = run(IACQUABOT, commands[:, [2, 0, 3, 1]] * [1.0, -1.0, 1.0, -1.0])[1]
+    for plain in (False, True):
+        np.testing.assert_allclose(run(wired, commands, plain=plain)[1], expected, atol=1e-12)
+
+
+def test_wiring_reaches_the_rudder():
+    commands = excitation(RUDDER_BOAT, 4.0, DT)
+    wired = with_effect(RUDDER_BOAT, "actuator_wiring", order=0.0, reversed=2.0)
+    expected = run(RUDDER_BOAT, commands * [1.0, -1.0])[1]
+    np.testing.assert_allclose(run(wired, commands)[1], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_sag_goes_with_the_measured_voltage_and_is_none_without(plain):
+    commands = np.full((100, 2), 0.6)
+    sagging = with_effect(WAMV, "battery_sag", nominal=16.0)
+    unknown = run(sagging, commands, plain=plain)[1]
+    np.testing.assert_array_equal(unknown, run(WAMV, commands, plain=plain)[1])
+    volts = np.linspace(16.0, 12.0, 100)
+    sagged = run(sagging, commands, plain=plain, voltage=volts)[1]
+    weaker = run(WAMV, commands * (volts[:, None] / 16.0) ** 2, plain=plain)[1]
+    np.testing.assert_allclose(sagged[:-1, :6], weaker[:-1, :6], atol=1e-9)
+
+
+def test_a_fault_comes_at_its_time():
+    commands = np.full((200, 2), 0.6)
+    faulty = with_effect(WAMV, "thruster_fault", thruster=2.0, gain=0.25, time=2.0)
+    broken = commands * np.where(np.arange(200)[:, None] * DT < 2.0, 1.0, [1.0, 0.25])
+    poses = [run(v, c)[1][:, :3] for v, c in ((faulty, commands), (WAMV, broken))]
+    np.testing.assert_allclose(poses[0], poses[1], atol=2e-3)  # its last stage sees the step
+    assert np.abs(poses[0] - run(WAMV, commands)[1][:, :3]).max() > 0.1
+
+
+def test_dead_band_and_curve_keep_full_throttle():
+    for name, values in (("thruster_deadband", {"width": 0.2}), ("thrust_curve", {"exponent": 2})):
+        vessel = with_effect(WAMV, name, **values)
+        for c in (1.0, -1.0):
+            full = first_push(vessel, np.zeros(6), [c, c])
+            np.testing.assert_allclose(full, 0.0, atol=1e-9)
+        assert first_push(vessel, np.zeros(6), [0.5, 0.5])[0] < -10.0
+        assert first_push(vessel, np.zeros(6), [-0.5, -0.5])[0] > 10.0
+
+
+def test_loss_ahead_and_stall_astern_know_their_quadrant():
+    advance = with_effect(WAMV, "advance_loss", per_mps=0.2)
+    stall = with_effect(WAMV, "astern_stall", per_mps=0.5, above=0.4)
+    for u in (-1.0, 0.0, 1.0, 9.0):
+        at, left = [0, 0, 0, u, 0, 0], max(1.0 - 0.2 * max(u, 0.0), 0.0)
+        assert first_push(advance, at, [1.0, 1.0])[0] == pytest.approx(180.0 * (left - 1.0))
+        assert first_push(advance, at, [-1.0, -1.0])[0] == pytest.approx(0.0, abs=1e-9)
+        left = max(1.0 - 0.5 * max(u - 0.4, 0.0), 0.0)
+        assert first_push(stall, at, [-1.0, -1.0])[0] == pytest.approx(-170.0 * (left - 1.0))
+        assert first_push(stall, at, [1.0, 1.0])[0] == pytest.approx(0.0, abs=1e-9)
+
+
+# -- hull --
+
+
+def test_a_load_that_comes_aboard_slows_every_change_and_no_speed():
+    vessel = with_effect(WAMV, "payload_change", factor=2.0, time=1.0)
+    states, reports = run(vessel, np.full((6000, 2), 0.5))
+    plain = run(WAMV, np.full((6000, 2), 0.5))[1]
+    k = round(1.0 / DT)
+    np.testing.assert_allclose(states[:k], run(WAMV, np.full((k - 1, 2), 0.5))[0], atol=1e-9)
+    assert reports[k + 1, 6] == pytest.approx(0.5 * plain[k + 1, 6], rel=1e-2)
+    assert reports[-1, 3] == pytest.approx(plain[-1, 3], rel=1e-3)
+
+
+def test_the_optional_terms_of_a_vessel_file_are_the_same_as_their_effects():
+    d, commands = WAMV.dynamics, excitation(WAMV, 6.0, DT)
+    pairs = (
+        ("cg_offset", {"x_g": -0.2}),
+        ("cross_damping", {"Y_r": -14.0, "N_v": 11.0}),
+        ("hull_lift", {"Y_uv": -30.0, "Y_ur": 12.0, "N_uv": 15.0, "N_ur": -20.0}),
+    )
+    for name, values in pairs:
+        by_file = replace(WAMV, dynamics=replace(d, **values))
+        by_effect = with_effect(WAMV, name, **values)
+        np.testing.assert_allclose(
+            run(by_effect, commands)[1], run(by_file, commands)[1], atol=1e-10, err_msg=name
+        )
+
+
+# -- sensors --
+
+
+def over_ground(reports):
+    """Reports (T, 9) -> position and velocity north, east (T, 4)."""
+    c, s = np.cos(reports[:, 2]), np.sin(reports[:, 2])
+    u, v = reports[:, 3], reports[:, 4]
+    return np.stack([reports[:, 0], reports[:, 1], c * u - s * v, s * u + c * v], axis=1)
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_a_late_receiver_shows_the_boats_own_past(plain):
+    commands = excitation(WAMV, 6.0, DT)
+    _, now = run(WAMV, commands, plain=plain)
+    for steps in (5, 7.5):
+        late = with_effect(WAMV, "velocity_latency", delay=steps * DT)
+        _, seen = run(late, commands, plain=plain)
+        np.testing.assert_array_equal(seen[:, [2, 5, 6, 7, 8]], now[:, [2, 5, 6, 7, 8]])
+        low, high = int(np.floor(steps)), int(np.ceil(steps))
+        track, at = over_ground(now), np.arange(high, len(now))
+        past = 0.5 * (track[at - low] + track[at - high])
+        np.testing.assert_allclose(over_ground(seen)[high:], past, atol=1e-12)
+
+
+def test_a_late_receiver_shows_an_extrapolation_where_the_past_is_not_known():
+    """A boat that has been under way for long: its first rows are as if it had been seen before."""
+    commands = np.full((400, 2), 0.7)
+    states, now = run(WAMV, commands)
+    late = with_effect(WAMV, "velocity_latency", delay=0.1)
+    _, seen = run(late, commands[200:], states[200])
+    np.testing.assert_allclose(over_ground(seen)[:20], over_ground(now)[195:215], atol=1e-3)
+    assert np.abs(over_ground(seen)[:20] - over_ground(now)[200:220]).max() > 0.05
+
+
+def test_the_true_motion_is_found_behind_all_sensors_at_once():
+    sensors = (
+        AddedEffect(named("antenna_offset"), {"x": 0.5, "y": -0.4}),
+        AddedEffect(named("velocity_latency"), {"delay": 0.3}),
+        AddedEffect(named("compass_deviation"), {"b": 0.2, "c": -0.15}),
+        AddedEffect(named("heading_offset"), {"angle": 0.3}),
+        AddedEffect(named("yaw_rate_bias"), {"bias": 0.05}),
+    )
+    model = Model.of(IACQUABOT.with_effects(*sensors))
+    rng = np.random.default_rng(4)
+    states = rng.uniform(-2.0, 2.0, (200, 6))
+    commands = np.zeros((1, 4))
+    seen = np.stack([model.simulate(commands, DT, x)[1][0, 0] for x in states])
+    np.testing.assert_allclose(model.true_states(seen), states, rtol=0, atol=1e-9)
+
+
+def test_deviation_goes_round_with_the_heading():
+    vessel = with_effect(WAMV, "compass_deviation", b=0.1, c=0.05)
+    for yaw, d in ((0.0, 0.05), (0.5 * np.pi, 0.1), (np.pi, -0.05), (-0.5 * np.pi, -0.1)):
+        _, seen = run(vessel, np.zeros((1, 2)), np.array([0.0, 0.0, yaw, 1.0, 0.0, 0.0]))
+        assert seen[0, 2] == pytest.approx(yaw + d)
+        assert seen[0, 4] == pytest.approx(-np.sin(d))
