@@ -25,6 +25,7 @@ class Asking:
             link.name: Requests(identity, announce=link.announces) for link in self._links.values()
         }
         self._observed_ns = 0
+        self._reboots: dict[int, int] = {}  # by system
 
     def listen(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
         """What boats say that concerns our requests: who they are, and their answers."""
@@ -40,7 +41,10 @@ class Asking:
                 self._requests[datagram.link] = requests.take(m, now_ns)
 
     def rebooted(self, boat: LiveBoat, now_ns: int) -> None:
-        """It has forgotten what it had accepted."""
+        """Where it did since this was last asked, it has forgotten what it had accepted."""
+        if boat.reboots == self._reboots.get(boat.boat.system, 0):
+            return
+        self._reboots[boat.boat.system] = boat.reboots
         for name, requests in self._requests.items():
             self._requests[name] = requests.rebooted(Address(*boat.address), now_ns)
 

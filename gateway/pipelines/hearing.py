@@ -13,6 +13,7 @@ from gateway.estimation.events import KIND_OF, Events
 from gateway.estimation.names import Kind
 from gateway.estimation.settings import FilterSettings
 from gateway.ingest.boats import Boat
+from gateway.ingest.clock_step import S
 from gateway.ingest.earth import Origin
 from gateway.ingest.live import BoatDecoder
 from gateway.ingest.mapping.actuators import CHANNELS, merged
@@ -61,6 +62,11 @@ class Hearing:
         self._white: dict[tuple[Kind, str], float] = {}
 
     @property
+    def reboots(self) -> int:
+        """How often the autopilot booted again."""
+        return int(self.decoder.clock.state[S.REBOOTS])
+
+    @property
     def origin(self) -> Origin | None:
         """Where the metres count from, once that is known."""
         return self._whereabouts.origin
@@ -70,6 +76,7 @@ class Hearing:
         if self._first_ns is None:
             self._first_ns = receive_time_ns
         self._order += 1
+        reboots = self.reboots
         if message.get_type() == "PARAM_VALUE":
             self._note_parameter(message)
         facts = [
@@ -77,6 +84,8 @@ class Hearing:
             for measurement in self.decoder.measurements(message, receive_time_ns)
             if (fact := self._about_motion(measurement)) is not None
         ]
+        if self.reboots > reboots:
+            self._whereabouts = self._whereabouts.rebooted()
         # of the facts in one message, yaw stands before what depends on it
         facts.sort(key=lambda m: KIND_OF[m.quantity])
         return self._feed(facts) if facts else None

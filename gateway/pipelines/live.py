@@ -133,9 +133,7 @@ class Gateway:
         now_ns = self._steady()
         for boat, spoken in said:
             self.outlets[boat.boat.system].record(spoken.rows)
-            if boat.rebooted():
-                self._say(boat, "reboot", "warning", "the autopilot rebooted")
-                self._asking.rebooted(boat, now_ns)
+            self._asking.rebooted(boat, now_ns)
         self._asking.listen(datagram, self.fleet.boats.values(), now_ns)
 
     def _keep(self, datagram: Datagram) -> None:

@@ -6,20 +6,20 @@ here reads a clock.
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gateway.estimation.estimator import Estimator
 from gateway.ingest.boats import Boat
-from gateway.ingest.clock_step import S
 from gateway.messages import Rows, encode
 from gateway.pipelines.feed import BLIND_S, SILENCE_S, TICK_S, Feed
 from gateway.pipelines.happenings import Watchman
 from gateway.pipelines.health import SECOND
 from gateway.pipelines.hearing import Hearing
 from gateway.pipelines.live_health import LiveHealth
-from gateway.pipelines.path import Shadowing, ShadowPath
+from gateway.pipelines.path import NOTHING, Shadowing, ShadowPath
 from gateway.pipelines.rows import Happening, event_rows, topic_rows
 from gateway.pipelines.usual import UsualRange
 
@@ -57,7 +57,7 @@ class LiveBoat:
         self._newest: Newest | None = None
         self._ticked_ns = 0
         self._reported_s = 0
-        self._reboots = 0
+        self.reboots = 0  # of the autopilot
         self._resting = False
 
     def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Spoken:
@@ -70,16 +70,24 @@ class LiveBoat:
             self.health.frame(receive_time_ns, m.get_type(), m.get_srcComponent(), m.get_seq())
             feed = self._hearing.take(m, receive_time_ns)
             self._learn()
+            if self._hearing.reboots > self.reboots:
+                spoken = Spoken(spoken.rows + self._rebooted(receive_time_ns), spoken.outs)
             if feed is not None:
                 self._note(feed, receive_time_ns)
-                rows, outs = self._advance(feed)
+                rows, outs = self._advance(feed, spend=True)
                 spoken = Spoken(spoken.rows + rows, spoken.outs + outs)
         return spoken
 
     def tick(self, now_ns: int) -> Spoken:
-        """Time goes by without a word from the boat -> the shadow runs on, for a while."""
-        self._ticked_ns = now_ns
-        return self._advance(self._hearing.tick(now_ns, self._vehicle_time(now_ns)))
+        """Time goes by without a word from the boat -> the shadow runs on, for a while.
+
+        The filter only looks ahead: a link that stalled delivers what waited, and none of that
+        may be too late because of moments at which nothing was heard.
+        """
+        self._ticked_ns, heard = now_ns, self._state.filter
+        spoken = self._advance(self._hearing.tick(now_ns, self._vehicle_time(now_ns)), spend=False)
+        self._state = replace(self._state, filter=heard)
+        return spoken
 
     def wants_tick(self, now_ns: int) -> bool:
         """Is it time for the next tick?"""
@@ -110,13 +118,13 @@ class LiveBoat:
         """System and component id."""
         return self.boat.system, self.boat.component
 
-    def rebooted(self) -> bool:
-        """Did the autopilot boot again since this was last asked?"""
-        reboots = int(self._hearing.decoder.clock.state[S.REBOOTS])
-        new, self._reboots = reboots > self._reboots, reboots
-        if new:
-            self.health.rebooted()
-        return new
+    def _rebooted(self, now_ns: int) -> list[Rows]:
+        """Its clock, its frame numbers and its local frame start anew, and so does the filter."""
+        self.reboots = self._hearing.reboots
+        self.health.rebooted()
+        fresh = self._path.estimator.start()
+        self._state = replace(self._state, filter=fresh, news=NOTHING, jumped=True)
+        return self.say("reboot", "warning", "the autopilot rebooted", now_ns)
 
     def _note(self, feed: Feed, receive_time_ns: int) -> None:
         """Facts came: no silence any more."""
@@ -126,8 +134,8 @@ class LiveBoat:
         self._newest = Newest(receive_time_ns, newest)
         self._ticked_ns, self._resting = 0, False
 
-    def _advance(self, feed: Feed) -> Spoken:
-        self._state, out, filtered = self._path.advance(self._state, feed, spend=True)
+    def _advance(self, feed: Feed, spend: bool) -> Spoken:
+        self._state, out, filtered = self._path.advance(self._state, feed, spend)
         self.health.filtered(filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1]))
         self._watchman, happened = self._watchman.observe(feed, filtered, out)
         self._usual, unusual = self._usual.observe(out)

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 from gateway.estimation.estimator import Rows
 from gateway.estimation.names import Flag
-from gateway.ingest.continuity import LATE
 from gateway.pipelines.health import SECOND, WINDOW_S
 from gateway.topics import RATED
 
 WINDOW_NS = WINDOW_S * SECOND
+LATE = 128  # numbers that step back by less are late frames: a quarter of a second of a fast link …
+SOON_NS = SECOND  # … but after a silence the next frame is a new one
 REFUSED, GATED = int(Flag.REFUSED), int(Flag.GATED)
 LABEL = {name: label for label, names in RATED.items() for name in names}
 
@@ -19,11 +20,14 @@ class Numbers:
     """Sequence numbers of one component, as links lose, double and reorder them."""
 
     newest: int  # without wraps
+    heard_ns: int = 0
     missing: set[int] = field(default_factory=set)
 
-    def heard(self, sequence: int) -> int:
+    def heard(self, sequence: int, receive_ns: int) -> int:
         """A frame's number -> how many more are lost since; −1 where a lost one came after all."""
-        step = (sequence - self.newest + LATE) % 256 - LATE
+        late = LATE if receive_ns - self.heard_ns < SOON_NS else 0
+        self.heard_ns = receive_ns
+        step = (sequence - self.newest + late) % 256 - late
         if step <= 0:
             found = self.newest + step in self.missing
             self.missing.discard(self.newest + step)
@@ -53,10 +57,10 @@ class LiveHealth:
 
     def frame(self, receive_ns: int, name: str, component: int, sequence: int) -> None:
         """A frame of the boat came in."""
-        known = self.numbers.setdefault(component, Numbers(sequence - 1))
+        known = self.numbers.setdefault(component, Numbers(sequence - 1, receive_ns))
         self.heard_ns = receive_ns
         self.seen.append((receive_ns, name))
-        if lost := known.heard(sequence):
+        if lost := known.heard(sequence, receive_ns):
             self.lost.append((receive_ns, lost))
 
     def filtered(self, rows: Rows, receive_ns: int, vehicle_ns: int) -> None:

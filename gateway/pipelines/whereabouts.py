@@ -2,8 +2,8 @@
 
 An autopilot may state the origin of its local frame; else a local and a global position of the
 same moment tell it. One such pair may be wrong, so two in a row have to agree; the same two move
-the origin when a reboot has moved the frame. A boat that gives degrees alone has its first
-position as origin, for good.
+an origin that was wrong. After a reboot the frame lies elsewhere. A boat that gives degrees alone
+has its first position as origin, for good.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from gateway.ingest.earth import Origin, to_degrees, to_local
 from gateway.samples import Measurement, Quantity
 
 TOGETHER_NS = 200_000_000  # local and global position further apart are not of one moment
-AGREE_M = 20.0
+AGREE_M = 10.0  # a GNSS receiver's own position lags and errs by metres
 FAR_M = 1e6  # no local frame reaches further
 
 
@@ -48,6 +48,10 @@ class Whereabouts:
             case Quantity.POSITION if max(map(abs, m.values)) < FAR_M:
                 return replace(self, local=m)._paired()
         return self
+
+    def rebooted(self) -> "Whereabouts":
+        """The autopilot counts its metres from somewhere else now."""
+        return self if self.fixed else Whereabouts()
 
     def in_metres(self, m: Measurement) -> tuple["Whereabouts", Measurement | None]:
         """A position in degrees as metres from the origin, which is its first one if need be."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import orjson
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -21,6 +22,7 @@ from gateway.played.settings import FAST, PlayedSettings
 from gateway.played.wire import Frame as OnWire
 from gateway.recorder import RecordingSettings
 from sim.following.reference import Mode
+from sim.state import Floats
 from sim.vessel import Vessel
 from tests.sim.vessels import WAMV
 
@@ -42,6 +44,16 @@ def played(
     given = PlayedSettings(**{"rates": FAST, **settings})
     boat = PlayedBoat(vessel, given, seed, program_of(vessel, program, seed))
     return boat.advance(boat.start(), seconds)[1]
+
+
+def truth(seconds: float, **settings: Any) -> Floats:
+    """(K, 3): where that boat really is, time [s since play began], north, east [m]."""
+    boat = PlayedBoat(WAMV, PlayedSettings(**{"rates": FAST, **settings}), 0)
+    state, rows = boat.start(), list[tuple[float, float, float]]()
+    for time in np.arange(0.0, seconds, 0.1).tolist():
+        state = boat.advance(state, time)[0]
+        rows.append((time, float(state.hull[0]), float(state.hull[1])))
+    return np.array(rows)
 
 
 def datagrams(*boats: Iterable[OnWire], link: str = LINK) -> list[Datagram]:
