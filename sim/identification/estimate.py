@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.identification.intervals import Spread
 from sim.identification.unknowns import MASSES, OFFSETS, ROUNDING, Unknowns
 from sim.state import Floats
 
-TOLD_LITTLE = 0.5  # of the standard deviation of what was known before: the data say little
+TOLD_LITTLE = 0.75  # of the parameter's size in half an interval: the data say little
 AT_LIMIT = 1e-3  # of the scale
 SHARES = 0.35  # of the largest part: a parameter takes part in a combination
 NUISANCE = (*OFFSETS, ROUNDING)
@@ -63,9 +64,7 @@ def estimates_of(
     """All numbers by their names, nuisances too."""
     value, before = unknowns.named(z), unknowns.named(unknowns.start)
     half = spread.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, spread)))
-    vague = np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * np.array(
-        [u.prior for u in unknowns.each]
-    )
+    vague = spread.factor * np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * _sizes(unknowns)
     out = []
     for i, u in enumerate(unknowns.each):
         nuisance = u.name in NUISANCE
@@ -79,6 +78,18 @@ def estimates_of(
             )
         )  # fmt: skip
     return tuple(out)
+
+
+def untold(unknowns: Unknowns, spread: Spread) -> NDArray[np.bool_]:
+    """Which numbers the data do not tell even if all others were known: (n,)."""
+    alone = spread.factor / np.sqrt(np.maximum(np.diag(spread.information), 1e-300))
+    nuisance = np.array([u.name in NUISANCE for u in unknowns.each])
+    return np.asarray((alone > TOLD_LITTLE * _sizes(unknowns)) & ~nuisance)
+
+
+def _sizes(unknowns: Unknowns) -> Floats:
+    """What counts as a large change of each (n,): its size, or what was known before."""
+    return np.array([u.prior for u in unknowns.each])
 
 
 def _named_covariance(unknowns: Unknowns, z: Floats, spread: Spread) -> Floats:
@@ -107,11 +118,10 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool) -> str:
 
 def combinations(unknowns: Unknowns, spread: Spread) -> tuple[str, ...]:
     """Directions that the data hardly tell: the parameters that trade against each other."""
-    prior = np.array([u.prior for u in unknowns.each])
-    size = np.where(np.isfinite(prior), prior, [u.scale for u in unknowns.each])
+    size = _sizes(unknowns)
     value, vector = np.linalg.eigh(spread.information * np.outer(size, size))
     out = []
-    for k in np.flatnonzero(value < TOLD_LITTLE**-2.0):
+    for k in np.flatnonzero(value < (spread.factor / TOLD_LITTLE) ** 2):
         part = np.abs(vector[:, k])
         names = [unknowns.each[i].name for i in np.argsort(-part) if part[i] > SHARES * part.max()]
         names = [n for n in names if n not in NUISANCE]

@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.diagnosis.segments import NoUsableTimeError
 from sim.identification.applied import applied
-from sim.identification.estimate import NUISANCE, Estimate, combinations, estimates_of
+from sim.identification.estimate import NUISANCE, Estimate, combinations, estimates_of, untold
 from sim.identification.intervals import spread_of
 from sim.identification.regression import regressed
 from sim.identification.settings import BASE, IdentifySettings
@@ -68,12 +69,15 @@ def identify(
     unknowns = unknowns_of(before, len(trials), settings)
     shot = shoot(unknowns, trials, [t.usable for t in trials], settings, None, tell)
     spread = spread_of(unknowns, shot, settings.block)
+    vague = untold(unknowns, spread)
+    if vague.any() and not vague.all():
+        shot = _without(unknowns, vague, shot, trials, settings)
     every = estimates_of(unknowns, shot.z, spread, [t.name for t in trials])
     after = replaced(unknowns, shot.z)
     validation = [validated(t, before, after, t.name) for t in others]
     if not others:
         tell("validation")
-        validation = _on_held_out(unknowns, trials, shot, settings, before)
+        validation = _on_held_out(unknowns.held(vague), trials, shot, settings, before)
     return Identified(
         after.vessel, settings.method, seconds,
         tuple(e for e in every if e.name not in NUISANCE),
@@ -89,6 +93,19 @@ def replaced(unknowns: Unknowns, z: Floats, trial: int = 0) -> Model:
     values = dict(zip(model.names, theta.tolist(), strict=True))
     changed = {u.name: values[u.name] for u in unknowns.each if u.name in values}
     return replace(model, vessel=applied(model.vessel, changed), theta=theta)
+
+
+def _without(
+    unknowns: Unknowns,
+    vague: NDArray[np.bool_],
+    shot: Shot,
+    trials: Sequence[Trial],
+    settings: IdentifySettings,
+) -> Shot:
+    """Once more, with what the data do not tell left as it was."""
+    last = replace(settings, horizons=settings.horizons[-1:])
+    start = np.where(vague, unknowns.start, shot.z)
+    return shoot(unknowns.held(vague), trials, [t.usable for t in trials], last, start)
 
 
 def _on_held_out(

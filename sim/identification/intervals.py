@@ -19,10 +19,16 @@ from sim.state import Floats
 
 FEWEST = 6  # blocks: on short recordings they shrink towards so many
 SHORTEST = 5.0  # s
+DOUBTED = 0.01  # of the information of what is only assumed
 
 
 class Spread(NamedTuple):
-    """Information (n, n) of data and priors, covariance (n, n), factor of a 95 % interval."""
+    """How far off z may be.
+
+    information  (n, n) of the data and of what is known beforehand
+    covariance   (n, n), with what is assumed taken for almost nothing
+    factor       standard deviations in half a 95 % interval
+    """
 
     information: Floats
     covariance: Floats
@@ -30,22 +36,22 @@ class Spread(NamedTuple):
 
 
 def spread_of(unknowns: Unknowns, shot: Shot, block: float) -> Spread:
-    """How far off z may be."""
+    """From the residuals block by block."""
     weighted = shot.slope * shot.weight[:, None]
-    prior = np.diag([u.prior**-2.0 for u in unknowns.each])
     number = _blocks(shot, block)
     count = int(number.max()) + 1
     each = np.stack([weighted[number == g].T @ shot.slope[number == g] for g in range(count)])
     score = np.stack([weighted[number == g].T @ shot.residual[number == g] for g in range(count)])
-    H = each.sum(axis=0) + prior
-    model = np.linalg.inv(H)
+    told = each.sum(axis=0) + unknowns.evidence
+    model = np.linalg.inv(told + DOUBTED * unknowns.assumptions)
     if count < 3:
-        return Spread(H, model, float(student.ppf(0.975, 2)))
+        return Spread(told, model, float(student.ppf(0.975, 2)))
+    H = told + unknowns.assumptions
     moved = np.linalg.solve(H - each, score[..., None])[..., 0]
     moved -= moved.mean(axis=0)
     robust = (count - 1) / count * moved.T @ moved
     widen = np.sqrt(np.maximum(np.diag(robust) / np.diag(model), 1.0))
-    return Spread(H, model * np.outer(widen, widen), float(student.ppf(0.975, count - 1)))
+    return Spread(told, model * np.outer(widen, widen), float(student.ppf(0.975, count - 1)))
 
 
 def _blocks(shot: Shot, length: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

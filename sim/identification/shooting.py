@@ -277,3 +277,17 @@ def _shot(
         z, residual, _slope(unknowns, windows, z), weight, np.concatenate(moment),
         np.concatenate(number), tuple(w.noise for w in windows), voyages,
     )  # fmt: skip
+
+
+def information(
+    unknowns: Unknowns,
+    trial: Trial,
+    z: Floats,
+    noise: Noise,
+    settings: IdentifySettings,
+) -> Floats:
+    """What a trial would tell of z at known noise, no outliers: JᵀJ (n, n), without priors."""
+    voyage = Voyage(0, trial, trial.usable, motion_of(trial))
+    window = _window(voyage, unknowns, z, noise, settings.horizons[-1], settings)
+    slope = _slope(unknowns, [window], z)
+    return slope.T @ slope

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
 from sim.identification.settings import IdentifySettings
@@ -25,6 +26,8 @@ OFFSETS = ("command_offset", "velocity_offset")  # s later than the other stream
 OFFSET_STD, OFFSET_LIMIT = 0.03, 0.06
 ROUNDING = "rounding"  # s², by which the motion's second derivative is added to it
 ROUNDING_STD, ROUNDING_LIMIT = 0.001, 0.004
+NUDGE = 1e-5  # of the scale: a coarse step would pass curvature off for information
+HELD = 1e-4  # of the scale
 NOT_IN_A_FILE = ("exponent",)  # a vessel file knows two curves by name; thrust_curve is the effect
 MASSES = ("m11", "m22", "m33")
 UNITS = {
@@ -45,7 +48,8 @@ class UnknownNameError(ValueError):
 class Unknown:
     """One number: where it starts, how far it may go, how large a change matters.
 
-    prior   standard deviation of what is known beforehand; inf: nothing
+    prior   standard deviation of what is known beforehand
+    assumed nobody said so: the prior is there to keep what the data do not tell, and is no evidence
     trial   the only trial that it belongs to; None: all
     polar   it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
     """
@@ -58,6 +62,7 @@ class Unknown:
     scale: float
     step: float
     prior: float = np.inf
+    assumed: bool = False
     trial: int | None = None
     polar: int | None = None
 
@@ -122,6 +127,26 @@ class Unknowns:
         i = self.column(name)
         return np.zeros(len(z)) if i is None else np.asarray(z[:, i])
 
+    @property
+    def evidence(self) -> Floats:
+        """Information (n, n) of what is known beforehand, without what is only assumed."""
+        return np.diag([0.0 if u.assumed else u.prior**-2.0 for u in self.each])
+
+    @property
+    def assumptions(self) -> Floats:
+        """Information (n, n) of what is only assumed."""
+        return np.diag([u.prior**-2.0 if u.assumed else 0.0 for u in self.each])
+
+    def held(self, which: NDArray[np.bool_]) -> "Unknowns":
+        """The same with some of them (n,) held where they start."""
+        return replace(
+            self,
+            each=tuple(
+                replace(u, prior=HELD * u.scale) if hold else u
+                for u, hold in zip(self.each, which, strict=True)
+            ),
+        )
+
     def prior(self, z: Floats) -> Floats:
         """z (n,) -> residuals of the priors (n,); zero where nothing is known."""
         return (z - self.start) / np.array([u.prior for u in self.each])
@@ -140,7 +165,11 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
         start = float(model.theta[model.names.index(name)])
         one = _base(model, name, start) if parameter is None else _of(name, start, parameter)
         prior = settings.priors.get(name)
-        one = one if prior is None else replace(one, prior=prior * max(abs(start), 1e-9))
+        one = (
+            one
+            if prior is None
+            else replace(one, prior=prior * max(abs(start), 1e-9), assumed=False)
+        )
         where = range(trials) if scope is Scope.VOYAGE else [None]
         each += [replace(one, trial=trial) for trial in where]
     if settings.offsets:
@@ -195,7 +224,7 @@ def _of(name: str, start: float, p: Parameter) -> Unknown:
     """A parameter of an effect; a start on a limit would be stuck there."""
     inside = min(max(start, p.lower), p.upper)
     wide = 0.5 * (p.upper - p.lower)
-    return Unknown(name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale, wide)
+    return Unknown(name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale, wide, True)
 
 
 def _base(model: Model, name: str, start: float) -> Unknown:
@@ -214,7 +243,7 @@ def _base(model: Model, name: str, start: float) -> Unknown:
     elif key == "area":
         lower = 0.0
     start = min(max(start, lower), upper)
-    return Unknown(name, UNITS.get(key, ""), start, lower, upper, scale, 1e-3 * scale, scale)
+    return Unknown(name, UNITS.get(key, ""), start, lower, upper, scale, NUDGE * scale, scale, True)
 
 
 def typical(model: Model, name: str) -> float:

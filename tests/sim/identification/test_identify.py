@@ -1,0 +1,111 @@
+"""Identification on motion whose parameters are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.effects.steady_current import EFFECT as CURRENT
+from sim.effects.thruster_lag import EFFECT as LAG
+from sim.identification.identify import identify
+from sim.identification.settings import BASE, IdentifySettings
+from sim.identification.unknowns import UnknownNameError
+from sim.vessel import AddedEffect
+from tests.sim.identification.boats import noisy, off
+from tests.sim.vessels import WAMV
+
+
+def value(found, name, trial=None):
+    return next(e for e in found.estimates if e.name == name and e.trial in (None, trial))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return identify([noisy(WAMV, 400.0, seed=1)], off(WAMV))
+
+
+def test_intervals_hold_the_truth(plain):
+    held = [e.ci95[0] <= getattr(WAMV.dynamics, e.name) <= e.ci95[1] for e in plain.estimates]
+    assert sum(held) >= 8
+    assert all(e.identifiable for e in plain.estimates if e.name in ("m11", "m33", "N_r", "X_uu"))
+
+
+def test_masses_are_found_far_better_than_they_were(plain):
+    for name in ("m11", "m22", "m33"):
+        assert value(plain, name).value == pytest.approx(getattr(WAMV.dynamics, name), rel=0.03)
+
+
+def test_error_falls_on_blocks_that_the_fit_did_not_see(plain):
+    (judged,) = plain.validation
+    assert judged.after.nrmse < 0.6 * judged.before.nrmse
+
+
+def test_thrust_and_mass_freed_together_are_named_as_inseparable():
+    names = (*BASE, "left.ahead", "left.astern", "right.ahead", "right.astern")
+    found = identify([noisy(WAMV, 200.0, seed=2)], off(WAMV), IdentifySettings(free=names))
+    assert any("thrust and mass cannot be told apart" in says for says in found.trade)
+    assert not value(found, "m11").identifiable
+
+
+def test_a_boat_that_only_goes_straight_does_not_tell_its_sway():
+    trial = noisy(WAMV, 150.0, seed=3, steering=0.0)
+    found = identify([trial], off(WAMV))
+    for name in ("m22", "Y_v", "Y_vv"):
+        assert not value(found, name).identifiable
+        assert "turns" in value(found, name).doubt
+    assert value(found, "m11").identifiable
+
+
+def test_each_recording_has_a_current_of_its_own():
+    flows = (0.3, 1.0), (0.2, -2.0)
+    trials = [
+        replace(noisy(WAMV.with_effects(_current(*flow)), 150.0, seed=4 + i), name=f"day {i}")
+        for i, flow in enumerate(flows)
+    ]
+    settings = IdentifySettings(free=("m11", "steady_current.*"))
+    found = identify(trials, off(WAMV, "m11").with_effects(_current(0.1, 0.0)), settings)
+    for i, (speed, direction) in enumerate(flows):
+        assert value(found, "steady_current.speed", f"day {i}").value == pytest.approx(
+            speed, abs=0.03
+        )
+        angle = value(found, "steady_current.direction", f"day {i}").value
+        assert angle == pytest.approx(direction, abs=0.15)
+
+
+def test_the_lag_of_an_effect_is_fitted_along():
+    lagging = WAMV.with_effects(AddedEffect(LAG, {"tau": 0.5}))
+    start = off(WAMV).with_effects(AddedEffect(LAG, {"tau": 0.2}))
+    settings = IdentifySettings(free=(*BASE, "thruster_lag.tau"))
+    found = identify([noisy(lagging, 300.0, seed=6)], start, settings)
+    assert value(found, "thruster_lag.tau").value == pytest.approx(0.5, abs=0.06)
+
+
+def test_what_is_fixed_stays():
+    found = identify([noisy(WAMV, 100.0, seed=7)], off(WAMV), IdentifySettings(fix=("Y_vv",)))
+    assert found.vessel.dynamics.Y_vv == off(WAMV).dynamics.Y_vv
+    assert found.vessel.dynamics.m11 != off(WAMV).dynamics.m11
+
+
+def test_a_prior_holds_what_the_data_do_not_tell():
+    trial = noisy(WAMV, 100.0, seed=3, steering=0.0)
+    found = identify([trial], off(WAMV), IdentifySettings(priors={"m22": 0.05}))
+    assert value(found, "m22").value == pytest.approx(off(WAMV).dynamics.m22, rel=0.05)
+
+
+def test_a_name_that_is_not_there_is_refused():
+    with pytest.raises(UnknownNameError, match="no parameter 'm44'"):
+        identify([noisy(WAMV, 60.0)], WAMV, IdentifySettings(free=("m44",)))
+
+
+def test_bad_rows_that_are_not_usable_change_nothing():
+    trial = noisy(WAMV, 120.0, seed=8)
+    usable = trial.usable.copy()
+    usable[400:600] = False
+    cut = replace(trial, usable=usable)
+    torn = replace(cut, nu=np.where(usable[:, None], cut.nu, 50.0))
+    a, b = (identify([t], off(WAMV)) for t in (cut, torn))
+    assert value(a, "m11").value == pytest.approx(value(b, "m11").value, rel=1e-6)
+
+
+def _current(speed, direction):
+    return AddedEffect(CURRENT, {"speed": speed, "direction": direction})
