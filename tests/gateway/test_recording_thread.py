@@ -1,0 +1,165 @@
+"""Recording on a thread of its own: in order, bounded, and never in the loop's way."""
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import pytest
+
+from gateway import recording_thread
+from gateway.errors import ShadowError
+from gateway.messages import Rows
+from gateway.recorder import Recorder, RecordingSettings, open_new
+from gateway.recording import TICK_LINK, Recording
+from gateway.recording_thread import Raw, RecordingThread, merged
+from tests.gateway.voyages import event, rows_of
+
+START = 1_700_000_000_000_000_000
+SETTINGS = RecordingSettings(minimum_free_bytes=1)
+
+
+def recorder(path: Path, **more: Any) -> Recorder:
+    return Recorder(path, settings=SETTINGS, live=True, **more)
+
+
+def row(k: int) -> Rows:
+    """The k-th message of a topic."""
+    rows = rows_of("control", 1)
+    time_ns = np.array([START + k])
+    return Rows("control", time_ns, time_ns, [rows.payloads[0].replace(b"0", str(k % 10).encode())])
+
+
+def test_what_was_put_is_written_in_order(tmp_path: Path) -> None:
+    with RecordingThread(recorder(tmp_path / "a.mcap")) as thread:
+        for k in range(3000):
+            thread.raw(f"link{k % 3 // 2}", START + k, [b"%d" % k, b"x"][: 1 + k % 2])
+            thread.rows([row(k), row(k)])
+            if k % 10 == 0:
+                thread.tick(START + k)
+    assert (thread.backlog, thread.drops, thread.failure) == (0, 0, None)
+    recording = Recording.open(tmp_path / "a.mcap")
+    assert recording.finished
+    raw = recording.raw()
+    frames = [frame for frame in raw.frames() if frame not in (b"x", b"")]
+    assert frames == [b"%d" % k for k in range(3000)]
+    names = [raw.links[link] for link in raw.link.tolist()]
+    assert names.count(TICK_LINK) == 300
+    assert np.array_equal(raw.receive_time_ns, np.sort(raw.receive_time_ns))
+    times = np.concatenate([rows.receive_time_ns for rows in recording.rows("control")])
+    assert times.tolist() == [START + k for k in range(3000) for _ in range(2)]
+
+
+def test_merging_keeps_every_message_and_the_order_of_frames_over_links() -> None:
+    items = [
+        Raw("a", [1], [b"1"]), row(1), Raw("a", [2], [b"2"]), Raw(TICK_LINK, [3], [b""]),
+        event(), row(2), Raw("a", [4], [b"4"]), row(3),
+    ]  # fmt: skip
+    together = list(merged(items))
+    raws = [item for item in together if isinstance(item, Raw)]
+    assert raws == [
+        Raw("a", [1, 2], [b"1", b"2"]), Raw(TICK_LINK, [3], [b""]), Raw("a", [4], [b"4"]),
+    ]  # fmt: skip
+    topics = {item.topic: item for item in together if isinstance(item, Rows)}
+    assert topics["control"].receive_time_ns.tolist() == [START + k for k in (1, 2, 3)]
+    assert len(topics["event"].payloads) == 1
+
+
+class Stuck:
+    """A file on a disk that hangs until it is let go."""
+
+    def __init__(self, stream: IO[bytes], go: threading.Event) -> None:
+        self._stream, self._go = stream, go
+
+    def write(self, data: Any) -> int:
+        self._go.wait()
+        return self._stream.write(data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@pytest.fixture
+def go() -> Iterator[threading.Event]:
+    """Lets a disk go on; set at the latest when the test is over."""
+    event = threading.Event()
+    event.set()
+    yield event
+    event.set()
+
+
+def stuck(path: Path, go: threading.Event) -> Recorder:
+    """A recorder whose disk hangs while `go` is cleared."""
+    return recorder(path, opener=lambda where: Stuck(open_new(where), go))
+
+
+def test_a_disk_that_hangs_delays_nobody_and_nothing_is_lost(
+    tmp_path: Path, go: threading.Event
+) -> None:
+    with RecordingThread(stuck(tmp_path / "a.mcap", go)) as thread:
+        go.clear()
+        for k in range(5000):
+            thread.raw("a", START + k, [b"frame"])
+            thread.rows([row(k)])
+        time.sleep(0.7)  # … past the first flush, that hangs
+        thread.raw("a", START, [b"last"])
+        assert thread.backlog > 0
+        assert thread.drops == 0
+        go.set()
+    assert Recording.open(tmp_path / "a.mcap").counts()["mavlink/raw"] == 5001
+
+
+def test_derived_topics_go_first_and_drops_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_thread, "DERIVED_LIMIT", 100)
+    monkeypatch.setattr(recording_thread, "RAW_LIMIT", 200)
+    monkeypatch.setattr(recording_thread, "WRITE_S", 60.0)
+    with RecordingThread(recorder(tmp_path / "a.mcap")) as thread:
+        for k in range(150):
+            thread.rows([row(k)])
+        assert (thread.backlog, thread.drops) == (100, 50)
+        for k in range(150):
+            thread.raw("a", START + k, [b"frame"])
+        assert (thread.backlog, thread.drops) == (200, 100)
+    counts = Recording.open(tmp_path / "a.mcap").counts()
+    assert (counts["mavlink/raw"], counts["control"]) == (100, 100)
+    assert (thread.backlog, thread.drops) == (0, 100)
+
+
+@pytest.mark.parametrize("error", [ShadowError("the disk is full"), ValueError("a defect")])
+def test_after_a_failure_it_only_counts(
+    tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_thread, "WRITE_S", 0.001)
+    broken = recorder(tmp_path / "a.mcap")
+
+    def fail(*_: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(broken, "write_rows", fail)
+    with RecordingThread(broken) as thread:
+        thread.rows([row(1), row(2)])
+        end = time.monotonic() + 10.0
+        while thread.failure is None and time.monotonic() < end:
+            time.sleep(0.001)
+        thread.rows([row(3)])
+        thread.raw("a", START, [b"frame"])
+    assert thread.failure is not None
+    assert str(error) in thread.failure
+    assert (thread.backlog, thread.drops) == (0, 4)
+
+
+def test_a_disk_that_never_finishes_is_left_behind(
+    tmp_path: Path, go: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_thread, "FINISH_S", 0.2)
+    with RecordingThread(stuck(tmp_path / "a.mcap", go)) as thread:
+        go.clear()
+        thread.raw("a", START, [b"frame"])
+    assert thread.failure is not None
+    assert "did not finish" in thread.failure
+    go.set()
+    thread._thread.join()
