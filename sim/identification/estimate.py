@@ -64,7 +64,7 @@ def estimates_of(
     """All numbers by their names, nuisances too."""
     value, before = unknowns.named(z), unknowns.named(unknowns.start)
     half = spread.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, spread)))
-    vague = spread.factor * np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * _sizes(unknowns)
+    vague = spread.factor * np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * _sizes(unknowns, z)
     out = []
     for i, u in enumerate(unknowns.each):
         nuisance = u.name in NUISANCE
@@ -80,16 +80,18 @@ def estimates_of(
     return tuple(out)
 
 
-def untold(unknowns: Unknowns, spread: Spread) -> NDArray[np.bool_]:
+def untold(unknowns: Unknowns, z: Floats, spread: Spread) -> NDArray[np.bool_]:
     """Which numbers the data do not tell even if all others were known: (n,)."""
     alone = spread.factor / np.sqrt(np.maximum(np.diag(spread.information), 1e-300))
     nuisance = np.array([u.name in NUISANCE for u in unknowns.each])
-    return np.asarray((alone > TOLD_LITTLE * _sizes(unknowns)) & ~nuisance)
+    return np.asarray((alone > TOLD_LITTLE * _sizes(unknowns, z)) & ~nuisance)
 
 
-def _sizes(unknowns: Unknowns) -> Floats:
+def _sizes(unknowns: Unknowns, z: Floats) -> Floats:
     """What counts as a large change of each (n,): its size, or what was known before."""
-    return np.array([u.prior for u in unknowns.each])
+    assumed = np.array([u.assumed for u in unknowns.each])
+    size = np.array([u.size for u in unknowns.each])
+    return np.where(assumed, np.maximum(size, np.abs(z)), [u.prior for u in unknowns.each])
 
 
 def _named_covariance(unknowns: Unknowns, z: Floats, spread: Spread) -> Floats:
@@ -116,9 +118,9 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool) -> str:
     return "; ".join(said)
 
 
-def combinations(unknowns: Unknowns, spread: Spread) -> tuple[str, ...]:
+def combinations(unknowns: Unknowns, z: Floats, spread: Spread) -> tuple[str, ...]:
     """Directions that the data hardly tell: the parameters that trade against each other."""
-    size = _sizes(unknowns)
+    size = _sizes(unknowns, z)
     value, vector = np.linalg.eigh(spread.information * np.outer(size, size))
     out = []
     for k in np.flatnonzero(value < (spread.factor / TOLD_LITTLE) ** 2):

@@ -69,7 +69,7 @@ def identify(
     unknowns = unknowns_of(before, len(trials), settings)
     shot = shoot(unknowns, trials, [t.usable for t in trials], settings, None, tell)
     spread = spread_of(unknowns, shot, settings.block)
-    vague = untold(unknowns, spread)
+    vague = untold(unknowns, shot.z, spread)
     if vague.any() and not vague.all():
         shot = _without(unknowns, vague, shot, trials, settings)
     every = estimates_of(unknowns, shot.z, spread, [t.name for t in trials])
@@ -82,7 +82,7 @@ def identify(
         after.vessel, settings.method, seconds,
         tuple(e for e in every if e.name not in NUISANCE),
         tuple(e for e in every if e.name in NUISANCE),
-        combinations(unknowns, spread), tuple(validation),
+        combinations(unknowns, shot.z, spread), tuple(validation),
     )  # fmt: skip
 
 

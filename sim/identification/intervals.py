@@ -19,7 +19,7 @@ from sim.state import Floats
 
 FEWEST = 6  # blocks: on short recordings they shrink towards so many
 SHORTEST = 5.0  # s
-DOUBTED = 0.01  # of the information of what is only assumed
+DOUBTED = 0.1  # of the information of what is only assumed
 
 
 class Spread(NamedTuple):

@@ -27,6 +27,7 @@ OFFSET_STD, OFFSET_LIMIT = 0.03, 0.06
 ROUNDING = "rounding"  # s², by which the motion's second derivative is added to it
 ROUNDING_STD, ROUNDING_LIMIT = 0.001, 0.004
 NUDGE = 1e-5  # of the scale: a coarse step would pass curvature off for information
+ASSUMED = 3.0  # sizes that a number of a first vessel file may be off by
 HELD = 1e-4  # of the scale
 NOT_IN_A_FILE = ("exponent",)  # a vessel file knows two curves by name; thrust_curve is the effect
 MASSES = ("m11", "m22", "m33")
@@ -65,6 +66,11 @@ class Unknown:
     assumed: bool = False
     trial: int | None = None
     polar: int | None = None
+
+    @property
+    def size(self) -> float:
+        """A change so large that it says nothing was known."""
+        return self.prior / ASSUMED if self.assumed else self.prior
 
 
 @dataclass(frozen=True)
@@ -230,8 +236,8 @@ def _of(name: str, start: float, p: Parameter) -> Unknown:
 def _base(model: Model, name: str, start: float) -> Unknown:
     """A number of the vessel file, with limits that physics and the file's format set.
 
-    It is taken for known to within its own size: what the data do not tell stays as it was, and
-    what they do tell hardly notices.
+    It is assumed to be right to within a few times its size: what the data do not tell stays as it
+    was, and what they do tell hardly notices.
     """
     scale = max(abs(start), typical(model, name))
     key = name.rpartition(".")[2]
@@ -243,7 +249,9 @@ def _base(model: Model, name: str, start: float) -> Unknown:
     elif key == "area":
         lower = 0.0
     start = min(max(start, lower), upper)
-    return Unknown(name, UNITS.get(key, ""), start, lower, upper, scale, NUDGE * scale, scale, True)
+    return Unknown(
+        name, UNITS.get(key, ""), start, lower, upper, scale, NUDGE * scale, ASSUMED * scale, True
+    )
 
 
 def typical(model: Model, name: str) -> float:
