@@ -1,13 +1,13 @@
 """Actuator wiring: a plug in the wrong socket, or a motor that runs the wrong way round.
 
-    c_i = s_i c_{order_i},   s_i = −1 for the actuators listed in `reversed`, else 1
+    c_i = s_i c_j,   j = digit i of `order`
+    s_i = −1 where i is a digit of `reversed`, else 1
 
-Both parameters are read digit by digit, actuators numbered from 1 as in the vessel file, thrusters
-first: order = 21 means that the first does what was meant for the second, and the second what was
-meant for the first; reversed = 2 means that the second runs the wrong way round, reversed = 12
-both. order = 0 is the order of the vessel file, reversed = 0 none. Valid for: up to nine actuators;
-as many digits in `order` as there are actuators. Source: bench checks of outputs in ArduPilot's
-documentation of Rover (motor order and direction).
+Actuators count from 1 as in the vessel file, thrusters first. order = 21: the first does what was
+meant for the second, and the second what was meant for the first; order = 0: each its own.
+reversed = 2: the second runs the wrong way round; 12: both; 0: none. Valid for: up to nine
+actuators, as many digits in `order` as there are actuators. Source: ArduPilot documentation, Rover,
+motor and servo configuration (checks of order and direction).
 """
 
 from typing import NamedTuple

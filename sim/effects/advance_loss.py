@@ -1,11 +1,12 @@
 """Advance loss: a propeller that moves ahead pushes less, for the water comes to meet it.
 
-    F → F max(1 − per_mps max(u_a, 0), 0)   for F > 0        u_a = u cos α + v sin α
+    F → F max(1 − per_mps max(u_a, 0), 0)   for F > 0
+    u_a = u cos α + v sin α
 
-per_mps [s/m], u_a [m/s] the boat's speed through the water along the thruster's azimuth α (for
-one that points ahead: u). Valid for: the first quadrant, advance ahead and thrust ahead; at
-1 / per_mps the propeller pushes no more. Source: Fossen, Handbook of Marine Craft Hydrodynamics,
-2nd ed. 2021, ch. 9 (K_T falls linearly with the advance number).
+per_mps [s/m], u_a [m/s] the boat's speed through the water along the thruster's azimuth α (for one
+that points ahead: u). Valid for: the first quadrant, advance ahead and thrust ahead; at 1 / per_mps
+the propeller pushes no more. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021,
+ch. 9 (K_T falls linearly with the advance number).
 """
 
 from typing import NamedTuple

@@ -1,9 +1,10 @@
 """Antenna offset: the antenna does not sit where the vessel file says.
 
-    position + R(ψ) (x, y),   u − r y,   v + r x        x ahead, y to starboard [m]
+    position + R(ψ) (x, y),   u − r y,   v + r x
 
-The lever arm is beyond `sensors.antenna`. Valid for: a rigid mount. Source: Groves, Principles of
-GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. 2013, §14.1 (lever arms).
+x ahead, y to starboard [m]. The lever arm is beyond `sensors.antenna`. Valid for: a rigid mount.
+Source: Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed.
+2013, ch. 14 (lever arms).
 """
 
 from typing import NamedTuple

@@ -1,6 +1,7 @@
 """Astern stall: a propeller that turns astern while the boat still runs ahead stalls.
 
-    F → F max(1 − per_mps max(u_a − above, 0), 0)   for F < 0        u_a = u cos α + v sin α
+    F → F max(1 − per_mps max(u_a − above, 0), 0)   for F < 0
+    u_a = u cos α + v sin α
 
 per_mps [s/m], above [m/s], u_a [m/s] the boat's speed through the water along the thruster's
 azimuth α (for one that points ahead: u). Valid for: braking, the second half of a crash stop.

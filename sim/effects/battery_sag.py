@@ -1,11 +1,12 @@
 """Battery sag: shaft speed goes with the battery's voltage, so thrust goes with its square.
 
-    F → F (V / nominal)²        V measured [V], nominal [V] where the vessel file's thrust holds
+    F → F (V / nominal)²
 
-Where the voltage was not measured there is no sag. Valid for: speed controllers that command a duty
-cycle, not a speed. `nominal` and the scale of all thrusts are not separable where the voltage
-hardly changes: what the data tell is the sag relative to the mean. Source: Fossen, Handbook of
-Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust ∝ n², n ∝ armature voltage).
+V measured [V], nominal [V] where the vessel file's thrust holds. Where the voltage was not measured
+there is no sag. Valid for: speed controllers that command a duty cycle, not a speed. `nominal` and
+the scale of all thrusts are not separable where the voltage hardly changes: what the data tell is
+the sag relative to the mean. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021,
+ch. 9 (thrust ∝ n², n ∝ armature voltage).
 """
 
 from typing import NamedTuple

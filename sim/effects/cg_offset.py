@@ -1,10 +1,11 @@
 """CG offset: the centre of gravity does not lie at the origin of the body.
 
-    M₂₃ = M₃₂ = … + mass x_g        mass [kg] of the hull, x_g [m] ahead of the origin
+    M₂₃ = M₃₂ = … + mass x_g
 
-The Coriolis forces follow from M, so that a turn at speed pushes the bow out where x_g < 0. Valid
-for: offsets along the keel. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021,
-ch. 3 (rigid-body mass matrix about the origin).
+mass [kg] of the hull, x_g [m] ahead of the origin. The Coriolis forces follow from M, so that at
+speed the bow is pushed out of a turn where x_g > 0 and into it where x_g < 0: N = −mass x_g u r.
+Valid for: offsets along the keel. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed.
+2021, ch. 3 (rigid-body mass matrix about the origin).
 """
 
 from typing import NamedTuple

@@ -3,7 +3,7 @@
     c(t) → c(t − delay)        delay [s], of all thrusters and rudders
 
 Valid for: slow buses, radio links, filters in speed controllers; one delay for all. Source: Åström
-and Murray, Feedback Systems, 2nd ed. 2021, §9.2 (time delays).
+and Murray, Feedback Systems, 2nd ed. 2021, (time delays).
 """
 
 from typing import NamedTuple

@@ -4,8 +4,8 @@
 
 Velocities over ground come from the GNSS, so reported u and v are the true ones turned by −d; as d
 changes in a turn, so do they: u̇ gets + ḋ v, v̇ gets − ḋ u, with ḋ = (b cos ψ − c sin ψ) r. Valid
-for: permanent magnetism, small angles. Source: Bowditch, American Practical Navigator, 2019, ch. 6
-(semicircular deviation, coefficients B and C).
+for: permanent magnetism, small angles. Source: Bowditch, American Practical Navigator, 2019,
+chapters on compasses (semicircular deviation, coefficients B and C).
 """
 
 from typing import NamedTuple

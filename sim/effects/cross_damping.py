@@ -1,10 +1,10 @@
 """Cross damping: turning pushes the hull sideways, and drifting turns it.
 
-    Y = Y_r r,   N = N_v v        Y_r [N s], N_v [N s], r [rad/s], v through the water [m/s]
+    Y = Y_r r,   N = N_v v
 
-Either sign: it tells whether bow or stern has the more grip. Valid for: small drift angles, low
-speed. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (linear damping,
-off-diagonal terms).
+Y_r [N s], N_v [N s], r [rad/s], v through the water [m/s]. Either sign: it tells whether bow or
+stern has the more grip. Valid for: small drift angles, low speed. Source: Fossen, Handbook of
+Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (linear damping, off-diagonal terms).
 """
 
 from typing import NamedTuple

@@ -1,10 +1,10 @@
 """Drag growth: weed gathers, or the hull fouls, and surge drag grows with time.
 
-    X = rate t (X_u + X_uu |u|) u        rate [1/s], t [s after the first sample]
+    X = rate t (X_u + X_uu |u|) u
 
-X_u, X_uu of the vessel, u through the water [m/s]. Valid for: growth by a small factor; drag in
-sway and yaw hardly changes. Source: Molland, Turnock and Hudson, Ship Resistance and Propulsion,
-2nd ed. 2017, ch. 3 (fouling), taken as linear in time.
+rate [1/s], t [s after the first sample]. X_u, X_uu of the vessel, u through the water [m/s]. Valid
+for: growth by a small factor; drag in sway and yaw hardly changes. Source: Molland, Turnock and
+Hudson, Ship Resistance and Propulsion, 2nd ed. 2017, ch. 3 (fouling), taken as linear in time.
 """
 
 from typing import NamedTuple

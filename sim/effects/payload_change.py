@@ -1,10 +1,11 @@
 """Payload change: from one moment on the boat is heavier, or lighter.
 
-    M → factor M   for t >= time        time [s after the first sample], factor [-]
+    M → factor M   for t >= time
 
-All inertia, added mass included, changes alike; velocity does not jump. Valid for: loads that come
-aboard, or are dropped, within a second or two and change draught little. Source: Fossen, Handbook
-of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 3 (rigid-body mass matrix).
+time [s after the first sample], factor [-]. All inertia, added mass included, changes alike;
+velocity does not jump. Valid for: loads that come aboard, or are dropped, within a second or two
+and change draught little. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch.
+3 (rigid-body mass matrix).
 """
 
 from typing import NamedTuple

@@ -1,9 +1,10 @@
 """Steady current: the water moves as one, in one direction, at one speed.
 
-    V_c = speed (cos direction, sin direction)    speed [m/s], towards direction [rad from north]
+    V_c = speed (cos direction, sin direction)
 
-Hull forces follow the velocity through the water. Valid for: uniform, irrotational currents.
-Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, §10.3.
+speed [m/s], towards direction [rad from north]. Hull forces follow the velocity through the water.
+Valid for: uniform, irrotational currents. Source: Fossen, Handbook of Marine Craft Hydrodynamics,
+2nd ed. 2021, §10.3.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,8 @@
 """Steady wind: the air pushes the boat sideways and turns it on quartering headings.
 
     X = ½ ρ V² C_X A_F,   Y = ½ ρ V² C_Y A_L,   N = ½ ρ V² C_N A_L L
-    C_X = −c_x cos γ,     C_Y = c_y sin γ,      C_N = c_n sin 2γ        γ = −atan2(v_rw, u_rw)
+    C_X = −c_x cos γ,     C_Y = c_y sin γ,      C_N = c_n sin 2γ
+    γ = −atan2(v_rw, u_rw)
 
 V, u_rw, v_rw [m/s] of the boat through the air; A_F, A_L [m²] frontal and lateral area, L [m]
 length of the hull; ρ = 1.225 kg/m³; c_x = 0.7, c_y = 0.825, c_n = 0.125, the middle of the

@@ -3,8 +3,8 @@
     δ → δ + angle        δ of all rudders and steered motors [rad], angle [rad]
 
 Positive turns the bow to starboard when going ahead. Valid for: a trim that is off, a linkage that
-slipped. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 15 (rudder bias
-and its integral action).
+slipped. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, (rudder bias and
+integral action against it).
 """
 
 from typing import NamedTuple

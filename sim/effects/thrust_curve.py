@@ -1,10 +1,11 @@
 """Thrust curve: thrust grows with another power of the command than the vessel file says.
 
-    c → sign(c) |c|^exponent        exponent [-], on top of the curve in the vessel file
+    c → sign(c) |c|^exponent
 
-exponent > 1: less thrust at half throttle; on a linear curve, 2 makes it quadratic. Full throttle
-stays. Valid for: one curve for all thrusters, the same ahead and astern. Source: Fossen, Handbook
-of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust ∝ n |n|).
+exponent [-], on top of the curve in the vessel file. exponent > 1: less thrust at half throttle; on
+a linear curve, 2 makes it quadratic. Full throttle stays. Valid for: one curve for all thrusters,
+the same ahead and astern. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch.
+9 (thrust ∝ n |n|).
 """
 
 from typing import NamedTuple

@@ -1,10 +1,10 @@
 """Thruster dead-band: a small command does not turn the propeller.
 
-    c → sign(c) max(|c| − width, 0) / (1 − width)        width [-] of the command in [−1, 1]
+    c → sign(c) max(|c| − width, 0) / (1 − width)
 
-Full command still gives full thrust. Valid for: speed controllers with a dead zone around
-neutral. Source: Tao and Kokotović, Adaptive Control of Systems with Actuator and Sensor
-Nonlinearities, 1996, ch. 2 (dead-zone).
+width [-] of the command in [−1, 1]. Full command still gives full thrust. Valid for: speed
+controllers with a dead zone around neutral. Source: Tao and Kokotović, Adaptive Control of Systems
+with Actuator and Sensor Nonlinearities, 1996 (dead-zones).
 """
 
 from typing import NamedTuple

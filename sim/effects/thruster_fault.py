@@ -4,8 +4,8 @@
 
 thruster counted from 1 in the order of the vessel file, gain [-] (0: dead), time [s after the first
 sample]. Valid for: a lost blade, a line around the shaft, a motor in its emergency mode. Source:
-Blanke, Kinnaert, Lunze and Staroswiecki, Diagnosis and Fault-Tolerant Control, 3rd ed. 2016, ch. 4
-(loss of effectiveness of an actuator).
+Blanke, Kinnaert, Lunze and Staroswiecki, Diagnosis and Fault-Tolerant Control, 3rd ed. 2016 (loss
+of effectiveness of an actuator).
 """
 
 from typing import NamedTuple

@@ -1,9 +1,10 @@
 """Thruster misalignment: all thrusters point a little to one side.
 
-    α → α + angle        α azimuth of a thruster [rad], angle [rad], clockwise positive
+    α → α + angle
 
-Valid for: brackets bent or mounted askew alike. Source: Fossen, Handbook of Marine Craft
-Hydrodynamics, 2nd ed. 2021, ch. 9 (thruster configuration matrix).
+α azimuth of a thruster [rad], angle [rad], clockwise positive. Valid for: brackets bent or mounted
+askew alike. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thruster
+configuration matrix).
 """
 
 from typing import NamedTuple

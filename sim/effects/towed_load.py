@@ -1,6 +1,7 @@
 """Towed load: something on a line, a drogue or a float, that holds the boat at one point.
 
-    (X, Y) = −drag |V| V,   N = x Y        V = (u, v + x r) of the point (x, 0) through the water
+    (X, Y) = −drag |V| V,   N = x Y
+    V = (u, v + x r) of the point (x, 0) through the water
 
 drag [N s²/m²], x [m] ahead of the origin (astern: negative). Valid for: a taut, short line. A load
 behind the stern also holds an unstable hull on its course. Source: Hoerner, Fluid-Dynamic Drag,

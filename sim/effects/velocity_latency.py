@@ -1,12 +1,13 @@
 """Velocity latency: reported position and velocity over ground are old, heading and gyro are not.
 
-    reported p, V at t = p, V at t − delay        delay [s], p and V in the world
+    reported p, V at t = p, V at t − delay
 
-A free run looks back along its own track. Where only one moment is known, V − delay V̇ and
-p − delay V + ½ delay² V̇ stand for it: in the body frame u − delay (u̇ − r v), v − delay (v̇ + r u).
-Accelerations come from the accelerometer and are in time. Valid for: a receiver that is late by a
-constant time. Source: Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigation
-Systems, 2nd ed. 2013, §14.3 (synchronisation of GNSS and inertial data).
+delay [s], p and V in the world. A free run looks back along its own track. Where only one moment is
+known, V − delay V̇ and p − delay V + ½ delay² V̇ stand for it: in the body frame u − delay (u̇ − r
+v), v − delay (v̇ + r u). Accelerations come from the accelerometer and are in time. Valid for: a
+receiver that is late by a constant time. Source: Groves, Principles of GNSS, Inertial and
+Multisensor Integrated Navigation Systems, 2nd ed. 2013, ch. 14 (synchronisation of GNSS and
+inertial data).
 """
 
 from typing import NamedTuple

@@ -1,6 +1,7 @@
 """Wave motion: a train of long-crested waves that pushes the boat to and fro as it passes.
 
-    F = force sin(omega t − k s + phase),   k = omega² / g,   s = N cos direction + E sin direction
+    F = force sin(omega t − k s + phase)
+    k = omega² / g,   s = N cos direction + E sin direction
 
 F acts along direction [rad from north, towards]; force [N] at the crests, omega [rad/s], t [s after
 the first sample], N and E [m] position, phase [rad], g = 9.81 m/s². Sailing with or against the
