@@ -5,6 +5,7 @@ error. Exit status 0 done, 1 the work failed, 2 bad input, which gets one line.
 """
 
 import os
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,17 +17,18 @@ import orjson
 import typer
 
 from gateway.errors import BadInput, ShadowError
+from sim.effects.effect import LawError
 
 app = typer.Typer(
     name="shadow",
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,  # it would take [m] for markup
     help="The digital shadow of an unmanned boat: is the model of your boat right, and what is "
     "missing from it when it is not?\n\n"
-    "Start with [bold]shadow demo[/bold]. With a log of your own: [bold]shadow info LOG[/bold], "
-    "[bold]shadow init LOG --out boat.toml[/bold], [bold]shadow replay LOG --vessel boat.toml"
-    "[/bold], [bold]shadow compare LOG --vessel boat.toml[/bold].",
+    "Start with shadow demo. With a log of your own: shadow info LOG, "
+    "shadow init LOG --out boat.toml, shadow replay LOG --vessel boat.toml, "
+    "shadow compare LOG --vessel boat.toml.",
 )
 
 # The commands' modules are imported when they run: `shadow --help` answers at once.
@@ -442,11 +444,14 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
 def main() -> None:
     """Entry point of `shadow`: one line and an exit status for everything that goes wrong."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave nothing half-written
     try:
         status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
         sys.stdout.flush()
     except ShadowError as error:
         _fail(str(error), error.exit_status)
+    except LawError as error:
+        _fail(str(error), 2)
     except _UsageError as error:
         _fail(_usage(error), 2)
     except (KeyboardInterrupt, typer.Abort):

@@ -54,7 +54,7 @@ def _module_of(file: Path, text: str) -> ModuleType:
     sys.modules[name] = module
     try:
         exec(compile(text, str(file), "exec"), module.__dict__)
-    except Exception as error:  # whatever a user's file does wrong is one line for its user
+    except (Exception, SystemExit) as error:  # whatever a user's file does is one line for them
         del sys.modules[name]
         says = " ".join(str(error).split())
         raise BadInput(f"{file}: {type(error).__name__}: {says}") from None

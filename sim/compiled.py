@@ -25,8 +25,10 @@ import numba
 import numpy as np
 
 import sim
+from sim import numpy_drivers
 from sim.body import Blade, Body, Drive
 from sim.compose import Structure, kernel_text
+from sim.effects.effect import LawError
 
 CORE = (
     "jit.py", "state.py", "body.py", "balance.py", "actuators.py", "sensing.py", "drivers.py",
@@ -114,17 +116,31 @@ def _as_it_is(function: Callable[..., Any]) -> Any:
 
 def _compiles(kernel: ModuleType, s: Structure, parameters: int) -> str | None:
     """Compile the dynamics once -> None, or what numba could not do, and where."""
-    na = max(s.thrusters + len(s.rudders), 1)
     try:
-        kernel.rollout(
-            np.ones((1, parameters)), np.zeros((1, s.nx)), np.zeros(1, np.int64),
-            np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 2, na)),
-            np.zeros((1, 1)), np.zeros((1, 1, 2)), np.zeros((1, 1)), 0.1, 1,
-            np.zeros((1, 1, s.nx)), np.zeros((1, 1, 9)),
-        )  # fmt: skip
+        kernel.rollout(*_smallest(s, parameters, 1))
     except numba.core.errors.NumbaError as error:
         return _reason(str(error))
     return None
+
+
+def _smallest(s: Structure, parameters: int, runs: int) -> tuple[Any, ...]:
+    """Arguments of `rollout` for runs of no length at all."""
+    na, none = max(s.thrusters + len(s.rudders), 1), np.zeros(runs, np.int64)
+    return (
+        np.ones((1, parameters)), np.zeros((runs, s.nx)), none, none, none, np.zeros(runs),
+        np.zeros((1, 2, na)), np.zeros((1, 1)), np.zeros((1, 1, 2)), np.zeros((1, 1)), 0.1, 1,
+        np.zeros((runs, 1, s.nx)), np.zeros((runs, 1, 9)),
+    )  # fmt: skip
+
+
+def _tried(kernel: Kernel, names: str, parameters: int) -> Kernel:
+    """The plain kernel, once its laws have answered on floats and on arrays."""
+    try:
+        kernel.module.rollout(*_smallest(kernel.structure, parameters, 1))
+        numpy_drivers.rollout(kernel.module, *_smallest(kernel.structure, parameters, 2))
+    except Exception as error:  # whatever a user's law does wrong is one line for its user
+        raise LawError(f"effects {names}: {type(error).__name__}: {error}") from error
+    return kernel
 
 
 def _reason(says: str) -> str:
@@ -149,10 +165,11 @@ def kernel_for(s: Structure) -> Kernel:
     if problem is None:
         return Kernel(module, s, True)
     names = ", ".join(effect.name for effect in s.effects)
+    plain = _tried(plain_kernel_for(s), names, parameters)
     warnings.warn(
         f"effects {names} run in numpy, slower: numba cannot compile them ({problem})", stacklevel=2
     )
-    return plain_kernel_for(s)
+    return plain
 
 
 @lru_cache(maxsize=128)

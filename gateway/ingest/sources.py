@@ -160,6 +160,6 @@ def _refusal(name: str, covered: float, best: float, rate: float, fastest: float
 
 def _explained(name: str, samples: Samples, refused: Sequence[str]) -> Choice:
     steps = intervals(samples)
-    why = "; ".join(refused) if refused else "first in the order of preference"
+    why = "; ".join(refused) if refused else "preferred"
     longest = float(steps.max()) if len(steps) else 0.0
     return Choice(name, samples, rate_hz(samples), longest, why)

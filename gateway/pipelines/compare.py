@@ -13,6 +13,7 @@ from gateway.pictures.draw import save
 from gateway.pipelines.trials import TrialOptions, load_trials
 from gateway.vessel_file import load_vessel
 from sim.diagnosis.compare import Comparison, compare
+from sim.diagnosis.prediction import DivergedError
 from sim.diagnosis.segments import NoUsableTimeError
 from sim.diagnosis.settings import CompareSettings
 from sim.effects.effect import Effect
@@ -95,6 +96,8 @@ def _compared(
     """All vessels on one trial; nothing where no time can be used."""
     try:
         found = compare(trial, models, settings, lambda name: tell(f"{trial.name}: {name}"))
+    except DivergedError as problem:
+        raise BadInput(f"{trial.name}: {problem}") from None
     except NoUsableTimeError as problem:
         tell(f"left out, {problem}")
         return []

@@ -153,6 +153,7 @@ def replay(
     )
     name = options.name or key_of(vessel)
     started, tally = time.monotonic(), Tally()
+    replaced = options.out is not None and recording_path(material.log, options).exists()
     again = material.log.kind == "mcap" and ran_live(Recording.open(Path(log_path)))
     if again:
         plan = BoatPlan(vessel, plant, name=name)
@@ -169,7 +170,9 @@ def replay(
             sinks.write(step.rows, step.raw)
     if not tally.count:
         raise BadInput(f"{log_path}: the filter never found heading and velocity together")
-    return tally.summary(material, time.monotonic() - started, sinks.files())
+    done = tally.summary(material, time.monotonic() - started, sinks.files())
+    note = ("an earlier recording of that name was replaced",) if replaced else ()
+    return replace(done, notes=(*done.notes, *note))
 
 
 class RawPart(NamedTuple):
@@ -290,6 +293,11 @@ def vessels_of(vessel: Vessel, plant: Vessel | None) -> list[Attachment]:
     ]
 
 
+def recording_path(log: Log, options: ReplayOptions) -> Path:
+    """Where a replay of that log is recorded."""
+    return (options.out or Path()) / f"{options.stem or Path(log.path).stem}-shadow.mcap"
+
+
 def _sinks(
     scope: ExitStack,
     material: Material,
@@ -300,7 +308,7 @@ def _sinks(
 ) -> Sinks:
     recorder = bus = None
     if options.out is not None:
-        file = options.out / f"{options.stem or Path(material.log.path).stem}-shadow.mcap"
+        file = recording_path(material.log, options)
         config = orjson.dumps(as_tables(material.settings), option=orjson.OPT_INDENT_2)
         recorder = scope.enter_context(
             Recorder(

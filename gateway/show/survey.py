@@ -31,6 +31,8 @@ def show_survey(found: Survey) -> None:
     if not found.boats:
         out.print("no boat in it: nobody but ground stations spoke, or nobody said what it is")
     _show_messages(out, found)
+    if found.boats:
+        out.print(f"next: shadow init {found.path} --out boat.toml", highlight=False)
 
 
 def _show_boat(out: Console, one: BoatSurvey) -> None:

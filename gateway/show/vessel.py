@@ -23,4 +23,4 @@ def show_first_vessel(made: VesselFile, out: Path) -> None:
     for says, keys in said.items():
         console.print(f"{says}: {', '.join(keys)}", highlight=False)
     console.print(f"written: {out}")
-    console.print(f"next: shadow compare LOG --vessel {out}")
+    console.print(f"next: correct {out} by hand, then shadow compare LOG --vessel {out}")

@@ -15,6 +15,10 @@ from sim.trial import Trial
 WORST = 100.0  # scales (or 10 km): an error beyond this is a run that left the track
 
 
+class DivergedError(ValueError):
+    """A model that no prediction can be made with."""
+
+
 @dataclass(frozen=True)
 class Prediction:
     """Motion in many free runs, and how far the boat was from it.
@@ -49,9 +53,21 @@ def predict(trial: Trial, model: Model, ruler: Ruler) -> Prediction:
     error = error_of(motion[:, :6], rows, said)
     within = np.arange(error.shape[1]) <= steps[:, None]
     largest = np.concatenate([[1e4, 1e4, np.pi], WORST * ruler.scales])
-    lost = within & ~np.all(np.abs(error) <= largest, axis=2)
-    held = np.where(within[..., None], _held(np.clip(error, -largest, largest)), np.nan)
-    return Prediction(rows, steps, said, held, lost.any(axis=1))
+    lost = np.asarray(within & ~np.all(np.abs(error) <= largest, axis=2), np.bool_)
+    # a run that has ended: no error is larger
+    gone = np.asarray(~np.all(np.isfinite(error), axis=2), np.bool_)
+    held = np.where(gone[..., None], largest, np.clip(error, -largest, largest))
+    if len(rows) and gone[:, 1].all():
+        raise DivergedError(
+            f"{model.vessel.name} diverges at once from every start: check its numbers"
+        )
+    return Prediction(
+        rows,
+        steps,
+        said,
+        np.where(within[..., None], held, np.nan),
+        np.asarray(lost.any(axis=1), np.bool_),
+    )
 
 
 def error_of(measured: Floats, rows: Ints, model: Floats) -> Floats:
@@ -60,16 +76,6 @@ def error_of(measured: Floats, rows: Ints, model: Floats) -> Floats:
     error = measured[at] - model
     error[..., Eta.YAW] = wrap(error[..., Eta.YAW])
     return error
-
-
-def _held(error: Floats) -> Floats:
-    """Where a run has ended (NaN), its last error stays: (S, H+1, 6)."""
-    gone = ~np.isfinite(error).all(axis=2)
-    if not gone.any():
-        return error
-    at = np.where(gone, 0, np.arange(error.shape[1]))
-    last = np.maximum.accumulate(at, axis=1)
-    return np.take_along_axis(error, last[..., None], axis=1)
 
 
 def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:

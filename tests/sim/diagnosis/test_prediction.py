@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.diagnosis.inputs import delayed, motion_of
-from sim.diagnosis.prediction import predict
+from sim.diagnosis.prediction import DivergedError, predict
 from sim.diagnosis.ruler import Ruler
 from sim.diagnosis.scores import nrmse
 from sim.diagnosis.settings import CompareSettings
@@ -107,3 +107,11 @@ def test_the_ruler_does_not_depend_on_the_other_vessels():
     one, two = (Ruler.of(trial, Model.of(WAM_V)) for _ in range(2))
     np.testing.assert_array_equal(one.segments.steps, two.segments.steps)
     assert one.noise_floor == two.noise_floor
+
+
+def test_a_model_that_is_no_number_at_once_is_refused_not_called_perfect():
+    trial, vessel = simulated(WAM_V, 60.0), WAM_V
+    broken = replace(vessel, dynamics=replace(vessel.dynamics, X_uu=-1e200))
+    ruler = Ruler.of(trial, Model.of(vessel))
+    with pytest.raises(DivergedError, match="diverges at once"):
+        predict(trial, Model.of(broken), ruler)
