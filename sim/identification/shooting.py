@@ -22,7 +22,7 @@ from sim.diagnosis.prediction import memory_at
 from sim.diagnosis.ruler import scales_of
 from sim.identification.noise import Errors, Noise, estimated, starts_out, whitened
 from sim.identification.settings import IdentifySettings
-from sim.identification.tiles import STEP, Tiles, tiles_of
+from sim.identification.tiles import STEP, Tiles, thinned, tiles_of
 from sim.identification.unknowns import OFFSETS, ROUNDING, Unknowns
 from sim.model import Model, Runs
 from sim.state import Floats
@@ -30,7 +30,8 @@ from sim.trial import Trial
 
 LOST = 100.0  # scales: an error of a run that left the track
 ROUNDS = 4  # at the last horizon: starts, noise and parameters in turn
-SETTLED = 0.02  # of a parameter's standard deviation: the rounds end
+SETTLED = 0.1  # standard deviations, all else known: the rounds end
+ENOUGH = 3000  # rows of a voyage that the short horizons look at
 NU = slice(3, 6)
 
 
@@ -103,11 +104,11 @@ def shoot(
                 _window(v, unknowns, z, n, horizon, settings)
                 for v, n in zip(voyages, noise, strict=True)
             ]
-            before, z = z, _fitted(unknowns, windows, z, settings)
+            before = z
+            z, std = _fitted(unknowns, windows, z, settings)
             voyages = [_moved(w, unknowns, z) for w in windows]
             noise = [_noise(w, unknowns, z) for w in windows]
-            shift = np.abs(z - before) / np.array([u.scale for u in unknowns.each])
-            if np.all(shift < 1e-4):
+            if np.all(np.abs(z - before) < SETTLED * std):
                 break
     windows = [
         _window(v, unknowns, z, n, last, settings) for v, n in zip(voyages, noise, strict=True)
@@ -132,6 +133,8 @@ def _window(
     model = replace(unknowns.model, theta=unknowns.theta(z[None], voyage.number)[0])
     every = max(round(settings.average / voyage.trial.dt), 1)
     tiles = tiles_of(voyage.trial, voyage.usable, model, horizon, settings.growth, every)
+    if horizon < settings.horizons[-1]:
+        tiles = thinned(tiles, ENOUGH)
     means = tiles.size // every
     within = (np.arange(int(means.max())) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
@@ -217,8 +220,8 @@ def _slope(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
 
 def _fitted(
     unknowns: Unknowns, windows: Sequence[Window], z: Floats, settings: IdentifySettings
-) -> Floats:
-    """The best z (n,) with starts and noise as they are."""
+) -> tuple[Floats, Floats]:
+    """The best z (n,) with starts and noise as they are, and how sure it is (n,)."""
     known = np.array([1.0 / u.prior for u in unknowns.each])
     has_prior = known > 0.0
 
@@ -235,7 +238,8 @@ def _fitted(
         x_scale=np.array([u.scale for u in unknowns.each]), max_nfev=8, xtol=1e-4, ftol=1e-5,
         tr_solver="lsmr", tr_options={"atol": 1e-10, "btol": 1e-10},
     )  # fmt: skip
-    return np.asarray(found.x)
+    told = np.sum(found.jac**2, axis=0)
+    return np.asarray(found.x), 1.0 / np.sqrt(np.maximum(told, 1e-300))
 
 
 def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:

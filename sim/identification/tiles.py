@@ -84,3 +84,9 @@ def grown(trial: Trial, model: Model, tiles: Tiles) -> Floats:
     lost = within & ~np.isfinite(nu).all(axis=(1, 3))
     gain = np.where(within[:, None, :, None], gain, 0.0)
     return np.where(lost.any(axis=1), np.inf, np.nan_to_num(gain, nan=0.0).max(axis=(1, 2, 3)))
+
+
+def thinned(tiles: Tiles, rows: int) -> Tiles:
+    """Every so many of the tiles, so that about `rows` rows are left."""
+    step = max(round(int(tiles.size.sum()) / rows), 1)
+    return Tiles(tiles.first[::step], tiles.size[::step])
