@@ -119,7 +119,7 @@ def stages(log: Path) -> dict[str, float]:
             state, out, filtered = path.advance(state, chunk)
         with watch.stage("encode"):
             watchman, happened = watchman.observe(chunk, filtered, out)
-            topic_rows(out, given.origin)
+            list(topic_rows(out, given.origin))
             event_rows(happened)
             meter.advance(chunk.receive_time_ns, filtered)
     return watch.spent

@@ -28,19 +28,21 @@ class Asking:
         self._reboots: dict[int, int] = {}  # by system
 
     def listen(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
-        """What boats say that concerns our requests: who they are, and their answers."""
+        """What boats say that concerns our requests: who they are, their answers, a reboot."""
         if datagram.link not in self._requests:
             return
-        addresses = {boat.address for boat in boats}
+        addresses = {boat.address: boat for boat in boats}
         for frame in datagram.frames:
             m = frame.message
             if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK"):
                 continue
-            if (m.get_srcSystem(), m.get_srcComponent()) in addresses:
+            boat = addresses.get((m.get_srcSystem(), m.get_srcComponent()))
+            if boat is not None:
+                self._rebooted(boat, now_ns)
                 requests = self._requests[datagram.link]
                 self._requests[datagram.link] = requests.take(m, now_ns)
 
-    def rebooted(self, boat: LiveBoat, now_ns: int) -> None:
+    def _rebooted(self, boat: LiveBoat, now_ns: int) -> None:
         """Where it did since this was last asked, it has forgotten what it had accepted."""
         if boat.reboots == self._reboots.get(boat.boat.system, 0):
             return

@@ -4,7 +4,7 @@ A boat is known by the HEARTBEAT of its autopilot; a ground station is no boat. 
 like `LiveBoat`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -68,11 +68,11 @@ class Fleet:
         for path, plan in zip(self._paths, self._plans, strict=True):
             boat = LiveBoat(Boat(1, 1), plan.key, path)
             for k in range(4):
-                boat.datagram(_first_words(1000 + 20 * k), (k + 1) * 20_000_000)
-            boat.tick(400_000_000)
+                list(boat.datagram(_first_words(1000 + 20 * k), (k + 1) * 20_000_000))
+            list(boat.tick(400_000_000))
 
-    def datagram(self, datagram: Datagram) -> list[Said]:
-        """The frames of a datagram, each to its boat."""
+    def datagram(self, datagram: Datagram) -> Iterator[Said]:
+        """The frames of a datagram, each to its boat -> what comes of them, as it is made."""
         by_system: dict[int, list[Any]] = {}
         for frame in datagram.frames:
             message = frame.message
@@ -83,17 +83,20 @@ class Fleet:
             boat = self.boats.get(message.get_srcSystem())
             if boat is not None and message.get_srcComponent() == boat.boat.component:
                 by_system.setdefault(boat.boat.system, []).append(message)
-        return [
-            Said(
-                self.boats[system], self.boats[system].datagram(messages, datagram.receive_time_ns)
-            )
-            for system, messages in by_system.items()
-        ]
+        for system, messages in by_system.items():
+            boat = self.boats[system]
+            for spoken in boat.datagram(messages, datagram.receive_time_ns):
+                yield Said(boat, spoken)
 
-    def tick(self, now_ns: int) -> list[Said]:
+    def due(self, now_ns: int) -> list[LiveBoat]:
+        """The boats that have been silent for so long that they want a tick."""
+        return [boat for boat in self.boats.values() if boat.wants_tick(now_ns)]
+
+    def tick(self, now_ns: int) -> Iterator[Said]:
         """Time goes by: boats that are silent run on."""
-        due = [boat for boat in self.boats.values() if boat.wants_tick(now_ns)]
-        return [Said(boat, boat.tick(now_ns)) for boat in due]
+        for boat in self.due(now_ns):
+            for spoken in boat.tick(now_ns):
+                yield Said(boat, spoken)
 
     def frames_of(self, frames: Sequence[Frame], boat: LiveBoat) -> list[bytes]:
         """What belongs into a boat's recording: its own frames, and those of no boat."""

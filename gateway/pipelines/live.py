@@ -124,17 +124,19 @@ class Gateway:
             self._fault(error)
 
     def _datagram(self, datagram: Datagram) -> None:
-        said = self.fleet.datagram(datagram)
-        for boat, spoken in said:
-            self.outlets[boat.boat.system].publish(spoken.rows)
+        """Publish as it is made; all else can wait until then."""
+        said = []
+        for boat, spoken in self.fleet.datagram(datagram):
             if spoken.rows:
-                boat.health.late_by(self._clock() - datagram.receive_time_ns)
+                self.outlets[boat.boat.system].publish(spoken.rows)
+                said.append((boat, spoken.rows))
+        late_ns = self._clock() - datagram.receive_time_ns
+        for boat in {boat.boat.system: boat for boat, _ in said}.values():
+            boat.health.late_by(late_ns)
         self._keep(datagram)
-        now_ns = self._steady()
-        for boat, spoken in said:
-            self.outlets[boat.boat.system].record(spoken.rows)
-            self._asking.rebooted(boat, now_ns)
-        self._asking.listen(datagram, self.fleet.boats.values(), now_ns)
+        for boat, rows in said:
+            self.outlets[boat.boat.system].record(rows)
+        self._asking.listen(datagram, self.fleet.boats.values(), self._steady())
 
     def _keep(self, datagram: Datagram) -> None:
         """Raw frames to the recordings they belong to; none is lost while no boat is known."""
@@ -145,11 +147,12 @@ class Gateway:
             outlet.raw(datagram.link, datagram.receive_time_ns, frames)
 
     def _time_goes_by(self, now_ns: int) -> None:
-        for boat, spoken in self.fleet.tick(now_ns):
+        for boat in self.fleet.due(now_ns):
             outlet = self.outlets[boat.boat.system]
             if outlet.recording is not None:
                 outlet.recording.tick(now_ns)
-            outlet.send(spoken.rows)
+            for spoken in boat.tick(now_ns):
+                outlet.send(spoken.rows)
         for answer in self._asking.due(self.fleet.boats.values(), self._steady()):
             self._tell(answer.says)
             self._say(self.fleet.boats[answer.boat.system], "rate_request", "info", answer.says)

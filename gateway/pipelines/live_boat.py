@@ -4,7 +4,7 @@ Pure in its inputs: the same datagrams and ticks in the same order give the same
 here reads a clock.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -27,10 +27,10 @@ BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S,
 
 
 class Spoken(NamedTuple):
-    """Messages that go out, and the rows of the path that they were made from."""
+    """Messages that go out; with the last of an estimate, the rows of the path behind them."""
 
     rows: list[Rows]
-    outs: list[Shadowing]
+    out: Shadowing | None = None
 
 
 class Newest(NamedTuple):
@@ -60,34 +60,32 @@ class LiveBoat:
         self.reboots = 0  # of the autopilot
         self._resting = False
 
-    def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Spoken:
-        """The boat's messages of one datagram -> what goes out.
+    def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Iterator[Spoken]:
+        """The boat's messages of one datagram -> what goes out, as it is made.
 
-        One after the other, so that it does not matter how a link packs them.
+        One after the other, so that it does not matter how a link packs them. Whoever asks takes
+        all of it: the state has moved on only then.
         """
-        spoken = Spoken([], [])
         for m in messages:
             self.health.frame(receive_time_ns, m.get_type(), m.get_srcComponent(), m.get_seq())
             feed = self._hearing.take(m, receive_time_ns)
             self._learn()
             if self._hearing.reboots > self.reboots:
-                spoken = Spoken(spoken.rows + self._rebooted(receive_time_ns), spoken.outs)
+                yield Spoken(self._rebooted(receive_time_ns))
             if feed is not None:
                 self._note(feed, receive_time_ns)
-                rows, outs = self._advance(feed, spend=True)
-                spoken = Spoken(spoken.rows + rows, spoken.outs + outs)
-        return spoken
+                yield from self._advance(feed, spend=True)
 
-    def tick(self, now_ns: int) -> Spoken:
+    def tick(self, now_ns: int) -> Iterator[Spoken]:
         """Time goes by without a word from the boat -> the shadow runs on, for a while.
 
         The filter only looks ahead: a link that stalled delivers what waited, and none of that
         may be too late because of moments at which nothing was heard.
         """
         self._ticked_ns, heard = now_ns, self._state.filter
-        spoken = self._advance(self._hearing.tick(now_ns, self._vehicle_time(now_ns)), spend=False)
+        moment = self._hearing.tick(now_ns, self._vehicle_time(now_ns))
+        yield from self._advance(moment, spend=False)
         self._state = replace(self._state, filter=heard)
-        return spoken
 
     def wants_tick(self, now_ns: int) -> bool:
         """Is it time for the next tick?"""
@@ -134,15 +132,16 @@ class LiveBoat:
         self._newest = Newest(receive_time_ns, newest)
         self._ticked_ns, self._resting = 0, False
 
-    def _advance(self, feed: Feed, spend: bool) -> Spoken:
+    def _advance(self, feed: Feed, spend: bool) -> Iterator[Spoken]:
         self._state, out, filtered = self._path.advance(self._state, feed, spend)
+        if len(out):
+            for rows in topic_rows(out, self._hearing.origin):
+                yield Spoken([rows])
         self.health.filtered(filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1]))
         self._watchman, happened = self._watchman.observe(feed, filtered, out)
         self._usual, unusual = self._usual.observe(out)
-        rows = topic_rows(out, self._hearing.origin) if len(out) else []
-        if happened or unusual:
-            rows.append(event_rows([*happened, *unusual]))
-        return Spoken(rows, [out])
+        told = [event_rows([*happened, *unusual])] if happened or unusual else []
+        yield Spoken(told, out)
 
     def _learn(self) -> None:
         """What the autopilot's parameters tell the filter, from here on."""

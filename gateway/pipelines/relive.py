@@ -73,11 +73,11 @@ def relived(fleet: Fleet, path: Path) -> Iterator[Relived]:
         rows, outs = list[Rows](), list[Shadowing]()
         for said in _said(fleet, moment, frames[part], decoder):
             rows += [*said.spoken.rows, *said.boat.status(moment.receive_time_ns, 0, 0)]
-            outs += said.spoken.outs
+            outs += [] if said.spoken.out is None else [said.spoken.out]
         yield Relived(rows, outs, part)
 
 
-def _said(fleet: Fleet, moment: Moment, frames: list[bytes], decoder: Any) -> list[Said]:
+def _said(fleet: Fleet, moment: Moment, frames: list[bytes], decoder: Any) -> Iterator[Said]:
     if moment.link == TICK_LINK:
         return fleet.tick(moment.receive_time_ns)
     heard = tuple(Frame(frame, _message(frame, decoder)) for frame in frames)

@@ -203,7 +203,7 @@ def _shadowed(
         chunk = feed[begun:end]
         state, out, filtered = path.advance(state, chunk)
         watchman, happened = watchman.observe(chunk, filtered, out)
-        rows = topic_rows(out, material.origin)
+        rows = list(topic_rows(out, material.origin))
         rows += [event_rows(happened), meter.advance(chunk.receive_time_ns, filtered)]
         last = end == len(feed)
         upto = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0

@@ -1,6 +1,6 @@
 """Rows of the shadow path → messages of every topic."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,22 +25,22 @@ class Happening:
     says: str
 
 
-def topic_rows(out: Shadowing, origin: Origin | None) -> list[Rows]:
-    """All topics that follow from the path's rows; what is not complete is withheld."""
+def topic_rows(out: Shadowing, origin: Origin | None) -> Iterator[Rows]:
+    """All topics that follow from the path's rows; what is not complete is withheld.
+
+    One by one, the shadow first: each can go out while the next is being made.
+    """
     times, watched = (out.vehicle_time_ns, out.receive_time_ns), out.watched
     source = {"source": _source(out)}
-    rows = [
-        _measured(out),
-        encode_rows("reference", *times, _fields(out.reference, out.std), source),
-        encode_rows("shadow", *times, _fields(out.shadow, out.std), source),
-        encode_rows("control", *times, np.hstack([out.control, watched.commanded])),
-        encode_rows(
-            "residual", *times, np.hstack([watched.missing, watched.missing_std, watched.errors])
-        ),
-    ]
+    yield encode_rows("shadow", *times, _fields(out.shadow, out.std), source)
+    yield _measured(out)
+    yield encode_rows("reference", *times, _fields(out.reference, out.std), source)
     if origin is not None:
-        rows.append(encode_rows("position", *times, _positions(out, origin)))
-    return rows
+        yield encode_rows("position", *times, _positions(out, origin))
+    forces = np.hstack([out.control, watched.commanded])
+    yield encode_rows("control", *times, forces)
+    lacking = np.hstack([watched.missing, watched.missing_std, watched.errors])
+    yield encode_rows("residual", *times, lacking)
 
 
 def _fields(motion: Floats, std: Floats) -> Floats:

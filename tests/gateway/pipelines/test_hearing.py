@@ -206,7 +206,7 @@ def test_the_gyro_filter_is_learnt_from_parameters_that_pass_by() -> None:
     mav = dialect.MAVLink(None, 1, 1)
 
     def delay(message: Any) -> float:
-        boats[0].datagram([mav.decode(bytearray(message.pack(mav)))], START)
+        list(boats[0].datagram([mav.decode(bytearray(message.pack(mav)))], START))
         return boats[0]._path.estimator.settings.gyro_delay_s
 
     assert delay(parameter(20.0, b"INS_ACCEL_FILTER")) == 0.0

@@ -133,7 +133,7 @@ def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
         if message.get_type() == "SERVO_OUTPUT_RAW":
             pulses = np.array([getattr(message, f"servo{i}_raw") for i in range(1, 17)], float)
         for said in fleet.datagram(datagram):
-            for out in said.spoken.outs:
+            for out in filter(None, [said.spoken.out]):
                 commands = WAMV.commands(range(1, 17), pulses)
                 rows += [
                     (float(t), m, commands) for t, m in zip(out.time_s, out.estimate, strict=True)
