@@ -12,7 +12,7 @@ demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
 
 test: $(READY) check
-	$(RUN)/pytest -q -m "not slow"
+	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile
 
 test-slow: $(READY)
 	$(RUN)/pytest -q -m slow
