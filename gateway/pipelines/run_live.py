@@ -17,12 +17,15 @@ from sim.effects.effect import Effect
 # Python lets a thread that is busy keep the interpreter for so long when another one wants it: the
 # recorder, when a datagram comes. The default is 5 ms.
 SWITCH_S = 0.0005
+NOT_IN_NAMES = "/*$?#@"  # they mean something in keys of zenoh, and in paths
 
 
 def plans_of(
     vessels: Sequence[str], plant: Path | None, name: str | None, effects: Sequence[Effect]
 ) -> list[BoatPlan]:
     """What `--vessel FILE` and `--vessel SYSID=FILE` say -> which vessel shadows which boat."""
+    if name is not None and (not name or set(name) & set(NOT_IN_NAMES)):
+        raise BadInput(f"--name {name!r}: must not be empty nor contain {' '.join(NOT_IN_NAMES)}")
     own = None if plant is None else load_vessel(plant, effects)
     plans = []
     for text in vessels:
@@ -53,6 +56,7 @@ def run_until_stopped(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ask_to_stop)
     sys.setswitchinterval(SWITCH_S)
+    tell("getting ready: the first start with a vessel compiles for a while")
     with Gateway(plans, options, tell) as gateway:
         gc.collect()
         gc.freeze()  # what was loaded by now stays: no need to look through it again and again

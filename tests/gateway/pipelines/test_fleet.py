@@ -117,6 +117,12 @@ def test_vessels_by_system_id_on_the_command_line(files: tuple[str, str]) -> Non
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("name", ["", "a/b", "*", "shadow#1"])
+def test_a_name_that_is_no_key_is_one_line_at_the_start(files: tuple[str, str], name: str) -> None:
+    with pytest.raises(BadInput, match="--name"):
+        plans_of([files[0]], None, name, ())
+
+
 @pytest.mark.parametrize(
     ("wanted", "says"),
     [
