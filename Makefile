@@ -6,7 +6,7 @@ VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow check format constraints clean
+.PHONY: demo test test-slow chromium check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
@@ -14,8 +14,14 @@ demo: $(READY)
 test: $(READY) check
 	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile
 
-test-slow: $(READY)
-	$(RUN)/pytest -q -m slow
+test-slow: $(READY) chromium
+	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m slow
+
+# The studio is tested in a real browser: where this can install one, it may not be missing.
+chromium:
+	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
+		apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; } || \
+		echo "no Chromium and no way to install it: its tests will be skipped"
 
 check: $(READY)
 	$(RUN)/ruff check .

@@ -54,18 +54,19 @@ class Percentiles(NamedTuple):
     p99: float
     worst: float
     lost: int
+    rate: float  # that came, per second
 
 
 def main() -> None:
     """Run and print."""
     options = _options()
-    runs = [_run(options.boats, options.seconds) for _ in range(options.runs)]
+    runs = [one_run(options.boats, options.seconds) for _ in range(options.runs)]
     print(
         f"{options.boats} boat(s), {options.runs} runs of {options.seconds:.0f} s, medians of runs"
     )
     print(f"{'':8}{'p50':>9}{'p99':>9}{'worst':>9}  ms   lost")
     for name, rows in zip(("relay", "shadow"), zip(*runs, strict=True), strict=True):
-        p50, p99, worst, lost = np.median(np.array(rows), axis=0).tolist()
+        p50, p99, worst, lost, _ = np.median(np.array(rows), axis=0).tolist()
         print(f"{name:8}{p50:9.2f}{p99:9.2f}{worst:9.2f}      {lost:.0f}")
     beyond = np.median([[s.p50 - r.p50, s.p99 - r.p99] for r, s in runs], axis=0).tolist()
     limit = 2.0 if options.boats == 1 else 5.0
@@ -84,7 +85,7 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _run(boats: int, seconds: float) -> tuple[Percentiles, Percentiles]:
+def one_run(boats: int, seconds: float) -> tuple[Percentiles, Percentiles]:
     """One run -> relay, shadow."""
     with ExitStack() as scope:
         folder = Path(scope.enter_context(tempfile.TemporaryDirectory()))
@@ -217,7 +218,8 @@ def _percentiles(
     ]
     lost = len(keys) - len(late)
     p50, p99 = np.percentile(late, [50, 99]).tolist()
-    return Percentiles(p50, p99, max(late), lost)
+    seconds = (moments[-1] - moments[0]) * 1e-9
+    return Percentiles(p50, p99, max(late), lost, len(late) / seconds)
 
 
 def joined(endpoint: str) -> zenoh.Session:
@@ -242,18 +244,26 @@ def wait_until(moment_ns: int) -> None:
 
 
 @contextmanager
-def program(code: Sequence[str], ready: str) -> Iterator["subprocess.Popen[str]"]:
-    """A Python program that runs while inside; inside begins when it says that it is ready."""
+def program(
+    code: Sequence[str], ready: str, heard: list[str] | None = None
+) -> Iterator["subprocess.Popen[str]"]:
+    """A Python program that runs while inside; inside begins when it says that it is ready.
+
+    What it says from then on goes to `heard`.
+    """
     with subprocess.Popen(
         [sys.executable, "-c", *code], cwd=ROOT, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stderr is not None
         for line in process.stderr:
+            if heard is not None:
+                heard.append(line)
             if ready in line:
                 break
         else:
             raise SystemExit("it ended before it was ready")
-        drain = threading.Thread(target=process.stderr.read)
+        said: list[str] = [] if heard is None else heard
+        drain = threading.Thread(target=said.extend, args=(process.stderr,))
         drain.start()
         try:
             yield process

@@ -1,33 +1,51 @@
 """gateway.toml → one typed, frozen object. Precedence: flag, then file, then default.
 
-[[boats]]                   one per boat; without any, every boat of the log or link
-system_id = 1
+[[boats]]                   which boats `shadow live` shadows where no --vessel is given
+system_id = 1               may be left out where there is one boat
 vessel = "wam-v.toml"       relative to this file
 plant = "otter.toml"        what the follower drives; default: the vessel
-name = "wam-v"              key on zenoh; default: the vessel's file name
+name = "wam-v"              key on zenoh; default: the vessel's name
 
 [links]      endpoints = ["udpin:127.0.0.1:14550"]
+[links.rates]               Hz, by message: what boats are asked for; 0: not asked for
+preset = "radio"            what stands under these: full (default), or radio for 57600 baud
+ATTITUDE = 20.0
 [filter]     see gateway.estimation.settings
 [zenoh]      publish, endpoint, config_file
+[foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
 [recording]  see gateway.recorder
 [following]  reference, rate_hz, and the follower's options
+[studio]     tiles, attribution, deepest: see gateway.studio.settings
 """
 
 import tomllib
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
 from gateway.estimation.settings import FilterSettings, White
+from gateway.foxglove_address import parse_address
+from gateway.links.rates import FULL_HZ, PRESETS, check_rates
 from gateway.recorder import RecordingSettings
+from gateway.studio.settings import StudioSettings
 from gateway.vessel_file import checked, explain
 from sim.following.options import Following
 from sim.following.reference import Mode
+
+NOT_IN_NAMES = "/*$?#@"  # they mean something in keys of zenoh, and in paths
+
+
+def check_name(name: str, where: str) -> None:
+    """BadInput where it can be no name of a boat on zenoh."""
+    if not name or set(name) & set(NOT_IN_NAMES):
+        raise BadInput(f"{where} {name!r}: must not be empty nor contain {' '.join(NOT_IN_NAMES)}")
 
 
 @dataclass(frozen=True)
@@ -39,12 +57,22 @@ class BoatSettings:
     plant: str | None = None
     name: str | None = None
 
+    def __post_init__(self) -> None:
+        if self.name is not None:
+            check_name(self.name, "[[boats]] name")
+        if self.system_id is not None and not 1 <= self.system_id <= 254:
+            raise BadInput(f"[[boats]] system_id = {self.system_id}: expected 1 to 254")
+
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """Table `[links]`: where MAVLink comes from."""
+    """Table `[links]`: where MAVLink comes from, and how often boats are asked for what [Hz]."""
 
     endpoints: tuple[str, ...] = ()
+    rates: Mapping[str, float] = field(default_factory=lambda: FULL_HZ)
+
+    def __post_init__(self) -> None:
+        check_rates(self.rates)
 
 
 @dataclass(frozen=True)
@@ -58,6 +86,17 @@ class ZenohSettings:
     def bus(self) -> BusSettings:
         """What the bus wants to know."""
         return BusSettings(self.endpoint, Path(self.config_file) if self.config_file else None)
+
+
+@dataclass(frozen=True)
+class FoxgloveSettings:
+    """Table `[foxglove]`: a live WebSocket server, where an address is given."""
+
+    address: str | None = None  # [HOST:]PORT
+
+    def __post_init__(self) -> None:
+        if self.address is not None:
+            parse_address(self.address)
 
 
 @dataclass(frozen=True)
@@ -81,8 +120,10 @@ class Settings:
     links: LinkSettings = field(default_factory=LinkSettings)
     filter: FilterSettings = field(default_factory=FilterSettings)
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
+    foxglove: FoxgloveSettings = field(default_factory=FoxgloveSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
     following: FollowingSettings = field(default_factory=FollowingSettings)
+    studio: StudioSettings = field(default_factory=StudioSettings)
 
     def __post_init__(self) -> None:
         for name in ("chunk_bytes", "flush_seconds", "foxglove_hz"):
@@ -92,12 +133,16 @@ class Settings:
 
 
 for _table in (
-    BoatSettings, LinkSettings, ZenohSettings, FollowingSettings, Settings, FilterSettings, White,
-    RecordingSettings, Following,
+    BoatSettings, LinkSettings, ZenohSettings, FoxgloveSettings, FollowingSettings, Settings,
+    FilterSettings, White, RecordingSettings, Following, StudioSettings,
 ):  # fmt: skip
     with_config(ConfigDict(extra="forbid"))(_table)
 
 _CHECKED = TypeAdapter(Settings)
+HINTS = {  # what the keys and values of a table do not tell
+    "[links.rates]": '# Hz; 0: not asked for. preset = "radio": what a pair at 57600 baud carries',
+    "[foxglove]": '# address = "8765" or "HOST:PORT": a live WebSocket server',
+}
 
 
 def load_settings(path: str | Path | None) -> Settings:
@@ -111,17 +156,34 @@ def load_settings(path: str | Path | None) -> Settings:
         raise BadInput(f"{file}: not a TOML file: {error}") from None
     except OSError as error:
         raise BadInput(f"{file}: cannot read the configuration: {error.strerror}") from None
-    return settings_of(tables, str(file))
+    settings = settings_of(tables, str(file))
+    return replace(settings, boats=tuple(_beside(file, boat) for boat in settings.boats))
+
+
+def _beside(file: Path, boat: BoatSettings) -> BoatSettings:
+    """Vessel files are named as seen from the configuration."""
+    plant = None if boat.plant is None else str(file.parent / boat.plant)
+    return replace(boat, vessel=str(file.parent / boat.vessel), plant=plant)
 
 
 def settings_of(tables: dict[str, Any], where: str) -> Settings:
     """Tables over the defaults, checked; `where` they stand goes into the message."""
     try:
-        return checked(_CHECKED, _over(as_tables(Settings()), tables))
+        return checked(_CHECKED, _over(as_tables(Settings()), _spelt_out(tables)))
     except ValidationError as error:
         raise BadInput(f"{where}: {explain(error)}") from None
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
+
+
+def _spelt_out(tables: dict[str, Any]) -> dict[str, Any]:
+    """`[links.rates] preset` -> the rates it stands for, under those that are given themselves."""
+    match tables:
+        case {"links": {"rates": {"preset": preset, **own}, **links}}:
+            if not isinstance(preset, str) or preset not in PRESETS:
+                raise BadInput(f"links.rates.preset = {preset!r}: expected {', '.join(PRESETS)}")
+            return {**tables, "links": {**links, "rates": {**PRESETS[preset], **own}}}
+    return tables
 
 
 def _over(defaults: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
@@ -143,3 +205,9 @@ def as_tables(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [as_tables(v) for v in value]
     return value.value if isinstance(value, Enum) else value
+
+
+def as_toml(settings: Settings) -> str:
+    """The configuration as a file that can be read again, with hints where it needs them."""
+    lines = tomli_w.dumps(as_tables(settings)).splitlines()
+    return "\n".join([f"{line}\n{HINTS[line]}" if line in HINTS else line for line in lines]) + "\n"

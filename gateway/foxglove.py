@@ -61,6 +61,7 @@ SCHEMAS: Mapping[str, Message] = {
 }
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}
 COVARIANCE_UNKNOWN = 0
+FRAMES = ("frame_id", "parent_frame_id", "child_frame_id")
 
 
 def schema_text(name: str) -> bytes:
@@ -142,3 +143,13 @@ CHANNELS = (
     Channel("foxglove/shadow_fix", "foxglove.LocationFix", "position", fix("shadow")),
     Channel("foxglove/log", "foxglove.Log", "event", log),
 )
+
+
+def named(channel: Channel, name: str) -> Channel:
+    """The same for one boat of several: topic and frames are its own, each has an origin too."""
+
+    def convert(row: Row) -> Message:
+        message = channel.convert(row)
+        return message | {key: f"{name}/{message[key]}" for key in FRAMES if key in message}
+
+    return channel._replace(topic=f"{name}/{channel.topic}", convert=convert)

@@ -19,11 +19,10 @@ from types import TracebackType
 from typing import IO, Self
 
 import numpy as np
-import orjson
 from numpy.typing import NDArray
 
-from gateway import foxglove
 from gateway.errors import ShadowError
+from gateway.foxglove_rows import PlayerRows
 from gateway.recording_file import Attachment, Compression, RecordingFile
 
 Times = NDArray[np.int64] | Sequence[int]
@@ -85,12 +84,12 @@ class Recorder:
         self._checked_bytes = 0
         self._started_ns: int | None = None
         self._rotation_due = False
-        self._bucket: dict[str, int] = {}
+        self._players = PlayerRows(self.settings.foxglove_hz)
 
     def __enter__(self) -> Self:
         try:
             self._open()
-        except ShadowError:
+        except BaseException:  # also whoever interrupts while the first bytes are written
             self.abandon()
             raise
         return self
@@ -99,7 +98,12 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         if error is None:
-            self.finish()
+            try:
+                self.finish()
+            except BaseException:
+                if not self._live:
+                    self.abandon()
+                raise
         elif self._live:
             with suppress(ShadowError):
                 self.finish()
@@ -170,24 +174,9 @@ class Recorder:
         publish_times: NDArray[np.int64],
         payloads: list[bytes],
     ) -> None:
-        channels = [channel for channel in foxglove.CHANNELS if channel.source == topic]
-        if not channels:
-            return
-        chosen = self._thinned(topic, log_times).tolist()
-        rows = [orjson.loads(payloads[i]) for i in chosen]
-        for channel in channels:
-            texts = [orjson.dumps(channel.convert(row)) for row in rows]
-            times = log_times[chosen].tolist(), publish_times[chosen].tolist()
-            file.write(file.well_known(channel), *times, texts)
-
-    def _thinned(self, topic: str, log_times: NDArray[np.int64]) -> NDArray[np.intp]:
-        """Rows to show: the first in each tenth of a second; of events all."""
-        if topic == "event":
-            return np.arange(len(log_times))
-        bucket = log_times // round(1e9 / self.settings.foxglove_hz)
-        fresh = np.diff(bucket, prepend=self._bucket.get(topic, -1)) > 0
-        self._bucket[topic] = int(bucket[-1])
-        return np.flatnonzero(fresh)
+        for shown in self._players.of(topic, log_times, payloads):
+            times = log_times[shown.rows].tolist(), publish_times[shown.rows].tolist()
+            file.write(file.well_known(shown.channel), *times, shown.payloads)
 
     def _housekeeping(self, first_ns: int, last_ns: int) -> None:
         """What may be due after a block: flush, disk guard, rotation before the next."""
@@ -236,8 +225,8 @@ class Recorder:
                 self._stream, self.settings.compression, self.settings.chunk_bytes
             )
             self._file.start(self._attachments, self._metadata)
-        self._checked_bytes, self._started_ns, self._bucket = 0, None, {}
-        self._rotation_due = False
+        self._checked_bytes, self._started_ns, self._rotation_due = 0, None, False
+        self._players = PlayerRows(self.settings.foxglove_hz)
 
     def _size(self) -> int:
         return self._file.size() if self._file else 0

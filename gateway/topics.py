@@ -179,6 +179,35 @@ def _residual() -> tuple[Field, ...]:
     return (*force, *stds, *errors)
 
 
+def _pairs(*rows: tuple[str, str, str]) -> tuple[Field, ...]:
+    """Values north and east, then their standard deviations."""
+    values = [
+        Field(f"{what}_{axis}_{unit}", _UNITS[unit], f"{says}, {axis}")
+        for what, unit, says in rows
+        for axis in ("north", "east")
+    ]
+    stds = [Field(f"{v.name}_std", v.unit, f"standard deviation of {v.name}") for v in values]
+    return (*values, *stds)
+
+
+_UNITS = {"mps": "m/s", "n": "N"}
+EXPLANATIONS = ("none", "current", "wind", "current or wind")
+
+
+def _surroundings() -> tuple[Field, ...]:
+    outside = _pairs(
+        ("current", "mps", "velocity of the water, if the water is what is missing"),
+        ("force", "n", "force of the air on the boat as it lies, if that is what is missing"),
+    )
+    misfit = "squared prediction errors over what noise explains, running mean; about 1 or less"
+    says = "what would explain what the model lacks, as far as headings and speeds so far tell"
+    explains = Field("explains", "", says, Kind.STRING, EXPLANATIONS)
+    return (*outside, Field("misfit", "", f"{misfit}: the model is right"), explains)
+
+
+WIND = _pairs(("wind", "mps", "velocity of the air, if the air is what is missing"))
+
+
 def _health() -> tuple[Field, ...]:
     rates = [
         Field(f"rate_{name}_hz", "1/s", f"messages received: {', '.join(messages)}")
@@ -228,6 +257,20 @@ _ALL = (
         "What the vessel's model lacks, and how far its latest predictions were off",
         "each estimate, once a prediction over the longest horizon has come due",
         _residual(),
+    ),
+    Topic(
+        "surroundings",
+        "shadow.Surroundings",
+        "Current and wind-like force, estimated from what the vessel's model lacks",
+        "1 Hz, once half a minute was seen",
+        _surroundings(),
+    ),
+    Topic(
+        "wind",
+        "shadow.Wind",
+        "The wind-like force as a wind; from vessels with wind areas only",
+        "1 Hz, once half a minute was seen",
+        WIND,
     ),
     Topic("health", "shadow.Health", "How well link, filter and gateway are", "1 Hz", _health()),
     Topic("event", "shadow.Event", "What happened, in words", "as it happens", EVENT),

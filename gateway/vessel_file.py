@@ -8,14 +8,23 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import tomli_w
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+)
 
 from gateway.effect_files import known_effects, load_effects
 from gateway.errors import BadInput
+from sim.curves import CURVES, Points, mistake_in
 from sim.effects.effect import Effect
 from sim.vessel import (
     AddedEffect,
@@ -51,8 +60,23 @@ def _astern_ahead(thrust: Point) -> Point:
     return thrust
 
 
+def _curve(given: Any) -> str | Points:
+    """A name, or a table as tuples."""
+    if isinstance(given, str):
+        return given
+    try:
+        points = tuple((float(c), float(s)) for c, s in given)
+    except (TypeError, ValueError):
+        raise ValueError("expected linear, quadratic, a table or a thruster that has one") from None
+    wrong = mistake_in(points)
+    if wrong:
+        raise ValueError(f"pairs of command and share of full thrust {wrong}")
+    return points
+
+
 Pulses = Annotated[tuple[float, float, float], AfterValidator(_ascending)]
 Thrust = Annotated[Point, AfterValidator(_astern_ahead)]
+Curve = Annotated[Any, PlainValidator(_curve)]
 
 
 class Strict(BaseModel):
@@ -101,7 +125,7 @@ class ThrusterTable(Strict):
     pwm: Pulses = (1100.0, 1500.0, 1900.0)
     reversed: bool = False
     thrust: Thrust
-    curve: Literal["linear", "quadratic"] = "linear"
+    curve: Curve = "linear"
 
 
 class RudderTable(Strict):
@@ -161,6 +185,8 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
     for name in names:
         if names.count(name) > 1:
             raise BadInput(f"{file}: the name {name!r} is given to {names.count(name)} actuators")
+    for i, thruster in enumerate(read.thrusters):
+        _check_curve(file, f"thrusters[{i}]", thruster, read.thrusters)
     for i, rudder in enumerate(read.rudders):
         _check_rudder(file, f"rudders[{i}]", rudder, [t.name for t in read.thrusters])
     known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
@@ -238,6 +264,17 @@ def _check_rudder(file: Path, key: str, rudder: RudderTable, thrusters: list[str
             )
     if rudder.motor is None and rudder.area == 0.0:
         raise BadInput(f"{file}: {key}: a blade needs its area [m²]; a steered motor needs motor")
+
+
+def _check_curve(
+    file: Path, key: str, thruster: ThrusterTable, every: tuple[ThrusterTable, ...]
+) -> None:
+    tables = [t.name for t in every if not isinstance(t.curve, str)]
+    if isinstance(thruster.curve, str) and thruster.curve not in (*CURVES, *tables):
+        raise BadInput(
+            f"{file}: {key}.curve = {thruster.curve!r}: expected {', '.join(CURVES)}, a table of "
+            f"[command, share of full thrust], or a thruster that has one ({', '.join(tables)})"
+        )
 
 
 def _thruster(t: ThrusterTable) -> Thruster:

@@ -1,6 +1,6 @@
 """Thrusters and rudders: from a command in [−1, 1] to a force in the body frame.
 
-    thruster   F = sign(c) |c|^exponent · (ahead or astern thrust)
+    thruster   F = sign(c) |c|^exponent · (ahead or astern thrust), or a table (`sim.curves`)
                X += F cos α,  Y += F sin α,  N += x F sin α − y F cos α
     rudder     F_N = ½ ρ A C_Lα V_R² sin α_R,   C_Lα = 6.13 Λ / (Λ + 2.25)   (Fujii)
                α_R = δ + atan2(v_R, u_R),  v_R = v + x r,  u_R = u + slipstream,  stall limited
@@ -28,6 +28,18 @@ def thrust_of(command: float, drive: Drive) -> float:
     """Static thrust of a command in [−1, 1] -> [N]."""
     shape = np.abs(command) ** drive.exponent
     return shape * ((command > 0.0) * drive.ahead + (command < 0.0) * drive.astern)
+
+
+@jitable
+def ramp(command: float, low: float, high: float) -> float:
+    """0 below one command, 1 above the other, a line between them."""
+    return np.minimum(np.maximum((command - low) / (high - low), 0.0), 1.0)
+
+
+@jitable
+def thrust_at(command: float, share: float, drive: Drive) -> float:
+    """Share of full thrust [−1 … 1] that a command comes to -> [N]."""
+    return share * ((command > 0.0) * drive.ahead - (command < 0.0) * drive.astern)
 
 
 @jitable

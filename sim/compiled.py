@@ -27,7 +27,7 @@ import numpy as np
 import sim
 from sim import numpy_drivers
 from sim.body import Blade, Body, Drive
-from sim.compose import Structure, kernel_text
+from sim.compose import Structure, kernel_text, owners_of
 from sim.effects.effect import LawError
 
 CORE = (
@@ -161,6 +161,7 @@ def kernel_for(s: Structure) -> Kernel:
     parameters = (
         len(Body._fields) + s.thrusters * (len(Drive._fields) - 1)
         + len(s.rudders) * (len(Blade._fields) - 1) + sum(len(e.parameters) for e in s.effects)
+        + sum(len(s.knots[i]) for i in owners_of(s))
     )  # fmt: skip
     problem = _compiles(module, s, parameters)
     if problem is None:

@@ -6,6 +6,7 @@ the catalogue, whatever the order in the vessel file.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +29,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.actuators import angle_of, rudder_force, slipstream, thrust_of, thruster_force
+from sim.actuators import (
+    angle_of, ramp, rudder_force, slipstream, thrust_at, thrust_of, thruster_force,
+)
 from sim.balance import (
     acceleration_through, base_inertia, damping_force, kinematics, relative_velocity, solve,
     unbalanced, velocity_through,
@@ -57,6 +60,8 @@ class Structure(NamedTuple):
     thrusters: int
     rudders: tuple[tuple[int, int], ...]  # per rudder: thruster it turns or −1, wash or −1
     effects: tuple[Effect, ...]
+    tables: tuple[int, ...] = ()  # per thruster: whose table of thrust it follows, or −1
+    knots: tuple[tuple[float, ...], ...] = ()  # per thruster: commands of its own table
 
     @property
     def memories(self) -> list[tuple[int, str, int]]:
@@ -99,6 +104,10 @@ def _unpack(s: Structure) -> str:
     names += [(f"t{i}", "Drive", len(Drive._fields) - 1) for i in range(s.thrusters)]
     names += [(f"r{i}", "Blade", len(Blade._fields) - 1) for i in range(len(s.rudders))]
     text, at, parts = "", 0, []
+    for i in owners_of(s):
+        text += f"\n\nclass K{i}(NamedTuple):\n"
+        text += "".join(f"    at_{k}: float\n" for k in range(len(s.knots[i])))
+        names.append((f"k{i}", f"K{i}", len(s.knots[i])))
     for e, effect in enumerate(s.effects):
         names_of = [p.name for p in effect.parameters] or ["none"]
         members = "".join(f"    {name}: float\n" for name in names_of)
@@ -141,6 +150,22 @@ def _surroundings(s: Structure) -> str:
     )
 
 
+def owners_of(s: Structure) -> list[int]:
+    """Thrusters that have a table of their own."""
+    return [i for i, table in enumerate(s.tables) if table == i]
+
+
+def _share(command: str, numbers: str, knots: Sequence[float]) -> str:
+    """Sum of ramps between the knots of a table, from (−1, −1) through (0, 0) to (1, 1)."""
+    known = {-1.0: "-1.0", 0.0: "0.0", 1.0: "1.0"}
+    values = known | {c: f"{numbers}.at_{k}" for k, c in enumerate(knots)}
+    steps = [
+        f"({values[b]} - {values[a]}) * ramp({command}, {a!r}, {b!r})"
+        for a, b in pairwise(sorted(values))
+    ]
+    return " + ".join(["-1.0", *steps])
+
+
 def _actuated(s: Structure) -> str:
     """`actuated`: what the commands come to before motion has a say."""
     count = s.thrusters + len(s.rudders)
@@ -152,7 +177,12 @@ def _actuated(s: Structure) -> str:
         names.append(f"F{i}")
         lines.append(f"c{i} = c[{i}]")
         lines += [f"c{i} = command_{e}(c{i}, p.t{i}, p.e{e})" for e in s.acting("command")]
-        lines.append(f"F{i} = thrust_of(c{i}, p.t{i})")
+        table = s.tables[i] if s.tables else -1
+        lines.append(
+            f"F{i} = thrust_of(c{i}, p.t{i})"
+            if table < 0
+            else f"F{i} = thrust_at(c{i}, {_share(f'c{i}', f'p.k{table}', s.knots[table])}, p.t{i})"
+        )
     for i in range(len(s.rudders)):
         names.append(f"d{i}")
         lines.append(f"d{i} = angle_of(c[{s.thrusters + i}], p.r{i})")

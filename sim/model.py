@@ -13,12 +13,14 @@ from sim import numpy_drivers
 from sim.body import Blade, Body, Drive
 from sim.compiled import Kernel, kernel_for
 from sim.compose import Structure
+from sim.curves import exponent_of, knots, shares, table_of
 from sim.effects.catalogue import EFFECTS
 from sim.rows import air, floats
 from sim.state import Floats
-from sim.vessel import CURVES, AddedEffect, Vessel
+from sim.vessel import AddedEffect, Thruster, Vessel
 
-LONGEST_STEP = 0.1  # s, of one Runge–Kutta step
+LONGEST_STEP = 0.2  # s, of one Runge–Kutta step
+QUICKEST = 0.6  # of the time in which damping lets go: (h λ)⁵/120 is then 6e-4 of what fades
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class Model:
         start[:, : x0.shape[1]] = x0
         states = np.full((len(x0), horizon, self.state_size), np.nan)
         reports = np.full((len(x0), horizon, 9), np.nan)
-        substeps = int(np.ceil(inputs.dt / self.longest_step(theta)))
+        substeps = max(int(np.ceil(inputs.dt / self.longest_step(theta) - 1e-9)), 1)
         rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
         rollout(
             floats(np.atleast_2d(self.theta if theta is None else theta)), start,
@@ -111,11 +113,13 @@ class Model:
         return states, reports
 
     def longest_step(self, theta: Floats | None = None) -> float:
-        """Longest Runge–Kutta step [s] that is stable with the fastest lag of the vessel."""
+        """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel."""
         taus = [i for i, name in enumerate(self.names) if name.endswith(".tau")]
         rows = np.atleast_2d(self.theta if theta is None else theta)
         fastest = float(np.min(rows[:, taus])) if taus else LONGEST_STEP
-        return min(LONGEST_STEP, max(fastest, 1e-3))
+        d = self.vessel.dynamics
+        fading = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
+        return min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3))
 
     def missing_force(
         self,
@@ -240,7 +244,15 @@ def _structure(vessel: Vessel) -> Structure:
             for rudder in vessel.rudders
         ),
         effects=tuple(added.effect for added in _in_order(vessel.effects)),
+        **_tables(vessel.thrusters),
     )
+
+
+def _tables(thrusters: Sequence[Thruster]) -> dict[str, Any]:
+    """Who follows whose table of thrust; nothing where all curves are powers."""
+    tables = tuple(table_of(thrusters, t) for t in thrusters)
+    own = tuple(() if isinstance(t.curve, str) else knots(t.curve) for t in thrusters)
+    return {"tables": tables, "knots": own} if max(tables, default=-1) >= 0 else {}
 
 
 def _numbers(vessel: Vessel) -> dict[str, float]:
@@ -255,11 +267,14 @@ def _numbers(vessel: Vessel) -> dict[str, float]:
         for field in Body._fields
     }
     for t in vessel.thrusters:
-        values = (*t.position, t.azimuth, *t.thrust, CURVES[t.curve])
+        values = (*t.position, t.azimuth, *t.thrust, exponent_of(t))
         numbers |= {f"{t.name}.{k}": v for k, v in zip(Drive._fields[1:], values, strict=True)}
     for b in vessel.rudders:
         values = (*b.position, *b.angle, b.area, b.aspect)
         numbers |= {f"{b.name}.{k}": v for k, v in zip(Blade._fields[1:], values, strict=True)}
+    for t in vessel.thrusters:
+        if not isinstance(t.curve, str):
+            numbers |= {f"{t.name}.{key}": share for key, share in shares(t.curve).items()}
     seen: dict[str, int] = {}
     for added in _in_order(vessel.effects):
         seen[added.effect.name] = count = seen.get(added.effect.name, 0) + 1

@@ -56,6 +56,7 @@ class Trial:
     origin_deg: tuple[float, float] | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     rates_hz: Mapping[str, float] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()  # what was wrong with the recording, a sentence each
 
     @property
     def dt(self) -> float:

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sim.curves import Points
 from sim.effects.effect import Effect, Need
 from sim.state import Floats
-
-CURVES = {"linear": 1.0, "quadratic": 2.0}  # name -> exponent of thrust against command
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class Thruster:
     position: tuple[float, float]
     thrust: tuple[float, float]  # N full astern, full ahead
     azimuth: float = 0.0
-    curve: str = "linear"
+    curve: str | Points = "linear"  # a power, a table, or the thruster that has the table
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ CAPACITY = 36000.0  # A s: twenty minutes at full power
 
 
 class Battery:
-    """Charge drawn so far."""
+    """Charge drawn so far. A `tired` one holds less and sags more, by that factor."""
 
-    def __init__(self) -> None:
-        self._drawn = 0.0
+    def __init__(self, tired: float = 1.0) -> None:
+        self._drawn, self._tired = 0.0, tired
         self.volts = FULL
 
     def drawn(self, commands: Sequence[float], seconds: float) -> tuple[float, float]:
@@ -20,5 +20,6 @@ class Battery:
         power = sum(abs(c) ** 1.5 for c in commands) / len(commands)
         amperes = IDLE + MOTORS * power
         self._drawn += amperes * seconds
-        self.volts = FULL - (FULL - EMPTY) * self._drawn / CAPACITY - RESISTANCE * amperes
+        gone, sags = self._tired * self._drawn / CAPACITY, self._tired * RESISTANCE
+        self.volts = FULL - (FULL - EMPTY) * gone - sags * amperes
         return self.volts, amperes

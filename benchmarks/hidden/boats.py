@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.hidden.outputs import Motor, Output, Rudder
+
 
 class Hull(NamedTuple):
     """Size [m], mass [kg], areas above water [m²], inertia and damping (SNAME, negative)."""
@@ -31,40 +33,24 @@ class Hull(NamedTuple):
 NINE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 
 
-class Motor(NamedTuple):
-    """A propeller at x ahead, y to starboard [m], on a servo output; thrust [N]."""
-
-    name: str
-    channel: int
-    x: float
-    y: float
-    astern: float
-    ahead: float
-    pulses: tuple[int, int, int] = (1100, 1500, 1900)  # lowest, neutral, highest [µs]
-    reversed: bool = False
-
-    def pulse(self, command: float) -> int:
-        """A command in [−1, 1] -> the pulse that is sent [µs]."""
-        low, neutral, high = self.pulses
-        c = max(-1.0, min(1.0, -command if self.reversed else command))
-        return round(neutral + c * (high - neutral if c > 0.0 else neutral - low))
-
-    def command(self, pulse: int) -> float:
-        """The pulse that was sent [µs] -> the command in [−1, 1] that the motor takes."""
-        low, neutral, high = self.pulses
-        c = (pulse - neutral) / (high - neutral if pulse > neutral else neutral - low)
-        return -c if self.reversed else c
-
-
 @dataclass(frozen=True)
 class Boat:
-    """A boat that steers by differential thrust; `curve` is 1 (thrust ∝ command) or 2 (∝ c |c|)."""
+    """A boat that steers by differential thrust, or by what `rudders` it has.
+
+    `curve` is 1 (thrust ∝ command) or 2 (∝ c |c|).
+    """
 
     name: str
     source: str
     hull: Hull
     motors: tuple[Motor, ...]
     curve: int = 1
+    rudders: tuple[Rudder, ...] = ()
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """All that servos drive: motors, then rudders."""
+        return (*self.motors, *self.rudders)
 
     @property
     def ahead(self) -> float:
@@ -74,6 +60,8 @@ class Boat:
     @property
     def helm(self) -> float:
         """How much more than others this boat must steer to turn, 1 … 3."""
+        if self.rudders:
+            return 2.0
         moment = sum(abs(m.y) * 0.5 * (m.ahead - m.astern) for m in self.motors)
         return min(max(-self.hull.N_r / moment, 1.0), 3.0)
 
@@ -93,7 +81,7 @@ class Boat:
         """The same boat with its nine numbers each off by about `share`: a careless vessel file."""
         rng = np.random.default_rng([seed, 0xBA5E])
         off = np.exp(share * rng.choice([-1.0, 1.0], 9) * rng.uniform(0.7, 1.3, 9))
-        wrong = {name: getattr(self.hull, name) * off[i] for i, name in enumerate(NINE)}
+        wrong = {name: getattr(self.hull, name) * float(off[i]) for i, name in enumerate(NINE)}
         return replace(self, hull=self.hull._replace(**wrong))
 
 
@@ -155,6 +143,32 @@ GREBE = Boat(
     ),
 )  # fmt: skip
 
+HERON = Boat(
+    name="Heron",
+    source="invented: a slender hull of 2 m with one propeller and a rudder behind it",
+    hull=Hull(
+        length=2.0, beam=0.6, mass=45.0, frontal=0.12, lateral=0.4,
+        m11=48.0, m22=75.0, m33=22.0, X_u=-10.0, X_uu=-12.0,
+        Y_v=-110.0, Y_vv=-90.0, N_r=-60.0, N_rr=-30.0,
+    ),
+    motors=(Motor("screw", 3, -0.8, 0.0, -35.0, 60.0),),
+    rudders=(Rudder("rudder", 1, -0.95, 0.6, behind="screw", area=0.03),),
+)  # fmt: skip
+
+DORY = Boat(
+    name="Dory",
+    source="invented: a broad hull of 1.8 m with an outboard that turns",
+    hull=Hull(
+        length=1.8, beam=0.9, mass=60.0, frontal=0.25, lateral=0.45,
+        m11=64.0, m22=95.0, m33=28.0, X_u=-12.0, X_uu=-14.0,
+        Y_v=-120.0, Y_vv=-80.0, N_r=-65.0, N_rr=-20.0,
+    ),
+    motors=(Motor("outboard", 3, -0.9, 0.0, -45.0, 70.0),),
+    rudders=(Rudder("tiller", 1, -0.9, 0.6, behind="outboard"),),
+)  # fmt: skip
+
 BOATS: Mapping[str, Boat] = {
     "iacquabot": IACQUABOT, "wam-v": WAM_V, "teal": TEAL, "grebe": GREBE,
 }  # fmt: skip
+STEERED: Mapping[str, Boat] = {"heron": HERON, "dory": DORY}
+FLEET: Mapping[str, Boat] = {**BOATS, **STEERED}

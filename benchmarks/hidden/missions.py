@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Mapping
 from numpy.random import Generator as Dice
 
 from benchmarks.hidden.boats import Boat
-from benchmarks.hidden.pilots import TICK, Pilot, Stick, circles, excitation, gentle
+from benchmarks.hidden.pilots import TICK, Pilot, Stick, circles, drills, excitation, gentle
 from benchmarks.hidden.scene import Report
 
 ARRIVED = 3.0  # m
@@ -82,5 +82,5 @@ def _wrapped(angle: float) -> float:
 
 
 PILOTS: Mapping[str, Callable[[Boat, Dice], Pilot]] = {
-    pilot.__name__: pilot for pilot in (excitation, gentle, circles, survey, wander)
+    pilot.__name__: pilot for pilot in (excitation, drills, gentle, circles, survey, wander)
 }

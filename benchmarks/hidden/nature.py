@@ -1,15 +1,17 @@
 """The truth: a boat and the causes that act on it, as one differential equation.
 
-State: north, east, yaw, v_north, v_east (over ground, Newton's frame), r, and one shaft speed n
-per motor in shares of full speed. A motor thrusts k n|n|; a command sets n.
+State: north, east, yaw, v_north, v_east (over ground, Newton's frame), r, one shaft speed n per
+motor in shares of full speed, and one angle per rudder. A motor thrusts k n|n|; a command sets n.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from benchmarks.hidden.boats import Boat, Hull, Motor
+from benchmarks.hidden.boats import Boat, Hull
 from benchmarks.hidden.hull import answer, damping
+from benchmarks.hidden.outputs import Motor
+from benchmarks.hidden.rudder import blade
 from benchmarks.hidden.scene import Push, Report, Scene, Stream
 
 YAW, V_NORTH, V_EAST, R, SHAFTS = 2, 3, 4, 5, 6  # places in the state
@@ -21,7 +23,10 @@ class Cause:
 
     delay: float = 0.0  # s, until the motors hear a command
     shaft_lag: float = 0.0  # s, until a shaft turns as commanded
+    rudder_lag: float = 0.0  # s, until a rudder stands as commanded
     turned: float = 0.0  # rad, of all motors, clockwise
+    rudder_turned: float = 0.0  # rad, of all rudders, to starboard
+    tired: float = 1.0  # how many times as fast the battery empties and sags
     latency: float = 0.0  # s, age of reported position and velocity
     command: Callable[[list[float]], list[float]] | None = None
     thrust: Callable[[float, Motor, Scene], float] | None = None
@@ -38,8 +43,11 @@ class Nature:
         self.boat = boat
         self.delay = sum(c.delay for c in causes)
         self.shaft_lag = sum(c.shaft_lag for c in causes)
+        self.rudder_lag = sum(c.rudder_lag for c in causes)
+        self.tired = math.prod(c.tired for c in causes)
         self.latency = sum(c.latency for c in causes)
         self._turned = sum(c.turned for c in causes)
+        self._rudder_turned = sum(c.rudder_turned for c in causes)
         self._commands = [c.command for c in causes if c.command]
         self._thrusts = [c.thrust for c in causes if c.thrust]
         self._waters = [c.water for c in causes if c.water]
@@ -50,16 +58,17 @@ class Nature:
     def rates(
         self, time: float, state: list[float], commands: Sequence[float], voltage: float
     ) -> list[float]:
-        """The derivative of the state at a time [s]: list of 6 + motors."""
+        """The derivative of the state at a time [s]: list of 6 + motors + rudders."""
         water = self.water(time, state[0], state[1])
         scene = self._scene(time, state, water, voltage)
-        targets = self._shaft_speeds(commands)
-        shafts = state[SHAFTS:] if self.shaft_lag else targets
-        push = self._push(scene, shafts)
+        motors = len(self.boat.motors)
+        asked, angles = self._shaft_speeds(commands[:motors]), self._angles(commands[motors:])
+        shafts = state[SHAFTS : SHAFTS + motors] if self.shaft_lag else asked
+        stand = state[SHAFTS + motors :] if self.rudder_lag else angles
+        push = self._push(scene, shafts, stand)
         u_dot, v_dot, r_dot = answer(scene.hull, scene.u, scene.v, scene.r, push)
         forward, starboard = u_dot - scene.r * scene.v, v_dot + scene.r * scene.u
         c, s = math.cos(state[YAW]), math.sin(state[YAW])
-        lag = self.shaft_lag
         return [
             state[V_NORTH],
             state[V_EAST],
@@ -67,7 +76,8 @@ class Nature:
             c * forward - s * starboard + water.north_dot,
             s * forward + c * starboard + water.east_dot,
             r_dot,
-            *((t - n) / lag if lag else 0.0 for t, n in zip(targets, state[SHAFTS:], strict=True)),
+            *_following(asked, state[SHAFTS : SHAFTS + motors], self.shaft_lag),
+            *_following(angles, state[SHAFTS + motors :], self.rudder_lag),
         ]
 
     def water(self, time: float, north: float, east: float) -> Stream:
@@ -100,10 +110,18 @@ class Nature:
             return asked
         return [math.copysign(math.sqrt(abs(c)), c) for c in asked]
 
-    def _push(self, scene: Scene, shafts: Sequence[float]) -> Push:
-        thrusts = [self._thrust(n, m, scene) for n, m in zip(shafts, self.boat.motors, strict=True)]
+    def _angles(self, commands: Sequence[float]) -> list[float]:
+        rudders = zip(commands, self.boat.rudders, strict=True)
+        return [c * rudder.most + self._rudder_turned for c, rudder in rudders]
+
+    def _push(self, scene: Scene, shafts: Sequence[float], angles: Sequence[float]) -> Push:
+        motors, rudders = self.boat.motors, list(zip(self.boat.rudders, angles, strict=True))
+        thrusts = [self._thrust(n, m, scene) for n, m in zip(shafts, motors, strict=True)]
+        steered = {r.behind: -angle for r, angle in rudders if not r.area}
+        of = {m.name: f for m, f in zip(motors, thrusts, strict=True)}
         pushes = [damping(scene.hull, scene.u, scene.v, scene.r)]
-        pushes += [self._motor(f, m) for f, m in zip(thrusts, self.boat.motors, strict=True)]
+        pushes += [self._motor(of[m.name], m, steered.get(m.name, 0.0)) for m in motors]
+        pushes += [blade(r, angle, of[r.behind], scene) for r, angle in rudders if r.area]
         pushes += [law(scene, thrusts) for law in self._pushes]
         return Push(*(sum(part) for part in zip(*pushes, strict=True)))
 
@@ -113,9 +131,15 @@ class Nature:
             force = law(force, motor, scene)
         return force
 
-    def _motor(self, force: float, motor: Motor) -> Push:
-        X, Y = force * math.cos(self._turned), force * math.sin(self._turned)
+    def _motor(self, force: float, motor: Motor, steered: float) -> Push:
+        angle = self._turned + steered
+        X, Y = force * math.cos(angle), force * math.sin(angle)
         return Push(X, Y, motor.x * Y - motor.y * X)
+
+
+def _following(asked: Sequence[float], now: Sequence[float], lag: float) -> list[float]:
+    """Rates of what follows what is asked with a lag [s]; without one it does so at once."""
+    return [(a - n) / lag if lag else 0.0 for a, n in zip(asked, now, strict=True)]
 
 
 STILL = Stream(0.0, 0.0)

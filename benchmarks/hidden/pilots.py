@@ -24,8 +24,14 @@ REST = Stick(0.0, 0.0)
 
 
 def pulses_of(boat: Boat, stick: Stick) -> list[int]:
-    """Skid steering: the motors to port take throttle + steer, those to starboard −."""
+    """Skid steering: the motors to port take throttle + steer, those to starboard −.
+
+    With rudders all motors take the throttle, and the rudders steer.
+    """
     steer = boat.helm * stick.steer
+    if boat.rudders:
+        straight = [m.pulse(stick.throttle) for m in boat.motors]
+        return straight + [r.pulse(steer) for r in boat.rudders]
     return [m.pulse(stick.throttle - math.copysign(1.0, m.y) * steer) for m in boat.motors]
 
 
@@ -85,6 +91,14 @@ def excitation(boat: Boat, dice: Dice) -> Pilot:
             yield from MANEUVERS[maneuver](dice, float(dice.uniform(0.85, 1.15)))
 
 
+def drills(boat: Boat, dice: Dice) -> Pilot:
+    """The same with emergency stops from speed and weaving astern among it."""
+    each = (*MANEUVERS, *BRAKING)
+    while True:
+        for maneuver in dice.permutation(len(each)):
+            yield from each[maneuver](dice, float(dice.uniform(0.85, 1.15)))
+
+
 def gentle(boat: Boat, dice: Dice) -> Pilot:
     """The same at a quarter to half the power: a careful owner's first voyage."""
     full = excitation(boat, dice)
@@ -113,4 +127,9 @@ MANEUVERS: tuple[Maneuver, ...] = (
     lambda d, k: turns([(0.0, 0.4 * k), (0.0, -0.4 * k)], 8.0),
     lambda d, k: turns([(-0.4 * k, 0.05), (-0.7 * k, -0.1), (0.0, 0.0)], 8.0),
     lambda d, k: turns([(0.8 * k, 0.0), (0.0, 0.0)], 9.0),
+)
+BRAKING: tuple[Maneuver, ...] = (
+    lambda d, k: turns([(0.85 * k, 0.0), (-0.6 * k, 0.0)] * 3, 5.0),
+    lambda d, k: turns([(0.6 * k, 0.0), (-0.35 * k, 0.08), (0.6 * k, 0.0), (-0.8 * k, -0.05)], 5.0),
+    lambda d, k: zigzag(-0.5 * k, 0.25, 0.5, 25.0),
 )

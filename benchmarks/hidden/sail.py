@@ -19,7 +19,7 @@ GRAIN = 2.0**27
 
 
 class Truth(NamedTuple):
-    """What happened, every TICK: K moments, m motors. Pulses hold for the tick that follows.
+    """What happened, every TICK: K moments, m outputs. Pulses hold for the tick that follows.
 
     time (K,) s after arming, motion (K, 6) as in `nature`, pulses (K, m) µs, volts and amperes (K,)
     """
@@ -38,9 +38,10 @@ def sail(nature: Nature, pilot: Pilot, noise: Report, start: list[float], second
     n = ticks_of(seconds)
     time = TICK * np.arange(n, dtype=np.float64) - PRELUDE
     armed = (time >= -0.5 * TICK) & (time < seconds - 0.5 * TICK)
-    state = [*start, 0.0, 0.0, 0.0, *(0.0 for _ in boat.motors)]
-    battery, ears = Battery(), Ears(nature.delay, len(boat.motors))
-    motion, pulses = np.empty((n, 6)), np.empty((n, len(boat.motors)), dtype=np.int64)
+    outputs = boat.outputs
+    state = [*start, 0.0, 0.0, 0.0, *(0.0 for _ in outputs)]
+    battery, ears = Battery(nature.tired), Ears(nature.delay, len(outputs))
+    motion, pulses = np.empty((n, 6)), np.empty((n, len(outputs)), dtype=np.int64)
     electricity = np.empty((n, 2))
     for k in range(n):
         motion[k] = state[:SHAFTS]
@@ -48,8 +49,8 @@ def sail(nature: Nature, pilot: Pilot, noise: Report, start: list[float], second
         if armed[k]:
             stick = pilot.send(_seen(nature, state, noise, k)) if armed[k - 1] else next(pilot)
         pulses[k] = pulses_of(boat, stick)
-        commands = [m.command(int(p)) for m, p in zip(boat.motors, pulses[k], strict=True)]
-        electricity[k] = battery.drawn(commands, TICK)
+        commands = [o.command(int(p)) for o, p in zip(outputs, pulses[k], strict=True)]
+        electricity[k] = battery.drawn(commands[: len(boat.motors)], TICK)
         state = stepped(nature, float(time[k]), state, ears.hear(commands), battery.volts)
     return Truth(time, motion, pulses, electricity[:, 0], electricity[:, 1], armed)
 
@@ -85,9 +86,9 @@ def stepped(
 class Ears:
     """The motors hear commands late: the mean, over a tick, of what was said `delay` before."""
 
-    def __init__(self, delay: float, motors: int) -> None:
+    def __init__(self, delay: float, outputs: int) -> None:
         self._whole, self._share = divmod(delay / TICK, 1.0)
-        self._said = [[0.0] * motors] * (int(self._whole) + 1)
+        self._said = [[0.0] * outputs] * (int(self._whole) + 1)
 
     def hear(self, commands: list[float]) -> list[float]:
         """What is said now -> what is heard now."""

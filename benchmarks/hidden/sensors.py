@@ -50,9 +50,9 @@ def wandering(wander: Wander, ticks: int, dice: Dice) -> Floats:
     return np.asarray(np.round(wander.std * lfilter([leap], [1.0, -stay], shocks), 9))
 
 
-def estimate_error(ticks: int, dice: Dice) -> Report:
+def estimate_error(ticks: int, dice: Dice, errors: Report = ESTIMATE) -> Report:
     """Errors of the autopilot's estimate: six columns (ticks,)."""
-    return Report(*(wandering(w, ticks, dice) for w in ESTIMATE))
+    return Report(*(wandering(w, ticks, dice) for w in errors))
 
 
 class Reading(NamedTuple):
@@ -83,9 +83,12 @@ class Reading(NamedTuple):
 class Sensors:
     """The truth of a voyage, and every error of the sensors that watched it."""
 
-    def __init__(self, nature: Nature, truth: Truth, noise: Report, dice: Dice) -> None:
+    def __init__(
+        self, nature: Nature, truth: Truth, noise: Report, dice: Dice, errors: Report = ESTIMATE
+    ) -> None:
         ticks = len(truth.time)
         self._nature, self._truth, self._noise, self._dice = nature, truth, noise, dice
+        self._errors = errors
         self._tilt = [wandering(TILT, ticks, dice) for _ in range(2)]
         self._receiver = [wandering(w, ticks, dice) for w in RECEIVER]
         self._bias = [wandering(ACCELERATION, ticks, dice) for _ in range(2)]
@@ -119,7 +122,7 @@ class Sensors:
             north=late.north, east=late.east, v_north=late.v_north, v_east=late.v_east
         )
         noise = (self._at(column, times) for column in self._noise)
-        white = (w.white * self._dice.standard_normal(len(times)) for w in ESTIMATE)
+        white = (w.white * self._dice.standard_normal(len(times)) for w in self._errors)
         return Report(*(x + e + w for x, e, w in zip(now, noise, white, strict=True)))
 
     def _receive(self, times: Floats) -> list[Floats]:

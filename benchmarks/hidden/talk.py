@@ -7,12 +7,13 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from benchmarks.hidden.boats import Boat
+from benchmarks.hidden.outputs import Motor, Output, Rudder
 from benchmarks.hidden.sail import PRELUDE, Truth
 from benchmarks.hidden.sensors import Sensors
 from benchmarks.hidden.telemetry import LATITUDE, LONGITUDE, STREAMS, Clock, Message
 
 BOAT, STATION = 1, 255  # system ids
-LEFT, RIGHT = 73, 74  # SERVOn_FUNCTION: throttle left, throttle right
+THROTTLE, STEERING, LEFT, RIGHT = 70, 26, 73, 74  # SERVOn_FUNCTION; throttle left, right
 STAGGER = 0.0037  # s between the phases of two streams
 
 Rates = Mapping[str, float]  # Hz; a message that is not there is not sent
@@ -58,20 +59,28 @@ def conversation(
 def parameters(boat: Boat) -> Iterator[Said]:
     """The answer to a ground station that asks for all parameters."""
     values = {"SYSID_THISMAV": 1.0, "FRAME_CLASS": 2.0, "FRAME_TYPE": 0.0, "ARMING_REQUIRE": 1.0}
-    for motor in boat.motors:
-        low, neutral, high = motor.pulses
-        servo = f"SERVO{motor.channel}"
+    for output in boat.outputs:
+        low, neutral, high = output.pulses
+        servo = f"SERVO{output.channel}"
         values |= {
-            f"{servo}_FUNCTION": float(LEFT if motor.y < 0.0 else RIGHT),
+            f"{servo}_FUNCTION": float(_function(boat, output)),
             f"{servo}_MIN": float(low),
             f"{servo}_TRIM": float(neutral),
             f"{servo}_MAX": float(high),
-            f"{servo}_REVERSED": float(motor.reversed),
+            f"{servo}_REVERSED": float(output.reversed),
         }
     for i, (name, value) in enumerate(values.items()):
         real = mavlink.MAV_PARAM_TYPE_REAL32
         message = mavlink.MAVLink_param_value_message(name.encode(), value, real, len(values), i)
         yield Said(-PRELUDE + 0.5 + 0.01 * i, BOAT, message)
+
+
+def _function(boat: Boat, output: Output) -> int:
+    if isinstance(output, Rudder):
+        return STEERING
+    if boat.rudders:
+        return THROTTLE
+    return LEFT if isinstance(output, Motor) and output.y < 0.0 else RIGHT
 
 
 def events(truth: Truth) -> Iterator[Said]:

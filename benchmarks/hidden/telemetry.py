@@ -69,15 +69,15 @@ def gps_raw_int(s: Reading, clock: Clock, boat: Boat) -> Message:
 def servo_output_raw(s: Reading, clock: Clock, boat: Boat) -> Message:
     """The pulses; their clock is 32 bits of microseconds."""
     outputs = [0] * 8
-    for motor, pulse in zip(boat.motors, s.pulses, strict=True):
-        outputs[motor.channel - 1] = pulse
+    for output, pulse in zip(boat.outputs, s.pulses, strict=True):
+        outputs[output.channel - 1] = pulse
     return mavlink.MAVLink_servo_output_raw_message(clock.boot_us(s.time) & 0xFFFFFFFF, 0, *outputs)
 
 
 def vfr_hud(s: Reading, clock: Clock, boat: Boat) -> Message:
     """What a pilot reads."""
     speed = math.hypot(s.v_north, s.v_east)
-    commands = [m.command(p) for m, p in zip(boat.motors, s.pulses, strict=True)]
+    commands = [m.command(p) for m, p in zip(boat.motors, s.pulses, strict=False)]
     throttle = abs(round(100.0 * sum(commands) / len(commands)))
     heading = round(math.degrees(s.yaw)) % 360
     return mavlink.MAVLink_vfr_hud_message(0.0, speed, heading, throttle, 0.0, 0.0)

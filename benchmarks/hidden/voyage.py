@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hidden.boats import BOATS, Boat
+from benchmarks.hidden.boats import FLEET, Boat
 from benchmarks.hidden.causes import Hidden, causes_of
 from benchmarks.hidden.link import recorded
 from benchmarks.hidden.missions import PILOTS
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hidden.voyage", description=__doc__)
     parser.add_argument("path", type=Path, help="the .tlog to write")
-    parser.add_argument("--boat", choices=BOATS, default="grebe")
+    parser.add_argument("--boat", choices=FLEET, default="grebe")
     parser.add_argument("--hidden", type=hidden_of, action="append", default=[])
     parser.add_argument("--pilot", choices=PILOTS, default="excitation")
     parser.add_argument("--seed", type=int, default=1)
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rates", choices=RATES, default="raised")
     parser.add_argument("--vessel", type=Path, help="also write the vessel file of the plain boat")
     a = parser.parse_args(arguments)
-    boat = BOATS[a.boat]
+    boat = FLEET[a.boat]
     try:
         write_voyage(a.path, boat, a.hidden, a.pilot, a.seed, a.seconds, RATES[a.rates])
         if a.vessel:

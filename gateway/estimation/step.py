@@ -9,7 +9,7 @@ a row fail, the boat has begun to turn faster than was assumed, and the turn is 
 import numpy as np
 
 from gateway.estimation.motion import predict
-from gateway.estimation.names import KINDS, STATES, Flag, Kind, Record, State
+from gateway.estimation.names import STATES, Flag, Kind, Record, State
 from gateway.estimation.observe import observe
 from gateway.estimation.settings import Model
 from gateway.estimation.update import Work, update, weigh
@@ -156,8 +156,3 @@ def take_in(
     book[kind, Record.GATED_RUN] = 0.0
     update(x, P, m, work)
     return nis, m, flags
-
-
-def new_book() -> Floats:
-    """What the filter remembers by kind: (7, 3)."""
-    return np.zeros((KINDS, len(Record)))

@@ -110,6 +110,7 @@ WIDTH = {
     Quantity.TILT: 2,
     Quantity.VELOCITY: 2,
     Quantity.BODY_VELOCITY: 2,
+    Quantity.ACCELERATION: 2,
     Quantity.WIND: 2,
     Quantity.ACTUATORS: 32,
 }

@@ -57,6 +57,8 @@ QUANTITIES: Mapping[str, tuple[Quantity, int, Mapping[str, Scale]]] = {
     "velocity_east": (Quantity.VELOCITY, 1, SPEED),
     "surge": (Quantity.BODY_VELOCITY, 0, SPEED),
     "sway": (Quantity.BODY_VELOCITY, 1, SPEED),
+    "surge_acceleration": (Quantity.ACCELERATION, 0, {"m/s2": (1.0, 0.0)}),
+    "sway_acceleration": (Quantity.ACCELERATION, 1, {"m/s2": (1.0, 0.0)}),
     "voltage": (Quantity.VOLTAGE, 0, {"V": (1.0, 0.0), "mV": (1e-3, 0.0)}),
     "wind_north": (Quantity.WIND, 0, SPEED),
     "wind_east": (Quantity.WIND, 1, SPEED),

@@ -49,13 +49,6 @@ class Actuator:
         """Number of the motor (1 to 4) where the function says it."""
         return self.function - 32 if self.kind is Kind.MOTOR else None
 
-    @property
-    def passed_through(self) -> int | None:
-        """The pilot's channel that is passed through; its own for function 1."""
-        if self.kind is not Kind.PASSTHROUGH:
-            return None
-        return self.channel if self.function == 1 else self.function - 50
-
 
 def autopilot_parameters(log: Log, boat: Boat) -> dict[str, float]:
     """Name -> value, the last one where a parameter was changed."""

@@ -13,7 +13,9 @@ from gateway.ingest.firmware import firmware
 from gateway.ingest.good_for import good_for
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.parameters import Actuator, actuators, autopilot_parameters
+from gateway.ingest.sides import says, sides_of, swapped
 from gateway.ingest.sources import PRIORITY, Choice, choose
+from gateway.ingest.tidied import tidied
 from gateway.samples import Quantity
 
 
@@ -51,6 +53,7 @@ class BoatSurvey:
     actuators: tuple[Actuator, ...]
     parameters: int
     good_for: tuple[str, ...]
+    notices: tuple[str, ...]  # what looks wrong with it
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,7 @@ def _message(times: np.ndarray[Any, np.dtype[np.int64]]) -> MessageSurvey:
 def _boat(log: Log, boat: Boat) -> BoatSurvey:
     decoded = decode(log, boat)
     choices = choose(decoded.samples)
+    tidy = tidied(choices, decoded.of(Quantity.ACCELERATION))
     parameters = autopilot_parameters(log, boat)
     lengths = tuple((end - start) * 1e-9 for start, end in decoded.sessions)
     return BoatSurvey(
@@ -118,11 +122,20 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
         lengths,
         decoded.clock,
         _unix_ahead(decoded),
-        {name: _source(choice) for name, choice in choices.items()},
+        {name: _source(choice) for name, choice in tidy.choices.items()},
         tuple(actuators(parameters)),
         len(parameters),
         good_for(boat, choices, _ever_armed(choices)),
+        (*_wiring(log, choices, parameters), *tidy.notices),
     )
+
+
+def _wiring(
+    log: Log, choices: Mapping[str, Choice], parameters: Mapping[str, float]
+) -> tuple[str, ...]:
+    """A sentence where port and starboard look swapped."""
+    sides = sides_of(log, actuators(parameters))
+    return () if sides is None else says(swapped(choices, sides), sides)
 
 
 def _source(choice: Choice) -> SourceSurvey:

@@ -1,35 +1,23 @@
 """Which messages the boats of a link are asked for, and when: pure, time comes from outside.
 
-Default telemetry is thin; every boat that is heard is asked once for the rates below, again after
-a reboot, and again when what it accepted does not arrive (a ground station may have set its own).
-Nothing but these requests and our own heartbeat is ever said, and nothing at all when silent.
+Default telemetry is thin; every boat that is heard is asked once for the rates configured,
+again after a reboot, and again when what it accepted does not arrive (a ground station may have set
+its own). Nothing but these requests and our own heartbeat is ever said, and nothing at all when
+silent.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.errors import BadInput
 from gateway.ingest.boats import GROUND_STATION
 from gateway.ingest.definitions import ids_by_name
 from gateway.links.conversation import SECOND, Address, Answer, Ask, Conversation
+from gateway.links.rates import FULL_HZ, check_rates
 from gateway.links.voice import SET_RATE, Identity
 
-RATES_HZ: Mapping[str, float] = MappingProxyType(
-    {
-        "ATTITUDE": 50.0,
-        "LOCAL_POSITION_NED": 25.0,
-        "SERVO_OUTPUT_RAW": 25.0,
-        "GLOBAL_POSITION_INT": 5.0,
-        "GPS_RAW_INT": 5.0,
-        "SYS_STATUS": 2.0,
-        "BATTERY_STATUS": 2.0,
-        "SYSTEM_TIME": 1.0,
-    }
-)
 HEARTBEAT_NS = SECOND
 
 
@@ -49,18 +37,14 @@ class Requests:
     """
 
     identity: Identity | None  # None: silent
-    rates_hz: Mapping[str, float] = field(default_factory=lambda: RATES_HZ)
+    rates_hz: Mapping[str, float] = field(default_factory=lambda: FULL_HZ)  # 0: not asked for
     announce: bool = False
     boats: Mapping[Address, Conversation] = field(default_factory=dict)
     answers: tuple[Answer, ...] = ()  # not told yet
     heartbeat_ns: int | None = None  # when the next one is due; None: at once
 
     def __post_init__(self) -> None:
-        for name, rate in self.rates_hz.items():
-            if name not in ids_by_name():
-                raise BadInput(f'rate of "{name}": there is no such MAVLink message')
-            if not 0.0 < rate <= 1000.0:
-                raise BadInput(f"rate of {name}: {rate} Hz: expected more than 0, at most 1000")
+        check_rates(self.rates_hz)
 
     def take(self, message: Any, now_ns: int) -> "Requests":
         """A message of the link: only HEARTBEAT and COMMAND_ACK mean anything here."""
@@ -76,13 +60,13 @@ class Requests:
         """A boat's heartbeat: the first one starts the asking."""
         if self.identity is None or boat in self.boats:
             return self
-        return self._with(Conversation.start(boat, self.rates_hz, now_ns))
+        return self._with(self._start(boat, now_ns))
 
     def rebooted(self, boat: Address, now_ns: int) -> "Requests":
         """Its clock jumped back: whatever it had accepted is forgotten."""
         if boat not in self.boats:
             return self
-        return self._with(Conversation.start(boat, self.rates_hz, now_ns))
+        return self._with(self._start(boat, now_ns))
 
     def acknowledged(self, boat: Address, result: int, sequence: int, now_ns: int) -> "Requests":
         """A boat answered a request; `sequence` is that of the frame."""
@@ -124,6 +108,10 @@ class Requests:
     @property
     def _speaking(self) -> bool:
         return self.identity is not None and (self.announce or bool(self.boats))
+
+    def _start(self, boat: Address, now_ns: int) -> Conversation:
+        asked = {message: rate for message, rate in self.rates_hz.items() if rate > 0.0}
+        return Conversation.start(boat, asked, now_ns)
 
     def _for_us(self, message: Any) -> bool:
         """Was it us whom the boat answered? 0 stands for everyone."""

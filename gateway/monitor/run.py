@@ -21,7 +21,8 @@ from gateway.show.monitor import monitor_view, show_once, waiting_view
 
 PERIOD_S = 0.25
 RETRY_S = 1.0  # between attempts to join where nobody answers
-SETTLE_S = 1.5  # for a vessel's slow topics, once it is seen
+SETTLE_S = 3.0  # for a vessel's slow topics, once it is seen
+QUIET_S = 0.4  # without another topic: all last values are there
 COMPLETE = frozenset(("measured", "shadow", "residual", "health"))
 
 
@@ -88,9 +89,13 @@ def _first_picture(eyes: Eyes, options: MonitorOptions) -> tuple[VesselPicture, 
         if time.monotonic() > end:
             raise ShadowError(_nobody(eyes, options))
         time.sleep(0.05)
-    end = time.monotonic() + SETTLE_S
-    found = eyes.pictures()
-    while time.monotonic() < end and not all(COMPLETE <= set(p.latest) for p in found):
+    found, grown = eyes.pictures(), time.monotonic()
+    end, count = grown + SETTLE_S, 0
+    while (now := time.monotonic()) < end:
+        if (topics := sum(len(p.latest) for p in found)) != count:
+            grown, count = now, topics
+        if now - grown > QUIET_S and all(COMPLETE <= set(p.latest) for p in found):
+            break
         time.sleep(0.05)
         found = eyes.pictures()
     return found

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from gateway.pictures import error_against, forces, track, velocities, vessels
+from gateway.pictures import error_against, forces, independence, track, velocities, vessels
 from gateway.pictures.figure_data import FigureData
 from sim.diagnosis.compare import Comparison
 from sim.trial import Trial
@@ -20,4 +20,6 @@ def album(trial: Trial, comparisons: Sequence[Comparison]) -> dict[str, FigureDa
             f"{one.vessel} strips": error_against.strips(one),
             f"{one.vessel} missing force": forces.missing_force(one),
         }
+        if one.independence is not None:
+            pictures[f"{one.vessel} independence"] = independence.correlations(one)
     return pictures

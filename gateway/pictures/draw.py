@@ -1,7 +1,7 @@
 """Figure data drawn by matplotlib, as PNG or SVG; no window, no global state."""
 
-from contextlib import suppress
 from functools import singledispatch
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from gateway.errors import BadInput, ShadowError
+from gateway.errors import BadInput
 from gateway.pictures.figure_data import (
     Band,
     Bars,
@@ -24,6 +24,7 @@ from gateway.pictures.figure_data import (
     Strip,
 )
 from gateway.pictures.palette import COLOUR, LITTLE_TO_MUCH
+from gateway.whole import write_whole
 
 FORMATS = (".png", ".svg")
 LOOKS = {
@@ -53,17 +54,12 @@ def save(figure: FigureData, path: str | Path) -> Path:
     file = Path(path)
     if file.suffix.lower() not in FORMATS:
         raise BadInput(f"{file}: pictures are written as {' or '.join(FORMATS)}")
-    part = file.with_name(f".{file.name}.part")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with matplotlib.rc_context(LOOKS):
-            drawn = draw(figure)
-            drawn.savefig(part, format=file.suffix[1:].lower(), dpi=130, metadata=_undated(file))
-        part.replace(file)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise ShadowError(f"{file}: cannot write the picture: {error.strerror}") from None
+    drawn = BytesIO()
+    with matplotlib.rc_context(LOOKS):
+        draw(figure).savefig(
+            drawn, format=file.suffix[1:].lower(), dpi=130, metadata=_undated(file)
+        )
+    write_whole(file, drawn.getvalue(), "the picture", folders=True)
     return file
 
 
@@ -72,11 +68,11 @@ def _undated(file: Path) -> dict[str, None]:
     return {"Date": None} if file.suffix.lower() == ".svg" else {"Software": None}
 
 
-def draw(figure: FigureData) -> Figure:
-    """The whole picture, panels row by row, one legend for all."""
+def draw(figure: FigureData, width: float = WIDTH) -> Figure:
+    """The whole picture, `width` inches wide, panels row by row, one legend for all."""
     rows = -(-len(figure.panels) // figure.columns)
     height = rows * max(map(_height, figure.panels), default=ROW)
-    canvas = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
+    canvas = Figure(figsize=(width, height + 0.9), layout="constrained")
     axes = canvas.subplots(rows, figure.columns, squeeze=False, sharex=figure.shared_x).reshape(-1)
     for panel, ax in zip(figure.panels, axes, strict=False):
         _panel(panel, ax)
@@ -114,7 +110,8 @@ def _captions(canvas: Figure, figure: FigureData) -> None:
         handles, labels = ax.get_legend_handles_labels()
         named |= dict(zip(labels, handles, strict=True))
     if named:
-        canvas.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named))
+        columns = len(named) if canvas.get_figwidth() >= WIDTH else 2
+        canvas.legend(named.values(), named.keys(), loc="outside lower center", ncols=columns)
 
 
 def _panel(panel: Panel, ax: Any) -> None:

@@ -3,7 +3,7 @@
 Only boats that are shadowed are asked. Times are those of a clock that never steps.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from gateway.links.conversation import Address, Answer
 from gateway.links.items import Datagram
@@ -19,10 +19,12 @@ OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are held against those
 class Asking:
     """The requests of all links."""
 
-    def __init__(self, links: Iterable[Link], identity: Identity | None) -> None:
+    def __init__(
+        self, links: Iterable[Link], identity: Identity | None, rates_hz: Mapping[str, float]
+    ) -> None:
         self._links = {link.name: link for link in links}
         self._requests = {
-            link.name: Requests(identity, announce=link.announces) for link in self._links.values()
+            link.name: Requests(identity, rates_hz, link.announces) for link in self._links.values()
         }
         self._observed_ns = 0
         self._reboots: dict[int, int] = {}  # by system

@@ -1,7 +1,10 @@
-"""`shadow demo`: the story so far on recordings that ship, offline."""
+"""`shadow demo`: the whole story on recordings that ship, offline.
+
+replay → compare → diagnose → add → compare on a voyage that the diagnosis never saw
+"""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,46 +14,90 @@ from rich.console import Console
 import gateway
 from gateway.bus import BusSettings, open_session
 from gateway.errors import BadInput
+from gateway.pipelines.add import Added, add_effects
 from gateway.pipelines.compare import compare_logs
+from gateway.pipelines.diagnose import diagnosed
+from gateway.pipelines.diagnosed import Diagnosed
+from gateway.pipelines.keep import kept
 from gateway.pipelines.replay import ReplayOptions, replay
+from gateway.show.add import show_added
 from gateway.show.compare import show_comparisons
+from gateway.show.diagnose import show_diagnosed
 from gateway.show.progress import progress, status
 from gateway.show.replay import show_replay
 from gateway.vessel_file import load_vessel
+from sim.diagnosis.compare import Comparison
 
 HOME = Path(gateway.__file__).resolve().parent.parent
 AUTOPILOT, OTTER = HOME / "recordings/otter_piece.tlog", HOME / "configs/vessels/otter.toml"
-COMPLETE, VOYAGE = HOME / "recordings/voyage_3.tlog", HOME / "recordings/voyage_1.tlog"
+VOYAGE, TWIN = HOME / "recordings/voyage_1.tlog", HOME / "recordings/voyage_2.tlog"
 DEMO_BOAT = HOME / "configs/vessels/demo_boat.toml"
+
+Say = Callable[[str], None]
 
 
 def run_demo(out: Path) -> None:
-    """Replay, record, publish, compare; each step says what it does and where the files are."""
-    for file in (AUTOPILOT, OTTER, COMPLETE, VOYAGE, DEMO_BOAT):
+    """Five steps; each says what it does and where the files are."""
+    for file in (AUTOPILOT, OTTER, VOYAGE, TWIN, DEMO_BOAT):
         if not file.is_file():
             raise BadInput(f"{file}: the demo needs the project's folder: clone it, see README")
-    say = Console().print
+    say = Console(highlight=False).print
+    _shadow(out, say)
+    say("[bold]2. Is the model right?[/bold] A voyage of another boat, with something hidden in it")
+    _compare([VOYAGE], [DEMO_BOAT], out / "voyage_1")
+    say("\n[bold]3. What is missing?[/bold] Every effect of the catalogue is tried")
+    found = _diagnose(out)
+    better = _add(found, out, say)
+    if better is None:
+        return
+    say("\n[bold]5. Was that it?[/bold] Another voyage, which the diagnosis never saw")
+    twin = _compare([TWIN], [DEMO_BOAT, better], out / "voyage_2", refit=bool(found.of_voyages))
+    before, after = twin[0].nrmse, twin[1].nrmse
+    say(
+        f"\n[bold]{TWIN.name}: error {before:.3f} before, {after:.3f} after[/bold] "
+        f"(noise alone shows {twin[0].noise_floor_nrmse:.3f})"
+    )
+
+
+def _shadow(out: Path, say: Say) -> None:
+    """A recording of a real autopilot through the shadow, heard on zenoh by somebody else."""
     say("[bold]1. A digital shadow[/bold] of a boat steered by a real autopilot (in simulation)")
     with _listener() as heard, progress(f"replaying {AUTOPILOT.name}") as tell:
         summary = replay(AUTOPILOT, load_vessel(OTTER), None, ReplayOptions(out), tell)
     show_replay(summary)
     say(f"zenoh: a second session heard {sum(heard.values())} samples on {len(heard)} keys\n")
-    say("[bold]2. Is its model right?[/bold] Published numbers of the hull against the recording")
-    _compare([AUTOPILOT], OTTER, out)
-    say("\n[bold]3. A complete model[/bold] shows nothing but noise")
-    _compare([COMPLETE], DEMO_BOAT, out)
-    say("\n[bold]4. Something is missing[/bold]: the same model, a voyage with a hidden effect")
-    _compare([VOYAGE], DEMO_BOAT, out)
-    say(
-        "\nthe error is far above the floor, and where it is says what to look for: "
-        "`shadow effects` lists the causes that a vessel file may contain"
-    )
 
 
-def _compare(logs: list[Path], vessel: Path, out: Path) -> None:
+def _diagnose(out: Path) -> Diagnosed:
+    with status("diagnosing") as tell:
+        found = diagnosed([VOYAGE], DEMO_BOAT, tell=tell)
+        kept(found, save=_json(out), pictures=out / "diagnosis", tell=tell)
+    show_diagnosed(found, _json(out), None, out / "diagnosis")
+    return found
+
+
+def _add(found: Diagnosed, out: Path, say: Say) -> Path | None:
+    """The better vessel file; None where nothing was found."""
+    names, better = found.diagnosis.effects, out / "demo_boat-better.toml"
+    if not names:
+        return None
+    say(f"\n[bold]4. Put it in[/bold]: shadow add {' '.join(names)}")
+    done: Added = add_effects(names, DEMO_BOAT, _json(out), better)
+    show_added(done, names, DEMO_BOAT, better)
+    return better
+
+
+def _json(out: Path) -> Path:
+    return out / "diagnosis.json"
+
+
+def _compare(
+    logs: Sequence[Path], vessels: Sequence[Path], pictures: Path, refit: bool = False
+) -> list[Comparison]:
     with status("comparing") as tell:
-        found = compare_logs(logs, [vessel], pictures=out / "pictures", progress=tell)
-    show_comparisons(found, out / "pictures")
+        found = compare_logs(logs, vessels, pictures=pictures, progress=tell, refit=refit)
+    show_comparisons(found, pictures)
+    return found
 
 
 @contextmanager

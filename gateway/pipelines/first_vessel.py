@@ -5,17 +5,17 @@ cannot be known from a log: they are asked for, and what follows from them is ma
 """
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from gateway.errors import BadInput, ShadowError
+from gateway.errors import BadInput
 from gateway.ingest.boats import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.parameters import Actuator, Kind, actuators, autopilot_parameters
 from gateway.vessel_file import Provenance, VesselFile, dump_vessel, explain, read_vessel_file
+from gateway.whole import write_whole
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
 WATER = 1000.0  # kg/m³
@@ -63,21 +63,8 @@ def init_vessel(
         raise BadInput(f"{log_path}: {error}") from None
     except ValidationError as error:
         raise BadInput(f"{log_path}: no vessel comes of that: {explain(error)}") from None
-    _write(out, text)
+    write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
-
-
-def _write(out: Path, text: str) -> None:
-    """Whole or not at all."""
-    part = out.with_name(out.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(out)
-    except OSError as error:
-        raise ShadowError(f"{out}: cannot write the vessel file: {error.strerror}") from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def first_vessel(

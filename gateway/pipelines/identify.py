@@ -9,8 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.pipelines.trials import TrialOptions, load_trials
+from gateway.pipelines.identify_pictures import save_pictures
+from gateway.pipelines.notices import notices_of
+from gateway.pipelines.stretches import Exclusion, without
+from gateway.pipelines.trials import TrialOptions, usable_trials
 from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
+from gateway.whole import write_whole
+from sim.diagnosis.prediction import DivergedError
 from sim.diagnosis.segments import NoUsableTimeError
 from sim.effects.effect import Effect
 from sim.identification.estimate import Estimate
@@ -37,6 +42,8 @@ def identify_logs(
     settings: IdentifySettings | None = None,
     *,
     span: Span | None = None,
+    exclude: Sequence[Exclusion] = (),
+    pictures: str | Path | None = None,
     validate: Sequence[str | Path] = (),
     system: int | None = None,
     options: TrialOptions | None = None,
@@ -44,25 +51,30 @@ def identify_logs(
     effects: Iterable[Effect] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> Identified:
-    """Fit, validate, and write the new vessel file where `out` names one."""
+    """Fit and validate; write the new vessel file to `out`, draw into the folder `pictures`."""
     known = tuple(effects)
     boat = load_vessel(vessel, known)
     if out is not None and not Path(out).resolve().parent.is_dir():
         raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
-    trials = _read(logs, system, options, mapping, tell)
-    chosen = [within(trial, span or Span()) for trial in trials]
-    others = _read(validate, system, options, mapping, tell)
+    trials = usable_trials(logs, system, options, mapping, tell)
+    chosen = without([within(trial, span or Span()) for trial in trials], exclude)
+    others = usable_trials(validate, system, options, mapping, tell)
     try:
         found = identify(chosen, boat, settings, others, tell)
-    except UnknownNameError as problem:
+    except (UnknownNameError, DivergedError) as problem:
         raise BadInput(f"{vessel}: {problem}") from None
     except NoUsableTimeError as problem:
         names = ", ".join(str(log) for log in logs)
         raise BadInput(f"{names}: {problem}") from None
+    notices = (*notices_of((*chosen, *others), boat), *of_voyages(found))
+    found = replace(found, notices=notices)
+    if pictures is not None:
+        tell("pictures")
+        save_pictures(found, boat, chosen, others, pictures)
     if out is not None:
         old = read_vessel_file(vessel).provenance
         text = dump_vessel(found.vessel, old | provenance(found.estimates, chosen))
-        Path(out).write_text(text, encoding="utf-8")
+        write_whole(Path(out), text.encode(), "the vessel file")
     return found
 
 
@@ -93,35 +105,45 @@ def within(trial: Trial, span: Span) -> Trial:
 
 
 def provenance(estimates: Sequence[Estimate], trials: Sequence[Trial]) -> dict[str, Provenance]:
-    """Where each number came from: recording, date, version, interval."""
+    """Where each number came from: recording, date, version, interval.
+
+    Of a number that each recording has for itself, the file holds that of the first.
+    """
     names = ", ".join(trial.name for trial in trials)
     day = datetime.fromtimestamp(trials[0].start_time_ns * 1e-9, UTC).date().isoformat()
+    kept = [e for e in estimates if e.trial in (None, trials[0].name)]
     return {
         _key(e): Provenance(
             recording=e.trial or names,
             date=day,
             version=version("shadow-gateway"),
             ci95=e.ci95,
-            says=e.doubt,
+            says="; ".join(filter(None, (e.doubt, *_elsewhere(e, estimates)))),
         )
-        for e in estimates
+        for e in kept
     }
+
+
+def _elsewhere(one: Estimate, estimates: Sequence[Estimate]) -> list[str]:
+    """What the same number was on the other recordings."""
+    return [
+        f"{e.value:.4g} {e.unit} on {e.trial}"
+        for e in estimates
+        if one.trial is not None and e.name == one.name and e.trial != one.trial
+    ]
+
+
+def of_voyages(found: Identified) -> list[str]:
+    """A warning where the vessel can hold the numbers of one recording only."""
+    names = list(dict.fromkeys(e.trial for e in found.estimates if e.trial is not None))
+    if len(names) < 2:
+        return []
+    numbers = dict.fromkeys(e.name for e in found.estimates if e.trial is not None)
+    return [
+        f"{', '.join(numbers)}: each recording has its own; the vessel holds those of {names[0]}, "
+        "which mean nothing on another day"
+    ]
 
 
 def _key(estimate: Estimate) -> str:
     return f"dynamics.{estimate.name}" if estimate.name in TABLES else estimate.name
-
-
-def _read(
-    logs: Sequence[str | Path],
-    system: int | None,
-    options: TrialOptions | None,
-    mapping: str | Path | None,
-    tell: Callable[[str], None],
-) -> list[Trial]:
-    """All trials of all logs."""
-    out: list[Trial] = []
-    for log in logs:
-        tell(f"reading {Path(log).name}")
-        out += [t for t in load_trials(log, system, options, mapping) if t.usable.any()]
-    return out

@@ -20,6 +20,7 @@ import orjson
 from gateway.bus import Bus, open_session
 from gateway.config import Settings
 from gateway.errors import BadInput, ShadowError
+from gateway.foxglove_server import FoxgloveServer
 from gateway.ingest.boats import Boat
 from gateway.links.inbox import PER_LINK, Empty, Inbox, Item
 from gateway.links.items import Datagram, LinkEvent
@@ -76,6 +77,8 @@ class Gateway:
         self._tell, self._clock, self._steady, self._strict = tell, clock, steady, strict
         self._scope = ExitStack()
         self._session: Any = None
+        self._foxglove: FoxgloveServer | None = None
+        self._leading = plans[0] if plans else None  # its boat has the topics of a recording
         self._unclaimed = Unclaimed()
         self._dropped = 0
         self._housekept_s = 0
@@ -89,12 +92,19 @@ class Gateway:
         with ExitStack() as scope:
             if options.settings.zenoh.publish:
                 self._session = scope.enter_context(open_session(options.settings.zenoh.bus()))
+            if options.settings.foxglove.address is not None:
+                self._foxglove = scope.enter_context(
+                    FoxgloveServer(
+                        options.settings.foxglove.address, options.settings.recording.foxglove_hz
+                    )
+                )
+                self._tell(self._foxglove.says)
             key = None if options.signing_key is None else load_key(options.signing_key)
             identity = None if options.silent else Identity()
             for number, text in enumerate(options.endpoints):
                 link = Link(text, self.inbox, identity, key, number)
                 self.links.append(scope.enter_context(link))
-            self._asking = Asking(self.links, identity)
+            self._asking = Asking(self.links, identity, options.settings.links.rates)
             self._scope = scope.pop_all()
         return self
 
@@ -136,6 +146,7 @@ class Gateway:
         self._keep(datagram)
         for boat, rows in said:
             self.outlets[boat.boat.system].record(rows)
+            self.outlets[boat.boat.system].show(rows)
         self._asking.listen(datagram, self.fleet.boats.values(), self._steady())
 
     def _keep(self, datagram: Datagram) -> None:
@@ -205,6 +216,8 @@ class Gateway:
             status = self._status(boat)
             bus = Bus(boat.name, model=vessel, status=status, session=self._session)
             outlet.bus = self._scope.enter_context(bus)
+        if self._foxglove is not None:
+            outlet.view = self._foxglove.boat(boat.name, leading=plan is self._leading)
         if self.options.out is not None:
             folder, settings = self.options.out, self.options.settings
             try:

@@ -19,6 +19,7 @@ from gateway.pipelines.happenings import Watchman
 from gateway.pipelines.health import SECOND
 from gateway.pipelines.hearing import Hearing
 from gateway.pipelines.live_health import LiveHealth
+from gateway.pipelines.lookout import Lookout
 from gateway.pipelines.path import NOTHING, Shadowing, ShadowPath
 from gateway.pipelines.rows import Happening, event_rows, topic_rows
 from gateway.pipelines.usual import UsualRange
@@ -52,6 +53,7 @@ class LiveBoat:
         self._state = path.start()
         self._watchman = Watchman()
         self._usual = UsualRange.start()
+        self._lookout = Lookout.of(path.model)
         self._hearing = Hearing(boat, self._settings)
         self._parameters = self._hearing.parameters
         self._newest: Newest | None = None
@@ -140,8 +142,9 @@ class LiveBoat:
         self.health.filtered(filtered, int(feed.receive_time_ns[-1]), int(feed.vehicle_time_ns[-1]))
         self._watchman, happened = self._watchman.observe(feed, filtered, out)
         self._usual, unusual = self._usual.observe(out)
-        told = [event_rows([*happened, *unusual])] if happened or unusual else []
-        yield Spoken(told, out)
+        self._lookout, around, odd = self._lookout.observe(out)
+        events = [*happened, *unusual, *odd]
+        yield Spoken([*around, event_rows(events)] if events else around, out)
 
     def _learn(self) -> None:
         """What the autopilot's parameters tell the filter, from here on."""

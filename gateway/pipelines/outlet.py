@@ -1,4 +1,4 @@
-"""Where one boat's messages go: its keys on zenoh and its recording; either may be absent."""
+"""Where one boat's messages go: zenoh, its recording, players; each may be absent."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -13,6 +13,7 @@ import orjson
 from gateway.bus import Bus
 from gateway.config import Settings, as_tables
 from gateway.errors import ShadowError
+from gateway.foxglove_server import BoatView
 from gateway.links.items import Datagram
 from gateway.messages import Rows
 from gateway.pipelines.live_boat import LiveBoat
@@ -30,6 +31,7 @@ class Outlet:
 
     bus: Bus | None = None
     recording: RecordingThread | None = None
+    view: BoatView | None = None  # for Foxglove and its kin
     failure: str | None = None  # not told yet
     _told: bool = False
 
@@ -45,10 +47,16 @@ class Outlet:
         if self.recording is not None:
             self.recording.rows(rows)
 
+    def show(self, rows: Sequence[Rows]) -> None:
+        """To players."""
+        if self.view is not None:
+            self.view.show(rows)
+
     def send(self, rows: Sequence[Rows]) -> None:
-        """Both."""
+        """To all of them."""
         self.publish(rows)
         self.record(rows)
+        self.show(rows)
 
     def raw(self, link: str, receive_time_ns: int, frames: Sequence[bytes]) -> None:
         """Frames to disk."""

@@ -20,10 +20,11 @@ from gateway.estimation.settings import FilterSettings
 from gateway.ingest.mapping.actuators import CHANNELS as CHANNEL_COUNT
 from gateway.pipelines.feed import Feed
 from gateway.pipelines.watch import Watch, Watched, WatchState
-from sim.following.follower import Follower, VesselFollower
+from sim.following.follower import Follower
 from sim.following.options import Following
 from sim.following.reference import Reference, ReferenceState
 from sim.model import Model
+from sim.plants.catalogue import follower_for
 from sim.state import Floats
 
 STALE_S = 1.0  # without a fact for this long, telemetry is not fresh …
@@ -114,6 +115,7 @@ class Shadowing:
     control: Floats
     bound: NDArray[np.bool_]
     watched: Watched
+    commands: Floats  # (K, na)
 
     def __len__(self) -> int:
         return len(self.row)
@@ -126,6 +128,7 @@ class Shadowing:
         return cls(
             number, np.zeros(0), number, number, motion, motion, flag, flag, motion, flag, motion,
             force, flag, Watched(force, force, force, np.zeros((0, 3 * horizons))),
+            np.zeros((0, 1)),
         )  # fmt: skip
 
 
@@ -204,6 +207,7 @@ class ShadowPath:
                 followed.forces,
                 followed.bound,
                 watched,
+                commands,
             ),
             rows,
         )
@@ -256,9 +260,9 @@ class ShadowPath:
         return replace(state, tape_times=tape_times[recent], tape_commands=tape[recent]), acting
 
 
-def follower_of(plant: Model, options: Following) -> VesselFollower:
+def follower_of(plant: Model, options: Following) -> Follower:
     """Follow with that plant; one line where its thrusters cannot, and limits are asked for."""
     try:
-        return VesselFollower.of(plant, options)
+        return follower_for(plant, options)
     except ValueError as error:
         raise BadInput(f"{plant.vessel.name}: {error}") from None

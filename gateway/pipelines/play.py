@@ -4,6 +4,7 @@ import signal
 from collections.abc import Callable
 from threading import Event
 
+from gateway.played.company import Company
 from gateway.played.session import simulate_live
 from sim.vessel import Vessel
 
@@ -26,6 +27,6 @@ def play_until_stopped(
     tell(f"playing {vessel.name} as system {system} on {endpoint}; Ctrl-C ends")
     played = simulate_live(
         [vessel], endpoint, stop, system=system, program=program, fast=fast, seed=seed,
-        seconds=seconds,
+        seconds=seconds, tell=Company(endpoint, tell).note,
     )  # fmt: skip
     tell(f"played {played.seconds:.0f} s, {played.frames} frames, heard {played.heard} messages")

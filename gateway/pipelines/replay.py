@@ -32,6 +32,7 @@ from gateway.pipelines.feed import Feed, feed_of
 from gateway.pipelines.fleet import BoatPlan
 from gateway.pipelines.happenings import Watchman
 from gateway.pipelines.health import HealthMeter
+from gateway.pipelines.lookout import Lookout
 from gateway.pipelines.path import Shadowing, ShadowPath, follower_of
 from gateway.pipelines.relive import ABOUT, LIVE, fleet_of, ran_live, relived
 from gateway.pipelines.rows import event_rows, topic_rows
@@ -195,7 +196,7 @@ def _shadowed(
     path: ShadowPath, material: Material, realtime: bool, progress: Progress
 ) -> Iterator[Step]:
     """A log, chunk by chunk."""
-    state, watchman = path.start(), Watchman()
+    state, watchman, lookout = path.start(), Watchman(), Lookout.of(path.model)
     meter = HealthMeter.of_log(material.log, material.decoded)
     feed, frames = material.feed, _frames(material.log)
     begun, seen = 0, 0
@@ -204,7 +205,9 @@ def _shadowed(
         state, out, filtered = path.advance(state, chunk)
         watchman, happened = watchman.observe(chunk, filtered, out)
         rows = list(topic_rows(out, material.origin))
-        rows += [event_rows(happened), meter.advance(chunk.receive_time_ns, filtered)]
+        lookout, around, odd = lookout.observe(out)
+        rows += [*around, event_rows([*happened, *odd])]
+        rows.append(meter.advance(chunk.receive_time_ns, filtered))
         last = end == len(feed)
         upto = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0
         yield Step([out], rows, partial(_part_of, frames, seen, max(seen, upto)))

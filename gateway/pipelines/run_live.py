@@ -8,6 +8,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from gateway.config import BoatSettings, check_name
 from gateway.errors import BadInput
 from gateway.pipelines.fleet import BoatPlan
 from gateway.pipelines.live import Gateway, LiveOptions
@@ -17,15 +18,14 @@ from sim.effects.effect import Effect
 # Python lets a thread that is busy keep the interpreter for so long when another one wants it: the
 # recorder, when a datagram comes. The default is 5 ms.
 SWITCH_S = 0.0005
-NOT_IN_NAMES = "/*$?#@"  # they mean something in keys of zenoh, and in paths
 
 
 def plans_of(
     vessels: Sequence[str], plant: Path | None, name: str | None, effects: Sequence[Effect]
 ) -> list[BoatPlan]:
     """What `--vessel FILE` and `--vessel SYSID=FILE` say -> which vessel shadows which boat."""
-    if name is not None and (not name or set(name) & set(NOT_IN_NAMES)):
-        raise BadInput(f"--name {name!r}: must not be empty nor contain {' '.join(NOT_IN_NAMES)}")
+    if name is not None:
+        check_name(name, "--name")
     own = None if plant is None else load_vessel(plant, effects)
     plans = []
     for text in vessels:
@@ -37,9 +37,27 @@ def plans_of(
         system = int(number) if number else None
         key = name if name is None or len(vessels) == 1 else f"{name}-{number or 'any'}"
         plans.append(BoatPlan(load_vessel(file, effects), own, system, key))
+    return _told_apart(plans, "--vessel: two vessels for one boat; give SYSID=FILE for each boat")
+
+
+def plans_in(boats: Sequence[BoatSettings], effects: Sequence[Effect]) -> list[BoatPlan]:
+    """What `[[boats]]` of the configuration say."""
+    plans = [
+        BoatPlan(
+            load_vessel(boat.vessel, effects),
+            None if boat.plant is None else load_vessel(boat.plant, effects),
+            boat.system_id,
+            boat.name,
+        )
+        for boat in boats
+    ]
+    return _told_apart(plans, "[[boats]]: two vessels for one boat; give each its system_id")
+
+
+def _told_apart(plans: list[BoatPlan], otherwise: str) -> list[BoatPlan]:
     systems = [plan.system for plan in plans]
     if len(set(systems)) < len(systems):
-        raise BadInput("--vessel: two vessels for one boat; give SYSID=FILE for each boat")
+        raise BadInput(otherwise)
     return plans
 
 

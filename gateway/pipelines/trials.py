@@ -5,15 +5,15 @@
 Each boot and each stretch between long silences is a trial of its own.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from gateway.errors import BadInput
 from gateway.estimation.events import Events
-from gateway.estimation.settings import FilterSettings
+from gateway.estimation.settings import SOURCES, FilterSettings
 from gateway.estimation.smoother import SmoothedMotion, smooth
 from gateway.ingest.boats import choose_boat
 from gateway.ingest.csv_log import CsvLog
@@ -23,9 +23,11 @@ from gateway.ingest.log import Log
 from gateway.ingest.open import open_log
 from gateway.ingest.parameters import autopilot_parameters
 from gateway.ingest.sources import Choice, choose
+from gateway.ingest.tidied import settings_for, tidied
 from gateway.pipelines import usable
 from gateway.pipelines.events import Held, held, motion_events, origin_of
 from gateway.pipelines.series import seconds, series
+from gateway.samples import Quantity
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -35,7 +37,24 @@ SHORTEST_S = 5.0
 # A trial holds the heading that the compass reported: what the filter would set aside as a slow
 # error of the compass is for the sensor effects to explain. With 1.1° of it, sway at 1.6 m/s was
 # 0.03 m/s off between two logs of one run.
-AS_REPORTED = FilterSettings(heading_error_rad=1e-3)
+#
+# A compass wanders, so fifty headings a second are not fifty independent ones: taken so, they pull
+# the yaw rate to and fro by 0.0025 rad/s where the gyro beside them errs by 0.0006. And nothing
+# that follows is served by rounding corners: velocities may change faster than they do live.
+UNROUNDED = {
+    name: replace(
+        white,
+        yaw_rad=max(white.yaw_rad, 0.01),
+        yaw_rate_radps=min(white.yaw_rate_radps, 0.003),
+    )
+    for name, white in SOURCES.items()
+}
+AS_REPORTED = FilterSettings(
+    heading_error_rad=1e-3,
+    surge_acceleration_mps2=1.0,
+    sway_acceleration_mps2=1.0,
+    sources=UNROUNDED,
+)
 
 
 @dataclass(frozen=True)
@@ -69,6 +88,21 @@ def load_trials(
     return [t for file in files for t in trials_of(_open(file, mapping), system, options)]
 
 
+def usable_trials(
+    logs: Sequence[str | Path],
+    system: int | None,
+    options: TrialOptions | None,
+    mapping: str | Path | None,
+    tell: Callable[[str], None],
+) -> list[Trial]:
+    """All trials of all recordings that hold usable time; `tell` hears what is being read."""
+    out: list[Trial] = []
+    for log in logs:
+        tell(f"reading {Path(log).name}")
+        out += [t for t in load_trials(log, system, options, mapping) if t.usable.any()]
+    return out
+
+
 def _open(file: str | Path, mapping: str | Path | None) -> Log:
     table = mapping is not None and Path(file).suffix.lower() == ".csv"
     return CsvLog.open(file, mapping) if table else open_log(file)
@@ -86,12 +120,12 @@ def trials_of(
     names = _names(Path(log.path).stem, len(spans))
     trials = [_trial(name, source, span, options) for name, span in zip(names, spans, strict=True)]
     if not options.motion_only and not any(trial.usable.any() for trial in trials):
-        raise BadInput(f"{log.path}: nothing usable in it: {_summary(trials)}")
+        raise BadInput(f"{log.path}: nothing usable in it: {left_out(trials)}")
     return trials
 
 
-def _summary(trials: Sequence[Trial]) -> str:
-    """What excluded how much: "disarmed 153 s, …"."""
+def left_out(trials: Sequence[Trial]) -> str:
+    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded."""
     lost: dict[str, float] = {}
     for stretch in (stretch for trial in trials for stretch in trial.excluded):
         lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
@@ -110,17 +144,19 @@ class _Source:
     held: Held
     parameters: Mapping[str, float]
     settings: FilterSettings
+    notices: tuple[str, ...]
 
 
 def _gather(log: Log, system: int | None, options: TrialOptions) -> _Source:
     boat = choose_boat(log, system)
     decoded = decode(log, boat)
-    choices = choose(decoded.samples)
+    tidy = tidied(choose(decoded.samples), decoded.of(Quantity.ACCELERATION))
+    choices = tidy.choices
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
     parameters = autopilot_parameters(log, boat)
-    settings = options.settings.told_by(parameters)
+    settings = settings_for(choices, options.settings.told_by(parameters))
     return _Source(
         epoch_ns,
         decoded.sessions,
@@ -130,6 +166,7 @@ def _gather(log: Log, system: int | None, options: TrialOptions) -> _Source:
         held(decoded, choices, epoch_ns),
         parameters,
         settings,
+        tidy.notices,
     )
 
 
@@ -206,6 +243,7 @@ def _trial(name: str, source: _Source, span: tuple[float, float], options: Trial
         origin_deg=source.origin,
         sources={name: choice.source for name, choice in source.choices.items()},
         rates_hz={name: choice.rate_hz for name, choice in source.choices.items()},
+        notices=source.notices,
     )
 
 

@@ -32,10 +32,10 @@ class Played:
 
     seconds: float = 0.0
     frames: int = 0
-    octets: int = 0
     stale: int = 0  # frames that came too late to be sent
     heard: int = 0  # messages from the other side
     lateness_s: float = 0.0  # the worst
+    alone: str | None = None  # why nobody hears it
 
 
 def play(
@@ -101,6 +101,7 @@ class Stage:
             self.played.heard += 1
             for i, boat in enumerate(self._boats):
                 self._states[i] = boat.hear(self._states[i], message)
+        self.played.alone = self._port.alone
         for i, boat in enumerate(self._boats):
             self._states[i] = self._spoken(boat, self._states[i], now - self._shifts[i])
 
@@ -119,7 +120,6 @@ class Stage:
                 continue
             self._port.send(frame.data)
             self.played.frames += 1
-            self.played.octets += len(frame.data)
         return state
 
 

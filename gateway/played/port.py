@@ -26,6 +26,10 @@ PATIENCE_S, REDIAL_S = 0.25, 1.0
 class Port(Protocol):
     """One end of a link."""
 
+    @property
+    def alone(self) -> str | None:
+        """Why nobody hears what is sent; None where somebody may."""
+
     def send(self, data: bytes) -> None:
         """One frame to everybody who listens; lost where nobody does."""
 
@@ -83,6 +87,10 @@ class UdpPort:
         host, number = self._socket.getsockname()
         return str(host), int(number)
 
+    @property
+    def alone(self) -> str | None:
+        return None if self._peers else "nobody has spoken yet; waiting"
+
     def send(self, data: bytes) -> None:
         for peer in self._peers:
             with suppress(OSError):  # a full buffer, nobody there: datagrams get lost
@@ -108,6 +116,7 @@ class TcpPort:
     def __init__(self, listen: Address | None = None, call: Address | None = None) -> None:
         self._server = None if listen is None else _listening(listen)
         self._call, self._redial = call, -REDIAL_S
+        self._refusal = "no answer"
         self._peers: dict[socket.socket, bytearray] = {}
 
     @property
@@ -116,6 +125,14 @@ class TcpPort:
         assert self._server is not None
         host, number = self._server.getsockname()
         return str(host), int(number)
+
+    @property
+    def alone(self) -> str | None:
+        if self._peers:
+            return None
+        if self._server is not None:
+            return "nobody has called; waiting"
+        return f"{self._refusal}; calling again every second"
 
     def send(self, data: bytes) -> None:
         for peer, unsent in list(self._peers.items()):
@@ -156,8 +173,10 @@ class TcpPort:
                     self._welcome(self._server.accept()[0])
         elif self._call and not self._peers and time.monotonic() > self._redial + REDIAL_S:
             self._redial = time.monotonic()
-            with suppress(OSError):
+            try:
                 self._welcome(socket.create_connection(self._call, PATIENCE_S))
+            except OSError as error:
+                self._refusal = error.strerror or "no answer"
 
     def _welcome(self, peer: socket.socket) -> None:
         peer.setblocking(False)

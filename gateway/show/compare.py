@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sim.diagnosis.compare import Comparison
@@ -20,14 +21,37 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
         "nrmse: error of free predictions over the horizon, in standard deviations of the motion; "
         "at the floor it is noise. A free run starts once and is never corrected."
     )
+    for says in _refits(found):
+        out.print(f"• {says}", highlight=False, markup=False)
+    for notice in dict.fromkeys(n for comparison in found for n in comparison.notices):
+        out.print(f"[bold]![/bold] {escape(notice)}", highlight=False)
     for comparison in found:
         worst = comparison.worst(WORST)
         says = "where it is worst" if worst else "no worse anywhere than noise"
-        out.print(f"\n[bold]{comparison.vessel}[/bold] on {comparison.log}: {says}")
+        out.print(f"\n[bold]{escape(comparison.vessel)}[/bold] on {escape(comparison.log)}: {says}")
         for one in worst:
             out.print(f"• {one.says}", highlight=False, markup=False)
+        for says in _besides(comparison):
+            out.print(f"• {says}", highlight=False, markup=False)
     if pictures is not None:
-        out.print(f"\npictures: {pictures}")
+        out.print(f"\npictures: {pictures}", soft_wrap=True, markup=False)
+
+
+def _refits(found: Sequence[Comparison]) -> list[str]:
+    """What was estimated anew on the day, either half of the blocks from the other."""
+    return [
+        f"{c.vessel} on {c.log}, estimated anew on blocks that it is not judged by: "
+        + ", ".join(f"{key} {a:.3g} / {b:.3g}" for (key, a), b in zip(
+            c.refit[0].items(), c.refit[1].values(), strict=True))
+        for c in found if c.refit
+    ]  # fmt: skip
+
+
+def _besides(comparison: Comparison) -> list[str]:
+    """The worst place on the map, and which commands the errors follow; in words."""
+    place, follows = comparison.place, comparison.independence
+    out = [str(place.as_dict()["says"])] if place is not None else []
+    return [*out, follows.says] if follows is not None and follows.says else out
 
 
 def _table(found: Sequence[Comparison]) -> Table:
@@ -39,8 +63,9 @@ def _table(found: Sequence[Comparison]) -> Table:
     for c in found:
         interval = "" if c.nrmse_ci95 is None else f" {c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f}"
         table.add_row(
-            f"{c.log}, {c.seconds:.0f} s", c.vessel, f"{c.ruler.settings.horizon:g} s",
-            *_errors(c.scores.rmse), f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}",
+            escape(f"{c.log}, {c.seconds:.0f} s"), escape(c.vessel),
+            f"{c.ruler.settings.horizon:g} s", *_errors(c.scores.rmse), f"{c.nrmse:.3f}{interval}",
+            f"{c.noise_floor_nrmse:.3f}",
         )  # fmt: skip
         table.add_row("", "", "free", *_free_run(c), end_section=True)
     return table

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
+from gateway.show.responses import responses_table
 from sim.diagnosis.scores import Scores
 from sim.identification.estimate import Estimate
 from sim.identification.identify import Identified
@@ -13,32 +15,39 @@ from sim.identification.validation import Validation
 UNITS = {"u": "u m/s", "v": "v m/s", "r": "r rad/s", "x": "north m", "y": "east m", "psi": "ψ rad"}
 
 
-def show_identified(found: Identified, out: Path | None) -> None:
-    """Parameters, doubts, validation, and where the file went."""
+def show_identified(found: Identified, out: Path | None, pictures: Path | None = None) -> None:
+    """Parameters, doubts, validation, and where file and pictures went."""
     console = Console()
+    for says in found.notices:
+        console.print(f"[bold]![/bold] {escape(says)}", highlight=False)
     console.print(_parameters(found))
     for e in (*found.estimates, *found.nuisances):
         if e.doubt:
             console.print(f"• {e.name} {e.doubt}", highlight=False, markup=False)
-    for says in found.trade:
+    for says in (*found.cross_check, *found.trade):
         console.print(f"• {says}", highlight=False, markup=False)
     if found.nuisances:
         console.print(f"Fitted along: {', '.join(_short(e) for e in found.nuisances)}")
+    console.print(responses_table(found.vessel, found.answers))
     if found.validation:
         console.print(_validation(found))
+    for says in found.untold:
+        console.print(f"[bold]![/bold] {escape(says)}", highlight=False)
     if out is not None:
-        console.print(f"written: {out}")
+        console.print(f"written: {out}", soft_wrap=True, markup=False)
+    if pictures is not None:
+        console.print(f"pictures: {pictures}", soft_wrap=True, markup=False)
 
 
 def _parameters(found: Identified) -> Table:
-    title = f"{found.vessel.name}, {found.method} over {found.seconds:.0f} s"
+    title = f"{escape(found.vessel.name)}, {found.method} over {found.seconds:.0f} s"
     table = Table(title=title, title_justify="left")
     table.add_column("parameter", no_wrap=True)
     for name in ("before", "value", "95 % interval"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     for e in found.estimates:
-        name = e.name if e.trial is None else f"{e.name} ({e.trial})"
+        name = e.name if e.trial is None else escape(f"{e.name} ({e.trial})")
         low, high = e.ci95
         mark = "" if e.identifiable else " ?"
         table.add_row(
@@ -53,7 +62,7 @@ def _validation(found: Identified) -> Table:
     for name in ("", "vessel", "RMSE", "MAE", "R²", "fit %"):
         table.add_column(name, justify="right", no_wrap=True)
     for v in found.validation:
-        floor = f"{v.name}, {v.seconds:.0f} s: nrmse {v.before.nrmse:.3f} before, "
+        floor = f"{escape(v.name)}, {v.seconds:.0f} s: nrmse {v.before.nrmse:.3f} before, "
         floor += f"{v.after.nrmse:.3f} after, {v.noise_floor_nrmse:.3f} by noise alone"
         rows = _rows(v.before.scores, v.after.scores)
         for i, cells in enumerate(rows):

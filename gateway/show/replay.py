@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from gateway.pipelines.replay import ReplaySummary
@@ -39,7 +40,7 @@ def show_replay(summary: ReplaySummary) -> None:
     out = Console()
     rate = summary.seconds / max(summary.wall_seconds, 1e-9)
     out.print(
-        f"[bold]{summary.log}[/bold]: {summary.boat}, {summary.seconds:.0f} s in "
+        f"[bold]{escape(summary.log)}[/bold]: {summary.boat}, {summary.seconds:.0f} s in "
         f"{summary.wall_seconds:.1f} s ({rate:.0f} × real time), {summary.rows} rows, "
         f"{summary.events} events"
     )

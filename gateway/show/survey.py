@@ -3,6 +3,7 @@
 import math
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from gateway.ingest.survey import BoatSurvey, Survey
@@ -12,7 +13,7 @@ def show_survey(found: Survey) -> None:
     """The recording, its boats, its messages."""
     out, s = Console(), found.statistics
     out.print(
-        f"[bold]{found.path}[/bold]: {found.kind}, {s.size_bytes / 1e6:.2f} MB, "
+        f"[bold]{escape(str(found.path))}[/bold]: {found.kind}, {s.size_bytes / 1e6:.2f} MB, "
         f"{found.seconds:.0f} s, {s.accepted} messages"
     )
     odd = {
@@ -25,14 +26,14 @@ def show_survey(found: Survey) -> None:
     if s.mavlink1 or s.mavlink2:
         out.print(f"MAVLink 1: {s.mavlink1}, MAVLink 2: {s.mavlink2}")
     for note in s.notes:
-        out.print(f"note: {note}")
+        out.print(f"note: {note}", markup=False)
     for boat in found.boats:
         _show_boat(out, boat)
     if not found.boats:
         out.print("no boat in it: nobody but ground stations spoke, or nobody said what it is")
     _show_messages(out, found)
     if found.boats:
-        out.print(f"next: shadow init {found.path} --out boat.toml", highlight=False)
+        out.print(f"next: shadow init {found.path} --out boat.toml", highlight=False, markup=False)
 
 
 def _show_boat(out: Console, one: BoatSurvey) -> None:
@@ -46,7 +47,7 @@ def _show_boat(out: Console, one: BoatSurvey) -> None:
     table = Table("quantity", "source", "rate", "longest gap", "why", title="sources chosen")
     for quantity, choice in one.sources.items():
         gap = "" if math.isinf(choice.longest_gap_s) else f"{choice.longest_gap_s:.1f} s"
-        table.add_row(quantity, choice.source, f"{choice.rate_hz:.1f} Hz", gap, choice.why)
+        table.add_row(quantity, escape(choice.source), f"{choice.rate_hz:.1f} Hz", gap, choice.why)
     out.print(table)
     for actuator in one.actuators:
         low, neutral, high = actuator.pwm
@@ -55,8 +56,10 @@ def _show_boat(out: Console, one: BoatSurvey) -> None:
             f"servo {actuator.channel}: {actuator.kind.value}, "
             f"{low:.0f} – {neutral:.0f} – {high:.0f} µs{turned}"
         )
+    for line in one.notices:
+        out.print(f"[bold]![/bold] {escape(line)}", highlight=False)
     for line in one.good_for:
-        out.print(f"• {line}", highlight=False)
+        out.print(f"• {line}", highlight=False, markup=False)
 
 
 def _show_messages(out: Console, found: Survey) -> None:

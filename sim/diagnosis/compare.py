@@ -1,10 +1,11 @@
 """How far each model is from the measurement, beside the noise floor, and where."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sim.diagnosis.free_run import FreeRun, free_run
+from sim.diagnosis.independence import Independence, independence
 from sim.diagnosis.inputs import motion_of
 from sim.diagnosis.interval import nrmse_interval
 from sim.diagnosis.missing import MissingForce, missing_force
@@ -13,7 +14,7 @@ from sim.diagnosis.regimes import Regime, regimes_of
 from sim.diagnosis.ruler import Ruler
 from sim.diagnosis.scores import Scores, nrmse, scaled_squares, scores
 from sim.diagnosis.settings import CompareSettings
-from sim.diagnosis.where import Bin, Track, track, where
+from sim.diagnosis.where import Bin, Place, Track, track, where, worst_place
 from sim.model import Model
 from sim.trial import Trial
 
@@ -27,7 +28,11 @@ class Comparison:
 
     seconds     usable time of the trial
     nrmse_ci95  from blocks of time; None on a trial of a single block
+    independence  of errors over one step from the commands; None where that was not asked
+                  or the trial is too short
+    notices     what looks wrong with the recording or the vessel's channels, a sentence each
     where       all bins, those with the most error beyond their share of time first
+    refit       numbers of the day, for either half of the blocks from the other
     """
 
     log: str
@@ -43,6 +48,9 @@ class Comparison:
     track: Track
     prediction: Prediction
     missing: MissingForce
+    notices: tuple[str, ...] = ()
+    independence: Independence | None = None
+    refit: tuple[Mapping[str, float], ...] = ()
 
     def worst(self, count: int = 5) -> tuple[Bin, ...]:
         """The bins that hold clearly more error than time, most excess first.
@@ -52,6 +60,14 @@ class Comparison:
         if self.nrmse <= NEAR_FLOOR * self.noise_floor_nrmse:
             return ()
         return tuple(b for b in self.where if b.excess > WORTH_SAYING)[:count]
+
+    @property
+    def place(self) -> Place | None:
+        """The spot on the map that holds clearly more error than time; None where none does."""
+        if self.nrmse <= NEAR_FLOOR * self.noise_floor_nrmse:
+            return None
+        place = worst_place(self.track)
+        return place if place is not None and place.excess > WORTH_SAYING else None
 
     def as_dict(self) -> dict[str, Any]:
         """One entry of `shadow compare --json`: strict JSON, no nulls, no NaN."""
@@ -69,6 +85,10 @@ class Comparison:
             "noise_floor_nrmse": self.noise_floor_nrmse,
             "free_run": self.free_run.as_dict(),
             "where": [b.as_dict() for b in self.where],
+            **({"place": self.place.as_dict()} if self.place else {}),
+            **({"independence": self.independence.as_dict()} if self.independence else {}),
+            **({"notices": list(self.notices)} if self.notices else {}),
+            **({"refit": [dict(values) for values in self.refit]} if self.refit else {}),
         }
 
 
@@ -91,18 +111,28 @@ def compare(
 def compared(trial: Trial, model: Model, ruler: Ruler, regimes: tuple[Regime, ...]) -> Comparison:
     """One model under a ruler that is there already."""
     prediction, force = predict(trial, model, ruler), missing_force(trial, model)
+    alone = free_run(trial, model, ruler.scales)
+    found = judged(trial, model.vessel.name, ruler, regimes, prediction, force, alone)
+    return replace(found, independence=independence(trial, model))
+
+
+def judged(
+    trial: Trial, vessel: str, ruler: Ruler, regimes: tuple[Regime, ...], prediction: Prediction,
+    force: MissingForce, alone: FreeRun,
+) -> Comparison:  # fmt: skip
+    """What a vessel predicts, held against the trial."""
     segment, rows, error = prediction.along()
     squares = scaled_squares(error, ruler.scales)
     return Comparison(
         log=trial.name,
-        vessel=model.vessel.name,
+        vessel=vessel,
         seconds=float(trial.usable.sum()) * trial.dt,
         ruler=ruler,
         scores=scores(motion_of(trial)[rows, :6], error),
         nrmse=nrmse(error, ruler.scales),
         nrmse_ci95=nrmse_interval(squares, ruler.blocks[segment], ruler.settings.seed),
         noise_floor_nrmse=ruler.noise_floor,
-        free_run=free_run(trial, model, ruler.scales),
+        free_run=alone,
         where=where(trial, regimes, prediction, force, ruler.scales),
         track=track(trial, prediction, ruler.scales),
         prediction=prediction,

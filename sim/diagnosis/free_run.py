@@ -37,15 +37,14 @@ class FreeRun:
         return out | {"diverged": True} if self.diverged else out
 
 
-def free_run(trial: Trial, model: Model, scales: Floats) -> FreeRun:
-    """From the first sample of the longest usable stretch to its end."""
+def free_run(trial: Trial, model: Model, scales: Floats, later: float = 0.0) -> FreeRun:
+    """From the first sample of the longest usable stretch to its end; `later` as in `predict`."""
     stretch = max(stretches(trial.usable), key=len)
     rows = np.array([stretch.start])
     motion = motion_of(trial)
     x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
-    _, reports = model.run(
-        x0, runs_from(rows, np.array([len(stretch) - 1])), inputs_of(model, trial)
-    )
+    runs = runs_from(rows, np.array([len(stretch) - 1]), later)
+    _, reports = model.run(x0, runs, inputs_of(model, trial))
     said = reports[0, :, :6]
     error = error_of(motion[:, :6], rows, said[None])[0]
     lost = ~np.all(np.abs(error[:, 3:]) <= WORST * scales, axis=1) | ~np.isfinite(error).all(axis=1)

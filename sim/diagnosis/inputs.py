@@ -27,10 +27,13 @@ def inputs_of(model: Model, trial: Trial) -> InputTable:
     return InputTable.of(commands, trial.dt, trial.voltage, trial.wind, float(trial.time[0]))
 
 
-def runs_from(rows: NDArray[np.int64], steps: NDArray[np.int64]) -> Runs:
-    """Free runs from rows (B,) of the trial over steps (B,)."""
+def runs_from(rows: NDArray[np.int64], steps: NDArray[np.int64], later: float = 0.0) -> Runs:
+    """Free runs from rows (B,) of the trial over steps (B,).
+
+    Commands act `later` [s] than they are told: below 0 where telemetry tells them late.
+    """
     nothing = np.zeros(len(rows), np.int64)
-    return Runs(table=nothing, start=rows, steps=steps, delay=np.zeros(len(rows)))
+    return Runs(table=nothing, start=rows, steps=steps, delay=np.full(len(rows), later))
 
 
 def delayed(commands: Floats, dt: float, delay: float) -> Floats:

@@ -43,12 +43,15 @@ class Prediction:
         return segment, self.rows[segment] + after[j], self.error[segment, after[j]]
 
 
-def predict(trial: Trial, model: Model, ruler: Ruler) -> Prediction:
-    """One batched call from all segments' starts on the recorded commands, voltage and wind."""
+def predict(trial: Trial, model: Model, ruler: Ruler, later: float = 0.0) -> Prediction:
+    """One batched call from all segments' starts on the recorded commands, voltage and wind.
+
+    Commands act `later` [s] than the trial tells them.
+    """
     rows, steps = ruler.segments.rows, ruler.segments.steps
     motion = motion_of(trial)
     x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
-    _, reports = model.run(x0, runs_from(rows, steps), inputs_of(model, trial))
+    _, reports = model.run(x0, runs_from(rows, steps, later), inputs_of(model, trial))
     said = reports[..., :6]
     error = error_of(motion[:, :6], rows, said)
     within = np.arange(error.shape[1]) <= steps[:, None]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.diagnosis.floor import mean_over_horizon, perfect_variance
 from sim.diagnosis.segments import Ints, Segments, segments_of
@@ -49,6 +50,14 @@ class Ruler:
             perfect_variance(trial, whole, phi),
             blocks_of(trial, whole, settings.block),
         )
+
+    def only(self, which: NDArray[np.bool_]) -> "Ruler":
+        """The same with some of its segments (S,)."""
+        own = self.segments
+        return replace(
+            self, segments=replace(own, rows=own.rows[which], nodes=own.nodes[which]),
+            variance=self.variance[which], blocks=self.blocks[which],
+        )  # fmt: skip
 
     @property
     def noise_floor(self) -> float:

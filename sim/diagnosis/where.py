@@ -11,11 +11,13 @@ from sim.diagnosis.prediction import Prediction
 from sim.diagnosis.regimes import Regime, round_edges
 from sim.diagnosis.scores import scaled_squares
 from sim.diagnosis.segments import Ints
-from sim.diagnosis.words import Triple, says
+from sim.diagnosis.words import Triple, at_place, says
 from sim.state import Eta, Floats
 from sim.trial import Trial
 
 CELLS = 20  # along the longer side of the track
+MOST_OF_IT = 0.3  # of the time: more is no place
+STANDS_OUT = 2.0  # times the error of a place where it is as everywhere
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,43 @@ class Track:
     share: Floats
     time_share: Floats
     mean: Floats
+
+
+@dataclass(frozen=True)
+class Place:
+    """A square of the map: its middle north, east and its side [m], and what it holds."""
+
+    north: float
+    east: float
+    size: float
+    share: float
+    time_share: float
+
+    @property
+    def excess(self) -> float:
+        """Share of the error beyond the share of the time."""
+        return self.share - self.time_share
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `shadow compare --json` says of the worst place."""
+        says = at_place(self.north, self.east, self.size, self.share, self.time_share)
+        return {"north_m": self.north, "east_m": self.east, "size_m": self.size,
+                "share": self.share, "time_share": self.time_share, "says": says}  # fmt: skip
+
+
+def worst_place(found: Track) -> Place | None:
+    """Three by three cells that hold the most error beyond their share of time.
+
+    None on a track so small that this would be all of it, or where the rest is as bad.
+    """
+    number = np.round(found.corner / found.size).astype(np.int64)
+    near = np.abs(number[:, None] - number[None]).max(axis=2) <= 1
+    share, time = near @ found.share, near @ found.time_share
+    k = int(np.argmax(share - time))
+    if time[k] >= MOST_OF_IT or share[k] < STANDS_OUT * time[k]:
+        return None
+    north, east = (found.corner[k] + 0.5 * found.size).tolist()
+    return Place(north, east, 3.0 * found.size, float(share[k]), float(time[k]))
 
 
 def where(

@@ -54,6 +54,19 @@ def place(regime: Regime, start: float, end: float) -> str:
     return f"{NAMES[regime.by]} {span}"
 
 
+def at_place(north: float, east: float, size: float, share: float, time_share: float) -> str:
+    """A square of the map, its side and the middle of it in metres from the local origin."""
+    return (
+        f"around {_from_origin(north, 'north', 'south')}, {_from_origin(east, 'east', 'west')} "
+        f"of the origin ({size:.0f} m square): {100 * share:.0f} % of the squared error in "
+        f"{100 * time_share:.0f} % of the time"
+    )
+
+
+def _from_origin(value: float, ahead: str, back: str) -> str:
+    return f"{abs(value):.0f} m {ahead if value >= 0.0 else back}"
+
+
 def tendency(mean: Triple, rmse: Triple, scales: Floats) -> str:
     """Mean and rms error of u, v, r -> which way the boat differs from the model."""
     worst = int(np.argmax(np.array(rmse) / scales))

@@ -9,7 +9,7 @@ off fades within seconds (`sim.following.blend`). Pure, and the same whatever th
 """
 
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -30,28 +30,11 @@ class Mode(StrEnum):
     AUTO = "auto"
 
 
-class Source(IntEnum):
-    """Where one row of the reference came from."""
-
-    MEASURED = 0
-    MODEL = 1
-
-
-@dataclass(frozen=True)
-class HandOver:
-    """The reference changed its source at this row (of the chunk)."""
-
-    row: int
-    time: float  # s
-    to: Source
-
-
 @dataclass(frozen=True)
 class ReferenceState:
     """What is carried from row to row (read-only)."""
 
     carry: Floats
-    source: Source | None = None  # of the last row
 
 
 class Referred(NamedTuple):
@@ -60,19 +43,6 @@ class Referred(NamedTuple):
     state: ReferenceState
     references: Floats
     from_model: NDArray[np.bool_]
-
-
-def hand_overs(
-    before: ReferenceState, times: Floats, from_model: NDArray[np.bool_]
-) -> tuple[HandOver, ...]:
-    """The changes of source in a chunk (K,) that began in the state `before`."""
-    sources = [Source(int(model)) for model in from_model]
-    earlier = [before.source, *sources]
-    return tuple(
-        HandOver(k, float(times[k]), now)
-        for k, (was, now) in enumerate(zip(earlier, sources, strict=False))
-        if was is not None and was is not now
-    )
 
 
 @dataclass(frozen=True)
@@ -117,8 +87,7 @@ class Reference:
             self.model.theta, carry, self.fade, floats(times), floats(estimates), modelled,
             anchored, leaps, floats(commands), *air(voltage, wind, count), out,
         )  # fmt: skip
-        source = Source(int(modelled[-1])) if count else state.source
-        return Referred(ReferenceState(frozen(carry), source), out, modelled)
+        return Referred(ReferenceState(frozen(carry)), out, modelled)
 
     def _roles(self, fresh: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which rows the model gives, and on which it is set to the estimate: (K,), (K,)."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from sim.curves import KEY, key_of
 from sim.vessel import AddedEffect, Dynamics, Rudder, Thruster, Vessel
 
 PLACES = {  # key of an actuator's number -> its field, and the place in it
@@ -45,7 +46,10 @@ def _moved(actuator: Thruster | Rudder, values: Mapping[str, float]) -> dict[str
         label, _, key = name.rpartition(".")
         if label != actuator.name:
             continue
-        if key in PLACES:
+        if key.startswith(KEY) and isinstance(actuator, Thruster):
+            was = changed.get("curve", actuator.curve)
+            changed["curve"] = tuple((c, value if key_of(c) == key else s) for c, s in was)
+        elif key in PLACES:
             field, place = PLACES[key]
             was = changed.get(field, getattr(actuator, field))
             changed[field] = (value, was[1]) if place == 0 else (was[0], value)

@@ -65,6 +65,7 @@ def estimates_of(
     value, before = unknowns.named(z), unknowns.named(unknowns.start)
     half = spread.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, spread)))
     vague = spread.factor * np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * _sizes(unknowns, z)
+    scaled = {n for names in _traded(unknowns, z, spread) if _scaled(names) for n in names}
     out = []
     for i, u in enumerate(unknowns.each):
         nuisance = u.name in NUISANCE
@@ -74,7 +75,7 @@ def estimates_of(
                 (float(value[i] - half[i]), float(value[i] + half[i])),
                 bool(nuisance or not vague[i]),
                 None if u.trial is None else trials[u.trial],
-                _doubt(unknowns, i, z, bool(vague[i]) and not nuisance),
+                _doubt(unknowns, i, z, bool(vague[i]) and not nuisance, u.name in scaled),
             )
         )  # fmt: skip
     return tuple(out)
@@ -102,14 +103,20 @@ def _named_covariance(unknowns: Unknowns, z: Floats, spread: Spread) -> Floats:
     return np.asarray(J @ spread.covariance @ J.T)
 
 
-def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool) -> str:
+def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> str:
+    """Limits that were hit, and what would tell a number that these data do not.
+
+    `scaled`: it is known but for the scale that thrust and masses share.
+    """
     u = unknowns.each[i]
     lower, upper = unknowns.bounds
     said = []
     for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
         if abs(z[i] - limit) < AT_LIMIT * u.scale:
             said.append(f"stands at its {name} limit, {limit:g} {u.unit}{TOO_LATE.get(u.name, '')}")
-    if vague:
+    if vague and scaled:
+        said.append("not identifiable: known only as a share of thrust; fix the thrust, or a mass")
+    elif vague:
         manoeuvre = EXCITES.get(u.name.rpartition(".")[2])
         said.append(
             "not identifiable from these data"
@@ -120,22 +127,30 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool) -> str:
 
 def combinations(unknowns: Unknowns, z: Floats, spread: Spread) -> tuple[str, ...]:
     """Directions that the data hardly tell: the parameters that trade against each other."""
+    return tuple(_says(names) for names in _traded(unknowns, z, spread))
+
+
+def _traded(unknowns: Unknowns, z: Floats, spread: Spread) -> list[list[str]]:
+    """Names of the parameters in each of these directions, two or more."""
     size = _sizes(unknowns, z)
     value, vector = np.linalg.eigh(spread.information * np.outer(size, size))
     out = []
     for k in np.flatnonzero(value < (spread.factor / TOLD_LITTLE) ** 2):
         part = np.abs(vector[:, k])
         names = [unknowns.each[i].name for i in np.argsort(-part) if part[i] > SHARES * part.max()]
-        names = [n for n in names if n not in NUISANCE]
-        if len(names) > 1:
-            out.append(_says(names))
-    return tuple(out)
+        out.append([n for n in names if n not in NUISANCE])
+    return [names for names in out if len(names) > 1]
+
+
+def _scaled(names: Sequence[str]) -> bool:
+    """Whether it is the scale that thrust and masses share."""
+    keys = {n.rpartition(".")[2] for n in names}
+    return bool(keys & {"ahead", "astern"} and keys & {*MASSES, "X_u", "X_uu", "N_r"})
 
 
 def _says(names: Sequence[str]) -> str:
-    keys = {n.rpartition(".")[2] for n in names}
     listed = ", ".join(names)
-    if keys & {"ahead", "astern"} and keys & {*MASSES, "X_u", "X_uu", "N_r"}:
+    if _scaled(names):
         return (
             f"thrust and mass cannot be told apart by motion alone ({listed}): "
             "fix the thrust, or a mass"

@@ -2,19 +2,26 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.curves import freed
 from sim.diagnosis.segments import NoUsableTimeError
+from sim.excitation.predicted import StepResponses, step_responses
+from sim.identification.against_zero import untold_channels
 from sim.identification.applied import applied
+from sim.identification.cross_check import disagreements
 from sim.identification.estimate import NUISANCE, Estimate, combinations, estimates_of, untold
+from sim.identification.instrumental import instrumental
 from sim.identification.intervals import spread_of
+from sim.identification.left_alone import left_alone
 from sim.identification.regression import regressed
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import Shot, shoot
-from sim.identification.unknowns import Unknowns, unknowns_of
+from sim.identification.unknowns import OFFSETS, Unknowns, unknowns_of
 from sim.identification.validation import Validation, held_out, judged_on, validated
 from sim.model import Model
 from sim.state import Floats
@@ -22,11 +29,17 @@ from sim.trial import Trial
 from sim.vessel import Vessel
 
 LEAST_S = 20.0  # of usable time
+EQUATIONS = {"regression": regressed, "instrumental": instrumental}
 
 
 @dataclass(frozen=True)
 class Identified:
-    """The vessel with its new numbers, how sure they are, and what it gains on unseen time."""
+    """The vessel with its new numbers, how sure they are, and what it gains on unseen time.
+
+    vessel       with the numbers of the first recording where each has its own
+    vessels      the same as on each recording
+    cross_check  where instrumental variables say otherwise
+    """
 
     vessel: Vessel
     method: str
@@ -35,6 +48,24 @@ class Identified:
     nuisances: tuple[Estimate, ...]
     trade: tuple[str, ...]
     validation: tuple[Validation, ...]
+    vessels: tuple[Vessel, ...] = ()
+    cross_check: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()  # what looks wrong with recordings and channels
+
+    @property
+    def command_offset(self) -> float:
+        """How much later than told commands act [s]; 0 where that was not looked for."""
+        return next((e.value for e in self.nuisances if e.name == OFFSETS[0]), 0.0)
+
+    @cached_property
+    def answers(self) -> StepResponses:
+        """How the vessel answers to a step of throttle and of the helm."""
+        return step_responses(Model.of(self.vessel))
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Channels that no validation recording confirms, a sentence each."""
+        return untold_channels(self.validation)
 
     def as_dict(self) -> dict[str, Any]:
         """What `shadow identify --json` prints."""
@@ -48,6 +79,8 @@ class Identified:
             "parameters": shared, "parameters_of_recordings": of_trials,
             "offsets": {e.name: e.as_dict() for e in self.nuisances},
             "trade": list(self.trade), "validation": [v.as_dict() for v in self.validation],
+            "cross_check": list(self.cross_check), "notices": list(self.notices),
+            "not_identifiable": list(self.untold), "step_responses": self.answers.as_dict(),
         }  # fmt: skip
 
 
@@ -63,27 +96,43 @@ def identify(
     seconds = sum(float(t.usable.sum()) * t.dt for t in trials)
     if seconds < LEAST_S:
         raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {LEAST_S:.0f} s are needed")
-    before = Model.of(vessel)
-    if settings.method == "regression":
-        return _by_regression(trials, before, settings, others, seconds)
+    before = Model.of(freed(vessel, settings.free))
+    if settings.method in EQUATIONS:
+        return _by_equations(trials, before, settings, others, seconds)
     unknowns = unknowns_of(before, len(trials), settings)
-    shot = shoot(unknowns, trials, [t.usable for t in trials], settings, None, tell)
+    shot = _search(unknowns, trials, [t.usable for t in trials], settings, None, tell)
     spread = spread_of(unknowns, shot, settings.block)
     vague = untold(unknowns, shot.z, spread)
     if vague.any() and not vague.all():
         shot = _without(unknowns, vague, shot, trials, settings)
     every = estimates_of(unknowns, shot.z, spread, [t.name for t in trials])
-    after = replaced(unknowns, shot.z)
-    validation = [validated(t, before, after, t.name) for t in others]
+    afters = [replaced(unknowns, shot.z, i) for i in range(len(trials))]
+    after = afters[0]
+    later = _later(unknowns, shot.z)
+    validation = [validated(t, before, after, t.name, later=later) for t in others]
     if not others:
         tell("validation")
         validation = _on_held_out(unknowns.held(vague), trials, shot, settings, before)
+    estimates = tuple(e for e in every if e.name not in NUISANCE)
     return Identified(
-        after.vessel, settings.method, seconds,
-        tuple(e for e in every if e.name not in NUISANCE),
+        after.vessel, settings.method, seconds, estimates,
         tuple(e for e in every if e.name in NUISANCE),
         combinations(unknowns, shot.z, spread), tuple(validation),
+        tuple(model.vessel for model in afters), disagreements(trials, after, estimates),
     )  # fmt: skip
+
+
+def _search(
+    unknowns: Unknowns,
+    trials: Sequence[Trial],
+    usable: Sequence[NDArray[np.bool_]],
+    settings: IdentifySettings,
+    start: Floats | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Shot:
+    """By the method that was asked for."""
+    find = left_alone if settings.method == "simulation" else shoot
+    return find(unknowns, trials, usable, settings, start, tell)
 
 
 def replaced(unknowns: Unknowns, z: Floats, trial: int = 0) -> Model:
@@ -105,7 +154,7 @@ def _without(
     """Once more, with what the data do not tell left as it was."""
     last = replace(settings, horizons=settings.horizons[-1:])
     start = np.where(vague, unknowns.start, shot.z)
-    return shoot(unknowns.held(vague), trials, [t.usable for t in trials], last, start)
+    return _search(unknowns.held(vague), trials, [t.usable for t in trials], last, start)
 
 
 def _on_held_out(
@@ -121,25 +170,31 @@ def _on_held_out(
         return []
     usable = [t.usable if cut is None else cut[0] for t, cut in zip(trials, cuts, strict=True)]
     last = replace(settings, horizons=settings.horizons[-1:])
-    again = shoot(unknowns, trials, usable, last, shot.z)
+    again = _search(unknowns, trials, usable, last, shot.z)
     out = []
     for i, (trial, cut) in enumerate(zip(trials, cuts, strict=True)):
         if cut is not None:
             after = replaced(unknowns, again.z, i)
             name = f"{trial.name}, blocks held out"
-            out.append(validated(judged_on(trial, cut[1]), before, after, name, alone=False))
+            judged, later = judged_on(trial, cut[1]), _later(unknowns, again.z)
+            out.append(validated(judged, before, after, name, alone=False, later=later))
     return out
 
 
-def _by_regression(
+def _later(unknowns: Unknowns, z: Floats) -> float:
+    """How much later than told commands act [s]: of the telemetry, so of other recordings too."""
+    return float(unknowns.offset(z[None], OFFSETS[0])[0])
+
+
+def _by_equations(
     trials: Sequence[Trial],
     before: Model,
     settings: IdentifySettings,
     others: Sequence[Trial],
     seconds: float,
 ) -> Identified:
-    """The paper's least squares: nine parameters of a plain vessel, all at once."""
-    found = regressed(trials, before)
+    """Linear in the parameters: nine of a plain vessel, all at once."""
+    found = EQUATIONS[settings.method](trials, before)
     values = {name: float(v) for name, v in zip(BASE, found.value, strict=True)}
     usable = {n: min(v, 0.0) if n not in BASE[:3] else max(v, 1e-3) for n, v in values.items()}
     vessel = applied(before.vessel, usable)
@@ -155,4 +210,5 @@ def _by_regression(
             for i, (name, unit) in enumerate(zip(BASE, found.units, strict=True))
         ),
         (), (), tuple(validated(t, before, after, t.name) for t in others),
+        tuple(vessel for _ in trials),
     )  # fmt: skip

@@ -17,6 +17,7 @@ from sim.identification.shooting import Shot
 from sim.identification.unknowns import Unknowns
 from sim.state import Floats
 
+LENGTHS = (1.0, 2.0, 3.0)  # of a block: what wanders slowly shows in the longer ones alone
 FEWEST = 6  # blocks: on short recordings they shrink towards so many
 SHORTEST = 5.0  # s
 DOUBTED = 0.1  # of the information of what is only assumed
@@ -36,22 +37,34 @@ class Spread(NamedTuple):
 
 
 def spread_of(unknowns: Unknowns, shot: Shot, block: float) -> Spread:
-    """From the residuals block by block."""
+    """From the residuals block by block; of short and longer blocks those that doubt more."""
     weighted = shot.slope * shot.weight[:, None]
-    number = _blocks(shot, block)
-    count = int(number.max()) + 1
-    each = np.stack([weighted[number == g].T @ shot.slope[number == g] for g in range(count)])
-    score = np.stack([weighted[number == g].T @ shot.residual[number == g] for g in range(count)])
-    told = each.sum(axis=0) + unknowns.evidence
+    told = weighted.T @ shot.slope + unknowns.evidence
     model = np.linalg.inv(told + DOUBTED * unknowns.assumptions)
-    if count < 3:
-        return Spread(told, model, float(student.ppf(0.975, 2)))
     H = told + unknowns.assumptions
+    widen, factor = np.ones(len(H)), float(student.ppf(0.975, 2))
+    for length in block * np.array(LENGTHS):
+        number = _blocks(shot, length)
+        count = int(number.max()) + 1
+        if count < 3:
+            break
+        t = float(student.ppf(0.975, count - 1))
+        factor = t if length == block else factor
+        robust = np.diag(_jackknifed(H, weighted, shot, number)) / np.diag(model)
+        widen = np.maximum(widen, np.sqrt(robust) * t / factor)
+    return Spread(told, model * np.outer(widen, widen), factor)
+
+
+def _jackknifed(
+    H: Floats, weighted: Floats, shot: Shot, number: np.ndarray[tuple[int], np.dtype[np.int64]]
+) -> Floats:
+    """Covariance (n, n) from leaving out each block in turn."""
+    blocks = [number == g for g in range(int(number.max()) + 1)]
+    each = np.stack([weighted[g].T @ shot.slope[g] for g in blocks])
+    score = np.stack([weighted[g].T @ shot.residual[g] for g in blocks])
     moved = np.linalg.solve(H - each, score[..., None])[..., 0]
     moved -= moved.mean(axis=0)
-    robust = (count - 1) / count * moved.T @ moved
-    widen = np.sqrt(np.maximum(np.diag(robust) / np.diag(model), 1.0))
-    return Spread(told, model * np.outer(widen, widen), float(student.ppf(0.975, count - 1)))
+    return np.asarray((len(blocks) - 1) / len(blocks) * moved.T @ moved)
 
 
 def _blocks(shot: Shot, length: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

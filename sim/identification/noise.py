@@ -5,7 +5,8 @@
 Errors of receivers, compasses and smoothers wander. Taken for white they pull damping aside:
 whoever estimates a start state from few correlated rows believes too much of it. σ and ρ are
 those that make the residuals most likely once the start states are taken out (restricted maximum
-likelihood: Patterson and Thompson, Biometrika 58, 1971).
+likelihood: Patterson and Thompson, Biometrika 58, 1971). What commands add whose moment is known
+to a message interval only (`sim.identification.jolts`) is told apart by the same likelihood.
 """
 
 from typing import NamedTuple
@@ -15,28 +16,40 @@ import numpy as np
 from sim.state import Floats
 
 TIMES = (0.1, 0.25, 0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 8.0)  # s, that errors may be correlated over
+JOLTS = (0.0, 0.15, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5)
+ENOUGH = 1500  # rows that noise is told by
+SHORT = 5  # rows of a run
 CLIP = 3.0  # standard deviations: outliers count no more in σ
 SMALLEST = np.array([1e-5, 1e-5, 1e-6])  # m/s, m/s, rad/s: even of simulated, exact motion
 
 
 class Noise(NamedTuple):
-    """σ (3,) of u, v, r [m/s, m/s, rad/s] and ρ (3,) from row to row."""
+    """σ (3,) of u, v, r [m/s, m/s, rad/s] and ρ (3,) from row to row.
+
+    jolt  standard deviation of the moments of commands, in multiples of what messages leave open
+    """
 
     sigma: Floats
     rho: Floats
+    jolt: float = 0.0
 
     def with_channel(self, i: int, sigma: float, rho: float) -> "Noise":
         """The same with another σ and ρ of channel i."""
         chosen = np.arange(3) == i
-        return Noise(np.where(chosen, sigma, self.sigma), np.where(chosen, rho, self.rho))
+        sigmas, rhos = np.where(chosen, sigma, self.sigma), np.where(chosen, rho, self.rho)
+        return self._replace(sigma=sigmas, rho=rhos)
 
 
 class Errors(NamedTuple):
-    """Errors (S, n, 3), ∂ reported / ∂ start (S, n, 3, 3), rows that count (S, n) as 0 and 1."""
+    """Errors (S, n, 3), ∂ reported / ∂ start (S, n, 3, 3), rows that count (S, n) as 0 and 1.
+
+    jolts  (S, 3n, 3n) covariance that the commands' moments add (`sim.identification.jolts`)
+    """
 
     error: Floats
     phi: Floats
     within: Floats
+    jolts: Floats | None = None
 
 
 def whitened(error: Floats, noise: Noise) -> Floats:
@@ -48,14 +61,45 @@ def whitened(error: Floats, noise: Noise) -> Floats:
     return out
 
 
+def mixing(e: Errors, noise: Noise) -> tuple[Floats | None, float]:
+    """What makes whitened rows independent in spite of jolts (S, cn, cn), and log det of it.
+
+    Jolts may be those of all channels (c = 3), or of the last one alone.
+    """
+    if e.jolts is None or noise.jolt == 0.0:
+        return None, 0.0
+    S, n = e.within.shape
+    c = e.jolts.shape[1] // n
+    last = Noise(noise.sigma[-c:], noise.rho[-c:])
+    U = noise.jolt**2 * e.jolts
+    for _ in range(2):  # from the left, and from the right
+        rows = np.moveaxis(U.reshape(S, n, c, c * n), -1, 0)
+        white = whitened(rows, last) * e.within[..., None]
+        U = np.moveaxis(white, 0, 1).reshape(S, c * n, c * n)
+    L = np.linalg.cholesky(U + np.eye(c * n))
+    size = np.log(np.einsum("sii->si", L)).sum()
+    return np.linalg.inv(L), -float(size)
+
+
+def mixed(rows: Floats, mix: Floats | None) -> Floats:
+    """Whitened rows (..., S, n, 3), mixed (S, cn, cn) in all or the last of their channels."""
+    if mix is None:
+        return rows
+    c = mix.shape[1] // rows.shape[-2]
+    part = rows[..., -c:]
+    flat = part.reshape(*part.shape[:-2], -1)
+    told = np.einsum("sij,...sj->...si", mix, flat, optimize=True).reshape(part.shape)
+    return np.concatenate([rows[..., :-c], told], axis=-1)
+
+
 def starts_out(e: Errors, noise: Noise) -> tuple[Floats, Floats, Floats]:
     """Whitened residuals (S, n, 3) without what a start explains, the basis (S, n, 3, 3) of that,
 
     and the correction (S, 3) of the start [m/s, m/s, rad/s].
     """
-    count = e.within[..., None]
-    w = whitened(e.error, noise) * count
-    A = np.moveaxis(whitened(np.moveaxis(e.phi, -1, 0), noise) * count, 0, -1)
+    mix, _ = mixing(e, noise)
+    w = mixed(whitened(e.error, noise) * e.within[..., None], mix)
+    A = _of_starts(e, noise, mix)
     S, n = e.within.shape
     Q, R = np.linalg.qr(A.reshape(S, 3 * n, 3))
     along = np.einsum("smk,sm->sk", Q, w.reshape(S, 3 * n))
@@ -64,13 +108,43 @@ def starts_out(e: Errors, noise: Noise) -> tuple[Floats, Floats, Floats]:
     return w - np.einsum("sncl,sl->snc", basis, along), basis, correction
 
 
+def _of_starts(e: Errors, noise: Noise, mix: Floats | None) -> Floats:
+    """What whitened residuals owe to the starts: (S, n, 3, 3)."""
+    white = whitened(np.moveaxis(e.phi, -1, 0), noise) * e.within[..., None]
+    return np.moveaxis(mixed(white, mix), 0, -1)
+
+
 def estimated(e: Errors, dt: float, before: Noise) -> Noise:
-    """The most likely noise, channel by channel, the others at what they were."""
-    noise = before
-    for i in range(3):
-        found = [_fitted(e, noise, i, float(np.exp(-dt / tau))) for tau in TIMES]
+    """The most likely noise: channel by channel, the others at what they were, and the jolts."""
+    e, noise = _some(e), before
+    rhos = np.exp(-dt / np.array(TIMES))
+    for i in range(2):
+        found = [
+            _fitted(e._replace(jolts=None), noise, i, float(rho))
+            for rho in _near(rhos, noise.rho[i], e)
+        ]
         noise = min(found, key=lambda f: f[0])[1]
-    return noise
+    found = [
+        _fitted(e, noise._replace(jolt=float(jolt)), 2, float(rho))
+        for jolt in ([0.0] if e.jolts is None else _near(np.array(JOLTS), noise.jolt, e))
+        for rho in _near(rhos, noise.rho[2], e)
+    ]
+    return min(found, key=lambda f: f[0])[1]
+
+
+def _some(e: Errors) -> Errors:
+    """Every so many of the runs, and jolts of the yaw rate alone: enough to tell noise by."""
+    step = max(int(e.within.sum()) // ENOUGH, 1)
+    jolts = None if e.jolts is None else e.jolts[::step, 2::3, 2::3]
+    return Errors(e.error[::step], e.phi[::step], e.within[::step], jolts)
+
+
+def _near(grid: Floats, at: float, e: Errors) -> Floats:
+    """Points of a grid to try: all while runs are short, then the nearest and its neighbours."""
+    if e.within.shape[1] <= SHORT:
+        return grid
+    i = int(np.argmin(np.abs(grid - at)))
+    return grid[max(i - 1, 0) : i + 2]
 
 
 def _fitted(e: Errors, noise: Noise, i: int, rho: float) -> tuple[float, Noise]:
@@ -89,9 +163,10 @@ def _fitted(e: Errors, noise: Noise, i: int, rho: float) -> tuple[float, Noise]:
 def _cost(e: Errors, noise: Noise) -> float:
     """−2 log of the restricted likelihood, but for a constant."""
     left, _, _ = starts_out(e, noise)
+    mix, size = mixing(e, noise)
     rows, steps = e.within.sum(), e.within[:, 1:].sum()
     spread = 2.0 * rows * np.log(noise.sigma).sum() + steps * np.log(1.0 - noise.rho**2).sum()
-    count = e.within[..., None]
-    A = np.moveaxis(whitened(np.moveaxis(e.phi, -1, 0), noise) * count, 0, -1)
+    spread -= 2.0 * size
+    A = _of_starts(e, noise, mix)
     G = np.einsum("snck,sncl->skl", A, A)
     return float(spread + np.linalg.slogdet(G)[1].sum() + np.sum(left**2))

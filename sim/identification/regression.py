@@ -77,19 +77,29 @@ def regressed(trials: Sequence[Trial], model: Model, printed: bool = False) -> R
     for trial in trials:
         rows = trial.usable
         phi.append(regressor(trial.nu[rows], trial.nu_dot[rows], printed))
-        tau.append(_forces(trial, model)[rows])
+        tau.append(forces(trial, model)[rows])
     delta, std = solved(np.concatenate(phi), np.concatenate(tau))
     value = delta * SIGN
     half = std * float(student.ppf(0.975, max(3 * sum(map(len, phi)) - len(BASE), 1)))
     return Regression(value, std, value - half, value + half, tuple(UNITS[n] for n in BASE))
 
 
-def _forces(trial: Trial, model: Model) -> Floats:
-    """τ(commands) (T, 3) along the trial."""
+def forces(trial: Trial, model: Model) -> Floats:
+    """τ(commands) (T, 3) at the rows of the trial: between the commands before and after."""
     after = delayed(commands_of(model, trial), trial.dt, model.delay)
     before = np.vstack([after[:1], after[:-1]])
+    return _forces(trial, model, before, 0.5 * (before + after))
+
+
+def held_forces(trial: Trial, model: Model) -> Floats:
+    """τ(commands) (T, 3) over the interval after each row."""
+    after = delayed(commands_of(model, trial), trial.dt, model.delay)
+    return _forces(trial, model, np.vstack([after[:1], after[:-1]]), after)
+
+
+def _forces(trial: Trial, model: Model, before: Floats, around: Floats) -> Floats:
     motion = np.concatenate([trial.eta, trial.nu, trial.nu_dot], axis=1)
     _, tau = model.missing_force(
-        motion, trial.time, before, 0.5 * (before + after), voltage=trial.voltage, wind=trial.wind
+        motion, trial.time, before, around, voltage=trial.voltage, wind=trial.wind
     )
     return tau

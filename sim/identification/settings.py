@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 BASE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
-METHODS = ("shooting", "regression")
+METHODS = ("shooting", "simulation", "instrumental", "regression")
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,27 @@ before found. All runs and all changes of parameters are one call of the compile
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from sim.diagnosis.inputs import inputs_of, motion_of
 from sim.diagnosis.prediction import memory_at
 from sim.diagnosis.ruler import scales_of
-from sim.identification.noise import Errors, Noise, estimated, starts_out, whitened
+from sim.identification.jolts import jolts_of
+from sim.identification.noise import (
+    Errors,
+    Noise,
+    estimated,
+    mixed,
+    mixing,
+    starts_out,
+    whitened,
+)
+from sim.identification.search import Ends, search, slopes_of
 from sim.identification.settings import IdentifySettings
+from sim.identification.sharpened import sharpened, spread_by
 from sim.identification.tiles import STEP, Tiles, thinned, tiles_of
 from sim.identification.unknowns import OFFSETS, ROUNDING, Unknowns
 from sim.model import Model, Runs
@@ -52,6 +63,8 @@ class Window:
     Rows are compared in means of `every`; n of them in the longest run.
 
     basis  (S, n, 3, 3) of what a start explains in the whitened residuals
+    jolts  (S, 3n, 3n) covariance that the commands' moments may add, mix (S, 3n, 3n) its whitening
+    kappa  of commands that are shifted by part of a row (`sim.identification.sharpened`)
     """
 
     voyage: Voyage
@@ -62,6 +75,9 @@ class Window:
     memory: Floats
     noise: Noise
     basis: Floats
+    jolts: Floats | None = None
+    mix: Floats | None = None
+    kappa: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,17 +117,17 @@ def shoot(
         for _ in range(ROUNDS if horizon == last else 1):
             tell(f"{horizon:g} s")
             windows = [
-                _window(v, unknowns, z, n, horizon, settings)
+                window_of(v, unknowns, z, n, horizon, settings)
                 for v, n in zip(voyages, noise, strict=True)
             ]
             before = z
             z, std = _fitted(unknowns, windows, z, settings)
             voyages = [_moved(w, unknowns, z) for w in windows]
-            noise = [_noise(w, unknowns, z) for w in windows]
+            noise = [noise_left(w, unknowns, z) for w in windows]
             if np.all(np.abs(z - before) < SETTLED * std):
                 break
     windows = [
-        _window(v, unknowns, z, n, last, settings) for v, n in zip(voyages, noise, strict=True)
+        window_of(v, unknowns, z, n, last, settings) for v, n in zip(voyages, noise, strict=True)
     ]
     return _shot(unknowns, windows, z, settings, tuple(voyages))
 
@@ -121,7 +137,7 @@ def _first_guess(trial: Trial) -> Noise:
     return Noise(0.1 * scales_of(trial), np.full(3, 0.5))
 
 
-def _window(
+def window_of(
     voyage: Voyage,
     unknowns: Unknowns,
     z: Floats,
@@ -138,9 +154,15 @@ def _window(
     means = tiles.size // every
     within = (np.arange(int(means.max())) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
-    bare = Window(voyage, model, tiles, every, within, memory, noise, np.zeros(0))
-    _, basis, _ = starts_out(_errors(bare, unknowns, z), noise)
-    return replace(bare, basis=basis)
+    jolts = jolts_of(voyage.trial, model, tiles, every, within.shape[1], voyage.track)
+    shift = float(unknowns.offset(z[None], OFFSETS[0])[0]) + model.delay
+    kappa = spread_by(shift, voyage.trial.dt)
+    bare = Window(
+        voyage, model, tiles, every, within, memory, noise, np.zeros(0), jolts, kappa=kappa
+    )
+    errors = _errors(bare, unknowns, z)
+    _, basis, _ = starts_out(errors, noise)
+    return replace(bare, basis=basis, mix=mixing(errors, noise)[0])
 
 
 def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
@@ -159,7 +181,7 @@ def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = No
         steps=np.repeat(window.tiles.size - 1, K),
         delay=np.tile(unknowns.offset(z, OFFSETS[0]), len(rows)),
     )
-    inputs = inputs_of(window.model, window.voyage.trial)
+    inputs = sharpened(inputs_of(window.model, window.voyage.trial), window.kappa)
     _, reports = window.model.run(x0, runs, inputs, theta=theta)
     return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
 
@@ -185,59 +207,35 @@ def _errors(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
     nudge = np.repeat(nudge, len(window.tiles.first), axis=1)
     error = errors_of(window, unknowns, np.tile(z, (4, 1)), nudge)
     phi = np.stack([(error[0] - error[i + 1]) / STEP[i] for i in range(3)], axis=-1)
-    return Errors(error[0], phi, window.within)
+    return Errors(error[0], phi, window.within, window.jolts)
 
 
-def _projected(window: Window, error: Floats) -> Floats:
+def projected(window: Window, error: Floats) -> Floats:
     """Errors (K, S, n, 3) -> whitened, without what a start explains: (K, N)."""
-    w = whitened(error, window.noise) * window.within[..., None]
+    w = mixed(whitened(error, window.noise) * window.within[..., None], window.mix)
     along = np.einsum("sncl,ksnc->ksl", window.basis, w, optimize=True)
     left = w - np.einsum("sncl,ksl->ksnc", window.basis, along, optimize=True)
     return left[:, window.within > 0].reshape(len(error), -1)
 
 
-def _residuals(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
+def residuals_of(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
     """Parameters z (K, n) -> residuals (K, N), without priors."""
-    return np.concatenate([_projected(w, errors_of(w, unknowns, z)) for w in windows], axis=1)
+    return np.concatenate([projected(w, errors_of(w, unknowns, z)) for w in windows], axis=1)
 
 
-def _slope(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
+def slope_of(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
     """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
-    _, upper = unknowns.bounds
-    step = np.array([u.step for u in unknowns.each])
-    step = np.where(z + step > upper, -step, step)
-    out = []
-    for w in windows:
-        mine = unknowns.of_trial(w.voyage.number)
-        moved = np.tile(z, (len(mine) + 1, 1))
-        moved[np.arange(len(mine)) + 1, mine] += step[mine]
-        r = _projected(w, errors_of(w, unknowns, moved))
-        part = np.zeros((r.shape[1], len(z)))
-        part[:, mine] = ((r[1:] - r[0]) / step[mine, None]).T
-        out.append(part)
-    return np.concatenate(out)
+    of_trials = [(w.voyage.number, partial(residuals_of, unknowns, [w])) for w in windows]
+    return slopes_of(of_trials, unknowns, z)
 
 
 def _fitted(
     unknowns: Unknowns, windows: Sequence[Window], z: Floats, settings: IdentifySettings
 ) -> tuple[Floats, Floats]:
     """The best z (n,) with starts and noise as they are, and how sure it is (n,)."""
-    known = np.array([1.0 / u.prior for u in unknowns.each])
-    has_prior = known > 0.0
-
-    def residuals(z: Floats) -> Floats:
-        return np.append(_residuals(unknowns, windows, z[None])[0], unknowns.prior(z)[has_prior])
-
-    def slope(z: Floats) -> Floats:
-        return np.vstack([_slope(unknowns, windows, z), np.diag(known)[has_prior]])
-
-    lower, upper = unknowns.bounds
-    inside = np.clip(z, lower, upper)
-    found = least_squares(
-        residuals, inside, slope, bounds=(lower, upper), loss="soft_l1", f_scale=settings.robust,
-        x_scale=np.array([u.scale for u in unknowns.each]), max_nfev=8, xtol=1e-4, ftol=1e-5,
-        tr_solver="lsmr", tr_options={"atol": 1e-10, "btol": 1e-10},
-    )  # fmt: skip
+    residuals = partial(residuals_of, unknowns, windows)
+    slope = partial(slope_of, unknowns, windows)
+    found = search(residuals, slope, unknowns, z, Ends(settings.robust, 8, iterative=True))
     told = np.sum(found.jac**2, axis=0)
     return np.asarray(found.x), 1.0 / np.sqrt(np.maximum(told, 1e-300))
 
@@ -257,7 +255,8 @@ def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
     return replace(window.voyage, track=track)
 
 
-def _noise(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
+def noise_left(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
+    """The noise that makes what a model with numbers z (n,) leaves most likely."""
     step = window.every * window.voyage.trial.dt
     return estimated(_errors(window, unknowns, z), step, window.noise)
 
@@ -270,7 +269,7 @@ def _shot(
     voyages: tuple[Voyage, ...],
 ) -> Shot:
     """Residuals, slopes and weights at the end, each with its place in time."""
-    residual = _residuals(unknowns, windows, z[None])[0]
+    residual = residuals_of(unknowns, windows, z[None])[0]
     moment, number = [], []
     for w in windows:
         rows = (w.tiles.first[:, None] + np.zeros(w.within.shape[1], int))[w.within > 0]
@@ -278,7 +277,7 @@ def _shot(
         number.append(np.full(3 * len(rows), w.voyage.number))
     weight = 1.0 / np.sqrt(1.0 + (residual / settings.robust) ** 2)
     return Shot(
-        z, residual, _slope(unknowns, windows, z), weight, np.concatenate(moment),
+        z, residual, slope_of(unknowns, windows, z), weight, np.concatenate(moment),
         np.concatenate(number), tuple(w.noise for w in windows), voyages,
     )  # fmt: skip
 
@@ -292,6 +291,6 @@ def information(
 ) -> Floats:
     """What a trial would tell of z at known noise, no outliers: JᵀJ (n, n), without priors."""
     voyage = Voyage(0, trial, trial.usable, motion_of(trial))
-    window = _window(voyage, unknowns, z, noise, settings.horizons[-1], settings)
-    slope = _slope(unknowns, [window], z)
+    window = window_of(voyage, unknowns, z, noise, settings.horizons[-1], settings)
+    slope = slope_of(unknowns, [window], z)
     return slope.T @ slope

@@ -2,7 +2,8 @@
 
 A number that holds on one voyage only (a current, a fault) is looked for once per trial. A speed
 or force with a direction is looked for by its north and east parts: around zero a direction means
-nothing, and a search would not find its way.
+nothing, and a search would not find its way. A knot of a thrust curve is looked for as its share of
+the next knot outward, from 0 to 1: so a curve never falls.
 
 Three numbers of no interest are looked for along: how much later than the other streams commands
 and velocities are, and how much rounder the motion is than the model's, because commands are held
@@ -12,11 +13,13 @@ and what is rounded costs the inertia one per cent.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.curves import KEY, outward
 from sim.effects.effect import Parameter, Scope
 from sim.identification.settings import IdentifySettings
 from sim.model import Model
@@ -29,8 +32,8 @@ ROUNDING_STD, ROUNDING_LIMIT = 0.001, 0.004
 NUDGE = 1e-5  # of the scale: a coarse step would pass curvature off for information
 ASSUMED = 3.0  # sizes that a number of a first vessel file may be off by
 HELD = 1e-4  # of the scale
-NOT_IN_A_FILE = ("exponent",)  # a vessel file knows two curves by name; thrust_curve is the effect
 MASSES = ("m11", "m22", "m33")
+STEEPEST = 1.5  # rad, that a blade or motor turns
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
     "Y_vv": "N s²/m²", "N_r": "N m s", "N_rr": "N m s²", "x_g": "m", "Y_r": "N s", "N_v": "N s",
@@ -53,6 +56,7 @@ class Unknown:
     assumed nobody said so: the prior is there to keep what the data do not tell, and is no evidence
     trial   the only trial that it belongs to; None: all
     polar   it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
+    inward  it is looked for as its share of the number of this name
     """
 
     name: str
@@ -66,6 +70,7 @@ class Unknown:
     assumed: bool = False
     trial: int | None = None
     polar: int | None = None
+    inward: str | None = None
 
     @property
     def size(self) -> float:
@@ -109,6 +114,8 @@ class Unknowns:
         for i in self._pairs():
             out[..., i] = np.hypot(z[..., i], z[..., i + 1])
             out[..., i + 1] = np.arctan2(z[..., i + 1], z[..., i])
+        for i in self._from_outside:
+            out[..., i] *= self._outer(i, out)
         return out
 
     def solved(self, values: Floats) -> Floats:
@@ -117,6 +124,9 @@ class Unknowns:
         for i in self._pairs():
             z[i] = values[i] * np.cos(values[i + 1])
             z[i + 1] = values[i] * np.sin(values[i + 1])
+        for i in self._from_outside:
+            outer = float(self._outer(i, values))
+            z[i] = values[i] / outer if outer != 0.0 else 0.5
         return z
 
     def theta(self, z: Floats, trial: int) -> Floats:
@@ -157,6 +167,21 @@ class Unknowns:
         """z (n,) -> residuals of the priors (n,); zero where nothing is known."""
         return (z - self.start) / np.array([u.prior for u in self.each])
 
+    def _outer(self, i: int, values: Floats) -> Floats:
+        """The number (...) that unknown i is a share of."""
+        name = str(self.each[i].inward)
+        at = self.column(name)
+        if at is not None:
+            return np.asarray(values[..., at])
+        known = dict(zip(self.model.names, self.model.theta.tolist(), strict=True))
+        return np.full(values.shape[:-1], known.get(name, -1.0 if name.endswith(".-full") else 1.0))
+
+    @cached_property
+    def _from_outside(self) -> list[int]:
+        """Shares of others, those first that others are shares of."""
+        of = [i for i, u in enumerate(self.each) if u.inward is not None]
+        return sorted(of, key=lambda i: -abs(int(self.each[i].name.rpartition(KEY)[2])))
+
     def _pairs(self) -> list[int]:
         return [i for i, u in enumerate(self.each) if u.polar == 0]
 
@@ -169,7 +194,10 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
     for name in names:
         scope, parameter = limits.get(name, (Scope.BOAT, None))
         start = float(model.theta[model.names.index(name)])
-        one = _base(model, name, start) if parameter is None else _of(name, start, parameter)
+        if name.rpartition(".")[2].startswith(KEY):
+            one = _knot(model, name, start)
+        else:
+            one = _base(model, name, start) if parameter is None else _of(name, start, parameter)
         prior = settings.priors.get(name)
         one = (
             one
@@ -193,12 +221,18 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
 
 
 def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
-    """Names in the order of the model; `effect.*` stands for all that begin so."""
-    known = [n for n in model.names if n.rpartition(".")[2] not in NOT_IN_A_FILE]
+    """Names in the order of the model; `effect.*` stands for all that begin so, `left.curve` for
+    all knots of a curve, `curve` for those of all curves."""
+    named = {f"{t.name}.exponent" for t in model.vessel.thrusters}  # a file has it by a name
+    known = [n for n in model.names if n not in named]
 
     def matching(asked: str) -> list[str]:
         whole = asked[:-1] if asked.endswith(".*") else None
+        if asked.endswith(".curve"):
+            whole = asked + "_"
         found = [n for n in known if n == asked or (whole and n.startswith(whole))]
+        if asked == "curve":
+            found = [n for n in known if n.rpartition(".")[2].startswith(KEY)]
         if not found:
             raise UnknownNameError(f"no parameter {asked!r}: there are {', '.join(known)}")
         return found
@@ -248,10 +282,20 @@ def _base(model: Model, name: str, start: float) -> Unknown:
         lower, upper = -100.0 * scale, 0.0
     elif key == "area":
         lower = 0.0
+    elif key in ("angle_low", "angle_high"):
+        lower, upper = (-STEEPEST, 0.0) if start < 0.0 else (0.0, STEEPEST)
     start = min(max(start, lower), upper)
     return Unknown(
         name, UNITS.get(key, ""), start, lower, upper, scale, NUDGE * scale, ASSUMED * scale, True
     )
+
+
+def _knot(model: Model, name: str, start: float) -> Unknown:
+    """A knot of a thrust curve: its share of the next one outward; any share is possible."""
+    label, _, key = name.rpartition(".")
+    own = [n.rpartition(".")[2] for n in model.names if n.startswith(f"{label}.{KEY}")]
+    outer = outward(key, own) or ("-" if "-" in key else "") + "full"
+    return Unknown(name, "", start, 0.0, 1.0, 0.3, NUDGE, 1.0, True, inward=f"{label}.{outer}")
 
 
 def typical(model: Model, name: str) -> float:
@@ -264,6 +308,7 @@ def typical(model: Model, name: str) -> float:
         "N_r": 0.5 * m33, "N_rr": 0.5 * m33, "x_g": 0.1 * length, "Y_r": 0.3 * m22 * length,
         "N_v": 0.3 * m22 * length, "Y_uv": m22 / length, "Y_ur": m22, "N_uv": m22, "N_ur": m33,
         "x": 0.1 * length, "y": 0.1 * length, "azimuth": 0.1, "ahead": 1.0, "astern": 1.0,
+        "area": 0.003 * length**2, "angle_low": 0.3, "angle_high": 0.3,
     }  # fmt: skip
     return float(sizes.get(name.rpartition(".")[2], 0.1))
 

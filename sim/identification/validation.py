@@ -69,21 +69,25 @@ def held_out(trial: Trial) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None
 
 
 def validated(
-    trial: Trial, before: Model, after: Model, name: str, alone: bool = True
+    trial: Trial, before: Model, after: Model, name: str, alone: bool = True, later: float = 0.0
 ) -> Validation:
-    """Both models on the usable rows; `alone`: with a free run from the first sample too."""
+    """Both models on the usable rows; `alone`: with a free run from the first sample too.
+
+    How much `later` [s] commands act than they are told is how the recording was made, and no merit
+    of either model: both are told.
+    """
     ruler = Ruler.of(trial, before)
-    both = [_validated(trial, model, ruler, alone) for model in (before, after)]
+    both = [_validated(trial, model, ruler, alone, later) for model in (before, after)]
     seconds = float(trial.usable.sum()) * trial.dt
     return Validation(name, seconds, ruler.noise_floor, both[0], both[1])
 
 
-def _validated(trial: Trial, model: Model, ruler: Ruler, alone: bool) -> Validated:
-    _, rows, error = predict(trial, model, ruler).along()
+def _validated(trial: Trial, model: Model, ruler: Ruler, alone: bool, later: float) -> Validated:
+    _, rows, error = predict(trial, model, ruler, later).along()
     return Validated(
         scores(motion_of(trial)[rows, :6], error),
         nrmse(error, ruler.scales),
-        free_run(trial, model, ruler.scales) if alone else None,
+        free_run(trial, model, ruler.scales, later) if alone else None,
     )
 
 

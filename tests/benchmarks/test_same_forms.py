@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.hidden.boats import BOATS
+from benchmarks.hidden.boats import FLEET
 from benchmarks.hidden.causes import KNOWN, Hidden, causes_of
 from benchmarks.hidden.nature import Nature
+from benchmarks.hidden.sail import TICK, stepped
 from benchmarks.hidden.vessel_toml import vessel_toml
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS, named
 from sim.model import Model
 from sim.vessel import AddedEffect
 
-BOAT, VOLTS, COUNT = BOATS["grebe"], 15.0, 60
+VOLTS, COUNT = 15.0, 60
 SAME = {
     "steady_current": {"speed": 0.3, "direction": 1.0},
     "inertial_force": {"force": 6.0, "direction": -1.0},
@@ -32,6 +33,7 @@ SAME = {
     "thruster_imbalance": {"port_gain": 0.85},
     "reverse_loss": {"factor": 0.6},
     "battery_sag": {"nominal": 17.5},
+    "steering_offset": {"angle": 0.1},
 }
 ALIKE = {  # nature has its own form: least correlation of what they do
     "varying_current": ({"speed": 0.3, "direction": 1.0, "period": 90.0, "phase": 0.4}, 0.97),
@@ -48,7 +50,8 @@ OTHER_NAMES = {
     ),
     "actuator_wiring": ({}, {"order": 21.0, "reversed": 0.0}),
 }  # fmt: skip
-IN_TIME = {"thruster_lag", "command_delay", "velocity_latency"}  # nothing at one moment
+# nothing at one moment
+IN_TIME = {"thruster_lag", "steering_lag", "command_delay", "velocity_latency"}
 SENSORS = {"heading_offset", "compass_deviation", "antenna_offset", "yaw_rate_bias"}
 
 
@@ -59,9 +62,14 @@ def moments():
     return states, rng.uniform(-1.0, 1.0, (COUNT, 2)), np.linspace(0.0, 60.0, COUNT)
 
 
-def in_nature(*hidden):
+def boat_for(name):
+    """A boat that the cause can act on."""
+    return FLEET["heron" if name.startswith("steering") else "grebe"]
+
+
+def in_nature(boat, *hidden):
     """Accelerations of the body-frame velocity (K, 3) by the generator."""
-    nature, out = Nature(BOAT, causes_of(hidden)), []
+    nature, out = Nature(boat, causes_of(hidden)), []
     for (north, east, yaw, u, v, r), commands, time in zip(*moments(), strict=True):
         c, s = np.cos(yaw), np.sin(yaw)
         state = [north, east, yaw, c * u - s * v, s * u + c * v, r, 0.0, 0.0]
@@ -71,10 +79,10 @@ def in_nature(*hidden):
     return np.array(out)
 
 
-def in_sim(folder: Path, *effects):
+def in_sim(folder: Path, boat, *effects):
     """The same by `sim`."""
     file = folder / "boat.toml"
-    file.write_text(vessel_toml(BOAT), encoding="utf-8")
+    file.write_text(vessel_toml(boat), encoding="utf-8")
     model, out = Model.of(load_vessel(file).with_effects(*effects)), []
     for state, commands, time in zip(*moments(), strict=True):
         _, said = model.simulate(
@@ -86,8 +94,9 @@ def in_sim(folder: Path, *effects):
 
 def differences(folder, name, hidden, values):
     """What the cause does to the accelerations, by the generator and by `sim`: (K, 3) each."""
-    there = in_nature(Hidden(name, hidden)) - in_nature()
-    here = in_sim(folder, AddedEffect(named(name), values)) - in_sim(folder)
+    boat = boat_for(name)
+    there = in_nature(boat, Hidden(name, hidden)) - in_nature(boat)
+    here = in_sim(folder, boat, AddedEffect(named(name), values)) - in_sim(folder, boat)
     assert np.abs(there).max() > 0.01
     return there, here
 
@@ -112,6 +121,35 @@ def test_alike_where_nature_has_a_form_of_its_own(name, tmp_path):
     assert least < agreement < 1.0 - 1e-6
 
 
+def answers_to_a_step(folder, name, tau):
+    """Velocity (K, 3) two seconds from rest under a step of all commands, nature's and sim's."""
+    boat, ticks = boat_for(name), 100
+    commands = [0.6] * len(boat.outputs)
+    if not boat.rudders:
+        commands[0] = 0.3
+    nature, state, there = Nature(boat, causes_of([Hidden(name, {"tau": tau})])), [0.0] * 8, []
+    for k in range(ticks):
+        state = stepped(nature, k * TICK, state, commands, VOLTS)
+        c, s = np.cos(state[2]), np.sin(state[2])
+        there.append([c * state[3] + s * state[4], c * state[4] - s * state[3], state[5]])
+    file = folder / "boat.toml"
+    file.write_text(vessel_toml(boat), encoding="utf-8")
+    model = Model.of(load_vessel(file).with_effects(AddedEffect(named(name), {"tau": tau})))
+    start = np.zeros(model.state_size)  # at rest, shafts and rudders too
+    states, _ = model.simulate(np.tile(commands, (ticks, 1)), TICK, start)
+    return np.array(there), states[0, 1:, 3:6]
+
+
+@pytest.mark.parametrize(("name", "same"), [("steering_lag", True), ("thruster_lag", False)])
+def test_a_shaft_that_lags_is_not_a_thrust_that_lags(name, same, tmp_path):
+    """A rudder follows alike in both; nature's shaft speed lags, and thrust is its square."""
+    there, here = answers_to_a_step(tmp_path, name, 0.5)
+    at_once, _ = answers_to_a_step(tmp_path, name, TICK)
+    off, effect = np.abs(there - here).max(), np.abs(there - at_once).max()
+    assert effect > 0.03
+    assert off < 1e-5 if same else 1e-3 < off < 0.6 * effect
+
+
 def test_all_that_can_be_hidden_is_in_the_catalogue_and_compared():
     assert set(KNOWN) == {*SAME, *ALIKE, *OTHER_NAMES, *IN_TIME, *SENSORS}
-    assert {e.name for e in EFFECTS} - set(KNOWN) == {"steering_lag", "steering_offset"}
+    assert {e.name for e in EFFECTS} == set(KNOWN)

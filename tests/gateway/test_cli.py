@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-import tomli_w
 import typer
 
 from gateway import cli
@@ -296,6 +296,17 @@ def test_an_interrupted_replay_leaves_nothing(tmp_path: Path, boat: Path, log: P
     assert list(out.iterdir()) == []
 
 
+def test_live_listens_where_the_configuration_says(run: Run, tmp_path: Path, boat: Path) -> None:
+    one_line(run("live", "--vessel", boat, "--no-record"), 2, "nowhere to listen")
+    one_line(run("live", "udpin:127.0.0.1:0"), 2, "no model of the boat: give --vessel FILE")
+    one_line(run("live", "udpin:127.0.0.1:0", "--name", "x"), 2, "go with --vessel")
+    config = tmp_path / "gateway.toml"
+    config.write_text('[links]\nendpoints = ["pigeon:loft"]\n')
+    done = run("live", "--vessel", boat, "--no-record", "--config", config)
+    assert 'endpoint "pigeon:loft"' in done.err
+    assert done.status == 2
+
+
 def test_whoever_stops_reading_gets_no_complaint(log: Path) -> None:
     words = [*SHADOW, "info", str(log), "--json"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
@@ -420,7 +431,7 @@ def test_the_configuration_that_is_shown_is_one_that_can_be_read(run: Run, tmp_p
     assert strictly(run("config", "--config", given, "--json").out) == json.loads(
         json.dumps(as_tables(load_settings(given)))
     )
-    assert run("config").out == tomli_w.dumps(as_tables(Settings()))
+    assert tomllib.loads(run("config").out) == as_tables(Settings())
 
 
 def test_a_flag_goes_over_the_file_and_the_file_over_the_default(

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.pipelines.compare import as_json, compare_logs, told_apart
+from gateway.pipelines.compare import as_json, compare_logs
+from gateway.pipelines.side_by_side import told_apart
+from gateway.show.compare import show_comparisons
 from sim.trial import Stretch
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
@@ -22,7 +24,7 @@ def logs(monkeypatch):
         excluded=(Stretch(0.0, 60.0, "disarmed"),),
     )  # fmt: skip
     trials = {"both.tlog": [good, idle], "idle.tlog": [idle]}
-    monkeypatch.setattr("gateway.pipelines.compare.load_trials", lambda log, *_: trials[log])
+    monkeypatch.setattr("gateway.pipelines.side_by_side.load_trials", lambda log, *_: trials[log])
 
 
 def test_one_entry_per_trial_and_vessel(logs):
@@ -52,8 +54,10 @@ def test_pictures_go_into_the_folder(logs, tmp_path):
     compare_logs(["both.tlog"], [WAM_V], pictures=tmp_path / "pictures")
     assert {p.name for p in (tmp_path / "pictures").iterdir()} == {
         f"voyage-plain-{name}.png"
-        for name in ("velocities", "free-run", "track", "shares", "strips", "missing-force")
-    }
+        for name in (
+            "velocities", "free-run", "track", "shares", "strips", "missing-force", "independence",
+        )
+    }  # fmt: skip
 
 
 def test_a_log_of_an_autopilot(shared_data):
@@ -64,3 +68,10 @@ def test_a_log_of_an_autopilot(shared_data):
     assert tlog.nrmse == pytest.approx(flash.nrmse, rel=0.1)
     assert tlog.noise_floor_nrmse < 0.5 * tlog.nrmse
     assert tlog.scores.r2["u"] > 0.9
+
+
+def test_names_are_shown_as_they_are_whatever_brackets_they_hold(logs, capsys):
+    show_comparisons(compare_logs(["both.tlog"], [replace(WAM_V, name="[b]x")]), None)
+    table, _, words = capsys.readouterr().out.partition("nrmse: ")
+    assert "[b]x" in table
+    assert "[b]x on voyage" in words

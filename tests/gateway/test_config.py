@@ -1,13 +1,14 @@
 """gateway.toml: flags over file over defaults; every mistake is one line."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
-import tomli_w
 
-from gateway.config import Settings, as_tables, load_settings
+from gateway.config import Settings, as_tables, as_toml, load_settings, settings_of
 from gateway.errors import BadInput
 from gateway.estimation.settings import SOURCES
+from gateway.links.rates import FULL_HZ, RADIO_HZ
 from gateway.recording_file import Compression
 from sim.following.options import Law
 from sim.following.reference import Mode
@@ -22,6 +23,11 @@ name = "wam-v"
 [links]
 endpoints = ["udpin:127.0.0.1:14550"]
 
+[links.rates]
+preset = "radio"
+ATTITUDE = 12
+RAW_IMU = 25.0
+
 [filter]
 gyro_delay_s = 0.02
 
@@ -32,6 +38,9 @@ yaw_rad = 0.03
 publish = false
 endpoint = "tcp/127.0.0.1:9000"
 config_file = "zenoh.json5"
+
+[foxglove]
+address = "0.0.0.0:8765"
 
 [recording]
 compression = "lz4"
@@ -45,6 +54,10 @@ rate_hz = 20
 rate = 3.0
 law = "printed"
 limits = true
+
+[studio]
+tiles = "http://maps.local:8080/{Z}/{X}/{Y}.png"
+attribution = "our own survey"
 """
 
 
@@ -62,12 +75,19 @@ def test_without_a_file_the_defaults_stand(tmp_path: Path) -> None:
 def test_every_table_is_read(tmp_path: Path) -> None:
     found = load_settings(written(tmp_path, EVERYTHING))
     (boat,) = found.boats
-    assert (boat.system_id, boat.vessel, boat.plant) == (1, "wam-v.toml", "otter.toml")
+    assert boat.system_id == 1
+    assert (boat.vessel, boat.plant) == tuple(
+        str(tmp_path / name) for name in ("wam-v.toml", "otter.toml")
+    )  # as seen from the file
     assert found.links.endpoints == ("udpin:127.0.0.1:14550",)
+    assert found.links.rates == {**RADIO_HZ, "ATTITUDE": 12.0, "RAW_IMU": 25.0}
+    assert found.foxglove.address == "0.0.0.0:8765"
     assert found.filter.gyro_delay_s == 0.02
     assert (found.zenoh.publish, found.zenoh.bus().config_file) == (False, Path("zenoh.json5"))
     assert found.recording.compression is Compression.LZ4
     assert found.following.reference is Mode.AUTO
+    assert found.studio.tile(3, 4, 5) == "http://maps.local:8080/3/4/5.png"
+    assert (found.studio.host, found.studio.attribution) == ("maps.local:8080", "our own survey")
     assert found.following.follower.law is Law.PRINTED
 
 
@@ -83,11 +103,27 @@ def test_what_a_file_leaves_out_stays_as_it_was(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", EVERYTHING])
 def test_the_resolved_configuration_is_a_configuration(tmp_path: Path, text: str) -> None:
     resolved = load_settings(written(tmp_path, text))
-    again = load_settings(written(tmp_path, tomli_w.dumps(as_tables(resolved))))
-    assert again == resolved
+    assert load_settings(written(tmp_path, as_toml(resolved))) == resolved
+    tables = as_tables(resolved)
+    assert settings_of(tables, "") == resolved
+    assert tomllib.loads(as_toml(resolved)) == tables
+
+
+def test_a_rate_alone_leaves_the_others_as_they_were(tmp_path: Path) -> None:
+    found = load_settings(written(tmp_path, "[links.rates]\nATTITUDE = 20\nGPS_RAW_INT = 0"))
+    assert found.links.rates == {**FULL_HZ, "ATTITUDE": 20.0, "GPS_RAW_INT": 0.0}
+
+
+def test_the_printed_configuration_tells_of_presets_and_players() -> None:
+    text = as_toml(Settings())
+    assert 'preset = "radio"' in text.partition("[links.rates]")[2].partition("\nATTITUDE")[0]
+    assert "address" in text.partition("[foxglove]")[2].partition("\n[")[0]
 
 
 MISTAKES = {
+    '[studio]\ntiles = "https://maps.local/map.png"': "[studio] tiles",
+    '[studio]\ntiles = "file:///{Z}/{X}/{Y}.png"': "expected an address like",
+    "[studio]\ndeepest = 90": "[studio] deepest = 90",
     "[follow]": "unknown key follow",
     "[zenoh]\nport = 7447": "unknown key zenoh.port",
     "[filter]\nspeed = 1.0": "unknown key filter.speed",
@@ -102,6 +138,13 @@ MISTAKES = {
     '[recording]\ncompression = "rar"': "recording.compression = 'rar': input should be 'lz4', ",
     "[recording]\nfoxglove_hz = 0": "[recording] foxglove_hz = 0.0: expected a positive number",
     '[links]\nendpoints = "udp"': "links.endpoints = 'udp': input should be a valid array",
+    "[links.rates]\nATITUDE = 5": "[links.rates] ATITUDE: there is no such MAVLink message",
+    "[links.rates]\nATTITUDE = -1": "[links.rates] ATTITUDE = -1.0: expected Hz, 0 (not asked for)",
+    '[links.rates]\nATTITUDE = "5"': "links.rates.ATTITUDE = '5': input should be a valid number",
+    '[links.rates]\npreset = "slow"': "links.rates.preset = 'slow': expected full, radio",
+    "[links]\nrates = 5": "links.rates = 5: input should be an object",
+    '[foxglove]\naddress = "lab"': 'Foxglove server on "lab": expected [HOST:]PORT',
+    "[foxglove]\naddress = 8765": "foxglove.address = 8765: input should be a valid string",
     "boats = 3": "boats = 3: input should be a valid array",
     "[zenoh": "not a TOML file",
 }

@@ -170,6 +170,39 @@ def test_a_replay_that_fails_leaves_nothing_and_harms_no_older_file(tmp_path: Pa
     assert list(tmp_path.iterdir()) == [path]
 
 
+class Interrupted(io.BytesIO):
+    """Someone presses Ctrl-C while so many bytes are being written."""
+
+    def __init__(self, after: int) -> None:
+        super().__init__()
+        self.after = after
+
+    def write(self, data: Any, /) -> int:
+        self.after -= len(data)
+        if self.after < 0:
+            raise KeyboardInterrupt
+        return super().write(data)
+
+
+@pytest.mark.parametrize("after", [0, 50, 5_000, 60_000, "the last byte"])
+def test_a_replay_interrupted_anywhere_leaves_nothing(tmp_path: Path, after: int | str) -> None:
+    whole = io.BytesIO()
+    whole.close = lambda: None  # type: ignore[method-assign]  # its size is read afterwards
+    folder = tmp_path / "whole"
+    folder.mkdir()
+
+    def opener(path: Path) -> IO[bytes]:
+        path.touch()
+        return whole if path.parent == folder else Interrupted(at)
+
+    settings = RecordingSettings(chunk_bytes=1000)
+    write_much(Recorder(folder / "a.mcap", opener=opener, free=plenty, settings=settings))
+    at = len(whole.getvalue()) - 1 if isinstance(after, str) else after
+    with pytest.raises(KeyboardInterrupt):
+        write_much(Recorder(tmp_path / "a.mcap", opener=opener, free=plenty, settings=settings))
+    assert list(tmp_path.iterdir()) == [folder]
+
+
 def test_a_live_recording_is_finished_even_when_the_loop_fails(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         fail_midway(Recorder(tmp_path / "a.mcap", live=True, free=plenty))

@@ -9,7 +9,8 @@ from tests.conftest import ROOT
 
 def test_the_topics_of_the_design_are_there() -> None:
     assert list(TOPICS) == [
-        "measured", "reference", "shadow", "position", "control", "residual", "health", "event",
+        "measured", "reference", "shadow", "position", "control", "residual", "surroundings",
+        "wind", "health", "event",
     ]  # fmt: skip
 
 

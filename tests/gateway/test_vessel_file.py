@@ -18,6 +18,7 @@ from tests.sim.vessels import SHAPES, WAMV, every_effect
 
 SHIPPED = sorted((ROOT / "configs" / "vessels").glob("*.toml"))
 STEERED = (ROOT / "configs" / "vessels" / "steered.toml").read_text(encoding="utf-8")
+TABLE = "[[-1, -1], [0, 0], [0.2, 0.4], [0.5, 0.3], [1, 1]]"
 CURRENT = '[[effects]]\ntype = "steady_current"\nspeed = 0.3\ndirection = 1.2\n'
 
 positive = st.floats(1e-6, 1e6)
@@ -141,7 +142,9 @@ MISTAKES = {
     "pwm": ("channel = 4", "channel = 4\npwm = [1900, 1500, 1100]", "must be ascending pulse"),
     "pwm range": ("channel = 4", "channel = 4\npwm = [0, 1, 2]", "must be ascending pulse"),
     "thrust": ("[-60.0, 120.0]", "[60.0, 120.0]", "thrusters[0].thrust = [60.0, 120.0]: must be"),
-    "curve": ('"quadratic"', '"cubic"', "thrusters[0].curve = 'cubic': input should be 'linear'"),
+    "curve": ('"quadratic"', '"cubic"', "thrusters[0].curve = 'cubic': expected linear, quadratic"),
+    "table": ('"quadratic"', "[[-1, -1], [0, 0.1], [1, 1]]", "must run from [-1, -1] through"),
+    "falls": ('"quadratic"', TABLE, "share of full thrust must not fall"),
     "degrees": ("[-0.6, 0.6]", "[-35.0, 35.0]", "rudders[0].angle[0] = -35.0: input should be"),
     "azimuth": ("channel = 4", "channel = 4\nazimuth = 90.0", "thrusters[1].azimuth = 90.0: inp"),
     "wash": ('wash = "main"', 'wash = "mian"', "rudders[0]: no thruster named 'mian': there are"),
@@ -217,3 +220,16 @@ def test_an_effect_that_cannot_act_is_refused_in_one_line(tmp_path: Path) -> Non
     path.write_text(STEERED + entry, encoding="utf-8")
     with pytest.raises(BadInput, match=rf"^{path}: effect steady_wind needs hull.wind_area"):
         load_vessel(path)
+
+
+def test_a_table_of_thrust_comes_back_and_may_be_shared(tmp_path: Path) -> None:
+    table = "[[-1, -1], [-0.5, -0.3], [0, 0], [0.1, 0.0], [0.5, 0.28], [1, 1]]"
+    path = tmp_path / "boat.toml"
+    text = STEERED.replace('"quadratic"', table, 1)
+    text = text.replace('name = "outboard"', 'name = "outboard"\ncurve = "main"', 1)
+    path.write_text(text, encoding="utf-8")
+    vessel = load_vessel(path)
+    assert vessel.thrusters[0].curve[4] == (0.5, 0.28)
+    assert vessel.thrusters[1].curve == "main"
+    path.write_text(dump_vessel(vessel), encoding="utf-8")
+    assert load_vessel(path) == vessel

@@ -1,5 +1,6 @@
 """Watchers that vanish, return or do not keep up: the publisher never waits for them."""
 
+import select
 import signal
 import socket
 import subprocess
@@ -98,6 +99,7 @@ def first_line(subscriber: subprocess.Popen[bytes], bus: Bus) -> None:
     assert subscriber.stdout is not None
     wait(lambda: bus.wants("measured"))
     bus.publish("measured", MESSAGES["measured"])
+    assert select.select([subscriber.stdout], [], [], PATIENCE_S)[0], "nothing was heard"
     assert subscriber.stdout.readline()
 
 

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable, Mapping
 
-from benchmarks.hidden.boats import Motor
 from benchmarks.hidden.nature import Cause
+from benchmarks.hidden.outputs import Motor
 from benchmarks.hidden.scene import Scene
 
 
@@ -16,6 +16,16 @@ def thruster_lag(tau: float) -> Cause:
 def command_delay(delay: float) -> Cause:
     """The motors hear every command `delay` [s] late."""
     return Cause(delay=delay)
+
+
+def steering_lag(tau: float) -> Cause:
+    """Rudders, or motors that turn, follow as a first-order lag, `tau` [s]."""
+    return Cause(rudder_lag=tau)
+
+
+def steering_offset(angle: float) -> Cause:
+    """Amidships the rudders stand `angle` [rad] to starboard."""
+    return Cause(rudder_turned=angle)
 
 
 def thruster_misalignment(angle: float) -> Cause:
@@ -57,9 +67,9 @@ def thruster_fault(channel: float, gain: float, time: float) -> Cause:
     return Cause(thrust=thrust)
 
 
-def battery_sag(nominal: float) -> Cause:
-    """Shaft speed goes with the voltage, so thrust with (V/nominal)²."""
-    return Cause(thrust=lambda F, motor, s: F * (s.voltage / nominal) ** 2)
+def battery_sag(nominal: float, tired: float = 1.0) -> Cause:
+    """Shaft speed goes with the voltage, so thrust with (V/nominal)²; the battery is `tired`."""
+    return Cause(tired=tired, thrust=lambda F, motor, s: F * (s.voltage / nominal) ** 2)
 
 
 def advance_loss(per_mps: float) -> Cause:
@@ -87,6 +97,6 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
     for law in (
         thruster_lag, command_delay, thruster_misalignment, thruster_deadband, thrust_curve,
         actuator_wiring, thruster_imbalance, reverse_loss, thruster_fault, battery_sag,
-        advance_loss, astern_stall,
+        advance_loss, astern_stall, steering_lag, steering_offset,
     )
 }  # fmt: skip

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from benchmarks.hidden.boats import Motor
 from benchmarks.hidden.hull import damping
 from benchmarks.hidden.nature import Cause
+from benchmarks.hidden.outputs import Motor
 from benchmarks.hidden.scene import Push, Scene, Stream
 
 

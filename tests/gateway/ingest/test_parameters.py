@@ -49,4 +49,3 @@ def test_functions_become_kinds_with_their_limits() -> None:
     assert found[0].pwm == (1000.0, 1500.0, 1900.0)
     assert found[0].reversed
     assert found[2].motor == 3
-    assert (found[3].passed_through, found[4].passed_through) == (5, 3)

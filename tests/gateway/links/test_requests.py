@@ -5,7 +5,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 from gateway.links.conversation import AGAIN_NS, ROUNDS, SECOND, WAITS_NS, Address
-from gateway.links.requests import RATES_HZ, Requests
+from gateway.links.rates import FULL_HZ
+from gateway.links.requests import Requests
 from gateway.links.voice import Identity
 from tests.gateway.links.boats import Autopilot, decoded
 
@@ -77,9 +78,20 @@ def test_one_after_the_other_with_a_heartbeat_ahead(play):
 
 
 def test_the_default_table_is_asked_for_whole():
-    play = Play(RATES_HZ)
+    play = Play(FULL_HZ)
     play.requests = play.requests.heard(BOAT, 0)
-    assert play.accept_all() == [(name, 0) for name in RATES_HZ]
+    assert play.accept_all() == [(name, 0) for name in FULL_HZ]
+
+
+def test_a_rate_of_zero_is_not_asked_for_nor_missed():
+    play = Play({"ATTITUDE": 0.0, "SYSTEM_TIME": 1.0})
+    play.requests = play.requests.heard(BOAT, 0)
+    assert play.accept_all() == [("SYSTEM_TIME", 0)]
+    play.now += AGAIN_NS
+    play.requests = play.requests.observed(BOAT, {"SYSTEM_TIME": 1.0}, play.now)
+    assert play.due()[0] == []
+    play.requests = play.requests.rebooted(BOAT, play.now)
+    assert play.accept_all() == [("SYSTEM_TIME", 0)]
 
 
 def test_three_tries_further_and_further_apart_then_no_answer(play):
@@ -268,10 +280,10 @@ def test_what_is_no_boat_is_not_asked(type_, autopilot):
     assert not Requests(Identity(), TWO).take(one(raw), 0).boats
 
 
-@pytest.mark.parametrize("rates", [{"ATITUDE": 50.0}, {"ATTITUDE": 0.0}, {"ATTITUDE": float("nan")},
-                                   {"ATTITUDE": 1e6}])  # fmt: skip
+@pytest.mark.parametrize("rates", [{"ATITUDE": 50.0}, {"ATTITUDE": -1.0}, {"ATTITUDE": 1e6},
+                                   {"ATTITUDE": float("nan")}])  # fmt: skip
 def test_wrong_rates_are_refused(rates):
-    with pytest.raises(BadInput, match="rate of"):
+    with pytest.raises(BadInput, match=r"^\[links.rates\] AT"):
         Requests(Identity(), rates)
 
 

@@ -1,17 +1,19 @@
 """Which boat is shadowed by which vessel, under which name, and who is ignored."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.ingest.boats import Boat
 from gateway.links.items import Datagram, Frame
 from gateway.pipelines.fleet import MOST, BoatPlan, Fleet
 from gateway.pipelines.live_boat import LiveBoat
-from gateway.pipelines.run_live import plans_of
+from gateway.pipelines.run_live import plans_in, plans_of
 from gateway.vessel_file import dump_vessel
 from tests.gateway.pipelines.aboard import SETTINGS
 from tests.sim.vessels import IACQUABOT, WAMV
@@ -121,6 +123,37 @@ def test_vessels_by_system_id_on_the_command_line(files: tuple[str, str]) -> Non
 def test_a_name_that_is_no_key_is_one_line_at_the_start(files: tuple[str, str], name: str) -> None:
     with pytest.raises(BadInput, match="--name"):
         plans_of([files[0]], None, name, ())
+
+
+def test_boats_of_the_configuration_are_shadowed(tmp_path: Path) -> None:
+    (tmp_path / "boats").mkdir()
+    for name in ("one", "two"):
+        (tmp_path / "boats" / f"{name}.toml").write_text(dump_vessel(replace(WAMV, name=name)))
+    config = tmp_path / "gateway.toml"
+    config.write_text(
+        '[[boats]]\nvessel = "boats/one.toml"\nsystem_id = 3\nname = "uno"\n'
+        '[[boats]]\nvessel = "boats/two.toml"\nplant = "boats/one.toml"\n'
+    )
+    first, second = plans_in(load_settings(config).boats, ())
+    assert (first.vessel.name, first.plant, first.system, first.name) == ("one", None, 3, "uno")
+    assert second.vessel.name == "two"
+    assert second.plant is not None
+    assert second.plant.name == "one"
+    assert (second.system, second.name) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[[boats]]\nvessel = "a"\nname = "a/b"\n', "must not be empty nor contain"),
+        ('[[boats]]\nvessel = "a"\nsystem_id = 255\n', "expected 1 to 254"),
+    ],
+)
+def test_a_boat_of_the_configuration_that_cannot_be(tmp_path: Path, text: str, says: str) -> None:
+    config = tmp_path / "gateway.toml"
+    config.write_text(text)
+    with pytest.raises(BadInput, match=says):
+        load_settings(config)
 
 
 @pytest.mark.parametrize(

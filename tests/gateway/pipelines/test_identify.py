@@ -1,14 +1,26 @@
 """`shadow identify` from a recording that ships."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from gateway.cli import app
 from gateway.errors import BadInput
-from gateway.pipelines.identify import Span, identify_logs, settings_of
+from gateway.pipelines.identify import (
+    Span,
+    identify_logs,
+    of_voyages,
+    provenance,
+    settings_of,
+)
+from gateway.pipelines.stretches import exclusions_of
 from gateway.vessel_file import load_vessel, read_vessel_file
+from sim.diagnosis.prediction import DivergedError
+from sim.identification.estimate import Estimate
+from sim.identification.identify import Identified
 from tests.conftest import ROOT
+from tests.sim.diagnosis.voyages import WAM_V, simulated
 
 LOG = ROOT / "recordings" / "voyage_1.tlog"
 VESSEL = ROOT / "configs" / "vessels" / "demo_boat.toml"
@@ -40,6 +52,8 @@ def test_each_number_keeps_where_it_came_from(written):
 def test_json_is_strict(written):
     told = json.loads(json.dumps(written[0].as_dict(), allow_nan=False))
     assert set(told["parameters"]["m11"]) >= {"value", "ci95", "unit", "before"}
+    surge = told["step_responses"]["surge"]
+    assert 0.0 < surge["rise"] < surge["settling_2"]
 
 
 @pytest.mark.parametrize(
@@ -65,3 +79,43 @@ def test_bad_options_are_one_line(arguments):
 
 def test_the_command_is_there():
     assert "identify" in {command.callback.__name__ for command in app.registered_commands}
+
+
+def test_of_a_number_that_each_recording_has_the_first_is_kept_and_that_is_said():
+    day = 86_400 * 10**9
+    trials = [replace(simulated(WAM_V, 20.0), name=f"day {i}", start_time_ns=i * day)
+              for i in (1, 2)]  # fmt: skip
+    speeds = [
+        Estimate("steady_current.speed", "m/s", 0.1, 0.1 * i, (0.0, 1.0), True, f"day {i}")
+        for i in (1, 2)
+    ]
+    mass = Estimate("m11", "kg", 120.0, 126.0, (125.0, 127.0), True)
+    told = provenance((mass, *speeds), trials)
+    assert told["dynamics.m11"].recording == "day 1, day 2"
+    assert told["steady_current.speed"].recording == "day 1"
+    assert "0.2 m/s on day 2" in told["steady_current.speed"].says
+    found = Identified(WAM_V, "shooting", 40.0, (mass, *speeds), (), (), ())
+    (warning,) = of_voyages(found)
+    assert "steady_current.speed" in warning
+    assert "day 1" in warning
+    assert of_voyages(replace(found, estimates=(mass, speeds[0]))) == []
+
+
+def test_pictures_and_exclusions(tmp_path):
+    found = identify_logs(
+        [LOG], VESSEL, settings=settings_of([], [], [], "instrumental"), pictures=tmp_path,
+        exclude=exclusions_of(["0:100"]), span=Span(None, 250.0),
+    )  # fmt: skip
+    assert found.seconds < 151.0
+    names = {file.name for file in tmp_path.glob("*.png")}
+    assert names == {"voyage_1-velocities.png", "voyage_1-track.png", "grebe-parameters.png"}
+
+
+def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):
+    def lost(*_):
+        raise DivergedError("plain diverges at once from every start")
+
+    monkeypatch.setattr("gateway.pipelines.trials.load_trials", lambda *_: [simulated(WAM_V, 30.0)])
+    monkeypatch.setattr("gateway.pipelines.identify.identify", lost)
+    with pytest.raises(BadInput, match=r"demo_boat\.toml: plain diverges"):
+        identify_logs([LOG], VESSEL)

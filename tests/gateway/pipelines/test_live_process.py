@@ -18,6 +18,7 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gateway.links.rates import RADIO_HZ
 from gateway.links.voice import SET_RATE, Identity
 from gateway.pipelines.fleet import BoatPlan, Fleet
 from gateway.pipelines.relive import fleet_of, relived
@@ -199,6 +200,18 @@ def test_requests_are_made_again_after_a_reboot() -> None:
         wait(lambda: sum("ATTITUDE at 50 Hz: accepted" in says for says in told) == 2)
         wait(lambda: "reboot" in heard().events())
     sane(heard())
+
+
+def test_a_boat_is_asked_for_the_rates_of_the_configuration(tmp_path: Path) -> None:
+    rates = '[links.rates]\npreset = "radio"\nRAW_IMU = 2\nSYSTEM_TIME = 0\n'
+    asked = {name: hz for name, hz in RADIO_HZ.items() if hz > 0} | {"RAW_IMU": 2}
+    del asked["SYSTEM_TIME"]
+    with (
+        program(tmp_path, config=rates) as live,
+        playing([boat()], f"udpout:127.0.0.1:{live.port}"),
+    ):
+        answers = wait(lambda: len(got := [s for s in live.told if " Hz: " in s]) == 7 and got)
+    assert answers == [f"system 1: {name} at {hz:g} Hz: accepted" for name, hz in asked.items()]
 
 
 def test_hostile_datagrams_do_no_harm() -> None:

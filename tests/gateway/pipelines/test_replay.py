@@ -54,6 +54,9 @@ def payloads(path: Path) -> dict[str, list[bytes]]:
     return {topic: [m.data for _, m in found] for topic, found in recorded(path).items()}
 
 
+LATER = {"surroundings", "wind"}  # half a minute must have been seen
+
+
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fourteen seconds, with a silence of motion in the middle."""
@@ -68,7 +71,7 @@ def first(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_topic_is_recorded_and_every_message_fits_the_schema_in_the_file(first: Path) -> None:
     found = recorded(first)
-    assert set(TOPICS) <= set(found)
+    assert set(TOPICS) - LATER <= set(found)
     for topic, messages in found.items():
         for schema, message in messages if topic != "mavlink/raw" else []:
             jsonschema.validate(json.loads(message.data), json.loads(schema.data))
@@ -247,7 +250,7 @@ def test_a_second_session_hears_what_is_recorded(tmp_path: Path) -> None:
         paced = ReplayOptions(tmp_path, realtime=True, name="grebe", settings=settings)
         (recording,) = replay(path, WAMV, None, paced).recordings
     found = payloads(recording)
-    due = set(TOPICS) - {"residual"}  # its longest prediction needs ten seconds
+    due = set(TOPICS) - LATER - {"residual"}  # its longest prediction needs ten seconds
     assert {key for key, _, _ in heard} == {f"shadow/grebe/{topic}" for topic in due}
     for key, payload, encoding in heard:
         topic = key.removeprefix("shadow/grebe/")

@@ -30,7 +30,7 @@ def rows(missing: Any, std: float = 30.0) -> Shadowing:
     watched = Watched(np.asarray(missing, float), std * one, one, np.zeros((count, 9)))
     return Shadowing(
         number, number * 1.0, number * 10**9, number * 10**9, none, none, ~flag, flag, none, flag,
-        none, one, flag, watched,
+        none, one, flag, watched, one,
     )  # fmt: skip
 
 

@@ -147,6 +147,8 @@ def test_stopping_ends_play_at_once():
 class Box:
     """A port that keeps what is sent, and says what it is told to say."""
 
+    alone = None
+
     def __init__(self):
         self.sent, self.inbox = [], []
 

@@ -34,6 +34,18 @@ def test_the_model_that_made_the_data_shows_no_error(effect):
     assert nrmse(error, ruler.scales) < 1e-3
 
 
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_some_of_the_segments_are_predicted_as_among_all(effect):
+    """Memory too, whichever segments come before."""
+    trial, model = simulated(WAM_V), Model.of(replace(WAM_V, effects=EFFECTS[effect]))
+    ruler = Ruler.of(trial, Model.of(WAM_V))
+    which = np.arange(len(ruler.segments.rows)) % 3 == 1
+    part, whole = predict(trial, model, ruler.only(which)), predict(trial, model, ruler)
+    np.testing.assert_array_equal(part.rows, whole.rows[which])
+    np.testing.assert_array_equal(part.error, whole.error[which][:, : part.error.shape[1]])
+    np.testing.assert_array_equal(ruler.only(which).blocks, ruler.blocks[which])
+
+
 def test_error_is_measured_minus_model_with_yaw_wrapped():
     trial, model = simulated(WAM_V, 60.0), Model.of(WAM_V)
     ruler = Ruler.of(trial, model)

@@ -11,7 +11,8 @@ from sim.identification.identify import identify
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.unknowns import UnknownNameError
 from sim.vessel import AddedEffect
-from tests.sim.identification.boats import noisy, off
+from tests.sim.diagnosis.voyages import WAM_V, legs, trial_of
+from tests.sim.identification.boats import noisy, off, wander
 from tests.sim.vessels import WAMV
 
 
@@ -45,6 +46,43 @@ def test_thrust_and_mass_freed_together_are_named_as_inseparable():
     found = identify([noisy(WAMV, 200.0, seed=2)], off(WAMV), IdentifySettings(free=names))
     assert any("thrust and mass cannot be told apart" in says for says in found.trade)
     assert not value(found, "m11").identifiable
+    assert "share of thrust" in value(found, "m11").doubt
+
+
+def test_a_fixed_mass_tells_thrust():
+    names = (*BASE, "left.ahead", "left.astern", "right.ahead", "right.astern")
+    settings = IdentifySettings(free=names, fix=("m11",))
+    found = identify([noisy(WAMV, 200.0, seed=2)], WAMV, settings)
+    assert not any("thrust and mass" in says for says in found.trade)
+    for name, truth in (("left.ahead", 90.0), ("right.astern", -85.0)):
+        assert value(found, name).identifiable
+        assert value(found, name).value == pytest.approx(truth, rel=0.03)
+
+
+def test_a_survey_alone_leaves_hard_turns_and_full_throttle_untold():
+    eta, nu, nu_dot, drive = legs(WAM_V, 300.0, 0.1)
+    rng = np.random.default_rng(1)
+    sizes = ((0.025, 2.0), (0.025, 2.0), (0.002, 0.4))
+    nu = nu + np.stack([wander(*size, len(nu), rng) for size in sizes], axis=1)
+    found = identify([trial_of(eta, nu, nu_dot, drive, 0.1, np.eye(9))], off(WAM_V))
+    for name, manoeuvre in (
+        ("X_uu", "up to full throttle"),
+        ("Y_vv", "hard turns at full speed"),
+        ("N_rr", "spinning on the spot"),
+    ):
+        assert not value(found, name).identifiable
+        assert manoeuvre in value(found, name).doubt
+    for name in ("m33", "N_r"):
+        assert value(found, name).identifiable
+    held = [e.ci95[0] <= getattr(WAM_V.dynamics, e.name) <= e.ci95[1] for e in found.estimates]
+    assert sum(held) >= 8
+
+
+def test_a_limit_that_was_hit_is_named():
+    straight = replace(WAMV, dynamics=replace(WAMV.dynamics, X_u=-60.0, X_uu=0.0))
+    found = identify([noisy(straight, 200.0, seed=9)], off(WAMV))
+    assert "stands at its upper limit, 0 N s²/m²" in value(found, "X_uu").doubt
+    assert value(found, "X_u").value == pytest.approx(-60.0, rel=0.03)
 
 
 def test_a_boat_that_only_goes_straight_does_not_tell_its_sway():

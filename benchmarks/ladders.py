@@ -1,0 +1,121 @@
+"""Real boats improved step by step: which effects the software names, and what the error does.
+
+    python -m benchmarks.ladders [blueboat] [otter] [--data FOLDER]
+
+blueboat   lake runs without 232 and 234: the plain vessel is identified, the diagnosis names what
+           is missing, each rung is fitted anew on the same runs and run freely over the two others
+otter      ArduPilot's SITL Otter (another author's hull): the vessel file that `shadow init` gives,
+           diagnosed on the first 400 s, each rung judged on the last 100
+
+Without the data a part is skipped. Effects are the software's own choice: nothing is named here.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import blueboat
+from gateway.pipelines.diagnose import COARSE
+from gateway.pipelines.first_vessel import init_vessel
+from gateway.pipelines.trials import TrialOptions, load_trials
+from gateway.vessel_file import load_vessel
+from sim.diagnosis.answer import Diagnosis
+from sim.diagnosis.compare import compare
+from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.model import Model
+from sim.vessel import Vessel
+
+OTTER = blueboat.ROOT.parent / "shared" / "data" / "sitl" / "otter_calm.tlog"
+SIZE = {"length": 2.0, "beam": 1.08, "mass": 55.0, "thrust": 120.0}
+SEEN_S = 400.0
+GUESSED = 1.0  # share that numbers guessed from a boat's size may be off by
+
+
+def blueboat_ladder(folder: Path) -> None:
+    """Fit, diagnose on what was fitted, judge each rung on two runs that nothing saw."""
+    runs = blueboat.runs_in(folder)
+    fit = [run for run in runs if run.number not in blueboat.JUDGE]
+    judges = [run for run in runs if run.number in blueboat.JUDGE]
+    plain = blueboat.fitted(fit, [], []).vessel
+    print(
+        f"\nidentified plain vessel, {len(fit)} runs; then judged on {' and '.join(blueboat.JUDGE)}"
+    )
+    _judged(plain, judges)
+    begun = time.perf_counter()
+    trials = [
+        trial
+        for run in fit
+        for trial in load_trials(
+            folder / f"fixed_00000{run.number}.csv", None, COARSE, blueboat.MAPPING
+        )
+    ]
+    found = diagnose(trials, plain)
+    _told(found, time.perf_counter() - begun)
+    for k in range(1, len(found.effects) + 1):
+        names = found.effects[:k]
+        print(f"\nwith {', '.join(names)}, all fitted anew")
+        _judged(blueboat.fitted(fit, [], names).vessel, judges)
+
+
+def _judged(vessel: Vessel, judges: Sequence[blueboat.Run]) -> None:
+    rows = [(run.number, blueboat.judged(vessel, run)) for run in judges]
+    print("\n".join(blueboat.lines(rows)))
+
+
+def otter_ladder(log: Path) -> None:
+    """From what `shadow init` guesses."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "init.toml"
+        init_vessel(log, file, None, SIZE, None, True)
+        vessel = load_vessel(file)
+    (whole,) = load_trials(log, None, COARSE)
+    seen = replace(whole, usable=whole.usable & (whole.time < SEEN_S))
+    begun = time.perf_counter()
+    found = diagnose([seen], vessel, DiagnoseSettings(prior=GUESSED))
+    _told(found, time.perf_counter() - begun)
+    (fine,) = load_trials(log, None, TrialOptions())
+    last = replace(fine, usable=fine.usable & (fine.time >= SEEN_S))
+    models = [Model.of(rung.vessel) for rung in found.ladder]
+    print(f"\non the last {float(last.usable.sum()) * last.dt:.0f} s, free runs of 10 s")
+    for rung, one in zip(found.ladder, compare(last, models), strict=True):
+        name = " + ".join(rung.effects) or rung.base
+        cells = "  ".join(f"{c} {one.scores.rmse[c]:.4f}" for c in "uvr")
+        print(f"{name:40} nrmse {one.nrmse:.3f} (noise {one.noise_floor_nrmse:.3f})  {cells}")
+
+
+def _told(found: Diagnosis, seconds: float) -> None:
+    print(f"\n{found.verdict}, {seconds:.0f} s: {found.summary}")
+    for rung in found.ladder:
+        name = " + ".join(rung.effects) or rung.base
+        print(f"  {name:40} held-out nrmse {rung.heldout.nrmse:.3f}")
+    for effect, numbers in found.ladder[-1].parameters.items():
+        told = ", ".join(f"{e.name.rpartition('.')[2]} {e.value:.3g}" for e in numbers[:4])
+        print(f"  {effect}: {told}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.ladders")
+    parser.add_argument("boats", nargs="*", default=["blueboat", "otter"])
+    parser.add_argument("--data", type=Path, help="folder of the BlueBoat runs")
+    a = parser.parse_args(arguments)
+    np.set_printoptions(precision=3)
+    folder = a.data or Path(os.environ.get("SHADOW_BLUEBOAT", blueboat.BESIDE))
+    if "blueboat" in a.boats:
+        print("BlueBoat on a lake")
+        blueboat_ladder(folder) if folder.is_dir() else print(f"skipped: no runs in {folder}")
+    if "otter" in a.boats:
+        print("\nOtter in ArduPilot's simulation")
+        otter_ladder(OTTER) if OTTER.is_file() else print(f"skipped: no {OTTER.name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""A plant that is not what its follower believes: one vessel moves, another one is reckoned with.
+
+    law:    τ_c = M̂ γ + Ĉ ν + D̂ ν        of the vessel that is believed in
+    motion: M ν̇ = τ_c + τ_disturbance − C ν − D ν       of the vessel that moves
+
+`VesselFollower` takes both from one vessel: there the model is perfect.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.following.options import Following
+from sim.following.stepwise import PlantFollower
+from sim.model import Model
+from sim.plants.plant import Around, Motion
+from sim.plants.vessel_plant import VesselPlant
+from sim.state import Floats, Velocity, Wrench
+from sim.vessel import Vessel
+
+
+@dataclass(frozen=True)
+class Misjudged:
+    """`true` moves; `believed` answers which force a wanted acceleration takes."""
+
+    true: VesselPlant
+    believed: VesselPlant
+
+    @classmethod
+    def of(cls, true: Vessel, believed: Vessel) -> "Misjudged":
+        """From two vessels."""
+        return cls(VesselPlant(Model.of(true)), VesselPlant(Model.of(believed)))
+
+    @property
+    def name(self) -> str:
+        """The name of what moves."""
+        return self.true.name
+
+    def place(self, motion: Motion, around: Around) -> Any:
+        """A state with that pose and velocity."""
+        return self.true.place(motion, around)
+
+    def motion(self, state: Any) -> Motion:
+        """Pose and velocity of a state."""
+        return self.true.motion(state)
+
+    def acceleration(self, state: Any, tau: Wrench, around: Around) -> Velocity:
+        """ν̇ of what moves."""
+        return self.true.acceleration(state, tau, around)
+
+    def required(self, state: Any, nu_dot: Velocity, around: Around) -> Wrench:
+        """The force that this ν̇ would take if the belief were true."""
+        return self.believed.required(state, nu_dot, around)
+
+    def step(self, state: Any, tau: Wrench, around: Around, dt: float) -> Any:
+        """The state dt [s] later."""
+        return self.true.step(state, tau, around, dt)
+
+
+def followed(
+    true: Vessel, believed: Vessel, reference: Floats, dt: float, options: Following | None = None
+) -> Floats:
+    """Reference (T, 9) every dt [s] -> shadow (T, 9) of a plant that is not what is believed."""
+    follower = PlantFollower.of(Misjudged.of(true, believed), options)
+    times: Floats = dt * np.arange(len(reference), dtype=np.float64)
+    return follower.advance(follower.start(), times, reference).shadows

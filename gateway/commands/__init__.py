@@ -1,0 +1,1 @@
+"""Commands by groups; `gateway.cli` lists them. Their work is done in `gateway.pipelines`."""

@@ -1,0 +1,99 @@
+"""Commands for what a model lacks: find it, put it in, read about it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.commands.given import effects_from, print_result
+from gateway.commands.options import AsJson, EffectFiles, LogFiles, Mapping, System, VesselFile
+from gateway.errors import BadInput
+
+
+def diagnose(
+    logs: LogFiles,
+    vessel: VesselFile,
+    improve: Annotated[
+        bool, typer.Option(help="Look on beside what was found, until nothing more is justified.")
+    ] = True,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG): ladder, ranking, evidence.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option("--save", help="The answer as JSON, for shadow add --from.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The better vessel file to write.")
+    ] = None,
+    prior: Annotated[
+        float,
+        typer.Option(metavar="SHARE", help="How far off the base numbers may be, 0.15: 15 %."),
+    ] = 0.15,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
+) -> None:
+    """Which physical effect is missing from the model, how sure that is, and what to do next."""
+    from gateway.effect_files import known_effects
+    from gateway.pipelines.diagnose import diagnosed
+    from gateway.pipelines.diagnosed import check_folders
+    from gateway.pipelines.keep import kept
+    from gateway.show.diagnose import show_diagnosed
+    from gateway.show.progress import status
+    from sim.diagnosis.diagnose import DiagnoseSettings
+
+    if not 0.0 < prior <= 10.0:
+        raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
+    check_folders(save, out)
+    own = effects_from(effects)
+    settings = DiagnoseSettings(prior=prior, effects=known_effects())
+    with status("diagnosing") as tell:
+        found = diagnosed(
+            logs, vessel, improve=improve, settings=settings, system=system,
+            mapping=mapping, effects=own, tell=tell,
+        )  # fmt: skip
+        kept(found, save=save, out=out, pictures=pictures, effects=own, tell=tell)
+    print_result(json, found.as_dict, lambda: show_diagnosed(found, save, out, pictures))
+
+
+def add(
+    names: Annotated[list[str], typer.Argument(metavar="EFFECT", help="Effects, by name.")],
+    vessel: VesselFile,
+    source: Annotated[
+        Path, typer.Option("--from", help="What shadow diagnose --save wrote.", metavar="JSON")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
+    effects: EffectFiles = None,
+) -> None:
+    """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
+    from gateway.pipelines.add import add_effects
+    from gateway.pipelines.diagnosed import check_folders
+    from gateway.show.add import show_added
+
+    check_folders(out)
+    done = add_effects(names, vessel, source, out, effects_from(effects))
+    show_added(done, names, vessel, out)
+
+
+def show_effects(
+    name: Annotated[str | None, typer.Argument(help="One effect, explained.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="With NAME: what it does, as .png or .svg.")
+    ] = None,
+    effects: EffectFiles = None,
+) -> None:
+    """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
+    from gateway.effect_files import known_effects
+    from gateway.show.effects import show_catalogue, show_effect
+
+    known = [*known_effects(), *effects_from(effects)]
+    if name is None and picture is not None:
+        raise BadInput("--picture: of which effect? shadow effects NAME --picture FILE.png")
+    if name is None:
+        show_catalogue(known)
+        return
+    chosen = [effect for effect in known if effect.name == name]
+    if not chosen:
+        raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
+    show_effect(chosen[0], picture)

@@ -1,0 +1,156 @@
+"""Commands for the numbers of a model, and how well they do."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.commands.given import effects_from, print_result, vessel_from
+from gateway.commands.options import AsJson, EffectFiles, LogFiles, Mapping, System, VesselFile
+from gateway.errors import BadInput
+
+
+def identify(
+    logs: LogFiles,
+    vessel: VesselFile,
+    out: Annotated[Path | None, typer.Option("--out", help="The vessel file to write.")] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", help="Start [s after a recording's first sample].")
+    ] = None,
+    end: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option(help="FROM:TO [s] to leave out, or RECORDING:FROM:TO; as often as needed."),
+    ] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Also fit this: m11 … N_ur, left.ahead, left.curve, EFFECT.NAME or EFFECT.*"
+        ),
+    ] = None,
+    fix: Annotated[list[str] | None, typer.Option(help="Leave this as it is.")] = None,
+    prior: Annotated[
+        list[str] | None, typer.Option(help="NAME=SHARE: known beforehand to within that share.")
+    ] = None,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="shooting; simulation: best where the model runs freely for long; instrumental "
+            "(variables); regression: the paper's least squares."
+        ),
+    ] = "shooting",
+    validate: Annotated[
+        list[Path] | None, typer.Option(help="Recordings to judge by; default: blocks held out.")
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG): before and after, intervals.")
+    ] = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
+) -> None:
+    """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
+    from gateway.pipelines.identify import Span, identify_logs, settings_of
+    from gateway.pipelines.stretches import exclusions_of
+    from gateway.show.identify import show_identified
+    from gateway.show.progress import status
+
+    settings = settings_of(free or (), fix or (), prior or (), method)
+    with status("identifying") as tell:
+        found = identify_logs(
+            logs, vessel, out, settings, span=Span(start, end), validate=validate or (),
+            exclude=exclusions_of(exclude or ()), pictures=pictures, system=system,
+            mapping=mapping, effects=effects_from(effects), tell=tell,
+        )  # fmt: skip
+    print_result(json, found.as_dict, lambda: show_identified(found, out, pictures))
+
+
+def compare(
+    logs: LogFiles,
+    vessel: Annotated[
+        list[Path],
+        typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
+    ],
+    horizon: Annotated[float, typer.Option(help="How long the model runs freely [s].")] = 10.0,
+    refit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="voyage",
+            help="voyage: estimate current, wind and what else is of one day anew, on blocks of "
+            "time that it is not judged by.",
+        ),
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG) of errors and tracks.")
+    ] = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
+) -> None:
+    """How far is the model from the measurement, beside the noise floor, and where is it worst."""
+    from gateway.pipelines.compare import as_json, compare_logs
+    from gateway.show.compare import show_comparisons
+    from gateway.show.progress import status
+    from sim.diagnosis.settings import CompareSettings
+
+    if refit not in (None, "voyage"):
+        raise BadInput(f"--refit {refit}: expected voyage")
+    try:
+        settings = CompareSettings(horizon=horizon)
+    except ValueError as error:
+        raise BadInput(f"--horizon: {error}") from None
+    with status("comparing") as tell:
+        found = compare_logs(
+            logs, vessel, settings, system=system, mapping=mapping, effects=effects_from(effects),
+            pictures=pictures, progress=tell, refit=refit is not None,
+        )  # fmt: skip
+    print_result(json, lambda: as_json(found), lambda: show_comparisons(found, pictures))
+
+
+def plan(
+    log: Annotated[
+        Path | None, typer.Argument(metavar="[LOG]", help="Choose by what this leaves open.")
+    ] = None,
+    vessel: Annotated[
+        Path | None, typer.Option("--vessel", "-v", help="Model of the boat (TOML).")
+    ] = None,
+    excitation: Annotated[
+        str | None,
+        typer.Option(help="Which manoeuvre, see --list. Default: the LOG's choice, or mixed."),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Cut it short or begin it again [s].")
+    ] = None,
+    throttle_limit: Annotated[float, typer.Option(help="Largest throttle, 0 to 1.")] = 0.7,
+    radius: Annotated[float, typer.Option(help="How far from its start it may go [m].")] = 100.0,
+    speed_limit: Annotated[
+        float | None, typer.Option(help="Stop above this [m/s]. Default: 1.3 × the predicted.")
+    ] = None,
+    lowest_voltage: Annotated[
+        float | None, typer.Option(help="Stop below this [V]. Default: the boat's BATT_LOW_VOLT.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of random and joystick.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path("shadow-out/plan"),
+    list_: Annotated[bool, typer.Option("--list", help="All manoeuvres, and end.")] = False,
+    effects: EffectFiles = None,
+    json: AsJson = False,
+) -> None:
+    """A manoeuvre to learn a boat by: predicted, then written as CSV and ArduPilot Lua."""
+    from gateway.pipelines.plan import PlanOptions, make_plan
+    from gateway.show.plan import show_manoeuvres, show_planned
+    from sim.excitation.catalogue import MANOEUVRES
+
+    if list_:
+        show_manoeuvres(MANOEUVRES)
+        return
+    if vessel is None:
+        raise BadInput("no vessel: give --vessel FILE (TOML), or --list for all manoeuvres")
+    options = PlanOptions(
+        excitation, seconds, throttle_limit, radius, speed_limit, lowest_voltage, seed
+    )
+    if log is not None and not log.is_file():
+        raise BadInput(f"{log}: no such file")
+    done = make_plan(vessel_from(vessel, effects), options, out, log)
+    print_result(json, done.as_dict, lambda: show_planned(done))

@@ -1,0 +1,105 @@
+"""Commands on recordings and on what a boat says of itself."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.commands.given import print_result, settings_from, vessel_from
+from gateway.commands.options import (
+    AsJson,
+    Config,
+    EffectFiles,
+    LogFile,
+    LogFiles,
+    Mapping,
+    PlantFile,
+    Publish,
+    Record,
+    Reference,
+    System,
+    VesselFile,
+    ZenohName,
+)
+from gateway.errors import BadInput
+
+
+def info(
+    log: LogFile, system: System = None, mapping: Mapping = None, json: AsJson = False
+) -> None:
+    """What is in a recording: vehicles, messages, rates, gaps, sources, what it is good for."""
+    from gateway.ingest.open import open_log
+    from gateway.ingest.survey import survey
+    from gateway.show.survey import show_survey
+
+    found = survey(open_log(log, mapping), system)
+    print_result(json, found.as_dict, lambda: show_survey(found))
+
+
+def init(
+    log: LogFile,
+    out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
+    name: Annotated[str | None, typer.Option(help="Name of the boat.")] = None,
+    length: Annotated[float | None, typer.Option(help="Length [m].")] = None,
+    beam: Annotated[float | None, typer.Option(help="Beam [m].")] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass [kg].")] = None,
+    thrust: Annotated[float | None, typer.Option(help="Full thrust of one motor [N].")] = None,
+    top_speed: Annotated[float | None, typer.Option(help="Top speed [m/s].")] = None,
+    system: System = None,
+    force: Annotated[bool, typer.Option(help="Replace the file if it is there.")] = False,
+) -> None:
+    """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
+    from gateway.pipelines.first_vessel import init_vessel
+    from gateway.show.vessel import show_first_vessel
+
+    asked = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
+    given = {key: value for key, value in asked.items() if value is not None}
+    show_first_vessel(init_vessel(log, out, name, given, system, force), out)
+
+
+def replay(
+    logs: LogFiles,
+    vessel: VesselFile,
+    plant: PlantFile = None,
+    reference: Reference = None,
+    speed: Annotated[str, typer.Option(help="1: as recorded; max: as fast as it goes.")] = "max",
+    out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
+    record: Record = True,
+    publish: Publish = None,
+    name: ZenohName = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    config: Config = None,
+    json: AsJson = False,
+) -> None:
+    """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
+    from gateway.pipelines import replay as work
+    from gateway.show.progress import progress
+    from gateway.show.replay import replays_dict, show_replay
+
+    recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
+    settings = settings_from(config, reference, publish, recorded)
+    if speed not in ("1", "max"):
+        raise BadInput(f"--speed {speed}: expected 1 or max")
+    boat, own = vessel_from(vessel, effects), vessel_from(plant, effects) if plant else None
+    options = work.ReplayOptions(
+        out=out if record else None, realtime=speed == "1", system=system, name=name,
+        mapping=mapping, settings=settings,
+    )  # fmt: skip
+    done = []
+    for log, chosen in zip(logs, work.told_apart(logs, options), strict=True):
+        with progress(f"replaying {log.name}") as tell:
+            done.append(work.replay(log, boat, own, chosen, tell))
+        if not json:
+            show_replay(done[-1])
+    print_result(json, lambda: replays_dict(done), lambda: None)
+
+
+def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> None:
+    """Make a recording whole that was cut off (power, kill): rewritten in one piece."""
+    from gateway.recording import repair as work
+
+    done = work(file)
+    state = "was whole already" if done.was_finished else f"made whole: {done.messages} messages"
+    print(f"{done.path}: {state}")

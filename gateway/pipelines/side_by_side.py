@@ -1,0 +1,102 @@
+"""Recordings and vessels -> trials with their comparisons, for whoever tells or draws them."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gateway.errors import BadInput
+from gateway.pipelines.notices import notices_of
+from gateway.pipelines.trials import TrialOptions, left_out, load_trials
+from gateway.vessel_file import load_vessel
+from sim.diagnosis.compare import Comparison, compare
+from sim.diagnosis.prediction import DivergedError
+from sim.diagnosis.refit import FEWEST, LENGTH_S, compare_refitted
+from sim.diagnosis.segments import NoUsableTimeError
+from sim.diagnosis.settings import CompareSettings
+from sim.effects.effect import Effect
+from sim.model import Model
+from sim.trial import Trial
+from sim.vessel import Vessel
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One trial and its comparisons, a vessel each, under one ruler."""
+
+    trial: Trial
+    comparisons: tuple[Comparison, ...]
+
+
+def side_by_side(
+    logs: Sequence[str | Path],
+    vessels: Sequence[str | Path | Vessel],
+    *,
+    settings: CompareSettings | None = None,
+    system: int | None = None,
+    options: TrialOptions | None = None,
+    mapping: str | Path | None = None,
+    effects: Iterable[Effect] = (),
+    refit: bool = False,
+    tell: Tell = lambda _: None,
+) -> list[Compared]:
+    """Every trial with usable time of every log; BadInput where there is none at all.
+
+    The first vessel gives each trial's ruler; `effects` are known beside the catalogue's. `refit`:
+    what belongs to one voyage is estimated anew, on blocks that it is not judged by.
+    """
+    if not logs or not vessels:
+        raise BadInput("nothing to compare: give at least one recording and one vessel file")
+    models = [Model.of(vessel) for vessel in told_apart(vessels, tuple(effects))]
+    out: list[Compared] = []
+    trials: list[Trial] = []
+    for log in logs:
+        tell(f"reading {Path(log).name}")
+        read = load_trials(log, system, options, mapping)
+        for trial in read:
+            out += compared_trial(trial, models, settings, tell, refit)
+        trials += read
+    if not out:
+        names = ", ".join(str(log) for log in logs)
+        needed = f" (--refit needs {FEWEST} blocks of {LENGTH_S:g} s)" if refit else ""
+        why = left_out(trials) or "all are too short"
+        raise BadInput(f"{names}: no stretch that can be compared over{needed}: {why}")
+    return out
+
+
+def compared_trial(
+    trial: Trial,
+    models: Sequence[Model],
+    settings: CompareSettings | None,
+    tell: Tell,
+    refit: bool = False,
+) -> list[Compared]:
+    """All models on one trial; nothing where no time of it can be used."""
+    how = compare_refitted if refit else compare
+    try:
+        found = how(trial, models, settings, lambda name: tell(f"{trial.name}: {name}"))
+    except DivergedError as problem:
+        raise BadInput(f"{trial.name}: {problem}") from None
+    except NoUsableTimeError as problem:
+        tell(f"left out, {problem}")
+        return []
+    told = [
+        replace(one, notices=notices_of([trial], model.vessel))
+        for one, model in zip(found, models, strict=True)
+    ]
+    return [Compared(trial, tuple(told))]
+
+
+def told_apart(
+    vessels: Sequence[str | Path | Vessel], effects: Sequence[Effect] = ()
+) -> list[Vessel]:
+    """Vessels or their files -> vessels with names of their own: old and new often share one."""
+    read = [v if isinstance(v, Vessel) else load_vessel(v, effects) for v in vessels]
+    names = [v.name for v in read]
+    out = []
+    for i, (given, vessel) in enumerate(zip(vessels, read, strict=True)):
+        mark = f"#{i + 1}" if isinstance(given, Vessel) else Path(given).name
+        twin = names.count(vessel.name) > 1
+        out.append(replace(vessel, name=f"{vessel.name} ({mark})") if twin else vessel)
+    return out

@@ -1,0 +1,144 @@
+"""The few kinds of things that pages are made of, in one dress."""
+
+import re
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+import panel as pn
+
+from gateway.glossary import GLOSSARY
+
+# Reaches into every widget: each lives in a shadow root, where the page's own rules end.
+STYLE = """
+:host { --font: 15px/1.45 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; font: var(--font); color: var(--ink); }
+.bk-input, select.bk-input, .bk-input-group input { background: var(--field) !important; color: var(--ink) !important; border: 1px solid var(--edge) !important; border-radius: 6px !important; font: inherit; }
+.bk-input-group > label, label, .bk-slider-title { color: var(--ink); font-size: 14px; }
+.bk-slider-value { color: var(--ink); font-weight: 600; }
+.bk-btn { font: inherit; border-radius: 6px !important; border: 1px solid var(--edge) !important; background: var(--field) !important; color: var(--ink) !important; white-space: normal; text-align: left; }
+.bk-btn:hover { background: var(--soft) !important; }
+.bk-btn-primary { background: var(--accent) !important; color: var(--on-accent) !important; border-color: var(--accent) !important; font-weight: 600; text-align: center; }
+.bk-btn:disabled, .bk-btn[disabled] { opacity: 1 !important; color: var(--faint) !important; background: var(--ground) !important; border-style: dashed !important; }
+.bk-btn:focus-visible, .bk-input:focus-visible, input:focus-visible, .noUi-handle:focus-visible { outline: 3px solid var(--accent) !important; outline-offset: 2px; }
+.bk-btn-group { flex-wrap: wrap; }
+.noUi-target { background: var(--line); border-color: var(--edge); } .noUi-connect { background: var(--accent) !important; } .noUi-handle { background: var(--paper); border-color: var(--accent); }
+h1 { font-size: 1.35rem; margin: .2rem 0 .4rem; } h2 { font-size: 1.1rem; margin: .3rem 0; } h3 { font-size: 1rem; margin: .2rem 0; }
+p { margin: .3rem 0; } summary { cursor: pointer; font-weight: 600; } .faint { color: var(--faint); font-size: .9rem; } .good { color: var(--good); font-weight: 600; } .warn { color: var(--warn); font-weight: 600; }
+.word { text-decoration: underline dotted; text-underline-offset: 3px; cursor: help; border-radius: 3px; } .word:focus { outline: 3px solid var(--accent); outline-offset: 2px; } [role=tooltip] { display: none; }
+.bk-slider-title, .bk-slider-value { white-space: normal; overflow-wrap: anywhere; }
+.wide { overflow-x: auto; } table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .3rem .6rem; border-bottom: 1px solid var(--line); vertical-align: top; } th { color: var(--faint); font-weight: 600; font-size: .88rem; }
+th:first-child, td:first-child, td.text, th.text { text-align: left; } td.text { white-space: normal; }
+pre { white-space: pre-wrap; font-size: 13px; margin: 0; } ul { margin: .2rem 0 .2rem 1.1rem; padding: 0; }
+a { color: var(--accent); }
+"""  # noqa: E501
+NO_BUTTON = ".scroll-button { display: none; }"  # every column has one, and it takes room in a row
+CARD = {
+    "overflow-x": "auto",
+    "background": "var(--paper)", "border": "1px solid var(--line)", "border-radius": "10px",
+    "padding": "10px 14px", "margin": "0 0 14px 0",
+}  # fmt: skip
+
+
+def dress() -> None:
+    """Once per process."""
+    pn.config.raw_css.append(STYLE)
+    pn.config.sizing_mode = "stretch_width"
+    pn.config.notifications = False
+
+
+def html(text: str = "", **more: Any) -> Any:
+    """A piece of the page as HTML; whoever writes it escapes what others wrote."""
+    return pn.pane.HTML(text, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE], **more)
+
+
+def card(*parts: Any, **more: Any) -> Any:
+    """Parts that belong together, on paper."""
+    return pn.Column(*parts, styles=CARD, sizing_mode="stretch_width", **more)
+
+
+def beside(*parts: Any) -> Any:
+    """Parts side by side where there is room, else one below the other.
+
+    Not a FlexBox: pictures in it are laid out before it has a width. Not a Row: it is never
+    narrower than all its parts together.
+    """
+    for part in parts:
+        part.styles = {**part.styles, "flex": "1 1 380px", "min-width": "min(100%, 320px)"}
+    wrap = {"flex-direction": "row", "flex-wrap": "wrap", "gap": "0 14px"}
+    return pn.Column(*parts, styles=wrap, stylesheets=[NO_BUTTON], margin=0,
+                     sizing_mode="stretch_width")  # fmt: skip
+
+
+def controls(*parts: Any) -> Any:
+    """Small things in a row, on one line with their fields."""
+    return pn.FlexBox(*parts, flex_wrap="wrap", align_items="flex-end",
+                      gap="4px 10px", margin=0)  # fmt: skip
+
+
+def button(text: str, pressed: Callable[[], None], kind: str = "default", **more: Any) -> Any:
+    """A button that calls."""
+    made = pn.widgets.Button(
+        label=text, color=kind, stylesheets=[STYLE],
+        sizing_mode=more.pop("sizing_mode", "fixed"), margin=more.pop("margin", (5, 0)), **more,
+    )  # fmt: skip
+    made.on_click(lambda _: pressed())
+    return made
+
+
+def select(label: str, options: Any, **more: Any) -> Any:
+    """A choice of one."""
+    return pn.widgets.Select(label=label, options=options, stylesheets=[STYLE],
+                             sizing_mode="fixed", margin=(5, 0), **more)  # fmt: skip
+
+
+def field(label: str, **more: Any) -> Any:
+    """A line of text to be filled in."""
+    return pn.widgets.TextInput(label=label, stylesheets=[STYLE], sizing_mode="fixed",
+                                margin=(5, 0), **more)  # fmt: skip
+
+
+def boxes(**more: Any) -> Any:
+    """Boxes to be ticked."""
+    return pn.widgets.CheckBoxGroup(stylesheets=[STYLE], margin=(5, 0), **more)
+
+
+def download(label: str, filename: str, callback: Callable[[], Any], **more: Any) -> Any:
+    """A button that hands a file to the browser."""
+    return pn.widgets.FileDownload(
+        callback=callback, filename=filename, label=label, stylesheets=[STYLE],
+        color="default", sizing_mode="fixed", margin=(5, 0), **more,
+    )  # fmt: skip
+
+
+def word(term: str, shown: str = "") -> str:
+    """A term of the glossary: what it means shows under the pointer and at the keyboard's focus.
+
+    The page's own script draws the tooltip, where nothing cuts it off; readers aloud are told by
+    the description.
+    """
+    key = f"tip-{re.sub('[^a-z0-9]+', '-', term.lower())}"
+    return (f'<span class="word" tabindex="0" data-term="{escape(term)}" aria-describedby="{key}">'
+            f'{escape(shown or term)}<span id="{key}" role="tooltip" hidden>'
+            f"{escape(GLOSSARY[term])}</span></span>")  # fmt: skip
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: Sequence[int] = ()) -> str:
+    """A table of HTML cells; columns in `text` are set as text."""
+    mark = [' class="text"' if i in text else "" for i in range(len(heads))]
+    head = "".join(f"<th{m}>{h}</th>" for m, h in zip(mark, heads, strict=True))
+    body = "".join(
+        "<tr>" + "".join(f"<td{m}>{c}</td>" for m, c in zip(mark, row, strict=True)) + "</tr>"
+        for row in rows
+    )
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'  # noqa: E501
+
+
+def bullets(sentences: Sequence[str]) -> str:
+    """Sentences of ours or others as a list."""
+    return "<ul>" + "".join(f"<li>{escape(says)}</li>" for says in sentences) + "</ul>"
+
+
+def drawn(picture: Any) -> Any:
+    """A Bokeh picture as a part of the page."""
+    return pn.pane.Bokeh(picture.layout, sizing_mode="stretch_width", margin=0)

@@ -1,0 +1,24 @@
+"""A file written whole or not at all."""
+
+from contextlib import suppress
+from pathlib import Path
+
+from gateway.errors import ShadowError
+
+
+def write_whole(file: Path, content: bytes, what: str, folders: bool = False) -> None:
+    """One line that names `what` where it cannot be written; what stood there before stays.
+
+    `folders`: make those that are not there yet.
+    """
+    part = file.with_name(f".{file.name}.part")
+    try:
+        if folders:
+            file.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(content)
+        part.replace(file)
+    except OSError as error:
+        raise ShadowError(f"{file}: cannot write {what}: {error.strerror}") from None
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)

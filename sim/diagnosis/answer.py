@@ -1,0 +1,124 @@
+"""What a diagnosis says: verdict, ladder, ranking, refusals, and the better vessel."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from sim.diagnosis.judged import HeldOut
+from sim.diagnosis.leftover import Dependence
+from sim.diagnosis.manoeuvres import Suggested
+from sim.diagnosis.refusals import Refusal
+from sim.identification.estimate import Estimate
+from sim.vessel import Vessel
+
+
+class Verdict(StrEnum):
+    """The four answers there are."""
+
+    ADEQUATE = "adequate"
+    EXPLAINED = "explained"
+    CONFOUNDED = "confounded"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the ladder: effects, held-out error, numbers with intervals.
+
+    base    "plain" as the vessel was given, "refitted" with its base numbers fitted
+    vessel  the whole vessel of this step
+    """
+
+    effects: tuple[str, ...]
+    base: str
+    heldout: HeldOut
+    base_parameters: tuple[Estimate, ...]
+    parameters: Mapping[str, tuple[Estimate, ...]]
+    vessel: Vessel
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON; without an interval where there is none."""
+        out: dict[str, Any] = {
+            "effects": list(self.effects), "base": self.base, "heldout_nrmse": self.heldout.nrmse,
+            "base_parameters": {e.name: _number(e) for e in self.base_parameters},
+            "parameters": {
+                effect: {e.name.rpartition(".")[2]: _number(e) for e in numbers}
+                for effect, numbers in self.parameters.items()
+            },
+        }  # fmt: skip
+        return out | ({"ci95": list(self.heldout.ci95)} if self.heldout.ci95 else {})
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of the catalogue beside the bare base.
+
+    alike   correlation of what it explains with what the first of the ranking explains
+    """
+
+    effect: str
+    probability: float
+    heldout_nrmse: float
+    confounded_with: tuple[str, ...]
+    alike: float = 1.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "effect": self.effect, "probability": self.probability,
+            "heldout_nrmse": self.heldout_nrmse, "confounded_with": list(self.confounded_with),
+            "alike": self.alike,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer; `vessel` is the best model found, `floor` the nrmse of noise alone.
+
+    alternatives   what was not chosen, each with its own fitted numbers: every effect of the
+                   ranking alone beside the base, and the rivals of later steps beside the earlier
+    """
+
+    verdict: Verdict
+    summary: str
+    base_changed: bool
+    effects: tuple[str, ...]
+    ladder: tuple[Rung, ...]
+    ranking: tuple[Candidate, ...]
+    unexplained: float
+    depends_on: tuple[Dependence, ...]
+    refused: tuple[Refusal, ...]
+    next_manoeuvre: str | None
+    floor: float
+    vessel: Vessel
+    suggested: tuple[Suggested, ...] = ()
+    alternatives: tuple[Rung, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `shadow diagnose --json` prints."""
+        return {
+            "verdict": str(self.verdict), "summary": self.summary,
+            "base_changed": self.base_changed, "effects": list(self.effects),
+            "ladder": [rung.as_dict() for rung in self.ladder],
+            "alternatives": [rung.as_dict() for rung in self.alternatives],
+            "ranking": [row.as_dict() for row in self.ranking],
+            "unexplained": self.unexplained,
+            "depends_on": [
+                {"on": d.on, "share": d.share, "says": d.says} for d in self.depends_on
+            ],
+            "refused": [{"effect": r.effect, "because": r.because} for r in self.refused],
+            "next_manoeuvre": self.next_manoeuvre,
+            "suggested": [
+                {"manoeuvre": s.manoeuvre.name, "seconds": s.seconds, "nats": s.nats}
+                for s in self.suggested
+            ],
+            "noise_floor_nrmse": self.floor,
+            "vessel": self.vessel.name,
+        }  # fmt: skip
+
+
+def _number(e: Estimate) -> dict[str, Any]:
+    return {"value": e.value, "ci95": list(e.ci95), "unit": e.unit} | (
+        {"doubt": e.doubt} if e.doubt else {}
+    )

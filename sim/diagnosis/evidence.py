@@ -1,0 +1,162 @@
+"""The evidence for an effect: what is missing without it, against what it depends on.
+
+    points   mean over a bin of   missing force of the vessel without the effect
+    curve    mean over a bin of   (missing force without) − (missing force with)
+
+The vessel is that of the ladder; only the one effect is taken out of it, and everything else stays,
+so that the curve is what the effect itself supplies. Whiskers are twice the standard error over
+blocks of time: rows of one block are one story told many times.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.diagnosis.depends import AGAINST, AROUND, VARIABLES
+from sim.diagnosis.missing import missing_force
+from sim.diagnosis.where import bin_of
+from sim.effects.effect import Effect
+from sim.model import Model
+from sim.state import Eta, Floats
+from sim.trial import Trial
+from sim.vessel import AddedEffect, Vessel
+
+BINS = 10
+FEWEST_S = 4.0  # of time in a bin
+BLOCK_S = 25.0
+ALIKE_S = 1.0  # rows within it are taken for one
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One effect: missing force without it in bins of what it depends on, and its own curve.
+
+    axis    0 X [N], 1 Y [N], 2 N [N m], 3 along the effect's direction over the ground [N]
+    start, end           (n,) edges of the bins, SI
+    at                   (n,) mean of the variable in each
+    mean, low, high      (n,) missing force without the effect
+    curve                (n,) what the effect supplies
+    """
+
+    effect: str
+    axis: int
+    by: str
+    start: Floats
+    end: Floats
+    at: Floats
+    mean: Floats
+    low: Floats
+    high: Floats
+    curve: Floats
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """All usable rows: missing without (T, 4), supplied (T, 4), block (T,), seconds of one row."""
+
+    missing: Floats
+    supplied: Floats
+    block: Floats
+    seconds: float
+
+
+def evidence(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> Evidence | None:
+    """One vessel with the effect per trial; None where no bin holds enough time."""
+    rows = _rows(trials, vessels, effect)
+    axis, by = AGAINST.get(effect.name) or _telling(trials, vessels, effect, rows)
+    return _binned(effect, axis, by, _values(trials, vessels, effect, by), rows)
+
+
+def _rows(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> _Rows:
+    missing, supplied, block = [], [], []
+    for k, (trial, vessel) in enumerate(zip(trials, vessels, strict=True)):
+        with_it, without = Model.of(vessel), Model.of(_without(vessel, effect))
+        left = _all_axes(missing_force(trial, with_it).force, trial, vessel, effect)
+        lack = _all_axes(missing_force(trial, without).force, trial, vessel, effect)
+        missing.append(lack[trial.usable])
+        supplied.append((lack - left)[trial.usable])
+        block.append(1e6 * k + trial.time[trial.usable] // BLOCK_S)
+    return _Rows(np.concatenate(missing), np.concatenate(supplied), np.concatenate(block),
+                 trials[0].dt)  # fmt: skip
+
+
+def _without(vessel: Vessel, effect: Effect) -> Vessel:
+    return replace(vessel, effects=tuple(a for a in vessel.effects if a.effect.name != effect.name))
+
+
+def _added(vessel: Vessel, effect: Effect) -> AddedEffect:
+    return next(a for a in vessel.effects if a.effect.name == effect.name)
+
+
+def _all_axes(force: Floats, trial: Trial, vessel: Vessel, effect: Effect) -> Floats:
+    """X, Y, N (T, 3) -> with the force along the effect's direction beside them (T, 4)."""
+    direction = _added(vessel, effect).values.get("direction", 0.0)
+    off = direction - trial.eta[:, Eta.YAW]
+    along = force[:, 0] * np.cos(off) + force[:, 1] * np.sin(off)
+    return np.column_stack([force, along])
+
+
+def _values(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, by: str) -> Floats:
+    """What the effect depends on, on all usable rows (T,)."""
+    return np.concatenate([
+        VARIABLES[by](t, Model.of(_without(v, effect)), _added(v, effect).values)[t.usable]
+        for t, v in zip(trials, vessels, strict=True)
+    ])  # fmt: skip
+
+
+def _telling(
+    trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, rows: _Rows
+) -> tuple[int, str]:
+    """For an effect that is not in the table: where bins hold most of what it supplies."""
+    best, found = -1.0, (0, "surge")
+    noise = np.std(rows.missing - rows.supplied, axis=0) + 1e-9
+    for by in VARIABLES:
+        if by == "phase":
+            continue
+        value = _values(trials, vessels, effect, by)
+        for axis in range(3):
+            one = _binned(effect, axis, by, value, rows)
+            told = 0.0 if one is None else float(np.var(one.curve)) / float(noise[axis]) ** 2
+            if told > best * 1.001:
+                best, found = told, (axis, by)
+    return found
+
+
+def _binned(effect: Effect, axis: int, by: str, value: Floats, rows: _Rows) -> Evidence | None:
+    known = np.isfinite(value) & np.isfinite(rows.missing[:, axis])
+    if not known.any():
+        return None
+    edges = _edges(value[known], by)
+    place = np.where(known, bin_of(value, edges), -1)
+    kept = [k for k in range(len(edges) - 1) if (place == k).sum() * rows.seconds >= FEWEST_S]
+    if len(kept) < 2:
+        return None
+    each = [
+        _mean(rows.missing[place == k, axis], rows.block[place == k], rows.seconds) for k in kept
+    ]
+    mean, half = np.array(each).T
+    curve = np.array([rows.supplied[place == k, axis].mean() for k in kept])
+    at = np.array([value[place == k].mean() for k in kept])
+    bins = np.array(kept)
+    return Evidence(effect.name, axis, by, edges[bins], edges[bins + 1], at, mean, mean - half,
+                    mean + half, curve)  # fmt: skip
+
+
+def _edges(value: Floats, by: str) -> Floats:
+    """Equal bins all around, else equally filled ones; a value held for long is met once."""
+    if by in AROUND:
+        return np.linspace(0.0, 2.0 * np.pi, BINS + 1)
+    edges = np.unique(np.quantile(value, np.linspace(0.0, 1.0, BINS + 1)))
+    return edges if len(edges) > 1 else np.array([edges[0] - 0.5, edges[0] + 0.5])
+
+
+def _mean(force: Floats, block: Floats, seconds: float) -> tuple[float, float]:
+    """Mean, and twice its standard error: over blocks, and no less than rows of one second tell."""
+    least = float(force.var()) / max(len(force) * seconds / ALIKE_S, 1.0)
+    _, number = np.unique(block, return_inverse=True)
+    count = np.bincount(number).astype(float)
+    off = np.bincount(number, force) / count - force.mean()
+    many = max(len(count) - 1, 1)
+    spread = float(np.sum((count / count.sum() * off) ** 2)) * len(count) / many
+    return float(force.mean()), 2.0 * float(np.sqrt(max(spread, least)))

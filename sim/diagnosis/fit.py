@@ -1,0 +1,124 @@
+"""A vessel with effects, fitted on common ground: base, effects and offsets in time together.
+
+    minimise  Σ ρ(rᵢ(z)) + ‖(z − z₀) / prior‖²,     r: whitened errors without what starts explain
+
+The base is fitted along with every effect: a base that is frozen where it is a little off is
+blamed on whatever effect lies nearest.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.diagnosis.ground import Ground
+from sim.diagnosis.starts import searched
+from sim.diagnosis.wide import Wide
+from sim.identification.search import Ends, search
+from sim.identification.settings import BASE, IdentifySettings
+from sim.identification.shooting import residuals_of, slope_of
+from sim.identification.unknowns import Unknown, Unknowns, unknowns_of
+from sim.state import Floats
+from sim.vessel import AddedEffect
+
+Rows = NDArray[np.bool_] | slice
+ROBUST = 4.0  # standard deviations: a residual beyond counts less
+STEPS = 6  # of the search
+FURTHEST = 3.0  # standard deviations of a number that was given
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Effects beside the re-fitted base: z (n,) and what is left, (N,) whitened."""
+
+    added: tuple[AddedEffect, ...]
+    unknowns: Unknowns
+    ground: Ground
+    z: Floats
+    residual: Floats
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(a.effect.name for a in self.added)
+
+    @cached_property
+    def slope(self) -> Floats:
+        """∂ residual / ∂ z: (N, n)."""
+        windows = self.ground.seen_by(self.unknowns, self.z)
+        return slope_of(self.unknowns, windows, self.z)
+
+    @cached_property
+    def weight(self) -> Floats:
+        """How much each residual counts, (N,): outliers less."""
+        return np.asarray(1.0 / np.sqrt(1.0 + (self.residual / ROBUST) ** 2))
+
+    def step(self, residual: Floats, rows: Rows = slice(None)) -> Floats:
+        """The Gauss–Newton step (n,) that some residuals ask for: with weights, slopes, priors."""
+        P = np.diag(np.array([u.prior for u in self.unknowns.each]) ** -2.0)
+        J, w = self.slope[rows], self.weight[rows]
+        H = J.T @ (w[:, None] * J) + P
+        s = J.T @ (w * residual[rows]) + P @ (self.z - self.unknowns.start)
+        return np.asarray(-np.linalg.lstsq(H, s, rcond=None)[0])
+
+    def at(self, z: Floats) -> Floats:
+        """Residuals (K, N) at other numbers z (K, n)."""
+        return residuals_of(self.unknowns, self.ground.seen_by(self.unknowns, z[0]), z)
+
+    def values(self, effect: str, trial: int = 0) -> Mapping[str, float]:
+        """The parameters of one of the effects, as found on a trial."""
+        theta, model = self.unknowns.theta(self.z[None], trial)[0], self.unknowns.model
+        places = {n: i for i, n in enumerate(model.names) if n.startswith(f"{effect}.")}
+        return {n.partition(".")[2]: float(theta[i]) for n, i in places.items()}
+
+    def found(self, trial: int = 0) -> tuple[AddedEffect, ...]:
+        """The effects with the parameters found."""
+        return tuple(
+            AddedEffect(a.effect, dict(self.values(a.effect.name, trial))) for a in self.added
+        )
+
+
+def unknowns_for(
+    wide: Wide, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
+) -> Unknowns:
+    """What is looked for with these effects in the vessel; they give where its effects start."""
+    free = [f"{a.effect.name}.{key}" for a in added for key in searched(a.effect)]
+    model = wide.with_added(added)
+    found = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
+    return replace(found, each=tuple(_within_reason(u) for u in found.each))
+
+
+def _within_reason(u: Unknown) -> Unknown:
+    """A number that was given may be off by a few times its doubt, and no more.
+
+    Without a limit the base takes a shape that no hull has, to stand in for what is missing; from
+    there no effect finds its way back.
+    """
+    if u.name not in BASE or u.assumed:
+        return u
+    lower, upper = u.start - FURTHEST * u.prior, u.start + FURTHEST * u.prior
+    return replace(u, lower=max(u.lower, lower), upper=min(u.upper, upper))
+
+
+def started(unknowns: Unknowns, like: "Fit | None") -> Floats:
+    """z (n,) that begins where another fit ended, as far as both look for the same numbers."""
+    z = unknowns.start.copy()
+    if like is not None:
+        known = {(u.name, u.trial): x for u, x in zip(like.unknowns.each, like.z, strict=True)}
+        for i, u in enumerate(unknowns.each):
+            z[i] = known.get((u.name, u.trial), z[i])
+    return z
+
+
+def fitted(
+    added: Sequence[AddedEffect], unknowns: Unknowns, ground: Ground, z: Floats, steps: int = STEPS
+) -> Fit:
+    """The best z from a start, by least squares with bounds."""
+    windows = ground.seen_by(unknowns, z)
+    residuals = partial(residuals_of, unknowns, windows)
+    slope = partial(slope_of, unknowns, windows)
+    found = search(residuals, slope, unknowns, z, Ends(ROBUST, steps))
+    left = found.fun[: len(ground.block)]
+    return Fit(tuple(added), unknowns, ground, np.asarray(found.x), left)

@@ -1,0 +1,191 @@
+"""Refined instrumental variables: least squares whose noise cannot pull, as a cross-check.
+
+    Φ(ν̇, ν) δ = τ + e        Z = Φ(ν̇_s, ν_s)        δ = (Zᵀ W Φ)⁻¹ Zᵀ W τ
+
+ν_s is what the model itself does on the recorded commands: free of the errors of sensors, so that
+Zᵀ e is zero in the mean where Φᵀ e is not. It runs freely from a measured start, and counts only
+when that start is forgotten. The model is that of the estimate before, again and again. W whitens
+a first-order process per axis. One more column, −τ̇, is for commands that come late. Intervals
+leave out one block of time at a time. Sources: Young, Recursive Estimation and Time-Series
+Analysis, 2nd ed. 2011, ch. 7; Janot, Vandanjon and Gautier, IEEE Transactions on Control Systems
+Technology 22(1), 2014 (the same regressor form, for robots).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from sim.diagnosis.blocks import stretches
+from sim.diagnosis.inputs import inputs_of, motion_of, runs_from
+from sim.diagnosis.prediction import memory_at
+from sim.diagnosis.ruler import scales_of
+from sim.diagnosis.segments import NoUsableTimeError
+from sim.identification.regression import SIGN, Regression, held_forces, regressor
+from sim.identification.settings import BASE
+from sim.identification.unknowns import UNITS
+from sim.model import Model
+from sim.state import Floats
+from sim.trial import Trial
+
+FORGOTTEN = 4.0  # s, until a start's error no longer counts
+RUN = 12.0  # s
+MEAN = 0.4  # s: what is faster, a smoother has rounded
+TIMES = 4  # estimates, each on instruments of the one before
+SETTLED = 0.02  # standard deviations
+BLOCK = 25.0  # s
+FEWEST = 3  # blocks
+TOO_LITTLE = "instrumental variables need three blocks of 5 s, each 4 s after a gap, with motion"
+FAR = 3.0  # scales: an instrument of a run that left the track
+
+
+class Rows(NamedTuple):
+    """One stretch in means: Φ and Z (M, 3, 10), τ (M, 3), block (M,)."""
+
+    phi: Floats
+    tau: Floats
+    z: Floats
+    block: NDArray[np.int64]
+
+
+def instrumental(trials: Sequence[Trial], model: Model, block: float = BLOCK) -> Regression:
+    """The nine parameters from all usable rows, started from those of the model."""
+    value, std, count, early = _value(model), np.zeros(len(BASE)), 0, True
+    for _ in range(TIMES):
+        before, now = value, _with(model, value)
+        rows = [r for i, t in enumerate(trials) for r in _rows(t, now, block, i, early)]
+        if not rows:
+            raise NoUsableTimeError(TOO_LITTLE)
+        delta, std, count = _solved(rows)
+        value, early = delta[: len(BASE)] * SIGN, bool(delta[-1] > 0.0)
+        if not np.isfinite(std).all():
+            raise NoUsableTimeError(TOO_LITTLE)
+        if np.all(np.abs(value - before) < SETTLED * std):
+            break
+    half = std * float(student.ppf(0.975, count - 1))
+    return Regression(value, std, value - half, value + half, tuple(UNITS[n] for n in BASE))
+
+
+def _value(model: Model) -> Floats:
+    return model.theta[[model.names.index(name) for name in BASE]]
+
+
+def _with(model: Model, value: Floats) -> Model:
+    """The model with these nine, each with a sign that a vessel can have."""
+    inertia = SIGN > 0.0
+    kept = np.where(inertia, np.maximum(value, 0.1 * _value(model)), np.minimum(value, 0.0))
+    theta = model.theta.copy()
+    theta[[model.names.index(name) for name in BASE]] = kept
+    return replace(model, theta=theta)
+
+
+def _rows(trial: Trial, model: Model, block: float, number: int, early: bool) -> list[Rows]:
+    """The stretches of one trial, with instruments of this model."""
+    sim, known = _simulated(trial, model)
+    tau = held_forces(trial, model)
+    later = _rate(tau, trial.dt, early)[..., None]
+    phi = np.concatenate([_over_intervals(trial.nu, trial.dt), later], axis=2)
+    z = np.concatenate([_over_intervals(sim, trial.dt), later], axis=2)
+    every = max(round(MEAN / trial.dt), 1)
+    width = max(min(block, float(trial.usable.sum()) * trial.dt / 6.0), 5.0)
+    out = []
+    whole = known & np.append(known[1:], False)
+    for stretch in stretches(trial.usable & whole):
+        n = len(stretch) // every * every
+        if n == 0:
+            continue
+        rows = slice(stretch.start, stretch.start + n)
+        time = trial.time[rows].reshape(-1, every)[:, 0]
+        label = number * 10**6 + (time // width).astype(np.int64)
+        means = [x[rows].reshape(-1, every, *x.shape[1:]).mean(axis=1) for x in (phi, tau, z)]
+        out.append(Rows(means[0], means[1], means[2], label))
+    return out
+
+
+def _rate(tau: Floats, dt: float, early: bool) -> Floats:
+    """−τ̇ (T, 3): towards the next interval if the boat moves before it is told to, as it does
+
+    where commands hold from message to message; else from the one before.
+    """
+    change = np.diff(tau, axis=0) / dt
+    none = np.zeros((1, tau.shape[1]))
+    return -np.vstack([change, none] if early else [none, change])
+
+
+def _over_intervals(nu: Floats, dt: float) -> Floats:
+    """ν (T, 3) at the rows -> Φ (T, 3, 9) over the interval after each: no ν̇ but ν's change."""
+    after = np.vstack([nu[1:], nu[-1:]])
+    return regressor(0.5 * (nu + after), (after - nu) / dt)
+
+
+def _simulated(trial: Trial, model: Model) -> tuple[Floats, NDArray[np.bool_]]:
+    """ν_s (T, 3) of free runs, each row from one that has forgotten its start; where so."""
+    out, known = np.zeros((len(trial), 3)), np.zeros(len(trial), np.bool_)
+    skip, length = (round(s / trial.dt) for s in (FORGOTTEN, RUN))
+    pairs = [
+        (row, min(row + length, stretch.stop) - 1 - row)
+        for stretch in stretches(trial.usable)
+        for row in range(stretch.start, stretch.stop - skip, length - skip)
+    ]
+    first, steps = np.array(pairs, np.int64).reshape(-1, 2).T
+    if not len(first):
+        return out, known
+    x0 = np.hstack([model.true_states(motion_of(trial)[first]), memory_at(model, trial, first)])
+    _, reports = model.run(x0, runs_from(first, steps), inputs_of(model, trial))
+    limit = FAR * scales_of(trial) + np.abs(trial.nu[trial.usable]).max(axis=0)
+    for row, n, said in zip(first, steps, reports[..., 3:6], strict=True):
+        part = said[skip : n + 1]
+        near = np.all(np.abs(np.nan_to_num(part, nan=np.inf)) <= limit, axis=1)
+        near = np.logical_and.accumulate(near)
+        at = slice(row + skip, row + n + 1)
+        out[at], known[at] = np.where(near[:, None], part, 0.0), near
+    return out, known
+
+
+def _solved(rows: Sequence[Rows]) -> tuple[Floats, Floats, int]:
+    """δ (10,), standard deviations of nine from blocks left out, and how many blocks."""
+    delta, rho, sigma = _sums(rows, np.zeros(3), np.ones(3))[0], np.zeros(3), np.ones(3)
+    for _ in range(2):
+        rho, sigma = _noise(rows, delta)
+        delta, A, b = _sums(rows, rho, sigma)
+    count = len(A)
+    if count < FEWEST or np.linalg.cond(A.sum(axis=0)) > 1e15:
+        return delta, np.full(len(BASE), np.inf), count
+    without = np.linalg.solve(A.sum(axis=0) - A, (b.sum(axis=0) - b)[..., None])[..., 0]
+    spread = np.sqrt((count - 1) * np.var(without, axis=0))
+    return delta, spread[: len(BASE)], count
+
+
+def _sums(rows: Sequence[Rows], rho: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
+    """δ (10,), and Zᵀ W Φ (G, 10, 10), Zᵀ W τ (G, 10) of each block."""
+    each: dict[int, tuple[Floats, Floats]] = {}
+    for r in rows:
+        phi, z = (_white(x, rho[:, None], sigma[:, None]) for x in (r.phi, r.z))
+        tau = _white(r.tau, rho, sigma)
+        for g in np.unique(r.block):
+            k = r.block == g
+            A, b = np.einsum("tai,taj->ij", z[k], phi[k]), np.einsum("tai,ta->i", z[k], tau[k])
+            was = each.get(int(g), (0.0, 0.0))
+            each[int(g)] = was[0] + A, was[1] + b
+    A, b = (np.stack(part) for part in zip(*each.values(), strict=True))
+    return np.linalg.pinv(A.sum(axis=0)) @ b.sum(axis=0), A, b
+
+
+def _white(x: Floats, rho: Floats, sigma: Floats) -> Floats:
+    out = x / sigma
+    out[1:] = (x[1:] - rho * x[:-1]) / sigma
+    out[0] = x[0] * np.sqrt(1.0 - rho**2) / sigma
+    return out
+
+
+def _noise(rows: Sequence[Rows], delta: Floats) -> tuple[Floats, Floats]:
+    """ρ (3,) from mean to mean and σ (3,) of the innovations of τ − Φ δ."""
+    error = [r.tau - r.phi @ delta for r in rows]
+    now = np.concatenate([e[1:] for e in error])
+    before = np.concatenate([e[:-1] for e in error])
+    rho = np.sum(now * before, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
+    rho = np.clip(rho, -0.9, 0.9)
+    return rho, np.maximum(np.std(now - rho * before, axis=0), 1e-9)

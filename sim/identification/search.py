@@ -1,0 +1,83 @@
+"""The search that all fits share: robust least squares within bounds, with priors.
+
+    minimise over z   Σ ρ(rᵢ(z)) + ‖(z − z₀) / prior‖²
+
+Slopes are differences: all changes of z are one call of the model, and a recording is run only for
+the numbers that act on it. Source: Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999 (the
+search of `scipy.optimize.least_squares`).
+"""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
+
+from sim.identification.unknowns import Unknowns
+from sim.state import Floats
+
+Residuals = Callable[[Floats], Floats]  # z (K, n) -> residuals (K, N)
+
+
+class Ends(NamedTuple):
+    """When a search ends, and from how large a residual on one counts less.
+
+    iterative: inner steps by conjugate gradients, for searches of many numbers
+    """
+
+    robust: float
+    steps: int
+    change: float = 1e-4  # of z
+    iterative: bool = False
+
+
+def search(
+    residuals: Residuals, slope: Callable[[Floats], Floats], unknowns: Unknowns, z: Floats,
+    ends: Ends,
+) -> OptimizeResult:  # fmt: skip
+    """The best z from a start (n,); `fun` and `jac` end with the rows of the priors.
+
+    `slope` gives ∂ residuals / ∂ z (N, n) at z (n,).
+    """
+    known = np.array([1.0 / u.prior for u in unknowns.each])
+    has_prior = known > 0.0
+    lower, upper = unknowns.bounds
+
+    def left(z: Floats) -> Floats:
+        return np.append(residuals(z[None])[0], unknowns.prior(z)[has_prior])
+
+    def slopes(z: Floats) -> Floats:
+        return np.vstack([slope(z), np.diag(known)[has_prior]])
+
+    how = {"tr_solver": "lsmr", "tr_options": {"atol": 1e-10, "btol": 1e-10}}
+    return least_squares(
+        left, np.clip(z, lower, upper), slopes, bounds=(lower, upper), loss="soft_l1",
+        f_scale=ends.robust, x_scale=np.array([u.scale for u in unknowns.each]),
+        max_nfev=ends.steps, xtol=ends.change, ftol=1e-5, **(how if ends.iterative else {}),
+    )  # fmt: skip
+
+
+def sloped(
+    residuals: Residuals, unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Residuals (N,) at z (n,) and their slopes (N, k) along some of z, away from its limits."""
+    _, upper = unknowns.bounds
+    step = np.array([u.step for u in unknowns.each])
+    step = np.where(z + step > upper, -step, step)[columns]
+    moved = np.tile(z, (len(columns) + 1, 1))
+    moved[np.arange(len(columns)) + 1, columns] += step
+    r = residuals(moved)
+    return r[0], ((r[1:] - r[0]) / step[:, None]).T
+
+
+def slopes_of(of_trials: Iterable[tuple[int, Residuals]], unknowns: Unknowns, z: Floats) -> Floats:
+    """∂ residuals / ∂ z (N, n) of trials by number, one after another."""
+    parts = []
+    for trial, residuals in of_trials:
+        mine = np.array(unknowns.of_trial(trial))
+        _, slope = sloped(residuals, unknowns, z, mine)
+        part = np.zeros((len(slope), len(z)))
+        part[:, mine] = slope
+        parts.append(part)
+    return np.concatenate(parts)

@@ -1,0 +1,44 @@
+"""Stretches that a user leaves out."""
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput
+from gateway.pipelines.stretches import Exclusion, exclusions_of, without
+from tests.sim.diagnosis.voyages import WAM_V, simulated
+
+
+@pytest.mark.parametrize(
+    ("text", "means"),
+    [
+        ("10:20", Exclusion(10.0, 20.0)),
+        (":20", Exclusion(0.0, 20.0)),
+        ("10:", Exclusion(10.0, np.inf)),
+        ("voyage:10:20", Exclusion(10.0, 20.0, "voyage")),
+        ("a:b #2:1.5:2", Exclusion(1.5, 2.0, "a:b #2")),
+    ],
+)
+def test_what_a_command_line_says(text, means):
+    assert exclusions_of([text]) == (means,)
+
+
+@pytest.mark.parametrize("text", ["", "10", "20:10", "ten:20", "voyage:10:ten", "5:5"])
+def test_nonsense_is_one_line(text):
+    with pytest.raises(BadInput, match="expected FROM:TO"):
+        exclusions_of([text])
+
+
+def test_only_the_stretch_is_left_out_and_it_is_told():
+    trial = simulated(WAM_V, 60.0)
+    (cut,) = without([trial], exclusions_of(["10:20", "voyage:50:"]))
+    out = (trial.time >= 10.0) & (trial.time < 20.0) | (trial.time >= 50.0)
+    np.testing.assert_array_equal(cut.usable, trial.usable & ~out)
+    assert [(s.start, s.why) for s in cut.excluded] == [
+        (10.0, "left out by --exclude"),
+        (50.0, "left out by --exclude"),
+    ]
+
+
+def test_a_recording_that_is_not_there_is_named():
+    with pytest.raises(BadInput, match="no recording 'other'"):
+        without([simulated(WAM_V, 30.0)], exclusions_of(["other:1:2"]))

@@ -1,0 +1,49 @@
+"""WCAG 2.1 AA by computation: text 4.5 : 1, edges of controls and the focus ring 3 : 1."""
+
+import re
+
+import pytest
+
+from gateway.pictures.look import LOOKS
+from gateway.studio import page, widgets
+from tests.gateway.test_bokeh_pictures import ratio
+
+TEXT = [
+    *((ink, ground) for ink in ("ink", "faint", "good", "warn") for ground in ("paper", "ground")),
+    ("ink", "field"), ("ink", "soft"), ("accent", "paper"), ("on-accent", "accent"),
+    ("paper", "ink"),  # the tooltip
+]  # fmt: skip
+EDGES = [(one, ground) for one in ("edge", "accent") for ground in ("paper", "ground", "field")]
+
+
+def themes() -> dict[str, dict[str, str]]:
+    """Name of a theme -> name of a colour -> its value, as the page has them."""
+    found = re.findall(r":root(?:\[data-theme=\"(\w+)\"\])? \{([^}]*)\}", page.TEMPLATE)
+    plain = dict(found)
+    colours = {name: dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", css)) for name, css in found}
+    assert set(plain) == {"", "dark"}
+    return {"light": colours[""], "dark": colours[""] | colours["dark"]}
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_text_is_read_and_controls_are_seen(theme):
+    colours = themes()[theme]
+    for ink, ground in TEXT:
+        assert ratio(colours[ink], colours[ground]) >= 4.5, (ink, ground)
+    for edge, ground in EDGES:
+        assert ratio(colours[edge], colours[ground]) >= 3.0, (edge, ground)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_pictures_lie_on_the_paper_of_the_page(theme):
+    colours, look = themes()[theme], LOOKS[theme]
+    assert (look.paper.lower(), look.ink.lower()) == (colours["paper"], colours["ink"])
+    assert look.faint.lower() == colours["faint"]
+
+
+def test_no_colour_is_used_that_is_not_in_the_palette():
+    """Whatever stands outside it would escape the test above."""
+    rules = re.sub(r":root.*?\}", "", page.TEMPLATE, flags=re.DOTALL)
+    assert re.findall(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b", rules + widgets.STYLE) == []
+    used = set(re.findall(r"var\(--([\w-]+)\)", rules + widgets.STYLE)) - {"font"}
+    assert used <= set(themes()["light"])

@@ -1,0 +1,129 @@
+"""The server: this machine alone, its own pages alone, and with a token where it is exposed."""
+
+import logging
+import socket
+from pathlib import Path
+
+import pytest
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.ioloop import IOLoop
+from tornado.websocket import WebSocketClosedError, websocket_connect
+
+from gateway.errors import BadInput
+from gateway.monitor.run import MonitorOptions
+from gateway.studio.live_book import LiveBook
+from gateway.studio.serve import DEMO_VESSEL, StudioOptions, desk_of, is_news, origins_of, server_of
+
+PAGES = ("compare", "diagnose", "vessel", "live", "recordings")
+
+
+def free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+class Served:
+    """A server without any recording, and a client that asks it."""
+
+    def __init__(self, folder: Path, token: str | None) -> None:
+        self.options = StudioOptions(folders=(folder,), port=free_port(), out=folder)
+        self.desk = desk_of(self.options)
+        self.book = LiveBook(MonitorOptions("tcp/127.0.0.1:1"))  # not watching
+        self.server = server_of(self.desk, self.book, self.options, token)
+        self.at = f"127.0.0.1:{self.options.port}"
+
+    def get(self, path: str, **more):
+        client = AsyncHTTPClient()
+        request = HTTPRequest(f"http://{self.at}/{path}", follow_redirects=False, **more)
+        return IOLoop.current().run_sync(lambda: client.fetch(request, raise_error=False), 30.0)
+
+    def websocket(self, origin: str, path: str = "compare/ws", **headers: str):
+        request = HTTPRequest(
+            f"ws://{self.at}/{path}", headers={"Origin": origin} | headers, connect_timeout=10.0
+        )
+        return IOLoop.current().run_sync(lambda: websocket_connect(request), 30.0)
+
+    def close(self) -> None:
+        self.server.stop()
+        self.desk.close()
+
+
+@pytest.fixture
+def open_server(tmp_path):
+    made = []
+
+    def opened(token: str | None = None) -> Served:
+        made.append(Served(tmp_path, token))
+        return made[-1]
+
+    yield opened
+    for one in made:
+        one.close()
+
+
+def test_every_page_answers_and_listens_here_alone(open_server):
+    served = open_server()
+    for page in PAGES:
+        answer = served.get(page)
+        assert answer.code == 200, page
+        assert b"Shadow studio" in answer.body
+        assert b"https://" not in answer.body.replace(b"https://github.com", b"")
+        assert b"Traceback" not in answer.body
+    address = served.server._http._sockets
+    assert {one.getsockname()[0] for one in address.values()} == {"127.0.0.1"}
+
+
+def test_pages_of_others_get_no_websocket(open_server):
+    served = open_server()
+    for origin in ("http://evil.example", "http://evil.example:5006", "null"):
+        with pytest.raises(HTTPClientError, match="403"):
+            served.websocket(origin)
+
+
+def test_an_exposed_page_wants_the_token_and_remembers_it(open_server):
+    served = open_server("secret-token")
+    assert served.get("compare").code == 302
+    assert served.get("compare?token=wrong").code == 302
+    refused = served.get("refused")
+    assert refused.code == 403
+    assert b"token" in refused.body
+    welcome = served.get("compare?token=secret-token")
+    assert welcome.code == 200
+    cookie = welcome.headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert served.get("compare", headers={"Cookie": "shadow_studio=secret-token"}).code == 200
+    assert served.get("compare", headers={"Cookie": "shadow_studio=no"}).code == 302
+
+
+def test_origins_are_our_own_names_and_those_that_were_given():
+    local = origins_of(StudioOptions(port=5006))
+    assert local == ["127.0.0.1:5006", "localhost:5006"]
+    named = StudioOptions(port=5006, expose="10.0.0.5", origins=("boat.lan:80",))
+    assert origins_of(named)[2:] == ["10.0.0.5:5006", "boat.lan:80"]
+
+
+def test_a_port_that_is_taken_is_one_line(open_server):
+    served = open_server()
+    with pytest.raises(BadInput, match="another studio"):
+        server_of(served.desk, served.book, served.options)
+
+
+def test_files_that_are_not_there_are_bad_input(tmp_path):
+    with pytest.raises(BadInput, match="no such file"):
+        desk_of(StudioOptions(logs=(tmp_path / "no.tlog",)))
+
+
+def test_without_arguments_it_opens_on_the_demo():
+    desk = desk_of(StudioOptions())
+    desk.close()
+    assert [log.name for log in desk.logs] == ["voyage_1.tlog", "voyage_2.tlog"]
+    assert desk.vessel_file == DEMO_VESSEL
+
+
+def test_a_page_closed_while_something_went_to_it_is_no_fault_and_anything_else_is():
+    for error, told in ((WebSocketClosedError(), False), (KeyError("x"), True)):
+        record = logging.LogRecord("asyncio", logging.ERROR, "", 0, "never retrieved", (),
+                                   (type(error), error, None))  # fmt: skip
+        assert is_news(record) is told

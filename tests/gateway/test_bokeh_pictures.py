@@ -1,0 +1,101 @@
+"""Pictures on screen: the same data as on paper, in the same colours, filled anew in place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.pictures.album import album
+from gateway.pictures.bokeh_draw import Picture, Stage
+from gateway.pictures.bokeh_marks import add, columns
+from gateway.pictures.figure_data import Axis, FigureData, Line, Panel, Role
+from gateway.pictures.look import DARK, LIGHT
+from gateway.pictures.palette import COLOUR
+from gateway.pictures.velocities import TIME, horizon_runs
+from sim.diagnosis.compare import compare
+from sim.model import Model
+from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """A boat in a current: one vessel knows nothing of it."""
+    noise = np.square([0.05, 0.05, 0.005, 0.01, 0.01, 0.005, 0.02, 0.02, 0.01])
+    trial = trial_of(*voyage(120.0, current=(0.0, 0.3)), 0.05, np.diag(noise))
+    other = Model.of(replace(WAM_V, name="twin"))
+    return trial, compare(trial, [Model.of(WAM_V), other])
+
+
+def ratio(one: str, two: str) -> float:
+    """Contrast as WCAG 2 defines it."""
+
+    def light(colour: str) -> float:
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    high, low = sorted((light(one), light(two)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("look", [LIGHT, DARK], ids=lambda look: look.name)
+def test_every_picture_of_the_album_is_drawn(compared, look):
+    for data in album(*compared).values():
+        picture = Picture(data, Stage(look))
+        assert len(picture.figures) == len(data.panels)
+        for figure, panel in zip(picture.figures, data.panels, strict=True):
+            assert (figure.xaxis[0].axis_label or "") == panel.x.text
+
+
+def test_time_axes_are_one_axis(compared):
+    trial, found = compared
+    stage = Stage()
+    figures = [f for c in found for f in Picture(horizon_runs(trial, c), stage).figures]
+    assert len({id(figure.x_range) for figure in figures}) == 1
+
+
+def test_other_data_of_the_same_shape_go_into_the_same_picture(compared):
+    trial, found = compared
+    first, second = (horizon_runs(trial, one) for one in found)
+    picture = Picture(first)
+    faster = replace(second, panels=tuple(map(_doubled, second.panels)))
+    assert picture.show(faster)
+    shown = picture.figures[0].renderers[1].data_source.data["y"]
+    np.testing.assert_allclose(shown, 2.0 * first.panels[0].marks[0].y)
+    assert not picture.show(replace(second, panels=second.panels[:2]))
+
+
+def _doubled(panel: Panel) -> Panel:
+    return replace(panel, marks=tuple(replace(m, y=2.0 * m.y) for m in panel.marks))
+
+
+def test_a_window_of_a_long_line_shows_all_its_points():
+    x = np.arange(100000.0)
+    data = FigureData("long", (Panel(TIME, Axis("y", "m"), (Line(x, np.sin(x), Role.MEASURED),)),))
+    picture = Picture(data)
+    source = picture.figures[0].renderers[1].data_source
+    assert len(source.data["x"]) < 5000
+    picture.look_at(500.0, 900.0)
+    np.testing.assert_array_equal(source.data["x"], np.arange(499.0, 902.0))
+
+
+@pytest.mark.parametrize("look", [LIGHT, DARK], ids=lambda look: look.name)
+def test_text_is_readable_and_lines_stand_out(look):
+    assert ratio(look.ink, look.paper) > 7.0
+    assert ratio(look.faint, look.paper) > 4.5
+    for role in Role:
+        assert ratio(look.colour(role), look.paper) > 3.0, role
+    assert look.colour(Role.MEASURED) == COLOUR[Role.MEASURED]
+
+
+def test_the_ramp_ends_where_it_stands_out_most():
+    for look in (LIGHT, DARK):
+        contrasts = [ratio(colour, look.paper) for colour in look.scale(6)]
+        assert contrasts == sorted(contrasts)
+
+
+def test_an_unknown_mark_is_an_error():
+    with pytest.raises(TypeError, match="cannot draw str"):
+        add("mark", None, LIGHT)
+    with pytest.raises(TypeError, match="cannot draw str"):
+        columns("mark")

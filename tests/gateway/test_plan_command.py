@@ -1,0 +1,65 @@
+"""`shadow plan` as a user types it."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.vessel_file import dump_vessel
+from sim.excitation.catalogue import MANOEUVRES
+from tests.gateway.test_cli import Run, one_line, run, strictly  # noqa: F401
+from tests.sim.vessels import WAMV
+
+
+@pytest.fixture
+def boat(tmp_path: Path) -> Path:
+    file = tmp_path / "boat.toml"
+    file.write_text(dump_vessel(WAMV), encoding="utf-8")
+    return file
+
+
+def test_the_list_names_every_manoeuvre(run: Run) -> None:  # noqa: F811
+    done = run("plan", "--list")
+    assert done.status == 0
+    assert all(manoeuvre.name in done.out for manoeuvre in MANOEUVRES)
+
+
+def test_it_tells_what_will_happen_and_where_the_files_are(
+    run: Run,  # noqa: F811
+    boat: Path,
+    tmp_path: Path,
+) -> None:
+    done = run("plan", "-v", boat, "--excitation", "spin", "--out", tmp_path / "plans")
+    assert done.status == 0
+    says = " ".join(done.out.split())
+    for part in ("in the circle of 100 m", "rise 10–90 %", "settles to", "BATT_LOW_VOLT"):
+        assert part in says
+    written = {file.name for file in (tmp_path / "plans").iterdir()}
+    assert len(written) == 5
+    assert all(name in says for name in written)
+
+
+def test_json_is_json_alone(run: Run, boat: Path, tmp_path: Path) -> None:  # noqa: F811
+    done = run("plan", "-v", boat, "--excitation", "still", "--out", tmp_path, "--json")
+    told = strictly(done.out)
+    assert told["excitation"] == "still"
+    assert told["reach_m"] == 0.0
+    assert told["step_responses"]["yaw"]["settling_2"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "--vessel"),
+        (("-v", "BOAT", "--excitation", "jump"), "zigzag"),
+        (("-v", "BOAT", "--throttle-limit", "2"), "--throttle-limit 2"),
+        (("old.tlog", "-v", "BOAT"), "old.tlog"),
+        (("-v", "absent.toml"), "absent.toml"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    run: Run,  # noqa: F811
+    boat: Path,
+    words: tuple[str, ...],
+    says: str,
+) -> None:
+    one_line(run("plan", *(boat if w == "BOAT" else w for w in words)), 2, says)

@@ -1,0 +1,112 @@
+"""The report: one file that asks for nothing, holds everything, and stays small enough to mail."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from gateway.pipelines.report import report_of, write_report
+from gateway.pipelines.side_by_side import Compared
+from gateway.report import LARGEST, Recording, Report, Shown, render
+from sim.diagnosis.compare import compare
+from sim.model import Model
+from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+
+LOADS = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
+
+
+class Asking(HTMLParser):
+    """All addresses that a browser would ask for, and all images."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[str] = []
+        self.images: list[str] = []
+        self.scripts = 0
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.asked += [v for k, v in attrs if k in LOADS and v and not v.startswith(("#", "data:"))]
+        self.images += [given["alt"]] if tag == "img" else []
+        self.scripts += tag == "script"
+
+
+@pytest.fixture(scope="module")
+def page():
+    """A boat in a current, a vessel that knows nothing of it and its twin with a hostile name."""
+    noise = np.square([0.05, 0.05, 0.005, 0.01, 0.01, 0.005, 0.02, 0.02, 0.01])
+    trial = trial_of(*voyage(120.0, current=(0.0, 0.3)), 0.05, np.diag(noise))
+    vessels = [WAM_V, replace(WAM_V, name="<script>alert(1)</script>")]
+    found = Compared(trial, tuple(compare(trial, [Model.of(v) for v in vessels])))
+    return report_of([found], vessels, None), found
+
+
+def test_it_asks_for_nothing_outside_itself(page):
+    text = render(page[0])
+    seen = Asking()
+    seen.feed(text)
+    assert seen.asked == []
+    assert seen.scripts == 0
+    assert not re.search(r"https?://|//\w+\.\w+|@import|url\(", text)
+    assert len(seen.images) == 1 + 2 * 4
+    assert all(seen.images)
+
+
+def test_numbers_words_and_vessel_file_are_in_it(page):
+    report, found = page
+    text = render(report)
+    one = found.comparisons[0]
+    assert f"{one.nrmse:.3f}" in text
+    assert f"{one.noise_floor_nrmse:.3f}" in text
+    assert one.worst(1)[0].says.split(";")[0] in text
+    assert "X_uu" in text
+    assert "shadow-gateway 0." in text
+    assert "Something is wrong" in report.headline
+    assert "&lt;script&gt;alert" in text
+
+
+def test_a_model_at_the_floor_is_called_good(page):
+    _, found = page
+    first = found.comparisons[0]
+    good = replace(first, nrmse=first.noise_floor_nrmse)
+    says = report_of([Compared(found.trial, (good,))], [WAM_V], None).headline
+    assert "as good as these recordings can tell" in says
+
+
+def test_pictures_that_would_make_it_too_large_are_left_out_and_it_says_so():
+    picture = Shown("big", "", "x" * 1_500_000)
+    recordings = tuple(Recording(f"log {k}", 60.0, (), (), (), (picture,)) for k in range(5))
+    text = render(Report("t", "m", "h", recordings, (("boat", "name"),), ()))
+    assert len(text.encode()) < LARGEST
+    assert "3 pictures of further recordings are left out" in text
+
+
+def test_it_is_written_whole(page, tmp_path):
+    done = write_report(page[0], tmp_path / "new" / "report.html")
+    assert done.path.stat().st_size == done.size_bytes < 5_000_000
+    assert [p.name for p in done.path.parent.iterdir()] == ["report.html"]
+
+
+def test_a_diagnosis_is_told_whole(page):
+    number = {"value": -0.1289, "ci95": [-0.14, -0.12], "unit": "rad"}
+    rung = {"effects": ["heading_offset"], "parameters": {"heading_offset": {"angle": number}}}
+    answer = {
+        "verdict": "confounded", "summary": "two explain it", "ladder": [rung],
+        "ranking": [
+            {"effect": "heading_offset", "probability": 0.6, "heldout_nrmse": 0.12,
+             "confounded_with": ["steady_current"]},
+            {"effect": "steady_wind", "probability": 1e-9, "heldout_nrmse": 0.5,
+             "confounded_with": []},
+        ],
+        "depends_on": [{"on": "time", "share": 0.2, "says": "grows with time"}],
+        "next_manoeuvre": "full circles at two speeds",
+        "refused": [{"effect": "battery_sag", "because": "the voltage hardly changed"}],
+    }  # fmt: skip
+    text = render(replace(page[0], diagnosis=answer, ladder=Shown("The ladder", "", "<svg/>")))
+    for says in ("What is missing: confounded", "two explain it", "heading offset: angle",
+                 "−0.1289", "60.0 %", "&lt; 0.1 %", "steady current", "grows with time",
+                 "full circles at two speeds", "battery sag: the voltage hardly changed",
+                 "The ladder"):  # fmt: skip
+        assert says in text, says

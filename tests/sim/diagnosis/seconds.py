@@ -1,0 +1,54 @@
+"""Seconds of a made voyage as the live diagnosis sees them."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sim.diagnosis.moment import Moment, in_body
+from sim.model import Model
+from sim.state import Floats
+from sim.vessel import Vessel
+from tests.sim.diagnosis.voyages import WAM_V
+
+NOISE = np.array([4.0, 4.0, 1.0])  # N, N, N m
+STATED = 1.5 * NOISE
+NONE = np.full((2, 3), np.nan)
+
+
+def seconds(
+    count: int, *, vessel: Vessel = WAM_V, stream: Floats | None = None, push: Floats | None = None,
+    body: Floats | None = None, headings: int = 8, seed: int = 1, first: int = 0,
+) -> Iterator[Moment]:  # fmt: skip
+    """A boat on legs of 20 s, its motion made up, its missing force what the causes say.
+
+    stream (2,) [m/s] of the water, push (2,) [N] in the world, body (3,) [N, N, N m].
+    """
+    rng, model = np.random.default_rng(seed), Model.of(vessel)
+    stream = np.zeros(2) if stream is None else stream
+    for k in range(first, first + count):
+        leg = k // 20
+        yaw = 2.0 * np.pi * ((3 * leg) % headings) / 8.0
+        u = 0.8 + 0.5 * (leg % 3) + 0.05 * rng.standard_normal()
+        through = np.array([u, 0.05 * rng.standard_normal(), 0.02 * rng.standard_normal()])
+        nu = through + np.append(in_body(stream, yaw), 0.0)
+        motion = np.concatenate([[0.0, 0.0, yaw], nu, 0.02 * rng.standard_normal(3)])
+        command = np.array([[0.4, 0.4]])
+        missing, commanded = forces(model, motion, stream, command)
+        missing = missing + NOISE * rng.standard_normal(3)
+        if push is not None:
+            missing[:2] += in_body(push, yaw)
+        if body is not None:
+            missing = missing + body
+        variance = np.array([0.03, 0.03, 0.004]) ** 2
+        yield Moment(float(k), motion, variance, missing, STATED, commanded, command[0], NONE)
+
+
+def forces(model: Model, motion: Floats, stream: Floats, command: Floats) -> tuple[Floats, Floats]:
+    """What a current adds to the missing force: balance over ground less balance through water."""
+    row, yaw, r = motion[None], motion[2], motion[5]
+    u_c, v_c = in_body(stream, yaw)
+    wet = motion.copy()
+    wet[3:] -= np.array([u_c, v_c, 0.0, r * v_c, -r * u_c, 0.0])
+    over, commanded = model.missing_force(row, np.zeros(1), command, command)
+    through, _ = model.missing_force(wet[None], np.zeros(1), command, command)
+    return (over - through)[0], commanded[0]

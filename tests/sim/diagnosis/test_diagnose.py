@@ -1,0 +1,77 @@
+"""The whole path on short voyages: what is named, what is refused, what the answer holds."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.answer import Verdict
+from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.diagnosis.segments import NoUsableTimeError
+from sim.effects.catalogue import named
+from tests.sim.diagnosis.sailed import sailed
+from tests.sim.diagnosis.voyages import WAM_V
+
+FEW = DiagnoseSettings(
+    effects=tuple(
+        named(n)
+        for n in ("steady_current", "heading_offset", "thruster_imbalance", "cubic_drag")
+    ),
+    most=2,
+)  # fmt: skip
+
+
+def test_a_complete_model_is_adequate() -> None:
+    found = diagnose([sailed()], WAM_V, FEW)
+    assert found.verdict is Verdict.ADEQUATE
+    assert found.effects == ()
+    assert [rung.base for rung in found.ladder] == ["plain", "refitted"]
+
+
+def test_what_is_missing_is_named_and_the_error_falls() -> None:
+    found = diagnose([sailed("thruster_imbalance", port_gain=0.8)], WAM_V, FEW)
+    assert (found.verdict, found.effects) == (Verdict.EXPLAINED, ("thruster_imbalance",))
+    gain = found.ladder[-1].parameters["thruster_imbalance"][0]
+    assert gain.ci95[0] < 0.8 < gain.ci95[1]
+    assert found.ladder[-1].heldout.nrmse < 0.5 * found.ladder[0].heldout.nrmse
+    assert found.ranking[0].effect == "thruster_imbalance"
+    assert found.ranking[0].probability > 0.9
+    assert [a.effect.name for a in found.vessel.effects] == ["thruster_imbalance"]
+    errors = {(row.effect,): row.heldout_nrmse for row in found.ranking[1:]}
+    assert {rung.effects: rung.heldout.nrmse for rung in found.alternatives} == errors
+    for rung in found.alternatives:
+        assert tuple(a.effect.name for a in rung.vessel.effects) == rung.effects
+        assert rung.parameters[rung.effects[0]]
+
+
+def test_what_the_vessel_has_already_is_not_looked_for() -> None:
+    trial = sailed("thruster_imbalance", port_gain=0.8)
+    complete = diagnose([trial], WAM_V, FEW).vessel
+    again = diagnose([trial], complete, FEW)
+    assert again.verdict is Verdict.ADEQUATE
+    assert "thruster_imbalance" not in {row.effect for row in again.ranking}
+
+
+def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_named() -> None:
+    """A push to starboard that grows with speed: no effect offered here can do that."""
+    trial = sailed("hull_lift", Y_uv=0.0, Y_ur=0.0, N_uv=0.0, N_ur=0.0)
+    pushed = sailed("cross_damping", Y_r=0.0, N_v=250.0)
+    found = diagnose([pushed], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert "turn" in [d.on for d in found.depends_on]
+    assert diagnose([trial], WAM_V, FEW).verdict is Verdict.ADEQUATE
+
+
+def test_too_little_time_is_said() -> None:
+    trial = sailed(seconds=100.0)
+    short = replace(trial, usable=trial.usable & (trial.time < 40.0))
+    with pytest.raises(NoUsableTimeError, match="60 s are needed"):
+        diagnose([short], WAM_V, FEW)
+
+
+def test_the_answer_is_plain_json_without_gaps() -> None:
+    said = diagnose([sailed()], WAM_V, FEW).as_dict()
+    json.dumps(said, allow_nan=False)
+    assert set(said) >= {"verdict", "summary", "ladder", "ranking", "refused", "unexplained"}
+    assert all(np.isfinite(rung["heldout_nrmse"]) for rung in said["ladder"])

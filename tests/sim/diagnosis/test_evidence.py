@@ -1,0 +1,107 @@
+"""Evidence: what is missing without an effect lies on the effect's own curve, for all of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.depends import AGAINST, VARIABLES
+from sim.diagnosis.evidence import evidence
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.model import Model
+from sim.state import Wrench
+from sim.trial import Trial
+from sim.vessel import AddedEffect, Vessel
+from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV, added, excitation
+
+DT = 0.1
+LATER = {  # events within the trial, and what is strong enough to be seen on it
+    "payload_change": {"factor": 1.4, "time": 60.0},
+    "thruster_fault": {"thruster": 1.0, "gain": 0.3, "time": 60.0},
+    "wave_motion": {"force": 30.0, "omega": 1.4, "direction": 0.6, "phase": 0.3},
+}
+
+
+def keel(flow, p):
+    return Wrench(0.0, 0.0, -p.k * flow.u * flow.r)
+
+
+OWN = Effect(
+    name="keel", scope=Scope.BOAT, force=keel, looks_like="turns too fast at speed",
+    parameters=(Parameter("k", unit="N s²", lower=0.0, upper=500.0, start=40.0),),
+)  # fmt: skip
+
+
+def sailed(vessel: Vessel, seconds: float = 150.0) -> Trial:
+    """What the vessel itself does, without noise; commands swing over: a jump has no instant."""
+    steps = excitation(vessel, seconds, DT)
+    drive = np.stack([np.convolve(c, np.full(10, 0.1), "same") for c in steps.T], axis=1)
+    volts = np.linspace(16.4, 14.0, len(drive))
+    _, reports = Model.of(vessel).simulate(drive, DT, voltage=volts)
+    motion, T = reports[0, : len(drive)], len(drive)
+    channels, pwm = vessel.pulses(drive)
+    return Trial(
+        name="voyage", time=DT * np.arange(T), eta=motion[:, :3], nu=motion[:, 3:6],
+        nu_dot=np.gradient(motion[:, 3:6], DT, axis=0), channels=channels,
+        covariance=np.tile(1e-8 * np.eye(9), (T, 1, 1)), pwm=pwm,
+        voltage=volts, wind=np.full((T, 2), np.nan), usable=np.ones(T, bool),
+    )  # fmt: skip
+
+
+def with_effect(effect: Effect) -> Vessel:
+    boat = RUDDER_BOAT if WAMV.lacks(effect) else WAMV
+    values = LATER.get(effect.name) or VALUES.get(effect.name) or added(effect).values
+    return boat.with_effects(AddedEffect(effect, values))
+
+
+def test_the_table_holds_the_whole_catalogue():
+    assert set(AGAINST) == {effect.name for effect in EFFECTS}
+    assert {by for _, by in AGAINST.values()} <= set(VARIABLES)
+
+
+@pytest.mark.parametrize("effect", [*EFFECTS, OWN], ids=lambda e: e.name)
+def test_what_is_missing_lies_on_the_curve_of_the_effect(effect):
+    vessel = with_effect(effect)
+    found = evidence([sailed(vessel)], [vessel], effect)
+    assert found is not None
+    size = float(np.sqrt(np.mean(found.curve**2)))
+    assert size > 0.05  # N or N m
+    assert np.sqrt(np.mean((found.mean - found.curve) ** 2)) < 0.35 * size
+    assert np.all((found.low <= found.mean) & (found.mean <= found.high))
+    assert np.all((found.start <= found.at + 1e-9) & (found.at <= found.end + 1e-9))
+
+
+def test_a_false_effect_is_not_borne_out():
+    """A current that is not there: its curve goes where nothing is missing."""
+    plain = sailed(WAMV)
+    current = next(e for e in EFFECTS if e.name == "steady_current")
+    vessel = WAMV.with_effects(AddedEffect(current, {"speed": 0.4, "direction": 1.0}))
+    found = evidence([plain], [vessel], current)
+    assert found is not None
+    assert np.abs(found.mean).max() < 0.1 * np.abs(found.curve).max()
+
+
+def test_time_that_is_not_usable_says_nothing():
+    current = next(e for e in EFFECTS if e.name == "steady_current")
+    vessel = with_effect(current)
+    trial = sailed(vessel)
+    rows = trial.time < 75.0
+    spoilt = replace(trial, usable=rows, nu_dot=np.where(rows[:, None], trial.nu_dot, 9.0))
+    found, clean = (
+        evidence([spoilt], [vessel], current),
+        evidence([replace(trial, usable=rows)], [vessel], current),
+    )
+    assert found is not None
+    assert clean is not None
+    np.testing.assert_allclose(found.mean, clean.mean)
+    none = replace(trial, usable=np.zeros(len(trial), bool))
+    assert evidence([none], [vessel], current) is None
+
+
+def test_an_effect_that_is_not_in_the_table_is_shown_where_it_is_seen():
+    vessel = with_effect(OWN)
+    found = evidence([sailed(vessel)], [vessel], OWN)
+    assert found is not None
+    assert found.axis == 2
+    assert found.by in ("turn_rate", "sway", "helm")

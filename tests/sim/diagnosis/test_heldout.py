@@ -1,0 +1,67 @@
+"""What a gain is, and how sure."""
+
+import numpy as np
+
+from sim.diagnosis.heldout import gain
+from sim.diagnosis.weights import probabilities
+
+BLOCK = np.repeat(np.arange(20), 30)
+
+
+def noise(seed: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.asarray(np.random.default_rng(seed).normal(0.0, 1.0, len(BLOCK)))
+
+
+def test_a_fit_gains_nothing_over_itself() -> None:
+    g = gain(noise(1), noise(1), BLOCK)
+    assert (g.ratio, g.log, g.nats) == (1.0, 0.0, 0.0)
+
+
+def test_gains_of_there_and_back_are_opposite() -> None:
+    there, back = gain(2.0 * noise(1), noise(2), BLOCK), gain(noise(2), 2.0 * noise(1), BLOCK)
+    assert np.isclose(there.log, -back.log)
+    assert np.isclose(there.nats, -back.nats)
+    assert there.t > 10.0
+
+
+def test_one_wild_row_decides_nothing() -> None:
+    before = noise(1)
+    before[100] = 1e6
+    assert gain(before, noise(1), BLOCK).nats < 10.0
+
+
+def test_what_is_won_in_few_blocks_and_lost_in_none_is_told_from_what_sways() -> None:
+    local, even = noise(1), noise(1)
+    local[BLOCK < 2] *= 4.0
+    assert gain(local, even, BLOCK).lost == 0.0
+    assert gain(noise(1), noise(2), BLOCK).lost > 0.3
+
+
+def test_probabilities_are_shared_by_equals_and_won_by_the_better() -> None:
+    even = np.full((3, 20), 60.0)
+    even[0] += 40.0
+    np.testing.assert_allclose(probabilities(even), [0.0, 0.5, 0.5], atol=1e-9)
+    even[1] -= 3.0
+    better = probabilities(even)
+    assert better[1] > 0.99
+    assert np.isclose(better.sum(), 1.0)
+
+
+def test_nothing_is_missing_until_an_effect_wins_more_than_chance() -> None:
+    blocks = np.full((3, 20), 60.0)
+    blocks[1] -= 1.5  # 5 nats in all
+    assert probabilities(blocks)[0] > 0.9
+    blocks[1] -= 6.0
+    assert probabilities(blocks)[1] > 0.99
+
+
+def test_a_lead_that_hangs_on_one_block_is_doubted() -> None:
+    blocks = np.full((2, 20), 90.0)
+    blocks[1, 0] -= 90.0
+    assert 0.4 < probabilities(blocks)[1] < 0.95
+    blocks[1] = 90.0 - 90.0 / 20.0
+    assert probabilities(blocks)[1] > 0.99
+
+
+def test_a_gain_is_made_of_plain_numbers_that_go_into_json() -> None:
+    assert {type(x) for x in gain(noise(1), noise(2), BLOCK)} == {float}

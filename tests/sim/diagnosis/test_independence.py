@@ -1,0 +1,135 @@
+"""Errors that follow the commands: a made delay is found, noise, gain and blur are not one."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from sim.diagnosis.compare import compare
+from sim.diagnosis.independence import LAGS, independence, of_series, whitening
+from sim.model import Model
+from sim.state import Floats
+from tests.sim.diagnosis.voyages import WAM_V, commands, simulated, trial_of
+
+STEP, COUNT = 0.1, 4000
+
+
+def held(seed: int, count: int = COUNT) -> Floats:
+    """Forces (n, 3) as commands are: held for 2 to 8 s."""
+    drive = commands(count * STEP, STEP, seed)
+    ahead, turn = drive.sum(axis=1) * 90.0, (drive[:, 0] - drive[:, 1]) * 63.0
+    return np.column_stack([ahead, np.zeros(len(ahead)), turn])
+
+
+def noise(seed: int, count: int = COUNT, colour: float = 3.0) -> Floats:
+    """Errors (n, 3) that hang together over some steps."""
+    white = np.random.default_rng(seed).standard_normal((count, 3))
+    return np.asarray(5.0 * np.sqrt(colour) * gaussian_filter1d(white, colour, axis=0))
+
+
+def late(forces: Floats, steps: int) -> Floats:
+    moved = np.vstack([np.repeat(forces[:1], steps, axis=0), forces[:-steps]])
+    return moved - forces
+
+
+def test_noise_follows_nothing() -> None:
+    for seed in range(20):
+        found = of_series([noise(seed)], [held(seed)], STEP)
+        assert found.says == ""
+
+
+def test_independent_series_lie_in_the_band() -> None:
+    inside = [
+        np.mean(np.abs(pair.correlation) <= found.band)
+        for seed in range(20)
+        for found in [of_series([noise(seed, colour=1.0)], [held(seed)], STEP)]
+        for pair in found.pairs
+    ]
+    assert np.mean(inside) > 0.97
+
+
+@pytest.mark.parametrize("steps", [2, 3, 6, 10])
+def test_a_delay_is_found_at_its_lag(steps: int) -> None:
+    forces = held(3)
+    found = of_series([noise(3) + late(forces, steps)], [forces], STEP)
+    for pair in found.pairs:
+        assert pair.late == pytest.approx(steps * STEP, rel=0.25)
+        assert np.argmax(pair.correlation) - LAGS == steps
+    assert "a delay or lag is missing" in found.says
+
+
+def test_a_lag_is_found_too() -> None:
+    forces, tau = held(4), 0.5
+    slow = np.empty_like(forces)
+    slow[0] = forces[0]
+    for k in range(1, len(forces)):
+        slow[k] = slow[k - 1] + (forces[k] - slow[k - 1]) * STEP / tau
+    found = of_series([0.3 * noise(4) + slow - forces], [forces], STEP)
+    assert found.pairs[0].late == pytest.approx(tau, rel=0.3)
+
+
+def test_a_wrong_scale_is_no_delay() -> None:
+    forces = held(5)
+    for scale in (-0.3, 0.3):
+        assert of_series([noise(5) + scale * forces], [forces], STEP).says == ""
+
+
+def test_the_blur_of_a_smoother_is_no_delay() -> None:
+    forces = held(6)
+    blurred = np.asarray(gaussian_filter1d(forces, 3.0, axis=0))
+    assert of_series([noise(6) + blurred - forces], [forces], STEP).says == ""
+
+
+def test_an_answer_of_the_autopilot_is_no_delay() -> None:
+    """Commands that follow the errors show at negative lags."""
+    errors = noise(7)
+    forces = held(7)
+    forces[3:] += 2.0 * errors[:-3]
+    found = of_series([errors], [forces], STEP)
+    assert np.argmax(found.pairs[0].correlation) - LAGS < 0
+    assert found.says == ""
+
+
+def test_stretches_do_not_run_into_each_other() -> None:
+    forces, errors = held(8), noise(8)
+    errors = errors + late(forces, 3)
+    cut = [slice(0, 1500), slice(1700, 4000)]
+    found = of_series([errors[s] for s in cut], [forces[s] for s in cut], STEP)
+    assert found.pairs[0].late == pytest.approx(0.3, rel=0.25)
+
+
+def test_whitening_leaves_no_colour() -> None:
+    rng, x = np.random.default_rng(1), np.zeros(20000)
+    for k in range(1, len(x)):
+        x[k] = 0.9 * x[k - 1] + rng.standard_normal()
+    a = whitening([x])
+    assert a[:2] == pytest.approx([1.0, -0.9], abs=0.03)
+    assert np.abs(a[2:]).max() < 0.05
+
+
+def test_a_trial_sailed_with_late_commands_says_so() -> None:
+    trial, steps = simulated(WAM_V, 300.0), 6
+    model, drive = Model.of(WAM_V), (trial.pwm - 1500.0) / 400.0
+    _, reports = model.simulate(np.vstack([np.repeat(drive[:1], steps, axis=0), drive]), trial.dt)
+    motion = reports[0, steps : steps + len(drive)]
+    motion = motion + 1e-4 * np.random.default_rng(2).standard_normal(motion.shape)
+    after = trial_of(
+        motion[:, :3], motion[:, 3:6], motion[:, 6:], np.roll(drive, 0, axis=0), trial.dt,
+        np.diag(np.full(9, 1e-8)),
+    )  # fmt: skip
+    on_time = independence(after, model)
+    assert on_time is not None
+    late_by = np.vstack([drive[steps:], np.repeat(drive[-1:], steps, axis=0)])
+    early = trial_of(
+        motion[:, :3], motion[:, 3:6], motion[:, 6:], late_by, trial.dt, np.diag(np.full(9, 1e-8))
+    )
+    (found,) = compare(early, [model])
+    assert found.independence is not None
+    ahead = found.independence.pairs[0].late - on_time.pairs[0].late
+    assert ahead == pytest.approx(steps * trial.dt, rel=0.25)
+    said = found.as_dict()["independence"]
+    assert "a delay or lag is missing" in said["says"]
+    assert len(said["correlations"][0]["correlation"]) == 2 * LAGS + 1
+
+
+def test_a_short_trial_says_nothing() -> None:
+    assert independence(simulated(WAM_V, 20.0), Model.of(WAM_V)) is None

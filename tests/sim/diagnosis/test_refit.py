@@ -1,0 +1,87 @@
+"""What is of one day is estimated on time that it is not judged by, and nothing else moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.refit import Halves, TooShortError, compare_refitted, refitted
+from sim.effects.catalogue import named
+from sim.model import Model
+from sim.vessel import AddedEffect
+from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+
+NOISE = np.array([0.02, 0.02, 0.003, 0.01, 0.01, 0.003, 0.03, 0.03, 0.01])
+CURRENT = named("steady_current")
+OTHER_DAY = WAM_V.with_effects(AddedEffect(CURRENT, {"speed": 0.2, "direction": -2.0}))
+
+
+@pytest.fixture(scope="module")
+def trial():
+    """A current of 0.3 m/s to the east, by physics of its own."""
+    *motion, drive = voyage(160.0, 0.1, current=(0.0, 0.3))
+    rng = np.random.default_rng(2)
+    noisy = [m + rng.normal(size=m.shape) * NOISE[3 * i : 3 * i + 3] for i, m in enumerate(motion)]
+    return trial_of(*noisy, drive, 0.1, np.diag(NOISE**2))
+
+
+def test_halves_share_no_time_and_keep_their_distance(trial):
+    halves = Halves.of(trial)
+    one, two = (trial.time[halves.half(k).usable] for k in (0, 1))
+    assert len(one) > 500
+    assert len(two) > 500
+    assert np.abs(one[:, None] - two[None]).min() >= 5.0
+    np.testing.assert_array_equal(np.sort([*one, *two]), trial.time[halves.trial.usable])
+
+
+def test_too_short_a_trial_says_what_is_needed(trial):
+    short = replace(trial, usable=trial.time < 60.0)
+    with pytest.raises(TooShortError, match="time for 2 of the 4 blocks of 25 s"):
+        Halves.of(short)
+
+
+def test_the_current_of_the_day_is_found_on_either_half(trial):
+    day = refitted(Halves.of(trial), OTHER_DAY)
+    for values in day.values:
+        assert values["steady_current.speed"] == pytest.approx(0.3, abs=0.03)
+        assert values["steady_current.direction"] == pytest.approx(np.pi / 2, abs=0.1)
+    for model in day.models:
+        assert model.vessel.dynamics == WAM_V.dynamics
+
+
+def test_what_is_judged_was_not_seen(trial):
+    """Spoil one half: the numbers that the other half is judged with change, its own do not."""
+    halves = Halves.of(trial)
+    spoilt = replace(trial, nu=np.where((halves.number == 0)[:, None], trial.nu + 0.2, trial.nu))
+    before, after = (refitted(Halves.of(t), OTHER_DAY).values for t in (trial, spoilt))
+    assert before[0] == pytest.approx(after[0], abs=1e-6)
+    speed = "steady_current.speed"
+    assert abs(before[1][speed] - after[1][speed]) > 0.02
+
+
+def test_a_vessel_of_another_day_gets_its_chance_and_a_plain_one_stays_as_it_is(trial):
+    plain, other = compare_refitted(
+        trial, [Model.of(WAM_V), Model.of(replace(OTHER_DAY, name="other"))]
+    )
+    assert other.nrmse < 1.3 * other.noise_floor_nrmse
+    assert plain.nrmse > 3.0 * other.nrmse
+    assert plain.refit == ()
+    assert "refit" not in plain.as_dict()
+    assert len(other.as_dict()["refit"]) == 2
+
+
+def test_a_moment_is_found_though_nothing_leads_to_it(trial):
+    """On the half that saw it; the other half knows no more than the gap that it fell into."""
+    fault = named("thruster_fault")
+    truth = {"thruster": 2.0, "gain": 0.4, "time": 80.0}
+    drive = (trial.pwm - 1500.0) / 400.0
+    sailed = Model.of(WAM_V.with_effects(AddedEffect(fault, truth))).simulate(drive, 0.1)[1]
+    motion = sailed[0, : len(drive)]
+    broken = trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, 0.1, np.diag(NOISE**2))
+    other = WAM_V.with_effects(AddedEffect(fault, {"thruster": 1.0, "gain": 0.6, "time": 130.0}))
+    blind, saw = refitted(Halves.of(broken), other).values
+    for values in (blind, saw):
+        assert values["thruster_fault.thruster"] == 2.0
+        assert values["thruster_fault.gain"] == pytest.approx(0.4, abs=0.05)
+    assert saw["thruster_fault.time"] == pytest.approx(80.0, abs=2.0)
+    assert 61.0 <= blind["thruster_fault.time"] <= 99.0

@@ -1,0 +1,59 @@
+"""What data cannot tell is refused with the reason, and only that."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sim.diagnosis.refusals import refused
+from sim.effects.catalogue import EFFECTS, named
+from sim.model import Model
+from sim.trial import Trial
+from tests.sim.diagnosis.sailed import sailed
+from tests.sim.diagnosis.voyages import WAM_V
+
+MODEL = Model.of(WAM_V)
+
+
+def reasons(trial: Trial) -> dict[str, str]:
+    return {r.effect: r.because for r in refused(EFFECTS, MODEL, [trial])}
+
+
+def test_a_rich_voyage_is_refused_only_what_the_vessel_lacks_and_nobody_measured() -> None:
+    turning = sailed(seconds=300.0)
+    eta = turning.eta.copy()
+    eta[:, 2] = np.linspace(0.0, 20.0, len(eta))
+    pwm = turning.pwm.copy()
+    pwm[:100] = 1300.0
+    rich = replace(turning, eta=eta, pwm=pwm)
+    assert set(reasons(rich)) == {"steady_wind", "steering_offset", "steering_lag", "battery_sag"}
+
+
+def test_slow_commands_cannot_tell_a_lag() -> None:
+    slow = replace(sailed(), rates_hz={"commands": 2.0, "velocity": 10.0})
+    for name in ("thruster_lag", "command_delay", "velocity_latency"):
+        assert "2.0 Hz" in reasons(slow)[name]
+
+
+def test_who_never_went_astern_cannot_tell_a_loss_there() -> None:
+    ahead = sailed()
+    never = replace(ahead, pwm=np.maximum(ahead.pwm, 1500.0))
+    assert "astern" in reasons(never)["reverse_loss"]
+    assert "reverse_loss" not in reasons(replace(ahead, pwm=ahead.pwm - 300.0))
+
+
+def test_one_heading_cannot_tell_the_compass() -> None:
+    trial = sailed()
+    eta = trial.eta.copy()
+    eta[:, 2] = 0.3
+    straight = reasons(replace(trial, eta=eta))
+    assert {"compass_deviation", "steady_current", "heading_offset"} <= set(straight)
+
+
+def test_a_short_voyage_cannot_tell_what_changes() -> None:
+    assert "100 s" in reasons(sailed(seconds=100.0))["drag_growth"]
+
+
+def test_each_reason_says_what_is_needed() -> None:
+    for because in reasons(sailed(seconds=100.0)).values():
+        assert len(because) > 20
+    assert named("steady_wind").needs

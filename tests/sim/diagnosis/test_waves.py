@@ -1,0 +1,43 @@
+"""Trains of waves are met closely enough to begin a fit, however far the boat has moved."""
+
+from math import pi, remainder
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.waves import waves
+from sim.model import Model
+from sim.trial import Trial
+from tests.sim.diagnosis.sailed import sailed, with_effect
+from tests.sim.diagnosis.voyages import WAM_V, commands, trial_of
+
+
+@pytest.mark.parametrize(("omega", "direction"), [(1.2, 0.3), (2.2, 2.5), (1.7, -2.0), (3.1, 1.57)])
+def test_one_train_is_found(omega: float, direction: float) -> None:
+    trial = sailed(
+        "wave_motion", 400.0, force=40.0, omega=omega, direction=direction, phase=0.7
+    )  # fmt: skip
+    first = waves(Model.of(WAM_V), trial)[0]
+    assert first["omega"] == pytest.approx(omega, abs=0.01)
+    assert remainder(first["direction"] - direction, 2.0 * pi) == pytest.approx(0.0, abs=0.04)
+    assert first["force"] == pytest.approx(40.0, rel=0.4)  # a filter rounds accelerations
+
+
+def two_trains() -> Trial:
+    """Swell from one side, wind sea from another."""
+    drive = commands(400.0, 0.1, 2)
+    vessel = with_effect(WAM_V, "wave_motion", force=40.0, omega=1.3, direction=0.5, phase=0.0)
+    vessel = with_effect(vessel, "wave_motion", force=30.0, omega=2.6, direction=-1.9, phase=1.0)
+    _, reports = Model.of(vessel).simulate(drive, 0.1)
+    motion = reports[0, :-1]
+    return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, 0.1, np.eye(9) * 1e-6)
+
+
+def test_two_trains_are_two_and_not_one_twice() -> None:
+    found = waves(Model.of(WAM_V), two_trains())
+    assert sorted(round(w["omega"], 1) for w in found) == [1.3, 2.6]
+
+
+def test_a_voyage_shorter_than_a_window_is_searched_too() -> None:
+    trial = sailed("wave_motion", 40.0, force=60.0, omega=2.0, direction=1.0, phase=0.0)
+    assert waves(Model.of(WAM_V), trial)[0]["omega"] == pytest.approx(2.0, abs=0.1)

@@ -1,0 +1,67 @@
+"""The search that all fits share, on problems whose answer is known in closed form."""
+
+import numpy as np
+import pytest
+
+from sim.identification.search import Ends, search, sloped, slopes_of
+from sim.identification.unknowns import Unknown, Unknowns
+from sim.model import Model
+from tests.sim.vessels import WAMV
+
+A = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.1], [0.2, 0.4]])
+B = np.array([1.0, -2.0, 0.5, 3.0])
+
+
+def straight(z):
+    """z (K, 2) -> residuals (K, 4), linear in z."""
+    return z @ A.T - B
+
+
+def unknowns(*each):
+    return Unknowns(Model.of(WAMV), each)
+
+
+def one(name, lower=-10.0, upper=10.0, prior=np.inf, trial=None):
+    return Unknown(name, "", 0.0, lower, upper, 1.0, 1e-3, prior, trial=trial)
+
+
+def slope_in(both):
+    return lambda z: sloped(straight, both, z, np.arange(2))[1]
+
+
+@pytest.mark.parametrize("iterative", [False, True])
+def test_priors_count_as_further_rows(iterative):
+    both = unknowns(one("a", prior=0.5), one("b"))
+    ends = Ends(1e3, 30, change=1e-10, iterative=iterative)
+    found = search(straight, slope_in(both), both, np.zeros(2), ends)
+    rows = np.vstack([A, [2.0, 0.0]])
+    expected = np.linalg.lstsq(rows, np.append(B, 0.0), rcond=None)[0]
+    assert found.x == pytest.approx(expected, abs=1e-6)
+    assert len(found.fun) == len(B) + 1  # without a prior there is no row
+
+
+def test_a_start_beyond_the_limits_is_taken_inside():
+    both = unknowns(one("a", lower=-0.2, upper=0.2), one("b", lower=-0.2, upper=0.2))
+    found = search(straight, slope_in(both), both, np.array([5.0, -5.0]), Ends(1e3, 30))
+    assert np.all(np.abs(found.x) <= 0.2)
+
+
+def test_no_step_leaves_the_limits():
+    seen = []
+
+    def residuals(z):
+        seen.append(z)
+        return straight(z)
+
+    both = unknowns(one("a", upper=1.0), one("b"))
+    left, slope = sloped(residuals, both, np.array([1.0, 0.0]), np.arange(2))
+    assert np.concatenate(seen)[:, 0].max() <= 1.0
+    assert left == pytest.approx(A[:, 0] - B)
+    assert slope == pytest.approx(A, abs=1e-9)
+
+
+def test_a_recording_has_no_slope_along_the_numbers_of_another():
+    both = unknowns(one("a"), one("b", trial=1))
+    slope = slopes_of([(0, straight), (1, straight)], both, np.zeros(2))
+    assert slope[:4, 1] == pytest.approx(np.zeros(4))
+    assert slope[4:] == pytest.approx(A, abs=1e-9)
