@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sim.jit import jitable
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class Eta(IntEnum):

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimation.history import COUNT, REFUSED_RUN, History, Ints, insert, place, restart
+from gateway.estimation.history import COUNT, REFUSED_RUN, History, insert, place, restart
 from gateway.estimation.names import KINDS, Flag
 from gateway.estimation.settings import Model
 from gateway.estimation.step import valid
 from gateway.estimation.uncertainty import add_heading_error, heading_slope
 from gateway.estimation.update import Work, new_work
 from gateway.jit import compiled
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import MOTION
 
 LATE, REFUSED, RESTART = int(Flag.LATE), int(Flag.REFUSED), int(Flag.RESTART)

@@ -7,16 +7,13 @@ capacity. The newest slot is the filter's state.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimation.names import KINDS, RECORDS, STATES
 from gateway.estimation.settings import Model
 from gateway.estimation.step import advance_to, begin, take_in
 from gateway.estimation.update import Work
 from gateway.jit import compiled
-from sim.state import Floats
-
-Ints = NDArray[np.int64]
+from sim.state import Floats, Ints
 
 
 class History(NamedTuple):

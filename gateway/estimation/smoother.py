@@ -23,7 +23,6 @@ from gateway.estimation.backward import (
     smoothed,
 )
 from gateway.estimation.events import Events
-from gateway.estimation.history import Ints
 from gateway.estimation.motion import predict, predict_about
 from gateway.estimation.names import KINDS, RECORDS, STATES, Flag
 from gateway.estimation.settings import FilterSettings, Model
@@ -32,7 +31,7 @@ from gateway.estimation.timeline import NO_GRID, Timeline, segments
 from gateway.estimation.uncertainty import add_heading_error
 from gateway.estimation.update import new_work
 from gateway.jit import compiled
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import MOTION
 
 CHUNK = 1024  # steps held in memory at once

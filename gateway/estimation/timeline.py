@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gateway.estimation.events import Events, join, ticks
-from gateway.estimation.history import Ints
 from gateway.estimation.names import KINDS
 from gateway.estimation.settings import FilterSettings
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 NO_GRID = -1
 

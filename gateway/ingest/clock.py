@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.ingest.clock_step import RECENT, RING, Ints, S, Verdict, stamp, stamp_all
+from gateway.ingest.clock_step import RECENT, RING, S, Verdict, stamp, stamp_all
 from gateway.ingest.mapping.rule import Counter
+from sim.state import Ints
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,10 @@ One compiled step serves the live link and the columns of a log: they cannot dis
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.ingest.mapping.rule import Counter
 from gateway.jit import compiled
-
-Ints = NDArray[np.int64]
+from sim.state import Ints
 
 SECOND = 1_000_000_000  # ns
 JUMP = 10 * SECOND  # a boot counter that jumps further has restarted

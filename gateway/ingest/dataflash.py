@@ -16,8 +16,8 @@ from gateway.ingest.dataflash_walk import Tally, walk_messages
 from gateway.ingest.files import looks_like, read_bytes
 from gateway.ingest.frame_headers import group
 from gateway.ingest.log import Statistics, Table
+from sim.state import Ints
 
-Ints = NDArray[np.int64]
 REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
 
 

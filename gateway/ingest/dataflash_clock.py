@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.jit import compiled
+from sim.state import Ints
 
 Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 U = np.uint64
 PAYLOAD = 3  # behind the magic bytes and the type
 CREDIBLE_US = 1 << 52

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.jit import compiled, inlined
+from sim.state import Ints
 
 Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 U = np.uint64
 
 MAGIC_A, MAGIC_B = 0xA3, 0x95

@@ -21,8 +21,7 @@ from gateway.ingest.log import Log, Table
 from gateway.ingest.mapping.rule import Counter, Rule, instance_of
 from gateway.ingest.mapping.table import rules
 from gateway.samples import Quantity, Samples
-
-Ints = NDArray[np.int64]
+from sim.state import Ints
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.jit import compiled
+from sim.state import Ints
 
 Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 U = np.uint64
 N = TypeVar("N", bound=np.generic)
 MAGIC_2 = 0xFD

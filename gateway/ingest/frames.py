@@ -12,8 +12,7 @@ from gateway.ingest.definitions import checksum_seeds, definitions, ids_by_name,
 from gateway.ingest.frame_headers import Headers, gather, group, read_headers, read_stamps
 from gateway.ingest.frame_walk import Tally, check_frames, checksum_table, walk_records
 from gateway.ingest.log import Statistics, Table
-
-Ints = NDArray[np.int64]
+from sim.state import Ints
 
 
 @dataclass(frozen=True)

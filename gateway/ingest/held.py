@@ -14,11 +14,10 @@ where it jumps afterwards, the source was silent.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from gateway.samples import Samples
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 FEWEST = 20  # new values: fewer do not show a beat
 ONE_ROW = 0.3  # of the new values come after a single row: then nothing is held
@@ -27,8 +26,6 @@ AROUND = 51  # fixes that one phase is taken from
 CATCH_UP = 0.02  # of a fix's lateness is the clocks' drift
 STILL = 4.0  # typical changes: a larger jump after a hold was a silence
 LONGEST = 10  # rows in a period
-
-Ints = NDArray[np.int64]
 
 
 def retimed(samples: Samples) -> Samples | None:

@@ -17,9 +17,7 @@ from gateway.ingest.mapping.actuators import CHANNELS, SPAN
 from gateway.ingest.sources import Choice
 from gateway.pipelines.events import MOTION, command_family, local
 from gateway.samples import Samples
-from sim.state import Floats
-
-Ints = NDArray[np.int64]
+from sim.state import Floats, Ints
 
 SILENCE_S = 0.25  # without motion for this long, ticks take over …
 TICK_S = 0.1

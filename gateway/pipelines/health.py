@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimation.estimator import Rows
 from gateway.estimation.names import Flag
@@ -14,8 +13,7 @@ from gateway.ingest.log import Log
 from gateway.messages import Rows as Messages
 from gateway.messages import encode
 from gateway.topics import RATED
-
-Ints = NDArray[np.int64]
+from sim.state import Ints
 
 SECOND = 1_000_000_000
 WINDOW_S = 5  # rates, loss and clock offset are those of the last seconds

@@ -18,10 +18,10 @@ from gateway.ingest.earth import Origin
 from gateway.ingest.live import BoatDecoder
 from gateway.ingest.mapping.actuators import CHANNELS, merged
 from gateway.ingest.sources import PRIORITY
-from gateway.pipelines.feed import Feed, Ints
+from gateway.pipelines.feed import Feed
 from gateway.pipelines.whereabouts import Whereabouts
 from gateway.samples import Measurement, Quantity
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 MOTION = ("yaw", "yaw rate", "velocity", "position")
 PATIENCE_NS = 2_000_000_000  # a better source that was silent for so long is given up

@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.samples import Samples
-from sim.state import Floats
-
-Ints = NDArray[np.int64]
+from sim.state import Floats, Ints
 
 
 @dataclass(frozen=True)

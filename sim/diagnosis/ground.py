@@ -18,11 +18,10 @@ from sim.identification.shooting import (
 )
 from sim.identification.tiles import Tiles
 from sim.identification.unknowns import Unknowns
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-Ints = NDArray[np.int64]
 FOLDS = 4
 SCREENED = 25.0  # s, blocks of a quick look
 

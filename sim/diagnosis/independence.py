@@ -24,9 +24,8 @@ from scipy.stats import norm
 from sim.diagnosis.blocks import stretches
 from sim.diagnosis.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
 from sim.diagnosis.prediction import memory_at
-from sim.diagnosis.segments import Ints
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 
 LAGS = 25

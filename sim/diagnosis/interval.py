@@ -7,8 +7,7 @@ widened by √(n/(n − 1)) for the few blocks there are.
 
 import numpy as np
 
-from sim.diagnosis.segments import Ints
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 DRAWS = 2000
 

@@ -16,10 +16,10 @@ from sim.diagnosis.interval import nrmse_interval
 from sim.diagnosis.prediction import predict
 from sim.diagnosis.ruler import Ruler
 from sim.diagnosis.scores import scaled_squares
-from sim.diagnosis.segments import Ints, NoUsableTimeError
+from sim.diagnosis.segments import NoUsableTimeError
 from sim.diagnosis.settings import CompareSettings
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 
 

@@ -1,43 +1,36 @@
 """What the best model still leaves, and what it hangs on: place, time, heading, thrust …
 
-    δν̇ = A(t) δν + M⁻¹ Σ c_k φ_k(t),     A = ∂ν̇/∂ν along the measured track
+Groups of pushes that the model does not know (`sim.diagnosis.pushes`) are regressed on what the
+fit leaves, together with its own numbers, on blocks of time that the regression did not see. A
+group that foretells them names what the catalogue does not hold. In the runs, and not in the
+missing force itself: that holds the noise of the very velocities that the terms are made of, and
+always seems to depend on them. Sparse regression on physical terms: Brunton, Proctor and Kutz, PNAS
+113, 2016; by groups, because terms of one group stand in for each other.
 
-A force φ_k(t) that the model does not know would move the boat by δν. Groups of physical terms are
-regressed on what the fit leaves, together with its own numbers, on blocks of time that the
-regression did not see. A group that foretells them names what the catalogue does not hold. In the
-runs, and not in the missing force itself: that holds the noise of the very velocities that the
-terms are made of, and always seems to depend on them. Sparse regression on physical terms: Brunton,
-Proctor and Kutz, PNAS 113, 2016; by groups, because terms of one group stand in for each other.
+The noise is that of the most promising group. Estimated from what the fit leaves, it takes the very
+thing that is looked for as a slow error of the sensors, and forgives it.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from sim.diagnosis.fit import Fit
-from sim.diagnosis.heldout import CLIP, Gain, gain, unseen
-from sim.diagnosis.inputs import commands_of
-from sim.diagnosis.segments import Ints
-from sim.diagnosis.transition import transitions
-from sim.identification.shooting import Window, projected, run
-from sim.model import Model
-from sim.state import Eta, Floats
-from sim.trial import Trial
+from sim.diagnosis.fit import ROBUST, Fit, Rows
+from sim.diagnosis.heldout import CLIP, Gain, gain
+from sim.diagnosis.pushes import OWN, SAYS, moved_by
+from sim.identification.noise import SMALLEST, Errors, Noise, estimated, mixing, starts_out
+from sim.identification.search import slopes_of
+from sim.identification.shooting import Window, errors_at, errors_of, projected
+from sim.state import Floats
 
 RIDGE = 3.0  # in whitened rows: how much a term must say before it is listened to
-SPOTS = 7  # along the longer side of the map
-STAYED_S = 5.0  # in a spot, for it to count
 AXES = ("surge", "sway", "yaw")
-SAYS = {
-    "place": "where it is on the map",
-    "time": "the time",
-    "heading": "its heading",
-    "speed": "its speed through the water",
-    "turn": "how it turns and slips",
-    "thrust": "what the motors do",
-    "always": "nothing that varies: a constant push on board",
-}
+SOON = 0.5  # s, after which noise that forgives nothing slow is forgotten
+NORMAL = 0.6745  # median of |x| over its standard deviation
+ROUNDS = 3  # of the noise: each looks at its neighbours on a grid
+NOTHING = ""  # the group without terms
 
 
 @dataclass(frozen=True)
@@ -61,135 +54,134 @@ class Dependence:
 
 def dependences(fit: Fit) -> list[Dependence]:
     """Every group and what it foretells, the strongest first."""
-    before = unseen(fit)
-    columns = [_columns(fit, w) for w in fit.ground.seen_by(fit.unknowns, fit.z)]
-    found = []
-    for group in columns[0]:
-        each = [c[group] for c in columns]  # places are of one recording: spots of its own map
-        J = block_diag(*each) if group == "place" else np.concatenate(each)
-        after, axes = _foretold(fit, J, before)
-        found.append(Dependence(group, gain(before, after, fit.ground.block), axes))
-    return sorted(found, key=lambda d: -d.gain.nats)
+    trials = [_Trial.of(fit, w) for w in fit.ground.seen_by(fit.unknowns, fit.z)]
+    blunt = _White.of(fit, trials, [t.blunt() for t in trials])
+    leader = blunt.dependences()[0].on
+    return _White.of(fit, trials, blunt.noise_without(leader)).dependences()
 
 
-def _columns(fit: Fit, window: Window) -> dict[str, Floats]:
-    """What each term of each group would do to the residuals of one trial: (N, K), unit columns."""
-    number, trial = window.voyage.number, window.voyage.trial
-    theta = fit.unknowns.theta(fit.z[None], number)[0]
-    model = replace(fit.unknowns.model, theta=theta)
-    rows = window.tiles.first[:, None] + np.arange(window.within.shape[1] * window.every)
-    rows = np.minimum(rows, len(trial) - 1)
-    A = transitions(model, trial, np.unique(rows), 1)[:, 3:, 3:]
-    A = A[np.searchsorted(np.unique(rows), rows)]
-    # past its end a run is padded, and at the end of the trial nothing goes on
-    inside = np.arange(rows.shape[1]) < window.tiles.size[:, None]
-    A = np.where(inside[..., None, None] & np.isfinite(A), A, 0.0)
-    masses = np.array([theta[model.names.index(m)] for m in ("m11", "m22", "m33")])
-    out = {}
-    for group, terms in _terms(fit, window, model, rows).items():
-        push = np.where(inside[..., None, None], terms, 0.0) * (trial.dt / masses)[:, None]
-        moved = np.zeros_like(push)
-        for j in range(1, rows.shape[1]):
-            moved[:, j] = A[:, j - 1] @ moved[:, j - 1] + push[:, j - 1]
-        means = moved.reshape(len(rows), -1, window.every, 3, terms.shape[3]).mean(axis=2)
-        means *= window.within[..., None, None]
-        J = np.stack([projected(window, m[None])[0] for m in np.moveaxis(means, -1, 0)], axis=1)
-        out[group] = J / np.maximum(np.sqrt(np.mean(J**2, axis=0)), 1e-12)
-    return out
+@dataclass(frozen=True)
+class _Trial:
+    """Errors of one trial's runs and all that would change them, before any whitening.
 
-
-def _terms(fit: Fit, window: Window, model: Model, rows: Ints) -> dict[str, Floats]:
-    """Groups of forces (S, R, 3, K) on X, Y, N along the model's own runs (S, R).
-
-    Not along the measured motion: that has answered to what is missing already, and would seem to
-    foretell it.
+    slope  (S, n, 3, m) of the fit's numbers; moved (S, n, 3, K) by the terms of each group
     """
-    trial = window.voyage.trial
-    said = _held(run(window, fit.unknowns, fit.z[None])[0])[:, : rows.shape[1]]
-    north, east, yaw, u, v, r = np.moveaxis(said[..., :6], -1, 0)
-    low, high = _extent(trial)
-    n, e = (
-        2.0 * (x - a) / max(b - a, 1.0) - 1.0
-        for x, a, b in zip((north, east), low, high, strict=True)
-    )
-    t = np.pi * trial.time[rows] / max(float(trial.time[-1]), 1.0)
-    c = commands_of(model, trial)[:, : max(len(model.vessel.thrusters), 1)][rows]
-    stack = np.stack
-    place = stack([n, e, n * n, n * e, e * e], axis=-1)
-    spots = _spots(trial, north, east) * (u * np.abs(u))[..., None]
-    waves = stack([f(k * t) for k in (1, 2, 3, 4) for f in (np.sin, np.cos)], axis=-1)
-    turned = stack([np.cos(yaw), np.sin(yaw), np.cos(2 * yaw), np.sin(2 * yaw)], axis=-1)
-    speed = stack([u, u * np.abs(u), u**3, np.abs(u)], axis=-1)
-    turn = stack([v, r, v * np.abs(v), r * np.abs(r), u * v, u * r, v * r], axis=-1)
-    thrust = np.concatenate([c, np.abs(c), c * np.abs(c), c * u[..., None]], axis=-1)
-    surge = np.zeros((*spots.shape[:2], 3, spots.shape[2]))
-    surge[..., 0, :] = spots
-    return {
-        "place": np.concatenate([_world(place, yaw), surge], axis=-1),
-        "time": np.concatenate([_world(waves, yaw), _alike(waves * u[..., None])], axis=-1),
-        "heading": _alike(turned),
-        "speed": _alike(speed),
-        "turn": _alike(turn),
-        "thrust": _alike(thrust),
-        "always": _alike(np.ones((*rows.shape, 1))),
-    }
+
+    window: Window
+    errors: Errors
+    slope: Floats
+    moved: Mapping[str, Floats]
+
+    @classmethod
+    def of(cls, fit: Fit, window: Window) -> "_Trial":
+        errors, unknowns = errors_at(window, fit.unknowns, fit.z), fit.unknowns
+
+        def flat(z: Floats) -> Floats:
+            return errors_of(window, unknowns, z).reshape(len(z), -1)
+
+        slope = slopes_of([(window.voyage.number, flat)], unknowns, fit.z)
+        slope = slope.reshape(*errors.error.shape, -1)
+        return cls(window, errors, slope, moved_by(fit, window))
+
+    def blunt(self) -> Noise:
+        """Noise that forgives nothing slow: as large as the errors, and soon forgotten."""
+        inside = self.errors.error[self.errors.within > 0]
+        size = np.median(np.abs(inside), axis=0) / NORMAL
+        rho = np.full(3, np.exp(-self.step / SOON))
+        return Noise(np.maximum(size, SMALLEST), rho, self.window.noise.jolt)
+
+    @property
+    def step(self) -> float:
+        """Seconds from mean to mean."""
+        return self.window.every * self.window.voyage.trial.dt
+
+    def under(self, noise: Noise) -> Window:
+        """The window with another noise."""
+        _, basis, _ = starts_out(self.errors, noise)
+        return replace(self.window, noise=noise, basis=basis, mix=mixing(self.errors, noise)[0])
+
+    def noise_without(self, gone: Floats, noise: Noise) -> Noise:
+        """The noise that makes what is left most likely once (S, n, 3) is explained."""
+        left = self.errors._replace(error=self.errors.error - gone)
+        for _ in range(ROUNDS):
+            noise = estimated(left, self.step, noise)
+        return noise
 
 
-def _held(said: Floats) -> Floats:
-    """Reports (S, R, 9) with the last row of each run held past its end."""
-    there = np.where(np.isfinite(said[..., 0]), np.arange(said.shape[1]), 0)
-    last = np.maximum.accumulate(there, axis=1)
-    return np.take_along_axis(said, last[..., None], axis=1)
+@dataclass(frozen=True)
+class _White:
+    """All trials whitened: residual (N,), weight (N,), slope (N, m), terms (N, K) of each group."""
+
+    fit: Fit
+    trials: Sequence[_Trial]
+    noise: Sequence[Noise]
+    residual: Floats
+    weight: Floats
+    slope: Floats
+    terms: Mapping[str, Floats]
+
+    @classmethod
+    def of(cls, fit: Fit, trials: Sequence[_Trial], noise: Sequence[Noise]) -> "_White":
+        windows = [t.under(n) for t, n in zip(trials, noise, strict=True)]
+        pairs = list(zip(windows, trials, strict=True))
+        residual = np.concatenate([projected(w, t.errors.error[None])[0] for w, t in pairs])
+        terms = {NOTHING: np.zeros((len(residual), 0))}
+        for on in trials[0].moved:
+            each = [_rows(w, t.moved[on]) for w, t in pairs]
+            terms[on] = block_diag(*each) if on in OWN else np.concatenate(each)
+        return cls(
+            fit, trials, noise, residual, 1.0 / np.sqrt(1.0 + (residual / ROBUST) ** 2),
+            np.concatenate([_rows(w, t.slope) for w, t in pairs]), terms,
+        )  # fmt: skip
+
+    def dependences(self) -> list[Dependence]:
+        """What each group foretells of time that its regression did not see."""
+        before = self._foretold(NOTHING)
+        found = []
+        for on in self.terms.keys() - {NOTHING}:
+            after = self._foretold(on)
+            worth = gain(before, after, self.fit.ground.block)
+            found.append(Dependence(on, worth, _axes(before, after)))
+        return sorted(found, key=lambda d: -d.gain.nats)
+
+    def noise_without(self, on: str) -> list[Noise]:
+        """Noise of each trial as the fit with the terms of a group leaves it."""
+        found, at, out = self._regressed(on, slice(None))[self.slope.shape[1] :], 0, []
+        for trial, noise in zip(self.trials, self.noise, strict=True):
+            moved = trial.moved[on]
+            mine = found[at : at + moved.shape[-1]] if on in OWN else found
+            at += moved.shape[-1]
+            out.append(trial.noise_without(moved @ mine, noise))
+        return out
+
+    def _foretold(self, on: str) -> Floats:
+        """What a fit with a group leaves of the blocks that it did not see: (N,)."""
+        out, both = self.residual.copy(), np.hstack([self.slope, self.terms[on]])
+        for seen, judge in self.fit.ground.folds():
+            found = self._regressed(on, seen)
+            out[judge] -= np.asarray(both[judge] @ found)
+        return out
+
+    def _regressed(self, on: str, rows: Rows) -> Floats:
+        """Changes of the fit's numbers, and sizes of the terms: (m + K,)."""
+        unknowns, m = self.fit.unknowns, self.slope.shape[1]
+        A, w = np.hstack([self.slope, self.terms[on]])[rows], self.weight[rows]
+        P = np.array([u.prior for u in unknowns.each]) ** -2.0
+        size = np.mean(self.terms[on] ** 2, axis=0)
+        H = A.T @ (w[:, None] * A) + np.diag(np.append(P, RIDGE * np.maximum(size, 1e-24)))
+        s = A.T @ (w * self.residual[rows])
+        s[:m] += P * (self.fit.z - unknowns.start)
+        return np.asarray(np.linalg.lstsq(H, s, rcond=1e-12)[0])
 
 
-def _extent(trial: Trial) -> tuple[Floats, Floats]:
-    """South-west and north-east corner of what was visited."""
-    place = trial.eta[trial.usable][:, : Eta.YAW]
-    return place.min(axis=0), place.max(axis=0)
+def _rows(window: Window, means: Floats) -> Floats:
+    """Means (S, n, 3, K) as residuals: (N, K)."""
+    return np.ascontiguousarray(projected(window, np.moveaxis(means, -1, 0)).T)
 
 
-def _spots(trial: Trial, north: Floats, east: Floats) -> Floats:
-    """Round spots over the places that were visited: (S, R, m), 1 in the middle of each."""
-    low, high = _extent(trial)
-    apart = max(float((high - low).max()) / SPOTS, 1.0)
-    cell = np.floor((trial.eta[trial.usable][:, : Eta.YAW] - low) / apart)
-    visited, count = np.unique(cell, axis=0, return_counts=True)
-    middle = low + (visited[count * trial.dt > STAYED_S] + 0.5) * apart
-    away = np.stack([north, east], axis=-1)[..., None, :] - middle
-    return np.asarray(np.exp(-np.sum(away**2, axis=-1) / apart**2))
-
-
-def _alike(terms: Floats) -> Floats:
-    """Terms (..., m) -> (..., 3, 3m): each on each axis by itself."""
-    return np.asarray(np.einsum("...m,ij->...ijm", terms, np.eye(3))).reshape(
-        *terms.shape[:-1], 3, -1
-    )
-
-
-def _world(terms: Floats, yaw: Floats) -> Floats:
-    """Forces to the north and to the east (..., m) -> what they are on board (..., 3, 2m)."""
-    c, s = np.cos(yaw)[..., None], np.sin(yaw)[..., None]
-    none = np.zeros_like(terms)
-    north = np.stack([c * terms, -s * terms, none], axis=-2)
-    east = np.stack([s * terms, c * terms, none], axis=-2)
-    return np.concatenate([north, east], axis=-1)
-
-
-def _foretold(fit: Fit, J: Floats, before: Floats) -> tuple[Floats, tuple[str, ...]]:
-    """Terms (N, K) beside the fit's own numbers -> unseen residuals (N,), and the axes helped."""
-    P = np.diag(np.array([u.prior for u in fit.unknowns.each]) ** -2.0)
-    pull = P @ (fit.z - fit.unknowns.start)
-    n, K = len(fit.z), J.shape[1]
-    both = np.hstack([fit.slope, J])
-    prior = np.zeros((n + K, n + K))
-    prior[:n, :n], prior[n:, n:] = P, RIDGE * np.eye(K)
-    out = fit.residual.copy()
-    for seen, judge in fit.ground.folds():
-        A, w = both[seen], fit.weight[seen]
-        H = A.T @ (w[:, None] * A) + prior
-        s = A.T @ (w * fit.residual[seen]) + np.append(pull, np.zeros(K))
-        out[judge] = fit.residual[judge] - both[judge] @ np.linalg.lstsq(H, s, rcond=1e-12)[0]
-    was, left = (np.clip(r.reshape(-1, 3), -CLIP, CLIP) for r in (before, out))
+def _axes(before: Floats, after: Floats) -> tuple[str, ...]:
+    """The axes on which a group helps."""
+    was, left = (np.clip(r.reshape(-1, 3), -CLIP, CLIP) for r in (before, after))
     won = np.sum(was**2 - left**2, axis=0)
     helped = won > 0.2 * max(float(won.max()), 1e-9)
-    return out, tuple(AXES[i] for i in range(3) if helped[i])
+    return tuple(AXES[i] for i in range(3) if helped[i])

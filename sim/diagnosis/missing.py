@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.diagnosis.inputs import commands_of, delayed, motion_of
-from sim.diagnosis.segments import Ints
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import MOTION, Trial
 
 STEP = np.array([1e-3, 1e-3, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])  # SI, of (η, ν, ν̇)

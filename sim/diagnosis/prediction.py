@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from sim.diagnosis.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
 from sim.diagnosis.ruler import Ruler
-from sim.diagnosis.segments import Ints
 from sim.model import Model
-from sim.state import Eta, Floats, wrap
+from sim.state import Eta, Floats, Ints, wrap
 from sim.trial import Trial
 
 WORST = 100.0  # scales (or 10 km): an error beyond this is a run that left the track

@@ -20,10 +20,10 @@ from sim.diagnosis.missing import MissingForce, missing_force
 from sim.diagnosis.prediction import Prediction, predict
 from sim.diagnosis.regimes import regimes_of
 from sim.diagnosis.ruler import Ruler
-from sim.diagnosis.segments import Ints, NoUsableTimeError
+from sim.diagnosis.segments import NoUsableTimeError
 from sim.diagnosis.settings import CompareSettings
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import Vessel
 

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.diagnosis.floor import mean_over_horizon, perfect_variance
-from sim.diagnosis.segments import Ints, Segments, segments_of
+from sim.diagnosis.segments import Segments, segments_of
 from sim.diagnosis.settings import CompareSettings
 from sim.diagnosis.spread import limited, start_variance
 from sim.diagnosis.transition import carried
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 
 SMALLEST = np.array([0.05, 0.05, 0.02])  # m/s, m/s, rad/s: below this a channel is at rest

@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.diagnosis.blocks import stretches
 from sim.diagnosis.settings import CompareSettings
+from sim.state import Ints
 from sim.trial import Trial
 
 SHORTEST_STRETCH = 2.0  # s of usable time that still give a segment
-
-Ints = NDArray[np.int64]
 
 
 class NoUsableTimeError(ValueError):

@@ -8,10 +8,10 @@ track there, because its start is not known exactly. What comes after says nothi
 
 import numpy as np
 
-from sim.diagnosis.segments import Ints, Segments
+from sim.diagnosis.segments import Segments
 from sim.diagnosis.settings import CompareSettings
 from sim.diagnosis.transition import STATE
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 
 

@@ -9,9 +9,9 @@ unstable hull has left the track. The memory of actuators is left out: commands 
 import numpy as np
 
 from sim.diagnosis.inputs import inputs_of, motion_of, runs_from
-from sim.diagnosis.segments import Ints, Segments
+from sim.diagnosis.segments import Segments
 from sim.model import InputTable, Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 
 STATE = 6  # eta, nu as reported

@@ -10,9 +10,8 @@ from sim.diagnosis.missing import MissingForce
 from sim.diagnosis.prediction import Prediction
 from sim.diagnosis.regimes import Regime, round_edges
 from sim.diagnosis.scores import scaled_squares
-from sim.diagnosis.segments import Ints
 from sim.diagnosis.words import Triple, at_place, says
-from sim.state import Eta, Floats
+from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
 
 CELLS = 20  # along the longer side of the track

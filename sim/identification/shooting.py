@@ -160,7 +160,7 @@ def window_of(
     bare = Window(
         voyage, model, tiles, every, within, memory, noise, np.zeros(0), jolts, kappa=kappa
     )
-    errors = _errors(bare, unknowns, z)
+    errors = errors_at(bare, unknowns, z)
     _, basis, _ = starts_out(errors, noise)
     return replace(bare, basis=basis, mix=mixing(errors, noise)[0])
 
@@ -201,7 +201,7 @@ def errors_of(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | Non
     return np.asarray(means * window.within[..., None])
 
 
-def _errors(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
+def errors_at(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
     """Errors at z (n,) and how they hang on the starts."""
     nudge = np.vstack([np.zeros(3), np.diag(STEP)])[:, None, :]
     nudge = np.repeat(nudge, len(window.tiles.first), axis=1)
@@ -242,7 +242,7 @@ def _fitted(
 
 def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
     """The voyage with its motion where the model found it: starts of the next stage."""
-    _, _, correction = starts_out(_errors(window, unknowns, z), window.noise)
+    _, _, correction = starts_out(errors_at(window, unknowns, z), window.noise)
     trial, track = window.voyage.trial, window.voyage.track.copy()
     limit = scales_of(trial)
     nudge = np.clip(correction, -limit, limit)[None]
@@ -258,7 +258,7 @@ def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
 def noise_left(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
     """The noise that makes what a model with numbers z (n,) leaves most likely."""
     step = window.every * window.voyage.trial.dt
-    return estimated(_errors(window, unknowns, z), step, window.noise)
+    return estimated(errors_at(window, unknowns, z), step, window.noise)
 
 
 def _shot(

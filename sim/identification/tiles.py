@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from sim.diagnosis.blocks import stretches
 from sim.diagnosis.inputs import inputs_of, motion_of, runs_from
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.trial import Trial
 
-Ints = NDArray[np.int64]
 SHORTEST = 3  # means in a run: fewer say little beside its start
 STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
 

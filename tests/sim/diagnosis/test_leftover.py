@@ -1,0 +1,82 @@
+"""What a fit leaves: each kind of thing that no catalogue holds is named by what it hangs on."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from sim.body import Drive, Flow
+from sim.diagnosis.diagnose import DiagnoseSettings, refitted
+from sim.diagnosis.fit import Fit
+from sim.diagnosis.leftover import dependences
+from sim.diagnosis.rhythm import rhythms
+from sim.diagnosis.wide import Wide
+from sim.effects.effect import Effect, Scope
+from sim.model import Model
+from sim.state import Pose, Water
+from sim.trial import Trial
+from sim.vessel import AddedEffect
+from tests.sim.diagnosis.sailed import DT, STD, sailed
+from tests.sim.diagnosis.voyages import WAM_V, commands, trial_of
+
+SECONDS = 300.0
+PERIOD = 9.0  # s
+
+
+class Nothing(NamedTuple):
+    """No parameters."""
+
+
+def sheared(time: float, pose: Pose, p: Nothing) -> Water:
+    """Water that runs east, the faster the further north."""
+    return Water(0.0, 0.3 * np.tanh(0.05 * pose.north), 0.0, 0.0)
+
+
+def stuttering(F: float, drive: Drive, flow: Flow, p: Nothing) -> float:
+    """The motors stop for a third of each period."""
+    return F * (flow.time % PERIOD >= PERIOD / 3.0)
+
+
+def voyage(**law: Callable[..., Any]) -> Trial:
+    """The WAM-V with a law of nobody's catalogue."""
+    drive = commands(SECONDS, DT, 3)
+    strange = Effect(
+        "stranger", Scope.BOAT, parameters=(), looks_like="", mistaken_for=(), **law
+    )  # fmt: skip
+    vessel = WAM_V.with_effects(AddedEffect(strange, {}))
+    _, reports = Model.of(vessel).simulate(drive, DT)
+    motion = reports[0, :-1] + np.random.default_rng(5).normal(0.0, STD, (len(drive), 9))
+    return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(STD**2))
+
+
+def base_on(*trials: Trial) -> Fit:
+    """The base fitted without any effect."""
+    return refitted(Wide.of(WAM_V, ()), Model.of(WAM_V), trials, DiagnoseSettings())
+
+
+def test_water_that_flows_differently_from_place_to_place() -> None:
+    best = dependences(base_on(voyage(water=sheared)))[0]
+    assert best.on == "flow"
+    assert best.gain.nats > 100.0
+    assert best.gain.lost < 0.1
+    assert "sway" in best.axes
+
+
+def test_a_motor_that_comes_and_goes() -> None:
+    trial = voyage(thrust=stuttering)
+    assert rhythms(Model.of(WAM_V), trial)[0] == pytest.approx(2.0 * np.pi / PERIOD, rel=0.01)
+    best = dependences(base_on(trial))[0]
+    assert best.on == "rhythm"
+    assert best.gain.nats > 100.0
+    assert "surge" in best.axes
+    assert best.share > 0.3
+
+
+def test_several_recordings_have_maps_of_their_own() -> None:
+    best = dependences(base_on(voyage(water=sheared), sailed(seconds=100.0)))[0]
+    assert best.on == "flow"
+
+
+def test_noise_hangs_on_nothing() -> None:
+    assert all(d.gain.nats < 10.0 for d in dependences(base_on(sailed(seconds=SECONDS))))
