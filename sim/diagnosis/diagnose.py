@@ -95,7 +95,7 @@ def diagnose(
     tell("what is left")
     rungs, floor = ladder(climb, plain, judge), judge.floor
     final = rungs[-1]
-    left = left_over(climb, final.heldout.nrmse, floor)
+    left = left_over(climb)
     alone = rungs_of(climb.first.finalists, judge)
     rivals = [rivals_of(step.ranking) for step in climb.steps]
     others = (*alone, *later_rivals(climb, rivals, judge))

@@ -9,6 +9,7 @@ blamed on whatever effect lies nearest.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,15 @@ Rows = NDArray[np.bool_] | slice
 ROBUST = 4.0  # standard deviations: a residual beyond counts less
 STEPS = 6  # of the search
 FURTHEST = 3.0  # standard deviations of a number that was given
+FAR = 1.0  # standard deviations: a base that has moved so may have lost its way
+HALVED = 4  # times, at most, that a step which goes too far is
+
+
+class Refits(NamedTuple):
+    """Numbers (K, n) without each fold of the ground in turn, and all residuals then (K, N)."""
+
+    z: Floats
+    residual: Floats
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,35 @@ class Fit:
         H = J.T @ (w[:, None] * J) + P
         s = J.T @ (w * residual[rows]) + P @ (self.z - self.unknowns.start)
         return np.asarray(-np.linalg.lstsq(H, s, rcond=None)[0])
+
+    @cached_property
+    def refits(self) -> Refits:
+        """One Gauss–Newton step for each fold, halved as long as it fits its own rows worse."""
+        seen = np.array([rows for rows, _ in self.ground.folds()])
+        steps = np.array([self.step(self.residual, rows) for rows in seen])
+        before = self._costs(self.z[None], self.residual[None], seen)
+        for _ in range(HALVED):
+            z = np.clip(self.z + steps, *self.unknowns.bounds)
+            residual = self.at(z)
+            worse = self._costs(z, residual, seen) > before
+            if not worse.any():
+                return Refits(z, residual)
+            steps[worse] *= 0.5
+        z[worse], residual[worse] = self.z, self.residual
+        return Refits(z, residual)
+
+    @property
+    def cost(self) -> float:
+        """What the search lowered."""
+        whole = np.ones((1, len(self.residual)), np.bool_)
+        return float(self._costs(self.z[None], self.residual[None], whole)[0])
+
+    def _costs(self, z: Floats, residual: Floats, rows: NDArray[np.bool_]) -> Floats:
+        """What a search would lower, at each of z (K, n) on rows (K, N) of its own: (K,)."""
+        rho = 2.0 * ROBUST**2 * (np.sqrt(1.0 + (residual / ROBUST) ** 2) - 1.0)
+        prior = np.array([u.prior for u in self.unknowns.each])
+        away = (z - self.unknowns.start) / prior
+        return np.asarray(np.sum(rho * rows, axis=1) + np.sum(away**2, axis=1))
 
     def at(self, z: Floats) -> Floats:
         """Residuals (K, N) at other numbers z (K, n)."""
@@ -110,6 +149,18 @@ def started(unknowns: Unknowns, like: "Fit | None") -> Floats:
         for i, u in enumerate(unknowns.each):
             z[i] = known.get((u.name, u.trial), z[i])
     return z
+
+
+def as_given(unknowns: Unknowns, z: Floats) -> Floats | None:
+    """z (n,) with the base as it was given; None where it has hardly left that.
+
+    A base that stood in for what is missing may have ended where no effect finds its way back.
+    """
+    moved = (z - unknowns.start) / np.array([u.prior for u in unknowns.each])
+    base = np.array([u.name in BASE for u in unknowns.each])
+    if not np.any(base & (np.abs(moved) > FAR)):
+        return None
+    return np.where(base, unknowns.start, z)
 
 
 def fitted(

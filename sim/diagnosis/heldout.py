@@ -1,9 +1,9 @@
 """What a fit is worth on blocks of time that it did not see.
 
 Each fourth block is held out in turn, 5 s to either side of it with it. The fit without them is
-one Gauss–Newton step from the fit with them; the model then really runs over the blocks. A gain is
-a ratio of squared errors per block: thousands of samples make everything significant, so what
-counts is how large it is, and how alike from block to block.
+one damped Gauss–Newton step from the fit with them; the model then really runs over the blocks. A
+gain is a ratio of squared errors per block: thousands of samples make everything significant, so
+what counts is how large it is, and how alike from block to block.
 """
 
 from typing import NamedTuple
@@ -36,17 +36,11 @@ class Gain(NamedTuple):
     lost: float
 
 
-def refits(fit: Fit) -> Floats:
-    """Numbers (K, n) without each fold in turn: one Gauss–Newton step from those with it."""
-    moved = [fit.z + fit.step(fit.residual, seen) for seen, _ in fit.ground.folds()]
-    return np.clip(moved, *fit.unknowns.bounds)
-
-
 def unseen(fit: Fit) -> Floats:
     """Residuals (N,) of each block as a fit without it leaves them."""
-    found, out = fit.at(refits(fit)), fit.residual.copy()
+    out = fit.residual.copy()
     for k, (_, judge) in enumerate(fit.ground.folds()):
-        out[judge] = found[k, judge]
+        out[judge] = fit.refits.residual[k, judge]
     return out
 
 

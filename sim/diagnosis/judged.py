@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.fit import Fit
-from sim.diagnosis.heldout import refits
 from sim.diagnosis.interval import nrmse_interval
 from sim.diagnosis.prediction import predict
 from sim.diagnosis.ruler import Ruler
@@ -55,11 +54,10 @@ class Judge:
 
     def fitted(self, fit: Fit) -> HeldOut:
         """A fit, each block by the fit without it."""
-        z = refits(fit)
         model = fit.unknowns.model
         return _pooled([
             self._squares(
-                i, [replace(model, theta=theta) for theta in fit.unknowns.theta(z, i)],
+                i, [replace(model, theta=theta) for theta in fit.unknowns.theta(fit.refits.z, i)],
                 fit.ground.fold_at(i, self.trials[i].time),
             )
             for i in range(len(self.trials))

@@ -13,6 +13,7 @@ thing that is looked for as a slow error of the sensors, and forgives it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -29,7 +30,7 @@ RIDGE = 3.0  # in whitened rows: how much a term must say before it is listened 
 AXES = ("surge", "sway", "yaw")
 SOON = 0.5  # s, after which noise that forgives nothing slow is forgotten
 NORMAL = 0.6745  # median of |x| over its standard deviation
-ROUNDS = 3  # of the noise: each looks at its neighbours on a grid
+ROUNDS = 9  # of the noise, at most: each looks at its neighbours on a grid
 NOTHING = ""  # the group without terms
 
 
@@ -55,9 +56,10 @@ class Dependence:
 def dependences(fit: Fit) -> list[Dependence]:
     """Every group and what it foretells, the strongest first."""
     trials = [_Trial.of(fit, w) for w in fit.ground.seen_by(fit.unknowns, fit.z)]
-    blunt = _White.of(fit, trials, [t.blunt() for t in trials])
-    leader = blunt.dependences()[0].on
-    return _White.of(fit, trials, blunt.noise_without(leader)).dependences()
+    noises = [t.window.noise for t in trials], [t.blunt() for t in trials]
+    looks = [_White.of(fit, trials, noise) for noise in noises]
+    first = max(looks, key=lambda look: look.best.gain.nats)
+    return _White.of(fit, trials, first.noise_without(first.best.on)).dependences
 
 
 @dataclass(frozen=True)
@@ -100,11 +102,13 @@ class _Trial:
         _, basis, _ = starts_out(self.errors, noise)
         return replace(self.window, noise=noise, basis=basis, mix=mixing(self.errors, noise)[0])
 
-    def noise_without(self, gone: Floats, noise: Noise) -> Noise:
+    def noise_without(self, gone: Floats) -> Noise:
         """The noise that makes what is left most likely once (S, n, 3) is explained."""
-        left = self.errors._replace(error=self.errors.error - gone)
+        left, noise = self.errors._replace(error=self.errors.error - gone), self.window.noise
         for _ in range(ROUNDS):
-            noise = estimated(left, self.step, noise)
+            before, noise = noise, estimated(left, self.step, noise)
+            if np.array_equal(before.rho, noise.rho):
+                break
         return noise
 
 
@@ -114,7 +118,6 @@ class _White:
 
     fit: Fit
     trials: Sequence[_Trial]
-    noise: Sequence[Noise]
     residual: Floats
     weight: Floats
     slope: Floats
@@ -130,12 +133,18 @@ class _White:
             each = [_rows(w, t.moved[on]) for w, t in pairs]
             terms[on] = block_diag(*each) if on in OWN else np.concatenate(each)
         return cls(
-            fit, trials, noise, residual, 1.0 / np.sqrt(1.0 + (residual / ROBUST) ** 2),
+            fit, trials, residual, 1.0 / np.sqrt(1.0 + (residual / ROBUST) ** 2),
             np.concatenate([_rows(w, t.slope) for w, t in pairs]), terms,
         )  # fmt: skip
 
+    @property
+    def best(self) -> Dependence:
+        """The group that foretells most."""
+        return self.dependences[0]
+
+    @cached_property
     def dependences(self) -> list[Dependence]:
-        """What each group foretells of time that its regression did not see."""
+        """What each group foretells of time that its regression did not see, the best first."""
         before = self._foretold(NOTHING)
         found = []
         for on in self.terms.keys() - {NOTHING}:
@@ -147,11 +156,11 @@ class _White:
     def noise_without(self, on: str) -> list[Noise]:
         """Noise of each trial as the fit with the terms of a group leaves it."""
         found, at, out = self._regressed(on, slice(None))[self.slope.shape[1] :], 0, []
-        for trial, noise in zip(self.trials, self.noise, strict=True):
+        for trial in self.trials:
             moved = trial.moved[on]
             mine = found[at : at + moved.shape[-1]] if on in OWN else found
             at += moved.shape[-1]
-            out.append(trial.noise_without(moved @ mine, noise))
+            out.append(trial.noise_without(moved @ mine))
         return out
 
     def _foretold(self, on: str) -> Floats:

@@ -21,6 +21,7 @@ from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
 
 SPOTS = 7  # along the longer side of the map
+BUMPS = 7  # over the speeds
 STAYED_S = 5.0  # in a spot, for it to count
 OWN = frozenset({"place", "flow", "rhythm"})  # terms of one recording: its map, its time
 SAYS = {
@@ -91,7 +92,7 @@ class _Scene:
         stack = np.stack
         waves = stack([f(k * t) for k in (1, 2, 3, 4) for f in (np.sin, np.cos)], axis=-1)
         turned = stack([np.cos(yaw), np.sin(yaw), np.cos(2 * yaw), np.sin(2 * yaw)], axis=-1)
-        speed = stack([u, u * np.abs(u), u**3, np.abs(u)], axis=-1)
+        speed = np.concatenate([stack([u, u * np.abs(u), u**3], axis=-1), _bumps(u)], axis=-1)
         turn = stack([v, r, v * np.abs(v), r * np.abs(r), u * v, u * r, v * r], axis=-1)
         thrust = np.concatenate([c, np.abs(c), c * np.abs(c), c * u[..., None]], axis=-1)
         spots = self.spots() * (u * np.abs(u))[..., None]
@@ -149,6 +150,13 @@ def _beats(omega: Floats, c: Floats, time: Floats) -> Floats:
     return np.concatenate(
         [push * f(k * turn) for k in (1.0, 2.0) for f in (np.sin, np.cos)], axis=-1
     )
+
+
+def _bumps(u: Floats) -> Floats:
+    """Round bumps over the speeds that were sailed, ahead and astern: (S, R, BUMPS)."""
+    middle = np.linspace(float(u.min()), float(u.max()), BUMPS)
+    width = max(float(middle[1] - middle[0]), 1e-3)
+    return np.asarray(np.exp(-(((u[..., None] - middle) / width) ** 2)))
 
 
 def _held(said: Floats) -> Floats:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.diagnosis.fit import Fit, fitted
+from sim.diagnosis.fit import Fit, as_given, fitted
 from sim.diagnosis.ground import Ground
 from sim.diagnosis.heldout import Gain, gain, per_block, unseen
 from sim.diagnosis.screen import Each, Promise, Tell, screened
@@ -100,7 +100,10 @@ def _finals(
     before = fitted(reference.added, reference.unknowns, ground, reference.z)
 
     def whole(p: Promise) -> tuple[Fit, Floats]:
-        fit = fitted((*reference.added, p.added), p.unknowns, ground, p.z)
+        added, again = (*reference.added, p.added), as_given(p.unknowns, p.z)
+        starts = [p.z] if again is None else [p.z, again]
+        fits = [fitted(added, p.unknowns, ground, z) for z in starts]
+        fit = min(fits, key=lambda f: f.cost)
         return fit, unseen(fit)
 
     fits = list(each(whole, promises))

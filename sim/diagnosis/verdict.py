@@ -15,8 +15,7 @@ TIED = 0.7  # of the best one's gain: an explanation that does nearly as well
 LEFT = 25.0  # nats that a group of terms must foretell beside the best model
 FORM = 0.06  # of what the effects won: an effect of the right kind leaves so much by its form
 GROUP = 1.0  # the same of a wave: one frequency of a whole group
-NOTICED_FLOOR = 1.1  # floors of noise: below, nothing is left that needs a name
-EVEN = 0.3  # of the nats won may be lost elsewhere
+EVEN = 0.15  # of the nats won may be lost elsewhere
 STANDS = 1.45  # floors of noise: a complete model leaves less
 FAR = 5.0  # floors of noise: an effect of the right kind leaves less, whatever its form
 REST = 0.03  # … or less than this share of what the base alone left above the noise
@@ -63,10 +62,11 @@ def stands_open(effects: Sequence[str], rungs: Sequence[Rung], floor: float) -> 
     return last**2 - floor**2 > REST * (base**2 - floor**2)
 
 
-def left_over(climb: Climb, nrmse: float, floor: float) -> list[Dependence]:
-    """What the last fit leaves that follows something, where its error stands above the noise."""
-    if nrmse <= NOTICED_FLOOR * floor:
-        return []
+def left_over(climb: Climb) -> list[Dependence]:
+    """What the last fit leaves that follows something.
+
+    However small: a free run of ten seconds may hardly tell what six hundred of them do.
+    """
     return [d for d in dependences(climb.fit) if matters(d.gain, climb)]
 
 
