@@ -50,6 +50,9 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
         table.add_row(*_parameter(p))
     if effect.needs:
         out.print(f"[bold]Needs[/bold]: {escape(', '.join(n.value for n in effect.needs))}")
+    if effect.shown_by:
+        shown = ", ".join(s.value for s in effect.shown_by)
+        out.print(f"[bold]Shown by[/bold] recordings with {escape(shown)}")
     out.print(table)
     out.print("In a vessel file:", highlight=False)
     lines = ["[[effects]]", f'type = "{effect.name}"']

@@ -99,7 +99,8 @@ def diagnose(
     alone = rungs_of(climb.first.finalists, judge)
     rivals = [rivals_of(step.ranking) for step in climb.steps]
     others = (*alone, *later_rivals(climb, rivals, judge))
-    verdict = verdict_of(climb, rivals, left, stands_open(final.effects, rungs, floor))
+    added = [a.effect for a in climb.fit.added]
+    verdict = verdict_of(climb, rivals, left, stands_open(added, rungs, floor))
     told = _suggested(climb, rivals, settings.plan, tell)
     return Diagnosis(
         verdict, summary_of(verdict, rungs, rivals, left, floor), _changed(climb.base),

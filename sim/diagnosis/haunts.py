@@ -11,13 +11,13 @@ from itertools import pairwise
 import numpy as np
 
 from sim.diagnosis.moment import Moment
+from sim.diagnosis.words import COMPASS
 from sim.state import Floats, Nu
 
 FORGET_S = 300.0
 NEEDED_S = 5.0  # in a bin, before it is named
 EXCESS = 0.15  # share of the error beyond the share of the time
 VISITED_S = 3.0  # a heading that counts
-COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 HEADINGS = tuple(f"heading {name}" for name in COMPASS)
 SPEEDS_MPS = (0.3, 0.8, 1.5, 2.5, 4.0)
 SPEEDS = (

@@ -55,13 +55,13 @@ class Climb:
         return self.fits[-1] if self.fits else self.base
 
 
-def missed(name: str, g: Gain) -> bool:
-    """Whether an effect of that name is worth so much that it would be missed.
+def missed(effect: Effect, g: Gain) -> bool:
+    """Whether an effect is worth so much that it would be missed.
 
     Waves come in groups that no single frequency follows for long: they are believed even where
     one loses now and then.
     """
-    wave = name == "wave_motion" and g.nats > EVENTS and g.lost < GROUPED
+    wave = effect.partial and g.nats > EVENTS and g.lost < GROUPED
     return wave or worth_it(g)
 
 
@@ -112,7 +112,7 @@ class Climber:
         best = ranking.best
         won = sum(step.chosen.gain.nats for step in steps)
         least = max(LATER * won, EVENTS if steps else 0.0)
-        enough = missed(best.name, best.gain) and best.gain.nats >= least
+        enough = missed(best.effect, best.gain) and best.gain.nats >= least
         return enough and self.helps(fit, best.fit)
 
     def helps(self, before: Fit, after: Fit) -> bool:
@@ -152,7 +152,7 @@ class Climber:
             added = fit.found()
             for i in range(len(added)):
                 without = self.beside([a for k, a in enumerate(added) if k != i], fit)
-                if not missed(added[i].effect.name, self.over(fit, without)):
+                if not missed(added[i].effect, self.over(fit, without)):
                     self.tell(f"{added[i].effect.name} no longer earns its place")
                     name = added[i].effect.name
                     steps = [s for s in steps if s.chosen.name != name]

@@ -30,8 +30,6 @@ BLOCK = 25.0  # s
 ROUNDS = 2  # noise and finalists in turn, as long as another one leads
 CLEAR = 3.0  # t over the blocks: one is really better than the other
 SHOWS = 0.02  # mean log ratio of squared errors: what it is better by can be seen
-# what a second effect can always do as well as a first: the simpler one is believed
-GENERAL = {"varying_current": "steady_current", "thruster_fault": "thruster_imbalance"}
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,7 @@ def _ordered(before: Fit, left: Floats, fits: Sequence[tuple[Fit, Floats]]) -> R
 def _simpler_first(rows: list[Ranked]) -> tuple[Ranked, ...]:
     """A general effect steps behind its special case where that does as well."""
     for i, row in enumerate(rows):
-        special = GENERAL.get(row.name)
+        special = row.effect.general_of
         twin = next((r for r in rows[i + 1 :] if r.name == special), None)
         if twin is not None:
             block = row.fit.ground.block

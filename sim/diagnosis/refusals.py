@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.diagnosis.inputs import commands_of
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Shown
 from sim.model import Model
 from sim.state import Eta, Floats, Nu
 from sim.trial import Trial
@@ -24,11 +24,6 @@ LEAST_S = 60.0  # of usable time
 CHANGING_S = 150.0  # for what changes as time goes by
 ASTERN, ASTERN_S = -0.08, 4.0  # command, and seconds of it
 SWAYED_V = 0.02  # of the voltage: less says nothing of a sagging battery
-TIMES = ("thruster_lag", "steering_lag", "command_delay", "velocity_latency")
-CHANGES = ("drag_growth", "payload_change", "thruster_fault", "varying_current")
-BACKWARD = ("reverse_loss", "astern_stall")
-NORTH = ("compass_deviation",)
-WORLD = ("steady_current", "steady_wind", "inertial_force", "heading_offset")
 
 
 @dataclass(frozen=True)
@@ -57,7 +52,9 @@ def refused(effects: Sequence[Effect], model: Model, trials: Sequence[Trial]) ->
     out = []
     for effect in effects:
         lacking = model.vessel.lacks(effect)
-        why = f"it needs {lacking} in the vessel file" if lacking else _because(effect.name, seen)
+        why = (
+            f"it needs {lacking} in the vessel file" if lacking else _because(effect.shown_by, seen)
+        )
         if why:
             out.append(Refusal(effect.name, why))
     return out
@@ -89,22 +86,36 @@ def seen_in(model: Model, trials: Sequence[Trial]) -> Seen:
     )  # fmt: skip
 
 
-def _because(name: str, seen: Seen) -> str:
+def _because(shown_by: Sequence[Shown], seen: Seen) -> str:
     """Why not, in words; empty where nothing stands against it."""
-    if name in TIMES:
-        for quantity in ("commands", "velocity"):
-            rate = seen.rates.get(quantity, np.inf)
-            if rate < FAST_HZ and (quantity == "commands" or name == "velocity_latency"):
-                return f"{quantity} at {rate:.1f} Hz: {FAST_HZ:g} Hz are needed to tell it"
-    if name in CHANGES and seen.longest < CHANGING_S:
-        return f"{seen.longest:.0f} s: {CHANGING_S:.0f} s are needed to tell a change in time"
-    if name in BACKWARD and seen.astern < ASTERN_S:
-        return f"motors ran astern for {seen.astern:.0f} s: go astern, and brake from speed"
-    if name in NORTH and seen.sectors < FEWEST_SECTORS:
-        return f"headings in {seen.sectors} of {SECTORS} sectors: sail full circles"
-    if name in WORLD and seen.sectors < OPPOSITE:
-        return f"headings in {seen.sectors} of {SECTORS} sectors: sail opposite headings"
-    if name == "battery_sag" and seen.sag < SWAYED_V:
-        known = "hardly changed" if seen.sag > 0.0 else "was not measured"
-        return f"the voltage {known}: a run on a full and on a tired battery is needed"
+    return next(filter(None, (_lacks(shown, seen) for shown in shown_by)), "")
+
+
+def _lacks(shown: Shown, seen: Seen) -> str:
+    """What the trials lack of one thing that has to be shown."""
+    match shown:
+        case Shown.COMMANDS:
+            return _slow("commands", seen)
+        case Shown.VELOCITY:
+            return _slow("velocity", seen)
+        case Shown.CHANGE if seen.longest < CHANGING_S:
+            return f"{seen.longest:.0f} s: {CHANGING_S:.0f} s are needed to tell a change in time"
+        case Shown.ASTERN if seen.astern < ASTERN_S:
+            return f"motors ran astern for {seen.astern:.0f} s: go astern, and brake from speed"
+        case Shown.CIRCLES if seen.sectors < FEWEST_SECTORS:
+            return f"headings in {seen.sectors} of {SECTORS} sectors: sail full circles"
+        case Shown.OPPOSITE if seen.sectors < OPPOSITE:
+            return f"headings in {seen.sectors} of {SECTORS} sectors: sail opposite headings"
+        case Shown.VOLTAGE if seen.sag < SWAYED_V:
+            known = "hardly changed" if seen.sag > 0.0 else "was not measured"
+            return f"the voltage {known}: a run on a full and on a tired battery is needed"
     return ""
+
+
+def _slow(quantity: str, seen: Seen) -> str:
+    rate = seen.rates.get(quantity, np.inf)
+    return (
+        f"{quantity} at {rate:.1f} Hz: {FAST_HZ:g} Hz are needed to tell it"
+        if rate < FAST_HZ
+        else ""
+    )

@@ -8,13 +8,14 @@ from sim.diagnosis.answer import Rung, Verdict
 from sim.diagnosis.heldout import Gain, gain
 from sim.diagnosis.ladder import Climb, worth_it
 from sim.diagnosis.leftover import Dependence, dependences
-from sim.diagnosis.ranking import CLEAR, GENERAL, Ranked, Ranking
+from sim.diagnosis.ranking import CLEAR, Ranked, Ranking
+from sim.effects.effect import Effect
 
 NAMED = 3  # explanations of one thing, at most
 TIED = 0.7  # of the best one's gain: an explanation that does nearly as well
 LEFT = 25.0  # nats that a group of terms must foretell beside the best model
 FORM = 0.06  # of what the effects won: an effect of the right kind leaves so much by its form
-GROUP = 1.0  # the same of a wave: one frequency of a whole group
+GROUP = 1.0  # the same of a part: one frequency of a whole group of waves
 EVEN = 0.15  # of the nats won may be lost elsewhere
 STANDS = 1.45  # floors of noise: a complete model leaves less
 FAR = 5.0  # floors of noise: an effect of the right kind leaves less, whatever its form
@@ -29,7 +30,7 @@ def rivals_of(ranking: Ranking) -> list[Ranked]:
     out = []
     for row in ranking.finalists[1:]:
         better = gain(row.unseen, best.unseen, best.fit.ground.block)
-        if GENERAL.get(row.name) == best.name:
+        if row.effect.general_of == best.name:
             continue
         if row.gain.log > TIED * best.gain.log and better.t < CLEAR:
             out.append(row)
@@ -50,14 +51,14 @@ def verdict_of(
     return Verdict.CONFOUNDED if any(rivals) else Verdict.EXPLAINED
 
 
-def stands_open(effects: Sequence[str], rungs: Sequence[Rung], floor: float) -> bool:
+def stands_open(effects: Sequence[Effect], rungs: Sequence[Rung], floor: float) -> bool:
     """Whether the last rung's error cannot be noise, whatever it follows or does not.
 
     An effect in nature's own form may leave a few floors: up to 3.5 in the blind test's right
-    answers. One train of waves leaves the rest of its sea: there nothing is said.
+    answers. Beside what is but a part of what nature does (one train of waves) nothing is said.
     """
     base, last = rungs[1].heldout.nrmse, rungs[-1].heldout.nrmse
-    if "wave_motion" in effects or last <= (FAR if effects else STANDS) * floor:
+    if any(e.partial for e in effects) or last <= (FAR if effects else STANDS) * floor:
         return False
     return last**2 - floor**2 > REST * (base**2 - floor**2)
 
@@ -73,7 +74,7 @@ def left_over(climb: Climb) -> list[Dependence]:
 def matters(g: Gain, climb: Climb) -> bool:
     """Whether what is left is more than a form that nature chose a little differently."""
     won = sum(step.chosen.gain.nats for step in climb.steps)
-    form = GROUP if "wave_motion" in climb.fit.names else FORM
+    form = GROUP if any(a.effect.partial for a in climb.fit.added) else FORM
     return g.nats > max(LEFT, form * won) and g.lost < EVEN
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -40,4 +40,5 @@ EFFECT = Effect(
     looks_like="hardly brakes when the motors go astern at speed, and turns too little when only "
     "one does; backs as modelled from rest",
     mistaken_for=("reverse_loss",),
+    shown_by=(Shown.ASTERN,),
 )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -36,4 +36,5 @@ EFFECT = Effect(
     looks_like="weaker as the voltage falls: slower for the same throttle late in the voyage, and "
     "whenever all motors pull",
     mistaken_for=("thrust_curve", "drag_growth", "thruster_fault"),
+    shown_by=(Shown.VOLTAGE,),
 )

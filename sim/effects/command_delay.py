@@ -8,7 +8,7 @@ and Murray, Feedback Systems, 2nd ed. 2021, (time delays).
 
 from typing import NamedTuple
 
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -28,4 +28,5 @@ EFFECT = Effect(
     looks_like="the whole motion comes late by the same time, fast and slow changes alike, turning "
     "included",
     mistaken_for=("thruster_lag", "velocity_latency", "steering_lag"),
+    shown_by=(Shown.COMMANDS,),
 )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 from sim.state import to_body
 
 
@@ -53,4 +53,5 @@ EFFECT = Effect(
     looks_like="seems to crab to one side on some headings and to the other on the opposite ones; "
     "the crab angle is the same at any speed and astern",
     mistaken_for=("steady_current", "steady_wind", "heading_offset"),
+    shown_by=(Shown.CIRCLES,),
 )

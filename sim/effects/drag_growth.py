@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 from sim.state import Wrench
 
 
@@ -36,4 +36,5 @@ EFFECT = Effect(
     looks_like="right at the start and slower and slower for the same throttle as time goes by; "
     "it also stops sooner",
     mistaken_for=("payload_change", "battery_sag", "thruster_fault"),
+    shown_by=(Shown.CHANGE,),
 )

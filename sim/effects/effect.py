@@ -60,6 +60,18 @@ class Need(Enum):
     STEERING = "a rudder or a steered motor"
 
 
+class Shown(Enum):
+    """What a recording must hold for an effect to be told from it."""
+
+    COMMANDS = "commands several times a second"
+    VELOCITY = "velocities several times a second"
+    CHANGE = "minutes, for what changes as time goes by"
+    ASTERN = "motors that ran astern"
+    OPPOSITE = "opposite headings"
+    CIRCLES = "headings all around"
+    VOLTAGE = "a voltage that changes"
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect: unit, bounds, where a fit starts and how far a step is.
@@ -102,7 +114,12 @@ def _source_of(laws: Sequence[Law]) -> str:
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical cause: where it acts, its parameters, and what it looks like in the data."""
+    """One physical cause: where it acts, its parameters, and what it looks like in the data.
+
+    needs    what a vessel must have for it; shown_by: what a recording must hold to tell it
+    general_of  the simpler effect that this one can always stand in for: that one is believed first
+    partial  nature does more of the same that one such effect does not follow: a sea has many waves
+    """
 
     name: str
     scope: Scope
@@ -110,6 +127,9 @@ class Effect:
     looks_like: str
     mistaken_for: tuple[str, ...] = ()
     needs: tuple[Need, ...] = ()
+    shown_by: tuple[Shown, ...] = ()
+    general_of: str = ""
+    partial: bool = False
     wiring: Law | None = None
     command: Law | None = None
     thrust: Law | None = None

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
 from sim.state import Wrench, to_body
 
 
@@ -39,4 +39,5 @@ EFFECT = Effect(
     looks_like="a missing force of one size and one direction in the world, at any speed and on "
     "any heading",
     mistaken_for=("steady_current", "steady_wind"),
+    shown_by=(Shown.OPPOSITE,),
 )  # fmt: skip

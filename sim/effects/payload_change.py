@@ -11,7 +11,7 @@ and change draught little. Source: Fossen, Handbook of Marine Craft Hydrodynamic
 from typing import NamedTuple
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
 from sim.state import Inertia
 
 
@@ -38,4 +38,5 @@ EFFECT = Effect(
     looks_like="from one moment on slow to speed up, to turn and to stop (or quicker), with the "
     "same top speed",
     mistaken_for=("drag_growth", "thruster_fault"),
+    shown_by=(Shown.CHANGE,),
 )  # fmt: skip

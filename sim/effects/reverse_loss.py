@@ -9,7 +9,7 @@ Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficients differ ahead and astern)
 from typing import NamedTuple
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -31,4 +31,5 @@ EFFECT = Effect(
     looks_like="right ahead, but brakes and backs weaker (or stronger) than modelled, and so turns "
     "otherwise on the spot",
     mistaken_for=("astern_stall",),
+    shown_by=(Shown.ASTERN,),
 )

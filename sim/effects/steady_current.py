@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
 from sim.state import Pose, Water
 
 
@@ -39,4 +39,5 @@ EFFECT = Effect(
     mistaken_for=(
         "varying_current", "steady_wind", "inertial_force", "heading_offset", "compass_deviation",
     ),
+    shown_by=(Shown.OPPOSITE,),
 )  # fmt: skip

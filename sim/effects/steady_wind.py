@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Need, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Need, Parameter, Scope, Shown
 from sim.state import Wrench, to_body
 
 AIR_DENSITY = 1.225  # kg/m³ at 15 °C
@@ -62,4 +62,5 @@ EFFECT = Effect(
         "steady_current", "inertial_force", "compass_deviation", "thruster_imbalance",
         "thruster_misalignment",
     ),
+    shown_by=(Shown.OPPOSITE,),
 )  # fmt: skip

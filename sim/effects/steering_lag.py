@@ -9,7 +9,7 @@ Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (steering machine dynamics, line
 from typing import NamedTuple
 
 from sim.body import Blade
-from sim.effects.effect import Effect, Need, Parameter, Scope
+from sim.effects.effect import Effect, Need, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -29,4 +29,5 @@ EFFECT = Effect(
     parameters=(Parameter("tau", "s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
     looks_like="turns begin and end late, while changes of speed come in time",
     mistaken_for=("thruster_lag", "command_delay"),
+    shown_by=(Shown.COMMANDS,),
 )

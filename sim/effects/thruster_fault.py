@@ -11,7 +11,7 @@ of effectiveness of an actuator).
 from typing import NamedTuple
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -39,4 +39,6 @@ EFFECT = Effect(
     ),
     looks_like="right up to one moment; from then on it pulls to one side and is slower",
     mistaken_for=("payload_change", "drag_growth", "battery_sag"),
+    shown_by=(Shown.CHANGE,),
+    general_of="thruster_imbalance",
 )  # fmt: skip

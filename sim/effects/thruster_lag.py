@@ -9,7 +9,7 @@ Craft Hydrodynamics, 2nd ed. 2021, §9.3 (propeller shaft dynamics, linearised).
 from typing import NamedTuple
 
 from sim.body import Drive
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -28,4 +28,5 @@ EFFECT = Effect(
     parameters=(Parameter("tau", unit="s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
     looks_like="the boat answers late to every change of throttle, and right once it is steady",
     mistaken_for=("command_delay", "velocity_latency", "steering_lag"),
+    shown_by=(Shown.COMMANDS,),
 )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
 from sim.state import Pose, Water
 
 
@@ -48,4 +48,6 @@ EFFECT = Effect(
     looks_like="a velocity offset along one line in the world that swings from one side to the "
     "other as time goes by",
     mistaken_for=("steady_current",),
+    shown_by=(Shown.CHANGE,),
+    general_of="steady_current",
 )  # fmt: skip

@@ -13,7 +13,7 @@ inertial data).
 from typing import NamedTuple
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Parameter, Scope, Shown
 from sim.state import to_world
 
 
@@ -53,4 +53,8 @@ EFFECT = Effect(
     looks_like="speed and place come late while turn rate and heading come in time; in a turn the "
     "boat seems to slip outwards",
     mistaken_for=("thruster_lag", "command_delay"),
+    shown_by=(
+        Shown.COMMANDS,
+        Shown.VELOCITY,
+    ),
 )

@@ -52,4 +52,5 @@ EFFECT = Effect(
     ),
     looks_like="an oscillation of one frequency and zero mean that is faster against the waves "
     "than with them; like sensor noise, but in a narrow band",
+    partial=True,
 )  # fmt: skip

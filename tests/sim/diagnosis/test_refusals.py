@@ -6,6 +6,7 @@ import numpy as np
 
 from sim.diagnosis.refusals import refused
 from sim.effects.catalogue import EFFECTS, named
+from sim.effects.effect import Shown
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed
@@ -39,6 +40,17 @@ def test_who_never_went_astern_cannot_tell_a_loss_there() -> None:
     never = replace(ahead, pwm=np.maximum(ahead.pwm, 1500.0))
     assert "astern" in reasons(never)["reverse_loss"]
     assert "reverse_loss" not in reasons(replace(ahead, pwm=ahead.pwm - 300.0))
+
+
+def test_an_effect_of_ones_own_is_refused_for_the_same_reasons() -> None:
+    ahead = sailed()
+    never = replace(ahead, pwm=np.maximum(ahead.pwm, 1500.0))
+    own = replace(named("cubic_drag"), name="own", shown_by=(Shown.ASTERN, Shown.VOLTAGE))
+    (one,) = refused([own], MODEL, [never])
+    assert one.effect == "own"
+    assert "astern" in one.because
+    (other,) = refused([own], MODEL, [replace(ahead, pwm=ahead.pwm - 300.0)])
+    assert "voltage" in other.because
 
 
 def test_one_heading_cannot_tell_the_compass() -> None:

@@ -9,13 +9,15 @@ from sim.diagnosis.answer import Rung, Verdict
 from sim.diagnosis.heldout import Gain
 from sim.diagnosis.judged import HeldOut
 from sim.diagnosis.verdict import matters, stands_open, summary_of, unexplained, verdict_of
+from sim.effects.catalogue import named
 from tests.sim.diagnosis.voyages import WAM_V
 
 
 def climb(won: float = 100.0, name: str = "hull_lift", steps: int = 1) -> Any:
     gain = SimpleNamespace(nats=won)
     step = SimpleNamespace(chosen=SimpleNamespace(gain=gain))
-    return SimpleNamespace(steps=(step,) * steps, fit=SimpleNamespace(names=(name,)))
+    added = (SimpleNamespace(effect=named(name)),)
+    return SimpleNamespace(steps=(step,) * steps, fit=SimpleNamespace(added=added))
 
 
 def gained(nats: float, lost: float = 0.0) -> Gain:
@@ -40,14 +42,13 @@ def test_what_is_left_makes_it_unknown_whatever_was_found() -> None:
 
 
 def test_an_error_far_above_the_noise_is_not_explained() -> None:
-    found = ("hull_lift",)
+    found, names = [named("hull_lift")], ("hull_lift",)
     assert stands_open((), [rung(0.5), rung(0.5)], 0.2)
     assert not stands_open((), [rung(0.5), rung(0.13)], 0.1)
-    assert stands_open(found, [rung(0.9), rung(0.9), rung(0.6, *found)], 0.1)
-    assert not stands_open(found, [rung(0.9), rung(0.9), rung(0.4, *found)], 0.1)  # its form
-    assert not stands_open(found, [rung(9.0), rung(9.0), rung(0.6, *found)], 0.1)  # nearly all
-    sea = ("wave_motion",)
-    assert not stands_open(sea, [rung(0.9), rung(0.9), rung(0.6, *sea)], 0.1)
+    assert stands_open(found, [rung(0.9), rung(0.9), rung(0.6, *names)], 0.1)
+    assert not stands_open(found, [rung(0.9), rung(0.9), rung(0.4, *names)], 0.1)  # its form
+    assert not stands_open(found, [rung(9.0), rung(9.0), rung(0.6, *names)], 0.1)  # nearly all
+    assert not stands_open([named("wave_motion")], [rung(0.9), rung(0.9), rung(0.6, *names)], 0.1)
 
 
 def test_little_is_left_by_a_form_that_nature_chose_differently() -> None:
