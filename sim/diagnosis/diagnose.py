@@ -23,6 +23,7 @@ from sim.diagnosis.screen import Each, Tell
 from sim.diagnosis.segments import NoUsableTimeError
 from sim.diagnosis.starts import searched
 from sim.diagnosis.verdict import (
+    STANDS,
     left_over,
     rivals_of,
     stands_open,
@@ -95,7 +96,7 @@ def diagnose(
     tell("what is left")
     rungs, floor = ladder(climb, plain, judge), judge.floor
     final = rungs[-1]
-    left = left_over(climb)
+    left = left_over(climb, final.heldout.nrmse > STANDS * floor)
     alone = rungs_of(climb.first.finalists, judge)
     rivals = [rivals_of(step.ranking) for step in climb.steps]
     others = (*alone, *later_rivals(climb, rivals, judge))

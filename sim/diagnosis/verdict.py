@@ -15,6 +15,7 @@ NAMED = 3  # explanations of one thing, at most
 TIED = 0.7  # of the best one's gain: an explanation that does nearly as well
 LEFT = 25.0  # nats that a group of terms must foretell beside the best model
 FORM = 0.06  # of what the effects won: an effect of the right kind leaves so much by its form
+FAR_FORM = 0.02  # the same where the error stands above the noise: what leaves more is no form
 GROUP = 1.0  # the same of a part: one frequency of a whole group of waves
 EVEN = 0.15  # of the nats won may be lost elsewhere
 STANDS = 1.45  # floors of noise: a complete model leaves less
@@ -63,18 +64,20 @@ def stands_open(effects: Sequence[Effect], rungs: Sequence[Rung], floor: float) 
     return last**2 - floor**2 > REST * (base**2 - floor**2)
 
 
-def left_over(climb: Climb) -> list[Dependence]:
-    """What the last fit leaves that follows something.
+def left_over(climb: Climb, above: bool) -> list[Dependence]:
+    """What the last fit leaves that follows something; `above`: its error stands above the noise.
 
     However small: a free run of ten seconds may hardly tell what six hundred of them do.
     """
-    return [d for d in dependences(climb.fit) if matters(d.gain, climb)]
+    return [d for d in dependences(climb.fit) if matters(d.gain, climb, above)]
 
 
-def matters(g: Gain, climb: Climb) -> bool:
+def matters(g: Gain, climb: Climb, above: bool) -> bool:
     """Whether what is left is more than a form that nature chose a little differently."""
     won = sum(step.chosen.gain.nats for step in climb.steps)
-    form = GROUP if any(a.effect.partial for a in climb.fit.added) else FORM
+    form = FAR_FORM if above else FORM
+    if any(a.effect.partial for a in climb.fit.added):
+        form = GROUP
     return g.nats > max(LEFT, form * won) and g.lost < EVEN
 
 

@@ -52,11 +52,12 @@ def test_an_error_far_above_the_noise_is_not_explained() -> None:
 
 
 def test_little_is_left_by_a_form_that_nature_chose_differently() -> None:
-    assert matters(gained(30.0), climb(won=100.0))
-    assert not matters(gained(20.0), climb(won=100.0))
-    assert not matters(gained(30.0), climb(won=1000.0))
-    assert not matters(gained(90.0), climb(won=100.0, name="wave_motion"))
-    assert not matters(gained(300.0, lost=0.5), climb(won=100.0))
+    assert matters(gained(30.0), climb(won=100.0), above=False)
+    assert not matters(gained(20.0), climb(won=100.0), above=False)
+    assert not matters(gained(30.0), climb(won=1000.0), above=False)
+    assert matters(gained(30.0), climb(won=1000.0), above=True)
+    assert not matters(gained(90.0), climb(won=100.0, name="wave_motion"), above=True)
+    assert not matters(gained(300.0, lost=0.5), climb(won=100.0), above=True)
 
 
 @pytest.mark.parametrize(("last", "share"), [(0.5, 1.0), (0.1, 0.0), (0.05, 0.0), (0.13**0.5, 0.5)])
