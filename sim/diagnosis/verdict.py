@@ -17,7 +17,6 @@ LEFT = 25.0  # nats that a group of terms must foretell beside the best model
 FORM = 0.06  # of what the effects won: an effect of the right kind leaves so much by its form
 FAR_FORM = 0.02  # the same where the error stands above the noise: what leaves more is no form
 GROUP = 1.0  # the same of a part: one frequency of a whole group of waves
-EVEN = 0.15  # of the nats won may be lost elsewhere
 STANDS = 1.45  # floors of noise: a complete model leaves less
 FAR = 5.0  # floors of noise: an effect of the right kind leaves less, whatever its form
 REST = 0.03  # … or less than this share of what the base alone left above the noise
@@ -78,7 +77,7 @@ def matters(g: Gain, climb: Climb, above: bool) -> bool:
     form = FAR_FORM if above else FORM
     if any(a.effect.partial for a in climb.fit.added):
         form = GROUP
-    return g.nats > max(LEFT, form * won) and g.lost < EVEN
+    return worth_it(g) and g.nats > max(LEFT, form * won)
 
 
 def unexplained(rungs: Sequence[Rung], floor: float) -> float:

@@ -20,8 +20,8 @@ def climb(won: float = 100.0, name: str = "hull_lift", steps: int = 1) -> Any:
     return SimpleNamespace(steps=(step,) * steps, fit=SimpleNamespace(added=added))
 
 
-def gained(nats: float, lost: float = 0.0) -> Gain:
-    return Gain(1.2, 0.1, 5.0, nats, lost)
+def gained(nats: float, lost: float = 0.0, t: float = 5.0) -> Gain:
+    return Gain(1.2, 0.1, t, nats, lost)
 
 
 def rung(nrmse: float, *effects: str) -> Rung:
@@ -57,7 +57,8 @@ def test_little_is_left_by_a_form_that_nature_chose_differently() -> None:
     assert not matters(gained(30.0), climb(won=1000.0), above=False)
     assert matters(gained(30.0), climb(won=1000.0), above=True)
     assert not matters(gained(90.0), climb(won=100.0, name="wave_motion"), above=True)
-    assert not matters(gained(300.0, lost=0.5), climb(won=100.0), above=True)
+    assert matters(gained(300.0, lost=0.1, t=1.0), climb(won=100.0), above=True)  # in few blocks
+    assert not matters(gained(300.0, lost=0.5, t=1.0), climb(won=100.0), above=True)
 
 
 @pytest.mark.parametrize(("last", "share"), [(0.5, 1.0), (0.1, 0.0), (0.05, 0.0), (0.13**0.5, 0.5)])
