@@ -281,10 +281,17 @@ def test_a_disk_that_fills_up_is_one_line_and_leaves_nothing(
     assert not out.is_file()
 
 
+def hears_interrupts() -> None:
+    """Whatever runs in the background of a script inherits that they are ignored."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def test_an_interrupted_replay_leaves_nothing(tmp_path: Path, boat: Path, log: Path) -> None:
     out = tmp_path / "out"
     words = [*SHADOW, *map(str, command("replay", log, boat, out)), "--speed", "1"]
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, stderr=subprocess.PIPE, text=True, preexec_fn=hears_interrupts
+    ) as process:
         end = time.monotonic() + 60.0
         while not list(out.glob("*.part")) and time.monotonic() < end:
             time.sleep(0.05)
