@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.depends import AGAINST, AROUND, VARIABLES
-from sim.diagnosis.missing import missing_force
+from sim.diagnosis.missing import lacking
 from sim.diagnosis.where import bin_of
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -72,8 +72,8 @@ def _rows(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) ->
     missing, supplied, block = [], [], []
     for k, (trial, vessel) in enumerate(zip(trials, vessels, strict=True)):
         with_it, without = Model.of(vessel), Model.of(_without(vessel, effect))
-        left = _all_axes(missing_force(trial, with_it).force, trial, vessel, effect)
-        lack = _all_axes(missing_force(trial, without).force, trial, vessel, effect)
+        left = _all_axes(lacking(trial, with_it), trial, vessel, effect)
+        lack = _all_axes(lacking(trial, without), trial, vessel, effect)
         missing.append(lack[trial.usable])
         supplied.append((lack - left)[trial.usable])
         block.append(1e6 * k + trial.time[trial.usable] // BLOCK_S)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim.diagnosis.ground import Ground
 from sim.diagnosis.starts import searched
 from sim.diagnosis.wide import Wide
-from sim.identification.search import Ends, search
+from sim.identification.search import Ends, cost_of, search, weight_of
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import residuals_of, slope_of
 from sim.identification.unknowns import Unknown, Unknowns, unknowns_of
@@ -63,7 +63,7 @@ class Fit:
     @cached_property
     def weight(self) -> Floats:
         """How much each residual counts, (N,): outliers less."""
-        return np.asarray(1.0 / np.sqrt(1.0 + (self.residual / ROBUST) ** 2))
+        return weight_of(self.residual, ROBUST)
 
     def step(self, residual: Floats, rows: Rows = slice(None)) -> Floats:
         """The Gauss–Newton step (n,) that some residuals ask for: with weights, slopes, priors."""
@@ -78,11 +78,11 @@ class Fit:
         """One Gauss–Newton step for each fold, halved as long as it fits its own rows worse."""
         seen = np.array([rows for rows, _ in self.ground.folds()])
         steps = np.array([self.step(self.residual, rows) for rows in seen])
-        before = self._costs(self.z[None], self.residual[None], seen)
+        before = cost_of(self.unknowns, self.z, self.residual, ROBUST, seen)
         for _ in range(HALVED):
             z = np.clip(self.z + steps, *self.unknowns.bounds)
             residual = self.at(z)
-            worse = self._costs(z, residual, seen) > before
+            worse = cost_of(self.unknowns, z, residual, ROBUST, seen) > before
             if not worse.any():
                 return Refits(z, residual)
             steps[worse] *= 0.5
@@ -92,15 +92,7 @@ class Fit:
     @property
     def cost(self) -> float:
         """What the search lowered."""
-        whole = np.ones((1, len(self.residual)), np.bool_)
-        return float(self._costs(self.z[None], self.residual[None], whole)[0])
-
-    def _costs(self, z: Floats, residual: Floats, rows: NDArray[np.bool_]) -> Floats:
-        """What a search would lower, at each of z (K, n) on rows (K, N) of its own: (K,)."""
-        rho = 2.0 * ROBUST**2 * (np.sqrt(1.0 + (residual / ROBUST) ** 2) - 1.0)
-        prior = np.array([u.prior for u in self.unknowns.each])
-        away = (z - self.unknowns.start) / prior
-        return np.asarray(np.sum(rho * rows, axis=1) + np.sum(away**2, axis=1))
+        return float(cost_of(self.unknowns, self.z, self.residual, ROBUST))
 
     def at(self, z: Floats) -> Floats:
         """Residuals (K, N) at other numbers z (K, n)."""
@@ -156,9 +148,8 @@ def as_given(unknowns: Unknowns, z: Floats) -> Floats | None:
 
     A base that stood in for what is missing may have ended where no effect finds its way back.
     """
-    moved = (z - unknowns.start) / np.array([u.prior for u in unknowns.each])
     base = np.array([u.name in BASE for u in unknowns.each])
-    if not np.any(base & (np.abs(moved) > FAR)):
+    if not np.any(base & (np.abs(unknowns.prior(z)) > FAR)):
         return None
     return np.where(base, unknowns.start, z)
 

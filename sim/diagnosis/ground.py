@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.diagnosis.blocks import GUARD
-from sim.diagnosis.inputs import motion_of
 from sim.diagnosis.prediction import memory_at
 from sim.identification.noise import Noise
 from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import (
     Voyage,
     Window,
+    voyages_of,
     window_of,
 )
 from sim.identification.tiles import Tiles
@@ -63,7 +63,7 @@ class Ground:
         `voyages`: the motion that runs start from, where it is not the measured one.
         """
         if voyages is None:
-            voyages = tuple(Voyage(i, t, t.usable, motion_of(t)) for i, t in enumerate(trials))
+            voyages = tuple(voyages_of(trials, [t.usable for t in trials]))
         windows = tuple(
             window_of(v, unknowns, z, n, settings.horizons[-1], settings)
             for v, n in zip(voyages, noise, strict=True)

@@ -22,7 +22,7 @@ from sim.diagnosis.fit import ROBUST, Fit, Rows
 from sim.diagnosis.heldout import CLIP, Gain, gain
 from sim.diagnosis.pushes import OWN, SAYS, moved_by
 from sim.identification.noise import SMALLEST, Errors, Noise, estimated, mixing, starts_out
-from sim.identification.search import slopes_of
+from sim.identification.search import slopes_of, weight_of
 from sim.identification.shooting import Window, errors_at, errors_of, projected
 from sim.state import Floats
 
@@ -31,7 +31,6 @@ AXES = ("surge", "sway", "yaw")
 SOON = 0.5  # s, after which noise that forgives nothing slow is forgotten
 NORMAL = 0.6745  # median of |x| over its standard deviation
 ROUNDS = 9  # of the noise, at most: each looks at its neighbours on a grid
-NOTHING = ""  # the group without terms
 
 
 @dataclass(frozen=True)
@@ -128,12 +127,12 @@ class _White:
         windows = [t.under(n) for t, n in zip(trials, noise, strict=True)]
         pairs = list(zip(windows, trials, strict=True))
         residual = np.concatenate([projected(w, t.errors.error[None])[0] for w, t in pairs])
-        terms = {NOTHING: np.zeros((len(residual), 0))}
+        terms = {}
         for on in trials[0].moved:
             each = [_rows(w, t.moved[on]) for w, t in pairs]
             terms[on] = block_diag(*each) if on in OWN else np.concatenate(each)
         return cls(
-            fit, trials, residual, 1.0 / np.sqrt(1.0 + (residual / ROBUST) ** 2),
+            fit, trials, residual, weight_of(residual, ROBUST),
             np.concatenate([_rows(w, t.slope) for w, t in pairs]), terms,
         )  # fmt: skip
 
@@ -145,17 +144,17 @@ class _White:
     @cached_property
     def dependences(self) -> list[Dependence]:
         """What each group foretells of time that its regression did not see, the best first."""
-        before = self._foretold(NOTHING)
+        before = self._foretold(self.slope[:, :0])
         found = []
-        for on in self.terms.keys() - {NOTHING}:
-            after = self._foretold(on)
+        for on, terms in self.terms.items():
+            after = self._foretold(terms)
             worth = gain(before, after, self.fit.ground.block)
             found.append(Dependence(on, worth, _axes(before, after)))
         return sorted(found, key=lambda d: -d.gain.nats)
 
     def noise_without(self, on: str) -> list[Noise]:
         """Noise of each trial as the fit with the terms of a group leaves it."""
-        found, at, out = self._regressed(on, slice(None))[self.slope.shape[1] :], 0, []
+        found, at, out = self._regressed(self.terms[on])[self.slope.shape[1] :], 0, []
         for trial in self.trials:
             moved = trial.moved[on]
             mine = found[at : at + moved.shape[-1]] if on in OWN else found
@@ -163,20 +162,20 @@ class _White:
             out.append(trial.noise_without(moved @ mine))
         return out
 
-    def _foretold(self, on: str) -> Floats:
-        """What a fit with a group leaves of the blocks that it did not see: (N,)."""
-        out, both = self.residual.copy(), np.hstack([self.slope, self.terms[on]])
+    def _foretold(self, terms: Floats) -> Floats:
+        """What a fit with terms (N, K) leaves of the blocks that it did not see: (N,)."""
+        out, both = self.residual.copy(), np.hstack([self.slope, terms])
         for seen, judge in self.fit.ground.folds():
-            found = self._regressed(on, seen)
+            found = self._regressed(terms, seen)
             out[judge] -= np.asarray(both[judge] @ found)
         return out
 
-    def _regressed(self, on: str, rows: Rows) -> Floats:
+    def _regressed(self, terms: Floats, rows: Rows = slice(None)) -> Floats:
         """Changes of the fit's numbers, and sizes of the terms: (m + K,)."""
         unknowns, m = self.fit.unknowns, self.slope.shape[1]
-        A, w = np.hstack([self.slope, self.terms[on]])[rows], self.weight[rows]
+        A, w = np.hstack([self.slope, terms])[rows], self.weight[rows]
         P = np.array([u.prior for u in unknowns.each]) ** -2.0
-        size = np.mean(self.terms[on] ** 2, axis=0)
+        size = np.mean(terms**2, axis=0)
         H = A.T @ (w[:, None] * A) + np.diag(np.append(P, RIDGE * np.maximum(size, 1e-24)))
         s = A.T @ (w * self.residual[rows])
         s[:m] += P * (self.fit.z - unknowns.start)

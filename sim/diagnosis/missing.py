@@ -27,14 +27,25 @@ class MissingForce:
 
 
 def missing_force(trial: Trial, model: Model) -> MissingForce:
-    """Balance along the whole trial; commands at a row are the mean of before and after it."""
-    after = delayed(commands_of(model, trial), trial.dt, model.delay)
-    before = np.vstack([after[:1], after[:-1]])
-    around = 0.5 * (before + after)
+    """Balance along the whole trial, and how sure it is."""
+    _, around = _commands(trial, model)
+    return MissingForce(lacking(trial, model), _std(trial, model, around))
+
+
+def lacking(trial: Trial, model: Model) -> Floats:
+    """The force alone (T, 3): what it is known to costs several times as much."""
+    before, around = _commands(trial, model)
     force, _ = model.missing_force(
         motion_of(trial), trial.time, before, around, voltage=trial.voltage, wind=trial.wind
     )
-    return MissingForce(force, _std(trial, model, around))
+    return force
+
+
+def _commands(trial: Trial, model: Model) -> tuple[Floats, Floats]:
+    """Commands (T, na) before each row; at it they are the mean of before and after."""
+    after = delayed(commands_of(model, trial), trial.dt, model.delay)
+    before = np.vstack([after[:1], after[:-1]])
+    return before, 0.5 * (before + after)
 
 
 def _std(trial: Trial, model: Model, commands: Floats) -> Floats:

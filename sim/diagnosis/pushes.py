@@ -44,8 +44,8 @@ def moved_by(fit: Fit, window: Window) -> dict[str, Floats]:
     model = replace(fit.unknowns.model, theta=theta)
     rows = window.tiles.first[:, None] + np.arange(window.within.shape[1] * window.every)
     rows = np.minimum(rows, len(trial) - 1)
-    A = transitions(model, trial, np.unique(rows), 1)[:, 3:, 3:]
-    A = A[np.searchsorted(np.unique(rows), rows)]
+    each = np.unique(rows)
+    A = transitions(model, trial, each, 1)[:, 3:, 3:][np.searchsorted(each, rows)]
     # past its end a run is padded, and at the end of the trial nothing goes on
     inside = np.arange(rows.shape[1]) < window.tiles.size[:, None]
     A = np.where(inside[..., None, None] & np.isfinite(A), A, 0.0)

@@ -9,7 +9,7 @@ goes shows as a line, whatever the motor is told meanwhile.
 import numpy as np
 
 from sim.diagnosis.inputs import commands_of
-from sim.diagnosis.missing import missing_force
+from sim.diagnosis.missing import lacking
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial
@@ -20,7 +20,7 @@ FINER = 4  # points per line of the spectrum
 
 def rhythms(model: Model, trial: Trial) -> Floats:
     """The frequency [rad/s] that stands out most in what each motor fails to do: (motors,)."""
-    left = missing_force(trial, model).force[:, (0, 2)]
+    left = lacking(trial, model)[:, (0, 2)]
     left = np.where(trial.usable[:, None], left, 0.0)
     left = left / np.maximum(left.std(axis=0), 1e-12)
     c = commands_of(model, trial)[:, : len(model.vessel.thrusters)]

@@ -17,7 +17,7 @@ from sim.diagnosis.ground import Ground
 from sim.diagnosis.starts import MOMENTS, Start, starts_of
 from sim.diagnosis.wide import Wide
 from sim.effects.effect import Effect, Kind
-from sim.identification.search import sloped
+from sim.identification.search import cost_of, sloped
 from sim.identification.shooting import residuals_of
 from sim.identification.unknowns import Unknowns
 from sim.model import Model
@@ -151,13 +151,12 @@ class _Look:
         step = _newton(p.unknowns, p.z, residual, J)
         lower, upper = p.unknowns.bounds
         tried = [np.clip(p.z + share * step, lower, upper) for share in SHARES]
-        left = residuals(np.array(tried))
-        costs = [_cost(p.unknowns, z, r) for z, r in zip(tried, left, strict=True)]
+        costs = cost_of(p.unknowns, np.array(tried), residuals(np.array(tried)), ROBUST)
         k = int(np.argmin(costs))
-        here = _cost(p.unknowns, p.z, residual)
+        here = float(cost_of(p.unknowns, p.z, residual, ROBUST))
         if here <= costs[k]:
             return Promise(p.effect, p.added, p.unknowns, p.z, here)
-        return Promise(p.effect, p.added, p.unknowns, tried[k], costs[k])
+        return Promise(p.effect, p.added, p.unknowns, tried[k], float(costs[k]))
 
 
 def _newton(unknowns: Unknowns, z: Floats, residual: Floats, J: Floats) -> Floats:
@@ -169,9 +168,3 @@ def _newton(unknowns: Unknowns, z: Floats, residual: Floats, J: Floats) -> Float
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     s = A.T @ (root * residual) + known * unknowns.prior(z)
     return -scale * np.linalg.lstsq(H * np.outer(scale, scale), scale * s, rcond=1e-10)[0]
-
-
-def _cost(unknowns: Unknowns, z: Floats, residual: Floats) -> float:
-    """Half the robust sum of squares, priors included."""
-    robust = ROBUST**2 * (np.sqrt(1.0 + (residual / ROBUST) ** 2) - 1.0)
-    return float(np.sum(robust) + 0.5 * np.sum(unknowns.prior(z) ** 2))

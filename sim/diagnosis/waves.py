@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.diagnosis.missing import missing_force
+from sim.diagnosis.missing import lacking
 from sim.effects.wave_motion import GRAVITY
 from sim.model import Model
 from sim.state import Eta, Floats
@@ -90,7 +90,7 @@ def _strongest(sea: _Sea) -> Mapping[str, float]:
 
 def _left(model: Model, trial: Trial) -> _Sea:
     """The missing force in the world without its mean, every so often."""
-    found, yaw = missing_force(trial, model).force, trial.eta[:, Eta.YAW]
+    found, yaw = lacking(trial, model), trial.eta[:, Eta.YAW]
     c, s = np.cos(yaw), np.sin(yaw)
     world = np.stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]], 1)
     use = trial.usable

@@ -19,13 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.diagnosis.inputs import motion_of
 from sim.diagnosis.prediction import memory_at
 from sim.diagnosis.ruler import scales_of
 from sim.identification.noise import Noise
 from sim.identification.search import Ends, search, slopes_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import Shot, Voyage, Window, errors_of
+from sim.identification.shooting import Shot, Voyage, Window, errors_of, voyages_of
 from sim.identification.tiles import cut
 from sim.identification.unknowns import Unknowns
 from sim.model import Model
@@ -57,10 +56,7 @@ def left_alone(
 ) -> Shot:
     """Parameters from trials; only rows that are `usable` count."""
     z = unknowns.start if start is None else start
-    voyages = tuple(
-        Voyage(i, t, rows, motion_of(t))
-        for i, (t, rows) in enumerate(zip(trials, usable, strict=True))
-    )
+    voyages = tuple(voyages_of(trials, usable))
     ways = FIRST if start is None else FIRST[:1]
     tried = [_staged(unknowns, voyages, settings, z, way, start is None, tell) for way in ways]
     best = min(tried, key=lambda t: _cost(unknowns, t[0], t[1]))

@@ -58,6 +58,25 @@ def search(
     )  # fmt: skip
 
 
+def weight_of(residual: Floats, robust: float) -> Floats:
+    """How much each residual counts beside small ones, (...): those beyond `robust` less."""
+    return np.asarray(1.0 / np.sqrt(1.0 + (residual / robust) ** 2))
+
+
+def cost_of(
+    unknowns: Unknowns, z: Floats, residual: Floats, robust: float,
+    rows: NDArray[np.bool_] | None = None,
+) -> Floats:  # fmt: skip
+    """Half the robust sum of squares at each z (..., n), priors included: (...).
+
+    `rows`, like the residuals (..., N): those that count; else all.
+    """
+    each = robust**2 * (np.sqrt(1.0 + (residual / robust) ** 2) - 1.0)
+    if rows is not None:
+        each = each * rows
+    return np.asarray(np.sum(each, axis=-1) + 0.5 * np.sum(unknowns.prior(z) ** 2, axis=-1))
+
+
 def sloped(
     residuals: Residuals, unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:

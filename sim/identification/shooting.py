@@ -30,7 +30,7 @@ from sim.identification.noise import (
     starts_out,
     whitened,
 )
-from sim.identification.search import Ends, search, slopes_of
+from sim.identification.search import Ends, search, slopes_of, weight_of
 from sim.identification.settings import IdentifySettings
 from sim.identification.sharpened import sharpened, spread_by
 from sim.identification.tiles import STEP, Tiles, thinned, tiles_of
@@ -97,6 +97,14 @@ class Shot:
     voyages: tuple[Voyage, ...]
 
 
+def voyages_of(trials: Sequence[Trial], usable: Sequence[NDArray[np.bool_]]) -> list[Voyage]:
+    """As measured, before any model has found where they begin."""
+    return [
+        Voyage(i, t, rows, motion_of(t))
+        for i, (t, rows) in enumerate(zip(trials, usable, strict=True))
+    ]
+
+
 def shoot(
     unknowns: Unknowns,
     trials: Sequence[Trial],
@@ -107,10 +115,7 @@ def shoot(
 ) -> Shot:
     """Parameters from trials; only rows that are `usable` count."""
     z = unknowns.start if start is None else start
-    voyages = [
-        Voyage(i, t, rows, motion_of(t))
-        for i, (t, rows) in enumerate(zip(trials, usable, strict=True))
-    ]
+    voyages = voyages_of(trials, usable)
     noise = [_first_guess(trial) for trial in trials]
     last = settings.horizons[-1]
     for horizon in settings.horizons:
@@ -275,7 +280,7 @@ def _shot(
         rows = (w.tiles.first[:, None] + np.zeros(w.within.shape[1], int))[w.within > 0]
         moment.append(np.repeat(w.voyage.trial.time[rows], 3))
         number.append(np.full(3 * len(rows), w.voyage.number))
-    weight = 1.0 / np.sqrt(1.0 + (residual / settings.robust) ** 2)
+    weight = weight_of(residual, settings.robust)
     return Shot(
         z, residual, slope_of(unknowns, windows, z), weight, np.concatenate(moment),
         np.concatenate(number), tuple(w.noise for w in windows), voyages,

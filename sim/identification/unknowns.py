@@ -164,7 +164,7 @@ class Unknowns:
         )
 
     def prior(self, z: Floats) -> Floats:
-        """z (n,) -> residuals of the priors (n,); zero where nothing is known."""
+        """z (..., n) -> residuals of the priors (..., n); zero where nothing is known."""
         return (z - self.start) / np.array([u.prior for u in self.each])
 
     def _outer(self, i: int, values: Floats) -> Floats:
