@@ -104,7 +104,8 @@ def _strip_scale(canvas: Figure, figure: FigureData) -> None:
 
 def _captions(canvas: Figure, figure: FigureData) -> None:
     """Title, the sentence below it, and one legend for marks of the same name."""
-    canvas.suptitle(figure.title + (f"\n{figure.says}" if figure.says else ""), fontsize=10.5)
+    heading = figure.title + (f"\n{figure.says}" if figure.says else "")
+    canvas.suptitle(heading, fontsize=10.5, wrap=True)
     named: dict[str, Any] = {}
     for ax in canvas.axes:
         handles, labels = ax.get_legend_handles_labels()

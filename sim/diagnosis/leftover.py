@@ -49,7 +49,8 @@ class Dependence:
     @property
     def says(self) -> str:
         """In words."""
-        return f"what is missing in {' and '.join(self.axes)} depends on {SAYS[self.on]}"
+        axes = " and ".join(filter(None, [", ".join(self.axes[:-1]), *self.axes[-1:]]))
+        return f"what is missing in {axes} depends on {SAYS[self.on]}"
 
 
 def dependences(fit: Fit) -> list[Dependence]:
