@@ -68,7 +68,7 @@ def _profile(fit: Fit, name: str) -> tuple[Floats, Floats, Floats]:
     for t in times:
         unknowns = replace(fit.unknowns, model=_moved(fit, name, t))
         r = residuals_of(unknowns, fit.ground.seen_by(unknowns, fit.z), fit.z[None])[0]
-        step = fit.step(r)
+        step = fit.steps(r)[0]
         left, pull = r + fit.slope @ step, fit.unknowns.prior(fit.z + step)
         cost.append(0.5 * (fit.weight @ left**2 + pull @ pull))
         z.append(np.clip(fit.z + step, *fit.unknowns.bounds))

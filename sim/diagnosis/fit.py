@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim.diagnosis.ground import Ground
 from sim.diagnosis.starts import searched
 from sim.diagnosis.wide import Wide
-from sim.identification.search import Ends, cost_of, search, weight_of
+from sim.identification.search import Ends, cost_of, damped_steps, search, weight_of
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import residuals_of, slope_of
 from sim.identification.unknowns import Unknown, Unknowns, unknowns_of
@@ -29,7 +29,6 @@ ROBUST = 4.0  # standard deviations: a residual beyond counts less
 STEPS = 6  # of the search
 FURTHEST = 3.0  # standard deviations of a number that was given
 FAR = 1.0  # standard deviations: a base that has moved so may have lost its way
-HALVED = 4  # times, at most, that a step which goes too far is
 
 
 class Refits(NamedTuple):
@@ -65,29 +64,23 @@ class Fit:
         """How much each residual counts, (N,): outliers less."""
         return weight_of(self.residual, ROBUST)
 
-    def step(self, residual: Floats, rows: Rows = slice(None)) -> Floats:
-        """The Gauss–Newton step (n,) that some residuals ask for: with weights, slopes, priors."""
-        P = np.diag(np.array([u.prior for u in self.unknowns.each]) ** -2.0)
-        J, w = self.slope[rows], self.weight[rows]
-        H = J.T @ (w[:, None] * J) + P
-        s = J.T @ (w * residual[rows]) + P @ (self.z - self.unknowns.start)
-        return np.asarray(-np.linalg.lstsq(H, s, rcond=None)[0])
+    def steps(self, residual: Floats, rows: Rows = slice(None)) -> Floats:
+        """Gauss–Newton steps (K, n) that some residuals ask for, the first not damped."""
+        return damped_steps(
+            self.unknowns, self.z, residual[rows], self.slope[rows], self.weight[rows]
+        )
 
     @cached_property
     def refits(self) -> Refits:
-        """One Gauss–Newton step for each fold, halved as long as it fits its own rows worse."""
-        seen = np.array([rows for rows, _ in self.ground.folds()])
-        steps = np.array([self.step(self.residual, rows) for rows in seen])
-        before = cost_of(self.unknowns, self.z, self.residual, ROBUST, seen)
-        for _ in range(HALVED):
-            z = np.clip(self.z + steps, *self.unknowns.bounds)
-            residual = self.at(z)
-            worse = cost_of(self.unknowns, z, residual, ROBUST, seen) > before
-            if not worse.any():
-                return Refits(z, residual)
-            steps[worse] *= 0.5
-        z[worse], residual[worse] = self.z, self.residual
-        return Refits(z, residual)
+        """The best of a few damped Gauss–Newton steps for each fold; none where all are worse."""
+        seen = np.array([rows for rows, _ in self.ground.folds()])[:, None]
+        steps = np.array([self.steps(self.residual, rows) for rows, _ in self.ground.folds()])
+        steps = np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1)
+        z = np.clip(self.z + steps, *self.unknowns.bounds)
+        residual = self.at(z.reshape(-1, len(self.z))).reshape(*z.shape[:2], -1)
+        best = cost_of(self.unknowns, z, residual, ROBUST, seen).argmin(axis=1)
+        fold = np.arange(len(z))
+        return Refits(z[fold, best], residual[fold, best])
 
     @property
     def cost(self) -> float:

@@ -104,8 +104,14 @@ class Climber:
             if not self.helps(last, fit):  # a hull far from the model may run away from it
                 fit = last
         found = fit.found()
-        before = [self.beside(found[:k], fit) for k in range(1, len(found))]
+        before = [self.rung(found[:k], steps, fit) for k in range(1, len(found))]
         return Climb(base, (*before, fit) if found else (), tuple(steps), first)
+
+    def rung(self, added: Sequence[AddedEffect], steps: Sequence[Step], last: Fit) -> Fit:
+        """The first effects alone: as they were chosen, where they were chosen one by one."""
+        names = tuple(a.effect.name for a in added)
+        chosen = (step.chosen.fit for step in steps if step.chosen.fit.names == names)
+        return next(chosen, None) or self.beside(added, last)
 
     def justified(self, ranking: Ranking, steps: Sequence[Step], fit: Fit) -> bool:
         """Whether the best of a ranking should be added to what was found so far."""

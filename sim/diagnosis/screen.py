@@ -1,6 +1,6 @@
 """A quick look at every effect of the catalogue: where it would best begin, and what it promises.
 
-From each start one Gauss–Newton step of the effect's own numbers together with those of the
+From each start one damped Gauss–Newton step of the effect's own numbers together with those of the
 reference, whose slopes are worked out once; from the best start a few more. What it costs is little
 enough to try a hundred starts: the fit that decides comes later, for the few that promise most.
 """
@@ -17,7 +17,7 @@ from sim.diagnosis.ground import Ground
 from sim.diagnosis.starts import MOMENTS, Start, starts_of
 from sim.diagnosis.wide import Wide
 from sim.effects.effect import Effect, Kind
-from sim.identification.search import cost_of, sloped
+from sim.identification.search import cost_of, damped_steps, sloped, weight_of
 from sim.identification.shooting import residuals_of
 from sim.identification.unknowns import Unknowns
 from sim.model import Model
@@ -28,7 +28,6 @@ ROWS = 2500  # that a quick look is taken at
 FEWER = 1000  # where many starts are compared
 MANY = 4  # starts
 MORE = 4  # steps from the best start
-SHARES = (1.0, 0.5, 0.2)  # of a step
 CLOSE = 1.0  # s, to which the moment of an event is closed in on
 
 Tell = Callable[[str], None]  # hears in words what is being done
@@ -134,7 +133,7 @@ class _Look:
         return Promise(effect, added, unknowns, started(unknowns, self.reference), np.inf)
 
     def stepped(self, p: Promise) -> Promise | None:
-        """One Gauss–Newton step, halved until it helps; None where the model is lost."""
+        """The best of a few Levenberg–Marquardt steps; None where the model is lost."""
         p = replace(p, z=np.clip(p.z, *p.unknowns.bounds))
         windows = self.ground.seen_by(p.unknowns, p.z)
         known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
@@ -148,23 +147,11 @@ class _Look:
         J[:, shared] = self.slope[:, np.array(place)[shared]]
         if not np.isfinite(J).all():
             return None
-        step = _newton(p.unknowns, p.z, residual, J)
-        lower, upper = p.unknowns.bounds
-        tried = [np.clip(p.z + share * step, lower, upper) for share in SHARES]
-        costs = cost_of(p.unknowns, np.array(tried), residuals(np.array(tried)), ROBUST)
+        steps = damped_steps(p.unknowns, p.z, residual, J, weight_of(residual, ROBUST))
+        tried = np.clip(p.z + steps, *p.unknowns.bounds)
+        costs = cost_of(p.unknowns, tried, residuals(tried), ROBUST)
         k = int(np.argmin(costs))
         here = float(cost_of(p.unknowns, p.z, residual, ROBUST))
         if here <= costs[k]:
             return Promise(p.effect, p.added, p.unknowns, p.z, here)
         return Promise(p.effect, p.added, p.unknowns, tried[k], float(costs[k]))
-
-
-def _newton(unknowns: Unknowns, z: Floats, residual: Floats, J: Floats) -> Floats:
-    """The step (n,) that makes weighted residuals and priors least."""
-    known = np.array([1.0 / u.prior for u in unknowns.each])
-    root = (1.0 + (residual / ROBUST) ** 2) ** -0.25
-    A = root[:, None] * J
-    H = A.T @ A + np.diag(known**2)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-    s = A.T @ (root * residual) + known * unknowns.prior(z)
-    return -scale * np.linalg.lstsq(H * np.outer(scale, scale), scale * s, rcond=1e-10)[0]

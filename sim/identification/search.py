@@ -17,6 +17,9 @@ from scipy.optimize import OptimizeResult, least_squares
 from sim.identification.unknowns import Unknowns
 from sim.state import Floats
 
+DAMPED = np.array([0.0, 0.01, 0.1, 1.0])  # of each number's own curvature, added to it
+LEAST = 1e-10  # of the largest curvature: what has less is not told at all
+
 Residuals = Callable[[Floats], Floats]  # z (K, n) -> residuals (K, N)
 
 
@@ -75,6 +78,24 @@ def cost_of(
     if rows is not None:
         each = each * rows
     return np.asarray(np.sum(each, axis=-1) + 0.5 * np.sum(unknowns.prior(z) ** 2, axis=-1))
+
+
+def damped_steps(
+    unknowns: Unknowns, z: Floats, residual: Floats, slope: Floats, weight: Floats
+) -> Floats:
+    """Gauss–Newton steps (K, n) from z (n,), damped more and more.
+
+    residual (N,), slope (N, n), weight (N,). Damped, and not shortened: what the rows hardly tell
+    (the mass of a hull that does not slip) would run far along a line that is bent, and a share of
+    the whole step holds back with it all that they do tell. Source: Marquardt, J. SIAM 11, 1963.
+    """
+    known = np.array([u.prior for u in unknowns.each]) ** -2.0
+    H = slope.T @ (weight[:, None] * slope) + np.diag(known)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    s = slope.T @ (weight * residual) + known * (z - unknowns.start)
+    w, V = np.linalg.eigh(H * np.outer(scale, scale))
+    stiff = np.where(w > LEAST * w[-1], w + DAMPED[:, None], np.inf)
+    return np.asarray(-scale * ((V.T @ (scale * s) / stiff) @ V.T))
 
 
 def sloped(

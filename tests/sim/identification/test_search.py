@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.identification.search import Ends, search, sloped, slopes_of
+from sim.identification.search import DAMPED, Ends, damped_steps, search, sloped, slopes_of
 from sim.identification.unknowns import Unknown, Unknowns
 from sim.model import Model
 from tests.sim.vessels import WAMV
@@ -65,3 +65,36 @@ def test_a_recording_has_no_slope_along_the_numbers_of_another():
     slope = slopes_of([(0, straight), (1, straight)], both, np.zeros(2))
     assert slope[:4, 1] == pytest.approx(np.zeros(4))
     assert slope[4:] == pytest.approx(A, abs=1e-9)
+
+
+WEIGHT = np.array([1.0, 0.5, 0.2, 0.9])
+
+
+def steps(slope=A, prior=np.inf, z=(0.0, 0.0)):
+    both, at = unknowns(one("a", prior=prior), one("b")), np.array(z)
+    return damped_steps(both, at, slope @ at - B, slope, WEIGHT)
+
+
+def test_the_first_step_is_not_damped_and_ends_where_weighted_rows_and_priors_are_least():
+    root = np.sqrt(WEIGHT)
+    rows = np.vstack([root[:, None] * A, [2.0, 0.0]])
+    expected = np.linalg.lstsq(rows, np.append(root * B, 0.0), rcond=None)[0]
+    assert DAMPED[0] == 0.0
+    assert np.array([1.0, -3.0]) + steps(prior=0.5, z=(1.0, -3.0))[0] == pytest.approx(expected)
+
+
+def test_damping_holds_back_what_the_rows_hardly_tell_and_leaves_the_rest_its_step():
+    """Two numbers that act nearly alike: their sum is told, their difference is not."""
+    alike = np.outer(A[:, 0], [1.0, 1.0]) + 1e-3 * np.outer(A[:, 1], [1.0, -1.0])
+    whole, *damped = steps(slope=alike)
+    apart, together = np.array([1.0, -1.0]), np.array([1.0, 1.0])
+    alone = A[:, 0] @ (WEIGHT * B) / (A[:, 0] @ (WEIGHT * A[:, 0]))
+    assert abs(whole @ apart) > 100.0
+    assert abs(damped[0] @ apart) < 1.0
+    assert damped[0] @ together == pytest.approx(alone, rel=0.01)
+
+
+def test_what_no_row_tells_does_not_move():
+    blind = A * [1.0, 0.0]
+    assert steps(slope=blind)[:, 1] == pytest.approx(np.zeros(len(DAMPED)))
+    assert np.all(steps(slope=blind)[:, 0] != 0.0)
