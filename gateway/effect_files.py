@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from gateway.errors import BadInput
+from gateway.whole import write_whole
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 
@@ -36,6 +37,19 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     if not found:
         raise BadInput(f"{file}: defines no Effect (see docs/effects.md for one in twenty lines)")
     return found
+
+
+def write_own(like: Effect, file: Path) -> None:
+    """The file of an effect under the name of another, to be changed into one of one's own."""
+    name = file.stem
+    if not name.isidentifier() or file.suffix != ".py":
+        raise BadInput(f"{file}: a Python file whose name is that of the new effect: keel.py")
+    if name in {effect.name for effect in known_effects()}:
+        raise BadInput(f"{file}: there is an effect {name}: choose another name")
+    if file.exists():
+        raise BadInput(f"{file}: is there already, and may hold your work")
+    text = like.source_code.replace(f'name="{like.name}"', f'name="{name}"')
+    write_whole(file, text.encode(), "the effect")
 
 
 def _module_of(file: Path, text: str) -> ModuleType:

@@ -81,19 +81,28 @@ def show_effects(
     picture: Annotated[
         Path | None, typer.Option(help="With NAME: what it does, as .png or .svg.")
     ] = None,
+    write: Annotated[
+        Path | None, typer.Option(help="With NAME: its file under another name, to make your own.")
+    ] = None,
     effects: EffectFiles = None,
 ) -> None:
     """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
-    from gateway.effect_files import known_effects
-    from gateway.show.effects import show_catalogue, show_effect
+    from gateway.effect_files import known_effects, write_own
+    from gateway.show.effects import show_catalogue, show_effect, show_own
 
     known = [*known_effects(), *effects_from(effects)]
     if name is None and picture is not None:
         raise BadInput("--picture: of which effect? shadow effects NAME --picture FILE.png")
+    if name is None and write is not None:
+        raise BadInput("--write: like which effect? shadow effects NAME --write FILE.py")
     if name is None:
         show_catalogue(known)
         return
     chosen = [effect for effect in known if effect.name == name]
     if not chosen:
         raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
+    if write is not None:
+        write_own(chosen[0], write)
+        show_own(chosen[0], write)
+        return
     show_effect(chosen[0], picture)

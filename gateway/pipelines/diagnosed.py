@@ -19,6 +19,14 @@ from sim.excitation.catalogue import BY_NAME
 from sim.trial import Trial
 from sim.vessel import Vessel
 
+# What is left depends on -> an effect that asks the same, to make one's own of.
+NEAREST = {
+    "place": "steady_current", "flow": "steady_current", "time": "varying_current",
+    "heading": "steady_wind", "speed": "cubic_drag", "turn": "hull_lift",
+    "thrust": "thrust_curve", "rhythm": "thruster_fault",
+}  # fmt: skip
+ANY = "cross_damping"
+
 
 @dataclass(frozen=True)
 class Diagnosed:
@@ -98,6 +106,10 @@ class Diagnosed:
             steps.append(f"shadow compare ANOTHER_LOG --vessel {vessel} --vessel {better}{refit}")
         elif self.diagnosis.base_changed and not out:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}")
+        if self.diagnosis.verdict is Verdict.UNKNOWN:
+            on = next((d.on for d in self.diagnosis.depends_on), "")
+            steps.append(f"shadow effects {NEAREST.get(on, ANY)} --write own.py")
+            steps.append(f"shadow diagnose {logs} --vessel {vessel} --effects own.py")
         return [*dict.fromkeys(plan), *steps]
 
 

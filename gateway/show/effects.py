@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 
 from rich.console import Console
 from rich.markup import escape
@@ -29,7 +30,15 @@ def show_catalogue(known: Sequence[Effect]) -> None:
             effect.name, _places(effect), effect.scope.value, escape(parameters), effect.looks_like
         )
     Console().print(table)
-    Console().print("shadow effects NAME explains one. Of your own: docs/effects.md")
+    Console().print("shadow effects NAME explains one; with --write FILE.py it begins your own")
+
+
+def show_own(like: Effect, file: Path) -> None:
+    """Where a file to begin from was written, and what to do with it."""
+    out = Console()
+    out.print(f"written: {file}, which acts as {like.name} does until you change it", markup=False)
+    out.print("the rules for a law: docs/effects.md\n\n[bold]next[/bold]:", highlight=False)
+    out.print(f"    shadow diagnose LOG --vessel FILE --effects {quote(str(file))}", soft_wrap=True)
 
 
 def show_effect(effect: Effect, picture: Path | None = None) -> None:

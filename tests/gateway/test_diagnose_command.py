@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gateway import cli
+from gateway.effect_files import load_effects
 from gateway.pictures.diagnosed import album, rivals
 from gateway.pictures.draw import save
 from gateway.pictures.figure_data import Dots, Level, Line
@@ -17,8 +18,12 @@ from gateway.pipelines.diagnosed import Diagnosed
 from gateway.pipelines.keep import kept
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from sim.diagnosis.answer import Verdict
-from sim.diagnosis.diagnose import DiagnoseSettings
-from sim.effects.catalogue import named
+from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.diagnosis.heldout import Gain
+from sim.diagnosis.leftover import Dependence
+from sim.diagnosis.pushes import SAYS
+from sim.effects.catalogue import EFFECTS, named
+from sim.vessel import AddedEffect
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
 
 NOISE = np.array([0.02, 0.02, 0.003, 0.01, 0.01, 0.003, 0.03, 0.03, 0.01])
@@ -215,8 +220,6 @@ def test_what_cannot_be_added_is_one_line_and_writes_nothing(shadow, saved, tmp_
 
 
 def found_current():
-    from sim.vessel import AddedEffect
-
     return AddedEffect(FEW.effects[0], {"speed": 0.1, "direction": 0.0})
 
 
@@ -369,6 +372,39 @@ def test_an_effect_draws_itself(shadow, tmp_path):
     assert any(0x2801 <= ord(letter) <= 0x28FF for letter in out)
     assert "surge u" in out
     refused(shadow("effects", "--picture", picture), "of which effect?")
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_any_effect_begins_one_of_your_own(effect, shadow, tmp_path):
+    file = tmp_path / "own.py"
+    status, out, _ = shadow("effects", effect.name, "--write", file)
+    assert status == 0
+    assert "--effects" in out
+    (own,) = load_effects(file)
+    assert (own.name, own.scope, list(own.laws)) == ("own", effect.scope, list(effect.laws))
+    assert (own.parameters, own.needs) == (effect.parameters, effect.needs)
+
+
+def test_an_effect_of_your_own_is_never_written_over(shadow, tmp_path):
+    file = tmp_path / "keel.py"
+    file.write_text(KEEL)
+    refused(shadow("effects", "hull_lift", "--write", file), "is there already")
+    assert file.read_text() == KEEL
+    refused(shadow("effects", "--write", file), "like which effect?")
+    refused(shadow("effects", "hull_lift", "--write", tmp_path / "cg_offset.py"), "another name")
+    refused(shadow("effects", "hull_lift", "--write", tmp_path / "my keel.py"), "keel.py")
+
+
+def test_after_unknown_one_may_begin_an_effect_of_ones_own(trial):
+    """Like one that ships and asks for what the rest depends on."""
+    found = replace(diagnose([trial], WAM_V, FEW), verdict=Verdict.UNKNOWN)
+    gain = Gain(1.5, 0.3, 5.0, 90.0, 0.0)
+    for left in ((), *((Dependence(on, gain, ("surge",)),) for on in SAYS)):
+        told = Diagnosed(replace(found, depends_on=left), WAM_V, (trial,), ("a.tlog",), "boat.toml")
+        write, again = told.next_steps("d.json", "better.toml")[-2:]
+        assert write.split()[:2] == ["shadow", "effects"]
+        assert named(write.split()[2])
+        assert again == "shadow diagnose a.tlog --vessel boat.toml --effects own.py"
 
 
 @pytest.mark.slow
