@@ -8,16 +8,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from gateway.pipelines.diagnosed import Diagnosed
-from sim.diagnosis.answer import Candidate, Diagnosis, Rung, Verdict
+from sim.diagnosis.answer import Candidate, Diagnosis, Rung
 from sim.effects.effect import Scope
 from sim.identification.estimate import Estimate
 
-MEANS = {
-    Verdict.ADEQUATE: "nothing is missing that these data could tell",
-    Verdict.EXPLAINED: "found what is missing",
-    Verdict.CONFOUNDED: "more than one effect explains it equally well here",
-    Verdict.UNKNOWN: "something is missing that the catalogue does not hold",
-}
 UNLIKELY = 0.001
 
 
@@ -28,7 +22,7 @@ def show_diagnosed(
     console, d = Console(highlight=False), found.diagnosis
     for says in found.notices:
         console.print(f"[bold]![/bold] {escape(says)}")
-    console.print(f"[bold]{d.verdict}[/bold]: {MEANS[d.verdict]}")
+    console.print(f"[bold]{d.verdict}[/bold]: {d.verdict.says}")
     console.print(f"{d.summary}\n", markup=False)
     console.print(_ladder(d))
     console.print(_base(d), markup=False)

@@ -21,6 +21,16 @@ class Verdict(StrEnum):
     CONFOUNDED = "confounded"
     UNKNOWN = "unknown"
 
+    @property
+    def says(self) -> str:
+        """In words."""
+        return {
+            Verdict.ADEQUATE: "nothing is missing that these data could tell",
+            Verdict.EXPLAINED: "found what is missing",
+            Verdict.CONFOUNDED: "more than one effect explains it equally well here",
+            Verdict.UNKNOWN: "something is missing that the catalogue does not hold",
+        }[self]
+
 
 @dataclass(frozen=True)
 class Rung:

@@ -25,13 +25,8 @@ from gateway.studio.widgets import (
     table,
     word,
 )
+from sim.diagnosis.answer import Verdict
 
-VERDICTS = {
-    "adequate": "Nothing is missing that these data could tell",
-    "explained": "Found what is missing",
-    "confounded": "More than one effect explains it equally well here",
-    "unknown": "Something is missing that the catalogue does not hold",
-}
 SHOWN = 6  # of the ranking
 
 
@@ -115,8 +110,9 @@ class Diagnose(Page):
             self.fill(self._places["ranking"], None, self._pictures, "ranking")
             return
         answer = found.answer
+        says = Verdict(answer["verdict"]).says
         self._verdict.object = (
-            f"<h2>{VERDICTS[answer['verdict']]}</h2><p>{escape(answer['summary'])}</p>"
+            f"<h2>{says[0].upper()}{says[1:]}</h2><p>{escape(answer['summary'])}</p>"
         )
         self._rest.object = _rest(found)
         self.fill(self._places["ranking"], found.ranking, self._pictures, "ranking")
