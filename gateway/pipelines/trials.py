@@ -275,6 +275,7 @@ def _reasons(
     why[usable.NO_COMMANDS] = silent if "commands" in source.choices else dead
     thrust = usable.thrust_commanded(pwm, channels, source.parameters)
     why[usable.IDLE] = usable.idle(grid, motion.nu, thrust)
+    why[usable.SPINNING] = usable.spinning(motion.nu, 1.0 / options.rate_hz)
     return {reason: dead if reason in options.keep else flags for reason, flags in why.items()}
 
 

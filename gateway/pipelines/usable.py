@@ -17,13 +17,15 @@ NO_FIX = "no 3-D fix"
 GAP = "no telemetry"
 NO_COMMANDS = "no commands"
 IDLE = "not under way"
-REASONS = (DISARMED, NO_FIX, GAP, NO_COMMANDS, IDLE)
+SPINNING = "turning too fast for its grid"
+REASONS = (DISARMED, NO_FIX, GAP, NO_COMMANDS, IDLE, SPINNING)
 
 FIX_3D = 3
 GAP_S = 2.0
 IDLE_S = 10.0  # at least so long without thrust and motion
 SLOW_MPS, SLOW_RADPS = 0.1, 0.05
 THRUST_US = 20.0  # from neutral
+TURNED = 0.6  # rad from sample to sample, beyond which means over a step tell little of it
 PUSHES = (Kind.THROTTLE, Kind.THROTTLE_LEFT, Kind.THROTTLE_RIGHT, Kind.MOTOR)
 
 
@@ -46,6 +48,11 @@ def idle(time: Floats, nu: Floats, thrust: Bools) -> Bools:
         if time[end - 1] - time[start] >= IDLE_S:
             found[start:end] = True
     return found
+
+
+def spinning(nu: Floats, dt: float) -> Bools:
+    """(T, 3) -> (T,): the heading turns so far in one step that steps cannot follow."""
+    return np.asarray(np.abs(nu[:, Nu.R]) * dt > TURNED)
 
 
 def thrust_commanded(

@@ -119,6 +119,21 @@ def test_lying_still_without_thrust_is_not_under_way() -> None:
     assert any(s.why == usable.IDLE and s.end - s.start > 20.0 for s in one(script).excluded)
 
 
+def test_a_spin_that_a_coarse_grid_cannot_follow_is_left_out_of_it() -> None:
+    """4 rad/s: 0.8 rad from sample to sample at 5 Hz, 0.4 at 10 Hz."""
+    script = Script()
+    circle(script, 100.0, 0.0, 30.0)
+    for t in np.arange(130.0, 135.0, 0.02):
+        yaw = 30.0 * RATE + 4.0 * (t - 130.0)
+        script.send(t - 100.0, attitude(t, (yaw + np.pi) % (2 * np.pi) - np.pi, 4.0))
+        script.send(t - 100.0, local_position(t))
+        script.send(t - 100.0, servo(t, 1700, 0, 1300))
+    coarse, fine = (one(script, TrialOptions(rate_hz=hz)) for hz in (5.0, 10.0))
+    (spin,) = (s for s in coarse.excluded if s.why == usable.SPINNING)
+    assert (spin.start, spin.end) == pytest.approx((30.0, 35.0), abs=0.5)
+    assert not any(s.why == usable.SPINNING for s in fine.excluded)
+
+
 def test_without_a_fix_nothing_is_usable() -> None:
     script = Script()
     for start, fix in ((0.0, 2), (20.0, 3)):
