@@ -21,6 +21,8 @@ from sim.vessel import AddedEffect, Thruster, Vessel
 
 LONGEST_STEP = 0.2  # s, of one Runge–Kutta step
 QUICKEST = 0.6  # of the time in which damping lets go: (h λ)⁵/120 is then 6e-4 of what fades
+STABLE = 2.0  # of the time of the fastest motion: Runge–Kutta steps grow beyond 2.78 of it
+SHORTEST_STEP = 0.025  # s: what is quicker still is no hull, and may run away
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,8 @@ class Model:
         start[:, : x0.shape[1]] = x0
         states = np.full((len(x0), horizon, self.state_size), np.nan)
         reports = np.full((len(x0), horizon, 9), np.nan)
-        substeps = max(int(np.ceil(inputs.dt / self.longest_step(theta) - 1e-9)), 1)
+        longest = self.longest_step(theta, np.nan_to_num(x0[:, 3:6]))
+        substeps = max(int(np.ceil(inputs.dt / longest - 1e-9)), 1)
         rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
         rollout(
             floats(np.atleast_2d(self.theta if theta is None else theta)), start,
@@ -112,14 +115,32 @@ class Model:
         )  # fmt: skip
         return states, reports
 
-    def longest_step(self, theta: Floats | None = None) -> float:
-        """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel."""
+    def longest_step(self, theta: Floats | None = None, nu: Floats | None = None) -> float:
+        """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel.
+
+        At velocities nu (B, 3) it is short enough to stay stable, too: damping rises with speed,
+        and so does the moment that turns a hull across its way (Munk).
+        """
         taus = [i for i, name in enumerate(self.names) if name.endswith(".tau")]
         rows = np.atleast_2d(self.theta if theta is None else theta)
         fastest = float(np.min(rows[:, taus])) if taus else LONGEST_STEP
         d = self.vessel.dynamics
         fading = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
-        return min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3))
+        longest = min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3))
+        if nu is None:
+            return longest
+        return min(longest, max(STABLE / self._quickest(rows, nu), SHORTEST_STEP))
+
+    def _quickest(self, rows: Floats, nu: Floats) -> float:
+        """The fastest rate [1/s] of the hull with any of theta (K, P) at velocities (B, 3)."""
+        p = SimpleNamespace(**dict(zip(self.names, rows.T, strict=True)))
+        u, v, r = np.abs(nu).max(axis=0)
+        damping = np.maximum.reduce([
+            -(p.X_u + 2.0 * p.X_uu * u) / p.m11, -(p.Y_v + 2.0 * p.Y_vv * v) / p.m22,
+            -(p.N_r + 2.0 * p.N_rr * r) / p.m33,
+        ])  # fmt: skip
+        munk = u * np.sqrt(np.abs((p.m22 - p.m11) * p.m11 / (p.m22 * p.m33)))
+        return float(np.max(damping + munk, initial=1e-9))
 
     def missing_force(
         self,

@@ -127,6 +127,16 @@ def test_runge_kutta_is_of_fourth_order():
     assert np.all((orders > 3.9) & (orders < 4.2)), orders
 
 
+@pytest.mark.parametrize("nu", [(-12.8, -2.8, 0.0), (11.0, 0.3, 1.0), (0.0, 6.0, 0.0)])
+def test_a_coarse_table_does_not_make_a_fast_boat_run_away(nu):
+    """A dinghy guessed from its size, thrown at speeds that no step of 0.2 s would survive."""
+    guess = Dynamics(33.0, 48.0, 10.8, -20.0, -10.0, -60.0, -100.0, -12.8, -12.8)
+    model, start = Model.of(replace(WAMV, dynamics=guess)), np.array([0.0, 0.0, 0.0, *nu])
+    coarse = model.simulate(np.zeros((10, 2)), 0.2, start)[0][0, :, 3:6]
+    fine = model.simulate(np.zeros((400, 2)), 0.005, start)[0][0, ::40, 3:6]
+    assert np.max(np.abs(coarse - fine)) < 0.03 * np.linalg.norm(nu)
+
+
 @pytest.mark.parametrize("command", [-0.7, 0.3, 1.0])
 @pytest.mark.parametrize("vessel", [WAMV, IACQUABOT], ids=shape_id)
 def test_steady_speed_is_where_drag_equals_thrust(vessel, command):
