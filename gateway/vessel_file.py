@@ -150,6 +150,9 @@ class SensorsTable(Strict):
     imu: Point = (0.0, 0.0)
 
 
+GUESSED = "guessed from size"  # how a number that nobody measured says where it came from
+
+
 class Provenance(Strict):
     """[provenance."KEY"]: where a number came from."""
 
@@ -172,6 +175,12 @@ class VesselFile(Strict):
     sensors: SensorsTable = SensorsTable()
     effects: tuple[dict[str, Any], ...] = ()
     provenance: dict[str, Provenance] = Field(default_factory=dict)
+
+    @property
+    def guessed(self) -> bool:
+        """Whether any number of its dynamics was."""
+        marks = self.provenance.items()
+        return any(k.startswith("dynamics.") and m.says.startswith(GUESSED) for k, m in marks)
 
 
 _CHECKED = TypeAdapter(VesselFile)

@@ -26,32 +26,33 @@ def diagnose(
         Path | None, typer.Option("--out", help="The better vessel file to write.")
     ] = None,
     prior: Annotated[
-        float,
-        typer.Option(metavar="SHARE", help="How far off the base numbers may be, 0.15: 15 %."),
-    ] = 0.15,
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="How far off the base numbers may be; left out: 0.15 (15 %), or 1 where the file "
+            "says that they were guessed.",
+        ),
+    ] = None,
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
     json: AsJson = False,
 ) -> None:
     """Which physical effect is missing from the model, how sure that is, and what to do next."""
-    from gateway.effect_files import known_effects
     from gateway.pipelines.diagnose import diagnosed
     from gateway.pipelines.diagnosed import check_folders
     from gateway.pipelines.keep import kept
     from gateway.show.diagnose import show_diagnosed
     from gateway.show.progress import status
-    from sim.diagnosis.diagnose import DiagnoseSettings
 
-    if not 0.0 < prior <= 10.0:
+    if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
     check_folders(save, out)
     own = effects_from(effects)
-    settings = DiagnoseSettings(prior=prior, effects=known_effects())
     with status("diagnosing") as tell:
         found = diagnosed(
-            logs, vessel, improve=improve, settings=settings, system=system,
-            mapping=mapping, effects=own, tell=tell,
+            logs, vessel, improve=improve, prior=prior, system=system, mapping=mapping,
+            effects=own, tell=tell,
         )  # fmt: skip
         kept(found, save=save, out=out, pictures=pictures, effects=own, tell=tell)
     print_result(json, found.as_dict, lambda: show_diagnosed(found, save, out, pictures))

@@ -13,7 +13,7 @@ from gateway.errors import BadInput
 from gateway.pipelines.diagnosed import Diagnosed
 from gateway.pipelines.notices import notices_of
 from gateway.pipelines.trials import TrialOptions, usable_trials
-from gateway.vessel_file import load_vessel
+from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.diagnosis.prediction import DivergedError
@@ -26,6 +26,7 @@ Tell = Callable[[str], None]
 
 # Means over 0.4 s are compared: a finer grid costs three times as much and tells no more.
 COARSE = TrialOptions(rate_hz=5.0)
+KNOWN, WILD = 0.15, 1.0  # share that base numbers may be off by: of most files, of a guess
 WORKERS = 2  # the compiled kernels leave the interpreter to others
 
 
@@ -34,6 +35,7 @@ def diagnosed(
     vessel: str | Path,
     *,
     improve: bool = True,
+    prior: float | None = None,
     settings: DiagnoseSettings | None = None,
     system: int | None = None,
     options: TrialOptions | None = None,
@@ -43,11 +45,13 @@ def diagnosed(
 ) -> Diagnosed:
     """All recordings at once; `improve` climbs until nothing more is justified, else one step.
 
-    The answer comes with what it was made from: for pictures, files and command lines to go on.
+    `prior`: share that the base numbers may be off by; None: what the vessel file makes likely. The
+    answer comes with what it was made from: for pictures, files and command lines to go on.
     """
     settings = settings or DiagnoseSettings(effects=known_effects())
     more = tuple(effects)
-    settings = replace(settings, effects=(*settings.effects, *more))
+    likely, notices = prior_of(vessel) if prior is None else (prior, ())
+    settings = replace(settings, effects=(*settings.effects, *more), prior=likely)
     if not improve:
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
@@ -55,8 +59,16 @@ def diagnosed(
         logs, boat, settings, file=vessel, system=system, options=options, mapping=mapping,
         tell=tell,
     )  # fmt: skip
-    notices = notices_of(trials, boat)
+    notices = (*notices, *notices_of(trials, boat))
     return Diagnosed(found, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices)
+
+
+def prior_of(file: str | Path) -> tuple[float, tuple[str, ...]]:
+    """Share that the base numbers of a vessel file may be off by, and what to say of it."""
+    if not read_vessel_file(file).guessed:
+        return KNOWN, ()
+    says = "its base numbers were guessed: they may be off by as much again (--prior says else)"
+    return WILD, (f"{Path(file).name}: {says}",)
 
 
 def answered(

@@ -14,7 +14,14 @@ from gateway.errors import BadInput
 from gateway.ingest.boats import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.parameters import Actuator, Kind, actuators, autopilot_parameters
-from gateway.vessel_file import Provenance, VesselFile, dump_vessel, explain, read_vessel_file
+from gateway.vessel_file import (
+    GUESSED,
+    Provenance,
+    VesselFile,
+    dump_vessel,
+    explain,
+    read_vessel_file,
+)
 from gateway.whole import write_whole
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
@@ -154,7 +161,7 @@ def _dynamics(size: Size, thrust: float) -> Dynamics:
 
 
 def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
-    guessed = Provenance(says="guessed from size: identify it")
+    guessed = Provenance(says=f"{GUESSED}: identify it")
     marks = {f"dynamics.{name}": guessed for name in ("m11", "m22", "m33")}
     marks |= {f"dynamics.{n}": guessed for n in ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")}
     for key in ("length", "beam", "mass"):
