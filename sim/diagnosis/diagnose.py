@@ -98,15 +98,16 @@ def diagnose(
     final = rungs[-1]
     left = left_over(climb, final.heldout.nrmse > STANDS * floor)
     alone = rungs_of(climb.first.finalists, judge)
-    rivals = [rivals_of(step.ranking) for step in climb.steps]
+    rivals = [rivals_of(step.ranking, climb.fit.names) for step in climb.steps]
     others = (*alone, *later_rivals(climb, rivals, judge))
     added = [a.effect for a in climb.fit.added]
     verdict = verdict_of(climb, rivals, left, stands_open(added, rungs, floor))
     told = _suggested(climb, rivals, settings.plan, tell)
+    ranking = candidates_of(climb.first, alone, final.effects)
     return Diagnosis(
         verdict, summary_of(verdict, rungs, rivals, left, floor), _changed(climb.base),
-        final.effects, rungs, candidates_of(climb.first, alone), unexplained(rungs, floor),
-        tuple(left), tuple(no), told[0].says if told else None, floor, final.vessel, told,
+        final.effects, rungs, ranking, unexplained(rungs, floor), tuple(left),
+        tuple(no), told[0].says if told else None, floor, final.vessel, told,
         tuple(r for r in others if r.effects not in {rung.effects for rung in rungs}),
     )  # fmt: skip
 

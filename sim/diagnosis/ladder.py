@@ -87,16 +87,16 @@ class Climber:
     def climb(self, base: Fit) -> Climb:
         """Greedy, then swapped, then backward."""
         steps: list[Step] = []
-        fit, ranking = base, self.rank(base)
-        first = ranking
-        while len(steps) < self.most and self.justified(ranking, steps, fit):
+        fit = base
+        first = ranking = self.ranked(base, steps)
+        while len(steps) < self.most and self.justified(ranking.best, steps, fit):
             steps.append(Step(ranking, ranking.best))
             fit = ranking.best.fit
             if len(steps) > 1:
                 steps, fit = self.swapped(steps, fit)
             if len(steps) == self.most or not self.beyond(fit):
                 break
-            ranking = self.rank(fit)
+            ranking = self.ranked(fit, steps)
         steps, fit = self.backward(steps, fit)
         if steps:
             self.tell("the numbers, and how sure they are")
@@ -113,13 +113,22 @@ class Climber:
         chosen = (step.chosen.fit for step in steps if step.chosen.fit.names == names)
         return next(chosen, None) or self.beside(added, last)
 
-    def justified(self, ranking: Ranking, steps: Sequence[Step], fit: Fit) -> bool:
-        """Whether the best of a ranking should be added to what was found so far."""
-        best = ranking.best
+    def ranked(self, fit: Fit, steps: Sequence[Step]) -> Ranking:
+        """What could come next, led by the first that should.
+
+        The best may be worth much and yet help nobody, as long as a larger error hides what it
+        does: then that one is first in turn.
+        """
+        ranking = self.rank(fit)
+        rows = ranking.finalists
+        return ranking.led_by(next((r for r in rows if self.justified(r, steps, fit)), rows[0]))
+
+    def justified(self, row: Ranked, steps: Sequence[Step], fit: Fit) -> bool:
+        """Whether one of a ranking should be added to what was found so far."""
         won = sum(step.chosen.gain.nats for step in steps)
         least = max(LATER * won, EVENTS if steps else 0.0)
-        enough = missed(best.effect, best.gain) and best.gain.nats >= least
-        return enough and self.helps(fit, best.fit)
+        enough = missed(row.effect, row.gain) and row.gain.nats >= least
+        return enough and self.helps(fit, row.fit)
 
     def helps(self, before: Fit, after: Fit) -> bool:
         """Whether predictions become better by more than nobody would notice."""

@@ -7,7 +7,7 @@ would take the very thing that is looked for as a slow error of the sensors, and
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +60,10 @@ class Ranking:
     def best(self) -> Ranked:
         """The first."""
         return self.finalists[0]
+
+    def led_by(self, row: Ranked) -> "Ranking":
+        """The same with one of the finalists before the others."""
+        return replace(self, finalists=(row, *(r for r in self.finalists if r is not row)))
 
 
 def rank(

@@ -36,9 +36,11 @@ def later_rivals(climb: Climb, rivals: Sequence[Sequence[Ranked]], judge: Judge)
     return rungs_of([r for s, of in steps if s.ranking is not climb.first for r in of], judge)
 
 
-def candidates_of(ranking: Ranking, alone: Sequence[Rung]) -> tuple[Candidate, ...]:
-    """A ranking as it is told; `alone` has the rung of each."""
-    rivals = {r.name for r in rivals_of(ranking)}
+def candidates_of(
+    ranking: Ranking, alone: Sequence[Rung], found: Sequence[str]
+) -> tuple[Candidate, ...]:
+    """A ranking as it is told; `alone` has the rung of each, `found` what is on the ladder."""
+    rivals = {r.name for r in rivals_of(ranking, found)}
     tied = rivals | {ranking.best.name} if rivals else set()
     return tuple(
         Candidate(

@@ -22,15 +22,18 @@ FAR = 5.0  # floors of noise: an effect of the right kind leaves less, whatever 
 REST = 0.03  # … or less than this share of what the base alone left above the noise
 
 
-def rivals_of(ranking: Ranking) -> list[Ranked]:
-    """Who explains unseen time as well as the best, as far as blocks of it can tell."""
+def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[Ranked]:
+    """Who explains unseen time as well as the best, as far as blocks of it can tell.
+
+    What was found beside it in the end is no rival.
+    """
     best = ranking.best
     if not worth_it(best.gain):
         return []
     out = []
     for row in ranking.finalists[1:]:
         better = gain(row.unseen, best.unseen, best.fit.ground.block)
-        if row.effect.general_of == best.name:
+        if row.effect.general_of == best.name or row.name in found:
             continue
         if row.gain.log > TIED * best.gain.log and better.t < CLEAR:
             out.append(row)
