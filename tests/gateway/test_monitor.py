@@ -26,7 +26,14 @@ from gateway.topics import TOPICS
 from tests.conftest import ROOT
 from tests.gateway.test_schemas import some_message
 
-SHADOW = "from gateway.cli import main; main()"
+# A program that a script starts in its background inherits that interrupts are ignored: these tests
+# send them wherever they run.
+SHADOW = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from gateway.cli import main
+main()
+"""
 PATIENCE_S = 30.0
 SECOND = 1_000_000_000
 
@@ -273,11 +280,14 @@ def test_in_a_terminal_it_draws_and_leaves_the_terminal_in_order(endpoint: str) 
         ) as running,
     ):
         os.close(slave)
-        # again and again: a monitor that takes long to start finds the first values gone stale
-        screen = read_until(master, b"missing force", meanwhile=lambda: publish_all(bus))
-        running.send_signal(signal.SIGINT)
-        screen += read_until(master, b"\x1b[?25h", b"\x1b[?1049l")  # cursor, ordinary screen
-        assert running.wait(PATIENCE_S) == 0
+        try:
+            # again and again: a monitor that takes long to start finds the first values gone stale
+            screen = read_until(master, b"missing force", meanwhile=lambda: publish_all(bus))
+            running.send_signal(signal.SIGINT)
+            screen += read_until(master, b"\x1b[?25h", b"\x1b[?1049l")  # cursor, ordinary screen
+            assert running.wait(PATIENCE_S) == 0
+        finally:
+            running.kill()  # it may be waiting for a terminal that nobody reads any more
     os.close(master)
     assert b"Traceback" not in screen
 
