@@ -115,7 +115,7 @@ class Model:
         )  # fmt: skip
         return states, reports
 
-    def longest_step(self, theta: Floats | None = None, nu: Floats | None = None) -> float:
+    def longest_step(self, theta: Floats | None, nu: Floats) -> float:
         """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel.
 
         At velocities nu (B, 3) it is short enough to stay stable, too: damping rises with speed,
@@ -126,10 +126,8 @@ class Model:
         fastest = float(np.min(rows[:, taus])) if taus else LONGEST_STEP
         d = self.vessel.dynamics
         fading = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
-        longest = min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3))
-        if nu is None:
-            return longest
-        return min(longest, max(STABLE / self._quickest(rows, nu), SHORTEST_STEP))
+        stable = max(STABLE / self._quickest(rows, nu), SHORTEST_STEP)
+        return min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3), stable)
 
     def _quickest(self, rows: Floats, nu: Floats) -> float:
         """The fastest rate [1/s] of the hull with any of theta (K, P) at velocities (B, 3)."""

@@ -26,7 +26,7 @@ Tell = Callable[[str], None]
 
 # Means over 0.4 s are compared: a finer grid costs three times as much and tells no more.
 COARSE = TrialOptions(rate_hz=5.0)
-KNOWN, WILD = 0.15, 1.0  # share that base numbers may be off by: of most files, of a guess
+WILD = 1.0  # share that base numbers which were guessed may be off by
 WORKERS = 2  # the compiled kernels leave the interpreter to others
 
 
@@ -45,13 +45,16 @@ def diagnosed(
 ) -> Diagnosed:
     """All recordings at once; `improve` climbs until nothing more is justified, else one step.
 
-    `prior`: share that the base numbers may be off by; None: what the vessel file makes likely. The
-    answer comes with what it was made from: for pictures, files and command lines to go on.
+    `prior`: share that the base numbers may be off by; None: as much again where the vessel file
+    says that they were guessed, else that of the settings. The answer comes with what it was made
+    from: for pictures, files and command lines to go on.
     """
     settings = settings or DiagnoseSettings(effects=known_effects())
     more = tuple(effects)
-    likely, notices = prior_of(vessel) if prior is None else (prior, ())
-    settings = replace(settings, effects=(*settings.effects, *more), prior=likely)
+    settings = replace(settings, effects=(*settings.effects, *more))
+    guessed = prior is None and read_vessel_file(vessel).guessed
+    if prior is not None or guessed:
+        settings = replace(settings, prior=WILD if prior is None else prior)
     if not improve:
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
@@ -59,16 +62,9 @@ def diagnosed(
         logs, boat, settings, file=vessel, system=system, options=options, mapping=mapping,
         tell=tell,
     )  # fmt: skip
-    notices = (*notices, *notices_of(trials, boat))
+    says = f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again"
+    notices = (*([f"{says} (--prior says else)"] if guessed else []), *notices_of(trials, boat))
     return Diagnosed(found, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices)
-
-
-def prior_of(file: str | Path) -> tuple[float, tuple[str, ...]]:
-    """Share that the base numbers of a vessel file may be off by, and what to say of it."""
-    if not read_vessel_file(file).guessed:
-        return KNOWN, ()
-    says = "its base numbers were guessed: they may be off by as much again (--prior says else)"
-    return WILD, (f"{Path(file).name}: {says}",)
 
 
 def answered(

@@ -88,15 +88,16 @@ class Climber:
         """Greedy, then swapped, then backward."""
         steps: list[Step] = []
         fit = base
-        first = ranking = self.ranked(base, steps)
-        while len(steps) < self.most and self.justified(ranking.best, steps, fit):
+        ranking, more = self.ranked(base, steps)
+        first = ranking
+        while more and len(steps) < self.most:
             steps.append(Step(ranking, ranking.best))
             fit = ranking.best.fit
             if len(steps) > 1:
                 steps, fit = self.swapped(steps, fit)
             if len(steps) == self.most or not self.beyond(fit):
                 break
-            ranking = self.ranked(fit, steps)
+            ranking, more = self.ranked(fit, steps)
         steps, fit = self.backward(steps, fit)
         if steps:
             self.tell("the numbers, and how sure they are")
@@ -113,15 +114,15 @@ class Climber:
         chosen = (step.chosen.fit for step in steps if step.chosen.fit.names == names)
         return next(chosen, None) or self.beside(added, last)
 
-    def ranked(self, fit: Fit, steps: Sequence[Step]) -> Ranking:
-        """What could come next, led by the first that should.
+    def ranked(self, fit: Fit, steps: Sequence[Step]) -> tuple[Ranking, bool]:
+        """What could come next, led by the first that should; whether there is one.
 
         The best may be worth much and yet help nobody, as long as a larger error hides what it
         does: then that one is first in turn.
         """
         ranking = self.rank(fit)
-        rows = ranking.finalists
-        return ranking.led_by(next((r for r in rows if self.justified(r, steps, fit)), rows[0]))
+        row = next((r for r in ranking.finalists if self.justified(r, steps, fit)), None)
+        return (ranking, False) if row is None else (ranking.led_by(row), True)
 
     def justified(self, row: Ranked, steps: Sequence[Step], fit: Fit) -> bool:
         """Whether one of a ranking should be added to what was found so far."""
