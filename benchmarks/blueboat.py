@@ -26,12 +26,12 @@ from gateway.pipelines.notices import notices_of
 from gateway.pipelines.trials import load_trials
 from gateway.samples import Quantity
 from gateway.vessel_file import load_vessel
-from sim.diagnosis.free_run import free_run
 from sim.effects.catalogue import EFFECTS
 from sim.identification.identify import Identified, identify
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.wiring import rewired, wiring_of
 from sim.model import Model
+from sim.prediction.free_runs import free_run
 from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel

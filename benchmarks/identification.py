@@ -28,9 +28,9 @@ from gateway.pipelines.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.identification.identify import Identified, identify
 from sim.identification.noise import Noise
+from sim.identification.parameters import unknowns_of
 from sim.identification.settings import BASE, METHODS, IdentifySettings
 from sim.identification.shooting import information
-from sim.identification.unknowns import unknowns_of
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial

@@ -26,8 +26,8 @@ from gateway.pipelines.diagnose import COARSE
 from gateway.pipelines.first_vessel import init_vessel
 from gateway.pipelines.trials import TrialOptions, load_trials
 from gateway.vessel_file import load_vessel
+from sim.comparison.compare import compare
 from sim.diagnosis.answer import Diagnosis
-from sim.diagnosis.compare import compare
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.model import Model
 from sim.vessel import Vessel

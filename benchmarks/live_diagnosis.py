@@ -34,9 +34,9 @@ from gateway.pipelines.path import Shadowing, ShadowPath, follower_of
 from gateway.pipelines.replay import ReplayOptions, prepare
 from gateway.pipelines.rows import Happening
 from gateway.vessel_file import load_vessel
-from sim.diagnosis.air import velocity, velocity_spread
 from sim.following.reference import Reference
 from sim.model import Model
+from sim.monitoring.live_second import velocity, velocity_spread
 
 SECONDS = 300.0
 PAIRS = (

@@ -36,7 +36,7 @@ from gateway.links.rates import FULL_HZ, PRESETS, check_rates
 from gateway.recorder import RecordingSettings
 from gateway.studio.settings import StudioSettings
 from gateway.vessel_file import checked, explain
-from sim.following.options import Following
+from sim.following.follower import Following
 from sim.following.reference import Mode
 
 NOT_IN_NAMES = "/*$?#@"  # they mean something in keys of zenoh, and in paths

@@ -24,17 +24,19 @@ from pydantic import (
 
 from gateway.effect_files import known_effects, load_effects
 from gateway.errors import BadInput
-from sim.curves import CURVES, Points, mistake_in
 from sim.effects.effect import Effect
 from sim.vessel import (
+    CURVES,
     AddedEffect,
     Dynamics,
     Hull,
+    Points,
     Rudder,
     Sensors,
     Servo,
     Thruster,
     Vessel,
+    mistake_in,
 )
 
 T = TypeVar("T")

@@ -1,6 +1,6 @@
 """Thrusters and rudders: from a command in [−1, 1] to a force in the body frame.
 
-    thruster   F = sign(c) |c|^exponent · (ahead or astern thrust), or a table (`sim.curves`)
+    thruster   F = sign(c) |c|^exponent · (ahead or astern thrust), or a table (`sim.vessel`)
                X += F cos α,  Y += F sin α,  N += x F sin α − y F cos α
     rudder     F_N = ½ ρ A C_Lα V_R² sin α_R,   C_Lα = 6.13 Λ / (Λ + 2.25)   (Fujii)
                α_R = δ + atan2(v_R, u_R),  v_R = v + x r,  u_R = u + slipstream,  stall limited

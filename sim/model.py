@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim import numpy_drivers
 from sim.body import Blade, Body, Drive
-from sim.compiled import Kernel, kernel_for
-from sim.compose import Structure
-from sim.curves import exponent_of, knots, shares, table_of
 from sim.effects.catalogue import EFFECTS
-from sim.rows import air, floats
+from sim.kernel import loops_numpy
+from sim.kernel.arrays import air, floats
+from sim.kernel.cache import Kernel, kernel_for
+from sim.kernel.generator import Structure
 from sim.state import Floats
-from sim.vessel import AddedEffect, Thruster, Vessel
+from sim.vessel import AddedEffect, Thruster, Vessel, exponent_of, knots, shares, table_of
 
 LONGEST_STEP = 0.2  # s, of one Runge–Kutta step
 QUICKEST = 0.6  # of the time in which damping lets go: (h λ)⁵/120 is then 6e-4 of what fades
@@ -199,7 +198,7 @@ class Model:
         return out
 
     def _rollout_in_numpy(self, *arguments: Any) -> None:
-        numpy_drivers.rollout(self.kernel.module, *arguments)
+        loops_numpy.rollout(self.kernel.module, *arguments)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.diagnosis.compare import compare
+from sim.comparison.compare import compare
 from sim.effects.catalogue import named
 from sim.effects.effect import Kind, Scope
 from sim.identification.identify import Identified, identify

@@ -26,10 +26,10 @@ import numpy as np
 
 from gateway.pipelines.trials import load_trials
 from gateway.vessel_file import load_vessel
-from sim.diagnosis.missing import missing_force
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Kind, Parameter
 from sim.model import Model
+from sim.prediction.missing_force import missing_force
 from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.following.options import Following
+from sim.following.follower import Following
 from sim.following.stepwise import PlantFollower
 from sim.model import Model
 from sim.plants.plant import Around, Motion

@@ -15,7 +15,7 @@ from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_5_STD
 from benchmarks.paper.scoring import header, row
 from gateway.pictures.figure_data import Axis, Dots, FigureData, Level, Panel, Role
-from sim.identification.estimate import Estimate
+from sim.identification.intervals import Estimate
 from sim.identification.regression import SIGN, Regression
 from sim.identification.settings import BASE
 

@@ -16,11 +16,10 @@ from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_6, Scores
 from benchmarks.paper.scoring import beside, reached, scored, spread
 from gateway.pictures.figure_data import FigureData, Role
-from sim.diagnosis.blocks import stretches
-from sim.diagnosis.inputs import inputs_of, motion_of, runs_from
-from sim.identification.applied import applied
 from sim.identification.settings import BASE
+from sim.identification.vessel_update import applied
 from sim.model import Model
+from sim.prediction.inputs import inputs_of, motion_of, runs_from, stretches
 from sim.state import Floats
 from sim.vessel import Vessel
 

@@ -17,7 +17,7 @@ from benchmarks.paper.published import CHANNELS, TABLE_8, TABLE_8_LIMIT
 from benchmarks.paper.scoring import header, mark, off, row
 from benchmarks.paper.table7 import DT, driven
 from sim.effects import inertial_force
-from sim.following.options import Axes, Following
+from sim.following.follower import Axes, Following
 from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel
 

@@ -93,7 +93,7 @@ def compare(
     from gateway.pipelines.compare import as_json, compare_logs
     from gateway.show.compare import show_comparisons
     from gateway.show.progress import status
-    from sim.diagnosis.settings import CompareSettings
+    from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
         raise BadInput(f"--refit {refit}: expected voyage")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from gateway.pictures import error_against, forces, independence, track, velocities, vessels
 from gateway.pictures.figure_data import FigureData
-from sim.diagnosis.compare import Comparison
+from sim.comparison.compare import Comparison
 from sim.trial import Trial
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from gateway.pictures.figure_data import Axis
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.where import Bin
+from sim.comparison.compare import Comparison
+from sim.comparison.where import Bin
 from sim.state import Floats
 
 DEGREES = 180.0 / np.pi

@@ -19,7 +19,7 @@ from gateway.pictures.figure_data import (
 from gateway.pictures.vessels import NRMSE
 from sim.diagnosis.answer import Diagnosis, Rung
 from sim.diagnosis.evidence import Evidence, evidence
-from sim.identification.applied import applied
+from sim.identification.vessel_update import applied
 from sim.trial import Trial
 from sim.vessel import Vessel
 

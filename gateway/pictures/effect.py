@@ -2,7 +2,7 @@
 
 from gateway.pictures.figure_data import FigureData, Line, Panel, Role
 from gateway.pictures.velocities import CHANNELS, TIME
-from sim.excitation.with_effect import Seen
+from sim.excitation.effect_example import Seen
 
 
 def what_it_does(seen: Seen, looks_like: str = "") -> FigureData:

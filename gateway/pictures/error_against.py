@@ -4,7 +4,7 @@ import numpy as np
 
 from gateway.pictures.bins import SHOWN, bins_of, edges_of
 from gateway.pictures.figure_data import Axis, Bars, FigureData, Panel, Role, Strip
-from sim.diagnosis.compare import Comparison
+from sim.comparison.compare import Comparison
 
 SHARE = Axis("share", "%")
 SIZE = Axis("rms error", "nrmse scales")

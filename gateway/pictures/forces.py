@@ -4,8 +4,8 @@ import numpy as np
 
 from gateway.pictures.bins import SHOWN, bins_of, edges_of
 from gateway.pictures.figure_data import Axis, Band, Dots, FigureData, Level, Mark, Panel, Role
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.where import Bin
+from sim.comparison.compare import Comparison
+from sim.comparison.where import Bin
 
 FORCES = (Axis("missing surge X", "N"), Axis("missing sway Y", "N"), Axis("missing yaw N", "N m"))
 BY = ("heading", "speed")

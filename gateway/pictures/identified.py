@@ -7,8 +7,8 @@ import numpy as np
 from gateway.pictures.figure_data import Axis, Dots, FigureData, Level, Line, Panel, Role
 from gateway.pictures.track import EAST, NORTH
 from gateway.pictures.velocities import CHANNELS, TIME, pieces
-from sim.diagnosis.prediction import Prediction
-from sim.identification.estimate import Estimate
+from sim.identification.intervals import Estimate
+from sim.prediction.free_runs import Prediction
 from sim.state import Eta, Floats
 from sim.trial import Trial
 

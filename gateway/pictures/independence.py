@@ -3,8 +3,8 @@
 import numpy as np
 
 from gateway.pictures.figure_data import Axis, Band, Dots, FigureData, Panel, Role
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.independence import LAGS
+from sim.comparison.compare import Comparison
+from sim.comparison.independence import LAGS
 from sim.state import Floats
 
 LAG = Axis("error after command", "s")

@@ -4,7 +4,7 @@ import numpy as np
 
 from gateway.pictures.figure_data import FigureData, Level, Line, Panel, Role
 from gateway.pictures.velocities import CHANNELS, TIME, pieces
-from sim.diagnosis.compare import Comparison
+from sim.comparison.compare import Comparison
 from sim.state import Floats
 from sim.trial import Trial
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from gateway.pictures.figure_data import Axis, Coloured, FigureData, Line, Panel, Role
 from gateway.pictures.velocities import pieces
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.where import along_trial
+from sim.comparison.compare import Comparison
+from sim.comparison.where import along_trial
 from sim.state import Eta
 from sim.trial import Trial
 

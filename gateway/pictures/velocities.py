@@ -4,8 +4,8 @@ import numpy as np
 
 from gateway.pictures.bins import DEGREES
 from gateway.pictures.figure_data import Axis, FigureData, Line, Panel, Role
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.prediction import Prediction
+from sim.comparison.compare import Comparison
+from sim.prediction.free_runs import Prediction
 from sim.state import Floats
 from sim.trial import Trial
 

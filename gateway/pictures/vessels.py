@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gateway.pictures.figure_data import Axis, Bars, Dots, FigureData, Level, Mark, Panel, Role
-from sim.diagnosis.compare import Comparison
+from sim.comparison.compare import Comparison
 
 NRMSE = Axis("nrmse (0 is perfect)")
 

@@ -21,7 +21,7 @@ from gateway.vessel_file import (
 )
 from gateway.whole import write_whole
 from sim.effects.effect import Effect
-from sim.identification.applied import applied
+from sim.identification.vessel_update import applied
 from sim.vessel import AddedEffect, Vessel
 
 

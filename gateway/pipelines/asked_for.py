@@ -7,7 +7,7 @@ from typing import Any
 from gateway.effect_files import known_effects
 from gateway.pipelines.diagnose import answered
 from sim.diagnosis.diagnose import DiagnoseSettings
-from sim.diagnosis.manoeuvres import Suggested
+from sim.diagnosis.next_experiment import Suggested
 from sim.vessel import Vessel
 
 

@@ -10,9 +10,9 @@ from gateway.pictures.album import album
 from gateway.pictures.draw import save
 from gateway.pipelines.side_by_side import Compared, side_by_side, told_apart
 from gateway.pipelines.trials import TrialOptions
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.settings import CompareSettings
+from sim.comparison.compare import Comparison
 from sim.effects.effect import Effect
+from sim.prediction.segments import CompareSettings
 from sim.vessel import Vessel
 
 PICTURE = ".png"

@@ -26,7 +26,7 @@ from gateway.show.diagnose import show_diagnosed
 from gateway.show.progress import progress, status
 from gateway.show.replay import show_replay
 from gateway.vessel_file import load_vessel
-from sim.diagnosis.compare import Comparison
+from sim.comparison.compare import Comparison
 
 HOME = Path(gateway.__file__).resolve().parent.parent
 AUTOPILOT, OTTER = HOME / "recordings/otter_piece.tlog", HOME / "configs/vessels/otter.toml"

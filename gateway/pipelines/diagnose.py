@@ -16,9 +16,9 @@ from gateway.pipelines.trials import TrialOptions, usable_trials
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
-from sim.diagnosis.prediction import DivergedError
-from sim.diagnosis.segments import NoUsableTimeError
 from sim.effects.effect import Effect
+from sim.prediction.free_runs import DivergedError
+from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
 

@@ -13,7 +13,7 @@ import orjson
 from gateway.errors import BadInput
 from gateway.whole import write_whole
 from sim.diagnosis.answer import Diagnosis, Rung, Verdict
-from sim.diagnosis.separates import Separation, separations
+from sim.diagnosis.next_experiment import Separation, separations
 from sim.effects.effect import Scope
 from sim.excitation.catalogue import BY_NAME
 from sim.trial import Trial

@@ -15,13 +15,13 @@ from gateway.pipelines.stretches import Exclusion, without
 from gateway.pipelines.trials import TrialOptions, usable_trials
 from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
 from gateway.whole import write_whole
-from sim.diagnosis.prediction import DivergedError
-from sim.diagnosis.segments import NoUsableTimeError
 from sim.effects.effect import Effect
-from sim.identification.estimate import Estimate
 from sim.identification.identify import Identified, identify
+from sim.identification.intervals import Estimate
+from sim.identification.parameters import UnknownNameError
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.unknowns import UnknownNameError
+from sim.prediction.free_runs import DivergedError
+from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 
 TABLES = (*BASE, "x_g", "Y_r", "N_v", "Y_uv", "Y_ur", "N_uv", "N_ur")  # of [dynamics]

@@ -6,10 +6,10 @@ from pathlib import Path
 from gateway.pictures.draw import save
 from gateway.pictures.identified import album, parameters
 from gateway.pipelines.compare import file_name
-from sim.diagnosis.prediction import predict
-from sim.diagnosis.ruler import Ruler
 from sim.identification.identify import Identified
 from sim.model import Model
+from sim.prediction.free_runs import predict
+from sim.prediction.scales import Ruler
 from sim.trial import Trial
 from sim.vessel import Vessel
 

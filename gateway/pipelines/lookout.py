@@ -15,13 +15,11 @@ from gateway.messages import Rows, encode_rows
 from gateway.pipelines.path import Shadowing
 from gateway.pipelines.rows import Happening
 from gateway.topics import HORIZONS_S
-from sim.diagnosis.air import velocity, velocity_spread
-from sim.diagnosis.alarm import HORIZONS_S as WATCHED_S
-from sim.diagnosis.alarm import Alarm, News
-from sim.diagnosis.live_words import sentence
-from sim.diagnosis.moment import Moment, in_body
-from sim.diagnosis.online import Estimator
 from sim.model import Model
+from sim.monitoring.alarm import HORIZONS_S as WATCHED_S
+from sim.monitoring.alarm import Alarm, News, sentence
+from sim.monitoring.disturbances import Estimator
+from sim.monitoring.live_second import Moment, in_body, velocity, velocity_spread
 from sim.state import Eta, Floats
 
 SECOND_S = 1.0

@@ -20,11 +20,10 @@ from gateway.estimation.settings import FilterSettings
 from gateway.ingest.mapping.actuators import CHANNELS as CHANNEL_COUNT
 from gateway.pipelines.feed import Feed
 from gateway.pipelines.watch import Watch, Watched, WatchState
-from sim.following.follower import Follower
-from sim.following.options import Following
+from sim.following.follower import Follower, Following
 from sim.following.reference import Reference, ReferenceState
+from sim.following.select import follower_for
 from sim.model import Model
-from sim.plants.catalogue import follower_for
 from sim.state import Floats
 
 STALE_S = 1.0  # without a fact for this long, telemetry is not fresh …

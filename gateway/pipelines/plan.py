@@ -16,9 +16,8 @@ from gateway.plan.safety import Safety, pulse_bounds, safety_for
 from gateway.plan.script import write_script
 from gateway.plan.table import write_commands, write_pulses
 from sim.excitation.catalogue import BY_NAME
-from sim.excitation.limits import Limits
-from sim.excitation.manoeuvre import Manoeuvre
-from sim.excitation.predicted import StepResponses, step_responses
+from sim.excitation.manoeuvre import Limits, Manoeuvre
+from sim.excitation.step_response import StepResponses, step_responses
 from sim.model import Model
 from sim.vessel import Vessel
 

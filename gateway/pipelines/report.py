@@ -23,7 +23,7 @@ from gateway.pipelines.side_by_side import Compared, side_by_side, told_apart
 from gateway.report import Recording, Report, Shown, render
 from gateway.vessel_file import dump_vessel
 from gateway.whole import write_whole
-from sim.diagnosis.compare import NEAR_FLOOR, Comparison
+from sim.comparison.compare import NEAR_FLOOR, Comparison
 from sim.effects.effect import Effect
 from sim.vessel import Vessel
 

@@ -8,13 +8,12 @@ from gateway.errors import BadInput
 from gateway.pipelines.notices import notices_of
 from gateway.pipelines.trials import TrialOptions, left_out, load_trials
 from gateway.vessel_file import load_vessel
-from sim.diagnosis.compare import Comparison, compare
-from sim.diagnosis.prediction import DivergedError
-from sim.diagnosis.refit import FEWEST, LENGTH_S, compare_refitted
-from sim.diagnosis.segments import NoUsableTimeError
-from sim.diagnosis.settings import CompareSettings
+from sim.comparison.compare import Comparison, compare
+from sim.comparison.refit import FEWEST, LENGTH_S, compare_refitted
 from sim.effects.effect import Effect
 from sim.model import Model
+from sim.prediction.free_runs import DivergedError
+from sim.prediction.segments import CompareSettings, NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
 

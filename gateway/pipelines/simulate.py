@@ -18,7 +18,7 @@ from gateway.pipelines.rows import MOTION_FIELDS
 from gateway.recorder import Recorder
 from gateway.recording_file import Attachment
 from gateway.vessel_file import dump_vessel
-from sim.following.options import Following
+from sim.following.follower import Following
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel

@@ -4,11 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.excitation.commands import sticks_of
-from sim.excitation.limits import Limits
-from sim.excitation.manoeuvre import Manoeuvre
-from sim.excitation.mixing import mixed
-from sim.excitation.polyline import connected, corners
+from sim.excitation.manoeuvre import Limits, Manoeuvre, connected, corners
+from sim.excitation.sticks import mixed, sticks_of
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel

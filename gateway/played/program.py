@@ -13,11 +13,10 @@ import numpy as np
 from gateway.errors import BadInput
 from gateway.pipelines.simulate import read_commands
 from sim.excitation.catalogue import BY_NAME
-from sim.excitation.circles import Circles
-from sim.excitation.commands import commands_of
 from sim.excitation.manoeuvre import Manoeuvre
-from sim.excitation.mixed import Mixed
-from sim.excitation.spin import Spin
+from sim.excitation.oscillations import Mixed
+from sim.excitation.sticks import commands_of
+from sim.excitation.turns import Circles, Spin
 from sim.state import Floats
 from sim.vessel import Vessel
 

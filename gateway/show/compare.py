@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sim.diagnosis.compare import Comparison
+from sim.comparison.compare import Comparison
 
 WORST = 5  # regimes told
 

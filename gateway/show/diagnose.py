@@ -10,7 +10,7 @@ from rich.table import Table
 from gateway.pipelines.diagnosed import Diagnosed
 from sim.diagnosis.answer import Candidate, Diagnosis, Rung
 from sim.effects.effect import Scope
-from sim.identification.estimate import Estimate
+from sim.identification.intervals import Estimate
 
 UNLIKELY = 0.001
 

@@ -14,9 +14,9 @@ from gateway.pictures.figure_data import Role
 from gateway.pictures.palette import COLOUR
 from gateway.pictures.velocities import CHANNELS
 from gateway.show.braille import plot
-from sim.diagnosis.separates import separation
+from sim.diagnosis.next_experiment import separation
 from sim.effects.effect import Effect, Parameter
-from sim.excitation.with_effect import seen
+from sim.excitation.effect_example import seen
 
 WITHOUT, WITH = COLOUR[Role.CONTEXT], COLOUR[Role.MODEL]
 

@@ -7,10 +7,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from gateway.show.responses import responses_table
-from sim.diagnosis.scores import Scores
-from sim.identification.estimate import Estimate
 from sim.identification.identify import Identified
+from sim.identification.intervals import Estimate
 from sim.identification.validation import Validation
+from sim.prediction.scores import Scores
 
 UNITS = {"u": "u m/s", "v": "v m/s", "r": "r rad/s", "x": "north m", "y": "east m", "psi": "ψ rad"}
 

@@ -4,8 +4,7 @@ import math
 
 from rich.table import Table
 
-from sim.excitation.predicted import STEER, THROTTLE, StepResponses
-from sim.excitation.response import Response
+from sim.excitation.step_response import STEER, THROTTLE, Response, StepResponses
 from sim.vessel import Vessel
 
 

@@ -26,10 +26,10 @@ from gateway.pipelines.side_by_side import Compared, compared_trial, told_apart
 from gateway.pipelines.trials import load_trials
 from gateway.studio.views import Found, Other, Row, Rung, TrialView, VesselView, Worst
 from gateway.vessel_file import load_vessel
+from sim.comparison.compare import Comparison
+from sim.comparison.regimes import regimes_of
+from sim.comparison.where import Bin, bin_of
 from sim.diagnosis.answer import Rung as FoundRung
-from sim.diagnosis.compare import Comparison
-from sim.diagnosis.regimes import regimes_of
-from sim.diagnosis.where import Bin, bin_of
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.state import Eta

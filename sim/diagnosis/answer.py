@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from sim.diagnosis.judged import HeldOut
-from sim.diagnosis.leftover import Dependence
-from sim.diagnosis.manoeuvres import Suggested
-from sim.diagnosis.refusals import Refusal
-from sim.identification.estimate import Estimate
+from sim.diagnosis.heldout import HeldOut
+from sim.diagnosis.identifiability import Refusal
+from sim.diagnosis.next_experiment import Suggested
+from sim.diagnosis.residual_terms import Dependence
+from sim.identification.intervals import Estimate
 from sim.vessel import Vessel
 
 

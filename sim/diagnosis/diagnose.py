@@ -11,33 +11,34 @@ import numpy as np
 
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.fit import Fit, fitted, unknowns_for
-from sim.diagnosis.ground import Ground
-from sim.diagnosis.heldout import gain, unseen
-from sim.diagnosis.judged import Judge
+from sim.diagnosis.fit_problem import Ground, Wide
+from sim.diagnosis.heldout import Judge, gain, unseen
+from sim.diagnosis.identifiability import refused
 from sim.diagnosis.ladder import Climb, Climber, worth_it
-from sim.diagnosis.manoeuvres import Suggested, informing, separating
+from sim.diagnosis.next_experiment import Suggested, informing, separating
 from sim.diagnosis.ranking import BLOCK, Ranked
-from sim.diagnosis.refusals import refused
-from sim.diagnosis.rungs import candidates_of, ladder, later_rivals, rungs_of
-from sim.diagnosis.screen import Each, Tell
-from sim.diagnosis.segments import NoUsableTimeError
+from sim.diagnosis.screening import Each, Tell
 from sim.diagnosis.starts import searched
 from sim.diagnosis.verdict import (
     STANDS,
+    candidates_of,
+    ladder,
+    later_rivals,
     left_over,
     rivals_of,
+    rungs_of,
     stands_open,
     summary_of,
     unexplained,
     verdict_of,
 )
-from sim.diagnosis.wide import Wide
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
+from sim.identification.parameters import unknowns_of
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import shoot
-from sim.identification.unknowns import unknowns_of
 from sim.model import Model
+from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
 

@@ -4,19 +4,26 @@
     later;  and backward: what no longer earns its place goes
 
 The first choice is made while the second effect is still missing, and may stand in for both.
+
+The last fit of a ladder once more, as `shadow identify` fits: its numbers are those that stay.
+
+    moments of events, once;   then starts → noise → numbers in turn until they settle
+
+While effects are compared, starts are taken from the measured motion and noise from a leader, the
+same for all. Numbers that are told with an interval deserve starts where this model has them, and
+the noise that it leaves.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from sim.diagnosis.fit import Fit, fitted, started, unknowns_for
-from sim.diagnosis.heldout import Gain, gain, unseen
-from sim.diagnosis.judged import Judge
-from sim.diagnosis.polish import polished
-from sim.diagnosis.ranking import Ranked, Ranking, rank, renewed
-from sim.diagnosis.screen import Each, Tell
-from sim.diagnosis.wide import Wide
+from sim.diagnosis.fit import Fit, at_its_moment, fitted, moments_in, started, unknowns_for
+from sim.diagnosis.fit_problem import Ground, Wide
+from sim.diagnosis.heldout import Gain, Judge, gain, unseen
+from sim.diagnosis.ranking import BLOCK, Ranked, Ranking, rank, renewed
+from sim.diagnosis.screening import Each, Tell
 from sim.effects.effect import Effect
+from sim.identification.shooting import residuals_of, shoot
 from sim.model import Model
 from sim.vessel import AddedEffect
 
@@ -189,3 +196,19 @@ class Climber:
         ground = renewed(fit, fit.unknowns, fit.z)
         one, two = (fitted(f.added, f.unknowns, ground, f.z) for f in (other, fit))
         return gain(unseen(one), unseen(two), ground.block)
+
+
+def polished(fit: Fit) -> Fit:
+    """The same effects with their last numbers; the ground is that of the new fit."""
+    for name in moments_in(fit):
+        fit = at_its_moment(fit, name)
+    ground, unknowns = fit.ground, fit.unknowns
+    trials, settings = ground.trials, ground.settings
+    last = replace(settings, horizons=settings.horizons[-1:])
+    shot = shoot(unknowns, trials, [t.usable for t in trials], last, fit.z)
+    own = Ground.of(
+        ground.vessel, trials, unknowns, shot.z, shot.noise, settings, BLOCK, shot.voyages
+    )
+    return Fit(
+        fit.added, unknowns, own, shot.z, residuals_of(unknowns, own.windows, shot.z[None])[0]
+    )

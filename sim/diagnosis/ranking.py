@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.fit import Fit, as_given, fitted
-from sim.diagnosis.ground import Ground
-from sim.diagnosis.heldout import Gain, gain, per_block, unseen
-from sim.diagnosis.screen import Each, Promise, Tell, screened
-from sim.diagnosis.weights import probabilities
-from sim.diagnosis.wide import Wide
+from sim.diagnosis.fit_problem import Ground, Wide
+from sim.diagnosis.heldout import Gain, gain, per_block, probabilities, unseen
+from sim.diagnosis.screening import Each, Promise, Tell, screened
 from sim.effects.effect import Effect
+from sim.identification.parameters import Unknowns
 from sim.identification.shooting import noise_left
-from sim.identification.unknowns import Unknowns
 from sim.model import Model
 from sim.state import Floats
 

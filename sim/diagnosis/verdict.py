@@ -1,15 +1,26 @@
-"""From what was found to one of four answers, and the sentence that says it."""
+"""From what was found to one of four answers, and the sentence that says it.
 
-from collections.abc import Sequence
+Fits as rungs of a ladder and rows of a ranking: with errors on unseen time and intervals.
+
+The numbers of a fit with their intervals, and the vessel that they make.
+"""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sim.diagnosis.answer import Rung, Verdict
-from sim.diagnosis.heldout import Gain, gain
+from sim.diagnosis.answer import Candidate, Rung, Verdict
+from sim.diagnosis.fit import Fit, interval
+from sim.diagnosis.heldout import Gain, Judge, gain
 from sim.diagnosis.ladder import Climb, worth_it
-from sim.diagnosis.leftover import Dependence, dependences
 from sim.diagnosis.ranking import CLEAR, Ranked, Ranking
-from sim.effects.effect import Effect
+from sim.diagnosis.residual_terms import Dependence, dependences
+from sim.effects.effect import Effect, Kind
+from sim.identification.intervals import NUISANCE, Estimate, estimates_of, spread_of
+from sim.identification.shooting import Shot
+from sim.identification.vessel_update import applied
+from sim.model import Model
+from sim.vessel import Vessel
 
 NAMED = 3  # explanations of one thing, at most
 TIED = 0.7  # of the best one's gain: an explanation that does nearly as well
@@ -114,3 +125,95 @@ def summary_of(
     follows = "what is left is no noise, and follows nothing that was looked for"
     says = left[0].says if left else follows
     return f"{known}something is missing that the catalogue does not hold: {says}"
+
+
+def ladder(climb: Climb, plain: Model, judge: Judge) -> tuple[Rung, ...]:
+    """Plain, re-fitted, and a rung for each effect that was added."""
+    names = [trial.name for trial in judge.trials]
+    rungs = [
+        Rung((), "plain", judge.plain(plain), (), {}, plain.vessel),
+        _rung(climb.base, judge, names),
+    ]
+    return (*rungs, *(_rung(fit, judge, names) for fit in climb.fits))
+
+
+def rungs_of(rows: Sequence[Ranked], judge: Judge) -> list[Rung]:
+    """What was ranked, each with its own fit."""
+    names = [trial.name for trial in judge.trials]
+    return [_rung(row.fit, judge, names) for row in rows]
+
+
+def later_rivals(climb: Climb, rivals: Sequence[Sequence[Ranked]], judge: Judge) -> list[Rung]:
+    """The rivals of steps that were not chosen from the first ranking."""
+    steps = zip(climb.steps, rivals, strict=True)
+    return rungs_of([r for s, of in steps if s.ranking is not climb.first for r in of], judge)
+
+
+def candidates_of(
+    ranking: Ranking, alone: Sequence[Rung], found: Sequence[str]
+) -> tuple[Candidate, ...]:
+    """A ranking as it is told; `alone` has the rung of each, `found` what is on the ladder."""
+    rivals = {r.name for r in rivals_of(ranking, found)}
+    tied = rivals | {ranking.best.name} if rivals else set()
+    return tuple(
+        Candidate(
+            r.name, r.probability, rung.heldout.nrmse,
+            tuple(sorted(tied - {r.name})) if r.name in tied else (), _alike(ranking, r),
+        )
+        for r, rung in zip(ranking.finalists, alone, strict=True)
+    )  # fmt: skip
+
+
+def _rung(fit: Fit, judge: Judge, names: Sequence[str]) -> Rung:
+    base, of_effects = estimates_in(fit, names)
+    return Rung(
+        fit.names, "refitted", judge.fitted(fit), base, of_effects, vessel_of(fit)
+    )  # fmt: skip
+
+
+def _alike(ranking: Ranking, row: Ranked) -> float:
+    """Correlation of what an effect explains on unseen time with what the best one explains."""
+    one, other = (ranking.unseen - r.unseen for r in (row, ranking.best))
+    size = float(np.sqrt(np.sum(one**2) * np.sum(other**2)))
+    return float(np.sum(one * other)) / size if size > 0.0 else 0.0
+
+
+def estimates_in(
+    fit: Fit, trials: Sequence[str]
+) -> tuple[tuple[Estimate, ...], Mapping[str, tuple[Estimate, ...]]]:
+    """Base numbers, and those of each effect; a choice has no interval."""
+    ground = fit.ground
+    shot = Shot(
+        fit.z, fit.residual, fit.slope, fit.weight, ground.begin, ground.voyage, ground.noise,
+        ground.voyages,
+    )  # fmt: skip
+    spread = spread_of(fit.unknowns, shot, ground.settings.block)
+    every = estimates_of(fit.unknowns, fit.z, spread, trials)
+    base = tuple(e for e in every if "." not in e.name and e.name not in NUISANCE)
+    of = {name: tuple(e for e in every if e.name.startswith(f"{name}.")) for name in fit.names}
+    for name in fit.names:
+        of[name] = (*of[name], *_held(fit, name, {e.name for e in of[name]}))
+    return base, of
+
+
+def _held(fit: Fit, effect: str, there: set[str]) -> list[Estimate]:
+    """Numbers that have no slope: moments of events, and what was chosen among some."""
+    known = {p.name: p for a in fit.added if a.effect.name == effect for p in a.effect.parameters}
+    out = []
+    for key, value in fit.values(effect).items():
+        name = f"{effect}.{key}"
+        if name not in there:
+            event = known[key].kind is Kind.MOMENT
+            ends = interval(fit, name) if event else (value, value)
+            out.append(Estimate(name, known[key].unit, value, value, ends, True))
+    return out
+
+
+def vessel_of(fit: Fit, trial: int = 0) -> Vessel:
+    """The vessel with the effects and numbers of a fit, as on one trial."""
+    theta, model = fit.unknowns.theta(fit.z[None], trial)[0], fit.unknowns.model
+    vessel = fit.ground.vessel
+    own = {u.name for u in fit.unknowns.each if u.name in model.names}
+    own -= {f"{a.effect.name}.{key}" for a in fit.added for key in a.values}
+    changed = {name: float(theta[model.names.index(name)]) for name in own}
+    return applied(vessel, changed).with_effects(*fit.found(trial))

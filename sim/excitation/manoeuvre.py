@@ -1,22 +1,79 @@
-"""What a manoeuvre is: throttle and helm as a function of time, and what it tells.
+"""How far and how fast the sticks may move: amplitude and slew rate, and neutral at both ends.
+
+What a manoeuvre is: throttle and helm as a function of time, and what it tells.
 
 Sticks are (throttle, steer) in [−1, 1]: ahead and to starboard are positive. A manoeuvre draws its
 dice in an order that does not depend on the time grid: finer sampling is the same manoeuvre.
+
+A curve with fewer points (Ramer 1972, Douglas and Peucker 1973, distance along the value axis).
+
+An autopilot's script has kilobytes for a plan, not a row for every tenth of a second.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
-from sim.excitation.limits import Limits
 from sim.state import Floats
 
 if TYPE_CHECKING:
     from sim.vessel import Vessel
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest throttle and steer (0, 1], fastest change [1/s]: ArduRover's throttle, a hand."""
+
+    throttle: float = 1.0
+    steer: float = 1.0
+    throttle_rate: float = 1.0
+    steer_rate: float = 2.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0.0 < value < np.inf:
+                raise ValueError(f"{field.name} = {value}: expected a number above 0")
+        if max(self.throttle, self.steer) > 1.0:
+            raise ValueError("throttle and steer: expected at most 1, full travel")
+
+    @property
+    def largest(self) -> Floats:
+        """Throttle, steer (2,)."""
+        return np.array([self.throttle, self.steer])
+
+    @property
+    def rates(self) -> Floats:
+        """Throttle, steer (2,) [1/s]."""
+        return np.array([self.throttle_rate, self.steer_rate])
+
+
+def slewed(wanted: Floats, rates: Floats, dt: float) -> Floats:
+    """Sticks (T, n) on a grid of dt [s] -> the same no faster than `rates` (n,) [1/s].
+
+    The first row and the one after the last are neutral.
+    """
+    if not len(wanted):
+        return wanted.copy()
+    step = np.asarray(rates) * dt
+    left = np.arange(len(wanted), 0, -1)[:, None] * step  # how far one may be from neutral
+    columns = np.clip(wanted, -left, left).T.tolist()
+    return np.array([_chase(column, s) for column, s in zip(columns, step, strict=True)]).T
+
+
+def _chase(wanted: list[float], step: float) -> list[float]:
+    """Follow from 0 with at most `step` a row."""
+    out, now = [0.0], 0.0
+    for value in wanted[1:]:
+        now += min(max(value - now, -step), step)
+        out.append(now)
+    return out
+
 
 Leg = tuple[float, float, float]  # seconds, throttle, steer: held
 
@@ -59,3 +116,27 @@ def held(time: Floats, legs: Sequence[Leg]) -> Floats:
 def lasting(legs: Sequence[Leg]) -> float:
     """How long legs take [s]."""
     return float(sum(seconds for seconds, _, _ in legs))
+
+
+def corners(time: Floats, values: Floats, tolerance: float) -> list[int]:
+    """Rows of (T,), (T, n) whose straight connection is off by no more than the tolerance."""
+    kept, todo = {0, len(time) - 1}, [(0, len(time) - 1)]
+    while todo:
+        first, last = todo.pop()
+        if last - first < 2:
+            continue
+        inside = slice(first + 1, last)
+        share = (time[inside] - time[first]) / (time[last] - time[first])
+        line = values[first] + share[:, None] * (values[last] - values[first])
+        off = np.abs(values[inside] - line).max(axis=1)
+        worst = int(np.argmax(off))
+        if off[worst] > tolerance:
+            middle = first + 1 + worst
+            kept.add(middle)
+            todo += [(first, middle), (middle, last)]
+    return sorted(kept)
+
+
+def connected(time: Floats, at: Floats, values: Floats) -> Floats:
+    """Straight lines through values (K, n) at times (K,), read at times (T,) -> (T, n)."""
+    return np.stack([np.interp(time, at, column) for column in values.T], axis=-1)

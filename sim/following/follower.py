@@ -1,4 +1,13 @@
-"""The follower: makes a plant move as the reference does, by the law in `sim.following.law`.
+"""What a user may choose about following (`[following]` of gateway.toml).
+
+Which forces the thrusters of a vessel can give: allocation by pseudo-inverse, then clipping.
+
+    τ = B F,   B columns (cos α, sin α, x sin α − y cos α),   F = clip(B⁺ τ, astern, ahead)
+
+What no thruster can give (sway of a boat with two thrusters astern) is left out. Source: Fossen,
+Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. 2021, §11.2.
+
+The follower: makes a plant move as the reference does, by the law in `sim.following.law`.
 
 `VesselFollower` drives a vessel in one compiled loop; `sim.following.stepwise` drives any plant.
 Both are pure: a state goes in, a new state comes out, and how rows are cut into chunks makes no
@@ -6,16 +15,98 @@ difference, not in the last bit.
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.following.limits import Limits
-from sim.following.options import Following
+from sim.following.law import Gains
+from sim.kernel.arrays import air, flags, floats, frozen
 from sim.model import Model
-from sim.rows import air, flags, floats, frozen
-from sim.state import Floats
+from sim.state import Floats, Tau
+from sim.vessel import Thruster, Vessel
+
+
+class Axes(StrEnum):
+    """Which axes are driven."""
+
+    THREE = "three"
+    SURGE_YAW = "surge_yaw"  # as in the paper: sway follows by coupling alone
+
+
+class Law(StrEnum):
+    """Which law gives the wanted acceleration."""
+
+    ERROR = "error"  # ν̇_ref + K e + K_i ∫e
+    PRINTED = "printed"  # ν̇_ref + k_d ė, as the paper prints it: an error at the start stays
+
+
+@dataclass(frozen=True)
+class Following:
+    """Gains and options of the follower.
+
+    rate K [1/s], integral K_i [1/s²], position and heading K_p of the slow outer loop [1/s];
+    limits: the plant's thrusters must be able to give the force.
+    """
+
+    rate: float = 10.0
+    integral: float = 0.5
+    position: float = 0.1
+    heading: float = 0.2
+    axes: Axes = Axes.THREE
+    law: Law = Law.ERROR
+    limits: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", Axes(self.axes))
+        object.__setattr__(self, "law", Law(self.law))
+        if not self.rate > 0.0:
+            raise ValueError(f"following: rate must be above 0 1/s, not {self.rate}")
+        for name in ("integral", "position", "heading"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"following: {name} must not be below 0, is {getattr(self, name)}")
+
+    @property
+    def gains(self) -> Gains:
+        """The numbers that the law reads."""
+        sway = 1.0 if self.axes is Axes.THREE else 0.0
+        if self.law is Law.PRINTED:
+            return Gains.printed()._replace(sway=sway)
+        return Gains(self.rate, self.integral, self.position, self.heading, sway)
+
+
+class Limits(NamedTuple):
+    """allocate (n, 3), effect (3, n) [-, -, m], low and high (n,) [N] of n thrusters."""
+
+    allocate: Floats
+    effect: Floats
+    low: Floats
+    high: Floats
+
+    @classmethod
+    def none(cls) -> "Limits":
+        """A virtual force, as large as it needs to be."""
+        return cls(np.zeros((0, 3)), np.zeros((3, 0)), np.zeros(0), np.zeros(0))
+
+    @classmethod
+    def of(cls, vessel: Vessel) -> "Limits":
+        """The limits of a vessel's thrusters; ValueError where they alone cannot turn it."""
+        effect = np.array([_column(thruster) for thruster in vessel.thrusters]).T.reshape(3, -1)
+        if np.linalg.matrix_rank(effect[[Tau.X, Tau.N]]) < 2:
+            raise ValueError(
+                f"following with limits needs thrusters that can push and turn the plant; "
+                f"those of {vessel.name} cannot: set limits = false"
+            )
+        low, high = np.array([thruster.thrust for thruster in vessel.thrusters], dtype=float).T
+        return cls(np.linalg.pinv(effect), np.ascontiguousarray(effect), low.copy(), high.copy())
+
+
+def _column(t: Thruster) -> tuple[float, float, float]:
+    """Wrench of one newton of a thruster -> X, Y, N [-, -, m]."""
+    forward, starboard = float(np.cos(t.azimuth)), float(np.sin(t.azimuth))
+    return forward, starboard, t.position[0] * starboard - t.position[1] * forward
+
 
 __all__ = ["Followed", "Follower", "FollowerState", "Following", "VesselFollower"]
 

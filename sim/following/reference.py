@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.kernel.arrays import air, flags, floats, frozen
 from sim.model import Model
-from sim.rows import air, flags, floats, frozen
 from sim.state import Floats
 
 FADE = 1.0  # s: time constant of a hand-over

@@ -1,5 +1,5 @@
 """Follow with any plant, step by step in Python: the same law and the same rows as the compiled
-loop in `sim.following.drivers`, for plants that cannot be compiled (a physics engine, an FMU).
+loop in `sim.following.loops`, for plants that cannot be compiled (a physics engine, an FMU).
 """
 
 from dataclasses import dataclass
@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.following.drivers import CONTROL_STEP, limited
-from sim.following.follower import Followed, FollowerState
+from sim.following.follower import Followed, FollowerState, Following, Limits
 from sim.following.law import Gains, reference_rate, wanted_acceleration
-from sim.following.limits import Limits
-from sim.following.options import Following
+from sim.following.loops import CONTROL_STEP, limited
+from sim.kernel.arrays import air, flags, floats, frozen
 from sim.plants.plant import Around, Motion, Plant
-from sim.rows import air, flags, floats, frozen
 from sim.state import Eta, Floats, Pose, Velocity, Wrench, wrap
 from sim.vessel import Vessel
 

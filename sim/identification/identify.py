@@ -8,25 +8,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.curves import freed
-from sim.diagnosis.segments import NoUsableTimeError
-from sim.excitation.predicted import StepResponses, step_responses
-from sim.identification.against_zero import untold_channels
-from sim.identification.applied import applied
-from sim.identification.cross_check import disagreements
-from sim.identification.estimate import NUISANCE, Estimate, combinations, estimates_of, untold
-from sim.identification.instrumental import instrumental
-from sim.identification.intervals import spread_of
-from sim.identification.left_alone import left_alone
+from sim.excitation.step_response import StepResponses, step_responses
+from sim.identification.instrumental import disagreements, instrumental
+from sim.identification.intervals import (
+    NUISANCE,
+    Estimate,
+    combinations,
+    estimates_of,
+    spread_of,
+    untold,
+)
+from sim.identification.output_error import left_alone
+from sim.identification.parameters import OFFSETS, Unknowns, unknowns_of
 from sim.identification.regression import regressed
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import Shot, shoot
-from sim.identification.unknowns import OFFSETS, Unknowns, unknowns_of
-from sim.identification.validation import Validation, held_out, judged_on, validated
+from sim.identification.validation import (
+    Validation,
+    held_out,
+    judged_on,
+    untold_channels,
+    validated,
+)
+from sim.identification.vessel_update import applied
 from sim.model import Model
+from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats
 from sim.trial import Trial
-from sim.vessel import Vessel
+from sim.vessel import Vessel, freed
 
 LEAST_S = 20.0  # of usable time
 EQUATIONS = {"regression": regressed, "instrumental": instrumental}

@@ -9,6 +9,12 @@ a first-order process per axis. One more column, −τ̇, is for commands that c
 leave out one block of time at a time. Sources: Young, Recursive Estimation and Time-Series
 Analysis, 2nd ed. 2011, ch. 7; Janot, Vandanjon and Gautier, IEEE Transactions on Control Systems
 Technology 22(1), 2014 (the same regressor form, for robots).
+
+Shooting beside instrumental variables: two ways to the same numbers, with other weaknesses.
+
+Shooting trusts the model over seconds, instruments trust it for what it is told only. Where their
+intervals lie apart, something is in the data that the model lacks, and neither number holds. Nine
+comparisons are made: intervals are widened so that all nine hold in 95 of 100 cases (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -17,17 +23,18 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
-from sim.diagnosis.blocks import stretches
-from sim.diagnosis.inputs import inputs_of, motion_of, runs_from
-from sim.diagnosis.prediction import memory_at
-from sim.diagnosis.ruler import scales_of
-from sim.diagnosis.segments import NoUsableTimeError
+from sim.identification.intervals import Estimate
+from sim.identification.parameters import UNITS
 from sim.identification.regression import SIGN, Regression, held_forces, regressor
 from sim.identification.settings import BASE
-from sim.identification.unknowns import UNITS
 from sim.model import Model
+from sim.prediction.free_runs import memory_at
+from sim.prediction.inputs import inputs_of, motion_of, runs_from, stretches
+from sim.prediction.scales import scales_of
+from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -189,3 +196,42 @@ def _noise(rows: Sequence[Rows], delta: Floats) -> tuple[Floats, Floats]:
     rho = np.sum(now * before, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
     rho = np.clip(rho, -0.9, 0.9)
     return rho, np.maximum(np.std(now - rho * before, axis=0), 1e-9)
+
+
+WIDER = float(norm.ppf(1.0 - 0.025 / len(BASE)) / norm.ppf(0.975))
+SMALLEST = 0.03  # of the value: below it both are good enough
+LOOK = {
+    "m": "how late and how slowly the motors answer (thruster_lag, command_delay)",
+    "X": "thrust against command, wind and current",
+    "Y": "current, heading offset and what pushes sideways",
+    "N": "thrust that is not the same on both sides, and moments of wind",
+}
+
+
+def disagreements(
+    trials: Sequence[Trial], model: Model, estimates: Sequence[Estimate]
+) -> tuple[str, ...]:
+    """A sentence for each base parameter whose two intervals lie apart; none where all agree.
+
+    `model` holds the numbers found. Vessels with effects are not compared: their forces are not
+    linear in the nine.
+    """
+    told = {e.name: e for e in estimates if e.name in BASE and e.identifiable}
+    if model.vessel.effects or len(estimates) != len(BASE) or not told:
+        return ()
+    try:
+        other = instrumental(trials, model)
+    except NoUsableTimeError:
+        return ()
+    out = []
+    for i, name in enumerate(BASE):
+        if name not in told:
+            continue
+        e, low, high = told[name], float(other.low[i]), float(other.high[i])
+        reach = WIDER * 0.5 * (e.ci95[1] - e.ci95[0] + high - low)
+        if abs(e.value - other.value[i]) > max(reach, SMALLEST * abs(e.value)):
+            out.append(
+                f"{name}: instrumental variables say {low:.4g} … {high:.4g} {e.unit}, which lies "
+                f"outside {e.ci95[0]:.4g} … {e.ci95[1]:.4g}: look at {LOOK[name[0]]}"
+            )
+    return tuple(out)

@@ -6,7 +6,7 @@ Errors of receivers, compasses and smoothers wander. Taken for white they pull d
 whoever estimates a start state from few correlated rows believes too much of it. σ and ρ are
 those that make the residuals most likely once the start states are taken out (restricted maximum
 likelihood: Patterson and Thompson, Biometrika 58, 1971). What commands add whose moment is known
-to a message interval only (`sim.identification.jolts`) is told apart by the same likelihood.
+to a message interval only (`sim.identification.runs`) is told apart by the same likelihood.
 """
 
 from typing import NamedTuple
@@ -43,7 +43,7 @@ class Noise(NamedTuple):
 class Errors(NamedTuple):
     """Errors (S, n, 3), ∂ reported / ∂ start (S, n, 3, 3), rows that count (S, n) as 0 and 1.
 
-    jolts  (S, 3n, 3n) covariance that the commands' moments add (`sim.identification.jolts`)
+    jolts  (S, 3n, 3n) covariance that the commands' moments add (`sim.identification.runs`)
     """
 
     error: Floats

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from sim.diagnosis.inputs import commands_of, delayed
+from sim.identification.parameters import UNITS
 from sim.identification.settings import BASE
-from sim.identification.unknowns import UNITS
 from sim.model import Model
+from sim.prediction.inputs import commands_of, delayed
 from sim.state import Floats, Nu
 from sim.trial import Trial
 

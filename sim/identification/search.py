@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from sim.identification.unknowns import Unknowns
+from sim.identification.parameters import Unknowns
 from sim.state import Floats
 
 DAMPED = np.array([0.0, 0.01, 0.1, 1.0])  # of each number's own curvature, added to it

@@ -17,10 +17,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.diagnosis.inputs import inputs_of, motion_of
-from sim.diagnosis.prediction import memory_at
-from sim.diagnosis.ruler import scales_of
-from sim.identification.jolts import jolts_of
 from sim.identification.noise import (
     Errors,
     Noise,
@@ -30,12 +26,14 @@ from sim.identification.noise import (
     starts_out,
     whitened,
 )
+from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
+from sim.identification.runs import STEP, Tiles, jolts_of, sharpened, spread_by, thinned, tiles_of
 from sim.identification.search import Ends, search, slopes_of, weight_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.sharpened import sharpened, spread_by
-from sim.identification.tiles import STEP, Tiles, thinned, tiles_of
-from sim.identification.unknowns import OFFSETS, ROUNDING, Unknowns
 from sim.model import Model, Runs
+from sim.prediction.free_runs import memory_at
+from sim.prediction.inputs import inputs_of, motion_of
+from sim.prediction.scales import scales_of
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -64,7 +62,7 @@ class Window:
 
     basis  (S, n, 3, 3) of what a start explains in the whitened residuals
     jolts  (S, 3n, 3n) covariance that the commands' moments may add, mix (S, 3n, 3n) its whitening
-    kappa  of commands that are shifted by part of a row (`sim.identification.sharpened`)
+    kappa  of commands that are shifted by part of a row (`sim.identification.runs`)
     """
 
     voyage: Voyage

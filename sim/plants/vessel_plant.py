@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.compiled import plain_kernel_for
-from sim.composed import State
+from sim.kernel.cache import plain_kernel_for
+from sim.kernel.signatures import State
 from sim.model import Model
 from sim.plants.plant import Around, Motion
 from sim.state import Pose, Velocity, Wrench

@@ -21,8 +21,7 @@ from benchmarks.paper.table6 import JUDGED, compared, table_6
 from benchmarks.paper.table7 import DT, driven, table_7
 from benchmarks.paper.table8 import direction, disturbed, resultant
 from benchmarks.paper.voyage import motion_of, sailed
-from sim.following.follower import VesselFollower
-from sim.following.options import Axes, Following
+from sim.following.follower import Axes, Following, VesselFollower
 from sim.model import Model
 
 PAIRS = (iacquabot(), wam_v())

@@ -12,7 +12,7 @@ from gateway.pictures.figure_data import Axis, FigureData, Line, Panel, Role
 from gateway.pictures.look import DARK, LIGHT
 from gateway.pictures.palette import COLOUR
 from gateway.pictures.velocities import TIME, horizon_runs
-from sim.diagnosis.compare import compare
+from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
 

@@ -10,7 +10,7 @@ from gateway.errors import BadInput
 from gateway.estimation.settings import SOURCES
 from gateway.links.rates import FULL_HZ, RADIO_HZ
 from gateway.recording_file import Compression
-from sim.following.options import Law
+from sim.following.follower import Law
 from sim.following.reference import Mode
 
 EVERYTHING = """

@@ -19,9 +19,9 @@ from gateway.pipelines.keep import kept
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from sim.diagnosis.answer import Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings
+from sim.diagnosis.force_terms import SAYS
 from sim.diagnosis.heldout import Gain
-from sim.diagnosis.leftover import Dependence
-from sim.diagnosis.pushes import SAYS
+from sim.diagnosis.residual_terms import Dependence
 from sim.effects.catalogue import EFFECTS, named
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage

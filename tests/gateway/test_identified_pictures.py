@@ -9,10 +9,10 @@ from PIL import Image
 from gateway.pictures.draw import save
 from gateway.pictures.figure_data import Dots, Line, Role
 from gateway.pictures.identified import album, parameters
-from sim.diagnosis.prediction import predict
-from sim.diagnosis.ruler import Ruler
-from sim.identification.estimate import Estimate
+from sim.identification.intervals import Estimate
 from sim.model import Model
+from sim.prediction.free_runs import predict
+from sim.prediction.scales import Ruler
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
 

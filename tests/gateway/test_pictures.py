@@ -14,7 +14,7 @@ from gateway.pictures.error_against import shares, strips
 from gateway.pictures.figure_data import Coloured, FigureData, Line, Role, Strip
 from gateway.pictures.palette import COLOUR, LITTLE_TO_MUCH
 from gateway.pictures.velocities import free_run, horizon_runs
-from sim.diagnosis.compare import compare
+from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, simulated, trial_of, voyage
 

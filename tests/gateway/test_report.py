@@ -10,7 +10,7 @@ import pytest
 from gateway.pipelines.report import report_of, write_report
 from gateway.pipelines.side_by_side import Compared
 from gateway.report import LARGEST, Recording, Report, Shown, render
-from sim.diagnosis.compare import compare
+from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.compiled import plain_kernel_for
-from sim.curves import exponent_of, freed, mistake_in, outward, shares, table_of, tabled
-from sim.identification.applied import applied
+from sim.identification.parameters import unknowns_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.unknowns import unknowns_of
+from sim.identification.vessel_update import applied
+from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
+from sim.vessel import exponent_of, freed, mistake_in, outward, shares, table_of, tabled
 from tests.sim.vessels import WAMV
 
 DT = 0.1

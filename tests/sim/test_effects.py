@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from sim.body import Blade, Body, Drive, Flow, Report
-from sim.compiled import plain_kernel_for
 from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Need, Parameter, Scope
 from sim.following.reference import Mode, Reference
+from sim.kernel.cache import plain_kernel_for
 from sim.model import InputTable, Model, Runs
 from sim.state import Inertia, Pose, Water, Wrench
 from sim.vessel import AddedEffect, Vessel

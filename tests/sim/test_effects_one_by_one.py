@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.compiled import plain_kernel_for
 from sim.effects.catalogue import named
+from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.vessel import AddedEffect, Hull
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.follower import VesselFollower
-from sim.following.options import Axes, Following, Law
+from sim.following.follower import Axes, Following, Law, VesselFollower
+from sim.following.select import follower_for
 from sim.following.stepwise import PlantFollower
 from sim.model import Model
-from sim.plants.catalogue import follower_for
 from sim.plants.vessel_plant import VesselPlant
 from sim.state import Wrench
 from sim.vessel import AddedEffect

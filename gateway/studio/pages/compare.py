@@ -29,7 +29,7 @@ from gateway.studio.widgets import (
     table,
     word,
 )
-from sim.diagnosis.compare import NEAR_FLOOR
+from sim.comparison.compare import NEAR_FLOOR
 
 PICTURES = ("velocities", "residuals", "track", "strips", "forces")
 HEADINGS = {

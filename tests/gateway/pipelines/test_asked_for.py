@@ -4,7 +4,7 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.pipelines.asked_for import asked_by
-from sim.diagnosis.prediction import DivergedError
+from sim.prediction.free_runs import DivergedError
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
 

@@ -16,9 +16,9 @@ from gateway.pipelines.identify import (
 )
 from gateway.pipelines.stretches import exclusions_of
 from gateway.vessel_file import load_vessel, read_vessel_file
-from sim.diagnosis.prediction import DivergedError
-from sim.identification.estimate import Estimate
 from sim.identification.identify import Identified
+from sim.identification.intervals import Estimate
+from sim.prediction.free_runs import DivergedError
 from tests.conftest import ROOT
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 

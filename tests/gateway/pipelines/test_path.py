@@ -15,8 +15,7 @@ from gateway.pipelines.path import LOST_S, STALE_S, Shadowing, ShadowPath, disco
 from gateway.pipelines.replay import Material, ReplayOptions, material_of
 from gateway.pipelines.rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.follower import VesselFollower
-from sim.following.options import Following
+from sim.following.follower import Following, VesselFollower
 from sim.following.reference import Mode, Reference
 from sim.model import Model
 from sim.vessel import AddedEffect, Vessel

@@ -15,10 +15,9 @@ from gateway.pipelines.simulate import simulate
 from gateway.plan.plan import TOLERANCE, plan_of
 from gateway.show.plan import show_planned
 from gateway.vessel_file import load_vessel
-from sim.excitation.chirp import Chirp
-from sim.excitation.commands import sticks_of
-from sim.excitation.limits import Limits
-from sim.excitation.polyline import connected, corners
+from sim.excitation.manoeuvre import Limits, connected, corners
+from sim.excitation.oscillations import Chirp
+from sim.excitation.sticks import sticks_of
 from sim.model import Model
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 

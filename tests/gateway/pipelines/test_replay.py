@@ -23,7 +23,7 @@ from gateway.pipelines.replay import ReplayOptions, ReplaySummary, replay, told_
 from gateway.recording import Recording
 from gateway.topics import TOPICS
 from gateway.vessel_file import key_of, load_vessel
-from sim.following.options import Following
+from sim.following.follower import Following
 from sim.following.reference import Mode
 from sim.vessel import AddedEffect, Vessel
 from tests.conftest import ROOT

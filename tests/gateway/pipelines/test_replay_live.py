@@ -6,7 +6,7 @@ from pathlib import Path
 from gateway.pipelines.replay import ReplayOptions, recorded_settings, replay
 from gateway.played.faults import Faults, Silence
 from gateway.recording import TICK_LINK, Recording
-from sim.following.options import Following
+from sim.following.follower import Following
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, datagrams, played
 from tests.sim.vessels import WAMV
 

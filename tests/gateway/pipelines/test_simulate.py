@@ -12,7 +12,7 @@ from gateway.errors import BadInput
 from gateway.pipelines.simulate import read_commands, simulate
 from gateway.recording import Recording
 from gateway.vessel_file import load_vessel
-from sim.following.options import Following
+from sim.following.follower import Following
 from sim.model import Model
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 

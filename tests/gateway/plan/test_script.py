@@ -9,9 +9,9 @@ from gateway.plan.plan import plan_of
 from gateway.plan.safety import Safety, pulse_bounds, safety_for
 from gateway.plan.script import script_text
 from sim.excitation.catalogue import MANOEUVRES
-from sim.excitation.limits import Limits
-from sim.excitation.steps import Steps
-from sim.excitation.zigzag import Zigzag
+from sim.excitation.legs import Steps
+from sim.excitation.manoeuvre import Limits
+from sim.excitation.turns import Zigzag
 from sim.model import Model
 from tests.gateway.plan.autopilot import GUIDED, HOLD, MANUAL, Autopilot
 from tests.sim.vessels import RUDDER_BOAT, WAMV

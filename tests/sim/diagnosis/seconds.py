@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.diagnosis.moment import Moment, in_body
 from sim.model import Model
+from sim.monitoring.live_second import Moment, in_body
 from sim.state import Floats
 from sim.vessel import Vessel
 from tests.sim.diagnosis.voyages import WAM_V

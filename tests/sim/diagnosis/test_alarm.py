@@ -6,14 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.air import Air
-from sim.diagnosis.alarm import APART_S, Alarm, News
-from sim.diagnosis.haunts import PLACES, Haunts, places_of
-from sim.diagnosis.live_words import current, sentence
-from sim.diagnosis.misfit import HIGH, Misfit, transition
-from sim.diagnosis.moment import Balance, Moment
-from sim.diagnosis.online import Because, Estimator
 from sim.model import Model
+from sim.monitoring.alarm import APART_S, PLACES, Alarm, Haunts, News, current, places_of, sentence
+from sim.monitoring.consistency import HIGH, Misfit, transition
+from sim.monitoring.disturbances import Because, Estimator
+from sim.monitoring.live_second import Air, Balance, Moment
 from tests.sim.diagnosis.seconds import seconds
 from tests.sim.diagnosis.voyages import WAM_V
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.compare import compare
+from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 

@@ -8,8 +8,8 @@ import pytest
 
 from sim.diagnosis.answer import Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
-from sim.diagnosis.segments import NoUsableTimeError
 from sim.effects.catalogue import named
+from sim.prediction.segments import NoUsableTimeError
 from tests.sim.diagnosis.sailed import sailed
 from tests.sim.diagnosis.voyages import WAM_V
 

@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 
 from sim.diagnosis.diagnose import DiagnoseSettings, refitted
-from sim.diagnosis.events import at_its_moment, interval, moments_in
-from sim.diagnosis.fit import Fit, fitted, started, unknowns_for
-from sim.diagnosis.polish import polished
-from sim.diagnosis.wide import Wide
+from sim.diagnosis.fit import (
+    Fit,
+    at_its_moment,
+    fitted,
+    interval,
+    moments_in,
+    started,
+    unknowns_for,
+)
+from sim.diagnosis.fit_problem import Wide
+from sim.diagnosis.ladder import polished
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.trial import Trial

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.depends import AGAINST, VARIABLES
-from sim.diagnosis.evidence import evidence
+from sim.diagnosis.evidence import AGAINST, VARIABLES, evidence
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.model import Model

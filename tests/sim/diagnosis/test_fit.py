@@ -7,7 +7,7 @@ import pytest
 
 from sim.diagnosis.diagnose import DiagnoseSettings, refitted
 from sim.diagnosis.fit import FAR, Fit, as_given
-from sim.diagnosis.wide import Wide
+from sim.diagnosis.fit_problem import Wide
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.state import Floats

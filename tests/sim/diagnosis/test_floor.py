@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.prediction import predict
-from sim.diagnosis.ruler import Ruler
-from sim.diagnosis.scores import nrmse
-from sim.diagnosis.settings import CompareSettings
 from sim.model import Model
+from sim.prediction.free_runs import predict
+from sim.prediction.scales import Ruler
+from sim.prediction.scores import nrmse
+from sim.prediction.segments import CompareSettings
 from tests.sim.diagnosis.voyages import UNSTABLE, WAM_V, legs, trial_of, voyage
 
 STD = np.array([0.05, 0.05, 0.01, 0.03, 0.03, 0.01])  # of eta, nu

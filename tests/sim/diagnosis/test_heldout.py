@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sim.diagnosis.heldout import gain
-from sim.diagnosis.weights import probabilities
+from sim.diagnosis.heldout import gain, probabilities
 
 BLOCK = np.repeat(np.arange(20), 30)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from sim.diagnosis.compare import compare
-from sim.diagnosis.independence import LAGS, independence, of_series, whitening
+from sim.comparison.compare import compare
+from sim.comparison.independence import LAGS, independence, of_series, whitening
 from sim.model import Model
 from sim.state import Floats
 from tests.sim.diagnosis.voyages import WAM_V, commands, simulated, trial_of

@@ -9,9 +9,9 @@ import pytest
 from sim.body import Drive, Flow
 from sim.diagnosis.diagnose import DiagnoseSettings, refitted
 from sim.diagnosis.fit import Fit
-from sim.diagnosis.leftover import dependences
-from sim.diagnosis.rhythm import rhythms
-from sim.diagnosis.wide import Wide
+from sim.diagnosis.fit_problem import Wide
+from sim.diagnosis.force_terms import rhythms
+from sim.diagnosis.residual_terms import dependences
 from sim.effects.effect import Effect, Scope
 from sim.model import Model
 from sim.state import Pose, Water

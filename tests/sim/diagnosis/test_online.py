@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.air import Air, velocity
-from sim.diagnosis.belief import OWN, Belief
-from sim.diagnosis.moment import balance_at
-from sim.diagnosis.online import Because, Estimator, Outlook
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
+from sim.monitoring.disturbances import OWN, Because, Belief, Estimator, Outlook
+from sim.monitoring.live_second import Air, balance_at, velocity
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.seconds import seconds
 from tests.sim.diagnosis.voyages import WAM_V

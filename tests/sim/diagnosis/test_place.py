@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sim.diagnosis.where import Track, worst_place
-from sim.diagnosis.words import at_place
+from sim.comparison.regimes import at_place
+from sim.comparison.where import Track, worst_place
 
 
 def grid(share: np.ndarray) -> Track:

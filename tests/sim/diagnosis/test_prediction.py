@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.inputs import delayed, motion_of
-from sim.diagnosis.prediction import DivergedError, predict
-from sim.diagnosis.ruler import Ruler
-from sim.diagnosis.scores import nrmse
-from sim.diagnosis.settings import CompareSettings
 from sim.effects.catalogue import named
 from sim.model import Model
+from sim.prediction.free_runs import DivergedError, predict
+from sim.prediction.inputs import delayed, motion_of
+from sim.prediction.scales import Ruler
+from sim.prediction.scores import nrmse
+from sim.prediction.segments import CompareSettings
 from sim.vessel import AddedEffect, Sensors
 from tests.sim.diagnosis.voyages import UNSTABLE, WAM_V, legs, simulated, trial_of
 

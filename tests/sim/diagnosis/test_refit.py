@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.refit import Halves, TooShortError, compare_refitted, refitted
+from sim.comparison.refit import Halves, TooShortError, compare_refitted, refitted
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.vessel import AddedEffect

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.diagnosis.refusals import refused
+from sim.diagnosis.identifiability import refused
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Shown
 from sim.model import Model

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.diagnosis.interval import nrmse_interval
-from sim.diagnosis.scores import nrmse, scaled_squares, scores
+from sim.prediction.scores import nrmse, nrmse_interval, scaled_squares, scores
 
 
 def test_scores_by_hand():

@@ -1,6 +1,6 @@
 """What would tell two effects apart: known for all that are said to be mistaken for one another."""
 
-from sim.diagnosis.separates import PAIRS, separation, separations
+from sim.diagnosis.next_experiment import PAIRS, separation, separations
 from sim.effects.catalogue import EFFECTS
 from sim.excitation.catalogue import BY_NAME
 

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from sim.diagnosis.answer import Rung, Verdict
-from sim.diagnosis.heldout import Gain
-from sim.diagnosis.judged import HeldOut
+from sim.diagnosis.heldout import Gain, HeldOut
 from sim.diagnosis.verdict import matters, stands_open, summary_of, unexplained, verdict_of
 from sim.effects.catalogue import named
 from tests.sim.diagnosis.voyages import WAM_V

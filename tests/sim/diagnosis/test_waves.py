@@ -5,7 +5,7 @@ from math import pi, remainder
 import numpy as np
 import pytest
 
-from sim.diagnosis.waves import waves
+from sim.diagnosis.starts import waves
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed, with_effect

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.diagnosis.compare import compare
-from sim.diagnosis.missing import missing_force
-from sim.diagnosis.regimes import round_edges
-from sim.diagnosis.where import along_trial, bin_of
+from sim.comparison.compare import compare
+from sim.comparison.regimes import round_edges
+from sim.comparison.where import along_trial, bin_of
 from sim.model import Model
+from sim.prediction.missing_force import missing_force
 from tests.sim.diagnosis.voyages import WAM_V, simulated, trial_of, voyage
 
 STD = np.array([0.05, 0.05, 0.005, 0.01, 0.01, 0.005, 0.02, 0.02, 0.01])

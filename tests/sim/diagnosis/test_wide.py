@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.diagnosis.wide import Wide, neutral
+from sim.diagnosis.fit_problem import Wide, neutral
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.model import Model

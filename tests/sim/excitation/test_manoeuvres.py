@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 
 from sim.excitation.catalogue import BY_NAME, MANOEUVRES
-from sim.excitation.circles import Circles
-from sim.excitation.commands import commands_of, sticks_of
-from sim.excitation.limits import Limits, slewed
-from sim.excitation.manoeuvre import Stick
-from sim.excitation.mixed import Mixed
-from sim.excitation.mixing import mixed, shares
-from sim.excitation.ramp import Ramp
-from sim.excitation.spin import Spin
-from sim.excitation.square import Square
-from sim.excitation.still import Still
-from sim.excitation.zigzag import Zigzag
+from sim.excitation.legs import Ramp, Square, Still
+from sim.excitation.manoeuvre import Limits, Stick, slewed
+from sim.excitation.oscillations import Mixed
+from sim.excitation.sticks import commands_of, mixed, shares, sticks_of
+from sim.excitation.turns import Circles, Spin, Zigzag
 from sim.model import Model
 from sim.state import Eta
 from sim.vessel import Servo, Thruster

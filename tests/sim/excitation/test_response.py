@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.excitation.predicted import step_responses
-from sim.excitation.response import response, responses
+from sim.excitation.step_response import response, responses, step_responses
 from sim.model import Model
 from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
 

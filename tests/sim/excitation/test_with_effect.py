@@ -5,7 +5,7 @@ import pytest
 
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Kind
-from sim.excitation.with_effect import SMALLEST, seen
+from sim.excitation.effect_example import SMALLEST, seen
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from sim.effects.steady_current import EFFECT as CURRENT
-from sim.identification.cross_check import disagreements
-from sim.identification.estimate import Estimate
+from sim.identification.instrumental import disagreements
+from sim.identification.intervals import Estimate
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.vessel import AddedEffect

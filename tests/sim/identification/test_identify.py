@@ -8,8 +8,8 @@ import pytest
 from sim.effects.steady_current import EFFECT as CURRENT
 from sim.effects.thruster_lag import EFFECT as LAG
 from sim.identification.identify import identify
+from sim.identification.parameters import UnknownNameError
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.unknowns import UnknownNameError
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.voyages import WAM_V, legs, trial_of
 from tests.sim.identification.boats import noisy, off, wander

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.diagnosis.segments import NoUsableTimeError
 from sim.identification.instrumental import instrumental
 from sim.identification.regression import regressed
 from sim.identification.settings import BASE
 from sim.model import Model
+from sim.prediction.segments import NoUsableTimeError
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
 from tests.sim.identification.boats import off, wander
 

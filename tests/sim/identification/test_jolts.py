@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.diagnosis.inputs import motion_of
-from sim.identification.jolts import jolts_of
 from sim.identification.noise import Errors, Noise, estimated, mixed, mixing, whitened
-from sim.identification.tiles import Tiles
+from sim.identification.runs import Tiles, jolts_of
 from sim.model import Model
+from sim.prediction.inputs import motion_of
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
 DT, EVERY, MEANS = 0.1, 4, 12

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.identification.against_zero import told, untold_channels
 from sim.identification.identify import identify
 from sim.identification.settings import IdentifySettings
+from sim.identification.validation import told, untold_channels
 from tests.sim.identification.boats import noisy, off
 from tests.sim.vessels import WAMV
 

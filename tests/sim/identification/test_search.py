@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sim.identification.parameters import Unknown, Unknowns
 from sim.identification.search import DAMPED, Ends, damped_steps, search, sloped, slopes_of
-from sim.identification.unknowns import Unknown, Unknowns
 from sim.model import Model
 from tests.sim.vessels import WAMV
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.identification.sharpened import sharpened, spread_by
+from sim.identification.runs import sharpened, spread_by
 from sim.model import InputTable
 
 DT = 0.1

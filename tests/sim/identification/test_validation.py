@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.free_run import free_run
-from sim.diagnosis.prediction import predict
-from sim.diagnosis.ruler import Ruler
-from sim.diagnosis.scores import nrmse
 from sim.identification.identify import identify
 from sim.model import Model
+from sim.prediction.free_runs import free_run, predict
+from sim.prediction.scales import Ruler
+from sim.prediction.scores import nrmse
 from sim.trial import Trial
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 

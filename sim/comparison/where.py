@@ -1,0 +1,190 @@
+"""Where the error is: its share, its mean and the missing force in every bin of every regime."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.comparison.regimes import Regime, Triple, at_place, round_edges, says
+from sim.prediction.free_runs import Prediction
+from sim.prediction.missing_force import MissingForce
+from sim.prediction.scores import scaled_squares
+from sim.state import Eta, Floats, Ints
+from sim.trial import Trial
+
+CELLS = 20  # along the longer side of the track
+MOST_OF_IT = 0.3  # of the time: more is no place
+STANDS_OUT = 2.0  # times the error of a place where it is as everywhere
+
+
+@dataclass(frozen=True)
+class Bin:
+    """One bin of one regime.
+
+    share, time_share   of the total squared error (in the nrmse scales) and of the predicted time
+    seconds             of the trial that lie in the bin
+    mean, rmse          error of u, v, r [m/s, m/s, rad/s], measured − model
+    missing             mean missing force X, Y, N [N, N, N m] over the usable rows
+    missing_std         of one row, from the estimate's covariance
+    missing_spread      standard deviation of the missing force within the bin
+    """
+
+    by: str
+    start: float
+    end: float
+    unit: str
+    share: float
+    time_share: float
+    seconds: float
+    mean: Triple
+    rmse: Triple
+    missing: Triple
+    missing_std: Triple
+    missing_spread: Triple
+    says: str
+
+    @property
+    def excess(self) -> float:
+        """Share of the error beyond the share of the time."""
+        return self.share - self.time_share
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `shadow compare --json` says of a bin."""
+        return {"by": self.by, "from": self.start, "to": self.end, "unit": self.unit,
+                "share": self.share, "says": self.says}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Track:
+    """The error on the map, in square cells.
+
+    size         side of a cell [m]
+    corner       (c, 2)  south-west corner: north, east [m]
+    share        (c,)    of the total squared error
+    time_share   (c,)    of the predicted time
+    mean         (c, 3)  error of u, v, r
+    """
+
+    size: float
+    corner: Floats
+    share: Floats
+    time_share: Floats
+    mean: Floats
+
+
+@dataclass(frozen=True)
+class Place:
+    """A square of the map: its middle north, east and its side [m], and what it holds."""
+
+    north: float
+    east: float
+    size: float
+    share: float
+    time_share: float
+
+    @property
+    def excess(self) -> float:
+        """Share of the error beyond the share of the time."""
+        return self.share - self.time_share
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `shadow compare --json` says of the worst place."""
+        says = at_place(self.north, self.east, self.size, self.share, self.time_share)
+        return {"north_m": self.north, "east_m": self.east, "size_m": self.size,
+                "share": self.share, "time_share": self.time_share, "says": says}  # fmt: skip
+
+
+def worst_place(found: Track) -> Place | None:
+    """Three by three cells that hold the most error beyond their share of time.
+
+    None on a track so small that this would be all of it, or where the rest is as bad.
+    """
+    number = np.round(found.corner / found.size).astype(np.int64)
+    near = np.abs(number[:, None] - number[None]).max(axis=2) <= 1
+    share, time = near @ found.share, near @ found.time_share
+    k = int(np.argmax(share - time))
+    if time[k] >= MOST_OF_IT or share[k] < STANDS_OUT * time[k]:
+        return None
+    north, east = (found.corner[k] + 0.5 * found.size).tolist()
+    return Place(north, east, 3.0 * found.size, float(share[k]), float(time[k]))
+
+
+def where(
+    trial: Trial, regimes: tuple[Regime, ...], prediction: Prediction, force: MissingForce,
+    scales: Floats,
+) -> tuple[Bin, ...]:  # fmt: skip
+    """All bins that hold anything, those with the most error beyond their share of time first."""
+    _, rows, error = prediction.along()
+    found = [b for regime in regimes for b in _bins(trial, regime, rows, error, force, scales)]
+    return tuple(sorted(found, key=lambda b: -b.excess))
+
+
+def _bins(
+    trial: Trial, regime: Regime, rows: Ints, error: Floats, force: MissingForce, scales: Floats
+) -> list[Bin]:
+    place = bin_of(regime.value, regime.edges)
+    square = scaled_squares(error, scales)
+    total = max(float(square.sum()), 1e-300)
+    out = []
+    for k in np.unique(place[rows]):
+        if k < 0:
+            continue
+        inside, usable = place[rows] == k, trial.usable & (place == k)
+        part, missing = error[inside][:, 3:], force.force[usable]
+        numbers = {
+            "share": float(square[inside].sum()) / total,
+            "time_share": float(inside.mean()),
+            "seconds": float(np.count_nonzero(usable)) * trial.dt,
+        }
+        mean, rmse = _triple(part.mean(axis=0)), _triple(np.sqrt(np.mean(part**2, axis=0)))
+        start, end = float(regime.edges[k]), float(regime.edges[k + 1])
+        out.append(
+            Bin(
+                regime.by, start, end, regime.unit, **numbers, mean=mean, rmse=rmse,
+                missing=_triple(missing.mean(axis=0)),
+                missing_std=_triple(np.sqrt(np.mean(force.std[usable] ** 2, axis=0))),
+                missing_spread=_triple(missing.std(axis=0)),
+                says=says(regime, start, end, numbers["share"], numbers["time_share"],
+                          mean, rmse, scales),
+            )
+        )  # fmt: skip
+    return out
+
+
+def bin_of(value: Floats, edges: Floats) -> Ints:
+    """Values (T,), edges (n+1,) -> number of the bin (T,), −1 where there is none."""
+    inside = (value >= edges[0]) & (value <= edges[-1])  # NaN is nowhere
+    k = np.clip(np.searchsorted(edges, value, side="right") - 1, 0, len(edges) - 2)
+    return np.where(inside, k, -1).astype(np.int64)
+
+
+def _triple(values: NDArray[np.float64]) -> Triple:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def track(trial: Trial, prediction: Prediction, scales: Floats) -> Track:
+    """The error on a grid over the map."""
+    _, rows, error = prediction.along()
+    place = trial.eta[rows][:, : Eta.YAW]
+    extent = place.max(axis=0) - place.min(axis=0)
+    edges = round_edges(np.array([0.0, max(float(extent.max()), 1.0)]), CELLS)
+    size = float(edges[1] - edges[0])
+    cells, number = np.unique(np.floor(place / size), axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    square, count = scaled_squares(error, scales), np.bincount(number)
+    return Track(
+        size,
+        cells * size,
+        np.bincount(number, square) / max(float(square.sum()), 1e-300),
+        count / len(rows),
+        np.stack([np.bincount(number, error[:, i]) / count for i in (3, 4, 5)], axis=1),
+    )
+
+
+def along_trial(prediction: Prediction, scales: Floats, length: int) -> Floats:
+    """Root mean square scaled error on every row of the trial (T,); NaN where none was run."""
+    _, rows, error = prediction.along()
+    count = np.bincount(rows, minlength=length)
+    total = np.bincount(rows, scaled_squares(error, scales), minlength=length)
+    return np.sqrt(np.divide(total, count, out=np.full(length, np.nan), where=count > 0))

@@ -1,0 +1,128 @@
+"""What an effect does to a boat: the same run of a small boat, plain and with the effect.
+
+The effect is made just strong enough to be seen: from where a fit of it would start, away in steps
+of its own scale, until the strongest channel differs by a quarter of its size.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.diagnosis.evidence import AGAINST
+from sim.diagnosis.starts import wirings
+from sim.effects.effect import Effect, Kind, Parameter
+from sim.excitation.sticks import mixed
+from sim.model import Model
+from sim.state import Floats
+from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Servo, Thruster, Vessel
+
+DT = 0.1  # s
+PARTS = (  # seconds, throttle, steer
+    (3.0, 0.0, 0.0), (13.0, 0.6, 0.0), (10.0, 0.5, 0.25), (10.0, 0.5, -0.25), (10.0, 0.9, 0.0),
+    (8.0, -0.6, 0.0), (8.0, 0.0, 0.0), (10.0, 0.2, 0.0),
+)  # fmt: skip
+BATTERY = 16.4, 13.6  # V at the beginning and at the end
+SMALLEST = np.array([0.1, 0.05, 0.05])  # m/s, m/s, rad/s: a channel that hardly moves
+SEEN = 0.25  # of a channel's size
+WELL = 0.5  # of the channel that it is seen most in
+STEPS = (0, 1, 2, 4, 8, 16, 32, 64)  # scales away from the start
+SLOWEST_S = 40.0  # of a period that is shown
+BOAT = Vessel(
+    name="small boat",
+    hull=Hull(1.6, 0.9, 38.0, wind_area=(0.2, 0.5)),
+    dynamics=Dynamics(42.0, 46.0, 12.0, -9.0, -14.0, -60.0, -60.0, -25.0, -14.0),
+    thrusters=(
+        Thruster("left", Servo(1), (-0.5, -0.4), (-30.0, 40.0)),
+        Thruster("right", Servo(3), (-0.5, 0.4), (-30.0, 40.0)),
+    ),
+)
+STEERED = replace(
+    BOAT,
+    thrusters=(Thruster("screw", Servo(3), (-0.7, 0.0), (-60.0, 80.0)),),
+    rudders=(Rudder("rudder", Servo(1), (-0.8, 0.0), (-0.6, 0.6), area=0.02, wash="screw"),),
+)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One run, plain and with the effect.
+
+    time     (T,)    s
+    plain    (T, 3)  reported u, v, r [m/s, m/s, rad/s]
+    changed  (T, 3)  the same with the effect
+    channel          0 u, 1 v, 2 r: where it is seen most
+    """
+
+    effect: str
+    values: Mapping[str, float]
+    time: Floats
+    plain: Floats
+    changed: Floats
+    channel: int
+
+
+def seen(effect: Effect) -> Seen:
+    """The run of the boat that the effect can act on."""
+    boat = STEERED if BOAT.lacks(effect) else BOAT
+    plain = _run(boat)
+    time = np.asarray(DT * np.arange(len(plain)), np.float64)
+    found = Seen(effect.name, values_of(effect, boat, 0), time, plain, plain, 0)
+    for step in STEPS:
+        values = values_of(effect, boat, step)
+        changed = _run(boat.with_effects(AddedEffect(effect, values)))
+        if not np.isfinite(changed).all():
+            break
+        share = _shares(plain, changed)
+        found = Seen(effect.name, values, time, plain, changed, _channel(effect, share))
+        if share.max() > SEEN:
+            break
+    return found
+
+
+def _channel(effect: Effect, share: Floats) -> int:
+    """Where it acts, if it is seen there well; else where it is seen most."""
+    acts = AGAINST.get(effect.name, (0, ""))[0]
+    most = int(np.argmax(share))
+    return acts if acts < len(share) and share[acts] > WELL * share[most] else most
+
+
+def values_of(effect: Effect, boat: Vessel, step: int) -> dict[str, float]:
+    """Its parameters, those that make it strong `step` scales away from their start."""
+    if effect.wiring is not None and effect.name == "actuator_wiring":
+        return dict(max(wirings(boat), key=lambda start: start["order"]))
+    strong = [p for p in effect.parameters if p.neutral is not None and p.kind is Kind.NUMBER]
+    strong = strong or [p for p in effect.parameters if p.kind is Kind.NUMBER]
+    seconds = sum(part[0] for part in PARTS)
+    return {p.name: _away(p, step) if p in strong else _held(p, seconds) for p in effect.parameters}
+
+
+def _away(p: Parameter, step: int) -> float:
+    """Away from where it does nothing, within its bounds."""
+    neutral = p.start if p.neutral is None else p.neutral
+    up = p.start > neutral or (p.start == neutral and p.upper > p.start)
+    return float(np.clip(p.start + (step if up else -step) * p.scale, p.lower, p.upper))
+
+
+def _held(p: Parameter, seconds: float) -> float:
+    if p.kind is Kind.MOMENT:
+        return 0.4 * seconds
+    return min(p.start, SLOWEST_S) if p.name == "period" else p.start
+
+
+def _shares(plain: Floats, changed: Floats) -> Floats:
+    """How much each channel differs, by its own size: (3,)."""
+    size = np.maximum(plain.std(axis=0), SMALLEST)
+    return np.asarray(np.sqrt(np.mean((changed - plain) ** 2, axis=0)) / size)
+
+
+def _run(boat: Vessel) -> Floats:
+    """Reported u, v, r (T, 3) over the parts of the run."""
+    gain = 2.0 if boat.rudders else 1.0  # a blade wants more helm than a difference of thrust
+    sticks = np.concatenate([
+        np.tile([throttle, gain * steer], (round(seconds / DT), 1))
+        for seconds, throttle, steer in PARTS
+    ])  # fmt: skip
+    volts = np.linspace(*BATTERY, len(sticks))
+    _, reports = Model.of(boat).simulate(mixed(boat, sticks), DT, voltage=volts)
+    return np.asarray(reports[0, : len(sticks), 3:6])

@@ -1,0 +1,347 @@
+"""Source text of a kernel: the laws of one vessel composed into one Python module.
+
+The text is unrolled over thrusters, rudders and effects, has no branches and calls each law by
+name; `sim.kernel.signatures` says what each composed function means. Effects act in the order of
+the catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they
+stand in their files, with the imports that those files have.
+"""
+
+import ast
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from sim.body import Blade, Body, Drive
+from sim.effects.effect import Effect
+
+LOOPS = ("sim.kernel.loops", "sim.following.loops", "sim.following.monitor_loops")
+COMPOSED = (
+    "sim.kernel.signatures",
+    "sim.jit",
+)  # the kernel itself stands for these
+MARK = "# -- the text from here on goes into the kernel --\n"
+
+HEADER = '''"""Kernel written by sim.kernel.cache for: {title}. Do not edit."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.actuators import (
+    angle_of, ramp, rudder_force, slipstream, thrust_at, thrust_of, thruster_force,
+)
+from sim.balance import (
+    acceleration_through, base_inertia, damping_force, kinematics, relative_velocity, solve,
+    unbalanced, velocity_through,
+)
+from sim.body import Blade, Body, Drive, Flow, Report
+from sim.sensing import at_antenna
+from sim.state import Pose, Velocity, Water, Wrench, add_water, add_wrench
+{imports}
+
+NX = {nx}
+
+
+class Inputs(NamedTuple):
+    acting: tuple[float, ...]
+    voltage: float
+    wind_north: float
+    wind_east: float
+    wind_known: float
+'''
+
+
+class Structure(NamedTuple):
+    """What decides the text of a kernel: how many of what, and which effects."""
+
+    thrusters: int
+    rudders: tuple[tuple[int, int], ...]  # per rudder: thruster it turns or −1, wash or −1
+    effects: tuple[Effect, ...]
+    tables: tuple[int, ...] = ()  # per thruster: whose table of thrust it follows, or −1
+    knots: tuple[tuple[float, ...], ...] = ()  # per thruster: commands of its own table
+
+    @property
+    def memories(self) -> list[tuple[int, str, int]]:
+        """(effect, law, actuator) of each state beyond pose and velocity, in order."""
+        out = []
+        for e, effect in enumerate(self.effects):
+            if effect.thrust_rate:
+                out += [(e, "thrust_rate", i) for i in range(self.thrusters)]
+            if effect.angle_rate:
+                out += [(e, "angle_rate", i) for i in range(len(self.rudders))]
+            if effect.rate:
+                out += [(e, "rate", 0)]
+        return out
+
+    @property
+    def nx(self) -> int:
+        """Length of a state."""
+        return 6 + len(self.memories)
+
+    def acting(self, place: str) -> Iterator[int]:
+        """Numbers of the effects that act there."""
+        return (i for i, effect in enumerate(self.effects) if getattr(effect, place) is not None)
+
+    def memory(self, effect: int, place: str, actuator: int) -> int:
+        """Position in the state of that memory."""
+        return 6 + self.memories.index((effect, place, actuator))
+
+
+def _tuple(items: Sequence[str]) -> str:
+    return "(" + ", ".join(items) + ("," if len(items) == 1 else "") + ")"
+
+
+def _function(head: str, lines: Sequence[str]) -> str:
+    return "\n\n@jit\ndef " + head + ":\n" + "\n".join("    " + line for line in lines) + "\n"
+
+
+def _unpack(s: Structure) -> str:
+    """`unpack`: the vector of parameters into named tuples."""
+    names = [("body", "Body", len(Body._fields))]
+    names += [(f"t{i}", "Drive", len(Drive._fields) - 1) for i in range(s.thrusters)]
+    names += [(f"r{i}", "Blade", len(Blade._fields) - 1) for i in range(len(s.rudders))]
+    text, at, parts = "", 0, []
+    for i in owners_of(s):
+        text += f"\n\nclass K{i}(NamedTuple):\n"
+        text += "".join(f"    at_{k}: float\n" for k in range(len(s.knots[i])))
+        names.append((f"k{i}", f"K{i}", len(s.knots[i])))
+    for e, effect in enumerate(s.effects):
+        names_of = [p.name for p in effect.parameters] or ["none"]
+        members = "".join(f"    {name}: float\n" for name in names_of)
+        text += f"\n\nclass P{e}(NamedTuple):\n{members}"
+        names.append((f"e{e}", f"P{e}", len(effect.parameters)))
+    for field, kind, count in names:
+        values = [f"theta[{k}]" for k in range(at, at + count)]
+        if kind in ("Drive", "Blade"):
+            values.insert(0, f"{field[1:]}.0")
+        parts.append(f"{kind}({', '.join(values) or '0.0'})")
+        at += count
+    text += "\n\nclass Numbers(NamedTuple):\n" + "".join(f"    {f}: {k}\n" for f, k, _ in names)
+    return text + _function("unpack(theta)", [f"return Numbers({', '.join(parts)})"])
+
+
+def _tuples(s: Structure) -> str:
+    """Arithmetic on states, the delay of all commands and the age of reports."""
+    n = s.nx
+    delays = [f"delay_{e}(p.e{e})" for e in s.acting("delay")]
+    ages = [f"latency_{e}(p.e{e})" for e in s.acting("latency")]
+    return (
+        _function("axpy(x, h, k)", ["return " + _tuple([f"x[{i}] + h * k[{i}]" for i in range(n)])])
+        + _function("state_from(row)", ["return " + _tuple([f"row[{i}]" for i in range(n)])])
+        + _function("delay_of(p)", ["return " + " + ".join(["0.0", *delays])])
+        + _function("latency_of(p)", ["return " + " + ".join(["0.0", *ages])])
+    )
+
+
+def _surroundings(s: Structure) -> str:
+    """`water_at` and `flow_at`: how the boat moves through water and world."""
+    lines = ["water = Water(0.0, 0.0, 0.0, 0.0)"]
+    lines += [f"water = add_water(water, water_{e}(time, pose, p.e{e}))" for e in s.acting("water")]
+    return _function("water_at(time, pose, p)", [*lines, "return water"]) + _function(
+        "flow_at(x, time, inputs, water, p)",
+        [
+            "nu = velocity_through(water, Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5]))",
+            "return Flow(nu.u, nu.v, nu.r, x[3], x[4], x[0], x[1], x[2], time, inputs.voltage,",
+            "            inputs.wind_north, inputs.wind_east, inputs.wind_known, p.body)",
+        ],
+    )
+
+
+def owners_of(s: Structure) -> list[int]:
+    """Thrusters that have a table of their own."""
+    return [i for i, table in enumerate(s.tables) if table == i]
+
+
+def _share(command: str, numbers: str, knots: Sequence[float]) -> str:
+    """Sum of ramps between the knots of a table, from (−1, −1) through (0, 0) to (1, 1)."""
+    known = {-1.0: "-1.0", 0.0: "0.0", 1.0: "1.0"}
+    values = known | {c: f"{numbers}.at_{k}" for k, c in enumerate(knots)}
+    steps = [
+        f"({values[b]} - {values[a]}) * ramp({command}, {a!r}, {b!r})"
+        for a, b in pairwise(sorted(values))
+    ]
+    return " + ".join(["-1.0", *steps])
+
+
+def _actuated(s: Structure) -> str:
+    """`actuated`: what the commands come to before motion has a say."""
+    count = s.thrusters + len(s.rudders)
+    lines, names = ["c = " + _tuple([f"row[{i}]" for i in range(max(count, 1))])], []
+    for e in s.acting("wiring"):
+        heard = [f"wiring_{e}(c, {i}.0, p.e{e})" for i in range(count)]
+        lines.append("c = " + _tuple(heard or ["row[0]"]))
+    for i in range(s.thrusters):
+        names.append(f"F{i}")
+        lines.append(f"c{i} = c[{i}]")
+        lines += [f"c{i} = command_{e}(c{i}, p.t{i}, p.e{e})" for e in s.acting("command")]
+        table = s.tables[i] if s.tables else -1
+        lines.append(
+            f"F{i} = thrust_of(c{i}, p.t{i})"
+            if table < 0
+            else f"F{i} = thrust_at(c{i}, {_share(f'c{i}', f'p.k{table}', s.knots[table])}, p.t{i})"
+        )
+    for i in range(len(s.rudders)):
+        names.append(f"d{i}")
+        lines.append(f"d{i} = angle_of(c[{s.thrusters + i}], p.r{i})")
+        lines += [f"d{i} = angle_{e}(d{i}, p.r{i}, p.e{e})" for e in s.acting("angle")]
+    return _function("actuated(row, p)", [*lines, "return " + _tuple(names or ["row[0]"])])
+
+
+def _actuators(s: Structure) -> str:
+    """`actuators`: what acts and memory -> wrench, and the inputs of the memory's laws."""
+    lines, fed, turned = ["tau = Wrench(0.0, 0.0, 0.0)"], {}, {}
+    for i, (motor, _) in enumerate(s.rudders):
+        lines.append(f"d{i} = inputs.acting[{s.thrusters + i}]")
+        for e in s.acting("angle_rate"):
+            at = s.memory(e, "angle_rate", i)
+            fed[at] = f"d{i}_{e}"
+            lines += [f"d{i}_{e} = d{i}", f"d{i} = x[{at}]"]
+        if motor >= 0:
+            turned[motor] = f" - d{i}"
+    for i in range(s.thrusters):
+        lines.append(f"F{i} = inputs.acting[{i}]")
+        lines += [f"F{i} = thrust_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("thrust")]
+        for e in s.acting("thrust_rate"):
+            at = s.memory(e, "thrust_rate", i)
+            fed[at] = f"F{i}_{e}"
+            lines += [f"F{i}_{e} = F{i}", f"F{i} = x[{at}]"]
+        lines.append(f"a{i} = p.t{i}.azimuth{turned.get(i, '')}")
+        lines += [f"a{i} = turn_{e}(a{i}, p.t{i}, flow, p.e{e})" for e in s.acting("turn")]
+        lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, a{i}, p.t{i}))")
+    for i, (motor, wash) in enumerate(s.rudders):
+        if motor < 0:
+            jet = f"slipstream(flow.u, F{wash}, p.r{i})" if wash >= 0 else "0.0"
+            lines.append(f"tau = add_wrench(tau, rudder_force(d{i}, flow, {jet}, p.r{i}))")
+    wanted = [fed.get(6 + k, "0.0") for k in range(len(s.memories))]
+    return _function(
+        "actuators(x, flow, inputs, p)", [*lines, "return tau, " + _tuple([*wanted, "0.0"])]
+    )
+
+
+def _memory(s: Structure) -> str:
+    """`at_rest` and `memory_rates`: where memory starts and how it changes."""
+    rest, change = [], []
+    for k, (e, place, i) in enumerate(s.memories):
+        if place == "rate":
+            rest.append(f"{s.effects[e].start!r} + 0.0 * x[0]")
+            change.append(f"rate_{e}(flow, x[{6 + k}], p.e{e})")
+        else:
+            actuator = f"p.{'t' if place == 'thrust_rate' else 'r'}{i}"
+            rest.append(f"fed[{k}]")
+            change.append(f"{place}_{e}(fed[{k}], x[{6 + k}], {actuator}, p.e{e})")
+    motion = [f"x[{i}]" for i in range(6)]
+    at_rest = [
+        "water = water_at(time, Pose(x[0], x[1], x[2]), p)",
+        "flow = flow_at(x, time, inputs, water, p)",
+    ]
+    for k in range(len(rest)):  # one memory may feed the next
+        keep = [f"x[{6 + j}]" if j != k else rest[j] for j in range(len(rest))]
+        at_rest += ["tau, fed = actuators(x, flow, inputs, p)", "x = " + _tuple(motion + keep)]
+    return _function("at_rest(x, time, inputs, p)", [*at_rest, "return x"]) + _function(
+        "memory_rates(x, flow, fed, p)", ["return " + _tuple([*change, "0.0"])]
+    )
+
+
+def _dynamics(s: Structure) -> str:
+    """The balance with all effects, and the three questions that are asked of it."""
+    balance = [
+        "pose, nu = Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5])",
+        "M = base_inertia(p.body)",
+        *(f"M = inertia_{e}(M, flow, p.e{e})" for e in s.acting("inertia")),
+    ]
+    for e in s.acting("force"):
+        own = f", x[{s.memory(e, 'rate', 0)}]" if s.effects[e].rate else ""
+        balance.append(f"tau = add_wrench(tau, force_{e}(flow{own}, p.e{e}))")
+    balance += [
+        "rel_dot = acceleration_through(water, pose, nu, Velocity(u_dot, v_dot, r_dot))",
+        "return M, unbalanced(M, p.body, relative_velocity(flow), rel_dot, tau)",
+    ]
+    around = [
+        "water = water_at(time, Pose(x[0], x[1], x[2]), p)",
+        "flow = flow_at(x, time, inputs, water, p)",
+    ]
+    moved = [
+        "M, rest = balance(x, 0.0, 0.0, 0.0, water, flow, tau, p)",
+        "nu_dot = solve(M, Wrench(-rest.X, -rest.Y, -rest.N))",
+        "pose_dot = kinematics(Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5]))",
+    ]
+    six = ["pose_dot[0]", "pose_dot[1]", "pose_dot[2]", "nu_dot.u", "nu_dot.v", "nu_dot.r"]
+    rates = [f"more[{k}]" for k in range(len(s.memories))]
+    fluid = [  # actuators rest while a force moves the plant; an effect's own state does not
+        f"rate_{e}(flow, x[{6 + k}], p.e{e})" if place == "rate" else f"0.0 * x[{6 + k}]"
+        for k, (e, place, _) in enumerate(s.memories)
+    ]
+    asked = ["M, rest = balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)", "return rest"]
+    question = "(x, u_dot, v_dot, r_dot, time, inputs, p)"
+    acting = "tau, fed = actuators(x, flow, inputs, p)"
+    return (
+        _function("balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)", balance)
+        + _function(
+            "rates(x, time, inputs, p)",
+            [*around, acting, "more = memory_rates(x, flow, fed, p)", *moved,
+             "return " + _tuple(six + rates)],
+        )
+        + _function("pushed(x, time, inputs, tau, p)", [*around, *moved,
+                    "return " + _tuple(six + fluid)])
+        + _function("commanded(x, time, inputs, p)", [*around, acting, "return tau"])
+        + _function("missing" + question, [*around, acting, *asked])
+        + _function("required" + question, [*around, "tau = Wrench(0.0, 0.0, 0.0)", *asked])
+    )  # fmt: skip
+
+
+def _observe(s: Structure) -> str:
+    """`observe`: lever arm of the antenna, then sensor effects; `observe_now`: without the late."""
+
+    def told(which: Iterable[int]) -> list[str]:
+        laws = [f"report = observe_{e}(report, p.e{e})" for e in which]
+        return ["report = at_antenna(report, p.body)", *laws, "return report"]
+
+    prompt = (e for e in s.acting("observe") if s.effects[e].latency is None)
+    return _function("observe(report, p)", told(s.acting("observe"))) + _function(
+        "observe_now(report, p)", told(prompt)
+    )
+
+
+def kernel_text(s: Structure) -> str:
+    """The whole module for a structure, as Python source."""
+    title = f"{s.thrusters} thrusters, {len(s.rudders)} rudders, " + (
+        ", ".join(effect.name for effect in s.effects) or "no effects"
+    )
+    imports = "\n".join(line for name in LOOPS for line in _loop(name).imports)
+    header = HEADER.format(title=title, nx=s.nx, imports=imports)
+    parts = [header, _unpack(s), _tuples(s), _surroundings(s)]
+    parts += [_actuated(s), _actuators(s), _memory(s), _dynamics(s), _observe(s)]
+    return "".join([*parts, *(_loop(name).text for name in LOOPS)])
+
+
+class _Loop(NamedTuple):
+    """The part of a loop file that goes into a kernel, and the imports that it needs there."""
+
+    imports: tuple[str, ...]
+    text: str
+
+
+def source_file(module: str) -> Path:
+    """File of a module of this package; ImportError where there is none."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        raise ImportError(f"no source of {module}")
+    return Path(spec.origin)
+
+
+@lru_cache
+def _loop(module: str) -> _Loop:
+    before, text = source_file(module).read_text(encoding="utf-8").split(MARK)
+    imports = [
+        ast.unparse(node)
+        for node in ast.parse(before).body
+        if isinstance(node, ast.ImportFrom)
+        and str(node.module).startswith("sim.")
+        and node.module not in (*COMPOSED, *LOOPS)
+    ]
+    return _Loop(tuple(imports), "\n" + text)

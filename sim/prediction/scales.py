@@ -1,0 +1,128 @@
+"""The ruler of a comparison: it comes from the trial and the first vessel, and serves them all.
+
+The noise floor: what a perfect model would still show.
+
+A perfect model started at the estimate carries the estimate's error ε₀ along; the row it is
+compared with has an error ε_j of its own:
+
+    e_j = ε_j − Φ_j ε₀,     var e_j = R_j + Φ_j P₀ Φ_jᵀ − 2 Φ_j C_j,     C_j = cov(ε₀, ε_j)
+
+A smoother's errors are correlated in time, and the trial holds only P and R. But the error of a
+velocity changes at the error of its acceleration, which the trial does hold: a stationary error
+of variance p whose rate has variance q has the correlation 1 − t² q / 2p to second order. Taken
+on as ρ(t) = exp(−t² q / 2p) this gives C_j = P₀ ρ(t_j), scaled down where R_j < P₀. White errors
+are its limit q → ∞. Slow sensor errors are correlated for longer: for them the floor is too high
+rather than too low. Source: the Taylor microscale of a random process (Rice 1944).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.model import Model
+from sim.prediction.segments import CompareSettings, Segments, segments_of
+from sim.prediction.transition import STATE, carried, limited, start_variance
+from sim.state import Floats, Ints
+from sim.trial import Trial
+
+SMALLEST = np.array([0.05, 0.05, 0.02])  # m/s, m/s, rad/s: below this a channel is at rest
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """Segments with their horizons, the scales of the errors and the noise floor.
+
+    segments             horizons already cut where the start state's spread passes its limit
+    cut_short            share of the segments whose horizon was cut
+    scales    (3,)       of u, v, r [m/s, m/s, rad/s]
+    variance  (S, J, 6)  of a perfect model's error at each node; NaN past the uncut horizon
+    blocks    (S,)       number of the block of time that the segment starts in
+    """
+
+    settings: CompareSettings
+    segments: Segments
+    cut_short: float
+    scales: Floats
+    variance: Floats
+    blocks: Ints
+
+    @classmethod
+    def of(cls, trial: Trial, first: Model, settings: CompareSettings | None = None) -> "Ruler":
+        """From the trial and the first vessel; NoUsableTimeError if nothing can be compared."""
+        settings = settings or CompareSettings()
+        whole, scales = segments_of(trial, settings), scales_of(trial)
+        phi = carried(first, trial, whole)
+        nodes = limited(start_variance(trial, whole, phi), whole, scales, trial.dt, settings)
+        return cls(
+            settings,
+            replace(whole, nodes=nodes),
+            float(np.mean(nodes < whole.nodes)),
+            scales,
+            perfect_variance(trial, whole, phi),
+            blocks_of(trial, whole, settings.block),
+        )
+
+    def only(self, which: NDArray[np.bool_]) -> "Ruler":
+        """The same with some of its segments (S,)."""
+        own = self.segments
+        return replace(
+            self, segments=replace(own, rows=own.rows[which], nodes=own.nodes[which]),
+            variance=self.variance[which], blocks=self.blocks[which],
+        )  # fmt: skip
+
+    @property
+    def noise_floor(self) -> float:
+        """The nrmse that a perfect model would show."""
+        mean = mean_over_horizon(self.variance[..., 3:], self.segments)
+        return float(np.sqrt(np.mean(mean / self.scales**2)))
+
+
+def scales_of(trial: Trial) -> Floats:
+    """Size of each velocity channel over the usable rows: (3,) [m/s, m/s, rad/s]."""
+    return np.maximum(trial.nu[trial.usable].std(axis=0), SMALLEST)
+
+
+def blocks_of(trial: Trial, segments: Segments, length: float) -> Ints:
+    """Which block of `length` [s] each segment starts in: (S,).
+
+    On a short trial blocks shrink towards six, but never below the longest horizon: segments of
+    different blocks should share as little time as possible.
+    """
+    start = trial.time[segments.rows]
+    horizon = float(segments.steps.max()) * trial.dt
+    width = min(length, max((start[-1] - start[0] + horizon) / 6.0, horizon))
+    return ((start - start[0]) // width).astype(np.int64)
+
+
+def perfect_variance(trial: Trial, segments: Segments, phi: Floats) -> Floats:
+    """Φ (S, J+1, 6, 6) -> variance (S, J+1, 6) of a perfect model's error in eta, nu, SI."""
+    rows = segments.rows[:, None] + segments.stride * np.arange(phi.shape[1])
+    everywhere: Floats = np.einsum("tii->ti", trial.covariance)
+    R: Floats = everywhere[np.minimum(rows, len(trial) - 1), :STATE]
+    P = trial.covariance[segments.rows, :STATE, :STATE]
+    t = segments.stride * trial.dt * np.arange(phi.shape[1])
+    carried = np.einsum("sjik,ski->sji", phi, P, optimize=True)
+    own = R[:, :1]
+    shared = np.sqrt(np.minimum(np.divide(R, own, out=np.ones_like(R), where=own > 0), 1.0))
+    rho = correlation(everywhere[segments.rows], np.asarray(t)) * shared
+    return np.maximum(R + start_variance(trial, segments, phi) - 2.0 * carried * rho, 0.0)
+
+
+def correlation(variance: Floats, t: Floats) -> Floats:
+    """Variances (S, 9) of (eta, nu, nu_dot), lags (J,) [s] -> correlation (S, J, 6) of errors."""
+    ground = 0.5 * (variance[:, 3] + variance[:, 4])
+    rate = np.column_stack([ground, ground, variance[:, 5:]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exponent = -0.5 * t[None, :, None] ** 2 * (rate / variance[:, :STATE])[:, None, :]
+    known = (rate > 0.0)[:, None, :] | (t == 0.0)[None, :, None]  # an unknown rate: white errors
+    return np.where(known, np.exp(np.nan_to_num(exponent, nan=0.0)), 0.0)
+
+
+def mean_over_horizon(variance: Floats, segments: Segments) -> Floats:
+    """Variance (S, J+1, n) at the nodes -> its mean (n,) over all rows of all segments."""
+    weight = np.minimum(segments.nodes[:, None] - np.arange(variance.shape[1]), 1.0)
+    weight = np.maximum(np.where(weight == 0.0, 0.5, weight), 0.0)
+    weight[:, 0] *= 0.5
+    total = np.einsum("sj,sjn->n", weight, np.nan_to_num(variance))
+    return np.asarray(total / weight.sum())
