@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.ingest.columns import column, frozen
+from gateway.ingest.dataflash_walk import FMT_TYPE, HEADER
 
-HEADER = 3  # two magic bytes and the type
-FMT_TYPE, FMT_LENGTH = 0x80, 89
 FMT_RECORD = np.dtype([("f0", "u1"), ("f1", "u1"), ("f2", "S4"), ("f3", "S16"), ("f4", "S64")])
 KINDS = {
     "a": np.dtype(("<i2", (32,))),

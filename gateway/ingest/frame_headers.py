@@ -5,14 +5,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.ingest.frame_walk import MAGIC_2, SIGNED, Bytes, U
 from gateway.jit import compiled
 from sim.state import Ints
 
-Bytes = NDArray[np.uint8]
-U = np.uint64
 N = TypeVar("N", bound=np.generic)
-MAGIC_2 = 0xFD
-SIGNED = 0x01
 
 
 class Headers(NamedTuple):

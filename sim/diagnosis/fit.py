@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.diagnosis.fit_problem import Ground, Wide
-from sim.diagnosis.heldout import RELIEF
 from sim.diagnosis.starts import searched
+from sim.diagnosis.thresholds import RELIEF
 from sim.effects.effect import Kind
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
 from sim.identification.search import Ends, cost_of, damped_steps, search, weight_of

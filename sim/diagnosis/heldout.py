@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.diagnosis.fit import Fit
+from sim.diagnosis.thresholds import RELIEF
 from sim.model import Model
 from sim.prediction.free_runs import predict
 from sim.prediction.scales import Ruler
@@ -158,7 +159,6 @@ def _pooled(parts: Sequence[tuple[Floats, Floats]]) -> HeldOut:
 
 
 DRAWS = 1000
-RELIEF = 3.0
 DOUBT = 8.0  # nats
 
 

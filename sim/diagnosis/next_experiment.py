@@ -24,8 +24,8 @@ import numpy as np
 
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import Ground
-from sim.diagnosis.heldout import RELIEF
 from sim.diagnosis.ranking import BLOCK
+from sim.diagnosis.thresholds import RELIEF
 from sim.excitation.catalogue import MANOEUVRES
 from sim.excitation.manoeuvre import Limits, Manoeuvre
 from sim.excitation.sticks import commands_of

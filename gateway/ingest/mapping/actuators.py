@@ -77,7 +77,7 @@ def rco3(m: Any) -> Facts:
     return spread(19, [optional(m, f"C{i}", 0) for i in range(19, 33)])
 
 
-MAVLINK = (
+ACTUATOR_RULES = (
     Rule("SERVO_OUTPUT_RAW", servo_output_raw, Counter.BOOT_US32, instance=("port",)),
     Rule(
         "SERVO_OUTPUT_RAW",
@@ -89,7 +89,7 @@ MAVLINK = (
     ),
     Rule("ACTUATOR_OUTPUT_STATUS", actuator_output_status, Counter.BOOT_US),
 )
-DATAFLASH = (
+DATAFLASH_ACTUATOR_RULES = (
     Rule("RCOU", rcou, Counter.BOOT_US, field="TimeUS"),
     Rule("RCO2", rco2, Counter.BOOT_US, field="TimeUS"),
     Rule("RCO3", rco3, Counter.BOOT_US, field="TimeUS"),

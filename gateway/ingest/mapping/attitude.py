@@ -39,7 +39,7 @@ def attitude_quaternion(m: Any) -> Facts:
     )
 
 
-RULES = (
+ATTITUDE_RULES = (
     Rule("ATTITUDE", attitude, Counter.BOOT_MS),
     Rule("ATTITUDE_QUATERNION", attitude_quaternion, Counter.BOOT_MS),
 )

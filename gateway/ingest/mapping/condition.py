@@ -56,7 +56,7 @@ def wind_cov(m: Any) -> Facts:
     return ((Quantity.WIND, (m.wind_x, m.wind_y)),)
 
 
-RULES = (
+CONDITION_RULES = (
     Rule("HEARTBEAT", heartbeat, Counter.RECEIPT),
     Rule("SYSTEM_TIME", system_time, Counter.BOOT_MS),
     Rule("SYS_STATUS", sys_status, Counter.RECEIPT),

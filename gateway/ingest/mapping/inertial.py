@@ -34,7 +34,7 @@ def highres_imu(m: Any) -> Facts:
     )
 
 
-RULES = (
+INERTIAL_RULES = (
     Rule("SCALED_IMU", scaled_imu, Counter.BOOT_MS),
     Rule("SCALED_IMU2", scaled_imu, Counter.BOOT_MS),
     Rule("SCALED_IMU3", scaled_imu, Counter.BOOT_MS),

@@ -87,7 +87,7 @@ def gps_global_origin(m: Any) -> Facts:
     return ((Quantity.ORIGIN, latitude_longitude(m.latitude, m.longitude)),)
 
 
-RULES = (
+MOTION_RULES = (
     Rule("LOCAL_POSITION_NED", local_position_ned, Counter.BOOT_MS),
     Rule("GLOBAL_POSITION_INT", global_position_int, Counter.BOOT_MS),
     Rule("GPS_RAW_INT", gps_raw_int, Counter.SAMPLE_US),

@@ -2,17 +2,22 @@
 
 from collections.abc import Mapping
 
-from gateway.ingest.mapping import actuators, attitude, condition, dataflash, inertial, motion
+from gateway.ingest.mapping import dataflash
+from gateway.ingest.mapping.actuators import ACTUATOR_RULES, DATAFLASH_ACTUATOR_RULES
+from gateway.ingest.mapping.attitude import ATTITUDE_RULES
+from gateway.ingest.mapping.condition import CONDITION_RULES
+from gateway.ingest.mapping.inertial import INERTIAL_RULES
+from gateway.ingest.mapping.motion import MOTION_RULES
 from gateway.ingest.mapping.rule import Rule
 
 MAVLINK: tuple[Rule, ...] = (
-    *attitude.RULES,
-    *motion.RULES,
-    *inertial.RULES,
-    *actuators.MAVLINK,
-    *condition.RULES,
+    *ATTITUDE_RULES,
+    *MOTION_RULES,
+    *INERTIAL_RULES,
+    *ACTUATOR_RULES,
+    *CONDITION_RULES,
 )
-DATAFLASH: tuple[Rule, ...] = (*dataflash.RULES, *actuators.DATAFLASH)
+DATAFLASH: tuple[Rule, ...] = (*dataflash.RULES, *DATAFLASH_ACTUATOR_RULES)
 
 
 def rules(kind: str) -> tuple[Rule, ...]:
