@@ -21,9 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.ingest.csv_log import CsvLog
-from gateway.pipelines.notices import notices_of
-from gateway.pipelines.trials import load_trials
+from gateway.ingest.csv.log import CsvLog
+from gateway.offline.trials import load_trials
+from gateway.offline.usable import notices_of
 from gateway.samples import Quantity
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS

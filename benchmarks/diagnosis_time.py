@@ -23,9 +23,9 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 
 WORK = {
-    "read": "from gateway.pipelines.diagnose import COARSE; "
-    "from gateway.pipelines.trials import load_trials; load_trials('{log}', None, COARSE)",
-    "diagnose": "from gateway.pipelines.diagnose import diagnosed; "
+    "read": "from gateway.offline.diagnose import COARSE; "
+    "from gateway.offline.trials import load_trials; load_trials('{log}', None, COARSE)",
+    "diagnose": "from gateway.offline.diagnose import diagnosed; "
     "print(diagnosed(['{log}'], '{vessel}').diagnosis.summary)",
 }
 

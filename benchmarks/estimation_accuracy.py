@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from gateway.estimation.estimator import Estimator, Rows
 from gateway.estimation.events import Events, join, make_events
+from gateway.estimation.filter import Estimator, Rows
 from gateway.estimation.names import STATES, Flag, Kind, State
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth

@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.hidden.boats import BOATS, Boat
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
-from gateway.pipelines.trials import load_trials
+from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.identification.identify import Identified, identify
 from sim.identification.noise import Noise

@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import blueboat
-from gateway.pipelines.diagnose import COARSE
-from gateway.pipelines.first_vessel import init_vessel
-from gateway.pipelines.trials import TrialOptions, load_trials
+from gateway.offline.diagnose import COARSE
+from gateway.offline.first_vessel import init_vessel
+from gateway.offline.trials import TrialOptions, load_trials
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import compare
 from sim.diagnosis.answer import Diagnosis

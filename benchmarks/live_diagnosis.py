@@ -29,10 +29,10 @@ from benchmarks.hidden.sensors import Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
 from benchmarks.hidden.vessel_toml import vessel_toml
-from gateway.pipelines.lookout import Lookout
-from gateway.pipelines.path import Shadowing, ShadowPath, follower_of
-from gateway.pipelines.replay import ReplayOptions, prepare
-from gateway.pipelines.rows import Happening
+from gateway.offline.replay import ReplayOptions, prepare
+from gateway.shadow.model_monitor import Lookout
+from gateway.shadow.path import Shadowing, ShadowPath, follower_of
+from gateway.shadow.topic_rows import Happening
 from gateway.vessel_file import load_vessel
 from sim.following.reference import Reference
 from sim.model import Model

@@ -22,7 +22,7 @@ import zenoh
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from benchmarks.live_latency import LIVE, VESSEL, free_port, joined, pack, program, wait_until
-from gateway.recording import Recording
+from gateway.recording.reader import Recording
 
 
 def main() -> None:

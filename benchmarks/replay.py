@@ -22,12 +22,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import Settings, ZenohSettings
 from gateway.ingest.open import open_log
-from gateway.pipelines.feed import feed_of
-from gateway.pipelines.happenings import Watchman
-from gateway.pipelines.health import HealthMeter
-from gateway.pipelines.path import ShadowPath
-from gateway.pipelines.replay import Material, ReplayOptions, material_of, replay
-from gateway.pipelines.rows import event_rows, topic_rows
+from gateway.offline.replay import Material, ReplayOptions, material_of, replay
+from gateway.shadow.events import Watchman
+from gateway.shadow.health import HealthMeter
+from gateway.shadow.inputs import feed_of
+from gateway.shadow.path import ShadowPath
+from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import load_vessel
 from sim.following.follower import VesselFollower
 from sim.following.reference import Mode, Reference

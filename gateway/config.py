@@ -13,7 +13,7 @@ ATTITUDE = 20.0
 [filter]     see gateway.estimation.settings
 [zenoh]      publish, endpoint, config_file
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
-[recording]  see gateway.recorder
+[recording]  see gateway.recording.recorder
 [following]  reference, rate_hz, and the follower's options
 [studio]     tiles, attribution, deepest: see gateway.studio.settings
 """
@@ -31,9 +31,9 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
 from gateway.estimation.settings import FilterSettings, White
-from gateway.foxglove_address import parse_address
-from gateway.links.rates import FULL_HZ, PRESETS, check_rates
-from gateway.recorder import RecordingSettings
+from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
+from gateway.recording.foxglove_server import parse_address
+from gateway.recording.recorder import RecordingSettings
 from gateway.studio.settings import StudioSettings
 from gateway.vessel_file import checked, explain
 from sim.following.follower import Following

@@ -2,11 +2,20 @@
 
 A message is one flat JSON object. It is withheld until it can be complete: no null, no NaN, ever.
 `python -m gateway.topics` prints the table as docs/topics.md holds it.
+
+JSON Schemas of all topics as files, made from the table of topics.
+
+`python -m gateway.topics docs/schemas` writes one file per topic; it is what a recording holds
+and what every payload on zenoh obeys.
 """
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
+
+import orjson
 
 
 class Kind(Enum):
@@ -315,3 +324,27 @@ def markdown() -> str:
 
 if __name__ == "__main__":
     print(markdown(), end="")
+
+
+def schema_files() -> Mapping[str, bytes]:
+    """File name -> its text."""
+    options = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
+    return {
+        f"{name}.json": orjson.dumps(topic.json_schema(), option=options)
+        for name, topic in TOPICS.items()
+    }
+
+
+def write_schemas(folder: Path) -> None:
+    """Write all files, and remove those of topics that are no more."""
+    files = schema_files()
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.json"):
+        if old.name not in files:
+            old.unlink()
+    for name, text in files.items():
+        (folder / name).write_bytes(text)
+
+
+if __name__ == "__main__":
+    write_schemas(Path(sys.argv[1]))

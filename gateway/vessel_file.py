@@ -22,8 +22,8 @@ from pydantic import (
     ValidationError,
 )
 
-from gateway.effect_files import known_effects, load_effects
 from gateway.errors import BadInput
+from gateway.user_effects import known_effects, load_effects
 from sim.effects.effect import Effect
 from sim.vessel import (
     CURVES,

@@ -24,7 +24,7 @@ from benchmarks.hidden.run import (
     write_json,
 )
 from benchmarks.hidden.twins import on_another_day
-from gateway.pipelines.trials import load_trials
+from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import named
 from sim.identification.vessel_update import applied

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.pipelines.trials import load_trials
+from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Kind, Parameter

@@ -21,7 +21,7 @@ from typing import Any
 from benchmarks.hidden.answers import answer
 from benchmarks.hidden.cases import LOG, TWIN, VESSEL, Case, materialise, materialise_twin
 
-DIAGNOSIS = "gateway.pipelines.diagnose:diagnosed"
+DIAGNOSIS = "gateway.offline.diagnose:diagnosed"
 TASKS_PER_WORKER = 25  # then a new one: compiled code piles up
 Tell = Callable[[str], None]
 

@@ -22,7 +22,7 @@ from benchmarks.hidden.cases import LOG, SEEDS, VESSEL, Case, Voyage, cases, mat
 from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.oracle import fitted, nrmse, with_effects
 from benchmarks.hidden.strengths import RECIPES, boats_for, strong
-from gateway.pipelines.trials import load_trials
+from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.trial import Trial
 from sim.vessel import Vessel

@@ -21,7 +21,7 @@ from benchmarks.paper.table5 import table_5
 from benchmarks.paper.table6 import table_6
 from benchmarks.paper.table7 import table_7
 from benchmarks.paper.table8 import table_8
-from gateway.pictures.draw import save
+from gateway.figures.matplotlib_draw import save
 
 HERE = Path(__file__).parent
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.pictures.figure_data import Axis, FigureData, Line, Panel, Role
+from gateway.figures.figure_data import Axis, FigureData, Line, Panel, Role
 from sim.state import Floats
 
 TIME = Axis("time", "s")

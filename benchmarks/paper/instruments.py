@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from benchmarks.hidden.scene import Report
 from benchmarks.hidden.sensors import ESTIMATE, Wander
 from gateway.estimation.settings import FilterSettings
-from gateway.pipelines.trials import AS_REPORTED
+from gateway.offline.trials import AS_REPORTED
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from benchmarks.paper.published import TABLE_7_FOLLOWING, Scores
 from benchmarks.paper.scoring import beside, scored
 from benchmarks.paper.voyage import clock_offset_s, logged, true_at
 from gateway.config import Settings
-from gateway.pictures.figure_data import FigureData, Role
-from gateway.pipelines.path import Shadowing, ShadowPath, follower_of
-from gateway.pipelines.replay import ReplayOptions, prepare
+from gateway.figures.figure_data import FigureData, Role
+from gateway.offline.replay import ReplayOptions, prepare
+from gateway.shadow.path import Shadowing, ShadowPath, follower_of
 from sim.following.reference import Mode, Reference
 from sim.model import Model
 from sim.state import Floats

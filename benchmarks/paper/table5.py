@@ -14,7 +14,7 @@ from benchmarks.paper.campaign import Campaign, Study
 from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_5_STD
 from benchmarks.paper.scoring import header, row
-from gateway.pictures.figure_data import Axis, Dots, FigureData, Level, Panel, Role
+from gateway.figures.figure_data import Axis, Dots, FigureData, Level, Panel, Role
 from sim.identification.intervals import Estimate
 from sim.identification.regression import SIGN, Regression
 from sim.identification.settings import BASE

@@ -15,7 +15,7 @@ from benchmarks.paper.drawing import Motion, tracks, velocities
 from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_6, Scores
 from benchmarks.paper.scoring import beside, reached, scored, spread
-from gateway.pictures.figure_data import FigureData, Role
+from gateway.figures.figure_data import FigureData, Role
 from sim.identification.settings import BASE
 from sim.identification.vessel_update import applied
 from sim.model import Model

@@ -21,11 +21,11 @@ from benchmarks.hidden.sensors import Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
 from benchmarks.paper.instruments import Instruments
-from gateway.ingest.boats import choose_boat
 from gateway.ingest.decoding import decode
+from gateway.ingest.mavlink.boats import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
-from gateway.pipelines.trials import TrialOptions, load_trials
+from gateway.offline.trials import TrialOptions, load_trials
 from sim.state import Floats
 from sim.trial import Trial
 

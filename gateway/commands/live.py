@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.given import effects_from, settings_from, tell_line, vessel_from
 from gateway.commands.options import (
     Config,
     EffectFiles,
@@ -16,6 +15,10 @@ from gateway.commands.options import (
     Reference,
     VesselFile,
     ZenohName,
+    effects_from,
+    settings_from,
+    tell_line,
+    vessel_from,
 )
 from gateway.errors import BadInput
 
@@ -57,8 +60,8 @@ def live(
     config: Config = None,
 ) -> None:
     """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
-    from gateway.pipelines.live import LiveOptions
-    from gateway.pipelines.run_live import plans_in, plans_of, run_until_stopped
+    from gateway.live.gateway import LiveOptions
+    from gateway.live.run import plans_in, plans_of, run_until_stopped
 
     settings = settings_from(config, reference, publish)
     if foxglove is not None:
@@ -107,15 +110,15 @@ def simulate(
     """Commands in, motion out, as a recording; with --live as a boat to try live mode on."""
     boat = vessel_from(vessel, effects)
     if live is not None:
-        from gateway.pipelines.play import play_until_stopped
+        from gateway.simulated_boat.session import play_until_stopped
 
         play_until_stopped(
             boat, live, tell_line, program=commands or "mixed", system=system, fast=fast, seed=seed,
             seconds=seconds,
         )  # fmt: skip
         return
-    from gateway.pipelines.simulate import simulate as work
-    from gateway.show.replay import show_simulated
+    from gateway.offline.simulate import simulate as work
+    from gateway.terminal.recordings import show_simulated
 
     if commands is None:
         raise BadInput("no commands: give a CSV, or --live ENDPOINT to play the boat")
@@ -138,7 +141,7 @@ def monitor(
     json: Annotated[bool, typer.Option("--json", help="Lines of JSON, one per vessel.")] = False,
 ) -> None:
     """Watch shadows in the terminal, from this machine or another: states, residuals, health."""
-    from gateway.monitor.run import MonitorOptions
-    from gateway.monitor.run import monitor as work
+    from gateway.terminal.monitor_loop import MonitorOptions
+    from gateway.terminal.monitor_loop import monitor as work
 
     work(MonitorOptions(connect, config, vessel), once, json)

@@ -5,8 +5,16 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.given import effects_from, print_result
-from gateway.commands.options import AsJson, EffectFiles, LogFiles, Mapping, System, VesselFile
+from gateway.commands.options import (
+    AsJson,
+    EffectFiles,
+    LogFiles,
+    Mapping,
+    System,
+    VesselFile,
+    effects_from,
+    print_result,
+)
 from gateway.errors import BadInput
 
 
@@ -39,11 +47,9 @@ def diagnose(
     json: AsJson = False,
 ) -> None:
     """Which physical effect is missing from the model, how sure that is, and what to do next."""
-    from gateway.pipelines.diagnose import diagnosed
-    from gateway.pipelines.diagnosed import check_folders
-    from gateway.pipelines.keep import kept
-    from gateway.show.diagnose import show_diagnosed
-    from gateway.show.progress import status
+    from gateway.offline.diagnose import check_folders, diagnosed, kept
+    from gateway.terminal.diagnose import show_diagnosed
+    from gateway.terminal.progress import status
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
@@ -68,9 +74,9 @@ def add(
     effects: EffectFiles = None,
 ) -> None:
     """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
-    from gateway.pipelines.add import add_effects
-    from gateway.pipelines.diagnosed import check_folders
-    from gateway.show.add import show_added
+    from gateway.offline.add import add_effects
+    from gateway.offline.diagnose import check_folders
+    from gateway.terminal.diagnose import show_added
 
     check_folders(out)
     done = add_effects(names, vessel, source, out, effects_from(effects))
@@ -88,8 +94,8 @@ def show_effects(
     effects: EffectFiles = None,
 ) -> None:
     """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
-    from gateway.effect_files import known_effects, write_own
-    from gateway.show.effects import show_catalogue, show_effect, show_own
+    from gateway.terminal.effects import show_catalogue, show_effect, show_own
+    from gateway.user_effects import known_effects, write_own
 
     known = [*known_effects(), *effects_from(effects)]
     if name is None and picture is not None:

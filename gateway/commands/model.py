@@ -5,8 +5,17 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.given import effects_from, print_result, vessel_from
-from gateway.commands.options import AsJson, EffectFiles, LogFiles, Mapping, System, VesselFile
+from gateway.commands.options import (
+    AsJson,
+    EffectFiles,
+    LogFiles,
+    Mapping,
+    System,
+    VesselFile,
+    effects_from,
+    print_result,
+    vessel_from,
+)
 from gateway.errors import BadInput
 
 
@@ -51,10 +60,10 @@ def identify(
     json: AsJson = False,
 ) -> None:
     """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
-    from gateway.pipelines.identify import Span, identify_logs, settings_of
-    from gateway.pipelines.stretches import exclusions_of
-    from gateway.show.identify import show_identified
-    from gateway.show.progress import status
+    from gateway.offline.identify import Span, identify_logs, settings_of
+    from gateway.offline.usable import exclusions_of
+    from gateway.terminal.model import show_identified
+    from gateway.terminal.progress import status
 
     settings = settings_of(free or (), fix or (), prior or (), method)
     with status("identifying") as tell:
@@ -90,9 +99,9 @@ def compare(
     json: AsJson = False,
 ) -> None:
     """How far is the model from the measurement, beside the noise floor, and where is it worst."""
-    from gateway.pipelines.compare import as_json, compare_logs
-    from gateway.show.compare import show_comparisons
-    from gateway.show.progress import status
+    from gateway.offline.compare import as_json, compare_logs
+    from gateway.terminal.model import show_comparisons
+    from gateway.terminal.progress import status
     from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
@@ -138,8 +147,8 @@ def plan(
     json: AsJson = False,
 ) -> None:
     """A manoeuvre to learn a boat by: predicted, then written as CSV and ArduPilot Lua."""
-    from gateway.pipelines.plan import PlanOptions, make_plan
-    from gateway.show.plan import show_manoeuvres, show_planned
+    from gateway.offline.plan import PlanOptions, make_plan
+    from gateway.terminal.model import show_manoeuvres, show_planned
     from sim.excitation.catalogue import MANOEUVRES
 
     if list_:

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.given import print_result, settings_from, vessel_from
 from gateway.commands.options import (
     AsJson,
     Config,
@@ -20,6 +19,9 @@ from gateway.commands.options import (
     System,
     VesselFile,
     ZenohName,
+    print_result,
+    settings_from,
+    vessel_from,
 )
 from gateway.errors import BadInput
 
@@ -30,7 +32,7 @@ def info(
     """What is in a recording: vehicles, messages, rates, gaps, sources, what it is good for."""
     from gateway.ingest.open import open_log
     from gateway.ingest.survey import survey
-    from gateway.show.survey import show_survey
+    from gateway.terminal.recordings import show_survey
 
     found = survey(open_log(log, mapping), system)
     print_result(json, found.as_dict, lambda: show_survey(found))
@@ -49,8 +51,8 @@ def init(
     force: Annotated[bool, typer.Option(help="Replace the file if it is there.")] = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
-    from gateway.pipelines.first_vessel import init_vessel
-    from gateway.show.vessel import show_first_vessel
+    from gateway.offline.first_vessel import init_vessel
+    from gateway.terminal.recordings import show_first_vessel
 
     asked = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
     given = {key: value for key, value in asked.items() if value is not None}
@@ -74,9 +76,9 @@ def replay(
     json: AsJson = False,
 ) -> None:
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
-    from gateway.pipelines import replay as work
-    from gateway.show.progress import progress
-    from gateway.show.replay import replays_dict, show_replay
+    from gateway.offline import replay as work
+    from gateway.terminal.progress import progress
+    from gateway.terminal.recordings import replays_dict, show_replay
 
     recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
     settings = settings_from(config, reference, publish, recorded)
@@ -98,7 +100,7 @@ def replay(
 
 def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> None:
     """Make a recording whole that was cut off (power, kill): rewritten in one piece."""
-    from gateway.recording import repair as work
+    from gateway.recording.reader import repair as work
 
     done = work(file)
     state = "was whole already" if done.was_finished else f"made whole: {done.messages} messages"

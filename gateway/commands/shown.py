@@ -5,8 +5,18 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.given import effects_from, print_result, settings_from, tell_line
-from gateway.commands.options import AsJson, Config, EffectFiles, LogFiles, Mapping, System
+from gateway.commands.options import (
+    AsJson,
+    Config,
+    EffectFiles,
+    LogFiles,
+    Mapping,
+    System,
+    effects_from,
+    print_result,
+    settings_from,
+    tell_line,
+)
 
 
 def report(
@@ -27,9 +37,9 @@ def report(
     json: AsJson = False,
 ) -> None:
     """One self-contained HTML file to mail: pictures, numbers, the vessel file, what is missing."""
-    from gateway.pipelines.report import make_report
-    from gateway.show.progress import status
-    from gateway.show.report import show_reported
+    from gateway.offline.report import make_report
+    from gateway.terminal.progress import status
+    from gateway.terminal.recordings import show_reported
 
     with status("report") as tell:
         done = make_report(
@@ -84,7 +94,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path("shadow-out/demo"),
 ) -> None:
     """The whole story on recordings that ship: replay, compare, diagnose, add, compare. Offline."""
-    from gateway.pipelines.demo import run_demo
+    from gateway.demo import run_demo
 
     run_demo(out)
 

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gateway.estimation.measurement import Work, symmetrise
 from gateway.estimation.motion import COLUMNS, ROWS
 from gateway.estimation.names import STATES, State
-from gateway.estimation.update import Work, symmetrise
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION

@@ -1,14 +1,39 @@
-"""The filter's loop over events in order of receipt: the one that runs live and in replay."""
+"""The filter's loop over events in order of receipt: the one that runs live and in replay.
+
+What the filter's covariance leaves out: a heading that is off by a slowly changing angle e.
+
+    ψ + e    (u + e v, v − e u)    (u̇ + e v̇, v̇ − e u̇)         [rad, m/s, m/s²]
+
+are what the filter sees where ψ, (u, v), (u̇, v̇) are true. Nothing tells e from motion, so it is
+no state: linearised filters believe that they learn such an angle, and turn a good sway into a
+bad one. Its variance is added to what is reported.
+
+The filter as its users see it: events in, rows out, and a state that is a value.
+
+The state is a pure function of the ordered events: it does not matter how they are cut into
+chunks. Live gives chunks of a few events, replay whole arrays, to the same compiled loop.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimation.history import COUNT, REFUSED_RUN, History, insert, place, restart
-from gateway.estimation.names import KINDS, Flag
-from gateway.estimation.settings import Model
+from gateway.estimation.events import Events
+from gateway.estimation.history import (
+    COUNT,
+    REFUSED_RUN,
+    History,
+    copied,
+    insert,
+    new_history,
+    place,
+    restart,
+)
+from gateway.estimation.measurement import Work, new_work
+from gateway.estimation.names import KINDS, Flag, State
+from gateway.estimation.settings import FilterSettings, Model
 from gateway.estimation.step import valid
-from gateway.estimation.uncertainty import add_heading_error, heading_slope
-from gateway.estimation.update import Work, new_work
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
@@ -87,3 +112,113 @@ def run(
         flags |= report(history, model, out_motion[k], out_std[k], out_covariance[k])
         out_time[k] = history.time[(history.counts[COUNT] - 1) % len(history.time)]
         out_nis[k], out_used[k], out_flags[k] = nis, used, flags
+
+
+@compiled
+def heading_slope(i: int, x: Floats) -> float:
+    """How component i of the motion (9,) moves with the heading error: unit of i per rad."""
+    if i == State.YAW:
+        return 1.0
+    if i == State.U:
+        return float(x[State.V])
+    if i == State.V:
+        return float(-x[State.U])
+    if i == State.U_DOT:
+        return float(x[State.V_DOT])
+    if i == State.V_DOT:
+        return float(-x[State.U_DOT])
+    return 0.0
+
+
+@compiled
+def add_heading_error(x: Floats, sigma: float, covariance: Floats) -> None:
+    """Adds to the covariance (9, 9) of the motion x (9,) that of a heading error of std sigma."""
+    for i in range(MOTION):
+        for j in range(MOTION):
+            covariance[i, j] += sigma * sigma * heading_slope(i, x) * heading_slope(j, x)
+
+
+@dataclass(frozen=True)
+class FilterState:
+    """All that the filter remembers. Never changed: `advance` returns a new one."""
+
+    history: History
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What the filter says after each event.
+
+    time_s      (K,)       of the estimate: of the newest event so far, not of a late one
+    motion      (K, 9)     eta, nu, nu_dot, columns as in `State`
+    std         (K, 9)     their standard deviations
+    covariance  (K, 9, 9)  of the motion, or (K, 0, 0) where it was not asked for
+    nis         (K,)       normalised innovation squared of the event
+    used        (K,)       components used: degrees of freedom of `nis`; 0 where none was
+    flags       (K,)       bits of `Flag`
+    """
+
+    time_s: Floats
+    motion: Floats
+    std: Floats
+    covariance: Floats
+    nis: Floats
+    used: NDArray[np.int8]
+    flags: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def has(self, flag: Flag) -> NDArray[np.bool_]:
+        """Which rows carry that flag: (K,)."""
+        return np.asarray((self.flags & int(flag)) != 0)
+
+
+class Estimator:
+    """A filter with its settings; it holds no state of its own."""
+
+    def __init__(self, settings: FilterSettings | None = None) -> None:
+        self.settings = settings or FilterSettings()
+        self._model = self.settings.model()
+
+    def start(self) -> FilterState:
+        """The state before the first event."""
+        return FilterState(new_history(self.settings.history_events, self._model))
+
+    def advance(
+        self, state: FilterState, events: Events, covariance: bool = False, spend: bool = False
+    ) -> tuple[FilterState, Rows]:
+        """Takes K events in the order of their receipt -> the state after them, K rows.
+
+        `spend`: the caller has no more use for `state`, its memory (0.4 MB) becomes the new one's.
+        """
+        history = state.history if spend else copied(state.history)
+        rows = _empty_rows(len(events), MOTION if covariance else 0)
+        run(
+            history,
+            events.time_s,
+            events.kind,
+            events.z,
+            events.std,
+            self._model,
+            rows.time_s,
+            rows.motion,
+            rows.std,
+            rows.covariance,
+            rows.nis,
+            rows.used,
+            rows.flags,
+        )
+        return FilterState(history), rows
+
+
+def _empty_rows(count: int, size: int) -> Rows:
+    return Rows(
+        np.empty(count),
+        np.empty((count, MOTION)),
+        np.empty((count, MOTION)),
+        np.empty((count, size, size)),
+        np.empty(count),
+        np.empty(count, np.int8),
+        np.empty(count, np.uint8),
+    )

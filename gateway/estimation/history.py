@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gateway.estimation.measurement import Work
 from gateway.estimation.names import KINDS, RECORDS, STATES
 from gateway.estimation.settings import Model
 from gateway.estimation.step import advance_to, begin, take_in
-from gateway.estimation.update import Work
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 

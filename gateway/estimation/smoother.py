@@ -22,14 +22,13 @@ from gateway.estimation.backward import (
     new_trace,
     smoothed,
 )
-from gateway.estimation.events import Events
+from gateway.estimation.events import NO_GRID, Events, Timeline, segments
+from gateway.estimation.filter import add_heading_error
+from gateway.estimation.measurement import new_work
 from gateway.estimation.motion import predict, predict_about
 from gateway.estimation.names import KINDS, RECORDS, STATES, Flag
 from gateway.estimation.settings import FilterSettings, Model
 from gateway.estimation.step import begin, take_in, valid
-from gateway.estimation.timeline import NO_GRID, Timeline, segments
-from gateway.estimation.uncertainty import add_heading_error
-from gateway.estimation.update import new_work
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION

@@ -8,11 +8,10 @@ a row fail, the boat has begun to turn faster than was assumed, and the turn is 
 
 import numpy as np
 
+from gateway.estimation.measurement import Work, observe, update, weigh
 from gateway.estimation.motion import predict
 from gateway.estimation.names import STATES, Flag, Kind, Record, State
-from gateway.estimation.observe import observe
 from gateway.estimation.settings import Model
-from gateway.estimation.update import Work, update, weigh
 from gateway.jit import compiled
 from sim.state import Floats, wrap
 

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.ingest.boats import Boat
 from gateway.ingest.clock import BoatClock, ClockReport
 from gateway.ingest.clock_step import UNIX_FROM_US, Verdict
-from gateway.ingest.csv_log import CsvLog
-from gateway.ingest.gyro import without_bias
-from gateway.ingest.lanes import primary_lane
+from gateway.ingest.csv.log import CsvLog
+from gateway.ingest.dataflash.log import primary_lane, without_bias
 from gateway.ingest.log import Log, Table
 from gateway.ingest.mapping.rule import Counter, Rule, instance_of
 from gateway.ingest.mapping.table import rules
+from gateway.ingest.mavlink.boats import Boat
 from gateway.samples import Quantity, Samples
 from sim.state import Ints
 

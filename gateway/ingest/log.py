@@ -1,11 +1,54 @@
-"""What every kind of recording is turned into: columns by message, and counts of what was odd."""
+"""Records in a row -> one contiguous array per field.
 
-from collections.abc import Mapping
+Text fields of a log: bytes or str, with what stands behind a NUL.
+
+What every kind of recording is turned into: columns by message, and counts of what was odd.
+"""
+
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+Array = TypeVar("Array", bound=NDArray[np.generic])
+
+
+def columns(records: NDArray[np.void], fields: Iterable[str]) -> dict[str, NDArray[np.generic]]:
+    """Records (K,) -> field -> (K,) or (K, n), aligned, read-only; text ends at its first NUL."""
+    return {name: frozen(column(records[name])) for name in fields}
+
+
+def column(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    """One field of packed records -> the same values side by side."""
+    aligned = np.ascontiguousarray(values)
+    return until_nul(aligned) if aligned.dtype.kind == "S" else aligned
+
+
+def until_nul(raw: NDArray[np.bytes_]) -> NDArray[np.bytes_]:
+    """Text (K,) without what stands behind a NUL."""
+    characters = raw.view(np.uint8).reshape(-1, raw.dtype.itemsize)
+    inside = np.logical_and.accumulate(characters != 0, axis=1)
+    return np.where(inside, characters, 0).astype(np.uint8).view(raw.dtype).reshape(-1)
+
+
+def frozen(array: Array) -> Array:
+    """The same array, read-only."""
+    array.setflags(write=False)
+    return array
+
+
+def text(value: Any) -> str:
+    """One field -> str without what stands behind a NUL; bytes that are no UTF-8 become marks."""
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", errors="replace")
+    return str(value).split("\0", 1)[0].strip()
+
+
+def texts(column: Iterable[Any]) -> list[str]:
+    """A column of fields -> list of str."""
+    return [text(value) for value in column]
 
 
 @dataclass(frozen=True)

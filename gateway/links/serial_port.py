@@ -8,9 +8,8 @@ import time
 
 from gateway.errors import BadInput
 from gateway.links.endpoint import Endpoint
-from gateway.links.items import Kind
-from gateway.links.waker import Closing, Waker
-from gateway.links.wire import READ, Arrival, Peer, Report
+from gateway.links.inbox import Kind
+from gateway.links.transport import READ, Arrival, Closing, Peer, Report, Waker
 
 SPEEDS = {
     int(name[1:]): getattr(termios, name)

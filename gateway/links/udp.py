@@ -6,9 +6,8 @@ import socket
 import time
 
 from gateway.links.endpoint import Endpoint, Kind
-from gateway.links.items import Kind as Event
-from gateway.links.waker import Closing, Waker
-from gateway.links.wire import READ, Arrival, Peer, Report, resolve
+from gateway.links.inbox import Kind as Event
+from gateway.links.transport import READ, Arrival, Closing, Peer, Report, Waker, resolve
 
 BUFFER = 4 * 1024 * 1024  # asked of the kernel: bursts wait there while the interpreter is busy
 

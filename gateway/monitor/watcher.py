@@ -1,4 +1,6 @@
-"""Subscribes to what gateways publish and keeps the latest of it.
+"""A session that only watches: a client of whoever listens there, or what a file describes.
+
+Subscribes to what gateways publish and keeps the latest of it.
 
 zenoh's callbacks only put bytes away; decoding happens when somebody looks, a few times a second.
 A vessel that shows up is asked for its last values, so that slow topics are there at once.
@@ -9,15 +11,44 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 from threading import Lock
 from types import TracebackType
 from typing import Any, Self
 
+import orjson
 import zenoh
 from zenoh import ext
 
-from gateway.monitor.picture import Latest, Message, VesselPicture, decode, plain
+from gateway.bus import BusSettings, open_session
+from gateway.errors import BadInput
+from gateway.monitor.vessel_view import Latest, Message, VesselPicture, decode, plain
 from gateway.topics import TOPICS
+
+
+def join(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
+    """Join the gateway or router at `endpoint`; None while nobody answers there."""
+    if config_file is not None:
+        return open_session(BusSettings(config_file=config_file))
+    config = _client(endpoint)
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError:
+        return None
+
+
+def _client(endpoint: str) -> zenoh.Config:
+    """It listens nowhere and looks for nobody else; zenoh itself joins again when a link broke."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "false")
+    try:
+        config.insert_json5("connect/endpoints", orjson.dumps([endpoint]).decode())
+    except zenoh.ZError:
+        raise BadInput(f"--connect {endpoint}: expected tcp/HOST:PORT or tls/HOST:PORT") from None
+    return config
+
 
 PACE = "shadow"  # the topic whose rate is told
 PATIENCE_S = 5.0  # for answers

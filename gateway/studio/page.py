@@ -15,10 +15,10 @@ from typing import Any, ClassVar
 import panel as pn
 
 from gateway.errors import ShadowError
-from gateway.pictures.bokeh_draw import Picture, Stage
-from gateway.pictures.figure_data import FigureData
-from gateway.pictures.look import LIGHT, LOOKS
-from gateway.studio.desk import Desk
+from gateway.figures.bokeh_draw import Picture, Stage
+from gateway.figures.figure_data import FigureData
+from gateway.figures.style import LIGHT, LOOKS
+from gateway.studio.session import Desk
 from gateway.studio.widgets import button, drawn, html
 from gateway.studio.worker import BUG
 from sim.effects.effect import LawError

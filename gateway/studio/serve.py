@@ -18,20 +18,19 @@ from tornado.websocket import WebSocketClosedError
 
 from gateway.bus import DEFAULT_ENDPOINT
 from gateway.errors import BadInput
-from gateway.monitor.run import MonitorOptions
-from gateway.studio.desk import Desk
-from gateway.studio.folders import Folders
-from gateway.studio.guard import Guard, new_token
-from gateway.studio.live_book import LiveBook
+from gateway.studio.access import Folders, Guard, new_token
+from gateway.studio.live_history import LiveBook
 from gateway.studio.page import Page
 from gateway.studio.pages.compare import Compare
 from gateway.studio.pages.diagnose import Diagnose
 from gateway.studio.pages.live import Live
 from gateway.studio.pages.recordings import Recordings
 from gateway.studio.pages.vessel import VesselPage
+from gateway.studio.session import Desk
 from gateway.studio.settings import StudioSettings
 from gateway.studio.widgets import dress
 from gateway.studio.worker import BUG
+from gateway.terminal.monitor_loop import MonitorOptions
 
 HOME = Path(__file__).parents[2]
 DEMO_LOGS = (HOME / "recordings/voyage_1.tlog", HOME / "recordings/voyage_2.tlog")

@@ -9,22 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from gateway.effect_files import known_effects, load_effects
 from gateway.errors import BadInput
+from gateway.figures import diagnosis as diagnosis_pictures
+from gateway.figures import error_against, forces, track, velocities
+from gateway.figures.diagnosis import Step, name_of
+from gateway.figures.figure_data import FigureData, Line, Panel, Role
+from gateway.figures.residuals import residuals
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
-from gateway.pictures import diagnosed as diagnosis_pictures
-from gateway.pictures import error_against, forces, track, velocities
-from gateway.pictures.figure_data import FigureData, Line, Panel, Role
-from gateway.pictures.residuals import residuals
-from gateway.pictures.steps import Step, name_of
-from gateway.pipelines.add import DiagnosisFile, added
-from gateway.pipelines.diagnose import diagnosed
-from gateway.pipelines.diagnosed import Diagnosed
-from gateway.pipelines.report import report_of, write_report
-from gateway.pipelines.side_by_side import Compared, compared_trial, told_apart
-from gateway.pipelines.trials import load_trials
+from gateway.offline.add import DiagnosisFile, added
+from gateway.offline.compare import Compared, compared_trial, told_apart
+from gateway.offline.diagnose import Diagnosed, diagnosed
+from gateway.offline.report import report_of, write_report
+from gateway.offline.trials import load_trials
 from gateway.studio.views import Found, Other, Row, Rung, TrialView, VesselView, Worst
+from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
 from sim.comparison.regimes import regimes_of

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.pictures.figure_data import FigureData
-from gateway.pictures.steps import Step
+from gateway.figures.diagnosis import Step
+from gateway.figures.figure_data import FigureData
 from sim.state import Floats
 
 Ranges = tuple[tuple[float, float], ...]

@@ -7,7 +7,7 @@ from typing import Any
 
 import panel as pn
 
-from gateway.glossary import GLOSSARY
+from gateway.figures.html_report import GLOSSARY
 
 # Reaches into every widget: each lives in a shadow root, where the page's own rules end.
 STYLE = """

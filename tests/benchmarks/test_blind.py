@@ -9,7 +9,7 @@ from benchmarks.hidden.score import SINGLE, rows_of
 
 @pytest.mark.slow
 def test_most_of_the_small_set_is_diagnosed_right(tmp_path):
-    pytest.importorskip("gateway.pipelines.diagnose")
+    pytest.importorskip("gateway.offline.diagnose")
     assert main(["--set", "small", "--no-judge", "--out", str(tmp_path)]) == 0
     rows = rows_of(tmp_path, [case.name for case in chosen("small", "", "", 0)])
     by = {family: [r for r in rows if r.truth["family"] == family] for family in (*SINGLE, "none")}

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.pictures.album import album
-from gateway.pictures.bokeh_draw import Picture, Stage
-from gateway.pictures.bokeh_marks import add, columns
-from gateway.pictures.figure_data import Axis, FigureData, Line, Panel, Role
-from gateway.pictures.look import DARK, LIGHT
-from gateway.pictures.palette import COLOUR
-from gateway.pictures.velocities import TIME, horizon_runs
+from gateway.figures.album import album
+from gateway.figures.bokeh_draw import Picture, Stage
+from gateway.figures.bokeh_marks import add, columns
+from gateway.figures.figure_data import Axis, FigureData, Line, Panel, Role
+from gateway.figures.style import COLOUR, DARK, LIGHT
+from gateway.figures.velocities import TIME, horizon_runs
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage

@@ -19,8 +19,8 @@ import typer
 
 from gateway import cli
 from gateway.config import Settings, as_tables, load_settings
-from gateway.ingest.csv_mapping import QUANTITIES
-from gateway.recording import Recording
+from gateway.ingest.csv.mapping_file import QUANTITIES
+from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel, load_vessel
 from tests.conftest import ROOT
 from tests.gateway.pipelines.sailing import parameters, tlog, voyage

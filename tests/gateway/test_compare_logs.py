@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.pipelines.compare import as_json, compare_logs
-from gateway.pipelines.side_by_side import told_apart
-from gateway.show.compare import show_comparisons
+from gateway.offline.compare import as_json, compare_logs, told_apart
+from gateway.terminal.model import show_comparisons
 from sim.trial import Stretch
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
@@ -24,7 +23,7 @@ def logs(monkeypatch):
         excluded=(Stretch(0.0, 60.0, "disarmed"),),
     )  # fmt: skip
     trials = {"both.tlog": [good, idle], "idle.tlog": [idle]}
-    monkeypatch.setattr("gateway.pipelines.side_by_side.load_trials", lambda log, *_: trials[log])
+    monkeypatch.setattr("gateway.offline.compare.load_trials", lambda log, *_: trials[log])
 
 
 def test_one_entry_per_trial_and_vessel(logs):

@@ -8,8 +8,8 @@ import pytest
 from gateway.config import Settings, as_tables, as_toml, load_settings, settings_of
 from gateway.errors import BadInput
 from gateway.estimation.settings import SOURCES
-from gateway.links.rates import FULL_HZ, RADIO_HZ
-from gateway.recording_file import Compression
+from gateway.links.rate_requests import FULL_HZ, RADIO_HZ
+from gateway.recording.file import Compression
 from sim.following.follower import Law
 from sim.following.reference import Mode
 

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from gateway import cli
-from gateway.effect_files import load_effects
-from gateway.pictures.diagnosed import album, rivals
-from gateway.pictures.draw import save
-from gateway.pictures.figure_data import Dots, Level, Line
-from gateway.pipelines.diagnose import diagnosed
-from gateway.pipelines.diagnosed import Diagnosed
-from gateway.pipelines.keep import kept
+from gateway.figures.diagnosis import album, rivals
+from gateway.figures.figure_data import Dots, Level, Line
+from gateway.figures.matplotlib_draw import save
+from gateway.offline.diagnose import Diagnosed, diagnosed, kept
+from gateway.user_effects import load_effects
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from sim.diagnosis.answer import Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings
@@ -69,7 +67,7 @@ def trial():
 def found(folder, trial):
     """A real diagnosis, of two effects only."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gateway.pipelines.trials.load_trials", lambda *_: [trial])
+        patch.setattr("gateway.offline.trials.load_trials", lambda *_: [trial])
         return diagnosed(["voyage.tlog"], folder / "boat.toml", settings=FEW)
 
 
@@ -101,7 +99,7 @@ def ready(found, monkeypatch):
         asked.update(options, given=given)
         return found
 
-    monkeypatch.setattr("gateway.pipelines.diagnose.diagnosed", instead)
+    monkeypatch.setattr("gateway.offline.diagnose.diagnosed", instead)
     return asked
 
 
@@ -272,7 +270,7 @@ def test_a_users_effect_that_was_found_is_named_with_its_file(shadow, saved, fol
 
 
 def test_look_alikes_are_told_with_what_separates_them(found, capsys):
-    from gateway.show.diagnose import show_diagnosed
+    from gateway.terminal.diagnose import show_diagnosed
 
     tied = tuple(
         replace(c, confounded_with=tuple({"steady_current", "heading_offset"} - {c.effect}))
@@ -300,7 +298,7 @@ def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
 
 
 def test_nothing_to_improve_writes_no_vessel(found, tmp_path, capsys):
-    from gateway.show.diagnose import show_diagnosed
+    from gateway.terminal.diagnose import show_diagnosed
 
     whole = replace(
         found.diagnosis, verdict=Verdict.ADEQUATE, effects=(), base_changed=False,
@@ -320,7 +318,7 @@ def test_two_recordings_have_a_current_each_and_the_vessel_holds_that_of_the_fir
         "a.tlog": [replace(sailed(80.0, (0.0, 0.3), 1), name="a")],
         "b.tlog": [replace(sailed(100.0, (-0.2, 0.0), 2), name="b")],
     }
-    monkeypatch.setattr("gateway.pipelines.trials.load_trials", lambda log, *_: days[log])
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda log, *_: days[log])
     both = diagnosed(list(days), folder / "boat.toml", settings=FEW)
     rung = both.as_dict()["ladder"][-1]
     assert rung["parameters"]["steady_current"]["speed"]["value"] == pytest.approx(0.3, abs=0.03)
@@ -347,7 +345,7 @@ def test_the_pictures_show_the_numbers_of_the_answer(found, tmp_path):
 
 
 def test_compare_refits_what_is_of_the_day(shadow, trial, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("gateway.pipelines.side_by_side.load_trials", lambda *_: [trial])
+    monkeypatch.setattr("gateway.offline.compare.load_trials", lambda *_: [trial])
     other = replace(WAM_V, name="other day").with_effects(found_current())
     (tmp_path / "other.toml").write_text(dump_vessel(other))
     words = ("compare", "a.tlog", "-v", folder / "boat.toml", "-v", tmp_path / "other.toml")
@@ -360,7 +358,7 @@ def test_compare_refits_what_is_of_the_day(shadow, trial, folder, tmp_path, monk
     assert "estimated anew" in shadow(*words, "--refit", "voyage")[1]
     refused(shadow(*words, "--refit", "boat"), "--refit boat: expected voyage")
     short = replace(trial, usable=trial.time < 50.0)
-    monkeypatch.setattr("gateway.pipelines.side_by_side.load_trials", lambda *_: [short])
+    monkeypatch.setattr("gateway.offline.compare.load_trials", lambda *_: [short])
     refused(shadow(*words, "--refit", "voyage"), "--refit needs 4 blocks of 25 s")
 
 
@@ -376,7 +374,7 @@ def test_an_effect_draws_itself(shadow, tmp_path):
 
 def test_numbers_that_were_guessed_may_be_far_off(trial, tmp_path, monkeypatch):
     """The file says so itself: nobody has to think of --prior."""
-    monkeypatch.setattr("gateway.pipelines.trials.load_trials", lambda *_: [trial])
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: [trial])
     d = WAM_V.dynamics
     far = replace(WAM_V, dynamics=replace(d, X_u=2.2 * d.X_u, X_uu=2.0 * d.X_uu, N_r=0.4 * d.N_r))
     mark = '\n[provenance."dynamics.m11"]\nsays = "guessed from size: identify it"\n'

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gateway.effect_files import load_effects
 from gateway.errors import BadInput
+from gateway.user_effects import load_effects
 from sim.model import Model
 from sim.vessel import AddedEffect
 from tests.sim.vessels import WAMV, excitation

@@ -4,8 +4,8 @@ import numpy as np
 import orjson
 import pytest
 
-from gateway import foxglove
-from gateway.foxglove_rows import PlayerRows
+from gateway.recording import foxglove
+from gateway.recording.foxglove import PlayerRows
 
 HZ, STEP_NS = 10.0, 100_000_000
 ROW = {"receive_time_ns": 0, "north_m": 1.0, "east_m": 2.0, "yaw_rad": 0.3}
@@ -41,7 +41,7 @@ def test_nothing_is_made_for_channels_that_nobody_wants(monkeypatch: pytest.Monk
     rows = PlayerRows(HZ)
     only = shown(rows, [5], wanted=lambda channel: channel.topic == BOAT)
     assert set(only) == {BOAT}
-    monkeypatch.setattr("gateway.foxglove_rows.orjson.loads", None)  # whoever calls it fails
+    monkeypatch.setattr("gateway.recording.foxglove.orjson.loads", None)  # whoever calls it fails
     monkeypatch.setattr(rows, "_thinned", None)
     assert shown(rows, [5 * STEP_NS], wanted=lambda channel: False) == {}
 

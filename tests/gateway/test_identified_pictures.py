@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gateway.pictures.draw import save
-from gateway.pictures.figure_data import Dots, Line, Role
-from gateway.pictures.identified import album, parameters
+from gateway.figures.figure_data import Dots, Line, Role
+from gateway.figures.identification import album, parameters
+from gateway.figures.matplotlib_draw import save
 from sim.identification.intervals import Estimate
 from sim.model import Model
 from sim.prediction.free_runs import predict

@@ -7,7 +7,7 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway import foxglove
+from gateway.recording import foxglove
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gateway.messages import Value, encode, encode_rows
+from gateway.json_rows import Value, encode, encode_rows
 from gateway.topics import TOPICS, Kind
 
 VEHICLE, RECEIVED = 1_700_000_000_123_456_789, 1_700_000_000_200_000_001

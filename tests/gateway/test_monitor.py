@@ -18,10 +18,9 @@ import pytest
 from rich.console import Console
 
 from gateway.bus import Bus, BusSettings, open_session
-from gateway.monitor.joining import join
-from gateway.monitor.picture import Latest, VesselPicture, decode
-from gateway.monitor.watcher import Watcher
-from gateway.show.monitor import monitor_view
+from gateway.monitor.vessel_view import Latest, VesselPicture, decode
+from gateway.monitor.watcher import Watcher, join
+from gateway.terminal.monitor import monitor_view
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
 from tests.gateway.test_schemas import some_message

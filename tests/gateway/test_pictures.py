@@ -8,12 +8,12 @@ import pytest
 from PIL import Image
 
 from gateway.errors import BadInput, ShadowError
-from gateway.pictures.album import album
-from gateway.pictures.draw import add, draw, save
-from gateway.pictures.error_against import shares, strips
-from gateway.pictures.figure_data import Coloured, FigureData, Line, Role, Strip
-from gateway.pictures.palette import COLOUR, LITTLE_TO_MUCH
-from gateway.pictures.velocities import free_run, horizon_runs
+from gateway.figures.album import album
+from gateway.figures.error_against import shares, strips
+from gateway.figures.figure_data import Coloured, FigureData, Line, Role, Strip
+from gateway.figures.matplotlib_draw import add, draw, save
+from gateway.figures.style import COLOUR, LITTLE_TO_MUCH
+from gateway.figures.velocities import free_run, horizon_runs
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, simulated, trial_of, voyage

@@ -13,10 +13,10 @@ import jsonschema
 import pytest
 from mcap.reader import make_reader
 
-from gateway import foxglove
 from gateway.errors import ShadowError
-from gateway.recorder import Recorder, RecordingSettings
-from gateway.recording_file import Compression
+from gateway.recording import foxglove
+from gateway.recording.file import Compression
+from gateway.recording.recorder import Recorder, RecordingSettings
 from gateway.topics import TOPICS
 from tests.gateway.voyages import (
     LATE,

@@ -13,10 +13,10 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from gateway.errors import BadInput, ShadowError
-from gateway.ingest.mcap_log import McapLog
-from gateway.recorder import Recorder, RecordingSettings
-from gateway.recording import Recording, repair
-from gateway.recording_file import Compression
+from gateway.ingest.mavlink.mcap import McapLog
+from gateway.recording.file import Compression
+from gateway.recording.reader import Recording, repair
+from gateway.recording.recorder import Recorder, RecordingSettings
 from tests.conftest import ROOT
 from tests.gateway.voyages import LATE, METADATA, VESSEL, event, frames_of, record, rows_of, times
 
@@ -143,7 +143,7 @@ def test_repair_refuses_a_file_that_may_still_be_written(tmp_path: Path) -> None
 WRITER = """
 import sys, time
 from pathlib import Path
-from gateway.recorder import Recorder
+from gateway.recording.recorder import Recorder
 from tests.gateway.voyages import rows_of, frames_of, VESSEL, METADATA
 frame = frames_of(1)
 path = Path(sys.argv[1])

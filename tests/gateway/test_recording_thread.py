@@ -9,12 +9,12 @@ from typing import IO, Any
 import numpy as np
 import pytest
 
-from gateway import recording_thread
 from gateway.errors import ShadowError
-from gateway.messages import Rows
-from gateway.recorder import Recorder, RecordingSettings, open_new
-from gateway.recording import TICK_LINK, Recording
-from gateway.recording_thread import Raw, RecordingThread, merged
+from gateway.json_rows import Rows
+from gateway.recording import thread as thread_module
+from gateway.recording.reader import TICK_LINK, Recording
+from gateway.recording.recorder import Recorder, RecordingSettings, open_new
+from gateway.recording.thread import Raw, RecordingThread, merged
 from tests.gateway.voyages import event, rows_of
 
 START = 1_700_000_000_000_000_000
@@ -114,9 +114,9 @@ def test_a_disk_that_hangs_delays_nobody_and_nothing_is_lost(
 def test_derived_topics_go_first_and_drops_are_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_thread, "DERIVED_LIMIT", 100)
-    monkeypatch.setattr(recording_thread, "RAW_LIMIT", 200)
-    monkeypatch.setattr(recording_thread, "WRITE_S", 60.0)
+    monkeypatch.setattr(thread_module, "DERIVED_LIMIT", 100)
+    monkeypatch.setattr(thread_module, "RAW_LIMIT", 200)
+    monkeypatch.setattr(thread_module, "WRITE_S", 60.0)
     with RecordingThread(recorder(tmp_path / "a.mcap")) as thread:
         for k in range(150):
             thread.rows([row(k)])
@@ -133,7 +133,7 @@ def test_derived_topics_go_first_and_drops_are_counted(
 def test_after_a_failure_it_only_counts(
     tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_thread, "WRITE_S", 0.001)
+    monkeypatch.setattr(thread_module, "WRITE_S", 0.001)
     broken = recorder(tmp_path / "a.mcap")
 
     def fail(*_: Any) -> None:
@@ -155,7 +155,7 @@ def test_after_a_failure_it_only_counts(
 def test_a_disk_that_never_finishes_is_left_behind(
     tmp_path: Path, go: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_thread, "FINISH_S", 0.2)
+    monkeypatch.setattr(thread_module, "FINISH_S", 0.2)
     with RecordingThread(stuck(tmp_path / "a.mcap", go)) as thread:
         go.clear()
         thread.raw("a", START, [b"frame"])

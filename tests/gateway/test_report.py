@@ -7,9 +7,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.pipelines.report import report_of, write_report
-from gateway.pipelines.side_by_side import Compared
-from gateway.report import LARGEST, Recording, Report, Shown, render
+from gateway.figures.html_report import LARGEST, Recording, Report, Shown, render
+from gateway.offline.compare import Compared
+from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage

@@ -8,10 +8,9 @@ import jsonschema
 import pytest
 from mcap.reader import make_reader
 
-from gateway.messages import encode
-from gateway.recorder import Recorder
-from gateway.schemas import schema_files, write_schemas
-from gateway.topics import TOPICS, Kind
+from gateway.json_rows import encode
+from gateway.recording.recorder import Recorder
+from gateway.topics import TOPICS, Kind, schema_files, write_schemas
 from tests.conftest import ROOT
 
 FOLDER = ROOT / "docs" / "schemas"
@@ -42,7 +41,7 @@ def strict(text: bytes) -> Any:
 
 def test_the_files_are_current() -> None:
     found = {path.name: path.read_bytes() for path in FOLDER.iterdir()}
-    assert found == schema_files(), "run: python -m gateway.schemas docs/schemas"
+    assert found == schema_files(), "run: python -m gateway.topics docs/schemas"
 
 
 def test_a_topic_that_is_no_more_leaves_no_file(tmp_path: Path) -> None:

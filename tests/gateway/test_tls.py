@@ -10,7 +10,7 @@ import pytest
 
 from gateway.bus import Bus, BusSettings
 from gateway.errors import ShadowError
-from gateway.monitor.joining import join
+from gateway.monitor.watcher import join
 from tests.conftest import ROOT
 from tests.gateway.voyages import rows_of
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.effect_files import load_effects
 from gateway.errors import BadInput
+from gateway.user_effects import load_effects
 from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel

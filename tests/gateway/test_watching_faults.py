@@ -14,9 +14,8 @@ from typing import Any
 import pytest
 
 from gateway.bus import Bus, BusSettings
-from gateway.monitor.joining import join
-from gateway.monitor.picture import VesselPicture
-from gateway.monitor.watcher import Watcher
+from gateway.monitor.vessel_view import VesselPicture
+from gateway.monitor.watcher import Watcher, join
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
 from tests.gateway.test_schemas import some_message

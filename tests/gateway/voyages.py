@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.messages import Rows, encode, encode_rows
-from gateway.recorder import Recorder
-from gateway.recording_file import Attachment
+from gateway.json_rows import Rows, encode, encode_rows
+from gateway.recording.file import Attachment
+from gateway.recording.recorder import Recorder
 from gateway.topics import TOPICS, Kind
 
 START = 1_700_000_000_000_000_000

@@ -1,12 +1,89 @@
-"""LOCAL_POSITION_NED, GLOBAL_POSITION_INT, GPS_RAW_INT, VFR_HUD, ODOMETRY, GPS_GLOBAL_ORIGIN."""
+"""ATTITUDE, ATTITUDE_QUATERNION: yaw, body yaw rate, roll and pitch [rad, rad/s].
+
+RAW_IMU, SCALED_IMU*, HIGHRES_IMU: body yaw rate [rad/s] and specific force [m/s²].
+
+RAW_IMU has no unit by definition; ArduPilot sends mG and mrad/s in it, as in SCALED_IMU.
+
+LOCAL_POSITION_NED, GLOBAL_POSITION_INT, GPS_RAW_INT, VFR_HUD, ODOMETRY, GPS_GLOBAL_ORIGIN.
+"""
 
 from typing import Any
 
 import numpy as np
 
-from gateway.ingest.mapping.attitude import euler
 from gateway.ingest.mapping.rule import Column, Counter, Facts, Rule, known, only_where
 from gateway.samples import Quantity
+
+
+def attitude(m: Any) -> Facts:
+    """ATTITUDE -> yaw, yaw rate, tilt."""
+    return (
+        (Quantity.YAW, (m.yaw,)),
+        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.TILT, (m.roll, m.pitch)),
+    )
+
+
+def euler(w: Column, x: Column, y: Column, z: Column) -> tuple[Column, Column, Column]:
+    """Quaternion body -> NED -> roll, pitch, yaw [rad]; NaN where it has no length."""
+    w, x, y, z = (np.asarray(part, dtype=np.float64) for part in (w, x, y, z))
+    length = w * w + x * x + y * y + z * z
+    valid = length > 0.5
+    length = only_where(valid, length)
+    roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x) / length, -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return only_where(valid, roll), pitch, only_where(valid, yaw)
+
+
+def attitude_quaternion(m: Any) -> Facts:
+    """ATTITUDE_QUATERNION -> yaw, yaw rate, tilt."""
+    roll, pitch, yaw = euler(m.q1, m.q2, m.q3, m.q4)
+    return (
+        (Quantity.YAW, (yaw,)),
+        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.TILT, (roll, pitch)),
+    )
+
+
+ATTITUDE_RULES = (
+    Rule("ATTITUDE", attitude, Counter.BOOT_MS),
+    Rule("ATTITUDE_QUATERNION", attitude_quaternion, Counter.BOOT_MS),
+)
+
+
+MILLI_G = 9.80665e-3  # m/s²
+X_ACC, Y_ACC, Z_GYRO = 1 << 0, 1 << 1, 1 << 5  # HIGHRES_IMU.fields_updated
+
+
+def scaled_imu(m: Any) -> Facts:
+    """mG and mrad/s -> yaw rate, specific force."""
+    return (
+        (Quantity.YAW_RATE, (m.zgyro * 1e-3,)),
+        (Quantity.ACCELERATION, (m.xacc * MILLI_G, m.yacc * MILLI_G)),
+    )
+
+
+def highres_imu(m: Any) -> Facts:
+    """HIGHRES_IMU -> yaw rate, specific force, as far as the fields were updated."""
+
+    def updated(bit: int, value: Column) -> Column:
+        return only_where((np.asarray(m.fields_updated) & bit) != 0, value)
+
+    return (
+        (Quantity.YAW_RATE, (updated(Z_GYRO, m.zgyro),)),
+        (Quantity.ACCELERATION, (updated(X_ACC, m.xacc), updated(Y_ACC, m.yacc))),
+    )
+
+
+INERTIAL_RULES = (
+    Rule("SCALED_IMU", scaled_imu, Counter.BOOT_MS),
+    Rule("SCALED_IMU2", scaled_imu, Counter.BOOT_MS),
+    Rule("SCALED_IMU3", scaled_imu, Counter.BOOT_MS),
+    Rule("RAW_IMU", scaled_imu, Counter.BOOT_US32),
+    Rule("HIGHRES_IMU", highres_imu, Counter.BOOT_US, instance=("id",)),
+)
+
 
 UINT16_UNKNOWN = 65535
 LOCAL_NED, BODY_NED, BODY_FRD = 1, 8, 12  # MAV_FRAME_…

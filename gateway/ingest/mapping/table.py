@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 
 from gateway.ingest.mapping import dataflash
-from gateway.ingest.mapping.actuators import ACTUATOR_RULES, DATAFLASH_ACTUATOR_RULES
-from gateway.ingest.mapping.attitude import ATTITUDE_RULES
-from gateway.ingest.mapping.condition import CONDITION_RULES
-from gateway.ingest.mapping.inertial import INERTIAL_RULES
-from gateway.ingest.mapping.motion import MOTION_RULES
+from gateway.ingest.mapping.motion import ATTITUDE_RULES, INERTIAL_RULES, MOTION_RULES
 from gateway.ingest.mapping.rule import Rule
+from gateway.ingest.mapping.vehicle import ACTUATOR_RULES, CONDITION_RULES, DATAFLASH_ACTUATOR_RULES
 
 MAVLINK: tuple[Rule, ...] = (
     *ATTITUDE_RULES,

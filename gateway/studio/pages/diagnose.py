@@ -7,11 +7,11 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput
-from gateway.pictures.bokeh_draw import Picture
-from gateway.pictures.figure_data import FigureData
-from gateway.pictures.steps import steps
-from gateway.studio.desk import Desk
+from gateway.figures.bokeh_draw import Picture
+from gateway.figures.diagnosis import steps
+from gateway.figures.figure_data import FigureData
 from gateway.studio.page import Page
+from gateway.studio.session import Desk
 from gateway.studio.views import Found, Other, Rung
 from gateway.studio.widgets import (
     beside,

@@ -12,16 +12,16 @@ import panel as pn
 from bokeh.models import Arrow, ColumnDataSource, OpenHead, ScaleBar
 from bokeh.plotting import figure as new_figure
 
+from gateway.figures.bokeh_draw import dress_figure
+from gateway.figures.figure_data import Role
+from gateway.figures.style import Look
 from gateway.ingest.earth import Origin, to_degrees
-from gateway.pictures.bokeh_draw import dress_figure
-from gateway.pictures.figure_data import Role
-from gateway.pictures.look import Look
-from gateway.pipelines.whereabouts import distance_m, on_earth
-from gateway.studio.desk import Desk
-from gateway.studio.live_book import WINDOW_S, LiveBook, Now
+from gateway.live.intake import distance_m, on_earth
+from gateway.studio.live_history import WINDOW_S, LiveBook, Now
+from gateway.studio.map_tiles import MapSwitch, Underlay
 from gateway.studio.page import Page
+from gateway.studio.session import Desk
 from gateway.studio.settings import StudioSettings
-from gateway.studio.underlay import MapSwitch, Underlay
 from gateway.studio.widgets import NO_BUTTON, beside, card, html, select, word
 
 STRIPS = (("u", "surge u [m/s]"), ("v", "sway v [m/s]"), ("r", "yaw rate r [°/s]"))

@@ -9,8 +9,8 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput
-from gateway.studio.desk import Desk
 from gateway.studio.page import Page
+from gateway.studio.session import Desk
 from gateway.studio.views import Row
 from gateway.studio.widgets import boxes, bullets, button, card, html, select
 

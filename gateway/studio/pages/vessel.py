@@ -9,11 +9,10 @@ from typing import Any
 
 import panel as pn
 
-from gateway.effect_files import known_effects
-from gateway.pictures.bokeh_draw import Picture
-from gateway.pictures.overlay import overlay
-from gateway.studio.desk import Desk, as_text
+from gateway.figures.bokeh_draw import Picture
+from gateway.figures.velocities import overlay
 from gateway.studio.page import Page
+from gateway.studio.session import Desk, as_text
 from gateway.studio.widgets import (
     STYLE,
     beside,
@@ -26,6 +25,7 @@ from gateway.studio.widgets import (
     table,
     word,
 )
+from gateway.user_effects import known_effects
 
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²",

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gateway.estimation.estimator import Estimator
 from gateway.estimation.events import Events, join, make_events, ticks
+from gateway.estimation.filter import Estimator
 from gateway.estimation.names import Flag, Kind, State
 from gateway.estimation.settings import FilterSettings
 from tests.gateway.estimation.boat import telemetry, weaving_boat

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from gateway.estimation.estimator import Estimator
+from gateway.estimation.filter import Estimator
 from gateway.estimation.names import State
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.estimation.estimator import Estimator
+from gateway.estimation.filter import Estimator
 from gateway.estimation.names import Flag, Kind
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth

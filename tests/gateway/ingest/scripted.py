@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.tlog import TlogFile
+from gateway.ingest.mavlink.tlog import TlogFile
 
 START_NS = 1_700_000_000_000_000_000
 BOAT, ARDUPILOT = dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.boats import boats, choose_boat
+from gateway.ingest.mavlink.boats import boats, choose_boat
 from tests.gateway.ingest.scripted import ARDUPILOT, Script, attitude, heartbeat
 
 

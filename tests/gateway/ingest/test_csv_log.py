@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.ingest.csv_log import CsvLog
+from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.open import open_log
 from gateway.samples import Quantity
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from pymavlink import DFReader
 
 from gateway.errors import BadInput
-from gateway.ingest.dataflash import DataflashLog
-from gateway.ingest.dataflash_formats import DIVISORS, KINDS
+from gateway.ingest.dataflash.log import DataflashLog
+from gateway.ingest.dataflash.records import DIVISORS, KINDS
 from gateway.ingest.log import Table
 from gateway.ingest.open import open_log
 

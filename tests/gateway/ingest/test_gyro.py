@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.ingest.gyro import without_bias
-from gateway.ingest.lanes import primary_lane
+from gateway.ingest.dataflash.log import primary_lane, without_bias
 from gateway.ingest.log import Statistics, Table
 from gateway.samples import Quantity, Samples
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.boats import choose_boat
 from gateway.ingest.decoding import Decoded, decode
-from gateway.ingest.live import BoatDecoder
-from gateway.ingest.mapping import actuators, dataflash
+from gateway.ingest.mapping import dataflash, vehicle
 from gateway.ingest.mapping.rule import Counter
 from gateway.ingest.mapping.table import DATAFLASH, MAVLINK, rules
+from gateway.ingest.mavlink.boats import choose_boat
+from gateway.live.intake import BoatDecoder
 from gateway.samples import Quantity
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, servo, vfr_hud
 
@@ -128,7 +128,7 @@ def test_merged_pulses_keep_what_the_source_does_not_speak_of() -> None:
     before = np.full(32, 1400.0)
     values = np.full(32, np.nan)
     values[0] = 1600.0
-    now = actuators.merged(before, "SERVO_OUTPUT_RAW", values)
+    now = vehicle.merged(before, "SERVO_OUTPUT_RAW", values)
     assert now[0] == 1600.0
     assert np.isnan(now[1:16]).all()  # no pulse any more
     assert (now[16:] == 1400.0).all()  # not said

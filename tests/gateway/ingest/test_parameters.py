@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.boats import choose_boat
+from gateway.ingest.mavlink.boats import choose_boat
 from gateway.ingest.parameters import Kind, actuators, autopilot_parameters
 from tests.gateway.ingest.scripted import Script, heartbeat
 

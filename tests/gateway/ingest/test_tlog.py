@@ -13,10 +13,10 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.definitions import definitions, layout
-from gateway.ingest.frames import Frames
+from gateway.ingest.mavlink.definitions import definitions, layout
+from gateway.ingest.mavlink.frames import Frames
+from gateway.ingest.mavlink.tlog import TlogFile
 from gateway.ingest.open import open_log
-from gateway.ingest.tlog import TlogFile
 from tests.gateway.ingest.streams import (
     START_US,
     packer,

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.ingest.boats import choose_boat
-from gateway.ingest.csv_log import CsvLog
+from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.decoding import decode
-from gateway.ingest.held import beat, new_rows, retimed
+from gateway.ingest.mavlink.boats import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.ingest.survey import survey
-from gateway.ingest.tidied import tidied
-from gateway.pipelines.compare import compare_logs
-from gateway.pipelines.trials import load_trials
+from gateway.ingest.table_repair import tidied
+from gateway.ingest.zero_order_hold import beat, new_rows, retimed
+from gateway.offline.compare import compare_logs
+from gateway.offline.trials import load_trials
 from gateway.samples import Quantity
 from tests.gateway.ingest.made_table import METRES, Traps, boat_toml, written
 

@@ -8,8 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.links.inbox import Empty, Inbox
-from gateway.links.items import Datagram, Kind, LinkEvent
+from gateway.links.inbox import Datagram, Empty, Inbox, Kind, LinkEvent
 
 PATIENCE_S = 10.0
 

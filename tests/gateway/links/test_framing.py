@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.frames import Frames
-from gateway.links.framing import cut
+from gateway.ingest.mavlink.frames import Frames
+from gateway.links.frame_reader import cut
 from tests.gateway.links.boats import Autopilot
 
 UNKNOWN = b"\xfd\x04\x00\x00\x07\x00\x00\xff\xff\xffabcd\x12\x34"  # id 0xFFFFFF, source 0/0

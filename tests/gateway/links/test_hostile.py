@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.inbox import Empty, Inbox
-from gateway.links.items import Datagram, Kind
+from gateway.links.inbox import Datagram, Empty, Inbox, Kind
 from gateway.links.link import Link
-from gateway.links.requests import Requests, heartbeat
+from gateway.links.rate_requests import Requests, heartbeat
 from gateway.links.signing import ticks
-from gateway.links.voice import Identity, Voice, permitted
+from gateway.links.transmitter import Identity, Voice, permitted
 from tests.gateway.links.boats import (
     PATIENCE_S,
     Autopilot,

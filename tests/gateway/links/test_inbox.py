@@ -2,8 +2,7 @@
 
 import pytest
 
-from gateway.links.inbox import PER_LINK, Empty, Inbox
-from gateway.links.items import Datagram, Kind, LinkEvent
+from gateway.links.inbox import PER_LINK, Datagram, Empty, Inbox, Kind, LinkEvent
 
 BYTES = Datagram("link", 0, ())
 LOST = LinkEvent("link", 0, Kind.LOST, "gone")

@@ -9,11 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.inbox import Inbox
-from gateway.links.items import Kind
+from gateway.links.inbox import Inbox, Kind
 from gateway.links.link import Link
-from gateway.links.requests import heartbeat
-from gateway.links.voice import Identity
+from gateway.links.rate_requests import heartbeat
+from gateway.links.transmitter import Identity
 from tests.gateway.links.boats import (
     PATIENCE_S,
     Autopilot,

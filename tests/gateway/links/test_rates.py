@@ -3,8 +3,8 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.definitions import ids_by_name
-from gateway.links.rates import FULL_HZ, PRESETS, RADIO_HZ, check_rates
+from gateway.ingest.mavlink.definitions import ids_by_name
+from gateway.links.rate_requests import FULL_HZ, PRESETS, RADIO_HZ, check_rates
 
 HEADER = 12  # bytes of MAVLink 2 around a payload
 LINE = 57600 / 10  # bytes/s of a serial line

@@ -4,10 +4,16 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.conversation import AGAIN_NS, ROUNDS, SECOND, WAITS_NS, Address
-from gateway.links.rates import FULL_HZ
-from gateway.links.requests import Requests
-from gateway.links.voice import Identity
+from gateway.links.rate_requests import (
+    AGAIN_NS,
+    FULL_HZ,
+    ROUNDS,
+    SECOND,
+    WAITS_NS,
+    Address,
+    Requests,
+)
+from gateway.links.transmitter import Identity
 from tests.gateway.links.boats import Autopilot, decoded
 
 BOAT = Address(1, 1)

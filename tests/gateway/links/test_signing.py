@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 from gateway.links.signing import MINUTE, Signatures, Verdict, load_key, ticks
-from gateway.links.voice import Identity, Voice
+from gateway.links.transmitter import Identity, Voice
 from tests.gateway.links.boats import Autopilot
 
 KEY = bytes(range(32))

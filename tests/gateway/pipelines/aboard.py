@@ -11,16 +11,16 @@ import orjson
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import FollowingSettings, Settings, ZenohSettings
-from gateway.links.items import Datagram, Frame
-from gateway.messages import Rows
-from gateway.pipelines.fleet import BoatPlan
-from gateway.pipelines.live import Gateway, LiveOptions
-from gateway.pipelines.live_boat import LiveBoat
-from gateway.played.boat import PlayedBoat
-from gateway.played.program import program_of
-from gateway.played.settings import FAST, PlayedSettings
-from gateway.played.wire import Frame as OnWire
-from gateway.recorder import RecordingSettings
+from gateway.json_rows import Rows
+from gateway.links.inbox import Datagram, Frame
+from gateway.live.boat import LiveBoat
+from gateway.live.boats import BoatPlan
+from gateway.live.gateway import Gateway, LiveOptions
+from gateway.recording.recorder import RecordingSettings
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.faults import Frame as OnWire
+from gateway.simulated_boat.program import program_of
+from gateway.simulated_boat.settings import FAST, PlayedSettings
 from sim.following.reference import Mode
 from sim.state import Floats
 from sim.vessel import Vessel

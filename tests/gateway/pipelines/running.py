@@ -15,10 +15,10 @@ from typing import Any
 import orjson
 import zenoh
 
-from gateway.pipelines.fleet import BoatPlan
-from gateway.pipelines.live import Gateway, LiveOptions
-from gateway.played.boat import PlayedBoat
-from gateway.played.settings import FAST, PlayedSettings
+from gateway.live.boats import BoatPlan
+from gateway.live.gateway import Gateway, LiveOptions
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.settings import FAST, PlayedSettings
 from gateway.vessel_file import dump_vessel
 from tests.conftest import ROOT
 from tests.gateway.pipelines.aboard import SETTINGS, Heard, Listener

@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.errors import BadInput
-from gateway.pipelines.asked_for import asked_by
+from gateway.offline.plan import asked_by
 from sim.prediction.free_runs import DivergedError
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
@@ -12,14 +12,14 @@ def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):
     def lost(*_):
         raise DivergedError("plain diverges at once from every start")
 
-    monkeypatch.setattr("gateway.pipelines.trials.load_trials", lambda *_: [simulated(WAM_V)])
-    monkeypatch.setattr("gateway.pipelines.diagnose.diagnose", lost)
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: [simulated(WAM_V)])
+    monkeypatch.setattr("gateway.offline.diagnose.diagnose", lost)
     with pytest.raises(BadInput, match=r"a\.tlog: plain diverges"):
         asked_by("a.tlog", WAM_V)
 
 
 def test_a_recording_too_short_to_ask_for_anything_is_bad_input(monkeypatch):
     short = [simulated(WAM_V, 10.0)]
-    monkeypatch.setattr("gateway.pipelines.trials.load_trials", lambda *_: short)
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: short)
     with pytest.raises(BadInput, match=r"a\.tlog: .* s of usable time"):
         asked_by("a.tlog", WAM_V)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.estimation.names import Kind
-from gateway.pipelines.feed import BLIND_S, SILENCE_S, TICK_S, Feed
-from gateway.pipelines.replay import ReplayOptions, prepare
+from gateway.offline.replay import ReplayOptions, prepare
+from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, Feed
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
 from tests.gateway.pipelines.sailing import Said, tlog, voyage
 

@@ -9,11 +9,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import load_settings
 from gateway.errors import BadInput
-from gateway.ingest.boats import Boat
-from gateway.links.items import Datagram, Frame
-from gateway.pipelines.fleet import MOST, BoatPlan, Fleet
-from gateway.pipelines.live_boat import LiveBoat
-from gateway.pipelines.run_live import plans_in, plans_of
+from gateway.ingest.mavlink.boats import Boat
+from gateway.links.inbox import Datagram, Frame
+from gateway.live.boat import LiveBoat
+from gateway.live.boats import MOST, BoatPlan, Fleet
+from gateway.live.run import plans_in, plans_of
 from gateway.vessel_file import dump_vessel
 from tests.gateway.pipelines.aboard import SETTINGS
 from tests.sim.vessels import IACQUABOT, WAMV

@@ -18,16 +18,15 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from gateway import foxglove
 from gateway.config import FoxgloveSettings
 from gateway.errors import BadInput, ShadowError
-from gateway.foxglove_address import parse_address
-from gateway.foxglove_server import STOP_S, FoxgloveServer
-from gateway.links.items import Kind, LinkEvent
-from gateway.messages import Rows
-from gateway.pipelines.fleet import BoatPlan
-from gateway.played.play import playing
-from gateway.played.settings import THIN
+from gateway.json_rows import Rows
+from gateway.links.inbox import Kind, LinkEvent
+from gateway.live.boats import BoatPlan
+from gateway.recording import foxglove
+from gateway.recording.foxglove_server import STOP_S, FoxgloveServer, parse_address
+from gateway.simulated_boat.play import playing
+from gateway.simulated_boat.settings import THIN
 from gateway.topics import TOPICS
 from gateway.vessel_file import dump_vessel
 from tests.conftest import ROOT
@@ -176,7 +175,7 @@ def test_without_a_client_nothing_is_made(monkeypatch: pytest.MonkeyPatch) -> No
 
     with Deck(settings=SERVED) as deck:
         monkeypatch.setattr("foxglove.Channel.log", never)
-        monkeypatch.setattr("gateway.foxglove_rows.PlayerRows._thinned", never)
+        monkeypatch.setattr("gateway.recording.foxglove.PlayerRows._thinned", never)
         heard = deck.hear(datagrams(played(3.0))).heard()
     assert len(heard.payloads["shadow"]) > 100
 

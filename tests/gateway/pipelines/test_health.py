@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from gateway.estimation.estimator import Estimator, Rows
+from gateway.estimation.filter import Estimator, Rows
 from gateway.estimation.names import Flag
-from gateway.ingest.tlog import TlogFile
-from gateway.pipelines.health import SECOND, WINDOW_S, HealthMeter
-from gateway.pipelines.replay import ReplayOptions, material_of
+from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.offline.replay import ReplayOptions, material_of
+from gateway.shadow.health import SECOND, WINDOW_S, HealthMeter
 from tests.gateway.pipelines.sailing import RATE_HZ, frames, parameters, voyage
 
 

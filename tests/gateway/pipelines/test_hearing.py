@@ -9,14 +9,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.estimation.names import Kind
 from gateway.estimation.settings import FilterSettings, gyro_delay_s
-from gateway.ingest.boats import Boat
 from gateway.ingest.earth import to_degrees
-from gateway.pipelines.feed import Feed
-from gateway.pipelines.hearing import PATIENCE_NS, Hearing
-from gateway.pipelines.live_boat import LiveBoat
-from gateway.pipelines.live_health import LiveHealth, Numbers
-from gateway.pipelines.path import ShadowPath
+from gateway.ingest.mavlink.boats import Boat
+from gateway.live.boat import LiveBoat
+from gateway.live.intake import PATIENCE_NS, Hearing
 from gateway.samples import Measurement, Quantity
+from gateway.shadow.health import LiveHealth, Numbers
+from gateway.shadow.inputs import Feed
+from gateway.shadow.path import ShadowPath
 from sim.following.follower import VesselFollower
 from sim.following.reference import Reference
 from sim.model import Model

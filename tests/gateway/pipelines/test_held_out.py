@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.ingest.open import open_log
-from gateway.pipelines.trials import TrialOptions, _gather, _spans, _trial
+from gateway.offline.trials import TrialOptions, _gather, _spans, _trial
 from sim.identification.validation import held_out
 from tests.conftest import ROOT
 

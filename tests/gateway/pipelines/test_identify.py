@@ -7,14 +7,8 @@ import pytest
 
 from gateway.cli import app
 from gateway.errors import BadInput
-from gateway.pipelines.identify import (
-    Span,
-    identify_logs,
-    of_voyages,
-    provenance,
-    settings_of,
-)
-from gateway.pipelines.stretches import exclusions_of
+from gateway.offline.identify import Span, identify_logs, of_voyages, provenance, settings_of
+from gateway.offline.usable import exclusions_of
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.identification.identify import Identified
 from sim.identification.intervals import Estimate
@@ -115,7 +109,7 @@ def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):
     def lost(*_):
         raise DivergedError("plain diverges at once from every start")
 
-    monkeypatch.setattr("gateway.pipelines.trials.load_trials", lambda *_: [simulated(WAM_V, 30.0)])
-    monkeypatch.setattr("gateway.pipelines.identify.identify", lost)
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: [simulated(WAM_V, 30.0)])
+    monkeypatch.setattr("gateway.offline.identify.identify", lost)
     with pytest.raises(BadInput, match=r"demo_boat\.toml: plain diverges"):
         identify_logs([LOG], VESSEL)

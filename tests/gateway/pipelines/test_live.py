@@ -9,11 +9,11 @@ import pytest
 
 from gateway.config import FollowingSettings
 from gateway.errors import BadInput
-from gateway.links.items import Datagram, Kind, LinkEvent
-from gateway.pipelines.fleet import BoatPlan, Fleet
-from gateway.played.faults import Faults, Silence
-from gateway.played.settings import THIN
-from gateway.recording import TICK_LINK, Recording
+from gateway.links.inbox import Datagram, Kind, LinkEvent
+from gateway.live.boats import BoatPlan, Fleet
+from gateway.recording.reader import TICK_LINK, Recording
+from gateway.simulated_boat.faults import Faults, Silence
+from gateway.simulated_boat.settings import THIN
 from sim.following.reference import Mode
 from sim.model import Model
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played

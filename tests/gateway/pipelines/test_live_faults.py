@@ -15,13 +15,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.earth import Origin, to_local
-from gateway.links.framing import cut
-from gateway.links.items import Datagram, Frame
-from gateway.pipelines import outlet
-from gateway.played.faults import Burst, Faults, Reboot, Silence
-from gateway.played.settings import PlayedSettings
-from gateway.recorder import Recorder, open_new
-from gateway.recording import Recording
+from gateway.links.frame_reader import cut
+from gateway.links.inbox import Datagram, Frame
+from gateway.live import outputs
+from gateway.recording.reader import Recording
+from gateway.recording.recorder import Recorder, open_new
+from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
+from gateway.simulated_boat.settings import PlayedSettings
 from tests.gateway.pipelines.aboard import Deck, Heard, datagrams, played, truth
 
 SECONDS = 30.0
@@ -206,8 +206,8 @@ def full(room: int) -> Callable[[Path], Any]:
 def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clean: Heard
 ) -> None:
-    monkeypatch.setattr(outlet, "Recorder", partial(Recorder, opener=full(room)))
-    monkeypatch.setattr("gateway.recording_thread.WRITE_S", 0.001)
+    monkeypatch.setattr(outputs, "Recorder", partial(Recorder, opener=full(room)))
+    monkeypatch.setattr("gateway.recording.thread.WRITE_S", 0.001)
     heard = shadowed(played(SECONDS), out=tmp_path)
     (failed,) = [m for m in heard.messages("event") if m["kind"] == "recording_failed"]
     assert failed["severity"] == "error"

@@ -18,13 +18,13 @@ import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.links.rates import RADIO_HZ
-from gateway.links.voice import SET_RATE, Identity
-from gateway.pipelines.fleet import BoatPlan, Fleet
-from gateway.pipelines.relive import fleet_of, relived
-from gateway.played.faults import Faults, Reboot, Silence
-from gateway.played.play import playing
-from gateway.recording import Recording, repair
+from gateway.links.rate_requests import RADIO_HZ
+from gateway.links.transmitter import SET_RATE, Identity
+from gateway.live.boats import BoatPlan, Fleet
+from gateway.offline.relive import fleet_of, relived
+from gateway.recording.reader import Recording, repair
+from gateway.simulated_boat.faults import Faults, Reboot, Silence
+from gateway.simulated_boat.play import playing
 from tests.conftest import ROOT
 from tests.gateway.pipelines.aboard import SETTINGS, Heard
 from tests.gateway.pipelines.running import (

@@ -9,13 +9,12 @@ import jsonschema
 import numpy as np
 import pytest
 
-from gateway.pipelines.lookout import FIRST_S, Lookout, clock
-from gateway.pipelines.path import Shadowing
-from gateway.pipelines.watch import Watched
-from gateway.played.boat import PlayedBoat
-from gateway.played.program import program_of
-from gateway.played.settings import FAST, PlayedSettings
-from gateway.played.wire import Frame
+from gateway.shadow.model_monitor import FIRST_S, Lookout, clock
+from gateway.shadow.path import Shadowing, Watched
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.faults import Frame
+from gateway.simulated_boat.program import program_of
+from gateway.simulated_boat.settings import FAST, PlayedSettings
 from gateway.topics import TOPICS
 from sim.effects.catalogue import EFFECTS
 from sim.model import Model

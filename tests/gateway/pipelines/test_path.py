@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from gateway.estimation.names import Flag, Kind
-from gateway.ingest.tlog import TlogFile
-from gateway.pipelines.happenings import Watchman
-from gateway.pipelines.health import HealthMeter
-from gateway.pipelines.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
-from gateway.pipelines.replay import Material, ReplayOptions, material_of
-from gateway.pipelines.rows import event_rows, topic_rows
+from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.offline.replay import Material, ReplayOptions, material_of
+from gateway.shadow.events import Watchman
+from gateway.shadow.health import HealthMeter
+from gateway.shadow.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
+from gateway.shadow.topic_rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.follower import Following, VesselFollower
 from sim.following.reference import Mode, Reference

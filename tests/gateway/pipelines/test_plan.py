@@ -10,10 +10,9 @@ import pytest
 from PIL import Image
 
 from gateway.errors import BadInput
-from gateway.pipelines.plan import ROOM, PlanOptions, make_plan
-from gateway.pipelines.simulate import simulate
-from gateway.plan.plan import TOLERANCE, plan_of
-from gateway.show.plan import show_planned
+from gateway.offline.plan import ROOM, TOLERANCE, PlanOptions, make_plan, plan_of
+from gateway.offline.simulate import simulate
+from gateway.terminal.model import show_planned
 from gateway.vessel_file import load_vessel
 from sim.excitation.manoeuvre import Limits, connected, corners
 from sim.excitation.oscillations import Chirp

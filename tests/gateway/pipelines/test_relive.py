@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
-from gateway.links.items import Datagram
-from gateway.pipelines.fleet import BoatPlan, Fleet
-from gateway.pipelines.relive import fleet_of, moments, relived
-from gateway.played.faults import Burst, Faults, Reboot, Silence
-from gateway.recording import TICK_LINK, Recording
+from gateway.links.inbox import Datagram
+from gateway.live.boats import BoatPlan, Fleet
+from gateway.offline.relive import fleet_of, moments, relived
+from gateway.recording.reader import TICK_LINK, Recording
+from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played
 from tests.sim.vessels import IACQUABOT, WAMV
 

@@ -17,11 +17,11 @@ from mcap.reader import make_reader
 
 from gateway.bus import BusSettings, open_session
 from gateway.config import Settings, ZenohSettings, as_tables
-from gateway.effect_files import load_effects
 from gateway.errors import BadInput
-from gateway.pipelines.replay import ReplayOptions, ReplaySummary, replay, told_apart
-from gateway.recording import Recording
+from gateway.offline.replay import ReplayOptions, ReplaySummary, replay, told_apart
+from gateway.recording.reader import Recording
 from gateway.topics import TOPICS
+from gateway.user_effects import load_effects
 from gateway.vessel_file import key_of, load_vessel
 from sim.following.follower import Following
 from sim.following.reference import Mode

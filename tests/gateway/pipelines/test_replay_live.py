@@ -3,9 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from gateway.pipelines.replay import ReplayOptions, recorded_settings, replay
-from gateway.played.faults import Faults, Silence
-from gateway.recording import TICK_LINK, Recording
+from gateway.offline.replay import ReplayOptions, recorded_settings, replay
+from gateway.recording.reader import TICK_LINK, Recording
+from gateway.simulated_boat.faults import Faults, Silence
 from sim.following.follower import Following
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, datagrams, played
 from tests.sim.vessels import WAMV

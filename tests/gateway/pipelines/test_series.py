@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.pipelines.series import Series
+from gateway.shadow.inputs import Series
 
 
 def held(*pairs: tuple[float, float]) -> Series:

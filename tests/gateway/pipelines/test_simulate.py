@@ -9,8 +9,8 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.errors import BadInput
-from gateway.pipelines.simulate import read_commands, simulate
-from gateway.recording import Recording
+from gateway.offline.simulate import read_commands, simulate
+from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
 from sim.following.follower import Following
 from sim.model import Model

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.pipelines.stretches import Exclusion, exclusions_of, without
+from gateway.offline.usable import Exclusion, exclusions_of, without
 from tests.sim.diagnosis.voyages import WAM_V, simulated
 
 

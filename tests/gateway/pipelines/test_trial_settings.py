@@ -6,7 +6,7 @@ from gateway.estimation.events import join, make_events
 from gateway.estimation.names import Kind
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
-from gateway.pipelines.trials import AS_REPORTED
+from gateway.offline.trials import AS_REPORTED
 from tests.gateway.estimation.boat import gauss_markov, weaving_boat
 
 FAST, SLOW = 0.02, 0.04  # s between messages

@@ -7,8 +7,8 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.ingest.open import open_log
-from gateway.pipelines import usable
-from gateway.pipelines.trials import TrialOptions, load_trials, trials_of
+from gateway.offline import usable
+from gateway.offline.trials import TrialOptions, load_trials, trials_of
 from sim.state import Eta, Nu
 from sim.trial import Trial
 from tests.gateway.ingest.scripted import (

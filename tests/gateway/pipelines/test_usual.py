@@ -5,13 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.pipelines.path import Shadowing
-from gateway.pipelines.usual import BLOCK_S, NEEDED, REMEMBERED, UsualRange
-from gateway.pipelines.watch import Watched
-from gateway.played.boat import PlayedBoat
-from gateway.played.program import program_of
-from gateway.played.settings import FAST, PlayedSettings
-from gateway.played.wire import Frame
+from gateway.shadow.events import BLOCK_S, NEEDED, REMEMBERED, UsualRange
+from gateway.shadow.path import Shadowing, Watched
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.faults import Frame
+from gateway.simulated_boat.program import program_of
+from gateway.simulated_boat.settings import FAST, PlayedSettings
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect
 from tests.gateway.pipelines.aboard import Deck, datagrams

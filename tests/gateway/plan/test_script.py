@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.plan.plan import plan_of
-from gateway.plan.safety import Safety, pulse_bounds, safety_for
-from gateway.plan.script import script_text
+from gateway.offline.plan import plan_of
+from gateway.offline.plan_export import Safety, pulse_bounds, safety_for, script_text
 from sim.excitation.catalogue import MANOEUVRES
 from sim.excitation.legs import Steps
 from sim.excitation.manoeuvre import Limits

@@ -6,10 +6,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.ingest.tlog import TlogFile
-from gateway.played.boat import PlayedBoat
-from gateway.played.settings import PlayedSettings
-from gateway.played.wire import Frame
+from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.faults import Frame
+from gateway.simulated_boat.settings import PlayedSettings
 from tests.sim.vessels import WAMV
 
 UNIX_S = 1_700_000_000.0

@@ -3,8 +3,8 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.played.boat import PlayedBoat
-from gateway.played.faults import Faults, Reboot
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.faults import Faults, Reboot
 from tests.gateway.played.hearing import boat, named
 
 ASKING = 200  # system id of who asks

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.effect_files import load_effects
 from gateway.errors import BadInput
-from gateway.ingest.boats import boats
-from gateway.played.boat import PlayedBoat
-from gateway.played.faults import Faults, Reboot
-from gateway.played.settings import FAST, THIN, PlayedSettings
+from gateway.ingest.mavlink.boats import boats
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.faults import Faults, Reboot
+from gateway.simulated_boat.settings import FAST, THIN, PlayedSettings
+from gateway.user_effects import load_effects
 from sim.vessel import AddedEffect
 from tests.gateway.played.hearing import boat, decoded, frames_of, log_of, named
 from tests.sim.vessels import WAMV

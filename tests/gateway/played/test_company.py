@@ -4,10 +4,9 @@ import socket
 
 import pytest
 
-from gateway.pipelines.play import play_until_stopped
-from gateway.played.company import PATIENCE_S, Company
-from gateway.played.play import Played
-from gateway.played.port import open_port
+from gateway.simulated_boat.play import Played
+from gateway.simulated_boat.port import open_port
+from gateway.simulated_boat.session import PATIENCE_S, Company, play_until_stopped
 from tests.sim.vessels import WAMV
 
 HOST = "127.0.0.1"
@@ -67,7 +66,7 @@ def test_each_kind_of_port_knows_whether_it_is_alone(deaf: int) -> None:
 
 def test_the_command_says_it(deaf: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("signal.signal", lambda *_: None)
-    monkeypatch.setattr("gateway.played.company.PATIENCE_S", 0.2)
+    monkeypatch.setattr("gateway.simulated_boat.session.PATIENCE_S", 0.2)
     said: list[str] = []
     play_until_stopped(
         WAMV, f"tcp:{HOST}:{deaf}", said.append, program="mixed", system=1, fast=False, seed=0,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.played.faults import Burst, Faults, Silence
-from gateway.played.settings import FAST
+from gateway.simulated_boat.faults import Burst, Faults, Silence
+from gateway.simulated_boat.settings import FAST
 from tests.gateway.played.hearing import boat, decoded, frames_of, log_of
 
 SECONDS = 30.0

@@ -9,10 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput, ShadowError
-from gateway.played.play import Stage, play, playing
-from gateway.played.port import TcpPort, UdpPort, open_port, parse_endpoint
-from gateway.played.session import simulate_live
-from gateway.played.settings import FAST
+from gateway.simulated_boat.play import Stage, play, playing
+from gateway.simulated_boat.port import TcpPort, UdpPort, open_port, parse_endpoint
+from gateway.simulated_boat.session import simulate_live
+from gateway.simulated_boat.settings import FAST
 from tests.gateway.played.hearing import boat
 from tests.sim.vessels import WAMV
 

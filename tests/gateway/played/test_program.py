@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.played.boat import PlayedBoat
-from gateway.played.program import PROGRAMS, program_of
-from gateway.played.settings import PlayedSettings
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.program import PROGRAMS, program_of
+from gateway.simulated_boat.settings import PlayedSettings
 from gateway.vessel_file import load_vessel
 from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.random import PCG64, Generator
 
-from gateway.played.boat import PlayedBoat
-from gateway.played.hull import Truth
-from gateway.played.sensors import GRAVITY, TABLE, Columns, Sensors
-from gateway.played.settings import FAST, PlayedSettings
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.hull import Truth
+from gateway.simulated_boat.sensors import GRAVITY, TABLE, Columns, Sensors
+from gateway.simulated_boat.settings import FAST, PlayedSettings
 from sim.body import Report
 from sim.vessel import Sensors as Sensing
 from tests.gateway.played.hearing import boat, frames_of, named

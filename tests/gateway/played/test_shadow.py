@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from gateway.config import Settings, ZenohSettings
-from gateway.ingest.boats import choose_boat
-from gateway.ingest.firmware import firmware
-from gateway.ingest.parameters import actuators, autopilot_parameters
-from gateway.pipelines.first_vessel import init_vessel
-from gateway.pipelines.replay import ReplayOptions, replay
-from gateway.played.boat import PlayedBoat
-from gateway.played.settings import FAST, THIN, PlayedSettings
+from gateway.ingest.mavlink.boats import choose_boat
+from gateway.ingest.parameters import actuators, autopilot_parameters, firmware
+from gateway.offline.first_vessel import init_vessel
+from gateway.offline.replay import ReplayOptions, replay
+from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.settings import FAST, THIN, PlayedSettings
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect, Servo

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.glossary import GLOSSARY
+from gateway.figures.html_report import GLOSSARY
 from gateway.vessel_file import load_vessel
 from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, ROOT, Watched, chromium, running
 
@@ -385,7 +385,7 @@ ROWS = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
 
 
 def test_the_report_needs_no_network_and_no_script(browser, tmp_path):
-    from gateway.pipelines.report import make_report
+    from gateway.offline.report import make_report
 
     logs = [ROOT / f"recordings/voyage_{k}.tlog" for k in (1, 2)]
     done = make_report(logs, [ROOT / "configs/vessels/demo_boat.toml"], tmp_path / "report.html")

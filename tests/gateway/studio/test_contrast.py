@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from gateway.pictures.look import LOOKS
+from gateway.figures.style import LOOKS
 from gateway.studio import page, widgets
 from tests.gateway.test_bokeh_pictures import ratio
 

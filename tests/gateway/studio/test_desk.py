@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.pictures.steps import Step
-from gateway.studio.desk import Desk, as_text
-from gateway.studio.folders import Folders
+from gateway.figures.diagnosis import Step
+from gateway.studio.access import Folders
+from gateway.studio.session import Desk, as_text
 from gateway.studio.tasks import compare, report
 from gateway.studio.views import Found, Other, Rung, TrialView
 from gateway.vessel_file import load_vessel

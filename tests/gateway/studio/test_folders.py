@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.errors import BadInput
-from gateway.studio.folders import Folders
+from gateway.studio.access import Folders
 
 VESSEL = "[hull]\n[dynamics]\n"
 

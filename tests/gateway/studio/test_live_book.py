@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.monitor.picture import Latest, VesselPicture
-from gateway.studio import live_book
-from gateway.studio.live_book import LiveBook, Pages
+from gateway.monitor.vessel_view import Latest, VesselPicture
+from gateway.studio import live_history
+from gateway.studio.live_history import LiveBook, Pages
 
 T0 = 1_700_000_000.0
 
@@ -54,8 +54,8 @@ def test_it_looks_by_itself_and_pages_get_what_is_new(monkeypatch):
         def pictures(self):
             return (picture(T0 + 0.1 * next(clock)),)
 
-    monkeypatch.setattr(live_book, "Eyes", Seen)
-    monkeypatch.setattr(live_book, "PERIOD_S", 0.005)
+    monkeypatch.setattr(live_history, "Eyes", Seen)
+    monkeypatch.setattr(live_history, "PERIOD_S", 0.005)
     with LiveBook(SimpleNamespace(where="here")) as book:
         end = time.monotonic() + 10.0
         while time.monotonic() < end and not (

@@ -1,0 +1,242 @@
+"""Figure data drawn by matplotlib, as PNG or SVG; no window, no global state.
+
+Figure data as the text of an SVG that is as narrow as a phone held upright can show.
+"""
+
+from dataclasses import replace
+from functools import singledispatch
+from io import BytesIO, StringIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from gateway.atomic_file import write_whole
+from gateway.errors import BadInput
+from gateway.figures.decimate import decimated, worst_kept
+from gateway.figures.figure_data import (
+    Band,
+    Bars,
+    Coloured,
+    Dots,
+    FigureData,
+    Level,
+    Line,
+    Panel,
+    Strip,
+)
+from gateway.figures.style import COLOUR, LITTLE_TO_MUCH
+
+FORMATS = (".png", ".svg")
+LOOKS = {
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.titlesize": 10.0,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.1,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "shadow",
+}
+COMPASS = [
+    f"{45 * k}\n{name}" for k, name in enumerate(("N", "NE", "E", "SE", "S", "SW", "W", "NW", "N"))
+]
+COLOURS = LinearSegmentedColormap.from_list("little_to_much", LITTLE_TO_MUCH)
+WIDTH, ROW, STRIP_ROW, MAP_ROW = 10.0, 2.3, 1.35, 5.0  # inches
+
+
+def save(figure: FigureData, path: str | Path) -> Path:
+    """Write .png or .svg, whole or not at all."""
+    file = Path(path)
+    if file.suffix.lower() not in FORMATS:
+        raise BadInput(f"{file}: pictures are written as {' or '.join(FORMATS)}")
+    drawn = BytesIO()
+    with matplotlib.rc_context(LOOKS):
+        draw(figure).savefig(
+            drawn, format=file.suffix[1:].lower(), dpi=130, metadata=_undated(file)
+        )
+    write_whole(file, drawn.getvalue(), "the picture", folders=True)
+    return file
+
+
+def _undated(file: Path) -> dict[str, None]:
+    """The same data give the same bytes."""
+    return {"Date": None} if file.suffix.lower() == ".svg" else {"Software": None}
+
+
+def draw(figure: FigureData, width: float = WIDTH) -> Figure:
+    """The whole picture, `width` inches wide, panels row by row, one legend for all."""
+    rows = -(-len(figure.panels) // figure.columns)
+    height = rows * max(map(_height, figure.panels), default=ROW)
+    canvas = Figure(figsize=(width, height + 0.9), layout="constrained")
+    axes = canvas.subplots(rows, figure.columns, squeeze=False, sharex=figure.shared_x).reshape(-1)
+    for panel, ax in zip(figure.panels, axes, strict=False):
+        _panel(panel, ax)
+    for ax in axes[len(figure.panels) :]:
+        ax.set_visible(False)
+    if figure.shared_x:
+        for ax in axes[: -figure.columns]:
+            ax.set_xlabel("")
+    _strip_scale(canvas, figure)
+    _captions(canvas, figure)
+    return canvas
+
+
+def _height(panel: Panel) -> float:
+    if panel.equal:
+        return MAP_ROW
+    if any(isinstance(mark, Strip) for mark in panel.marks):
+        return STRIP_ROW
+    return 3.6 if panel.names else ROW
+
+
+def _strip_scale(canvas: Figure, figure: FigureData) -> None:
+    """One colour scale for all strips: they share it."""
+    strips = [mark for panel in figure.panels for mark in panel.marks if isinstance(mark, Strip)]
+    if strips:
+        cells = ScalarMappable(Normalize(0.0, strips[0].highest), COLOURS)
+        canvas.colorbar(cells, ax=canvas.axes, label=strips[0].scale.text, aspect=40, pad=0.01)
+
+
+def _captions(canvas: Figure, figure: FigureData) -> None:
+    """Title, the sentence below it, and one legend for marks of the same name."""
+    heading = figure.title + (f"\n{figure.says}" if figure.says else "")
+    canvas.suptitle(heading, fontsize=10.5, wrap=True)
+    named: dict[str, Any] = {}
+    for ax in canvas.axes:
+        handles, labels = ax.get_legend_handles_labels()
+        named |= dict(zip(labels, handles, strict=True))
+    if named:
+        columns = len(named) if canvas.get_figwidth() >= WIDTH else 2
+        canvas.legend(named.values(), named.keys(), loc="outside lower center", ncols=columns)
+
+
+def _panel(panel: Panel, ax: Any) -> None:
+    ax.set_xlabel(panel.x.text)
+    ax.set_ylabel(panel.y.text)
+    ax.set_title(panel.title)
+    for mark in panel.marks:
+        add(mark, ax)
+    if panel.equal:
+        ax.set_aspect("equal", adjustable="box")
+    if panel.names:
+        ax.set_xticks(range(len(panel.names)), panel.names)
+        ax.set_xlim(-0.6, max(len(panel.names) - 0.4, 2.6))
+        ax.grid(visible=False, axis="x")
+    elif not panel.equal:
+        ax.margins(x=0.01)
+    if panel.x.label == "heading":
+        ax.set_xticks(range(0, 361, 45), COMPASS)
+        ax.set_xlim(0.0, 360.0)
+
+
+@singledispatch
+def add(mark: Any, ax: Any) -> None:
+    """One mark onto a pair of axes."""
+    raise TypeError(f"cannot draw {type(mark).__name__}")
+
+
+@add.register
+def _(mark: Line, ax: Any) -> None:
+    ax.plot(mark.x, mark.y, color=COLOUR[mark.role], label=mark.label or None)
+
+
+@add.register
+def _(mark: Coloured, ax: Any) -> None:
+    order = np.argsort(mark.value)  # what is worst lies on top
+    top = float(np.quantile(mark.value, 0.99)) if len(mark.value) else 1.0
+    points = ax.scatter(
+        mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=COLOURS, vmin=0.0,
+        vmax=max(top, 1e-9), linewidths=0, rasterized=True, zorder=3,
+    )  # fmt: skip
+    ax.figure.colorbar(points, ax=ax, label=mark.scale.text, shrink=0.7, extend="max")
+
+
+@add.register
+def _(mark: Bars, ax: Any) -> None:
+    colour = COLOUR[mark.role]
+    style = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.4, "zorder": 3}
+    plain = {"color": colour, "edgecolor": "white", "linewidth": 0.8}
+    ax.bar(
+        mark.start, mark.height, width=mark.end - mark.start, align="edge",
+        label=mark.label or None, **(style if mark.outline else plain),
+    )  # fmt: skip
+
+
+@add.register
+def _(mark: Strip, ax: Any) -> None:
+    for k in range(len(mark.start)):  # bins need not touch: one without data leaves a gap
+        edges = [mark.start[k], mark.end[k]]
+        ax.pcolormesh(
+            edges, np.arange(len(mark.rows) + 1) - 0.5, mark.value[:, k : k + 1],
+            cmap=COLOURS, vmin=0.0, vmax=mark.highest,
+        )  # fmt: skip
+    ax.set_yticks(range(len(mark.rows)), mark.rows)
+    ax.invert_yaxis()
+    ax.grid(visible=False)
+
+
+@add.register
+def _(mark: Dots, ax: Any) -> None:
+    whiskers = np.abs(np.vstack([mark.y - mark.low, mark.high - mark.y]))
+    ax.errorbar(
+        mark.x, mark.y, yerr=whiskers, fmt="o", markersize=4.5, capsize=3, linewidth=1.2,
+        color=COLOUR[mark.role], label=mark.label or None,
+    )  # fmt: skip
+
+
+@add.register
+def _(mark: Band, ax: Any) -> None:
+    ax.fill_between(
+        mark.x, mark.low, mark.high, color=COLOUR[mark.role], alpha=0.12, linewidth=0,
+        label=mark.label or None,
+    )  # fmt: skip
+
+
+@add.register
+def _(mark: Level, ax: Any) -> None:
+    ax.axhline(
+        mark.y, color=COLOUR[mark.role], linewidth=1.6 if mark.label else 0.8,
+        linestyle="--" if mark.label else "-", label=mark.label or None,
+    )  # fmt: skip
+
+
+NARROW = 5.6  # inches: at 360 px of a phone, text of 9 points is still read
+COLUMNS = 500
+POINTS = 1500
+
+
+def svg(figure: FigureData) -> str:
+    """One panel below the other, without a title: the page has it."""
+    plain = replace(
+        figure, title="", says="", columns=1, panels=tuple(map(_thinned, figure.panels))
+    )
+    out = StringIO()
+    with matplotlib.rc_context(LOOKS):
+        draw(plain, NARROW).savefig(out, format="svg", metadata={"Date": None})
+    text = out.getvalue()
+    return text[text.index("<svg") :]
+
+
+def _thinned(panel: Panel) -> Panel:
+    return replace(panel, marks=tuple(_fewer(mark) for mark in panel.marks))
+
+
+def _fewer(mark: Any) -> Any:
+    """What is drawn with fewer points; tracks are not over time, but their gaps and ends stay."""
+    if isinstance(mark, Line):
+        x, y = decimated(mark.x, mark.y, COLUMNS)
+        return replace(mark, x=x, y=y)
+    if isinstance(mark, Coloured):
+        kept = worst_kept(mark.value, POINTS)
+        return replace(mark, x=mark.x[kept], y=mark.y[kept], value=mark.value[kept])
+    return mark

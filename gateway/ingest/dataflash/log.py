@@ -1,0 +1,242 @@
+"""The time of DataFlash messages: the autopilot's microseconds, and Unix time from its GPS.
+
+Which lane of the autopilot's filter a DataFlash log is read from: the one most in use.
+
+DataFlash writes the gyro as it is; the filter's own estimate of its bias is taken off here.
+
+DataFlash logs (.BIN): what an ArduPilot autopilot wrote on board.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import BadInput
+from gateway.ingest.dataflash.records import (
+    HEADER,
+    Format,
+    Tally,
+    decoded,
+    fmt_itself,
+    formats,
+    sizes,
+    walk_messages,
+)
+from gateway.ingest.log import Log, Statistics, Table, frozen
+from gateway.ingest.mavlink.walk import group
+from gateway.ingest.open import looks_like, read_bytes
+from gateway.jit import compiled
+from gateway.samples import Samples
+from sim.state import Ints
+
+Bytes = NDArray[np.uint8]
+U = np.uint64
+PAYLOAD = 3  # behind the magic bytes and the type
+CREDIBLE_US = 1 << 52
+GPS_EPOCH_S = 315_964_800  # 1980-01-06 in Unix time
+WEEK_S = 604_800
+LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
+
+
+@compiled
+def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> Ints:
+    """Time of each message, or of the one before where it tells none: (K,) [µs since boot].
+
+    width, scale  (256,)  by type: bytes of the clock at the front (8, 4 or 0: none), µs per count
+    """
+    times = np.empty(len(offset), np.int64)
+    now = np.int64(-1)
+    for i in range(len(offset)):
+        number, start = kind[i], U(offset[i] + PAYLOAD)
+        if width[number] > 0:
+            count = U(0)
+            if width[number] == 8:  # a loop of constant length becomes one load
+                for k in range(8):
+                    count |= U(data[start + U(k)]) << U(8 * k)
+            else:
+                for k in range(4):
+                    count |= U(data[start + U(k)]) << U(8 * k)
+            if count < U(CREDIBLE_US):
+                first = now < 0
+                now = np.int64(count) * scale[number]
+                if first:  # what stands before the first clock (FMT records) is as old
+                    times[:i] = now
+        times[i] = now
+    return times
+
+
+def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
+    """Columns of GPS -> Unix time minus boat time by the first that knows the time, or 0 [ns]."""
+    if not {"GWk", "GMS", "TimeUS"} <= set(gps):
+        return 0
+    week, tow_ms, boot_us = gps["GWk"], gps["GMS"], gps["TimeUS"]
+    known = np.flatnonzero(week > 0)
+    if not len(known):
+        return 0
+    k = known[0]
+    unix_s = GPS_EPOCH_S + WEEK_S * int(week[k]) - LEAP_S
+    return unix_s * 10**9 + int(tow_ms[k]) * 10**6 - int(boot_us[k]) * 1000
+
+
+SAYS_PRIMARY = (("XKF4", "PI"), ("NKF4", "PI"))  # message and column with the primary lane
+
+
+def primary_lane(log: Log) -> int:
+    """Number of the lane that was primary for most of the log; 0 where nobody says.
+
+    One lane for the whole log: a switch between lanes is a step of the estimate, not motion.
+    """
+    for name, column in SAYS_PRIMARY:
+        table = log.table(name)
+        if len(table) and column in table.columns:
+            lanes = np.asarray(table.columns[column]).astype(np.int64)
+            return int(np.bincount(lanes[lanes >= 0], minlength=1).argmax())
+    return 0
+
+
+BIAS_IN = ("XKF1", "NKF1")  # column GZ [deg/s], column C where there are several lanes
+
+
+def without_bias(samples: Samples, log: Log, lane: int) -> Samples:
+    """Yaw rates of the IMU -> the same minus the bias last known at each row of the log."""
+    for name in BIAS_IN:
+        table = log.table(name)
+        if len(table) and "GZ" in table.columns:
+            lanes = np.asarray(table.columns.get("C", np.full(len(table), lane)))
+            mine = lanes == lane
+            bias = np.radians(np.asarray(table.columns["GZ"], np.float64)[mine])
+            if len(bias):
+                last = np.searchsorted(table.order[mine], samples.order) - 1
+                return replace(samples, values=samples.values - bias[np.maximum(last, 0), None])
+    return samples
+
+
+REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
+
+
+@dataclass
+class DataflashLog:
+    """An opened DataFlash log: where its accepted messages lie."""
+
+    path: str
+    data: NDArray[np.uint8] = field(repr=False)
+    offset: Ints = field(repr=False)  # (K,) start of each message
+    type: Ints = field(repr=False)  # (K,)
+    tally: Ints = field(repr=False)
+    kind: str = "dataflash"
+    _tables: dict[str, Table] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def open(cls, path: str | Path) -> "DataflashLog":
+        """Reads a file to its end."""
+        return cls.from_bytes(read_bytes(path), str(path))
+
+    @classmethod
+    def from_bytes(cls, raw: bytes, path: str = "dataflash") -> "DataflashLog":
+        """The same from bytes in memory; `path` names them in messages."""
+        data = np.frombuffer(raw, np.uint8)
+        log = cls(path, data, *walk_messages(data, sizes()))
+        if not set(log.counts()) - {"FMT"}:
+            raise BadInput(f"{path} holds no DataFlash message: it looks like {looks_like(raw)}")
+        return log
+
+    @cached_property
+    def formats(self) -> Mapping[int, Format]:
+        """Type -> format, from the log's own FMT records."""
+        return formats(self._records(fmt_itself()))
+
+    @cached_property
+    def time_us(self) -> Ints:
+        """Time since boot of each message; where it tells none, that of the one before: (K,)."""
+        width, scale = np.zeros(256, np.int64), np.ones(256, np.int64)
+        for number, layout in self.formats.items():
+            if layout.clock:
+                width[number] = layout.dtype["f0"].itemsize
+                scale[number] = 1 if layout.clock == "TimeUS" else 1000
+        return frozen(clocks(self.data, self.offset, self.type, width, scale))
+
+    @cached_property
+    def unix_minus_boot_ns(self) -> int:
+        """Unix time minus boat time [ns]; 0 where the GPS never told the time."""
+        layout = self._by_name.get("GPS")
+        return unix_minus_boot_ns(self._columns(layout)) if layout else 0
+
+    @cached_property
+    def statistics(self) -> Statistics:
+        """What was found while reading."""
+        garbled = int(self.tally[Tally.GARBLED])
+        notes = []
+        if garbled:
+            notes.append(f"{garbled} message(s) refused: bytes are missing inside")
+        if not self.unix_minus_boot_ns:
+            notes.append("no GPS time: times count from the boot of the autopilot")
+        return Statistics(
+            size_bytes=len(self.data),
+            accepted=len(self.offset),
+            junk_bytes=int(self.tally[Tally.JUNK_BYTES]),
+            unknown_messages=int(self.tally[Tally.UNKNOWN]),
+            truncated_tail=bool(self.tally[Tally.TRUNCATED_TAIL]),
+            lost=self._dropped(),
+            time_backwards=int(np.count_nonzero(np.diff(self.time_us) < -REORDERED_US)),
+            notes=tuple(notes),
+        )
+
+    def counts(self) -> Mapping[str, int]:
+        """Message name -> number of accepted messages, by name."""
+        numbers = np.bincount(self.type, minlength=256)
+        found = {f.name: int(numbers[t]) for t, f in self.formats.items() if numbers[t]}
+        return dict(sorted(found.items()))
+
+    def table(self, name: str) -> Table:
+        """All messages of that name (an empty table where there is none)."""
+        if name not in self._tables:
+            self._tables[name] = self._decoded(name)
+        return self._tables[name]
+
+    def _decoded(self, name: str) -> Table:
+        layout = self._by_name.get(name)
+        rows = self._rows(layout) if layout else self.offset[:0]
+        time_us = frozen(self.time_us[rows])
+        nobody = frozen(np.zeros(len(rows), np.uint8))
+        return Table(
+            name=name,
+            order=frozen(rows),
+            receive_time_ns=frozen(time_us * 1000 + self.unix_minus_boot_ns),
+            system=nobody,
+            component=nobody,
+            columns={**self._columns(layout), "time_us": time_us} if layout else {},
+        )
+
+    def _columns(self, layout: Format) -> dict[str, NDArray[np.generic]]:
+        return decoded(self._records(layout), layout)
+
+    def _records(self, layout: Format) -> NDArray[np.void]:
+        """All messages of one format, packed as they lie in the log: (K,)."""
+        size = layout.dtype.itemsize
+        # every stretch of that size is one element: taking some of them copies each at once
+        shape = (max(len(self.data) - size + 1, 0),)
+        stretches = np.ndarray(shape, f"V{size}", self.data, strides=(1,))
+        return stretches[self.offset[self._rows(layout)] + HEADER].view(layout.dtype)
+
+    def _rows(self, layout: Format) -> Ints:
+        order, starts = self._groups
+        return order[starts[layout.type] : starts[layout.type + 1]]
+
+    def _dropped(self) -> int:
+        """What the logger itself could not write, by its own count."""
+        layout = self._by_name.get("DSF")
+        dropped = self._columns(layout).get("Dp") if layout else None
+        return int(dropped.max()) if dropped is not None and len(dropped) else 0
+
+    @cached_property
+    def _by_name(self) -> Mapping[str, Format]:
+        return {layout.name: layout for layout in self.formats.values()}
+
+    @cached_property
+    def _groups(self) -> tuple[Ints, Ints]:
+        return group(self.type, 255)

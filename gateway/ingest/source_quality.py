@@ -1,0 +1,173 @@
+"""Errors and accelerations of a source that nothing is known about, from its values alone.
+
+    std of the fourth difference of white errors = √70 σ
+
+Motion of a boat has hardly any fourth difference over a few tenths of a second. Its hardest
+accelerations are second differences over a little longer.
+
+Rates that were smoothed towards both sides: found by the values they are the rates of.
+
+    B(f) = S(reported, differentiated) / S(reported, reported)
+
+Both are means over `STEP_S`; S are their cross- and power spectrum. Where nothing was done to the
+reported rate B = 1, errors of its own make B smaller, and those of the values leave it. A filter
+that only looks back, a first-order lag 1/(1 + j2πfτ) or a delay, leaves Re B at 1 or below it: what
+it takes in size it takes in phase. A window that looks both ways takes in size alone: Re B rises
+above 1, also if the two are some hundredths of a second apart, B e^{j2πfs}. Such a rate shows
+motion before its cause: an actuator's lag found from it is too short, or negative.
+
+Accelerations that hold gravity: they do not agree with the change of speed.
+
+    a = u̇ − r v + g sin θ      reported ahead      (to starboard: v̇ + r u − g sin φ)
+
+A bow that rises by 10° under full throttle adds 1.7 m/s². Compared are means over a second or two:
+slope and mean of what is reported against what the speed did. Source: Fossen 2021, §14.4 (what an
+accelerometer measures).
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.state import Floats
+
+CLIP = 4.0  # medians: a jump is no noise
+SAFE = 2.0  # errors are not quite white
+SPAN_S = 0.4  # of a second difference
+HARD = 0.99  # of the accelerations are below the hardest, which are two standard deviations
+
+
+def white_std(values: Floats, smallest: float) -> float:
+    """Values (K, n) -> σ, not below `smallest` nor a step of their resolution over √12."""
+    if len(values) < 10:
+        return smallest
+    fourth = np.abs(np.diff(values, n=4, axis=0)) / np.sqrt(70.0)
+    usual = np.median(fourth, axis=0)
+    rough = np.sqrt(np.mean(np.minimum(fourth, CLIP * np.maximum(usual, 1e-12)) ** 2, axis=0))
+    steps = np.abs(np.diff(values, axis=0))
+    moved = steps[steps > 0.0]
+    finest = float(np.quantile(moved, 0.01)) if len(moved) else 0.0
+    return float(max(SAFE * rough.max(), finest / np.sqrt(12.0), smallest))
+
+
+def acceleration_std(time: Floats, values: Floats) -> float:
+    """Times (K,) [s], values (K, n) -> standard deviation of their second derivative."""
+    grid = np.arange(time[0], time[-1], SPAN_S)
+    if len(grid) < 10:
+        return 0.0
+    path = np.stack([np.interp(grid, time, values[:, i]) for i in range(values.shape[1])], axis=1)
+    change = np.linalg.norm(np.diff(path, n=2, axis=0), axis=1) / SPAN_S**2
+    return float(0.5 * np.quantile(change, HARD))
+
+
+Complex = NDArray[np.complex128]
+
+STEP_S = 0.2
+PIECE = 50  # means in a piece of time that is transformed, half of it shared with the next
+FEWEST = 5  # pieces
+BANDS_HZ = (0.15, 0.35, 0.55, 0.75, 0.95, 1.25, 1.75)
+ABOVE = 1.05  # of Re B
+APART_S = 0.06  # s: rate and values may be apart by so much either way
+SURE = 3.0  # standard deviations from piece to piece
+SPREAD = 0.02  # of Re B, that all have: few pieces may agree by chance
+
+
+class Smoothing(NamedTuple):
+    """Whether a rate was smoothed to both sides, and the frequency [Hz] that it lacks from on."""
+
+    found: bool
+    from_hz: float
+
+    @property
+    def window_s(self) -> float:
+        """About how long a window takes that away."""
+        return 1.0 / self.from_hz
+
+
+NOTHING = Smoothing(False, np.inf)
+
+
+def smoothing(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoothing:
+    """Values (K, n) at times (K,), rates (L, n) at (L,) [s], ascending, one frame -> what was done.
+
+    The lowest band counts that B shows it in.
+    """
+    edges = np.arange(max(time[0], rate_time[0]), min(time[-1], rate_time[-1]), STEP_S)
+    columns = range(x.shape[1])
+    if len(edges) <= PIECE:
+        return NOTHING
+    moved = np.stack([np.interp(edges, time, x[:, i]) for i in columns], axis=1)
+    total = np.stack([_integral(rate_time, rate[:, i], edges) for i in columns], axis=1)
+    true, said = (_spectra(np.diff(path, axis=0) / STEP_S) for path in (moved, total))
+    if len(true) < FEWEST:
+        return NOTHING
+    frequency = np.asarray(np.fft.rfftfreq(PIECE, STEP_S), np.float64)
+    cross, own = (np.conj(said) * true).sum(axis=1), (np.abs(said) ** 2).sum(axis=1)
+    for low, high in pairwise(BANDS_HZ):
+        inside = (frequency >= low) & (frequency < high)
+        if all(_above(cross, own, frequency, inside, apart) for apart in (-APART_S, 0.0, APART_S)):
+            return Smoothing(True, low)
+    return NOTHING
+
+
+def _spectra(rows: Floats) -> Complex:
+    """Means (M, n) -> transforms (pieces, n, frequencies) of what moves within each piece."""
+    starts = range(0, len(rows) - PIECE + 1, PIECE // 2)
+    pieces = np.stack([rows[k : k + PIECE].T for k in starts])
+    return np.fft.rfft((pieces - pieces.mean(axis=-1, keepdims=True)) * np.hanning(PIECE))
+
+
+def _above(
+    cross: Complex, own: Floats, frequency: Floats, inside: NDArray[np.bool_], apart: float
+) -> bool:
+    """Spectra (pieces, frequencies), a band, s [s] -> Re B is surely above 1 there."""
+    shared = np.real(cross * np.exp(2j * np.pi * frequency * apart))
+    b, std = _ratio(shared[:, inside].sum(axis=1), own[:, inside].sum(axis=1))
+    return b - ABOVE > SURE * std
+
+
+def _ratio(above: Floats, below: Floats) -> tuple[float, float]:
+    """Sums (pieces,) -> their ratio and its standard deviation (jackknife)."""
+    if not below.sum() > 0.0:
+        return 1.0, np.inf
+    without = (above.sum() - above) / np.maximum(below.sum() - below, 1e-300)
+    share = (len(above) - 1) / len(above)
+    std = np.sqrt(share * np.sum((without - without.mean()) ** 2))
+    return float(above.sum() / below.sum()), float(np.hypot(std, SPREAD))
+
+
+def _integral(time: Floats, values: Floats, at: Floats) -> Floats:
+    """Integral of values (L,) between their times, at moments (T,)."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+    return np.interp(at, time, np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+MEAN_S = 1.0  # means over so long are compared
+SLOPE = 0.25  # that the slope may be off by
+BIAS = 0.15  # m/s², that the mean may be off by
+MOVES = 0.05  # m/s²: an acceleration that stays below this says nothing
+
+
+class Agreement(NamedTuple):
+    """How an acceleration follows the change of speed: both would be 1 and 0."""
+
+    slope: float
+    bias: float  # m/s²
+
+    @property
+    def good(self) -> bool:
+        """No more than a sensor's faults."""
+        return abs(self.slope - 1.0) <= SLOPE and abs(self.bias) <= BIAS
+
+
+def agreement(time: Floats, reported: Floats, expected: Floats) -> Agreement | None:
+    """Accelerations (K,) [m/s²] on a grid (K,) [s] -> agreement; None: nothing moves."""
+    rows = max(round(MEAN_S / float(np.median(np.diff(time)))), 1)
+    count = len(time) // rows * rows
+    a, b = (x[:count].reshape(-1, rows).mean(axis=1) for x in (reported, expected))
+    if len(a) < 10 or np.std(b) < MOVES:
+        return None
+    about = b - b.mean()
+    return Agreement(float(about @ a / (about @ about)), float(np.mean(a - b)))

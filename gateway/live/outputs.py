@@ -1,0 +1,141 @@
+"""Where one boat's messages go: zenoh, its recording, players; each may be absent."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import orjson
+
+from gateway.bus import Bus
+from gateway.config import Settings, as_tables
+from gateway.errors import ShadowError
+from gateway.json_rows import Rows
+from gateway.links.inbox import Datagram
+from gateway.live.boat import LiveBoat
+from gateway.offline.relive import ABOUT, LIVE
+from gateway.recording.file import Attachment
+from gateway.recording.foxglove_server import BoatView
+from gateway.recording.recorder import Recorder
+from gateway.recording.thread import RecordingThread
+
+KEPT, KEPT_BYTES = 60_000, 64_000_000  # of what was heard before any boat was known
+
+
+@dataclass
+class Outlet:
+    """Publishes and records; a recording that fails is told once and leaves the rest alone."""
+
+    bus: Bus | None = None
+    recording: RecordingThread | None = None
+    view: BoatView | None = None  # for Foxglove and its kin
+    failure: str | None = None  # not told yet
+    _told: bool = False
+
+    def publish(self, rows: Sequence[Rows]) -> None:
+        """To whoever listens."""
+        if self.bus is not None:
+            for part in rows:
+                for payload in part.payloads:
+                    self.bus.publish(part.topic, payload)
+
+    def record(self, rows: Sequence[Rows]) -> None:
+        """To disk."""
+        if self.recording is not None:
+            self.recording.rows(rows)
+
+    def show(self, rows: Sequence[Rows]) -> None:
+        """To players."""
+        if self.view is not None:
+            self.view.show(rows)
+
+    def send(self, rows: Sequence[Rows]) -> None:
+        """To all of them."""
+        self.publish(rows)
+        self.record(rows)
+        self.show(rows)
+
+    def raw(self, link: str, receive_time_ns: int, frames: Sequence[bytes]) -> None:
+        """Frames to disk."""
+        if self.recording is not None and frames:
+            self.recording.raw(link, receive_time_ns, frames)
+
+    @property
+    def backlog(self) -> int:
+        """Messages that wait to be recorded."""
+        return self.recording.backlog if self.recording is not None else 0
+
+    @property
+    def drops(self) -> int:
+        """Messages that were not recorded though they should have been."""
+        return self.recording.drops if self.recording is not None else 0
+
+    def news(self) -> str | None:
+        """Why recording failed, told once."""
+        failure = self.failure or (self.recording.failure if self.recording is not None else None)
+        if failure is None or self._told:
+            return None
+        self._told = True
+        return failure
+
+
+class Unclaimed:
+    """What was heard before any boat was known: kept for its recording, within bounds."""
+
+    def __init__(self) -> None:
+        self._datagrams: deque[Datagram] = deque()
+        self._bytes = 0
+
+    def keep(self, datagram: Datagram) -> None:
+        """The oldest go where there is no room."""
+        self._datagrams.append(datagram)
+        self._bytes += _bytes(datagram)
+        while len(self._datagrams) > KEPT or self._bytes > KEPT_BYTES:
+            self._bytes -= _bytes(self._datagrams.popleft())
+
+    def claimed(self) -> Iterator[Datagram]:
+        """All that is kept, in order; none is kept any more."""
+        while self._datagrams:
+            yield self._datagrams.popleft()
+        self._bytes = 0
+
+
+def start_recording(
+    boat: LiveBoat, folder: Path, vessel: bytes, settings: Settings, scope: ExitStack
+) -> RecordingThread:
+    """A recording of that boat, open until `scope` closes; ShadowError where it cannot begin."""
+    about = {
+        "gateway": version("shadow-gateway"),
+        "vessel": boat.name,
+        "boat": str(boat.boat),
+        "system": str(boat.boat.system),
+        LIVE: "yes",
+    }
+    config = orjson.dumps(as_tables(settings), option=orjson.OPT_INDENT_2)
+    recorder = Recorder(
+        unused(folder, f"{boat.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"),
+        attachments=[
+            Attachment("vessel.toml", "application/toml", vessel),
+            Attachment("config.json", "application/json", config),
+        ],
+        metadata={ABOUT: about},
+        settings=settings.recording,
+        live=True,
+    )
+    return scope.enter_context(RecordingThread(recorder))
+
+
+def unused(folder: Path, stem: str) -> Path:
+    """A name in the folder that no recording has, nor any part of one that rotates."""
+    for number in range(1, 1000):
+        path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
+        if not path.exists():
+            return path
+    raise ShadowError(f"{folder / stem}.mcap: there are too many of that name")
+
+
+def _bytes(datagram: Datagram) -> int:
+    return sum(len(frame.raw) for frame in datagram.frames)

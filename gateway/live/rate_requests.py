@@ -1,0 +1,73 @@
+"""What the loop says to boats, which is little: requests for message rates over each link.
+
+Only boats that are shadowed are asked. Times are those of a clock that never steps.
+"""
+
+from collections.abc import Iterable, Mapping
+
+from gateway.links.inbox import Datagram
+from gateway.links.link import Link
+from gateway.links.rate_requests import Address, Answer, Requests
+from gateway.links.transmitter import Identity
+from gateway.live.boat import LiveBoat
+from gateway.shadow.health import SECOND
+
+OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are held against those asked for
+
+
+class Asking:
+    """The requests of all links."""
+
+    def __init__(
+        self, links: Iterable[Link], identity: Identity | None, rates_hz: Mapping[str, float]
+    ) -> None:
+        self._links = {link.name: link for link in links}
+        self._requests = {
+            link.name: Requests(identity, rates_hz, link.announces) for link in self._links.values()
+        }
+        self._observed_ns = 0
+        self._reboots: dict[int, int] = {}  # by system
+
+    def listen(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        """What boats say that concerns our requests: who they are, their answers, a reboot."""
+        if datagram.link not in self._requests:
+            return
+        addresses = {boat.address: boat for boat in boats}
+        for frame in datagram.frames:
+            m = frame.message
+            if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK"):
+                continue
+            boat = addresses.get((m.get_srcSystem(), m.get_srcComponent()))
+            if boat is not None:
+                self._rebooted(boat, now_ns)
+                requests = self._requests[datagram.link]
+                self._requests[datagram.link] = requests.take(m, now_ns)
+
+    def _rebooted(self, boat: LiveBoat, now_ns: int) -> None:
+        """Where it did since this was last asked, it has forgotten what it had accepted."""
+        if boat.reboots == self._reboots.get(boat.boat.system, 0):
+            return
+        self._reboots[boat.boat.system] = boat.reboots
+        for name, requests in self._requests.items():
+            self._requests[name] = requests.rebooted(Address(*boat.address), now_ns)
+
+    def due(self, boats: Iterable[LiveBoat], now_ns: int) -> list[Answer]:
+        """Say what is to be said by now -> what came of earlier requests."""
+        if now_ns - self._observed_ns >= OBSERVE_NS:
+            self._observed_ns = now_ns
+            self._observe(boats, now_ns)
+        answers: list[Answer] = []
+        for name, requests in self._requests.items():
+            if (at := requests.next_ns) is not None and now_ns >= at:
+                said = requests.due(now_ns)
+                self._requests[name] = said.requests
+                answers += said.answers
+                for message in said.messages:
+                    self._links[name].say(message)
+        return answers
+
+    def _observe(self, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        for boat in boats:
+            rates = boat.health.rates_hz()
+            for name, requests in self._requests.items():
+                self._requests[name] = requests.observed(Address(*boat.address), rates, now_ns)

@@ -1,0 +1,197 @@
+"""`shadow report`: compare, diagnose where asked, and put it all into one HTML file.
+
+side by side → diagnose → side by side with what was found → pictures → page
+"""
+
+import math
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from gateway.atomic_file import write_whole
+from gateway.figures import diagnosis as pictures
+from gateway.figures import error_against, forces, track, velocities, vessels
+from gateway.figures.diagnosis import Step, name_of, steps
+from gateway.figures.figure_data import FigureData
+from gateway.figures.html_report import Recording, Report, Shown, render
+from gateway.figures.matplotlib_draw import svg
+from gateway.offline.compare import Compared, side_by_side, told_apart
+from gateway.offline.diagnose import Diagnosed, diagnosed
+from gateway.vessel_file import dump_vessel
+from sim.comparison.compare import NEAR_FLOOR, Comparison
+from sim.effects.effect import Effect
+from sim.vessel import Vessel
+
+Tell = Callable[[str], None]
+WORST = 5
+SECTIONS: tuple[tuple[str, Callable[..., FigureData], str], ...] = (
+    ("Velocities", velocities.horizon_runs,
+     "Blue measured, orange the model, started anew from the measurement at every gap."),
+    ("Track", track.track, "North is up. Darker is worse."),
+    ("Size of the error", lambda _, c: error_against.strips(c),
+     "Each row a velocity, each cell a bin. Darker is worse."),
+    ("Missing force", lambda _, c: forces.missing_force(c),
+     "What the model lacks. Within the grey band it is noise of a single estimate."),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reported:
+    """Where the report is, how large, and what it says in a sentence."""
+
+    path: Path
+    size_bytes: int
+    headline: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `shadow report --json` prints."""
+        return {"report": str(self.path), "bytes": self.size_bytes, "headline": self.headline}
+
+
+def make_report(
+    logs: Sequence[str | Path],
+    files: Sequence[str | Path],
+    out: str | Path,
+    *,
+    diagnose: bool = False,
+    system: int | None = None,
+    mapping: str | Path | None = None,
+    effects: Iterable[Effect] = (),
+    tell: Tell = lambda _: None,
+) -> Reported:
+    """All recordings against all vessels, and with `diagnose` against what the first one lacks."""
+    own = tuple(effects)
+    chosen: list[Vessel] = told_apart(files, own)
+    answer = None
+    if diagnose:
+        answer = diagnosed(logs, files[0], system=system, mapping=mapping, effects=own, tell=tell)
+        if answer.diagnosis.effects:
+            chosen = told_apart([*chosen, _found(answer)])
+    found = side_by_side(logs, chosen, system=system, mapping=mapping, effects=own, tell=tell)
+    tell("pictures")
+    page = report_of(found, chosen, answer)
+    return write_report(page, out)
+
+
+def write_report(page: Report, out: str | Path) -> Reported:
+    """The page as a file, whole or not at all."""
+    file, text = Path(out), render(page).encode()
+    write_whole(file, text, "the report", folders=True)
+    return Reported(file, len(text), page.headline)
+
+
+def report_of(
+    found: Sequence[Compared], chosen: Sequence[Vessel], answer: Diagnosed | None, boat: str = ""
+) -> Report:
+    """The whole page as values; `boat` where the vessels have other names than it."""
+    names = ", ".join(one.trial.name for one in found)
+    now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    return Report(
+        title=f"{boat or chosen[0].name}: model against measurement",
+        made=f"{names}. Made {now} by shadow-gateway {version('shadow-gateway')}.",
+        headline=_headline(found, answer),
+        recordings=tuple(_recording(one) for one in found),
+        vessel_files=tuple((v.name, dump_vessel(v)) for v in chosen),
+        versions=_versions(),
+        diagnosis=None if answer is None else answer.as_dict(),
+        ladder=None if answer is None else _ladder(answer),
+        evidence=() if answer is None else _evidence(answer),
+    )
+
+
+def _found(answer: Diagnosed) -> Vessel:
+    vessel = answer.diagnosis.vessel
+    added = " + ".join(answer.diagnosis.effects).replace("_", " ")
+    return replace(vessel, name=f"{vessel.name} + {added}")
+
+
+def _headline(found: Sequence[Compared], answer: Diagnosed | None) -> str:
+    """One sentence: the diagnosis if there is one, else how far above the noise."""
+    if answer is not None:
+        says = answer.diagnosis.summary
+        return says[0].upper() + says[1:] + ("" if says.endswith(".") else ".")
+    worst = max((one.comparisons[0] for one in found), key=_above)
+    times = _above(worst)
+    if times <= NEAR_FLOOR:
+        return (
+            f"{worst.vessel} is as good as these recordings can tell: its error of "
+            f"{worst.nrmse:.2f} is at the noise floor of {worst.noise_floor_nrmse:.2f}."
+        )
+    return (
+        f"Something is wrong with {worst.vessel}: on {worst.log} its error is {worst.nrmse:.2f}, "
+        f"{times:.1f} times what noise alone would show ({worst.noise_floor_nrmse:.2f})."
+    )
+
+
+def _above(c: Comparison) -> float:
+    return c.nrmse / max(c.noise_floor_nrmse, 1e-9)
+
+
+def _recording(one: Compared) -> Recording:
+    return Recording(
+        one.trial.name,
+        one.comparisons[0].seconds,
+        tuple(row for c in one.comparisons for row in _rows(c)),
+        tuple((c.vessel, tuple(b.says for b in c.worst(WORST))) for c in one.comparisons),
+        tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices)),
+        tuple(_pictures(one)),
+    )
+
+
+def _rows(c: Comparison) -> list[dict[str, Any]]:
+    """The numbers over the horizon, and those of the free run."""
+    run = c.free_run.as_dict()["rmse"]
+    interval = "" if c.nrmse_ci95 is None else f" ({c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f})"
+    size = (f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}")
+    horizon = f"{c.ruler.settings.horizon:g} s"
+    gone = ("diverged", "", "", "", "")
+    free = gone if c.free_run.diverged or "u" not in run else _cells(run)
+    return [
+        {"recording": c.log, "vessel": c.vessel, "run": horizon,
+         "cells": (*size, *_cells(c.scores.rmse))},
+        {"recording": "", "vessel": "", "run": "free", "cells": ("", "", *free)},
+    ]  # fmt: skip
+
+
+def _cells(rmse: Any) -> tuple[str, ...]:
+    place = math.hypot(rmse["x"], rmse["y"])
+    return (f"{rmse['u']:.3f}", f"{rmse['v']:.3f}", f"{math.degrees(rmse['r']):.2f}",
+            f"{place:.2f}", f"{math.degrees(rmse['psi']):.2f}")  # fmt: skip
+
+
+def _pictures(one: Compared) -> list[Shown]:
+    """Of several vessels their errors side by side; then the sections of each."""
+    several = len(one.comparisons) > 1
+    out = []
+    if several:
+        out.append(Shown("Error of each vessel", "", svg(vessels.vessels(one.comparisons))))
+    for c in one.comparisons:
+        for title, make, says in SECTIONS:
+            heading = f"{title}: {c.vessel}" if several else title
+            out.append(Shown(heading, says, svg(make(one.trial, c))))
+    return out
+
+
+def _ladder(answer: Diagnosed) -> Shown:
+    d = answer.diagnosis
+    climbed = [Step(name_of(r.effects, r.base), r.heldout.nrmse, r.heldout.ci95) for r in d.ladder]
+    says = "Each step is judged on time that its fit did not see."
+    return Shown("The ladder", says, svg(steps("", climbed, d.floor)))
+
+
+def _evidence(answer: Diagnosed) -> tuple[Shown, ...]:
+    """The ranking, and the picture that persuades for each effect found and its rivals."""
+    d = answer.diagnosis
+    ranked = [Shown("Which effect", "", svg(pictures.ranking(d)))] if d.ranking else []
+    every = (pictures.evidence_of, pictures.evidence_of_rivals)
+    proofs = [pictures.against(one) for of in every for one in of(d, answer.trials)]
+    return (*ranked, *(Shown(data.title, data.says, svg(data)) for data in proofs))
+
+
+def _versions() -> tuple[tuple[str, str], ...]:
+    packages = ("shadow-gateway", "numpy", "scipy", "numba", "matplotlib", "pymavlink")
+    return (("Python", platform.python_version()), *((name, version(name)) for name in packages))

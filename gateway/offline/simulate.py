@@ -1,0 +1,128 @@
+"""`shadow simulate`: commands in, motion out, as a recording; a second vessel may follow the first.
+
+The table of commands is a CSV: `time` [s] and one column per actuator, by its name in the vessel
+file, −1 … 1. Each row holds until the next.
+"""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gateway.errors import BadInput
+from gateway.json_rows import encode_rows
+from gateway.recording.file import Attachment
+from gateway.recording.recorder import Recorder
+from gateway.shadow.path import follower_of
+from gateway.shadow.topic_rows import MOTION_FIELDS
+from gateway.vessel_file import dump_vessel
+from sim.following.follower import Following
+from sim.model import Model
+from sim.state import Floats
+from sim.vessel import Vessel
+
+SECOND = 1_000_000_000
+BLOCK = 500  # rows handed to the recorder at a time
+LONGEST_S = 86400.0
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Motion of the vessel and of its follower (T, 9), force on the follower (T, 3)."""
+
+    time: Floats
+    motion: Floats
+    follower: Floats | None
+    control: Floats | None
+    commanded: Floats
+    recording: Path
+
+
+def read_commands(path: Path, vessel: Vessel) -> tuple[Floats, Floats]:
+    """A table of commands -> times (R,) [s], commands (R, actuators)."""
+    names = [actuator.name for actuator in vessel.actuators]
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file, skipinitialspace=True))
+    except OSError as error:
+        raise BadInput(f"{path}: cannot read the commands: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise BadInput(f"{path}: not a text table: expected a CSV of commands") from None
+    header = list(rows[0]) if rows else []
+    if "time" not in header or not set(names) & set(header):
+        raise BadInput(
+            f"{path}: expected a CSV with the columns time [s] and {', '.join(names)} (−1 … 1)"
+        )
+    unknown = [name for name in header if name not in ("time", *names)]
+    if unknown:
+        raise BadInput(f"{path}: unknown column {unknown[0]!r}: actuators are {', '.join(names)}")
+    time = np.array([_number(path, k, row, "time") for k, row in enumerate(rows)])
+    if len(time) < 2 or np.any(np.diff(time) <= 0.0):
+        raise BadInput(f"{path}: time must have two or more rows and go up")
+    if time[-1] - time[0] > LONGEST_S:
+        raise BadInput(f"{path}: time spans {time[-1] - time[0]:.3g} s, more than a day: seconds?")
+    columns = [[_number(path, k, r, n) if n in header else 0.0 for n in names]
+               for k, r in enumerate(rows)]  # fmt: skip
+    return time - time[0], np.array(columns)
+
+
+def _number(path: Path, row: int, values: dict[str, str], name: str) -> float:
+    try:
+        number = float(values[name])
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number) or (name != "time" and abs(number) > 1.0):
+        expected = "seconds" if name == "time" else "a command from −1 to 1"
+        raise BadInput(f"{path}: line {row + 2}, {name} = {values[name]!r}: expected {expected}")
+    return number
+
+
+def simulate(
+    commands: Path,
+    vessel: Vessel,
+    follow: Vessel | None,
+    out: Path,
+    rate_hz: float = 50.0,
+    options: Following | None = None,
+) -> Simulated:
+    """Run the vessel on a table of commands; record it, and the vessel that follows it."""
+    times, values = read_commands(commands, vessel)
+    model = Model.of(vessel)
+    grid = np.arange(0.0, times[-1], 1.0 / rate_hz)
+    held = values[np.searchsorted(times, grid, side="right") - 1]
+    _, reports = model.simulate(held, 1.0 / rate_hz)
+    motion = reports[0, :-1]
+    _, commanded = model.missing_force(motion, grid, held, held)
+    followed = forces = None
+    if follow is not None:
+        follower = follower_of(Model.of(follow), options or Following())
+        _, followed, forces, _ = follower.advance(follower.start(), grid, motion)
+    recording = out / f"{commands.stem}-simulated.mcap"
+    result = Simulated(grid, motion, followed, forces, commanded, recording)
+    _record(result, [vessel] if follow is None else [vessel, follow])
+    return result
+
+
+def _record(result: Simulated, vessels: Sequence[Vessel]) -> None:
+    """The motion as the topics that a replay writes: the vessel is the reference."""
+    files = [
+        Attachment(name, "application/toml", dump_vessel(vessel).encode())
+        for name, vessel in zip(("vessel.toml", "follower.toml"), vessels, strict=False)
+    ]
+    now = np.round(result.time * SECOND).astype(np.int64)
+    with Recorder(result.recording, attachments=files) as recorder:
+        for start in range(0, len(now), BLOCK):
+            part = slice(start, start + BLOCK)
+            times = now[part], now[part]
+            motions = [("reference", result.motion)]
+            if result.follower is not None:
+                motions.append(("shadow", result.follower))
+            for topic, motion in motions:
+                exact = np.zeros((len(now[part]), 9))  # a simulation knows its state
+                values = np.hstack([motion[part][:, MOTION_FIELDS], exact])
+                recorder.write_rows(*encode_rows(topic, *times, values, {"source": "model"}))
+            control = result.control if result.control is not None else result.commanded
+            forces = np.hstack([control[part], result.commanded[part]])
+            recorder.write_rows(*encode_rows("control", *times, forces))

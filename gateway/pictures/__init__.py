@@ -1,1 +1,0 @@
-"""Pictures of a comparison: figure data as plain values, and what draws them."""

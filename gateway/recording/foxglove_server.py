@@ -1,0 +1,156 @@
+"""Where the Foxglove server listens, as [HOST:]PORT; this machine alone by default.
+
+A live Foxglove WebSocket: the channels of a recording, as they are made.
+
+The library's threads serve the sockets; the loop only hands messages over, and only those that
+somebody asked for. It never waits: a client that is too slow loses the oldest of its backlog.
+Clients can do nothing but subscribe. The boat of the first vessel has the topics of a recording, so
+that the same layout fits; those of other boats begin with their names.
+"""
+
+import ipaddress
+import logging
+from collections.abc import Sequence
+from contextlib import suppress
+from threading import Thread
+from typing import Any, Self
+
+import orjson
+
+from gateway.errors import BadInput, ShadowError
+from gateway.json_rows import Rows
+from gateway.recording import foxglove
+from gateway.recording.file import JSON, JSON_SCHEMA
+from gateway.recording.foxglove import PlayerRows
+from gateway.topics import TOPICS
+
+HOST = "127.0.0.1"
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """ "8765", "0.0.0.0:8765" or "[::1]:8765" -> host, port; port 0 is any that is free."""
+    host, mark, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]") if mark else HOST
+    if not host or not (port.isascii() and port.isdigit()) or int(port) > 65535:
+        raise BadInput(f'Foxglove server on "{text}": expected [HOST:]PORT, as in 8765')
+    return host, int(port)
+
+
+def on_this_machine(host: str) -> bool:
+    """Does nobody else reach that address?"""
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+BACKLOG = 1024  # messages that wait for one client: about three seconds of a boat at 50 Hz
+STOP_S = 0.5  # a client that does not read would hold up the end
+NAME = "digital shadow"
+
+
+class BoatView:
+    """The channels of one boat; `prefix` is its name where the topics are another's."""
+
+    def __init__(self, sdk: Any, context: Any, rate_hz: float, prefix: str) -> None:
+        self._sdk, self._context = sdk, context
+        start = f"{prefix}/" if prefix else ""
+        known = [foxglove.named(c, prefix) if prefix else c for c in foxglove.CHANNELS]
+        self._topics = {
+            name: self._channel(f"{start}{name}", topic.schema, orjson.dumps(topic.json_schema()))
+            for name, topic in TOPICS.items()
+        }
+        self._known = {
+            c.topic: self._channel(c.topic, c.schema, foxglove.schema_text(c.schema)) for c in known
+        }
+        self._players = PlayerRows(rate_hz, known)
+
+    def show(self, rows: Sequence[Rows]) -> None:
+        """To those who have subscribed; nothing is made for nobody."""
+        for part in rows:
+            self._log(self._topics[part.topic], part.receive_time_ns.tolist, part.payloads)
+            for shown in self._players.of(
+                part.topic, part.receive_time_ns, part.payloads, self._wanted
+            ):
+                times = part.receive_time_ns[shown.rows]
+                self._log(self._known[shown.channel.topic], times.tolist, shown.payloads)
+
+    def _wanted(self, channel: foxglove.Channel) -> bool:
+        return bool(self._known[channel.topic].has_sinks())
+
+    def _log(self, channel: Any, times: Any, payloads: Sequence[bytes]) -> None:
+        if channel.has_sinks():
+            for time_ns, payload in zip(times(), payloads, strict=True):
+                channel.log(payload, log_time=time_ns)
+
+    def _channel(self, topic: str, schema: str, text: bytes) -> Any:
+        described = self._sdk.Schema(name=schema, encoding=JSON_SCHEMA, data=text)
+        return self._sdk.Channel(
+            topic, schema=described, message_encoding=JSON, context=self._context
+        )
+
+
+class FoxgloveServer:
+    """Listens while inside; `address` is [HOST:]PORT."""
+
+    def __init__(self, address: str, rate_hz: float) -> None:
+        self.host, self._port = parse_address(address)
+        self._rate_hz = rate_hz
+        self._server: Any = None
+        self._plain_given = False
+
+    def __enter__(self) -> Self:
+        self._sdk = _library()
+        self._context = self._sdk.Context()
+        try:
+            self._server = self._sdk.start_server(
+                name=NAME, host=self.host, port=self._port, context=self._context,
+                message_backlog_size=BACKLOG,
+            )  # fmt: skip
+        except RuntimeError as error:
+            why = str(error).rpartition("Failed to bind port: ")[2].split(" (os error")[0]
+            raise BadInput(
+                f"Foxglove server on {self.host}:{self._port}: cannot listen there: {why}; "
+                "is another program using the port?"
+            ) from None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        server, self._server = self._server, None
+        if server is None:  # the library does not stand being stopped twice
+            return
+        ending = Thread(target=server.stop, name="foxglove", daemon=True)
+        ending.start()
+        ending.join(STOP_S)
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self._server.port)
+
+    @property
+    def says(self) -> str:
+        """Where to connect, and who can."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        who = "" if on_this_machine(self.host) else ", for everyone who reaches this machine"
+        return f"Foxglove WebSocket on ws://{host}:{self.port}{who}"
+
+    def boat(self, name: str, leading: bool) -> BoatView:
+        """Channels for a boat; the first leading one has the topics of a recording."""
+        plain = leading and not self._plain_given
+        self._plain_given |= plain
+        return BoatView(self._sdk, self._context, self._rate_hz, "" if plain else name)
+
+
+def _library() -> Any:
+    """Loaded only where it is wanted: it is large. What it has to say of strangers is left out."""
+    try:
+        import foxglove as sdk
+    except ImportError as error:
+        raise ShadowError(
+            f"the Foxglove server needs the library foxglove-sdk ({error}): "
+            "pip install foxglove-sdk, or do without --foxglove"
+        ) from None
+    log = logging.getLogger("foxglove")
+    log.addHandler(logging.NullHandler())
+    log.propagate = False
+    return sdk

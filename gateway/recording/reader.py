@@ -1,0 +1,224 @@
+"""A recording opened for reading: finished or not, as the gateway or another program wrote it."""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import orjson
+from mcap import records
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from numpy.typing import NDArray
+
+from gateway.errors import BadInput, ShadowError
+from gateway.json_rows import Rows
+from gateway.recording.blocks import Block, Spans, read_blocks, read_content, read_spans
+from gateway.recording.file import LINK, RAW, Attachment
+
+Integers = NDArray[np.int64]
+QUIET_SECONDS = 10.0
+TICK_LINK = "tick"  # its frames are empty: moments at which the loop ran without telemetry
+
+
+@dataclass(frozen=True)
+class RawFrames:
+    """Frames as they were received: frame k is data[start[k]:end[k]], of links[link[k]]."""
+
+    data: bytes
+    start: Integers
+    end: Integers
+    receive_time_ns: Integers
+    vehicle_time_ns: Integers
+    link: Integers
+    links: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def frames(self) -> list[bytes]:
+        """The frames one by one."""
+        pairs = zip(self.start.tolist(), self.end.tolist(), strict=True)
+        return [self.data[start:end] for start, end in pairs]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What an MCAP file holds. Messages come in file order: as they were handled."""
+
+    path: Path
+    finished: bool
+    metadata: Mapping[str, Mapping[str, str]]
+    attachments: Mapping[str, Attachment]
+    _spans: Spans
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Read what stands around the messages; raises BadInput where that is no MCAP file."""
+        with _readable(path), path.open("rb") as stream:
+            if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                raise BadInput(f"{path}: not an MCAP file: give a recording that ends in .mcap")
+            spans = read_spans(stream, path.stat().st_size)
+            metadata, attachments = {}, {}
+            for span in spans.records:
+                if span.opcode == Opcode.METADATA:
+                    entry = records.Metadata.read(read_content(stream, span))
+                    metadata[entry.name] = entry.metadata
+                elif span.opcode == Opcode.ATTACHMENT:
+                    item = records.Attachment.read(read_content(stream, span))
+                    attachments[item.name] = Attachment(item.name, item.media_type, item.data)
+        return cls(path, spans.finished, metadata, attachments, spans)
+
+    def blocks(self) -> Iterator[Block]:
+        """All messages, a chunk at a time. An unfinished file ends where it is damaged."""
+        for block in read_blocks(self.path, self._spans):
+            if block is None and self.finished:
+                raise ShadowError(f"{self.path}: the file is damaged: use another copy of it")
+            if block is None:
+                return
+            yield block
+
+    def counts(self) -> dict[str, int]:
+        """Channel topic -> number of messages."""
+        counts: dict[str, int] = {}
+        for block in self.blocks():
+            numbers, found = np.unique(block.channel, return_counts=True)
+            for number, count in zip(numbers.tolist(), found.tolist(), strict=True):
+                topic = block.channels[number].topic
+                counts[topic] = counts.get(topic, 0) + count
+        return counts
+
+    def rows(self, topic: str) -> Iterator[Rows]:
+        """Messages of one topic as they were recorded, block by block."""
+        for block in self.blocks():
+            chosen = _chosen(block, topic)
+            if len(chosen):
+                pairs = zip(block.start[chosen].tolist(), block.end[chosen].tolist(), strict=True)
+                payloads = [block.data[start:end] for start, end in pairs]
+                times = block.publish_time_ns[chosen], block.log_time_ns[chosen]
+                yield Rows(topic, *times, payloads)
+
+    def columns(self, topic: str) -> dict[str, NDArray[Any]]:
+        """All messages of one topic, field by field: name -> (K,); empty where there are none."""
+        messages: list[dict[str, Any]] = []
+        for rows in self.rows(topic):
+            messages += orjson.loads(b"[" + b",".join(rows.payloads) + b"]")
+        names = messages[0] if messages else {}
+        return {name: np.array([message[name] for message in messages]) for name in names}
+
+    def raw(self) -> RawFrames:
+        """All MAVLink frames, byte for byte."""
+        pieces: list[bytes] = []
+        parts: list[Integers] = [np.empty((0, 4), np.int64)]
+        links: dict[str, int] = {}
+        for block in self.blocks():
+            chosen = _chosen(block, RAW)
+            start, end = block.start[chosen], block.end[chosen]
+            pairs = zip(start.tolist(), end.tolist(), strict=True)
+            pieces.append(b"".join([block.data[a:b] for a, b in pairs]))
+            times = block.log_time_ns[chosen], block.publish_time_ns[chosen]
+            parts.append(np.column_stack([end - start, *times, _links(block, chosen, links)]))
+        length, receive, vehicle, link = np.concatenate(parts).T.copy()
+        edges = np.concatenate([[0], np.cumsum(length)])
+        return RawFrames(
+            b"".join(pieces), edges[:-1], edges[1:], receive, vehicle, link, tuple(links)
+        )
+
+
+class Repair(NamedTuple):
+    """What `repair` found and wrote."""
+
+    path: Path
+    was_finished: bool
+    messages: int
+
+
+def repair(path: Path, now: Callable[[], float] = time.time) -> Repair:
+    """Rewrite an unfinished recording whole, in its place; a finished one stays as it is."""
+    recording = Recording.open(path)
+    if recording.finished:
+        return Repair(path, True, sum(recording.counts().values()))
+    age = now() - path.stat().st_mtime
+    if 0.0 <= age < QUIET_SECONDS:
+        raise BadInput(
+            f"{path}: was written {age:.0f} s ago, it may still be recording: stop that first, "
+            f"or wait {QUIET_SECONDS:.0f} s"
+        )
+    whole = path.with_name(path.name + ".repair")
+    try:
+        with whole.open("wb") as stream:
+            messages = _rewrite(recording, Writer(stream, compression=CompressionType.ZSTD))
+            stream.flush()
+            os.fsync(stream.fileno())
+        whole.replace(path)
+    except OSError as error:
+        raise ShadowError(f"{path}: cannot be repaired: {error.strerror or error}") from error
+    finally:
+        whole.unlink(missing_ok=True)
+    return Repair(path, False, messages)
+
+
+def _rewrite(recording: Recording, writer: Writer) -> int:
+    """Copy everything that can be read -> number of messages."""
+    writer.start(profile="")
+    for name, entries in recording.metadata.items():
+        writer.add_metadata(name, dict(entries))
+    for item in recording.attachments.values():
+        writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+    schemas: dict[int, int] = {0: 0}
+    channels: dict[int, int] = {}
+    count = 0
+    for block in recording.blocks():
+        for old, schema in block.schemas.items():
+            if old not in schemas:
+                schemas[old] = writer.register_schema(schema.name, schema.encoding, schema.data)
+        for old, channel in block.channels.items():
+            if old not in channels:
+                channels[old] = writer.register_channel(
+                    channel.topic,
+                    channel.message_encoding,
+                    schemas[channel.schema_id],
+                    channel.metadata,
+                )
+        for number, sequence, log_time, publish_time, start, end in _messages(block):
+            data = block.data[start:end]
+            writer.add_message(channels[number], log_time, data, publish_time, sequence)
+        count += len(block.channel)
+    writer.finish()
+    return count
+
+
+def _messages(block: Block) -> list[list[int]]:
+    """Channel, sequence, log time, publish time, start and end of each message."""
+    columns = (block.channel, block.sequence, block.log_time_ns, block.publish_time_ns)
+    messages: list[list[int]] = np.column_stack([*columns, block.start, block.end]).tolist()
+    return messages
+
+
+def _chosen(block: Block, topic: str) -> NDArray[np.intp]:
+    """Messages of a block that belong to a topic."""
+    numbers = [number for number, channel in block.channels.items() if channel.topic == topic]
+    return np.flatnonzero(np.isin(block.channel, numbers))
+
+
+def _links(block: Block, chosen: NDArray[np.intp], links: dict[str, int]) -> Integers:
+    """Number of the link that each chosen frame came by; new links are added to `links`."""
+    names = {number: block.channels[number].metadata.get(LINK, "") for number in block.channels}
+    number_of = {
+        number: links.setdefault(names[number], len(links))
+        for number in dict.fromkeys(block.channel[chosen].tolist())
+    }
+    return np.array([number_of[n] for n in block.channel[chosen].tolist()], np.int64)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or error
+        raise BadInput(f"{path}: cannot be read: {reason}: give a recording (.mcap)") from error

@@ -1,0 +1,270 @@
+"""Writes a voyage to MCAP: raw frames byte for byte, every topic, what players know of both.
+
+Live, the file has its final name from the start and is flushed each half second, so that a killed
+gateway loses no more and what cannot be repeated is kept. A replay can be repeated: it is written
+under another name and takes its own only when it is whole.
+
+One thread uses a recorder. Hand over blocks of a few seconds at most, all topics in turn:
+rotation, flushing and the disk guard act between calls, and chunks of a player's file should not
+overlap by more than that.
+"""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import ShadowError
+from gateway.recording.file import Attachment, Compression, RecordingFile
+from gateway.recording.foxglove import PlayerRows
+
+Times = NDArray[np.int64] | Sequence[int]
+MEGABYTE = 1_000_000
+
+
+@dataclass(frozen=True)
+class RecordingSettings:
+    """How to record; `rotate_…` of 0 means never."""
+
+    compression: Compression = Compression.ZSTD
+    chunk_bytes: int = 2 * 1024 * 1024
+    flush_seconds: float = 0.5
+    rotate_bytes: int = 2_000 * MEGABYTE
+    rotate_seconds: float = 0.0
+    minimum_free_bytes: int = 200 * MEGABYTE
+    foxglove_hz: float = 10.0
+
+
+def open_new(path: Path) -> IO[bytes]:
+    """A new file, or one that replaces its namesake, for writing."""
+    return path.open("wb", buffering=1024 * 1024)
+
+
+def free_bytes(path: Path) -> int:
+    """Room left on the disk that holds `path`."""
+    return shutil.disk_usage(path.parent).free
+
+
+class Recorder:
+    """Records into `path`, and into `name-2.mcap`, `name-3.mcap` … after each rotation.
+
+    Leaving the `with` block finishes the recording; leaving it by an exception abandons a replay
+    and finishes a live recording as far as that goes.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        attachments: Sequence[Attachment] = (),
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+        settings: RecordingSettings | None = None,
+        live: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        opener: Callable[[Path], IO[bytes]] = open_new,
+        free: Callable[[Path], int] = free_bytes,
+    ) -> None:
+        self.settings = settings or RecordingSettings()
+        self.paths: tuple[Path, ...] = ()
+        self._first = path
+        self._attachments = tuple(attachments)
+        self._metadata = dict(metadata or {})
+        self._live = live
+        self._clock, self._opener, self._free = clock, opener, free
+        self._stream: IO[bytes] | None = None
+        self._file: RecordingFile | None = None
+        self._flushed = clock()
+        self._checked_bytes = 0
+        self._started_ns: int | None = None
+        self._rotation_due = False
+        self._players = PlayerRows(self.settings.foxglove_hz)
+
+    def __enter__(self) -> Self:
+        try:
+            self._open()
+        except BaseException:  # also whoever interrupts while the first bytes are written
+            self.abandon()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        if error is None:
+            try:
+                self.finish()
+            except BaseException:
+                if not self._live:
+                    self.abandon()
+                raise
+        elif self._live:
+            with suppress(ShadowError):
+                self.finish()
+        else:
+            self.abandon()
+
+    def write_rows(
+        self, topic: str, vehicle_time_ns: Times, receive_time_ns: Times, payloads: list[bytes]
+    ) -> None:
+        """Record encoded messages of one topic, and what players make of them."""
+        if not payloads:
+            return
+        self._rotate_if_due()
+        with self._writing() as file:
+            log_times = np.asarray(receive_time_ns, np.int64)
+            publish_times = np.maximum(np.asarray(vehicle_time_ns, np.int64), 0)
+            file.write(file.topic(topic), log_times.tolist(), publish_times.tolist(), payloads)
+            self._write_well_known(file, topic, log_times, publish_times, payloads)
+        self._housekeeping(int(log_times[0]), int(log_times[-1]))
+
+    def write_raw(
+        self,
+        frames: Sequence[bytes],
+        receive_time_ns: Times,
+        vehicle_time_ns: Times | None = None,
+        link: str = "",
+    ) -> None:
+        """Record frames of one link as they came; where no boat time is known, receipt stands."""
+        if not frames:
+            return
+        self._rotate_if_due()
+        with self._writing() as file:
+            log_times = np.asarray(receive_time_ns, np.int64)
+            known = log_times if vehicle_time_ns is None else np.asarray(vehicle_time_ns, np.int64)
+            publish_times = np.maximum(known, 0)
+            file.write(file.raw(link), log_times.tolist(), publish_times.tolist(), frames)
+        self._housekeeping(int(log_times[0]), int(log_times[-1]))
+
+    def flush_if_due(self) -> None:
+        """Flush a live recording where half a second has passed: for times without messages."""
+        if self._live and self._clock() - self._flushed >= self.settings.flush_seconds:
+            with self._writing() as file:
+                file.flush()
+            self._flushed = self._clock()
+            self._guard_disk(self.paths[-1])
+
+    def finish(self) -> tuple[Path, ...]:
+        """Make the recording whole and close it -> the files, in order."""
+        self._close_file()
+        if not self._live:
+            with self._disk():
+                for path in self.paths:
+                    _part(path).replace(path)
+        return self.paths
+
+    def abandon(self) -> None:
+        """Close and remove what was written: it must not be mistaken for a whole recording."""
+        self._drop_stream()
+        for path in self.paths:
+            (path if self._live else _part(path)).unlink(missing_ok=True)
+        self.paths = ()
+
+    def _write_well_known(
+        self,
+        file: RecordingFile,
+        topic: str,
+        log_times: NDArray[np.int64],
+        publish_times: NDArray[np.int64],
+        payloads: list[bytes],
+    ) -> None:
+        for shown in self._players.of(topic, log_times, payloads):
+            times = log_times[shown.rows].tolist(), publish_times[shown.rows].tolist()
+            file.write(file.well_known(shown.channel), *times, shown.payloads)
+
+    def _housekeeping(self, first_ns: int, last_ns: int) -> None:
+        """What may be due after a block: flush, disk guard, rotation before the next."""
+        self.flush_if_due()
+        if self._started_ns is None:
+            self._started_ns = first_ns
+        size = self._size()
+        if size - self._checked_bytes > 16 * MEGABYTE:
+            self._checked_bytes = size
+            self._guard_disk(self.paths[-1])
+        age = (last_ns - self._started_ns) * 1e-9
+        by_size = 0 < self.settings.rotate_bytes <= size
+        self._rotation_due = by_size or 0 < self.settings.rotate_seconds <= age
+
+    def _rotate_if_due(self) -> None:
+        """Go on in a new file; not before there is something to write, so that none is empty."""
+        if self._rotation_due and self._file:
+            self._close_file()
+            self._open()
+
+    def _guard_disk(self, path: Path) -> None:
+        """Stop while there is still room to make the file whole."""
+        with self._disk():
+            free = self._free(path)
+        if free < self.settings.minimum_free_bytes:
+            self._close_file()
+            raise ShadowError(
+                f"{path}: not recording, only {free / MEGABYTE:.0f} MB left on the disk and "
+                f"{self.settings.minimum_free_bytes / MEGABYTE:.0f} MB are kept free: make room "
+                "or record elsewhere"
+            )
+
+    def _open(self) -> None:
+        path = self._first
+        if self.paths:
+            path = path.with_name(f"{path.stem}-{len(self.paths) + 1}{path.suffix}")
+        if self._live and path.exists():
+            raise ShadowError(f"{path}: there is a recording already: choose another name")
+        with self._disk():
+            path.parent.mkdir(parents=True, exist_ok=True)
+        self._guard_disk(path)
+        self.paths += (path,)
+        with self._disk():
+            self._stream = self._opener(path if self._live else _part(path))
+            self._file = RecordingFile(
+                self._stream, self.settings.compression, self.settings.chunk_bytes
+            )
+            self._file.start(self._attachments, self._metadata)
+        self._checked_bytes, self._started_ns, self._rotation_due = 0, None, False
+        self._players = PlayerRows(self.settings.foxglove_hz)
+
+    def _size(self) -> int:
+        return self._file.size() if self._file else 0
+
+    def _close_file(self) -> None:
+        if self._file:
+            with self._writing() as file:
+                file.finish()
+            self._file = self._stream = None
+
+    def _drop_stream(self) -> None:
+        """Let go of the file as it is; a full disk may refuse even the last buffer."""
+        if self._stream:
+            with suppress(OSError):
+                self._stream.close()
+        self._file = self._stream = None
+
+    @contextmanager
+    def _writing(self) -> Iterator[RecordingFile]:
+        if self._file is None:
+            raise ShadowError(f"{self._first}: the recording is closed")
+        with self._disk():
+            yield self._file
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Turn what the operating system refuses into one clear line, and let go of the file."""
+        try:
+            yield
+        except OSError as error:
+            path = self.paths[-1] if self.paths else self._first
+            self._drop_stream()
+            reason = error.strerror or str(error)
+            raise ShadowError(
+                f"{path}: cannot record: {reason}: make room there or choose another place"
+            ) from error
+
+
+def _part(path: Path) -> Path:
+    """Where a replay writes until it is whole."""
+    return path.with_name(path.name + ".part")

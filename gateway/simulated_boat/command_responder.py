@@ -1,0 +1,129 @@
+"""What the autopilot answers: requests for rates, messages, parameters. Pure.
+
+It refuses every other command: a played boat takes no orders.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gateway.simulated_boat.settings import Rates
+from gateway.simulated_boat.streams import Streams, asked, once
+from gateway.simulated_boat.telemetry import BY_ID, Message
+
+ACCEPTED, DENIED, UNSUPPORTED = (
+    mavlink.MAV_RESULT_ACCEPTED,
+    mavlink.MAV_RESULT_DENIED,
+    mavlink.MAV_RESULT_UNSUPPORTED,
+)
+GROUPS: Mapping[int, tuple[str, ...]] = {  # REQUEST_DATA_STREAM, as ArduPilot groups them
+    mavlink.MAV_DATA_STREAM_RAW_SENSORS: ("RAW_IMU",),
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: ("SYS_STATUS", "GPS_RAW_INT"),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: ("SERVO_OUTPUT_RAW",),
+    mavlink.MAV_DATA_STREAM_POSITION: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    mavlink.MAV_DATA_STREAM_EXTRA1: ("ATTITUDE",),
+    mavlink.MAV_DATA_STREAM_EXTRA2: ("VFR_HUD",),
+    mavlink.MAV_DATA_STREAM_EXTRA3: ("BATTERY_STATUS", "SYSTEM_TIME"),
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a request changes: the streams from now on, and messages to send."""
+
+    streams: Streams
+    messages: tuple[Message, ...] = ()
+
+
+@dataclass(frozen=True)
+class Office:
+    """Where requests to one boat are dealt with."""
+
+    system_id: int
+    rates: Rates
+    parameters: tuple[Message, ...]
+
+    def answer(self, streams: Streams, request: Message, now: float) -> Answer:
+        """Any message that was heard -> what follows; nothing where it is not for this boat."""
+        deal = _DESKS.get(request.get_type())
+        if deal is None or request.target_system not in (0, self.system_id):
+            return Answer(streams)
+        if request.target_component not in (0, mavlink.MAV_COMP_ID_AUTOPILOT1):
+            return Answer(streams)
+        return deal(self, streams, request, now)
+
+    def command(self, streams: Streams, request: Message, now: float) -> Answer:
+        """COMMAND_LONG, COMMAND_INT: done or not, it is acknowledged."""
+        result, after = self._obeyed(streams, request, now)
+        ack = mavlink.MAVLink_command_ack_message(
+            request.command, result, 0, 0, request.get_srcSystem(), request.get_srcComponent()
+        )
+        return Answer(after.streams, (ack, *after.messages))
+
+    def _obeyed(self, streams: Streams, request: Message, now: float) -> tuple[int, Answer]:
+        same = Answer(streams)
+        if request.command == mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
+            return ACCEPTED, Answer(once(streams, "AUTOPILOT_VERSION", now))
+        name = _named(request.param1)
+        if request.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            if name is None or not math.isfinite(request.param2):
+                return DENIED, same
+            return ACCEPTED, Answer(asked(streams, name, self._interval(name, request.param2), now))
+        if request.command == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL and name is not None:
+            told = streams[name].interval * 1e6 if name in streams else -1.0
+            number = int(request.param1)
+            return ACCEPTED, Answer(
+                streams, (mavlink.MAVLink_message_interval_message(number, round(told)),)
+            )
+        if request.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+            return (DENIED, same) if name is None else (ACCEPTED, Answer(once(streams, name, now)))
+        return UNSUPPORTED, same
+
+    def _interval(self, name: str, wanted_us: float) -> float:
+        """Asked for: −1 off, 0 the default -> [s], 0 for off."""
+        if wanted_us == 0.0:
+            return 1.0 / self.rates[name] if name in self.rates else 0.0
+        return max(wanted_us, 0.0) * 1e-6
+
+    def list_parameters(self, streams: Streams, request: Message, now: float) -> Answer:
+        """PARAM_REQUEST_LIST."""
+        return Answer(streams, self.parameters)
+
+    def read_parameter(self, streams: Streams, request: Message, now: float) -> Answer:
+        """PARAM_REQUEST_READ by index, or by name where the index is −1."""
+        wanted = _name(request)
+        found = [
+            m for i, m in enumerate(self.parameters)
+            if i == request.param_index or (request.param_index < 0 and _name(m) == wanted)
+        ]  # fmt: skip
+        return Answer(streams, tuple(found))
+
+    def data_stream(self, streams: Streams, request: Message, now: float) -> Answer:
+        """REQUEST_DATA_STREAM: a whole group at one rate."""
+        rate = request.req_message_rate if request.start_stop else 0
+        groups = GROUPS if request.req_stream_id == 0 else [request.req_stream_id]
+        for name in (name for group in groups for name in GROUPS.get(group, ())):
+            streams = asked(streams, name, 1.0 / rate if rate else 0.0, now)
+        return Answer(streams)
+
+
+def _named(number: float) -> str | None:
+    """Message id as a command's float -> name, where the boat can send it."""
+    return BY_ID.get(int(number)) if math.isfinite(number) else None
+
+
+def _name(message: Message) -> str:
+    raw = message.param_id
+    text = raw.decode(errors="replace") if isinstance(raw, bytes) else str(raw)
+    return text.rstrip("\0")
+
+
+_DESKS: Mapping[str, Callable[[Office, Streams, Message, float], Answer]] = {
+    "COMMAND_LONG": Office.command,
+    "COMMAND_INT": Office.command,
+    "PARAM_REQUEST_LIST": Office.list_parameters,
+    "PARAM_REQUEST_READ": Office.read_parameter,
+    "REQUEST_DATA_STREAM": Office.data_stream,
+}

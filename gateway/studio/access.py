@@ -1,0 +1,159 @@
+"""The files that the page may see: those in the folders that were given, and nothing else.
+
+Who may see the pages: on this machine anybody, from elsewhere whoever has the token.
+
+The token stands in the address that is printed once; the first visit turns it into a cookie that
+scripts cannot read and pages of other sites cannot send.
+"""
+
+import hmac
+import re
+import secrets
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bokeh.server.auth_provider import AuthProvider
+from tornado.web import RequestHandler
+
+from gateway.errors import BadInput
+
+RECORDINGS = (".tlog", ".bin", ".mcap", ".csv")
+NAME = re.compile(r"[\w][\w .+-]{0,80}\.toml")
+TABLES = ("[dynamics]", "[hull]")
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Folders to read from, and the one that is written to."""
+
+    read: tuple[Path, ...]
+    write: Path
+
+    @classmethod
+    def of(cls, files: Iterable[Path], folders: Iterable[Path], write: Path) -> "Folders":
+        """The folders named and those that the files lie in."""
+        every = [*folders, *(file.parent for file in files)]
+        resolved = dict.fromkeys(folder.resolve() for folder in every)
+        for folder in resolved:
+            if not folder.is_dir():
+                raise BadInput(f"{folder}: no such folder")
+        return cls(tuple(resolved), write.resolve())
+
+    def recordings(self) -> list[Path]:
+        """All recordings, by name."""
+        return self._files(lambda file: file.suffix.lower() in RECORDINGS)
+
+    def vessels(self) -> list[Path]:
+        """All vessel files, by name; also those saved."""
+        return self._files(_is_vessel)
+
+    def checked(self, path: str | Path) -> Path:
+        """A path that may be read; BadInput for every other."""
+        file = Path(path).resolve()
+        if file.parent not in (*self.read, self.write):
+            raise BadInput(f"{Path(path).name}: not in a folder that the studio was given")
+        return file
+
+    def to_save(self, name: str) -> Path:
+        """Where a vessel file of that name goes: never elsewhere, never over another one."""
+        if not NAME.fullmatch(name):
+            raise BadInput(f"{name!r}: give a plain name that ends in .toml")
+        file = self.write / name
+        if file.exists():
+            raise BadInput(f"{name} is there already: choose another name")
+        return file
+
+    def _files(self, wanted: Callable[[Path], bool]) -> list[Path]:
+        found: list[Path] = []
+        for folder in dict.fromkeys((*self.read, self.write)):
+            if folder.is_dir():
+                found += [f for f in sorted(folder.iterdir()) if _plain(f, folder) and wanted(f)]
+        return found
+
+
+def _plain(file: Path, folder: Path) -> bool:
+    """A file that lies there itself: a link may lead anywhere."""
+    return file.is_file() and not file.name.startswith(".") and file.resolve().parent == folder
+
+
+def _is_vessel(file: Path) -> bool:
+    if file.suffix.lower() != ".toml" or file.stat().st_size > 1_000_000:
+        return False
+    text = file.read_text(encoding="utf-8", errors="replace")
+    return all(table in text for table in TABLES)
+
+
+COOKIE = "shadow_studio"
+REFUSED = "Open the address that `shadow studio` printed: it ends in ?token=…"
+
+
+def new_token() -> str:
+    """A secret that nobody guesses."""
+    return secrets.token_urlsafe(24)
+
+
+class Refusal(RequestHandler):  # type: ignore[misc]
+    """What those without a token see."""
+
+    def get(self) -> None:
+        """One line, status 403."""
+        self.set_status(403)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(REFUSED)
+
+
+class Guard(AuthProvider):  # type: ignore[misc]
+    """What Bokeh's server asks before it opens a page or a websocket."""
+
+    def __init__(self, token: str) -> None:
+        self._token = token
+        super().__init__()
+
+    @property
+    def get_user(self) -> Callable[[Any], str | None]:
+        """Handler -> a name, or None for whoever has no token."""
+
+        def user(handler: Any) -> str | None:
+            if self._is(handler.get_cookie(COOKIE)):
+                return "guest"
+            if not self._is(handler.get_query_argument("token", None)):
+                return None
+            handler.set_cookie(COOKIE, self._token, httponly=True, samesite="Strict", path="/")
+            return "guest"
+
+        return user
+
+    @property
+    def get_user_async(self) -> None:
+        """Not needed."""
+        return None
+
+    @property
+    def login_url(self) -> str:
+        """Where those without a token are sent."""
+        return "/refused"
+
+    @property
+    def get_login_url(self) -> None:
+        """It is always the same."""
+        return None
+
+    @property
+    def login_handler(self) -> type[Refusal]:
+        """What is there."""
+        return Refusal
+
+    @property
+    def logout_url(self) -> None:
+        """There is no need to leave."""
+        return None
+
+    @property
+    def logout_handler(self) -> None:
+        """There is no need to leave."""
+        return None
+
+    def _is(self, given: str | None) -> bool:
+        return given is not None and hmac.compare_digest(given.encode(), self._token.encode())

@@ -1,0 +1,185 @@
+"""Map tiles under a chart in metres: which ones a view needs, and where each of them lies.
+
+    x = (λ + 180°) / 360° · 2^z,    y = (1 − artanh(sin φ) / π) / 2 · 2^z
+
+z the zoom, tile (x, y) counted from 180° W towards east and from the north end towards south.
+Valid for: a chart of some kilometres, |φ| < 85.05°. Source: EPSG:3857, OGC 07-057r7 annex E.
+
+A map below a chart in metres, north up: nothing is asked of anybody before it is switched on.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+from bokeh.models import ColumnDataSource, ImageURL
+
+from gateway.figures.style import Look
+from gateway.ingest.earth import A, Origin, to_degrees, to_local
+from gateway.studio.settings import StudioSettings
+from gateway.studio.widgets import boxes, html
+from sim.state import Floats
+
+PIXELS = 256  # of a tile
+MOST = 64  # tiles in one view
+FURTHEST_DEG = 85.05
+WIDEST_M = 100_000.0  # beyond, the plane of the chart is not the Earth
+
+
+class View(NamedTuple):
+    """What a chart shows [m from the origin], and how many pixels wide it is."""
+
+    west: float
+    east: float
+    south: float
+    north: float
+    pixels: float
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One tile: its address, its north-west corner [m from the origin], and its size [m]."""
+
+    url: str
+    west: float
+    north: float
+    width: float
+    height: float
+
+
+def tiles_under(view: View, origin: Origin, settings: StudioSettings) -> list[Tile]:
+    """All tiles that a view shows, and none where a map makes no sense."""
+    wide, high = view.east - view.west, view.north - view.south
+    far = max(map(abs, view[:4]))
+    sane = math.isfinite(far) and 0.0 < wide and 0.0 < high and far < WIDEST_M
+    if not sane or abs(origin.latitude_deg) >= FURTHEST_DEG or not view.pixels > 0.0:
+        return []
+    zoom = zoom_of(wide / view.pixels, origin.latitude_deg, settings.deepest)
+    while zoom > 0 and len(list(_numbers(view, origin, zoom))) > MOST:
+        zoom -= 1
+    return [_tile(x, y, zoom, origin, settings) for x, y in _numbers(view, origin, zoom)]
+
+
+def zoom_of(metres_per_pixel: float, latitude_deg: float, deepest: int) -> int:
+    """The zoom whose pixels are nearest to those of the chart."""
+    whole = 2.0 * math.pi * A * math.cos(math.radians(latitude_deg)) / PIXELS
+    return int(np.clip(round(math.log2(whole / metres_per_pixel)), 0, deepest))
+
+
+def numbered(degrees: Floats, zoom: int) -> Floats:
+    """(..., 2) [latitude, longitude, degrees] -> (..., 2) x, y of the tile, with its fraction."""
+    latitude, longitude = degrees[..., 0], degrees[..., 1]
+    x = (longitude + 180.0) / 360.0
+    y = 0.5 * (1.0 - np.arctanh(np.sin(np.radians(latitude))) / np.pi)
+    return np.stack([x, y], axis=-1) * 2.0**zoom
+
+
+def corner(x: float, y: float, zoom: int) -> Floats:
+    """The north-west corner of a tile: (2,) latitude, longitude [degrees]."""
+    latitude = math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * y / 2.0**zoom))))
+    return np.array([latitude, x / 2.0**zoom * 360.0 - 180.0])
+
+
+def _numbers(view: View, origin: Origin, zoom: int) -> Iterator[tuple[int, int]]:
+    corners = np.array([[view.north, view.west], [view.south, view.east]])
+    (west, north), (east, south) = np.floor(numbered(to_degrees(corners, origin), zoom)).astype(int)
+    for y in range(max(north, 0), min(south, 2**zoom - 1) + 1):
+        for x in range(west, east + 1):
+            yield x, y
+
+
+def _tile(x: int, y: int, zoom: int, origin: Origin, settings: StudioSettings) -> Tile:
+    north, west = to_local(corner(x, y, zoom), origin)
+    south, east = to_local(corner(x + 1, y + 1, zoom), origin)
+    url = settings.tile(zoom, x % 2**zoom, y)  # across the date line
+    return Tile(url, float(west), float(north), float(east - west), float(north - south))
+
+
+ADDRESS = re.compile(r"https?://[^\s<>\"]+")
+PALE = {"light": 0.75, "dark": 0.4}  # so that tracks and names stand out
+WIDE_PX = 700.0  # of a chart that has not told its width yet
+
+
+class Underlay:
+    """The tiles below one figure, that follow what it shows."""
+
+    def __init__(self, figure: Any, settings: StudioSettings, look: Look) -> None:
+        self._figure, self._settings = figure, settings
+        self._source = ColumnDataSource({name: [] for name in ("url", "x", "y", "w", "h")})
+        self._shown: list[str] = []
+        drawn = figure.add_glyph(
+            self._source,
+            ImageURL(
+                url="url",
+                x="x",
+                y="y",
+                w="w",
+                h="h",
+                anchor="top_left",
+                global_alpha=PALE[look.name],
+            ),
+        )
+        drawn.level = "image"  # above the paper, below all lines
+        figure.renderers.remove(drawn)
+        others = list(figure.renderers)
+        figure.renderers.insert(0, drawn)
+        for axis in (figure.x_range, figure.y_range):
+            axis.renderers = others  # the view follows the boats, never the map
+
+    def show(self, origin: Origin | None) -> None:
+        """Tiles of what the figure shows now; none without a place on Earth."""
+        x, y = self._figure.x_range, self._figure.y_range
+        if origin is None or None in (x.start, x.end, y.start, y.end):
+            return self.clear()
+        pixels = self._figure.inner_width or WIDE_PX
+        view = View(x.start, x.end, y.start, y.end, pixels)
+        tiles = tiles_under(view, origin, self._settings)
+        urls = [tile.url for tile in tiles]
+        if urls != self._shown:
+            self._shown = urls
+            self._source.data = {
+                "url": urls, "x": [t.west for t in tiles], "y": [t.north for t in tiles],
+                "w": [t.width for t in tiles], "h": [t.height for t in tiles],
+            }  # fmt: skip
+        return None
+
+    def clear(self) -> None:
+        """No map."""
+        if self._shown:
+            self._shown = []
+            self._source.data = {name: [] for name in ("url", "x", "y", "w", "h")}
+
+
+class MapSwitch:
+    """The box that switches maps on, and whose map it is once they are."""
+
+    def __init__(self, settings: StudioSettings) -> None:
+        self._settings = settings
+        self.credit = html()
+        self.box = boxes(options=[f"Map, asked of {settings.host}"])
+
+    @property
+    def on(self) -> bool:
+        """Has somebody asked for a map?"""
+        return bool(self.box.value)
+
+    def tell(self, known: bool) -> None:
+        """Whose map it is; or that it cannot be drawn."""
+        text = credit(self._settings.attribution) if self.on and known else ""
+        if self.on and not known:
+            text = "<p class='warn'>no place on Earth is known for it yet</p>"
+        if self.credit.object != text:
+            self.credit.object = text
+
+
+def credit(attribution: str) -> str:
+    """Whose map it is, its addresses as links."""
+
+    def link(found: re.Match[str]) -> str:
+        return f'<a href="{found[0]}" target="_blank" rel="noopener">{found[0]}</a>'
+
+    return f"<p class='faint'>{ADDRESS.sub(link, escape(attribution))}</p>"

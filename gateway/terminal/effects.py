@@ -1,0 +1,152 @@
+"""Two curves in a few lines of text: dots of Unicode braille, four high and two wide per letter.
+
+The catalogue of effects, and one effect explained.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from shlex import quote
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from gateway.figures.effect import said, what_it_does
+from gateway.figures.figure_data import Role
+from gateway.figures.matplotlib_draw import save
+from gateway.figures.style import COLOUR
+from gateway.figures.velocities import CHANNELS
+from sim.diagnosis.next_experiment import separation
+from sim.effects.effect import Effect, Parameter
+from sim.excitation.effect_example import seen
+from sim.state import Floats
+
+FIRST = 0x2800
+BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
+LABEL = 8  # letters before the axis
+
+
+def plot(
+    curves: list[tuple[Floats, str]], seconds: float, unit: str, width: int = 64, height: int = 10
+) -> list[Text]:
+    """Curves (n,) with their styles, the first drawn with gaps -> lines of text with both axes."""
+    low = min(float(np.min(y)) for y, _ in curves)
+    high = max(float(np.max(y)) for y, _ in curves)
+    span = max(high - low, 1e-9)
+    dots = np.zeros((len(curves), 4 * height, 2 * width), bool)
+    for layer, (y, _) in zip(dots, curves, strict=True):
+        _draw(layer, (np.asarray(y) - low) / span)
+    dots[0, :, 2::4] = dots[0, :, 3::4] = False  # told apart without colours too
+    lines = []
+    for row in range(height):
+        value = high - span * row / (height - 1)
+        label = f"{value:{LABEL - 1}.2f} " if row in (0, height - 1) else " " * LABEL
+        line = Text(label + "│")
+        for column in range(width):
+            line.append(*_letter(dots[:, 4 * row : 4 * row + 4, 2 * column : 2 * column + 2],
+                                 [style for _, style in curves]))  # fmt: skip
+        lines.append(line)
+    lines.append(Text(f"{unit:>{LABEL - 1}} └" + "─" * width))
+    lines.append(Text(" " * LABEL + " 0" + f"{seconds:.0f} s".rjust(width - 1)))
+    return lines
+
+
+def _draw(layer: np.ndarray, y: Floats) -> None:
+    """A curve of heights 0 … 1, unbroken from column to column."""
+    rows, columns = layer.shape
+    at = np.interp(np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, len(y)), y)
+    row = np.round((1.0 - at) * (rows - 1)).astype(int)
+    before = np.concatenate([row[:1], row[:-1]])
+    for column in range(columns):
+        a, b = sorted((int(before[column]), int(row[column])))
+        layer[a + (a < b and row[column] == b) : b + 1, column] = True
+
+
+def _letter(cell: np.ndarray, styles: list[str]) -> tuple[str, str]:
+    """Dots (curves, 4, 2) -> the letter, in the colour of the last curve that is in it."""
+    there = [style for one, style in zip(cell, styles, strict=True) if one.any()]
+    code = FIRST + int(BITS[cell.any(axis=0)].sum())
+    return (chr(code) if there else " "), (there[-1] if there else "")
+
+
+WITHOUT, WITH = COLOUR[Role.CONTEXT], COLOUR[Role.MODEL]
+
+
+def show_catalogue(known: Sequence[Effect]) -> None:
+    """One line per effect."""
+    table = Table("effect", "acts on", "scope", "parameters", "what it looks like")
+    for effect in known:
+        parameters = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
+        table.add_row(
+            effect.name, _places(effect), effect.scope.value, escape(parameters), effect.looks_like
+        )
+    Console().print(table)
+    Console().print("shadow effects NAME explains one; with --write FILE.py it begins your own")
+
+
+def show_own(like: Effect, file: Path) -> None:
+    """Where a file to begin from was written, and what to do with it."""
+    out = Console()
+    out.print(f"written: {file}, which acts as {like.name} does until you change it", markup=False)
+    out.print("the rules for a law: docs/effects.md\n\n[bold]next[/bold]:", highlight=False)
+    out.print(f"    shadow diagnose LOG --vessel FILE --effects {quote(str(file))}", soft_wrap=True)
+
+
+def show_effect(effect: Effect, picture: Path | None = None) -> None:
+    """Equation, parameters, what it looks like, what it is mistaken for, how to add it."""
+    out = Console()
+    out.print(f"[bold]{effect.name}[/bold] ({effect.scope.value}, acts on {_places(effect)})\n")
+    out.print(_flowing(effect.explanation), highlight=False, markup=False)
+    out.print(f"\n[bold]Looks like[/bold]: {effect.looks_like}")
+    _picture(effect, out, picture)
+    if effect.mistaken_for:
+        out.print(f"[bold]Mistaken for[/bold]: {', '.join(effect.mistaken_for)}")
+    for other in effect.mistaken_for:
+        told = separation(effect.name, other)
+        if told is not None:
+            out.print(f"• {other}? {told.says}", highlight=False, markup=False)
+    table = Table("parameter", "unit", "from", "to", "a fit starts at", "says")
+    for p in effect.parameters:
+        table.add_row(*_parameter(p))
+    if effect.needs:
+        out.print(f"[bold]Needs[/bold]: {escape(', '.join(n.value for n in effect.needs))}")
+    if effect.shown_by:
+        shown = ", ".join(s.value for s in effect.shown_by)
+        out.print(f"[bold]Shown by[/bold] recordings with {escape(shown)}")
+    out.print(table)
+    out.print("In a vessel file:", highlight=False)
+    lines = ["[[effects]]", f'type = "{effect.name}"']
+    lines += [f"{p.name} = {p.start}" for p in effect.parameters]
+    out.print("\n".join("    " + line for line in lines), highlight=False, markup=False)
+
+
+def _picture(effect: Effect, out: Console, picture: Path | None) -> None:
+    """The channel that shows it most, plain and with the effect; all three as a file."""
+    run = seen(effect)
+    _, axis, factor = CHANNELS[run.channel]
+    styles = ((run.plain, WITHOUT), (run.changed, WITH))
+    curves = [(values[:, run.channel] * factor, style) for values, style in styles]
+    out.print(f"\n[bold]{axis.label}[/bold] of a small boat: ahead, a turn to either side, full "
+              "ahead, astern, coast, slowly ahead", highlight=False)  # fmt: skip
+    for line in plot(curves, float(run.time[-1]), axis.unit):
+        out.print(line, no_wrap=True, highlight=False)
+    out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {said(run)}\n",
+              highlight=False)  # fmt: skip
+    if picture is not None:
+        out.print(f"picture: {save(what_it_does(run, effect.looks_like), picture)}")
+
+
+def _flowing(text: str) -> str:
+    """Paragraphs as one line each, which the console wraps; indented lines (equations) stay."""
+    parts = (part.strip("\n") for part in text.split("\n\n"))
+    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in parts)
+
+
+def _parameter(p: Parameter) -> tuple[str, ...]:
+    return p.name, p.unit, f"{p.lower:.9g}", f"{p.upper:.9g}", f"{p.start:g}", p.says
+
+
+def _places(effect: Effect) -> str:
+    return ", ".join(place.replace("_", " ") for place in effect.laws)
