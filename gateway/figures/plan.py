@@ -4,8 +4,8 @@ import numpy as np
 
 from gateway.figures.error_against import DEGREES
 from gateway.figures.figure_data import Axis, FigureData, Line, Panel, Role
-from gateway.offline.plan import Plan
 from sim.excitation.manoeuvre import Stick
+from sim.excitation.plan import Plan
 from sim.state import Floats
 
 TIME = Axis("time", "s")

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.ingest.mavlink.definitions import checksum_seeds
 from gateway.ingest.mavlink.walk import BAD_CHECKSUM, CUT, GOOD, UNKNOWN, checksum_table, examine
 from gateway.links.inbox import Counts, Frame, Kind, Reporter
-from gateway.links.link import News, Peers
+from gateway.links.peers import News, Peers
 from gateway.links.signing import Signatures, Verdict
 from gateway.links.transport import Arrival, Peer, shown
 

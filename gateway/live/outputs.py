@@ -16,7 +16,7 @@ from gateway.errors import ShadowError
 from gateway.json_rows import Rows
 from gateway.links.inbox import Datagram
 from gateway.live.boat import LiveBoat
-from gateway.offline.relive import ABOUT, LIVE
+from gateway.live.relive import ABOUT, LIVE
 from gateway.recording.file import Attachment
 from gateway.recording.foxglove_server import BoatView
 from gateway.recording.recorder import Recorder

@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.atomic_file import write_whole
 from gateway.errors import ShadowError
-from gateway.offline.plan import Plan
+from sim.excitation.plan import Plan
 from sim.vessel import Vessel
 
 SPEED_MARGIN = 1.3  # over the fastest predicted

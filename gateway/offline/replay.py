@@ -19,15 +19,16 @@ from gateway.config import Settings, as_tables, settings_of
 from gateway.errors import BadInput
 from gateway.ingest.decoding import Decoded, decode
 from gateway.ingest.earth import Origin
+from gateway.ingest.files import MCAP_MAGIC
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.mavlink.boats import choose_boat
 from gateway.ingest.mavlink.frames import Frames
-from gateway.ingest.open import MCAP_MAGIC, open_log
+from gateway.ingest.open import open_log
 from gateway.ingest.parameters import autopilot_parameters
 from gateway.ingest.sources import choose
 from gateway.json_rows import Rows
 from gateway.live.boats import BoatPlan
-from gateway.offline.relive import ABOUT, LIVE, fleet_of, ran_live, relived
+from gateway.live.relive import ABOUT, LIVE, fleet_of, ran_live, relived
 from gateway.recording.file import Attachment
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from gateway.errors import BadInput, ShadowError
-from gateway.ingest.mavlink.mcap import McapLog
+from gateway.ingest.mcap.log import McapLog
 from gateway.recording.file import Compression
 from gateway.recording.reader import Recording, repair
 from gateway.recording.recorder import Recorder, RecordingSettings

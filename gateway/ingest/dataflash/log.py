@@ -27,9 +27,9 @@ from gateway.ingest.dataflash.records import (
     sizes,
     walk_messages,
 )
+from gateway.ingest.files import looks_like, read_bytes
 from gateway.ingest.log import Log, Statistics, Table, frozen
 from gateway.ingest.mavlink.walk import group
-from gateway.ingest.open import looks_like, read_bytes
 from gateway.jit import compiled
 from gateway.samples import Samples
 from sim.state import Ints

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput
+from gateway.ingest.files import looks_like, read_bytes
 from gateway.ingest.log import Statistics, Table
 from gateway.ingest.mavlink.definitions import checksum_seeds
 from gateway.ingest.mavlink.frames import Frames
 from gateway.ingest.mavlink.walk import GOOD, checksum_table, examine
-from gateway.ingest.open import looks_like, read_bytes
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """Where answers go, and when two addresses are two boats."""
 
-from gateway.links.link import FORGOTTEN_NS, MOST, SWITCHES, TOGETHER_NS, News, Peers
+from gateway.links.link import FORGOTTEN_NS, MOST, SWITCHES, TOGETHER_NS
+from gateway.links.peers import News, Peers
 
 A, B = ("10.0.0.1", 1), ("10.0.0.2", 2)
 

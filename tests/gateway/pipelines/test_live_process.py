@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.links.rate_requests import RADIO_HZ
 from gateway.links.transmitter import SET_RATE, Identity
 from gateway.live.boats import BoatPlan, Fleet
-from gateway.offline.relive import fleet_of, relived
+from gateway.live.relive import fleet_of, relived
 from gateway.recording.reader import Recording, repair
 from gateway.simulated_boat.faults import Faults, Reboot, Silence
 from gateway.simulated_boat.play import playing

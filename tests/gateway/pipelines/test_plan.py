@@ -10,12 +10,13 @@ import pytest
 from PIL import Image
 
 from gateway.errors import BadInput
-from gateway.offline.plan import ROOM, TOLERANCE, PlanOptions, make_plan, plan_of
+from gateway.offline.plan import ROOM, PlanOptions, make_plan
 from gateway.offline.simulate import simulate
 from gateway.terminal.model import show_planned
 from gateway.vessel_file import load_vessel
 from sim.excitation.manoeuvre import Limits, connected, corners
 from sim.excitation.oscillations import Chirp
+from sim.excitation.plan import TOLERANCE, plan_of
 from sim.excitation.sticks import sticks_of
 from sim.model import Model
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV

@@ -7,7 +7,7 @@ import pytest
 from gateway.errors import BadInput
 from gateway.links.inbox import Datagram
 from gateway.live.boats import BoatPlan, Fleet
-from gateway.offline.relive import fleet_of, moments, relived
+from gateway.live.relive import fleet_of, moments, relived
 from gateway.recording.reader import TICK_LINK, Recording
 from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played

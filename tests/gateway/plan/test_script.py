@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.offline.plan import plan_of
 from gateway.offline.plan_export import Safety, pulse_bounds, safety_for, script_text
 from sim.excitation.catalogue import MANOEUVRES
 from sim.excitation.legs import Steps
 from sim.excitation.manoeuvre import Limits
+from sim.excitation.plan import plan_of
 from sim.excitation.turns import Zigzag
 from sim.model import Model
 from tests.gateway.plan.autopilot import GUIDED, HOLD, MANUAL, Autopilot
