@@ -1,4 +1,10 @@
-"""gateway.toml → one typed, frozen object. Precedence: flag, then file, then default.
+"""Table `[studio]` of gateway.toml: where map tiles come from, once somebody asks for them.
+
+tiles        address of a tile, with {Z}, {X} and {Y} where its numbers go (Web Mercator)
+attribution  whose map it is, in words; addresses in it become links
+deepest      zoom beyond which the source has no tiles
+
+gateway.toml → one typed, frozen object. Precedence: flag, then file, then default.
 
 [[boats]]                   which boats `shadow live` shadows where no --vessel is given
 system_id = 1               may be left out where there is one boat
@@ -15,7 +21,7 @@ ATTITUDE = 20.0
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
 [recording]  see gateway.recording.recorder
 [following]  reference, rate_hz, and the follower's options
-[studio]     tiles, attribution, deepest: see gateway.studio.settings
+[studio]     tiles, attribution, deepest: see gateway.config
 """
 
 import tomllib
@@ -24,6 +30,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlparse
 
 import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
@@ -34,10 +41,46 @@ from gateway.estimation.settings import FilterSettings, White
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.recording.foxglove_server import parse_address
 from gateway.recording.recorder import RecordingSettings
-from gateway.studio.settings import StudioSettings
 from gateway.vessel_file import checked, explain
 from sim.following.follower import Following
 from sim.following.reference import Mode
+
+OPENSTREETMAP = "https://tile.openstreetmap.org/{Z}/{X}/{Y}.png"
+CREDIT = "© OpenStreetMap contributors, https://www.openstreetmap.org/copyright"
+DEEPEST = 24
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """Where a map comes from."""
+
+    tiles: str = OPENSTREETMAP
+    attribution: str = CREDIT
+    deepest: int = 19
+
+    def __post_init__(self) -> None:
+        where = urlparse(self.tiles)
+        whole = where.scheme in ("http", "https") and where.netloc
+        if not whole or any(self.tiles.count(part) != 1 for part in ("{Z}", "{X}", "{Y}")):
+            raise BadInput(
+                f"[studio] tiles = {self.tiles!r}: expected an address like {OPENSTREETMAP}"
+            )
+        if not 0 <= self.deepest <= DEEPEST:
+            raise BadInput(f"[studio] deepest = {self.deepest}: expected a zoom, 0 to {DEEPEST}")
+
+    @property
+    def host(self) -> str:
+        """Who is asked."""
+        return urlparse(self.tiles).netloc
+
+    def tile(self, zoom: int, x: int, y: int) -> str:
+        """Address of one tile."""
+        named = {"{Z}": zoom, "{X}": x, "{Y}": y}
+        address = self.tiles
+        for part, number in named.items():
+            address = address.replace(part, str(number))
+        return address
+
 
 NOT_IN_NAMES = "/*$?#@"  # they mean something in keys of zenoh, and in paths
 

@@ -1,5 +1,6 @@
 """A vessel as something that can be run: parameters by name, and the compiled loops on arrays."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from sim.body import Blade, Body, Drive
 from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Role
 from sim.kernel import loops_numpy
 from sim.kernel.arrays import air, floats
 from sim.kernel.cache import Kernel, kernel_for
@@ -120,13 +122,24 @@ class Model:
         At velocities nu (B, 3) it is short enough to stay stable, too: damping rises with speed,
         and so does the moment that turns a hull across its way (Munk).
         """
-        taus = [i for i, name in enumerate(self.names) if name.endswith(".tau")]
+        taus = self._time_constants
         rows = np.atleast_2d(self.theta if theta is None else theta)
         fastest = float(np.min(rows[:, taus])) if taus else LONGEST_STEP
         d = self.vessel.dynamics
         fading = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
         stable = max(STABLE / self._quickest(rows, nu), SHORTEST_STEP)
         return min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3), stable)
+
+    @cached_property
+    def _time_constants(self) -> list[int]:
+        """Places in theta of the time constants of first-order lags."""
+        lags = {
+            f"{a.effect.name}.{p.name}"
+            for a in self.vessel.effects
+            for p in a.effect.parameters
+            if p.role is Role.TIME_CONSTANT
+        }
+        return [i for i, name in enumerate(self.names) if re.sub(r"#\d+\.", ".", name) in lags]
 
     def _quickest(self, rows: Floats, nu: Floats) -> float:
         """The fastest rate [1/s] of the hull with any of theta (K, P) at velocities (B, 3)."""

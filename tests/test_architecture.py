@@ -1,6 +1,11 @@
-"""Who may import what: `sim` is physics alone, arrays in, arrays out."""
+"""Who may import what: `sim` is physics alone, arrays in, arrays out; imports run downwards.
+
+`LAYERS` lists the modules and folders of both packages from the bottom up, those of one line side
+by side: nothing imports anything of a later line, nor a neighbour on its own line.
+"""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,8 +23,8 @@ FORBIDDEN = {
 CALLS = {"open", "input", "print", "exec", "eval"}
 KERNELS = {"os", "pathlib", "tempfile"}
 ALLOWED = {  # these keep kernels on disk: a compiler's cache, nothing that a result depends on
-    "compiled.py": KERNELS,
-    "compose.py": {"pathlib"},  # reads the loops' own source, which goes into every kernel
+    "kernel/cache.py": KERNELS,
+    "kernel/generator.py": {"pathlib"},  # reads the loops' own source, which goes into every kernel
 }
 
 
@@ -87,3 +92,98 @@ def test_sim_stands_alone():
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+LAYERS = {
+    "sim": """
+        jit
+        state
+        body wind_loads
+        balance actuators sensing effects
+        vessel trial
+        kernel
+        model
+        prediction excitation plants
+        following identification
+        comparison
+        diagnosis monitoring
+    """,
+    "gateway": """
+        errors jit samples topics
+        atomic_file json_rows
+        user_effects estimation recording bus
+        vessel_file ingest monitor
+        links shadow
+        config
+        live figures
+        offline
+        simulated_boat terminal
+        studio demo
+        commands
+        cli
+    """,
+}
+
+
+def place_of(module: str) -> str:
+    """`sim.diagnosis.fit` -> `diagnosis`: the folder or file at the top of its package."""
+    return module.split(".")[1]
+
+
+def layered_imports(package: str) -> Iterator[tuple[str, str, str]]:
+    """File, its place and the place that it imports, for all imports within a package."""
+    for path in sorted((ROOT / package).rglob("*.py")):
+        own = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        if own == package:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [f"{node.module}.{alias.name}" for alias in node.names]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            for name in names:
+                if name.startswith(f"{package}.") and place_of(name) != place_of(own):
+                    yield str(path.relative_to(ROOT)), place_of(own), place_of(name)
+
+
+@pytest.mark.parametrize("package", LAYERS)
+def test_imports_run_downwards(package):
+    level = {
+        place: number
+        for number, line in enumerate(LAYERS[package].strip().splitlines())
+        for place in line.split()
+    }
+    wrong = [
+        f"{file} imports {package}.{imported}"
+        for file, own, imported in layered_imports(package)
+        if level[imported] >= level[own]
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("package", LAYERS)
+def test_every_place_has_its_layer(package):
+    there = {
+        path.stem if path.is_file() else path.name
+        for path in (ROOT / package).iterdir()
+        if path.suffix == ".py" or (path.is_dir() and list(path.glob("*.py")))
+    } - {"__init__"}
+    assert there == set(LAYERS[package].split())
+
+
+def test_an_effect_is_named_in_its_own_file_alone():
+    """Whatever the rest of the software needs to know of an effect is declared in its file."""
+    from sim.effects.catalogue import EFFECTS
+
+    word = re.compile(r"\b(" + "|".join(effect.name for effect in EFFECTS) + r")\b")
+    product = [*(ROOT / "sim").rglob("*.py"), *(ROOT / "gateway").rglob("*.py")]
+    named = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in product
+        if path.parent.name != "effects"
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if word.search(line)
+    ]
+    assert not named, "\n".join(named)
+    assert word.search("steady_current")

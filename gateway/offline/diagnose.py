@@ -30,21 +30,16 @@ from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis, Rung, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
-from sim.diagnosis.next_experiment import Separation, separations
-from sim.effects.effect import Effect, Scope
+from sim.diagnosis.next_experiment import separations
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-# What is left depends on -> an effect that asks the same, to make one's own of.
-NEAREST = {
-    "place": "steady_current", "flow": "steady_current", "time": "varying_current",
-    "heading": "steady_wind", "speed": "cubic_drag", "turn": "hull_lift",
-    "thrust": "thrust_curve", "rhythm": "thruster_fault",
-}  # fmt: skip
-ANY = "cross_damping"
+ANYTHING = "always"  # the group of terms whose pattern serves where no other is declared
 
 
 @dataclass(frozen=True)
@@ -127,9 +122,15 @@ class Diagnosed:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}")
         if self.diagnosis.verdict is Verdict.UNKNOWN:
             on = next((d.on for d in self.diagnosis.depends_on), "")
-            steps.append(f"shadow effects {NEAREST.get(on, ANY)} --write own.py")
+            steps.append(f"shadow effects {pattern_for(on)} --write own.py")
             steps.append(f"shadow diagnose {logs} --vessel {vessel} --effects own.py")
         return [*dict.fromkeys(plan), *steps]
+
+
+def pattern_for(depends_on: str) -> str:
+    """Name of the effect whose file is the pattern for one that depends on this (one of `SAYS`)."""
+    found = {on: effect.name for effect in EFFECTS for on in effect.pattern_for}
+    return found.get(depends_on, found[ANYTHING])
 
 
 def save_json(found: Mapping[str, Any], path: str | Path) -> None:

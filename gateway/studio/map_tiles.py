@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from bokeh.models import ColumnDataSource, ImageURL
 
+from gateway.config import StudioSettings
 from gateway.figures.style import Look
 from gateway.ingest.earth import A, Origin, to_degrees, to_local
-from gateway.studio.settings import StudioSettings
 from gateway.studio.widgets import boxes, html
 from sim.state import Floats
 

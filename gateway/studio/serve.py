@@ -17,6 +17,7 @@ from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.websocket import WebSocketClosedError
 
 from gateway.bus import DEFAULT_ENDPOINT
+from gateway.config import StudioSettings
 from gateway.errors import BadInput
 from gateway.studio.access import Folders, Guard, new_token
 from gateway.studio.live_history import LiveBook
@@ -27,7 +28,6 @@ from gateway.studio.pages.live import Live
 from gateway.studio.pages.recordings import Recordings
 from gateway.studio.pages.vessel import VesselPage
 from gateway.studio.session import Desk
-from gateway.studio.settings import StudioSettings
 from gateway.studio.widgets import dress
 from gateway.studio.worker import BUG
 from gateway.terminal.monitor_loop import MonitorOptions

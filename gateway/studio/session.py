@@ -238,7 +238,7 @@ def _told_alone(file: Path) -> tuple[str, tuple[str, ...]]:
 
 
 def as_text(version: Version, values: dict[str, float]) -> str:
-    """A version's file with other numbers, by key: `m11` or `heading_offset.angle`."""
+    """A version's file with other numbers, by key: `m11`, or `EFFECT.PARAMETER`."""
     tables = tomllib.loads(version.text)
     for key, value in values.items():
         effect, _, name = key.rpartition(".")

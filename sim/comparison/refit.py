@@ -19,12 +19,12 @@ import numpy as np
 
 from sim.comparison.compare import Comparison, judged
 from sim.comparison.regimes import regimes_of
-from sim.diagnosis.starts import MOMENTS, searched, starts_of
-from sim.effects.effect import Kind, Scope
+from sim.effects.effect import Kind, Role, Scope
 from sim.identification.identify import replaced
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import shoot
+from sim.identification.starts import MOMENTS, starts_of
 from sim.identification.vessel_update import applied
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError, FreeRun, Prediction, free_run, predict
@@ -147,7 +147,6 @@ def refitted(
 
 FITTED = 3  # starts that are fitted
 HORIZONS = (2.0, 6.0)  # s: the base is known, so runs need not begin short
-SLOW = "period"  # of what swings slowly: with a wrong direction no start is better than another
 FINER = 4  # moments on either side of the best, between it and its neighbours
 
 
@@ -192,7 +191,8 @@ def _started(trial: Trial, vessel: Vessel, name: str) -> list[Vessel]:
     effect = next(a.effect for a in vessel.effects if a.effect.name == name)
     bare = replace(vessel, effects=tuple(a for a in vessel.effects if a.effect.name != name))
     starts = starts_of(effect, Model.of(bare), [trial])
-    if any(p.name == SLOW for p in effect.parameters):
+    # a slow swing: with a wrong direction no start is better than another
+    if any(p.role is Role.PERIOD for p in effect.parameters):
         return [_shot(trial, _with(vessel, name, s), HORIZONS[-1:]) for s in starts]
     hard = {p.name for p in effect.parameters if p.kind is not Kind.NUMBER}
     as_strong = [{key: s[key] for key in hard} for s in starts] if hard else []
@@ -225,7 +225,7 @@ def _shot(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = HORIZONS) 
         f"{a.effect.name}.{key}"
         for a in vessel.effects
         if a.effect.scope is Scope.VOYAGE
-        for key in searched(a.effect)
+        for key in a.effect.fitted
     )
     if not free:
         return vessel

@@ -18,7 +18,6 @@ from sim.diagnosis.ladder import Climb, Climber, worth_it
 from sim.diagnosis.next_experiment import Suggested, informing, separating
 from sim.diagnosis.ranking import BLOCK, Ranked
 from sim.diagnosis.screening import Each, Tell
-from sim.diagnosis.starts import searched
 from sim.diagnosis.verdict import (
     STANDS,
     candidates_of,
@@ -125,7 +124,7 @@ def refitted(wide: Wide, plain: Model, trials: Sequence[Trial], settings: Diagno
 
 def _own(vessel: Vessel) -> list[str]:
     """Parameters of the effects that the vessel has already: fitted along with its base."""
-    return [f"{a.effect.name}.{key}" for a in vessel.effects for key in searched(a.effect)]
+    return [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fitted]
 
 
 def _suggested(

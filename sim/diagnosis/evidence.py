@@ -1,16 +1,13 @@
-"""What each effect depends on: the axis of the force that it shows in, and the variable.
-
-One table for the whole catalogue. An effect that is not in it (a user's own) gets the axis and the
-variable whose bins hold most of what it supplies (`sim.diagnosis.evidence`).
-
-The evidence for an effect: what is missing without it, against what it depends on.
+"""The evidence for an effect: what is missing without it, against what it depends on.
 
     points   mean over a bin of   missing force of the vessel without the effect
     curve    mean over a bin of   (missing force without) − (missing force with)
 
-The vessel is that of the ladder; only the one effect is taken out of it, and everything else stays,
-so that the curve is what the effect itself supplies. Whiskers are twice the standard error over
-blocks of time: rows of one block are one story told many times.
+The axis of the force and the variable are those that the effect declares (`Effect.evidence`); for
+one that declares none, those whose bins hold most of what it supplies. The vessel is that of the
+ladder; only the one effect is taken out of it, and everything else stays, so that the curve is what
+the effect itself supplies. Whiskers are twice the standard error over blocks of time, because rows
+of one block are correlated.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.comparison.where import bin_of
-from sim.effects.effect import Effect
-from sim.effects.wave_motion import GRAVITY
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis
 from sim.model import Model
 from sim.prediction.inputs import commands_of
 from sim.prediction.missing_force import lacking
@@ -30,9 +26,8 @@ from sim.vessel import AddedEffect, Vessel
 
 SETTLE_S = 0.5  # over which a change of commands is taken
 AROUND_S = 1.0  # over which an acceleration is taken
-ALONG = 3  # beside X, Y, N: the force in the effect's own direction over the ground
 
-Variable = Callable[[Trial, Model, Mapping[str, float]], Floats]
+Variable = Callable[[Trial, Model], Floats]
 
 
 def _mean_thrust(trial: Trial, model: Model) -> Floats:
@@ -70,65 +65,21 @@ def _change(values: Floats, trial: Trial) -> Floats:
     return np.asarray((values - earlier) / (back * trial.dt))
 
 
-def _phase(trial: Trial, p: Mapping[str, float]) -> Floats:
-    """Of a travelling wave at the boat [rad, 0 … 2π]."""
-    away = trial.eta[:, Eta.NORTH] * np.cos(p["direction"])
-    away = away + trial.eta[:, Eta.EAST] * np.sin(p["direction"])
-    turn = p["omega"] * trial.time - p["omega"] ** 2 / GRAVITY * away + p["phase"]
-    return np.asarray(turn % (2.0 * np.pi))
-
-
 VARIABLES: Mapping[str, Variable] = {
-    "heading": lambda t, m, p: t.eta[:, Eta.YAW] % (2.0 * np.pi),
-    "surge": lambda t, m, p: t.nu[:, Nu.U],
-    "sway": lambda t, m, p: t.nu[:, Nu.V],
-    "turn_rate": lambda t, m, p: t.nu[:, Nu.R],
-    "acceleration": lambda t, m, p: _acceleration(t),
-    "throttle": lambda t, m, p: _mean_thrust(t, m),
-    "astern": lambda t, m, p: _astern(t, m),
-    "helm": lambda t, m, p: _helm(t, m),
-    "throttle_change": lambda t, m, p: _change(_mean_thrust(t, m), t),
-    "helm_change": lambda t, m, p: _change(_helm(t, m), t),
-    "voltage": lambda t, m, p: t.voltage,
-    "time": lambda t, m, p: t.time,
-    "phase": lambda t, m, p: _phase(t, p),
+    "heading": lambda t, m: t.eta[:, Eta.YAW] % (2.0 * np.pi),
+    "surge": lambda t, m: t.nu[:, Nu.U],
+    "sway": lambda t, m: t.nu[:, Nu.V],
+    "turn_rate": lambda t, m: t.nu[:, Nu.R],
+    "acceleration": lambda t, m: _acceleration(t),
+    "throttle": lambda t, m: _mean_thrust(t, m),
+    "astern": lambda t, m: _astern(t, m),
+    "helm": lambda t, m: _helm(t, m),
+    "throttle_change": lambda t, m: _change(_mean_thrust(t, m), t),
+    "helm_change": lambda t, m: _change(_helm(t, m), t),
+    "voltage": lambda t, m: t.voltage,
+    "time": lambda t, m: t.time,
 }
-AROUND = ("heading", "phase")  # bins of equal width, all the way round
-AGAINST: Mapping[str, tuple[int, str]] = {  # effect -> axis of the force, and what it depends on
-    "steady_current": (0, "heading"),
-    "varying_current": (ALONG, "time"),
-    "steady_wind": (0, "heading"),
-    "inertial_force": (0, "heading"),
-    "wave_motion": (ALONG, "phase"),
-    "cross_damping": (1, "turn_rate"),
-    "hull_lift": (2, "sway"),
-    "cg_offset": (2, "turn_rate"),
-    "cubic_drag": (0, "surge"),
-    "drag_growth": (0, "time"),
-    "payload_change": (0, "acceleration"),
-    "towed_load": (0, "surge"),
-    "actuator_wiring": (2, "helm"),
-    "thruster_deadband": (0, "throttle"),
-    "thrust_curve": (0, "throttle"),
-    "reverse_loss": (0, "astern"),
-    "thruster_imbalance": (2, "throttle"),
-    "thruster_fault": (2, "time"),
-    "battery_sag": (0, "voltage"),
-    "advance_loss": (0, "surge"),
-    "astern_stall": (0, "astern"),
-    "thruster_lag": (0, "throttle_change"),
-    "command_delay": (0, "throttle_change"),
-    "thruster_misalignment": (1, "throttle"),
-    "steering_offset": (2, "surge"),
-    "steering_lag": (2, "helm_change"),
-    "antenna_offset": (1, "turn_rate"),
-    "velocity_latency": (0, "acceleration"),
-    "compass_deviation": (1, "heading"),
-    "heading_offset": (1, "surge"),
-    "yaw_rate_bias": (2, "time"),
-}
-
-
+FULL_CIRCLE = ("heading", "phase")  # bins of equal width, all the way round
 BINS = 10
 FEWEST_S = 4.0  # of time in a bin
 BLOCK_S = 25.0
@@ -171,8 +122,9 @@ class _Rows:
 def evidence(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> Evidence | None:
     """One vessel with the effect per trial; None where no bin holds enough time."""
     rows = _rows(trials, vessels, effect)
-    axis, by = AGAINST.get(effect.name) or _telling(trials, vessels, effect, rows)
-    return _binned(effect, axis, by, _values(trials, vessels, effect, by), rows)
+    drawn = effect.evidence or _telling(trials, vessels, effect, rows)
+    value = _values(trials, vessels, effect, drawn)
+    return _binned(effect, int(drawn.axis), drawn.by, value, rows)
 
 
 def _rows(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> _Rows:
@@ -204,29 +156,35 @@ def _all_axes(force: Floats, trial: Trial, vessel: Vessel, effect: Effect) -> Fl
     return np.column_stack([force, along])
 
 
-def _values(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, by: str) -> Floats:
+def _values(
+    trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, drawn: EvidenceAxis
+) -> Floats:
     """What the effect depends on, on all usable rows (T,)."""
     return np.concatenate([
-        VARIABLES[by](t, Model.of(_without(v, effect)), _added(v, effect).values)[t.usable]
-        for t, v in zip(trials, vessels, strict=True)
+        _variable(t, v, effect, drawn)[t.usable] for t, v in zip(trials, vessels, strict=True)
     ])  # fmt: skip
+
+
+def _variable(trial: Trial, vessel: Vessel, effect: Effect, drawn: EvidenceAxis) -> Floats:
+    if drawn.variable is not None:
+        north, east = trial.eta[:, Eta.NORTH], trial.eta[:, Eta.EAST]
+        return drawn.variable(trial.time, north, east, _added(vessel, effect).values)
+    return VARIABLES[drawn.by](trial, Model.of(_without(vessel, effect)))
 
 
 def _telling(
     trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, rows: _Rows
-) -> tuple[int, str]:
-    """For an effect that is not in the table: where bins hold most of what it supplies."""
-    best, found = -1.0, (0, "surge")
+) -> EvidenceAxis:
+    """For an effect that declares none: where bins hold most of what it supplies."""
+    best, found = -1.0, EvidenceAxis(ForceAxis.SURGE, "surge")
     noise = np.std(rows.missing - rows.supplied, axis=0) + 1e-9
     for by in VARIABLES:
-        if by == "phase":
-            continue
-        value = _values(trials, vessels, effect, by)
-        for axis in range(3):
+        value = _values(trials, vessels, effect, EvidenceAxis(ForceAxis.SURGE, by))
+        for axis in (ForceAxis.SURGE, ForceAxis.SWAY, ForceAxis.YAW):
             one = _binned(effect, axis, by, value, rows)
             told = 0.0 if one is None else float(np.var(one.curve)) / float(noise[axis]) ** 2
             if told > best * 1.001:
-                best, found = told, (axis, by)
+                best, found = told, EvidenceAxis(axis, by)
     return found
 
 
@@ -252,7 +210,7 @@ def _binned(effect: Effect, axis: int, by: str, value: Floats, rows: _Rows) -> E
 
 def _edges(value: Floats, by: str) -> Floats:
     """Equal bins all around, else equally filled ones; a value held for long is met once."""
-    if by in AROUND:
+    if by in FULL_CIRCLE:
         return np.linspace(0.0, 2.0 * np.pi, BINS + 1)
     edges = np.unique(np.quantile(value, np.linspace(0.0, 1.0, BINS + 1)))
     return edges if len(edges) > 1 else np.array([edges[0] - 0.5, edges[0] + 0.5])

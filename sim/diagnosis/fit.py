@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.diagnosis.fit_problem import Ground, Wide
-from sim.diagnosis.starts import searched
 from sim.diagnosis.thresholds import RELIEF
 from sim.effects.effect import Kind
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
@@ -119,7 +118,7 @@ def unknowns_for(
     wide: Wide, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:
     """What is looked for with these effects in the vessel; they give where its effects start."""
-    free = [f"{a.effect.name}.{key}" for a in added for key in searched(a.effect)]
+    free = [f"{a.effect.name}.{key}" for a in added for key in a.effect.fitted]
     model = wide.with_added(added)
     found = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
     return replace(found, each=tuple(_within_reason(u) for u in found.each))

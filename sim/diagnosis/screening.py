@@ -14,11 +14,11 @@ import numpy as np
 
 from sim.diagnosis.fit import ROBUST, Fit, started, unknowns_for
 from sim.diagnosis.fit_problem import Ground, Wide
-from sim.diagnosis.starts import MOMENTS, Start, starts_of
-from sim.effects.effect import Effect, Kind
+from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
 from sim.identification.search import cost_of, damped_steps, sloped, weight_of
 from sim.identification.shooting import residuals_of
+from sim.identification.starts import MOMENTS, starts_of
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect
@@ -84,7 +84,7 @@ class _Look:
         _, slope = sloped(residuals, reference.unknowns, reference.z, every)
         return cls(wide, reference, ground, slope)
 
-    def best(self, effect: Effect, starts: Sequence[Start]) -> Promise | None:
+    def best(self, effect: Effect, starts: Sequence[Values]) -> Promise | None:
         """From every start one step; from the best one a few more."""
         tried = [p for p in (self.stepped(self.begun(effect, s)) for s in starts) if p]
         if not tried:
@@ -113,18 +113,18 @@ class _Look:
             apart *= 0.5
         return p
 
-    def moved(self, p: Promise, values: Start) -> Promise | None:
+    def moved(self, p: Promise, values: Values) -> Promise | None:
         """The same with some of what is held changed, and one step from there."""
         fresh = self.begun(p.effect, {**p.added.values, **values})
         return self.stepped(replace(fresh, z=p.z))
 
-    def few(self, effect: Effect, starts: Sequence[Start]) -> list[Start]:
+    def few(self, effect: Effect, starts: Sequence[Values]) -> list[Values]:
         """The starts that lead furthest in one step."""
         tried = [(s, self.stepped(self.begun(effect, s))) for s in starts]
         told = [(p.cost, i, s) for i, (s, p) in enumerate(tried) if p is not None]
         return [s for _, _, s in sorted(told, key=lambda t: t[:2])[: MANY // 2]]
 
-    def begun(self, effect: Effect, start: Start) -> Promise:
+    def begun(self, effect: Effect, start: Values) -> Promise:
         """Before the first step."""
         added = AddedEffect(effect, dict(start))
         trials, settings = len(self.ground.trials), self.ground.settings

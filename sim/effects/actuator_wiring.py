@@ -10,11 +10,11 @@ actuators, as many digits in `order` as there are actuators. Source: ArduPilot d
 motor and servo configuration (checks of order and direction).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Effect, Kind, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
 
 MOST = 9  # actuators: one decimal digit each
 
@@ -37,6 +37,28 @@ def wiring(commands: tuple[float, ...], place: float, p: Parameters) -> float:
     return heard * (1.0 - 2.0 * np.minimum(turned, 1.0))
 
 
+def wirings(vessel: Any, _: object = None) -> list[Values]:
+    """Plugs of port and starboard swapped, single motors or all of them the wrong way round."""
+    count = len(vessel.actuators)
+    own = "".join(str(i + 1) for i in range(count))
+    all_motors = "".join(str(i + 1) for i in range(len(vessel.thrusters)))
+    orders = [0.0, float(_mirrored(vessel))] if _mirrored(vessel) != own else [0.0]
+    turned = [0.0, *(float(i + 1) for i in range(count)), float(all_motors or 0)]
+    points = [{"order": o, "reversed": r} for o in orders for r in dict.fromkeys(turned)]
+    return [p for p in points if p["order"] or p["reversed"]]
+
+
+def _mirrored(vessel: Any) -> str:
+    """Each thruster hears what was meant for the one on the other side."""
+    place = [np.array(t.position) for t in vessel.thrusters]
+    digits = []
+    for p in place:
+        away = [float(np.hypot(*(q - p * [1.0, -1.0]))) for q in place]
+        digits.append(str(int(np.argmin(away)) + 1))
+    digits += [str(i + 1) for i in range(len(place), len(vessel.actuators))]
+    return "".join(digits)
+
+
 EFFECT = Effect(
     name="actuator_wiring",
     scope=Scope.BOAT,
@@ -50,4 +72,7 @@ EFFECT = Effect(
                   says="digits: the actuators that run the wrong way round; 0: none"),
     ),
     looks_like="turns to the wrong side, or goes astern, or turns when it should go straight on",
+    evidence=EvidenceAxis(ForceAxis.YAW, "helm"),
+    search=wirings,
+    example={"order": 21.0, "reversed": 0.0},
 )  # fmt: skip

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
 class Parameters(NamedTuple):
@@ -38,4 +38,5 @@ EFFECT = Effect(
     looks_like="pulls away as modelled but tops out too slow; coasts down as modelled once the "
     "motors stop",
     mistaken_for=("cubic_drag", "towed_load"),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
 )

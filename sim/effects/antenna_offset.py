@@ -10,7 +10,7 @@ Source: Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigati
 from typing import NamedTuple
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import to_world
 
 
@@ -46,4 +46,5 @@ EFFECT = Effect(
     looks_like="sideways speed in proportion to the turn rate, at once and without any force; "
     "spots on the track that swing around the boat",
     mistaken_for=("cross_damping", "cg_offset"),
+    evidence=EvidenceAxis(ForceAxis.SWAY, "turn_rate"),
 )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
 
 
 class Parameters(NamedTuple):
@@ -41,4 +41,5 @@ EFFECT = Effect(
     "one does; backs as modelled from rest",
     mistaken_for=("reverse_loss",),
     shown_by=(Shown.ASTERN,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "astern"),
 )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 
 
 class Parameters(NamedTuple):
@@ -37,4 +37,13 @@ EFFECT = Effect(
     "whenever all motors pull",
     mistaken_for=("thrust_curve", "drag_growth", "thruster_fault"),
     shown_by=(Shown.VOLTAGE,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "voltage"),
+    separated={
+        "drag_growth": Separation(
+            "the same run at the beginning and at the end, with a coast to a stop in each; and "
+            "once with a fresh battery at the end",
+            "steps",
+        ),
+        "thrust_curve": Separation("one run with a full and one with a tired battery", "ramp"),
+    },
 )

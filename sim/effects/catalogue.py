@@ -35,7 +35,7 @@ from sim.effects import (
     wave_motion,
     yaw_rate_bias,
 )
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Symptom
 
 EFFECTS: tuple[Effect, ...] = (
     steady_current.EFFECT,
@@ -78,3 +78,8 @@ def named(name: str, more: Iterable[Effect] = ()) -> Effect:
     if name not in known:
         raise KeyError(f"no effect named {name!r}: there are {', '.join(sorted(known))}")
     return known[name]
+
+
+def explaining(symptom: Symptom) -> str:
+    """Names of the effects that a symptom of a base fit may come from, as a list in words."""
+    return ", ".join(effect.name for effect in EFFECTS if symptom in effect.explains)

@@ -11,7 +11,7 @@ Valid for: offsets along the keel. Source: Fossen, Handbook of Marine Craft Hydr
 from typing import NamedTuple
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 from sim.state import Inertia
 
 
@@ -25,17 +25,31 @@ def inertia(M: Inertia, flow: Flow, p: Parameters) -> Inertia:
     return Inertia(M.m11, M.m12, M.m13, M.m22, m23, M.m33)
 
 
+TURNS_ON_THE_SPOT = Separation("turn on the spot, then the same turns at speed", "spin")
+SPINS_BOTH_WAYS = Separation("spin on the spot to the left and to the right, and go astern", "spin")
+
 EFFECT = Effect(
     name="cg_offset",
     scope=Scope.BOAT,
     inertia=inertia,
-    parameters=(
-        Parameter("x_g", "m", lower=-2.0, upper=2.0, start=0.0, scale=0.02, neutral=0.0),
-    ),
+    parameters=(Parameter("x_g", "m", lower=-2.0, upper=2.0, start=0.0, scale=0.02, neutral=0.0),),
     looks_like="sideways speed where a turn begins and ends, other sign when it ends, and a bow "
     "that is held out of or into every turn at speed",
     mistaken_for=(
-        "cross_damping", "antenna_offset", "heading_offset", "thruster_imbalance",
+        "cross_damping",
+        "antenna_offset",
+        "heading_offset",
+        "thruster_imbalance",
         "thruster_misalignment",
     ),
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.YAW, "turn_rate"),
+    separated={
+        "cross_damping": TURNS_ON_THE_SPOT,
+        "antenna_offset": TURNS_ON_THE_SPOT,
+        "heading_offset": Separation(
+            "long straight runs, ahead and astern: an offset of the heading shows there", "steps"
+        ),
+        "thruster_imbalance": SPINS_BOTH_WAYS,
+        "thruster_misalignment": SPINS_BOTH_WAYS,
+    },
+)

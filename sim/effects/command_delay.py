@@ -8,7 +8,7 @@ and Murray, Feedback Systems, 2nd ed. 2021, (time delays).
 
 from typing import NamedTuple
 
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown, Symptom
 
 
 class Parameters(NamedTuple):
@@ -29,4 +29,6 @@ EFFECT = Effect(
     "included",
     mistaken_for=("thruster_lag", "velocity_latency", "steering_lag"),
     shown_by=(Shown.COMMANDS,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "throttle_change"),
+    explains=(Symptom.LATE_COMMANDS,),
 )

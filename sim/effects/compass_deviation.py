@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 from sim.state import to_body
 
 
@@ -54,4 +54,10 @@ EFFECT = Effect(
     "the crab angle is the same at any speed and astern",
     mistaken_for=("steady_current", "steady_wind", "heading_offset"),
     shown_by=(Shown.CIRCLES,),
+    evidence=EvidenceAxis(ForceAxis.SWAY, "heading"),
+    separated={
+        "heading_offset": Separation(
+            "full circles: a deviation changes with the heading, an offset does not", "circles"
+        ),
+    },
 )

@@ -10,7 +10,7 @@ Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (linear damping, off-diagonal te
 from typing import NamedTuple
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 from sim.state import Wrench
 
 
@@ -34,4 +34,12 @@ EFFECT = Effect(
     ),
     looks_like="slips sideways in every turn, also on the spot, to the side that the turn decides",
     mistaken_for=("cg_offset", "antenna_offset", "hull_lift"),
+    evidence=EvidenceAxis(ForceAxis.SWAY, "turn_rate"),
+    separated={
+        "antenna_offset": Separation(
+            "spin on the spot: an antenna moves although no force acts on the boat", "spin"
+        ),
+        "hull_lift": Separation("turn on the spot, then the same turns at speed", "spin"),
+    },
+    pattern_for=("always",),
 )

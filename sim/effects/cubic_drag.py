@@ -9,7 +9,7 @@ Valid for: displacement speeds. Source: Fossen, Handbook of Marine Craft Hydrody
 from typing import NamedTuple
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 from sim.state import Wrench
 
 
@@ -22,6 +22,10 @@ def force(flow: Flow, p: Parameters) -> Wrench:
     return Wrench(p.X_uuu * flow.u**3, 0.0, 0.0)
 
 
+COAST = Separation(
+    "accelerate to full speed, then coast to a stop: without thrust only drag is left", "steps"
+)
+
 EFFECT = Effect(
     name="cubic_drag",
     scope=Scope.BOAT,
@@ -31,4 +35,10 @@ EFFECT = Effect(
     ),
     looks_like="too fast at full throttle, right at low speed",
     mistaken_for=("thrust_curve", "advance_loss"),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
+    separated={
+        "thrust_curve": COAST,
+        "advance_loss": COAST,
+    },
+    pattern_for=("speed",),
 )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 from sim.state import Wrench
 
 
@@ -37,4 +37,10 @@ EFFECT = Effect(
     "it also stops sooner",
     mistaken_for=("payload_change", "battery_sag", "thruster_fault"),
     shown_by=(Shown.CHANGE,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "time"),
+    separated={
+        "payload_change": Separation(
+            "the same run at the beginning and at the end, with a coast to a stop in each", "steps"
+        ),
+    },
 )

@@ -20,14 +20,22 @@ all others at every stage of a step. An effect acts in one or more places:
     latency(p) -> s                      reported position and velocity over ground are that old;
                                          `observe` stands for it where nothing earlier is known
     rate(flow, state, p), start          a state of its own; `force` is then force(flow, state, p)
+
+Everything else that the rest of the software needs to know of an effect is declared beside its
+laws, in the same file: against what its evidence is drawn, where a search for its parameters
+begins, which manoeuvre tells it from another effect, what an example of it looks like.
 """
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from enum import Enum
+from enum import Enum, IntEnum
 from pathlib import PurePath
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sim.state import Floats
 
 Law = Callable[..., Any]
 
@@ -72,11 +80,74 @@ class Shown(Enum):
     VOLTAGE = "a voltage that changes"
 
 
+class Role(Enum):
+    """What a parameter means beyond being a number."""
+
+    PERIOD = "period"  # [s]: searched from half a minute to twice the recording, in ratios
+    TIME_CONSTANT = "time constant"  # [s] of a first-order lag: integration steps stay below it
+
+
+class Symptom(Enum):
+    """What a fit of the base alone may notice without knowing its cause."""
+
+    LATE_COMMANDS = "the boat answers later than telemetry can explain"
+    LATE_VELOCITY = "velocities are later than telemetry can explain"
+
+
+class ForceAxis(IntEnum):
+    """Component of the missing force that an effect shows in."""
+
+    SURGE = 0  # X [N]
+    SWAY = 1  # Y [N]
+    YAW = 2  # N [N m]
+    ALONG = 3  # horizontal force in the direction, over the ground, of the effect itself [N]
+
+
+class EvidenceAxis(NamedTuple):
+    """What the evidence for an effect is drawn against: the missing force over one variable.
+
+    by        name of the variable (`sim.diagnosis.evidence.VARIABLES`), or of an own one
+    variable  the own one: (time (T,) [s], north (T,), east (T,) [m], values by name) -> (T,)
+              [rad, 0 … 2π]
+    """
+
+    axis: ForceAxis
+    by: str
+    variable: Callable[..., Floats] | None = None
+
+
+class Separation(NamedTuple):
+    """What tells two effects apart: what to do, and the excitation that comes nearest to it."""
+
+    says: str
+    excitation: str
+
+
+class Remainder(NamedTuple):
+    """What a model leaves of a recording, usable rows: time (T,), place and force (T, 2) [s, m, N].
+
+    Place and horizontal missing force are north and east; the force has no mean.
+    """
+
+    time: Floats
+    place: Floats
+    force: Floats
+
+
+Values = Mapping[str, float]
+QUARTERS = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)  # rad, of a circle
+THIRDS = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)  # rad
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect: unit, bounds, where a fit starts and how far a step is.
 
-    With all of its parameters that have a `neutral` value there, an effect does nothing.
+    neutral    with all parameters that have one there, the effect does nothing
+    starts     where a search begins; none: `start`, on both sides of a symmetric zero, the four
+               quarters of a circle, moments along the recording, a choice among the thrusters
+    direction  the angle that this magnitude belongs to, the next parameter: the two are fitted as
+               north and east parts
     """
 
     name: str
@@ -88,6 +159,9 @@ class Parameter:
     says: str = ""
     kind: Kind = Kind.NUMBER
     neutral: float | None = None
+    role: Role | None = None
+    starts: tuple[float, ...] = ()
+    direction: str = ""
 
     def __post_init__(self) -> None:
         if not self.lower <= self.start <= self.upper:
@@ -119,6 +193,14 @@ class Effect:
     needs    what a vessel must have for it; shown_by: what a recording must hold to tell it
     general_of  the simpler effect that this one can always stand in for: that one is believed first
     partial  nature does more of the same that one such effect does not follow: a sea has many waves
+    evidence    what its evidence is drawn against; None: found from the data
+    separated   other effect -> what tells the two apart; one of a pair declares it
+    explains    what a fit of the base notices where this effect is missing
+    search      (vessel, remainder) -> where a search begins, if its parameters' own starts do not
+                serve; `remainder()` gives what the model leaves of the longest recording
+    example     values that show it, if no number can be made stronger step by step
+    pattern_for  what an error may depend on (`sim.diagnosis.force_terms.SAYS`): this file is then
+                the pattern for an effect of one's own
     """
 
     name: str
@@ -130,6 +212,12 @@ class Effect:
     shown_by: tuple[Shown, ...] = ()
     general_of: str = ""
     partial: bool = False
+    evidence: EvidenceAxis | None = None
+    separated: Mapping[str, Separation] = field(default_factory=dict, compare=False)
+    explains: tuple[Symptom, ...] = ()
+    search: Callable[[Any, Callable[[], Remainder]], Sequence[Values]] | None = None
+    example: Values | None = field(default=None, compare=False)
+    pattern_for: tuple[str, ...] = ()
     wiring: Law | None = None
     command: Law | None = None
     thrust: Law | None = None
@@ -164,6 +252,11 @@ class Effect:
             for f in fields(self)
             if f.name in LAWS and getattr(self, f.name) is not None
         }
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Names of the parameters that a fit moves: those of which a small step tells something."""
+        return tuple(p.name for p in self.parameters if p.kind in (Kind.NUMBER, Kind.CIRCLE))
 
     @property
     def explanation(self) -> str:

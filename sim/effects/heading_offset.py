@@ -10,7 +10,7 @@ Multisensor Integrated Navigation Systems, 2nd ed. 2013, §6.1.
 from typing import NamedTuple
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
 from sim.state import to_body
 
 
@@ -37,4 +37,5 @@ EFFECT = Effect(
     looks_like="sideways speed in proportion to forward speed, on every heading, other sign astern",
     mistaken_for=("steady_current", "compass_deviation", "cg_offset"),
     shown_by=(Shown.OPPOSITE,),
+    evidence=EvidenceAxis(ForceAxis.SWAY, "surge"),
 )

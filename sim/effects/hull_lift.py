@@ -11,7 +11,7 @@ of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (terms in u v and u r).
 from typing import NamedTuple
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
 
 
@@ -44,4 +44,6 @@ EFFECT = Effect(
     ),
     looks_like="turns and slips as modelled on the spot, less (or more) the faster the boat goes",
     mistaken_for=("cross_damping",),
+    evidence=EvidenceAxis(ForceAxis.YAW, "sway"),
+    pattern_for=("turn",),
 )

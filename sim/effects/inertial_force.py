@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Shown
 from sim.state import Wrench, to_body
 
 
@@ -32,12 +32,30 @@ EFFECT = Effect(
     scope=Scope.VOYAGE,
     force=force,
     parameters=(
-        Parameter("force", "N", lower=0.0, upper=1000.0, start=5.0, scale=1.0, neutral=0.0),
-        Parameter("direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1,
-                  kind=Kind.CIRCLE, says="towards, clockwise from north"),
+        Parameter(
+            "force",
+            "N",
+            lower=0.0,
+            upper=1000.0,
+            start=5.0,
+            scale=1.0,
+            neutral=0.0,
+            direction="direction",
+        ),
+        Parameter(
+            "direction",
+            "rad",
+            lower=-7.0,
+            upper=7.0,
+            start=0.0,
+            scale=0.1,
+            kind=Kind.CIRCLE,
+            says="towards, clockwise from north",
+        ),
     ),
     looks_like="a missing force of one size and one direction in the world, at any speed and on "
     "any heading",
     mistaken_for=("steady_current", "steady_wind"),
     shown_by=(Shown.OPPOSITE,),
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.SURGE, "heading"),
+)

@@ -11,7 +11,7 @@ and change draught little. Source: Fossen, Handbook of Marine Craft Hydrodynamic
 from typing import NamedTuple
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Shown
 from sim.state import Inertia
 
 
@@ -39,4 +39,5 @@ EFFECT = Effect(
     "same top speed",
     mistaken_for=("drag_growth", "thruster_fault"),
     shown_by=(Shown.CHANGE,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "acceleration"),
 )  # fmt: skip

@@ -9,7 +9,7 @@ Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficients differ ahead and astern)
 from typing import NamedTuple
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 
 
 class Parameters(NamedTuple):
@@ -32,4 +32,10 @@ EFFECT = Effect(
     "otherwise on the spot",
     mistaken_for=("astern_stall",),
     shown_by=(Shown.ASTERN,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "astern"),
+    separated={
+        "astern_stall": Separation(
+            "astern from rest, and astern while still running ahead", "reversals"
+        ),
+    },
 )

@@ -11,7 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Kind,
+    Parameter,
+    Scope,
+    Separation,
+    Shown,
+)
 from sim.state import Pose, Water
 
 
@@ -25,19 +34,62 @@ def water(time: float, pose: Pose, p: Parameters) -> Water:
     return Water(p.speed * np.cos(p.direction), p.speed * np.sin(p.direction), 0.0, 0.0)
 
 
+DRIFT = Separation("drift with the motors off, then run one course at two speeds", "still")
+
 EFFECT = Effect(
     name="steady_current",
     scope=Scope.VOYAGE,
     water=water,
     parameters=(
-        Parameter("speed", "m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0),
-        Parameter("direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1,
-                  kind=Kind.CIRCLE, says="towards, clockwise from north"),
+        Parameter(
+            "speed",
+            "m/s",
+            lower=0.0,
+            upper=3.0,
+            start=0.2,
+            scale=0.05,
+            neutral=0.0,
+            direction="direction",
+        ),
+        Parameter(
+            "direction",
+            "rad",
+            lower=-7.0,
+            upper=7.0,
+            start=0.0,
+            scale=0.1,
+            kind=Kind.CIRCLE,
+            says="towards, clockwise from north",
+        ),
     ),
     looks_like="a velocity offset that stays fixed in the world while the boat turns, "
     "whatever its speed",
     mistaken_for=(
-        "varying_current", "steady_wind", "inertial_force", "heading_offset", "compass_deviation",
+        "varying_current",
+        "steady_wind",
+        "inertial_force",
+        "heading_offset",
+        "compass_deviation",
     ),
     shown_by=(Shown.OPPOSITE,),
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.SURGE, "heading"),
+    separated={
+        "varying_current": Separation(
+            "stay out longer than one period: the same circles again and again", "circles"
+        ),
+        "steady_wind": DRIFT,
+        "inertial_force": DRIFT,
+        "heading_offset": Separation(
+            "full circles at two speeds: one turns with the boat, the other stays with the "
+            "compass rose",
+            "circles",
+        ),
+        "compass_deviation": Separation(
+            "full circles, ahead and astern: a deviation keeps its sign astern", "circles"
+        ),
+    },
+    pattern_for=(
+        "place",
+        "flow",
+    ),
+)

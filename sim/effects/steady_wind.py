@@ -18,11 +18,20 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Need, Parameter, Scope, Shown
+from sim.effects.effect import (
+    QUARTERS,
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Kind,
+    Need,
+    Parameter,
+    Scope,
+    Separation,
+    Shown,
+)
 from sim.state import Wrench, to_body
-
-AIR_DENSITY = 1.225  # kg/m³ at 15 °C
-C_X, C_Y, C_N = 0.7, 0.825, 0.125  # of 0.50–0.90, 0.70–0.95, 0.05–0.20
+from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y
 
 
 class Parameters(NamedTuple):
@@ -46,21 +55,52 @@ def force(flow: Flow, p: Parameters) -> Wrench:
     )
 
 
+CIRCLES = Separation(
+    "full circles: wind changes its side, a motor does not; then motors off", "circles"
+)
+
 EFFECT = Effect(
     name="steady_wind",
     scope=Scope.VOYAGE,
     force=force,
     needs=(Need.WIND_AREA,),
     parameters=(
-        Parameter("speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5),
-        Parameter("direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1,
-                  kind=Kind.CIRCLE, says="from, clockwise from north"),
+        Parameter(
+            "speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5, direction="direction"
+        ),
+        Parameter(
+            "direction",
+            "rad",
+            lower=-7.0,
+            upper=7.0,
+            start=0.0,
+            scale=0.1,
+            starts=QUARTERS,
+            kind=Kind.CIRCLE,
+            says="from, clockwise from north",
+        ),
     ),
     looks_like="pushed away from one side of the world, most when lying across it, and turned on "
     "quartering headings; a boat with stopped motors drifts that way",
     mistaken_for=(
-        "steady_current", "inertial_force", "compass_deviation", "thruster_imbalance",
+        "steady_current",
+        "inertial_force",
+        "compass_deviation",
+        "thruster_imbalance",
         "thruster_misalignment",
     ),
     shown_by=(Shown.OPPOSITE,),
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.SURGE, "heading"),
+    separated={
+        "inertial_force": Separation(
+            "full circles at two speeds: the apparent wind grows with the boat's own speed",
+            "circles",
+        ),
+        "compass_deviation": Separation(
+            "full circles, ahead and astern, and a drift with the motors off", "circles"
+        ),
+        "thruster_imbalance": CIRCLES,
+        "thruster_misalignment": CIRCLES,
+    },
+    pattern_for=("heading",),
+)

@@ -9,7 +9,17 @@ Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (steering machine dynamics, line
 from typing import NamedTuple
 
 from sim.body import Blade
-from sim.effects.effect import Effect, Need, Parameter, Scope, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Need,
+    Parameter,
+    Role,
+    Scope,
+    Separation,
+    Shown,
+)
 
 
 class Parameters(NamedTuple):
@@ -21,13 +31,26 @@ def angle_rate(angle: float, state: float, blade: Blade, p: Parameters) -> float
     return (angle - state) / p.tau
 
 
+STEPS_ONE_BY_ONE = Separation(
+    "steps of the throttle with the helm still, then of the helm at one throttle", "steps"
+)
+
 EFFECT = Effect(
     name="steering_lag",
     scope=Scope.BOAT,
     angle_rate=angle_rate,
     needs=(Need.STEERING,),
-    parameters=(Parameter("tau", "s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
+    parameters=(
+        Parameter(
+            "tau", "s", lower=0.02, upper=5.0, start=0.3, scale=0.05, role=Role.TIME_CONSTANT
+        ),
+    ),
     looks_like="turns begin and end late, while changes of speed come in time",
     mistaken_for=("thruster_lag", "command_delay"),
     shown_by=(Shown.COMMANDS,),
+    evidence=EvidenceAxis(ForceAxis.YAW, "helm_change"),
+    separated={
+        "thruster_lag": STEPS_ONE_BY_ONE,
+        "command_delay": STEPS_ONE_BY_ONE,
+    },
 )

@@ -10,7 +10,7 @@ integral action against it).
 from typing import NamedTuple
 
 from sim.body import Blade
-from sim.effects.effect import Effect, Need, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 
 
 class Parameters(NamedTuple):
@@ -22,6 +22,10 @@ def angle(δ: float, blade: Blade, p: Parameters) -> float:
     return δ + p.angle
 
 
+TWO_THROTTLES = Separation(
+    "straight runs at two throttles, then coast with the helm amidships", "steps"
+)
+
 EFFECT = Effect(
     name="steering_offset",
     scope=Scope.BOAT,
@@ -32,4 +36,9 @@ EFFECT = Effect(
     ),
     looks_like="turns to one side with the rudder amidships, the more the faster it goes",
     mistaken_for=("thruster_imbalance", "thruster_misalignment"),
+    evidence=EvidenceAxis(ForceAxis.YAW, "surge"),
+    separated={
+        "thruster_imbalance": TWO_THROTTLES,
+        "thruster_misalignment": TWO_THROTTLES,
+    },
 )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
 class Parameters(NamedTuple):
@@ -34,4 +34,6 @@ EFFECT = Effect(
     ),
     looks_like="right at full throttle, too slow (or too fast) at half, ahead and astern alike",
     mistaken_for=("thruster_deadband", "battery_sag", "cubic_drag"),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "throttle"),
+    pattern_for=("thrust",),
 )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Drive
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 
 
 class Parameters(NamedTuple):
@@ -33,4 +33,10 @@ EFFECT = Effect(
     ),
     looks_like="does not answer small commands; nearly right at full throttle",
     mistaken_for=("thrust_curve",),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "throttle"),
+    separated={
+        "thrust_curve": Separation(
+            "a slow ramp of the throttle through neutral and up to full", "ramp"
+        ),
+    },
 )

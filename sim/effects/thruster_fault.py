@@ -11,7 +11,16 @@ of effectiveness of an actuator).
 from typing import NamedTuple
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Kind,
+    Parameter,
+    Scope,
+    Separation,
+    Shown,
+)
 
 
 class Parameters(NamedTuple):
@@ -26,19 +35,48 @@ def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
     return F * (1.0 + hit * (p.gain - 1.0))
 
 
+SAME_RUN_TWICE = Separation(
+    "the same run at the beginning and at the end, with a coast to a stop in each; a motor that "
+    "fails also turns the boat",
+    "steps",
+)
+
 EFFECT = Effect(
     name="thruster_fault",
     scope=Scope.VOYAGE,
     thrust=thrust,
     parameters=(
-        Parameter("thruster", "-", lower=1.0, upper=16.0, start=1.0, scale=1.0, kind=Kind.CHOICE,
-                  says="1, 2, … in the order of the vessel file"),
+        Parameter(
+            "thruster",
+            "-",
+            lower=1.0,
+            upper=16.0,
+            start=1.0,
+            scale=1.0,
+            kind=Kind.CHOICE,
+            says="1, 2, … in the order of the vessel file",
+        ),
         Parameter("gain", "-", lower=0.0, upper=2.0, start=0.5, scale=0.05, neutral=1.0),
-        Parameter("time", "s", lower=0.0, upper=1e5, start=60.0, scale=5.0, kind=Kind.MOMENT,
-                  says="after the first sample"),
+        Parameter(
+            "time",
+            "s",
+            lower=0.0,
+            upper=1e5,
+            start=60.0,
+            scale=5.0,
+            kind=Kind.MOMENT,
+            says="after the first sample",
+        ),
     ),
     looks_like="right up to one moment; from then on it pulls to one side and is slower",
     mistaken_for=("payload_change", "drag_growth", "battery_sag"),
     shown_by=(Shown.CHANGE,),
     general_of="thruster_imbalance",
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.YAW, "time"),
+    separated={
+        "drag_growth": SAME_RUN_TWICE,
+        "payload_change": SAME_RUN_TWICE,
+        "battery_sag": Separation("one run with a full and one with a tired battery", "steps"),
+    },
+    pattern_for=("rhythm",),
+)

@@ -9,7 +9,7 @@ Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coef
 from typing import NamedTuple
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Need, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 
 
 class Parameters(NamedTuple):
@@ -32,4 +32,10 @@ EFFECT = Effect(
     looks_like="pulls to one side in proportion to the throttle, on every heading, and to the "
     "other side astern",
     mistaken_for=("thruster_misalignment", "steering_offset", "cg_offset", "steady_wind"),
+    evidence=EvidenceAxis(ForceAxis.YAW, "throttle"),
+    separated={
+        "thruster_misalignment": Separation(
+            "spin on the spot to the left and to the right, and go astern", "reversals"
+        ),
+    },
 )

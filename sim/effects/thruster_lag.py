@@ -9,7 +9,17 @@ Craft Hydrodynamics, 2nd ed. 2021, §9.3 (propeller shaft dynamics, linearised).
 from typing import NamedTuple
 
 from sim.body import Drive
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Role,
+    Scope,
+    Separation,
+    Shown,
+    Symptom,
+)
 
 
 class Parameters(NamedTuple):
@@ -25,8 +35,19 @@ EFFECT = Effect(
     name="thruster_lag",
     scope=Scope.BOAT,
     thrust_rate=thrust_rate,
-    parameters=(Parameter("tau", unit="s", lower=0.02, upper=5.0, start=0.3, scale=0.05),),
+    parameters=(
+        Parameter(
+            "tau", unit="s", lower=0.02, upper=5.0, start=0.3, scale=0.05, role=Role.TIME_CONSTANT
+        ),
+    ),
     looks_like="the boat answers late to every change of throttle, and right once it is steady",
     mistaken_for=("command_delay", "velocity_latency", "steering_lag"),
     shown_by=(Shown.COMMANDS,),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "throttle_change"),
+    separated={
+        "command_delay": Separation(
+            "steps and quick swings: a lag rounds them, a delay only moves them", "chirp"
+        ),
+    },
+    explains=(Symptom.LATE_COMMANDS,),
 )

@@ -10,7 +10,7 @@ configuration matrix).
 from typing import NamedTuple
 
 from sim.body import Drive, Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
 class Parameters(NamedTuple):
@@ -32,4 +32,5 @@ EFFECT = Effect(
     looks_like="pulls to one side and slips sideways in proportion to the throttle, on every "
     "heading, and the other way astern",
     mistaken_for=("thruster_imbalance", "steering_offset", "cg_offset", "steady_wind"),
+    evidence=EvidenceAxis(ForceAxis.SWAY, "throttle"),
 )

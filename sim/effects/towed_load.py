@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 from sim.state import Wrench
 
 
@@ -35,9 +35,23 @@ EFFECT = Effect(
     force=force,
     parameters=(
         Parameter("drag", "N s²/m²", lower=0.0, upper=2000.0, start=5.0, scale=2.0, neutral=0.0),
-        Parameter("x", "m", lower=-20.0, upper=20.0, start=-1.0, scale=0.2,
-                  says="ahead of the origin; start a fit on both sides"),
+        Parameter(
+            "x",
+            "m",
+            lower=-20.0,
+            upper=20.0,
+            start=-1.0,
+            scale=0.2,
+            says="ahead of the origin; start a fit on both sides",
+        ),
     ),
     looks_like="too slow at speed, and swinging less (or more) behind the point that is held",
     mistaken_for=("advance_loss",),
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
+    separated={
+        "advance_loss": Separation(
+            "accelerate to full speed, then coast to a stop: without thrust only drag is left",
+            "steps",
+        ),
+    },
+)

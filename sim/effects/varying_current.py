@@ -12,7 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown
+from sim.effects.effect import (
+    THIRDS,
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Kind,
+    Parameter,
+    Role,
+    Scope,
+    Shown,
+)
 from sim.state import Pose, Water
 
 
@@ -37,17 +47,47 @@ EFFECT = Effect(
     scope=Scope.VOYAGE,
     water=water,
     parameters=(
-        Parameter("speed", "m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0,
-                  says="at its strongest"),
-        Parameter("direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.1,
-                  kind=Kind.CIRCLE, says="towards, clockwise from north"),
-        Parameter("period", "s", lower=20.0, upper=90000.0, start=300.0, scale=30.0),
-        Parameter("phase", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.2, kind=Kind.CIRCLE,
-                  says="at the first sample"),
+        Parameter(
+            "speed",
+            "m/s",
+            lower=0.0,
+            upper=3.0,
+            start=0.2,
+            scale=0.05,
+            neutral=0.0,
+            direction="direction",
+            says="at its strongest",
+        ),
+        Parameter(
+            "direction",
+            "rad",
+            lower=-7.0,
+            upper=7.0,
+            start=0.0,
+            scale=0.1,
+            kind=Kind.CIRCLE,
+            says="towards, clockwise from north",
+        ),
+        Parameter(
+            "period", "s", lower=20.0, upper=90000.0, start=300.0, scale=30.0, role=Role.PERIOD
+        ),
+        Parameter(
+            "phase",
+            "rad",
+            lower=-7.0,
+            upper=7.0,
+            start=0.0,
+            scale=0.2,
+            kind=Kind.CIRCLE,
+            starts=THIRDS,
+            says="at the first sample",
+        ),
     ),
     looks_like="a velocity offset along one line in the world that swings from one side to the "
     "other as time goes by",
     mistaken_for=("steady_current",),
     shown_by=(Shown.CHANGE,),
     general_of="steady_current",
-)  # fmt: skip
+    evidence=EvidenceAxis(ForceAxis.ALONG, "time"),
+    pattern_for=("time",),
+)

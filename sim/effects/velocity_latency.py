@@ -13,7 +13,16 @@ inertial data).
 from typing import NamedTuple
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+    Separation,
+    Shown,
+    Symptom,
+)
 from sim.state import to_world
 
 
@@ -44,6 +53,10 @@ def observe(report: Report, p: Parameters) -> Report:
     )
 
 
+QUICK_TURNS = Separation(
+    "quick turns with a gyro in the log: a gyro is not late, a receiver's velocity is", "zigzag"
+)
+
 EFFECT = Effect(
     name="velocity_latency",
     scope=Scope.BOAT,
@@ -57,4 +70,10 @@ EFFECT = Effect(
         Shown.COMMANDS,
         Shown.VELOCITY,
     ),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "acceleration"),
+    separated={
+        "thruster_lag": QUICK_TURNS,
+        "command_delay": QUICK_TURNS,
+    },
+    explains=(Symptom.LATE_VELOCITY,),
 )

@@ -9,7 +9,7 @@ Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd 
 from typing import NamedTuple
 
 from sim.body import Report
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
 class Parameters(NamedTuple):
@@ -40,4 +40,5 @@ EFFECT = Effect(
     ),
     looks_like="a turn rate that is off by the same amount always, at rest too, while the heading "
     "does not follow",
+    evidence=EvidenceAxis(ForceAxis.YAW, "time"),
 )

@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.diagnosis.evidence import AGAINST
-from sim.diagnosis.starts import wirings
-from sim.effects.effect import Effect, Kind, Parameter
+from sim.effects.effect import Effect, ForceAxis, Kind, Parameter, Role
 from sim.excitation.sticks import mixed
 from sim.model import Model
 from sim.state import Floats
@@ -82,15 +80,15 @@ def seen(effect: Effect) -> Seen:
 
 def _channel(effect: Effect, share: Floats) -> int:
     """Where it acts, if it is seen there well; else where it is seen most."""
-    acts = AGAINST.get(effect.name, (0, ""))[0]
+    acts = effect.evidence.axis if effect.evidence else ForceAxis.SURGE
     most = int(np.argmax(share))
     return acts if acts < len(share) and share[acts] > WELL * share[most] else most
 
 
 def values_of(effect: Effect, boat: Vessel, step: int) -> dict[str, float]:
     """Its parameters, those that make it strong `step` scales away from their start."""
-    if effect.wiring is not None and effect.name == "actuator_wiring":
-        return dict(max(wirings(boat), key=lambda start: start["order"]))
+    if effect.example is not None:
+        return dict(effect.example)
     strong = [p for p in effect.parameters if p.neutral is not None and p.kind is Kind.NUMBER]
     strong = strong or [p for p in effect.parameters if p.kind is Kind.NUMBER]
     seconds = sum(part[0] for part in PARTS)
@@ -107,7 +105,7 @@ def _away(p: Parameter, step: int) -> float:
 def _held(p: Parameter, seconds: float) -> float:
     if p.kind is Kind.MOMENT:
         return 0.4 * seconds
-    return min(p.start, SLOWEST_S) if p.name == "period" else p.start
+    return min(p.start, SLOWEST_S) if p.role is Role.PERIOD else p.start
 
 
 def _shares(plain: Floats, changed: Floats) -> Floats:

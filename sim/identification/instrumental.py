@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from sim.effects.catalogue import explaining
+from sim.effects.effect import Symptom
 from sim.identification.intervals import Estimate
 from sim.identification.parameters import UNITS
 from sim.identification.regression import SIGN, Regression, held_forces, regressor
@@ -201,7 +203,7 @@ def _noise(rows: Sequence[Rows], delta: Floats) -> tuple[Floats, Floats]:
 WIDER = float(norm.ppf(1.0 - 0.025 / len(BASE)) / norm.ppf(0.975))
 SMALLEST = 0.03  # of the value: below it both are good enough
 LOOK = {
-    "m": "how late and how slowly the motors answer (thruster_lag, command_delay)",
+    "m": f"how late and how slowly the motors answer ({explaining(Symptom.LATE_COMMANDS)})",
     "X": "thrust against command, wind and current",
     "Y": "current, heading offset and what pushes sideways",
     "N": "thrust that is not the same on both sides, and moments of wind",

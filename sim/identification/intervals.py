@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from sim.effects.catalogue import explaining
+from sim.effects.effect import Symptom
 from sim.identification.parameters import MASSES, OFFSETS, ROUNDING, Unknowns
 from sim.identification.shooting import Shot
 from sim.state import Floats
@@ -85,10 +87,7 @@ AT_LIMIT = 1e-3  # of the scale
 SHARES = 0.35  # of the largest part: a parameter takes part in a combination
 NUISANCE = (*OFFSETS, ROUNDING)
 
-TOO_LATE = {
-    OFFSETS[0]: ": the boat answers later than telemetry can explain (thruster_lag, command_delay)",
-    OFFSETS[1]: ": velocities are later than telemetry can explain (velocity_latency)",
-}
+TOO_LATE = {OFFSETS[0]: Symptom.LATE_COMMANDS, OFFSETS[1]: Symptom.LATE_VELOCITY}
 EXCITES = {
     "m11": "steps of the throttle and coasting to a stop",
     "X_u": "steady runs at several speeds, slow ones among them, and coasting to a stop",
@@ -182,7 +181,7 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
     said = []
     for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
         if abs(z[i] - limit) < AT_LIMIT * u.scale:
-            said.append(f"stands at its {name} limit, {limit:g} {u.unit}{TOO_LATE.get(u.name, '')}")
+            said.append(f"stands at its {name} limit, {limit:g} {u.unit}{_too_late(u.name)}")
     if vague and scaled:
         said.append("not identifiable: known only as a share of thrust; fix the thrust, or a mass")
     elif vague:
@@ -192,6 +191,12 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
             + (f"; would be told by {manoeuvre}" if manoeuvre else "")
         )
     return "; ".join(said)
+
+
+def _too_late(name: str) -> str:
+    """What an offset in time at its limit means; empty for other numbers."""
+    symptom = TOO_LATE.get(name)
+    return f": {symptom.value} ({explaining(symptom)})" if symptom else ""
 
 
 def combinations(unknowns: Unknowns, z: Floats, spread: Spread) -> tuple[str, ...]:

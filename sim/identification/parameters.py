@@ -57,6 +57,7 @@ class Unknown:
     trial   the only trial that it belongs to; None: all
     polar   it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
     inward  it is looked for as its share of the number of this name
+    direction  the parameter of the same effect that is the angle of this magnitude
     """
 
     name: str
@@ -71,6 +72,7 @@ class Unknown:
     trial: int | None = None
     polar: int | None = None
     inward: str | None = None
+    direction: str = ""
 
     @property
     def size(self) -> float:
@@ -264,7 +266,10 @@ def _of(name: str, start: float, p: Parameter) -> Unknown:
     """A parameter of an effect; a start on a limit would be stuck there."""
     inside = min(max(start, p.lower), p.upper)
     wide = 0.5 * (p.upper - p.lower)
-    return Unknown(name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale, wide, True)
+    return Unknown(
+        name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale, wide, True,
+        direction=p.direction,
+    )  # fmt: skip
 
 
 def _base(model: Model, name: str, start: float) -> Unknown:
@@ -317,8 +322,8 @@ def _paired(each: Sequence[Unknown]) -> tuple[Unknown, ...]:
     """Magnitudes that stand before their direction, marked: both are solved as north and east."""
     out = list(each)
     for i, (a, b) in enumerate(pairwise(out)):
-        label, _, key = a.name.partition(".")
-        if b.name == f"{label}.direction" and a.trial == b.trial and key in ("speed", "force"):
+        label = a.name.partition(".")[0]
+        if a.direction and b.name == f"{label}.{a.direction}" and a.trial == b.trial:
             out[i] = replace(a, polar=0)
             out[i + 1] = replace(
                 b, polar=1, lower=0.0, upper=a.upper, scale=a.scale, step=a.step, prior=a.prior

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.effects.catalogue import EFFECTS
 from sim.identification.regression import forces
 from sim.model import Model
 from sim.state import Floats, Nu
@@ -189,9 +190,10 @@ def _swap(vessel: Vessel, found: Wiring) -> str:
     order = list(range(1, len(vessel.actuators) + 1))
     order[pair[0]], order[pair[1]] = order[pair[1]], order[pair[0]]
     digits = "".join(map(str, order))
+    wiring = next(effect.name for effect in EFFECTS if effect.wiring is not None)
     turned = " (and `reversed`)" if a.servo.reversed != b.servo.reversed else ""
     return (
         "port and starboard commands look swapped: the boat turns away from its commanded side; "
         f"in the vessel file exchange `channel`{turned} of {a.name} ({a.servo.channel}) and "
-        f"{b.name} ({b.servo.channel}), or add the effect actuator_wiring with order = {digits}"
+        f"{b.name} ({b.servo.channel}), or add the effect {wiring} with order = {digits}"
     )

@@ -8,22 +8,22 @@ adds the same thrust on both sides of each difference.
 
 What the air does to a boat, as a live estimate sees it.
 
-With wind areas the law is that of the catalogue's `steady_wind`:
+With wind areas the law is that of `sim.wind_loads`:
 
     X = −½ ρ C_X A_F V u_rw,   Y = −½ ρ C_Y A_L V v_rw,   N = −ρ C_N A_L L u_rw v_rw
 
 written in g = |V_w| V_w, in which it is nearly linear. Without areas a speed cannot be told, and g
-is a force [N] that is fixed in the world. Source: see `sim/effects/steady_wind.py`.
+is a force [N] that is fixed in the world.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from sim.effects.steady_wind import AIR_DENSITY, C_N, C_X, C_Y
 from sim.model import Model
 from sim.state import Eta, Floats, Nu
 from sim.vessel import Vessel
+from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y
 
 STEP = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s and per s
 NO_CURRENT = np.zeros(2)

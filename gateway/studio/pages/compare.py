@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import panel as pn
 
+from gateway.config import StudioSettings
 from gateway.figures.bokeh_draw import Picture
 from gateway.ingest.earth import Origin
 from gateway.studio.map_tiles import MapSwitch, Underlay
 from gateway.studio.page import Page
 from gateway.studio.session import Desk
-from gateway.studio.settings import StudioSettings
 from gateway.studio.views import Ranges, TrialView, VesselView
 from gateway.studio.widgets import (
     button,

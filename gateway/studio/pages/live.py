@@ -12,6 +12,7 @@ import panel as pn
 from bokeh.models import Arrow, ColumnDataSource, OpenHead, ScaleBar
 from bokeh.plotting import figure as new_figure
 
+from gateway.config import StudioSettings
 from gateway.figures.bokeh_draw import dress_figure
 from gateway.figures.figure_data import Role
 from gateway.figures.style import Look
@@ -21,7 +22,6 @@ from gateway.studio.live_history import WINDOW_S, LiveBook, Now
 from gateway.studio.map_tiles import MapSwitch, Underlay
 from gateway.studio.page import Page
 from gateway.studio.session import Desk
-from gateway.studio.settings import StudioSettings
 from gateway.studio.widgets import NO_BUTTON, beside, card, html, select, word
 
 STRIPS = (("u", "surge u [m/s]"), ("v", "sway v [m/s]"), ("r", "yaw rate r [°/s]"))

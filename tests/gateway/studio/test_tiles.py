@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gateway.config import StudioSettings
 from gateway.ingest.earth import Origin, to_local
 from gateway.studio.map_tiles import MOST, View, corner, credit, numbered, tiles_under, zoom_of
-from gateway.studio.settings import StudioSettings
 
 PLAIN = StudioSettings("https://maps.local/{Z}/{X}/{Y}.png", "us", 19)
 PLACES = [Origin(59.3, 18.1), Origin(-33.9, -70.6), Origin(0.0, 0.0), Origin(65.0, 179.9999)]

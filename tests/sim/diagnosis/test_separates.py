@@ -1,9 +1,10 @@
 """What would tell two effects apart: known for all that are said to be mistaken for one another."""
 
-from sim.diagnosis.next_experiment import PAIRS, separation, separations
+from sim.diagnosis.next_experiment import separation, separations
 from sim.effects.catalogue import EFFECTS
 from sim.excitation.catalogue import BY_NAME
 
+PAIRS = {(e.name, other): s for e in EFFECTS for other, s in e.separated.items()}
 NAMES = {effect.name for effect in EFFECTS}
 
 

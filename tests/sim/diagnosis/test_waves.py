@@ -5,11 +5,18 @@ from math import pi, remainder
 import numpy as np
 import pytest
 
-from sim.diagnosis.starts import waves
+from sim.effects.catalogue import named
+from sim.effects.effect import Values
+from sim.identification.starts import starts_of
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed, with_effect
 from tests.sim.diagnosis.voyages import WAM_V, commands, trial_of
+
+
+def waves(model: Model, trial: Trial) -> list[Values]:
+    """Where a search for a train of waves begins."""
+    return starts_of(named("wave_motion"), model, [trial])
 
 
 @pytest.mark.parametrize(("omega", "direction"), [(1.2, 0.3), (2.2, 2.5), (1.7, -2.0), (3.1, 1.57)])
