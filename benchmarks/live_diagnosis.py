@@ -30,7 +30,7 @@ from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
 from benchmarks.hidden.vessel_toml import vessel_toml
 from gateway.offline.replay import ReplayOptions, prepare
-from gateway.shadow.model_monitor import Lookout
+from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import Shadowing, ShadowPath, follower_of
 from gateway.shadow.topic_rows import Happening
 from gateway.vessel_file import load_vessel
@@ -102,7 +102,7 @@ class Heard(NamedTuple):
 
     events: list[Happening]
     start_ns: int
-    lookout: Lookout
+    lookout: ModelMonitor
     cost_ms: float
 
 
@@ -119,10 +119,10 @@ def heard(case: Case, folder: Path, seconds: float) -> Heard:
         material.settings.filter, following.rate_hz,
     )  # fmt: skip
     _, out, _ = path.advance(path.start(), material.feed)
-    return _watched(Lookout.of(model), out)
+    return _watched(ModelMonitor.of(model), out)
 
 
-def _watched(lookout: Lookout, out: Shadowing) -> Heard:
+def _watched(lookout: ModelMonitor, out: Shadowing) -> Heard:
     began = time.process_time()
     lookout, _, events = lookout.observe(out)
     cost = (time.process_time() - began) / max(lookout.alarm.outlook.count, 1) * 1e3

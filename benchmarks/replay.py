@@ -23,7 +23,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.config import Settings, ZenohSettings
 from gateway.ingest.open import open_log
 from gateway.offline.replay import Material, ReplayOptions, material_of, replay
-from gateway.shadow.events import Watchman
+from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
 from gateway.shadow.inputs import feed_of
 from gateway.shadow.path import ShadowPath
@@ -108,7 +108,7 @@ def stages(log: Path) -> dict[str, float]:
     with watch.stage("feed (of decode)"):
         refeed(given, options)
     path = path_of()
-    state, watchman = path.start(), Watchman()
+    state, watchman = path.start(), EventDetector()
     with watch.stage("count for health"):
         meter = HealthMeter.of_log(given.log, given.decoded)
     for begin in range(0, len(given.feed), CHUNK):

@@ -15,7 +15,7 @@ J. Mar. Sci. Technol. 20 (2015), eqs. 16–24.
 
 import numpy as np
 
-from sim.body import Blade, Drive, Flow
+from sim.body import Flow, RudderParameters, ThrusterParameters
 from sim.jit import jitable
 from sim.state import Wrench
 
@@ -24,7 +24,7 @@ STALL_SINE = 0.5  # sin of the angle of attack beyond which a small blade lifts 
 
 
 @jitable
-def thrust_of(command: float, drive: Drive) -> float:
+def thrust_of(command: float, drive: ThrusterParameters) -> float:
     """Static thrust of a command in [−1, 1] -> [N]."""
     shape = np.abs(command) ** drive.exponent
     return shape * ((command > 0.0) * drive.ahead + (command < 0.0) * drive.astern)
@@ -37,20 +37,20 @@ def ramp(command: float, low: float, high: float) -> float:
 
 
 @jitable
-def thrust_at(command: float, share: float, drive: Drive) -> float:
+def thrust_at(command: float, share: float, drive: ThrusterParameters) -> float:
     """Share of full thrust [−1 … 1] that a command comes to -> [N]."""
     return share * ((command > 0.0) * drive.ahead - (command < 0.0) * drive.astern)
 
 
 @jitable
-def thruster_force(thrust: float, azimuth: float, drive: Drive) -> Wrench:
+def thruster_force(thrust: float, azimuth: float, drive: ThrusterParameters) -> Wrench:
     """Thrust [N] at an azimuth [rad] -> X, Y, N [N, N, N m]."""
     forward, starboard = thrust * np.cos(azimuth), thrust * np.sin(azimuth)
     return Wrench(forward, starboard, drive.x * starboard - drive.y * forward)
 
 
 @jitable
-def angle_of(command: float, blade: Blade) -> float:
+def angle_of(command: float, blade: RudderParameters) -> float:
     """Angle of a command in [−1, 1] -> [rad]; a command of zero is amidships."""
     return np.abs(command) * (
         (command > 0.0) * blade.angle_high + (command < 0.0) * blade.angle_low
@@ -58,14 +58,14 @@ def angle_of(command: float, blade: Blade) -> float:
 
 
 @jitable
-def slipstream(u: float, thrust: float, blade: Blade) -> float:
+def slipstream(u: float, thrust: float, blade: RudderParameters) -> float:
     """Speed [m/s] that the jet of a thruster ahead adds at the blade."""
     disc = 0.25 * np.pi * blade.area * blade.aspect
     return np.sqrt(u * u + 2.0 * np.maximum(thrust, 0.0) / (WATER_DENSITY * disc)) - np.abs(u)
 
 
 @jitable
-def rudder_force(angle: float, flow: Flow, jet: float, blade: Blade) -> Wrench:
+def rudder_force(angle: float, flow: Flow, jet: float, blade: RudderParameters) -> Wrench:
     """Blade at an angle [rad] in flow and jet [m/s] -> X, Y, N [N, N, N m]."""
     u, v = flow.u + jet, flow.v + blade.x * flow.r
     attack = np.sin(angle + np.arctan2(v, u))

@@ -34,7 +34,7 @@ class Body(NamedTuple):
     N_ur: float  # N s²
 
 
-class Drive(NamedTuple):
+class ThrusterParameters(NamedTuple):
     """One thruster."""
 
     number: float  # 0, 1, … in the order of the vessel file
@@ -46,7 +46,7 @@ class Drive(NamedTuple):
     exponent: float  # thrust against command: sign(c) |c|^exponent
 
 
-class Blade(NamedTuple):
+class RudderParameters(NamedTuple):
     """One rudder, or the steering of a motor (then only the angles count)."""
 
     number: float

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.body import Blade, Body, Drive
+from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Role
 from sim.kernel import loops_numpy
@@ -299,10 +299,14 @@ def _numbers(vessel: Vessel) -> dict[str, float]:
     }
     for t in vessel.thrusters:
         values = (*t.position, t.azimuth, *t.thrust, exponent_of(t))
-        numbers |= {f"{t.name}.{k}": v for k, v in zip(Drive._fields[1:], values, strict=True)}
+        numbers |= {
+            f"{t.name}.{k}": v for k, v in zip(ThrusterParameters._fields[1:], values, strict=True)
+        }
     for b in vessel.rudders:
         values = (*b.position, *b.angle, b.area, b.aspect)
-        numbers |= {f"{b.name}.{k}": v for k, v in zip(Blade._fields[1:], values, strict=True)}
+        numbers |= {
+            f"{b.name}.{k}": v for k, v in zip(RudderParameters._fields[1:], values, strict=True)
+        }
     for t in vessel.thrusters:
         if not isinstance(t.curve, str):
             numbers |= {f"{t.name}.{key}": share for key, share in shares(t.curve).items()}

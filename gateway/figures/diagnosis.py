@@ -11,7 +11,7 @@ import numpy as np
 from gateway.figures.error_against import DEGREES
 from gateway.figures.figure_data import Axis, Bars, Dots, FigureData, Level, Line, Mark, Panel, Role
 from gateway.figures.vessels import NRMSE
-from sim.diagnosis.answer import Diagnosis, Rung
+from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.diagnosis.evidence import Evidence, evidence
 from sim.identification.vessel_update import applied
 from sim.trial import Trial
@@ -99,7 +99,7 @@ def ladder(diagnosis: Diagnosis) -> FigureData:
     return FigureData(f"{diagnosis.vessel.name}: step by step", (panel,), says=diagnosis.summary)
 
 
-def _step(rung: Rung) -> str:
+def _step(rung: LadderStep) -> str:
     if rung.base == "plain":
         return "as given"
     return f"+ {rung.effects[-1]}" if rung.effects else "base\nre-fitted"
@@ -138,7 +138,7 @@ def evidence_of_rivals(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Ev
     return [one for one in found if one is not None]
 
 
-def rivals(diagnosis: Diagnosis) -> list[Rung]:
+def rivals(diagnosis: Diagnosis) -> list[LadderStep]:
     """The alternatives that do as well as what was chosen, each effect once."""
     tied = {row.effect for row in diagnosis.ranking if row.confounded_with}
     out = {
@@ -148,14 +148,14 @@ def rivals(diagnosis: Diagnosis) -> list[Rung]:
     return [rung for effect, rung in out.items() if effect not in diagnosis.effects]
 
 
-def evidence_on(rung: Rung, effect: str, trials: Sequence[Trial]) -> Evidence | None:
+def evidence_on(rung: LadderStep, effect: str, trials: Sequence[Trial]) -> Evidence | None:
     """For one effect of a rung's vessel; None where there is too little time to show it."""
     vessels = [_on(rung, trial, trials[0]) for trial in trials]
     added = next(a.effect for a in rung.vessel.effects if a.effect.name == effect)
     return evidence(trials, vessels, added)
 
 
-def _on(rung: Rung, trial: Trial, first: Trial) -> Vessel:
+def _on(rung: LadderStep, trial: Trial, first: Trial) -> Vessel:
     """The vessel of a rung with what each recording has for itself."""
     if trial is first:
         return rung.vessel

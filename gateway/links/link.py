@@ -19,7 +19,7 @@ from gateway.links.peers import Peers
 from gateway.links.serial_port import SerialWire
 from gateway.links.signing import Signatures
 from gateway.links.tcp import TcpClientWire, TcpServerWire
-from gateway.links.transmitter import Identity, Voice, permitted
+from gateway.links.transmitter import Identity, Transmitter, permitted
 from gateway.links.transport import Arrival, Closing, Waker, Wire
 from gateway.links.udp import UdpWire
 
@@ -60,7 +60,7 @@ class Link:
         self._inbox = inbox
         self._wire = WIRES[self.endpoint.kind](self.endpoint)
         self._signatures = None if key is None else Signatures(key)
-        self._voice = None if identity is None else Voice(identity, key, number)
+        self._voice = None if identity is None else Transmitter(identity, key, number)
         self._peers, self._counts = Peers(), Counts()
         self._reporter = Reporter(self.name, inbox)
         self._reader = Reader(self._counts, self._peers, self._signatures, self._reporter)

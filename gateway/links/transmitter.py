@@ -31,7 +31,7 @@ class Identity:
             raise BadInput(f"own component id {self.component}: expected 1 … 255")
 
 
-class Voice:
+class Transmitter:
     """Packs messages for one link: address, sequence number and, with a key, signature."""
 
     def __init__(self, identity: Identity, key: bytes | None, link_id: int) -> None:

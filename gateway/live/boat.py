@@ -14,11 +14,11 @@ import numpy as np
 from gateway.estimation.filter import Estimator
 from gateway.ingest.mavlink.boats import Boat
 from gateway.json_rows import Rows, encode
-from gateway.live.intake import Hearing
-from gateway.shadow.events import UsualRange, Watchman
+from gateway.live.intake import MessageIntake
+from gateway.shadow.events import EventDetector, UsualRange
 from gateway.shadow.health import SECOND, LiveHealth
-from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, Feed
-from gateway.shadow.model_monitor import Lookout
+from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
+from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import NOTHING, Shadowing, ShadowPath
 from gateway.shadow.topic_rows import Happening, event_rows, topic_rows
 
@@ -49,10 +49,10 @@ class LiveBoat:
         self._path = path
         self._settings = path.estimator.settings
         self._state = path.start()
-        self._watchman = Watchman()
+        self._watchman = EventDetector()
         self._usual = UsualRange.start()
-        self._lookout = Lookout.of(path.model)
-        self._hearing = Hearing(boat, self._settings)
+        self._lookout = ModelMonitor.of(path.model)
+        self._hearing = MessageIntake(boat, self._settings)
         self._parameters = self._hearing.parameters
         self._newest: Newest | None = None
         self._ticked_ns = 0
@@ -124,7 +124,7 @@ class LiveBoat:
         self._state = replace(self._state, filter=fresh, news=NOTHING, jumped=True)
         return self.say("reboot", "warning", "the autopilot rebooted", now_ns)
 
-    def _note(self, feed: Feed, receive_time_ns: int) -> None:
+    def _note(self, feed: FilterInputs, receive_time_ns: int) -> None:
         """Facts came: no silence any more."""
         newest = int(feed.vehicle_time_ns.max())
         if self._newest is not None:
@@ -132,7 +132,7 @@ class LiveBoat:
         self._newest = Newest(receive_time_ns, newest)
         self._ticked_ns, self._resting = 0, False
 
-    def _advance(self, feed: Feed, spend: bool) -> Iterator[Spoken]:
+    def _advance(self, feed: FilterInputs, spend: bool) -> Iterator[Spoken]:
         self._state, out, filtered = self._path.advance(self._state, feed, spend)
         if len(out):
             for rows in topic_rows(out, self._hearing.origin):

@@ -28,7 +28,7 @@ from gateway.links.transmitter import Identity
 from gateway.live.boat import LiveBoat
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.outputs import Outlet, Unclaimed, start_recording
-from gateway.live.rate_requests import Asking
+from gateway.live.rate_requests import RateRequests
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow.health import SECOND
 from gateway.shadow.inputs import TICK_S
@@ -103,7 +103,7 @@ class Gateway:
             for number, text in enumerate(options.endpoints):
                 link = Link(text, self.inbox, identity, key, number)
                 self.links.append(scope.enter_context(link))
-            self._asking = Asking(self.links, identity, options.settings.links.rates)
+            self._asking = RateRequests(self.links, identity, options.settings.links.rates)
             self._scope = scope.pop_all()
         return self
 

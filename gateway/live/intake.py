@@ -31,7 +31,7 @@ from gateway.ingest.mapping.vehicle import CHANNELS, merged
 from gateway.ingest.mavlink.boats import Boat
 from gateway.ingest.sources import PRIORITY
 from gateway.samples import Measurement, Quantity
-from gateway.shadow.inputs import Feed
+from gateway.shadow.inputs import FilterInputs
 from sim.state import Floats, Ints
 
 STREAM = {rule.source: number for number, rule in enumerate(MAVLINK)}
@@ -167,8 +167,8 @@ class Around(NamedTuple):
     wind: tuple[float, ...] = (np.nan, np.nan)
 
 
-class Hearing:
-    """Holds what the boat said last; turns each message into a `Feed`."""
+class MessageIntake:
+    """Holds what the boat said last; turns each message into a `FilterInputs`."""
 
     def __init__(self, boat: Boat, settings: FilterSettings) -> None:
         self.decoder = BoatDecoder(boat)
@@ -192,7 +192,7 @@ class Hearing:
         """Where the metres count from, once that is known."""
         return self._whereabouts.origin
 
-    def take(self, message: Any, receive_time_ns: int) -> Feed | None:
+    def take(self, message: Any, receive_time_ns: int) -> FilterInputs | None:
         """A message, received then -> its facts about motion; None where it has none."""
         if self._first_ns is None:
             self._first_ns = receive_time_ns
@@ -211,7 +211,7 @@ class Hearing:
         facts.sort(key=lambda m: KIND_OF[m.quantity])
         return self._feed(facts) if facts else None
 
-    def tick(self, moment_ns: int, vehicle_time_ns: int) -> Feed:
+    def tick(self, moment_ns: int, vehicle_time_ns: int) -> FilterInputs:
         """A moment without any fact, on the receiver's and the boat's clock."""
         epoch = vehicle_time_ns if self._epoch_ns is None else self._epoch_ns
         time = np.array([(vehicle_time_ns - epoch) * 1e-9])
@@ -268,7 +268,7 @@ class Hearing:
         if message.param_id == GYRO_FILTER and (value == 0.0 or low <= value <= high):
             self.parameters = {GYRO_FILTER: value}
 
-    def _feed(self, facts: list[Measurement]) -> Feed:
+    def _feed(self, facts: list[Measurement]) -> FilterInputs:
         """The facts of one message."""
         count = len(facts)
         if self._epoch_ns is None:
@@ -289,7 +289,7 @@ class Hearing:
             self._white[key] = self.settings.white_std(kind, source)
         return self._white[key]
 
-    def _with(self, events: Events, vehicle: Ints, receive: Ints) -> Feed:
+    def _with(self, events: Events, vehicle: Ints, receive: Ints) -> FilterInputs:
         """Facts of one message (K,) with what holds now."""
         count, now = len(events), self._around
         complete = np.zeros(count, np.bool_)
@@ -297,7 +297,7 @@ class Hearing:
         pulses, wind = np.empty((count, CHANNELS)), np.empty((count, 2))
         pulses[:] = now.pulses if now.armed else NOTHING
         wind[:] = now.wind
-        return Feed(
+        return FilterInputs(
             events,
             np.full(count, self._order, np.int64),
             complete,

@@ -15,7 +15,7 @@ from gateway.shadow.health import SECOND
 OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are held against those asked for
 
 
-class Asking:
+class RateRequests:
     """The requests of all links."""
 
     def __init__(

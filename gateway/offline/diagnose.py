@@ -28,7 +28,7 @@ from gateway.offline.trials import TrialOptions, usable_trials
 from gateway.offline.usable import notices_of
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
-from sim.diagnosis.answer import Diagnosis, Rung, Verdict
+from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.diagnosis.next_experiment import separations
 from sim.effects.catalogue import EFFECTS
@@ -90,7 +90,7 @@ class Diagnosed:
             "version": version("shadow-gateway"),
         } | ({"notices": list(self.notices)} if self.notices else {})  # fmt: skip
 
-    def _own(self, rung: Rung) -> dict[str, Any]:
+    def _own(self, rung: LadderStep) -> dict[str, Any]:
         """Numbers of effects that the vessel had already, fitted along."""
         had = {a.effect.name for a in self.before.effects}
         own = {a.effect.name: dict(a.values) for a in rung.vessel.effects if a.effect.name in had}
@@ -146,7 +146,7 @@ def check_folders(*files: Path | None) -> None:
             raise BadInput(f"{file}: no such folder: {file.resolve().parent}")
 
 
-def _first_recording(rung: Rung, trials: Sequence[Trial]) -> dict[str, Any]:
+def _first_recording(rung: LadderStep, trials: Sequence[Trial]) -> dict[str, Any]:
     """Of a number that each recording has for itself, the vessel holds that of the first."""
     kept: dict[str, dict[str, Any]] = {}
     others: dict[str, dict[str, Any]] = {}

@@ -32,10 +32,10 @@ from gateway.live.relive import ABOUT, LIVE, fleet_of, ran_live, relived
 from gateway.recording.file import Attachment
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder
-from gateway.shadow.events import Watchman
+from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
-from gateway.shadow.inputs import Feed, feed_of, origin_of
-from gateway.shadow.model_monitor import Lookout
+from gateway.shadow.inputs import FilterInputs, feed_of, origin_of
+from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import Shadowing, ShadowPath, follower_of
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import dump_vessel, key_of
@@ -88,7 +88,7 @@ class Material:
     log: Log
     decoded: Decoded
     origin: Origin | None
-    feed: Feed
+    feed: FilterInputs
 
 
 def prepare(log_path: str | Path, options: ReplayOptions) -> Material:
@@ -195,7 +195,7 @@ def _shadowed(
     path: ShadowPath, material: Material, realtime: bool, progress: Progress
 ) -> Iterator[Step]:
     """A log, chunk by chunk."""
-    state, watchman, lookout = path.start(), Watchman(), Lookout.of(path.model)
+    state, watchman, lookout = path.start(), EventDetector(), ModelMonitor.of(path.model)
     meter = HealthMeter.of_log(material.log, material.decoded)
     feed, frames = material.feed, _frames(material.log)
     begun, seen = 0, 0
@@ -238,7 +238,7 @@ def _ran_again(
         progress(one.frames.stop / len(raw))
 
 
-def _paced(feed: Feed, chunk_s: float, realtime: bool) -> Iterator[int]:
+def _paced(feed: FilterInputs, chunk_s: float, realtime: bool) -> Iterator[int]:
     """Where each chunk ends; at the recorded speed, when its time has come."""
     receive = (feed.receive_time_ns - feed.receive_time_ns[0]) * 1e-9
     since = np.maximum.accumulate(receive)  # the receiver's clock may have stepped back

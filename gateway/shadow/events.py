@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gateway.estimation.filter import Rows
 from gateway.estimation.names import Flag
-from gateway.shadow.inputs import Feed
+from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import BROKEN, Shadowing, discontinuous
 from gateway.shadow.topic_rows import Happening
 from sim.state import Floats
@@ -105,7 +105,7 @@ def _words(axis: int, off: bool, mean: Floats, middle: Floats, width: Floats) ->
 
 
 @dataclass(frozen=True)
-class Watchman:
+class EventDetector:
     """Knows how things stood after the last row, so that each change is told once."""
 
     started: bool = False
@@ -113,7 +113,9 @@ class Watchman:
     modelled: bool = False
     bound: bool = False
 
-    def observe(self, feed: Feed, rows: Rows, out: Shadowing) -> tuple["Watchman", list[Happening]]:
+    def observe(
+        self, feed: FilterInputs, rows: Rows, out: Shadowing
+    ) -> tuple["EventDetector", list[Happening]]:
         """A chunk of the path -> how things stand now, and what happened, in order."""
         told: list[Happening] = []
         first = 0 if self.started else int(out.row[0]) + 1 if len(out) else len(rows)
@@ -128,7 +130,7 @@ class Watchman:
         if not len(out):
             return self, told
         stands = bool(out.fresh[-1]), bool(out.from_model[-1]), bool(out.bound[-1])
-        return Watchman(True, *stands), told
+        return EventDetector(True, *stands), told
 
     def _changes(
         self, out: Shadowing, now: NDArray[np.bool_], before: bool, words: "_Words"
@@ -139,7 +141,7 @@ class Watchman:
         return [_at(out, int(k), *words[bool(now[k])]) for k in changed]
 
 
-def _breaks(feed: Feed, rows: Rows, first: int) -> list[Happening]:
+def _breaks(feed: FilterInputs, rows: Rows, first: int) -> list[Happening]:
     """Jumps and restarts; before the first estimate there is nothing to interrupt."""
     return [
         Happening(int(feed.vehicle_time_ns[k]), int(feed.receive_time_ns[k]), *words)

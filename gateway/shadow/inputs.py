@@ -189,7 +189,7 @@ BLIND_S = 30.0  # … for at most this long
 
 
 @dataclass(frozen=True)
-class Feed:
+class FilterInputs:
     """K facts of one boat in order of receipt.
 
     events           what the filter is told
@@ -214,8 +214,8 @@ class Feed:
     def __len__(self) -> int:
         return len(self.order)
 
-    def __getitem__(self, part: slice) -> "Feed":
-        return Feed(
+    def __getitem__(self, part: slice) -> "FilterInputs":
+        return FilterInputs(
             self.events[part],
             self.order[part],
             self.complete[part],
@@ -229,7 +229,7 @@ class Feed:
 
 def feed_of(
     decoded: Decoded, choices: Mapping[str, Choice], origin: Origin | None, settings: FilterSettings
-) -> Feed:
+) -> FilterInputs:
     """Everything the live path would have been told, from a decoded log."""
     columns = [local(choices[name].samples, origin) for name in MOTION if name in choices]
     columns = [samples for samples in columns if samples.quantity in KIND_OF and len(samples)]
@@ -240,7 +240,7 @@ def feed_of(
     events, order, vehicle, receive = _with_ticks(
         events, order[sequence], vehicle[sequence], receive[sequence], _arrivals(decoded.samples)
     )
-    return Feed(
+    return FilterInputs(
         events,
         order,
         np.append(np.diff(order) > 0, True) | (np.diff(vehicle, append=np.iinfo(np.int64).max) > 0),

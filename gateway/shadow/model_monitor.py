@@ -56,7 +56,7 @@ class Second:
 
 
 @dataclass(frozen=True)
-class Lookout:
+class ModelMonitor:
     """Everything remembered; `known` (H 3,) are the prediction errors of the last whole second."""
 
     estimator: Estimator
@@ -65,12 +65,12 @@ class Lookout:
     known: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
 
     @classmethod
-    def of(cls, model: Model) -> "Lookout":
+    def of(cls, model: Model) -> "ModelMonitor":
         """Nothing seen yet."""
         estimator = Estimator.of(model)
         return cls(estimator, Alarm.start(estimator))
 
-    def observe(self, out: Shadowing) -> tuple["Lookout", list[Rows], list[Happening]]:
+    def observe(self, out: Shadowing) -> tuple["ModelMonitor", list[Rows], list[Happening]]:
         """A chunk of the path -> what is known after it, what is published and said."""
         now, rows, told = self, list[Rows](), list[Happening]()
         if not len(out):
@@ -87,7 +87,9 @@ class Lookout:
     def _began(self, times: list[float], first: int) -> float:
         return self.second.began if self.second.count else times[first]
 
-    def _with(self, out: Shadowing, table: Floats, bad: Floats, first: int, end: int) -> "Lookout":
+    def _with(
+        self, out: Shadowing, table: Floats, bad: Floats, first: int, end: int
+    ) -> "ModelMonitor":
         """Rows first … end join the second under way."""
         if end == first:
             return self
@@ -106,7 +108,7 @@ class Lookout:
 
     def _closed(
         self, out: Shadowing, k: int, whole: bool
-    ) -> tuple["Lookout", list[Rows], list[Happening]]:
+    ) -> tuple["ModelMonitor", list[Rows], list[Happening]]:
         """The second ends before row k; it counts where nothing in it is missing."""
         s = self.second
         fresh = replace(self, second=Second(), known=s.errors)

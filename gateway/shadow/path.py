@@ -20,7 +20,7 @@ from gateway.estimation.filter import Estimator, FilterState, Rows
 from gateway.estimation.names import Flag, Kind
 from gateway.estimation.settings import FilterSettings
 from gateway.ingest.mapping.vehicle import CHANNELS as CHANNEL_COUNT
-from gateway.shadow.inputs import Feed
+from gateway.shadow.inputs import FilterInputs
 from gateway.topics import HORIZONS_S
 from sim.following.follower import Follower, Following
 from sim.following.reference import Reference, ReferenceState
@@ -132,12 +132,12 @@ USED, VALID, BROKEN = int(Flag.USED), int(Flag.VALID), int(Flag.JUMP | Flag.REST
 MOTION = (Kind.VELOCITY, Kind.BODY_VELOCITY, Kind.POSITION)
 
 
-def discontinuous(feed: Feed, rows: Rows) -> NDArray[np.bool_]:
+def discontinuous(feed: FilterInputs, rows: Rows) -> NDArray[np.bool_]:
     """Where heading, velocity or position jumped (K,). A turn rate that does is a sharp turn."""
     return np.asarray(rows.has(Flag.JUMP) & (feed.events.kind != Kind.YAW_RATE))
 
 
-def _broken(feed: Feed, rows: Rows) -> list[bool]:
+def _broken(feed: FilterInputs, rows: Rows) -> list[bool]:
     """Where motion did not lead to the row, or the filter began anew; empty: nowhere."""
     if not (rows.flags & BROKEN).any():
         return []
@@ -231,7 +231,7 @@ class ShadowPath:
         )
 
     def advance(
-        self, state: PathState, feed: Feed, spend: bool = False
+        self, state: PathState, feed: FilterInputs, spend: bool = False
     ) -> tuple[PathState, Shadowing, Rows]:
         """Take in K facts -> the state after them, the rows that go out, the filter's rows.
 
@@ -280,7 +280,7 @@ class ShadowPath:
         )
 
     def _choose(
-        self, state: PathState, feed: Feed, rows: Rows
+        self, state: PathState, feed: FilterInputs, rows: Rows
     ) -> tuple[PathState, NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
         """Which rows go out: valid, at the end of a message, not faster than the rate asked for.
 

@@ -13,7 +13,7 @@ from numpy.random import PCG64, Generator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.earth import Origin
-from gateway.simulated_boat.command_responder import Office
+from gateway.simulated_boat.command_responder import CommandResponder
 from gateway.simulated_boat.faults import Frame, Wire
 from gateway.simulated_boat.hull import ENDURANCE_S, Hull, Pilot
 from gateway.simulated_boat.program import Program, program_of
@@ -76,7 +76,7 @@ class PlayedBoat:
         self._hull = Hull(Model.of(vessel), self._pilots, self.dt, s.battery_v)
         self._sensors = Sensors(self.dt, s.noise, s.gyro_filter_hz)
         values = parameters(vessel, s.system_id, s.gyro_filter_hz)
-        self._office = Office(s.system_id, s.rates, tuple(parameter_messages(values)))
+        self._office = CommandResponder(s.system_id, s.rates, tuple(parameter_messages(values)))
         self._boat = Speaker(s.system_id, 1, s.signing_key, s.unix_s)
         self._station = Speaker(STATION, 190, None, s.unix_s)
         self._wire, self._origin = Wire(s.faults), Origin(*s.origin_deg)

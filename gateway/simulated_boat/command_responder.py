@@ -38,7 +38,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Office:
+class CommandResponder:
     """Where requests to one boat are dealt with."""
 
     system_id: int
@@ -120,10 +120,10 @@ def _name(message: Message) -> str:
     return text.rstrip("\0")
 
 
-_DESKS: Mapping[str, Callable[[Office, Streams, Message, float], Answer]] = {
-    "COMMAND_LONG": Office.command,
-    "COMMAND_INT": Office.command,
-    "PARAM_REQUEST_LIST": Office.list_parameters,
-    "PARAM_REQUEST_READ": Office.read_parameter,
-    "REQUEST_DATA_STREAM": Office.data_stream,
+_DESKS: Mapping[str, Callable[[CommandResponder, Streams, Message, float], Answer]] = {
+    "COMMAND_LONG": CommandResponder.command,
+    "COMMAND_INT": CommandResponder.command,
+    "PARAM_REQUEST_LIST": CommandResponder.list_parameters,
+    "PARAM_REQUEST_READ": CommandResponder.read_parameter,
+    "REQUEST_DATA_STREAM": CommandResponder.data_stream,
 }

@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.errors import ShadowError
 from gateway.monitor.vessel_view import Message, VesselPicture
-from gateway.terminal.monitor_loop import Eyes, MonitorOptions
+from gateway.terminal.monitor_loop import BusWatcher, MonitorOptions
 from sim.state import Floats
 
 PERIOD_S = 0.1
@@ -90,7 +90,7 @@ def _sane(m: Message) -> bool:
     )
 
 
-class LiveBook:
+class LiveHistory:
     """Keeps watch while it is open."""
 
     def __init__(self, options: MonitorOptions) -> None:
@@ -118,7 +118,7 @@ class LiveBook:
     def _watch(self) -> None:
         histories: dict[str, Pages] = defaultdict(Pages)
         with ExitStack() as scope:
-            eyes = Eyes(self._options, scope)
+            eyes = BusWatcher(self._options, scope)
             while not self._stop.wait(PERIOD_S):
                 try:
                     pictures = eyes.pictures()

@@ -18,7 +18,7 @@ from gateway.errors import ShadowError
 from gateway.figures.bokeh_draw import Picture, Stage
 from gateway.figures.figure_data import FigureData
 from gateway.figures.style import LIGHT, LOOKS
-from gateway.studio.session import Desk
+from gateway.studio.session import Session
 from gateway.studio.widgets import button, drawn, html
 from gateway.studio.worker import BUG
 from sim.effects.effect import LawError
@@ -34,7 +34,7 @@ class Page(ABC):
     title: ClassVar[str]
     period_ms: ClassVar[int] = PERIOD_MS
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Session) -> None:
         self.desk = desk
         self.look = LOOKS.get(_cookie("shadow_theme"), LIGHT)
         self.stage = Stage(self.look)

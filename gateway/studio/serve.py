@@ -20,14 +20,14 @@ from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
 from gateway.studio.access import Folders, Guard, new_token
-from gateway.studio.live_history import LiveBook
+from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import Page
 from gateway.studio.pages.compare import Compare
 from gateway.studio.pages.diagnose import Diagnose
 from gateway.studio.pages.live import Live
 from gateway.studio.pages.recordings import Recordings
 from gateway.studio.pages.vessel import VesselPage
-from gateway.studio.session import Desk
+from gateway.studio.session import Session
 from gateway.studio.widgets import dress
 from gateway.studio.worker import BUG
 from gateway.terminal.monitor_loop import MonitorOptions
@@ -67,7 +67,7 @@ def studio(options: StudioOptions, tell: Callable[[str], None]) -> None:
     desk = desk_of(options)
     token = new_token() if options.expose else None
     try:
-        with LiveBook(MonitorOptions(options.connect)) as book:
+        with LiveHistory(MonitorOptions(options.connect)) as book:
             server = server_of(desk, book, options, token)
             address = f"http://{options.expose or LOCAL}:{server.port}/compare"
             address += f"?token={token}" if token else ""
@@ -80,7 +80,7 @@ def studio(options: StudioOptions, tell: Callable[[str], None]) -> None:
         desk.close()
 
 
-def desk_of(options: StudioOptions) -> Desk:
+def desk_of(options: StudioOptions) -> Session:
     """The desk with what was given; with the demo recordings where nothing was."""
     logs, vessel = options.logs, options.vessel
     if not logs and not options.folders and vessel is None and DEMO_VESSEL.is_file():
@@ -90,7 +90,7 @@ def desk_of(options: StudioOptions) -> Desk:
             raise BadInput(f"{file}: no such file")
     given = [*logs, *([vessel] if vessel else [])]
     folders = Folders.of(given, options.folders or (() if given else (Path.cwd(),)), options.out)
-    desk = Desk(folders, (), None, tuple(str(file) for file in options.effects))
+    desk = Session(folders, (), None, tuple(str(file) for file in options.effects))
     if vessel is not None:
         desk.take_vessel(vessel)
     desk.take_logs(logs)
@@ -98,7 +98,9 @@ def desk_of(options: StudioOptions) -> Desk:
     return desk
 
 
-def server_of(desk: Desk, book: LiveBook, options: StudioOptions, token: str | None = None) -> Any:
+def server_of(
+    desk: Session, book: LiveHistory, options: StudioOptions, token: str | None = None
+) -> Any:
     """The server, listening already; BadInput where the port is taken."""
     pages: dict[str, Callable[[], Page]] = {
         "compare": lambda: Compare(desk, options.settings), "diagnose": lambda: Diagnose(desk),

@@ -19,7 +19,7 @@ from gateway.errors import BadInput
 from gateway.figures.diagnosis import Step
 from gateway.studio import tasks
 from gateway.studio.access import Folders
-from gateway.studio.views import Found, Row, Rung, TrialView
+from gateway.studio.views import Found, LadderView, Row, TrialView
 from gateway.studio.worker import News, Worker
 from gateway.vessel_file import read_vessel_file
 
@@ -37,7 +37,7 @@ class Version:
 
 
 @dataclass
-class Desk:
+class Session:
     """Recordings, vessel and answers; `revision` counts the changes of each kind."""
 
     folders: Folders
@@ -110,7 +110,7 @@ class Desk:
             self.versions.pop()
             self._changed("vessel")
 
-    def climb(self, rung: Rung) -> None:
+    def climb(self, rung: LadderView) -> None:
         """Add what a rung adds, or put it in the place of another: its vessel, and its step."""
         assert self.found is not None
         before = self.found.before

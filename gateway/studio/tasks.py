@@ -22,13 +22,13 @@ from gateway.offline.compare import Compared, compared_trial, told_apart
 from gateway.offline.diagnose import Diagnosed, diagnosed
 from gateway.offline.report import report_of, write_report
 from gateway.offline.trials import load_trials
-from gateway.studio.views import Found, Other, Row, Rung, TrialView, VesselView, Worst
+from gateway.studio.views import Found, LadderView, Other, Row, TrialView, VesselView, Worst
 from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
 from sim.comparison.regimes import regimes_of
 from sim.comparison.where import Bin, bin_of
-from sim.diagnosis.answer import Rung as FoundRung
+from sim.diagnosis.answer import LadderStep
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.state import Eta
@@ -185,8 +185,8 @@ def diagnose(tell: Tell, paths: Sequence[str], text: str, files: Sequence[str]) 
 
 
 def _rungs(
-    found: Diagnosed, rungs: Sequence[FoundRung], given: Path, own: Sequence[Effect]
-) -> tuple[Rung, ...]:
+    found: Diagnosed, rungs: Sequence[LadderStep], given: Path, own: Sequence[Effect]
+) -> tuple[LadderView, ...]:
     """Each rung as a vessel file with the provenance of its numbers."""
     told = DiagnosisFile.model_validate(found.as_dict())
     out = []
@@ -198,11 +198,11 @@ def _rungs(
         else:
             added(rung.effects, given, told, "the diagnosis", file, own)
             text = file.read_text(encoding="utf-8")
-        out.append(Rung(rung.effects, step, text))
+        out.append(LadderView(rung.effects, step, text))
     return tuple(out)
 
 
-def _others(found: Diagnosed, rungs: Sequence[Rung]) -> tuple[Other, ...]:
+def _others(found: Diagnosed, rungs: Sequence[LadderView]) -> tuple[Other, ...]:
     """What was not chosen; with a picture where it is a rival, or explains something at least."""
     d = found.diagnosis
     tied = diagnosis_pictures.rivals(d)

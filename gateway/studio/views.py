@@ -49,7 +49,7 @@ class TrialView:
 
 
 @dataclass(frozen=True)
-class Rung:
+class LadderView:
     """One step that can be taken: the effects, the error then, and the vessel file then."""
 
     effects: tuple[str, ...]
@@ -64,7 +64,7 @@ class Other:
     rival   these data cannot tell it from what was chosen
     """
 
-    rung: Rung
+    rung: LadderView
     rival: bool
     evidence: FigureData | None = None
 
@@ -76,7 +76,7 @@ class Found:
     answer: Mapping[str, Any]
     logs: tuple[str, ...]
     floor: float
-    rungs: tuple[Rung, ...]
+    rungs: tuple[LadderView, ...]
     ranking: FigureData | None
     evidence: Mapping[str, FigureData]
     looks: Mapping[str, str] = field(default_factory=dict)  # effect -> what it looks like
@@ -85,11 +85,11 @@ class Found:
     others: tuple[Other, ...] = ()
 
     @property
-    def every(self) -> tuple[Rung, ...]:
+    def every(self) -> tuple[LadderView, ...]:
         """All that can be added: what was chosen first."""
         return (*self.rungs, *(other.rung for other in self.others))
 
-    def up_to(self, rung: Rung) -> tuple[Rung, ...]:
+    def up_to(self, rung: LadderView) -> tuple[LadderView, ...]:
         """The rungs on the way to one, and itself."""
         if rung in self.rungs:
             return self.rungs[: self.rungs.index(rung) + 1]

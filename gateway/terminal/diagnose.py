@@ -13,7 +13,7 @@ from rich.table import Table
 
 from gateway.offline.add import Added
 from gateway.offline.diagnose import Diagnosed
-from sim.diagnosis.answer import Candidate, Diagnosis, Rung
+from sim.diagnosis.answer import Candidate, Diagnosis, LadderStep
 from sim.effects.effect import Scope
 from sim.identification.intervals import Estimate
 
@@ -70,7 +70,7 @@ def _ladder(d: Diagnosis) -> Table:
     return table
 
 
-def step_name(rung: Rung) -> str:
+def step_name(rung: LadderStep) -> str:
     """What was done on this rung."""
     if rung.base == "plain":
         return "as given"
@@ -83,7 +83,7 @@ def _base(d: Diagnosis) -> str:
     return "base: its numbers hold as they were given"
 
 
-def _parameters(rung: Rung) -> Table:
+def _parameters(rung: LadderStep) -> Table:
     table = Table(title="what was found", title_justify="left")
     for name in ("parameter", "value", "95 % interval", "unit"):
         right = name in ("value", "95 % interval")
@@ -130,7 +130,7 @@ def _probability(p: float) -> str:
     return f"{100.0 * p:.1f} %" if p >= UNLIKELY else "< 0.1 %"
 
 
-def _doubts(rung: Rung) -> list[str]:
+def _doubts(rung: LadderStep) -> list[str]:
     every = [e for numbers in rung.parameters.values() for e in numbers]
     return [f"{_name(e)} {e.doubt}" for e in (*every, *rung.base_parameters) if e.doubt]
 

@@ -40,7 +40,7 @@ class MonitorOptions:
         return str(self.config_file) if self.config_file else self.endpoint
 
 
-class Eyes:
+class BusWatcher:
     """Joins as soon as somebody answers, and watches from then on."""
 
     def __init__(self, options: MonitorOptions, scope: ExitStack) -> None:
@@ -72,7 +72,7 @@ def monitor(options: MonitorOptions, once: bool, json: bool) -> None:
     if options.vessel != "*" and any(letter in options.vessel for letter in "/*$?#@"):
         raise BadInput(f"{options.vessel}: no name of a vessel: give it as in shadow/NAME/…")
     with ExitStack() as scope:
-        eyes = Eyes(options, scope)
+        eyes = BusWatcher(options, scope)
         if once:
             found = _first_picture(eyes, options)
             _print_lines(found, {}) if json else show_once(found)
@@ -81,7 +81,7 @@ def monitor(options: MonitorOptions, once: bool, json: bool) -> None:
             _lines(eyes, options) if json else _screen(eyes, options)
 
 
-def _first_picture(eyes: Eyes, options: MonitorOptions) -> tuple[VesselPicture, ...]:
+def _first_picture(eyes: BusWatcher, options: MonitorOptions) -> tuple[VesselPicture, ...]:
     """Wait for a vessel, then a moment more for what it says less often."""
     end = time.monotonic() + options.patience_s
     while not any(picture.alive for picture in eyes.pictures()):
@@ -100,13 +100,13 @@ def _first_picture(eyes: Eyes, options: MonitorOptions) -> tuple[VesselPicture, 
     return found
 
 
-def _nobody(eyes: Eyes, options: MonitorOptions) -> str:
+def _nobody(eyes: BusWatcher, options: MonitorOptions) -> str:
     who = "vessel" if options.vessel == "*" else f"vessel {options.vessel}"
     found = f"zenoh answers, but no {who} is there" if eyes.connected else "nobody answers"
     return f"{options.where}: {found}: start `shadow live` or `shadow replay --speed 1` first"
 
 
-def _screen(eyes: Eyes, options: MonitorOptions) -> None:
+def _screen(eyes: BusWatcher, options: MonitorOptions) -> None:
     console = Console()
     if not console.is_terminal:
         raise BadInput("standard output is no terminal: use --once or --json")
@@ -118,7 +118,7 @@ def _screen(eyes: Eyes, options: MonitorOptions) -> None:
             )
 
 
-def _lines(eyes: Eyes, options: MonitorOptions) -> None:
+def _lines(eyes: BusWatcher, options: MonitorOptions) -> None:
     """A line for each vessel that says something new, or that came or went."""
     told: dict[str, VesselPicture] = {}
     if not eyes.pictures() and not eyes.connected:
@@ -139,7 +139,7 @@ def _print_lines(found: Sequence[VesselPicture], told: dict[str, VesselPicture])
 
 
 def _looks(
-    eyes: Eyes, sleep: Callable[[float], None] = time.sleep
+    eyes: BusWatcher, sleep: Callable[[float], None] = time.sleep
 ) -> Iterator[tuple[VesselPicture, ...]]:
     """What there is to see, a few times a second."""
     while True:

@@ -33,7 +33,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Rung:
+class LadderStep:
     """One step of the ladder: effects, held-out error, numbers with intervals.
 
     base    "plain" as the vessel was given, "refitted" with its base numbers fitted
@@ -94,7 +94,7 @@ class Diagnosis:
     summary: str
     base_changed: bool
     effects: tuple[str, ...]
-    ladder: tuple[Rung, ...]
+    ladder: tuple[LadderStep, ...]
     ranking: tuple[Candidate, ...]
     unexplained: float
     depends_on: tuple[Dependence, ...]
@@ -103,7 +103,7 @@ class Diagnosis:
     floor: float
     vessel: Vessel
     suggested: tuple[Suggested, ...] = ()
-    alternatives: tuple[Rung, ...] = ()
+    alternatives: tuple[LadderStep, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """What `shadow diagnose --json` prints."""

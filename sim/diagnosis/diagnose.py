@@ -11,8 +11,8 @@ import numpy as np
 
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.fit import Fit, fitted, unknowns_for
-from sim.diagnosis.fit_problem import Ground, Wide
-from sim.diagnosis.heldout import Judge, gain, unseen
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.heldout import HeldOutScorer, gain, unseen
 from sim.diagnosis.identifiability import refused
 from sim.diagnosis.ladder import Climb, Climber, worth_it
 from sim.diagnosis.next_experiment import Suggested, informing, separating
@@ -89,9 +89,9 @@ def diagnose(
     no = refused(effects, plain, trials)
     effects = [e for e in effects if e.name not in {r.effect for r in no}]
     tell("re-fitting the base")
-    wide = Wide.of(vessel, effects)
+    wide = SupersetModel.of(vessel, effects)
     base = refitted(wide, plain, trials, settings)
-    judge = Judge.of(trials, plain)
+    judge = HeldOutScorer.of(trials, plain)
     climb = Climber(wide, tuple(effects), settings.most, tell, each, judge).climb(base)
     tell("what is left")
     rungs, floor = ladder(climb, plain, judge), judge.floor
@@ -112,13 +112,15 @@ def diagnose(
     )  # fmt: skip
 
 
-def refitted(wide: Wide, plain: Model, trials: Sequence[Trial], settings: DiagnoseSettings) -> Fit:
+def refitted(
+    wide: SupersetModel, plain: Model, trials: Sequence[Trial], settings: DiagnoseSettings
+) -> Fit:
     """The base fitted without any new effect: by shooting first, then on the common ground."""
     how = settings.identify(plain.vessel)
     how = replace(how, free=(*how.free, *_own(plain.vessel)))
     shot = shoot(unknowns_of(plain, len(trials), how), trials, [t.usable for t in trials], how)
     unknowns = unknowns_for(wide, [], len(trials), how)
-    ground = Ground.of(plain.vessel, trials, unknowns, shot.z, shot.noise, how, BLOCK)
+    ground = FitProblem.of(plain.vessel, trials, unknowns, shot.z, shot.noise, how, BLOCK)
     return fitted([], unknowns, ground, shot.z)
 
 

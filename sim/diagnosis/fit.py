@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.diagnosis.fit_problem import Ground, Wide
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.thresholds import RELIEF
 from sim.effects.effect import Kind
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
@@ -54,7 +54,7 @@ class Fit:
 
     added: tuple[AddedEffect, ...]
     unknowns: Unknowns
-    ground: Ground
+    ground: FitProblem
     z: Floats
     residual: Floats
 
@@ -115,7 +115,7 @@ class Fit:
 
 
 def unknowns_for(
-    wide: Wide, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
+    wide: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:
     """What is looked for with these effects in the vessel; they give where its effects start."""
     free = [f"{a.effect.name}.{key}" for a in added for key in a.effect.fitted]
@@ -158,7 +158,11 @@ def as_given(unknowns: Unknowns, z: Floats) -> Floats | None:
 
 
 def fitted(
-    added: Sequence[AddedEffect], unknowns: Unknowns, ground: Ground, z: Floats, steps: int = STEPS
+    added: Sequence[AddedEffect],
+    unknowns: Unknowns,
+    ground: FitProblem,
+    z: Floats,
+    steps: int = STEPS,
 ) -> Fit:
     """The best z from a start, by least squares with bounds."""
     windows = ground.seen_by(unknowns, z)

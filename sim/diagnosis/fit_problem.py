@@ -19,8 +19,8 @@ from sim.identification.parameters import Unknowns
 from sim.identification.runs import Tiles
 from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import (
-    Voyage,
-    Window,
+    RunSet,
+    TrialRuns,
     voyages_of,
     window_of,
 )
@@ -33,7 +33,7 @@ from sim.vessel import AddedEffect, Vessel
 
 
 @dataclass(frozen=True)
-class Wide:
+class SupersetModel:
     """A vessel, and the model that holds all `within` switched off beside it."""
 
     vessel: Vessel
@@ -41,7 +41,7 @@ class Wide:
     within: tuple[Effect, ...]
 
     @classmethod
-    def of(cls, vessel: Vessel, effects: Iterable[Effect]) -> "Wide":
+    def of(cls, vessel: Vessel, effects: Iterable[Effect]) -> "SupersetModel":
         """The vessel with every effect that can be switched off."""
         there = {added.effect.name for added in vessel.effects}
         within = tuple(
@@ -84,7 +84,7 @@ SCREENED = 25.0  # s, blocks of a quick look
 
 
 @dataclass(frozen=True)
-class Ground:
+class FitProblem:
     """Runs of all trials with noise and starts as the reference model found them.
 
     vessel  as it was given
@@ -95,9 +95,9 @@ class Ground:
     vessel: Vessel
     trials: tuple[Trial, ...]
     settings: IdentifySettings
-    voyages: tuple[Voyage, ...]
+    voyages: tuple[TrialRuns, ...]
     noise: tuple[Noise, ...]
-    windows: tuple[Window, ...]
+    windows: tuple[RunSet, ...]
     block: Ints
     begin: Floats
     end: Floats
@@ -113,8 +113,8 @@ class Ground:
         noise: Sequence[Noise],
         settings: IdentifySettings,
         block: float,
-        voyages: tuple[Voyage, ...] | None = None,
-    ) -> "Ground":
+        voyages: tuple[TrialRuns, ...] | None = None,
+    ) -> "FitProblem":
         """Runs as the model of `unknowns` at z (n,) allows them; blocks of so many seconds.
 
         `voyages`: the motion that runs start from, where it is not the measured one.
@@ -127,13 +127,13 @@ class Ground:
         )
         return _laid_out(vessel, tuple(trials), settings, voyages, tuple(noise), windows, block)
 
-    def seen_by(self, unknowns: Unknowns, z: Floats) -> tuple[Window, ...]:
+    def seen_by(self, unknowns: Unknowns, z: Floats) -> tuple[RunSet, ...]:
         """The same windows for another model: its own kernel and memory, all else the same."""
         if unknowns.model.kernel is self.windows[0].model.kernel:
             return self.windows
         return tuple(_for(w, unknowns, z) for w in self.windows)
 
-    def thinned(self, rows: int) -> "Ground":
+    def thinned(self, rows: int) -> "FitProblem":
         """Every so many of the runs, so that about so many rows are left."""
         step = max(round(len(self.block) / (3 * rows)), 1)
         windows = tuple(_every(w, step) for w in self.windows)
@@ -169,13 +169,13 @@ def _laid_out(
     vessel: Vessel,
     trials: tuple[Trial, ...],
     settings: IdentifySettings,
-    voyages: tuple[Voyage, ...],
+    voyages: tuple[TrialRuns, ...],
     noise: tuple[Noise, ...],
-    windows: tuple[Window, ...],
+    windows: tuple[RunSet, ...],
     block: float,
-) -> Ground:
+) -> FitProblem:
     begin, end, voyage = (np.concatenate(part) for part in zip(*map(_places, windows), strict=True))
-    return Ground(
+    return FitProblem(
         vessel,
         trials,
         settings,
@@ -189,7 +189,7 @@ def _laid_out(
     )
 
 
-def _every(window: Window, step: int) -> Window:
+def _every(window: RunSet, step: int) -> RunSet:
     """Every so many of its runs."""
     tiles = Tiles(window.tiles.first[::step], window.tiles.size[::step])
     return replace(
@@ -198,13 +198,13 @@ def _every(window: Window, step: int) -> Window:
     )  # fmt: skip
 
 
-def _for(window: Window, unknowns: Unknowns, z: Floats) -> Window:
+def _for(window: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
     number, trial = window.voyage.number, window.voyage.trial
     model = replace(unknowns.model, theta=unknowns.theta(z[None], number)[0])
     return replace(window, model=model, memory=memory_at(model, trial, window.tiles.first))
 
 
-def _places(window: Window) -> tuple[Floats, Floats, Ints]:
+def _places(window: RunSet) -> tuple[Floats, Floats, Ints]:
     trial, tiles = window.voyage.trial, window.tiles
     shape = (len(tiles.first), window.within.shape[1])
     inside = window.within > 0

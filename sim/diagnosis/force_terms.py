@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.fit import Fit
-from sim.identification.shooting import Window, run
+from sim.identification.shooting import RunSet, run
 from sim.model import Model
 from sim.prediction.inputs import commands_of
 from sim.prediction.missing_force import lacking
@@ -44,7 +44,7 @@ SAYS = {
 }
 
 
-def moved_by(fit: Fit, window: Window) -> dict[str, Floats]:
+def moved_by(fit: Fit, window: RunSet) -> dict[str, Floats]:
     """What each term of each group would do to the errors of one trial's runs: (S, n, 3, K)."""
     number, trial = window.voyage.number, window.voyage.trial
     theta = fit.unknowns.theta(fit.z[None], number)[0]
@@ -85,7 +85,7 @@ class _Scene:
     said: Floats
 
     @classmethod
-    def of(cls, fit: Fit, window: Window, model: Model, rows: Ints) -> "_Scene":
+    def of(cls, fit: Fit, window: RunSet, model: Model, rows: Ints) -> "_Scene":
         said = _held(run(window, fit.unknowns, fit.z[None])[0])[:, : rows.shape[1]]
         return cls(model, window.voyage.trial, rows, np.moveaxis(said[..., :6], -1, 0))
 

@@ -95,14 +95,14 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class Judge:
+class HeldOutScorer:
     """The rulers of all trials, from the vessel as it was given."""
 
     trials: tuple[Trial, ...]
     rulers: tuple[Ruler | None, ...]
 
     @classmethod
-    def of(cls, trials: Sequence[Trial], first: Model) -> "Judge":
+    def of(cls, trials: Sequence[Trial], first: Model) -> "HeldOutScorer":
         """A trial without a stretch to compare over has no ruler and no say."""
         return cls(tuple(trials), tuple(_ruler(t, first) for t in trials))
 

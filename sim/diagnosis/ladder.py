@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis.fit import Fit, at_its_moment, fitted, moments_in, started, unknowns_for
-from sim.diagnosis.fit_problem import Ground, Wide
-from sim.diagnosis.heldout import Gain, Judge, gain, unseen
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.heldout import Gain, HeldOutScorer, gain, unseen
 from sim.diagnosis.ranking import BLOCK, Ranked, Ranking, rank, renewed
 from sim.diagnosis.screening import Each, Tell
 from sim.effects.effect import Effect
@@ -84,12 +84,12 @@ def worth_it(g: Gain) -> bool:
 class Climber:
     """What all steps share."""
 
-    wide: Wide
+    wide: SupersetModel
     effects: tuple[Effect, ...]
     most: int
     tell: Tell
     each: Each
-    judge: Judge
+    judge: HeldOutScorer
 
     def climb(self, base: Fit) -> Climb:
         """Greedy, then swapped, then backward."""
@@ -206,7 +206,7 @@ def polished(fit: Fit) -> Fit:
     trials, settings = ground.trials, ground.settings
     last = replace(settings, horizons=settings.horizons[-1:])
     shot = shoot(unknowns, trials, [t.usable for t in trials], last, fit.z)
-    own = Ground.of(
+    own = FitProblem.of(
         ground.vessel, trials, unknowns, shot.z, shot.noise, settings, BLOCK, shot.voyages
     )
     return Fit(

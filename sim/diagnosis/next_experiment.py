@@ -22,7 +22,7 @@ from itertools import combinations
 import numpy as np
 
 from sim.diagnosis.fit import Fit
-from sim.diagnosis.fit_problem import Ground
+from sim.diagnosis.fit_problem import FitProblem
 from sim.diagnosis.ranking import BLOCK
 from sim.diagnosis.thresholds import RELIEF
 from sim.effects.catalogue import EFFECTS
@@ -103,9 +103,9 @@ def sailed(model: Model, manoeuvre: Manoeuvre, like: Trial) -> Trial:
     )  # fmt: skip
 
 
-def _ground(fit: Fit, trial: Trial) -> Ground:
+def _ground(fit: Fit, trial: Trial) -> FitProblem:
     old = fit.ground
-    return Ground.of(
+    return FitProblem.of(
         old.vessel, [trial], fit.unknowns, fit.z, old.noise[:1], old.settings, BLOCK
     )  # fmt: skip
 

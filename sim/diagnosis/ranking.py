@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.fit import Fit, as_given, fitted
-from sim.diagnosis.fit_problem import Ground, Wide
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.heldout import Gain, gain, per_block, probabilities, unseen
 from sim.diagnosis.screening import Each, Promise, Tell, screened
 from sim.effects.effect import Effect
@@ -65,7 +65,7 @@ class Ranking:
 
 
 def rank(
-    wide: Wide,
+    wide: SupersetModel,
     model: Model,
     effects: Iterable[Effect],
     reference: Fit,
@@ -136,10 +136,10 @@ def _simpler_first(rows: list[Ranked]) -> tuple[Ranked, ...]:
     return tuple(rows)
 
 
-def renewed(reference: Fit, unknowns: Unknowns, z: Floats) -> Ground:
+def renewed(reference: Fit, unknowns: Unknowns, z: Floats) -> FitProblem:
     """The ground with noise as a model with these numbers leaves it, starts linearised anew."""
     ground = reference.ground
     noise = [noise_left(w, unknowns, z) for w in ground.seen_by(unknowns, z)]
-    return Ground.of(
+    return FitProblem.of(
         ground.vessel, ground.trials, reference.unknowns, reference.z, noise, ground.settings, BLOCK
     )

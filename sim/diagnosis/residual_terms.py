@@ -23,7 +23,7 @@ from sim.diagnosis.force_terms import OWN, SAYS, moved_by
 from sim.diagnosis.heldout import CLIP, Gain, gain
 from sim.identification.noise import SMALLEST, Errors, Noise, estimated, mixing, starts_out
 from sim.identification.search import slopes_of, weight_of
-from sim.identification.shooting import Window, errors_at, errors_of, projected
+from sim.identification.shooting import RunSet, errors_at, errors_of, projected
 from sim.state import Floats
 
 RIDGE = 3.0  # in whitened rows: how much a term must say before it is listened to
@@ -69,13 +69,13 @@ class _Trial:
     slope  (S, n, 3, m) of the fit's numbers; moved (S, n, 3, K) by the terms of each group
     """
 
-    window: Window
+    window: RunSet
     errors: Errors
     slope: Floats
     moved: Mapping[str, Floats]
 
     @classmethod
-    def of(cls, fit: Fit, window: Window) -> "_Trial":
+    def of(cls, fit: Fit, window: RunSet) -> "_Trial":
         errors, unknowns = errors_at(window, fit.unknowns, fit.z), fit.unknowns
 
         def flat(z: Floats) -> Floats:
@@ -97,7 +97,7 @@ class _Trial:
         """Seconds from mean to mean."""
         return self.window.every * self.window.voyage.trial.dt
 
-    def under(self, noise: Noise) -> Window:
+    def under(self, noise: Noise) -> RunSet:
         """The window with another noise."""
         _, basis, _ = starts_out(self.errors, noise)
         return replace(self.window, noise=noise, basis=basis, mix=mixing(self.errors, noise)[0])
@@ -183,7 +183,7 @@ class _White:
         return np.asarray(np.linalg.lstsq(H, s, rcond=1e-12)[0])
 
 
-def _rows(window: Window, means: Floats) -> Floats:
+def _rows(window: RunSet, means: Floats) -> Floats:
     """Means (S, n, 3, K) as residuals: (N, K)."""
     return np.ascontiguousarray(projected(window, np.moveaxis(means, -1, 0)).T)
 

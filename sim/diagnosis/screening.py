@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sim.diagnosis.fit import ROBUST, Fit, started, unknowns_for
-from sim.diagnosis.fit_problem import Ground, Wide
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
 from sim.identification.search import cost_of, damped_steps, sloped, weight_of
@@ -45,7 +45,7 @@ class Promise:
 
 
 def screened(
-    wide: Wide, model: Model, effects: Iterable[Effect], reference: Fit,
+    wide: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
     tell: Tell = lambda _: None, each: Each = map,
 ) -> list[Promise]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
@@ -71,13 +71,13 @@ def screened(
 class _Look:
     """What every quick look shares: the reference on few rows, and its slopes there."""
 
-    wide: Wide
+    wide: SupersetModel
     reference: Fit
-    ground: Ground
+    ground: FitProblem
     slope: Floats
 
     @classmethod
-    def of(cls, wide: Wide, reference: Fit, ground: Ground) -> "_Look":
+    def of(cls, wide: SupersetModel, reference: Fit, ground: FitProblem) -> "_Look":
         windows = ground.seen_by(reference.unknowns, reference.z)
         residuals = partial(residuals_of, reference.unknowns, windows)
         every = np.arange(len(reference.unknowns))

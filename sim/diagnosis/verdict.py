@@ -9,15 +9,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sim.diagnosis.answer import Candidate, Rung, Verdict
+from sim.diagnosis.answer import Candidate, LadderStep, Verdict
 from sim.diagnosis.fit import Fit, interval
-from sim.diagnosis.heldout import Gain, Judge, gain
+from sim.diagnosis.heldout import Gain, HeldOutScorer, gain
 from sim.diagnosis.ladder import Climb, worth_it
 from sim.diagnosis.ranking import CLEAR, Ranked, Ranking
 from sim.diagnosis.residual_terms import Dependence, dependences
 from sim.effects.effect import Effect, Kind
 from sim.identification.intervals import NUISANCE, Estimate, estimates_of, spread_of
-from sim.identification.shooting import Shot
+from sim.identification.shooting import FitResult
 from sim.identification.vessel_update import applied
 from sim.model import Model
 from sim.vessel import Vessel
@@ -65,7 +65,7 @@ def verdict_of(
     return Verdict.CONFOUNDED if any(rivals) else Verdict.EXPLAINED
 
 
-def stands_open(effects: Sequence[Effect], rungs: Sequence[Rung], floor: float) -> bool:
+def stands_open(effects: Sequence[Effect], rungs: Sequence[LadderStep], floor: float) -> bool:
     """Whether the last rung's error cannot be noise, whatever it follows or does not.
 
     An effect in nature's own form may leave a few floors: up to 3.5 in the blind test's right
@@ -94,7 +94,7 @@ def matters(g: Gain, climb: Climb, above: bool) -> bool:
     return worth_it(g) and g.nats > max(LEFT, form * won)
 
 
-def unexplained(rungs: Sequence[Rung], floor: float) -> float:
+def unexplained(rungs: Sequence[LadderStep], floor: float) -> float:
     """Share of the squared error above the noise that the last rung leaves."""
     first, last = rungs[0].heldout.nrmse ** 2, rungs[-1].heldout.nrmse ** 2
     above = first - min(floor**2, last)
@@ -103,7 +103,7 @@ def unexplained(rungs: Sequence[Rung], floor: float) -> float:
 
 def summary_of(
     verdict: Verdict,
-    rungs: Sequence[Rung],
+    rungs: Sequence[LadderStep],
     rivals: Sequence[Sequence[Ranked]],
     left: Sequence[Dependence],
     floor: float,
@@ -127,30 +127,32 @@ def summary_of(
     return f"{known}something is missing that the catalogue does not hold: {says}"
 
 
-def ladder(climb: Climb, plain: Model, judge: Judge) -> tuple[Rung, ...]:
+def ladder(climb: Climb, plain: Model, judge: HeldOutScorer) -> tuple[LadderStep, ...]:
     """Plain, re-fitted, and a rung for each effect that was added."""
     names = [trial.name for trial in judge.trials]
     rungs = [
-        Rung((), "plain", judge.plain(plain), (), {}, plain.vessel),
+        LadderStep((), "plain", judge.plain(plain), (), {}, plain.vessel),
         _rung(climb.base, judge, names),
     ]
     return (*rungs, *(_rung(fit, judge, names) for fit in climb.fits))
 
 
-def rungs_of(rows: Sequence[Ranked], judge: Judge) -> list[Rung]:
+def rungs_of(rows: Sequence[Ranked], judge: HeldOutScorer) -> list[LadderStep]:
     """What was ranked, each with its own fit."""
     names = [trial.name for trial in judge.trials]
     return [_rung(row.fit, judge, names) for row in rows]
 
 
-def later_rivals(climb: Climb, rivals: Sequence[Sequence[Ranked]], judge: Judge) -> list[Rung]:
+def later_rivals(
+    climb: Climb, rivals: Sequence[Sequence[Ranked]], judge: HeldOutScorer
+) -> list[LadderStep]:
     """The rivals of steps that were not chosen from the first ranking."""
     steps = zip(climb.steps, rivals, strict=True)
     return rungs_of([r for s, of in steps if s.ranking is not climb.first for r in of], judge)
 
 
 def candidates_of(
-    ranking: Ranking, alone: Sequence[Rung], found: Sequence[str]
+    ranking: Ranking, alone: Sequence[LadderStep], found: Sequence[str]
 ) -> tuple[Candidate, ...]:
     """A ranking as it is told; `alone` has the rung of each, `found` what is on the ladder."""
     rivals = {r.name for r in rivals_of(ranking, found)}
@@ -164,9 +166,9 @@ def candidates_of(
     )  # fmt: skip
 
 
-def _rung(fit: Fit, judge: Judge, names: Sequence[str]) -> Rung:
+def _rung(fit: Fit, judge: HeldOutScorer, names: Sequence[str]) -> LadderStep:
     base, of_effects = estimates_in(fit, names)
-    return Rung(
+    return LadderStep(
         fit.names, "refitted", judge.fitted(fit), base, of_effects, vessel_of(fit)
     )  # fmt: skip
 
@@ -183,7 +185,7 @@ def estimates_in(
 ) -> tuple[tuple[Estimate, ...], Mapping[str, tuple[Estimate, ...]]]:
     """Base numbers, and those of each effect; a choice has no interval."""
     ground = fit.ground
-    shot = Shot(
+    shot = FitResult(
         fit.z, fit.residual, fit.slope, fit.weight, ground.begin, ground.voyage, ground.noise,
         ground.voyages,
     )  # fmt: skip

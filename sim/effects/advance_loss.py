@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
@@ -21,7 +21,7 @@ class Parameters(NamedTuple):
     per_mps: float
 
 
-def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
     """Thrust and velocity through the water -> thrust [N]."""
     inflow = flow.u * np.cos(drive.azimuth) + flow.v * np.sin(drive.azimuth)
     left = np.maximum(1.0 - p.per_mps * np.maximum(inflow, 0.0), 0.0)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 
 
@@ -21,7 +21,7 @@ class Parameters(NamedTuple):
     nominal: float
 
 
-def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
     """Thrust and voltage (NaN: not measured) -> thrust [N]."""
     known = 1.0 * np.isfinite(flow.voltage)
     ratio = np.fmax(flow.voltage, 0.0) / p.nominal  # fmax: NaN becomes 0

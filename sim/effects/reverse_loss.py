@@ -8,7 +8,7 @@ Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficients differ ahead and astern)
 
 from typing import NamedTuple
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 
 
@@ -16,7 +16,7 @@ class Parameters(NamedTuple):
     factor: float
 
 
-def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
     """Thrust -> thrust [N]."""
     return F * (1.0 + (F < 0.0) * (p.factor - 1.0))
 

@@ -8,7 +8,7 @@ Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (steering machine dynamics, line
 
 from typing import NamedTuple
 
-from sim.body import Blade
+from sim.body import RudderParameters
 from sim.effects.effect import (
     Effect,
     EvidenceAxis,
@@ -26,7 +26,7 @@ class Parameters(NamedTuple):
     tau: float
 
 
-def angle_rate(angle: float, state: float, blade: Blade, p: Parameters) -> float:
+def angle_rate(angle: float, state: float, blade: RudderParameters, p: Parameters) -> float:
     """Commanded and acting angle [rad] -> rate of the acting angle [rad/s]."""
     return (angle - state) / p.tau
 

@@ -9,7 +9,7 @@ integral action against it).
 
 from typing import NamedTuple
 
-from sim.body import Blade
+from sim.body import RudderParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 
 
@@ -17,7 +17,7 @@ class Parameters(NamedTuple):
     angle: float
 
 
-def angle(δ: float, blade: Blade, p: Parameters) -> float:
+def angle(δ: float, blade: RudderParameters, p: Parameters) -> float:
     """Angle -> angle [rad]."""
     return δ + p.angle
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.body import Drive
+from sim.body import ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
@@ -20,7 +20,7 @@ class Parameters(NamedTuple):
     exponent: float
 
 
-def command(c: float, drive: Drive, p: Parameters) -> float:
+def command(c: float, drive: ThrusterParameters, p: Parameters) -> float:
     """Command -> command that the curve of the vessel file takes [−1 … 1]."""
     return np.sign(c) * np.abs(c) ** p.exponent
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.body import Drive
+from sim.body import ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 
 
@@ -19,7 +19,7 @@ class Parameters(NamedTuple):
     width: float
 
 
-def command(c: float, drive: Drive, p: Parameters) -> float:
+def command(c: float, drive: ThrusterParameters, p: Parameters) -> float:
     """Command -> command that turns the propeller [−1 … 1]."""
     return np.sign(c) * np.maximum(np.abs(c) - p.width, 0.0) / (1.0 - p.width)
 

@@ -10,7 +10,7 @@ of effectiveness of an actuator).
 
 from typing import NamedTuple
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import (
     Effect,
     EvidenceAxis,
@@ -29,7 +29,7 @@ class Parameters(NamedTuple):
     time: float
 
 
-def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
     """Thrust -> thrust [N]."""
     hit = 1.0 * (drive.number + 1.0 == p.thruster) * (flow.time >= p.time)
     return F * (1.0 + hit * (p.gain - 1.0))

@@ -8,7 +8,7 @@ Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coef
 
 from typing import NamedTuple
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 
 
@@ -16,7 +16,7 @@ class Parameters(NamedTuple):
     port_gain: float
 
 
-def thrust(F: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
     """Thrust -> thrust [N]."""
     return F * (1.0 + (drive.y < 0.0) * (p.port_gain - 1.0))
 

@@ -8,7 +8,7 @@ Craft Hydrodynamics, 2nd ed. 2021, §9.3 (propeller shaft dynamics, linearised).
 
 from typing import NamedTuple
 
-from sim.body import Drive
+from sim.body import ThrusterParameters
 from sim.effects.effect import (
     Effect,
     EvidenceAxis,
@@ -26,7 +26,7 @@ class Parameters(NamedTuple):
     tau: float
 
 
-def thrust_rate(thrust: float, state: float, drive: Drive, p: Parameters) -> float:
+def thrust_rate(thrust: float, state: float, drive: ThrusterParameters, p: Parameters) -> float:
     """Commanded and acting thrust [N] -> rate of the acting thrust [N/s]."""
     return (thrust - state) / p.tau
 

@@ -9,7 +9,7 @@ configuration matrix).
 
 from typing import NamedTuple
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
@@ -17,7 +17,7 @@ class Parameters(NamedTuple):
     angle: float
 
 
-def turn(azimuth: float, drive: Drive, flow: Flow, p: Parameters) -> float:
+def turn(azimuth: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
     """Direction of a thruster -> direction [rad]."""
     return azimuth + p.angle
 

@@ -22,7 +22,7 @@ from sim.identification.output_error import left_alone
 from sim.identification.parameters import OFFSETS, Unknowns, unknowns_of
 from sim.identification.regression import regressed
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.shooting import Shot, shoot
+from sim.identification.shooting import FitResult, shoot
 from sim.identification.validation import (
     Validation,
     held_out,
@@ -138,7 +138,7 @@ def _search(
     settings: IdentifySettings,
     start: Floats | None = None,
     tell: Callable[[str], None] = lambda _: None,
-) -> Shot:
+) -> FitResult:
     """By the method that was asked for."""
     find = left_alone if settings.method == "simulation" else shoot
     return find(unknowns, trials, usable, settings, start, tell)
@@ -156,10 +156,10 @@ def replaced(unknowns: Unknowns, z: Floats, trial: int = 0) -> Model:
 def _without(
     unknowns: Unknowns,
     vague: NDArray[np.bool_],
-    shot: Shot,
+    shot: FitResult,
     trials: Sequence[Trial],
     settings: IdentifySettings,
-) -> Shot:
+) -> FitResult:
     """Once more, with what the data do not tell left as it was."""
     last = replace(settings, horizons=settings.horizons[-1:])
     start = np.where(vague, unknowns.start, shot.z)
@@ -169,7 +169,7 @@ def _without(
 def _on_held_out(
     unknowns: Unknowns,
     trials: Sequence[Trial],
-    shot: Shot,
+    shot: FitResult,
     settings: IdentifySettings,
     before: Model,
 ) -> list[Validation]:

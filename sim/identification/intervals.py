@@ -21,7 +21,7 @@ from scipy.stats import t as student
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
 from sim.identification.parameters import MASSES, OFFSETS, ROUNDING, Unknowns
-from sim.identification.shooting import Shot
+from sim.identification.shooting import FitResult
 from sim.state import Floats
 
 LENGTHS = (1.0, 2.0, 3.0)  # of a block: what wanders slowly shows in the longer ones alone
@@ -43,7 +43,7 @@ class Spread(NamedTuple):
     factor: float
 
 
-def spread_of(unknowns: Unknowns, shot: Shot, block: float) -> Spread:
+def spread_of(unknowns: Unknowns, shot: FitResult, block: float) -> Spread:
     """From the residuals block by block; of short and longer blocks those that doubt more."""
     weighted = shot.slope * shot.weight[:, None]
     told = weighted.T @ shot.slope + unknowns.evidence
@@ -63,7 +63,7 @@ def spread_of(unknowns: Unknowns, shot: Shot, block: float) -> Spread:
 
 
 def _jackknifed(
-    H: Floats, weighted: Floats, shot: Shot, number: np.ndarray[tuple[int], np.dtype[np.int64]]
+    H: Floats, weighted: Floats, shot: FitResult, number: np.ndarray[tuple[int], np.dtype[np.int64]]
 ) -> Floats:
     """Covariance (n, n) from leaving out each block in turn."""
     blocks = [number == g for g in range(int(number.max()) + 1)]
@@ -74,7 +74,7 @@ def _jackknifed(
     return np.asarray((len(blocks) - 1) / len(blocks) * moved.T @ moved)
 
 
-def _blocks(shot: Shot, length: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _blocks(shot: FitResult, length: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Number of the block of time of each residual: (N,)."""
     total = sum(float(np.ptp(shot.moment[shot.voyage == v])) for v in np.unique(shot.voyage))
     width = max(min(length, total / FEWEST), SHORTEST)

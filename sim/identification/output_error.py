@@ -24,7 +24,7 @@ from sim.identification.parameters import Unknowns
 from sim.identification.runs import cut
 from sim.identification.search import Ends, search, slopes_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import Shot, Voyage, Window, errors_of, voyages_of
+from sim.identification.shooting import FitResult, RunSet, TrialRuns, errors_of, voyages_of
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
 from sim.prediction.scales import scales_of
@@ -53,7 +53,7 @@ def left_alone(
     settings: IdentifySettings,
     start: Floats | None = None,
     tell: Callable[[str], None] = lambda _: None,
-) -> Shot:
+) -> FitResult:
     """Parameters from trials; only rows that are `usable` count."""
     z = unknowns.start if start is None else start
     voyages = tuple(voyages_of(trials, usable))
@@ -65,15 +65,15 @@ def left_alone(
 
 def _staged(
     unknowns: Unknowns,
-    voyages: Sequence[Voyage],
+    voyages: Sequence[TrialRuns],
     settings: IdentifySettings,
     z: Floats,
     way: Floats,
     fresh: bool,
     tell: Callable[[str], None],
-) -> tuple[list[Window], Floats]:
+) -> tuple[list[RunSet], Floats]:
     """Longer and longer runs; σ is `way` times as large until the last stage."""
-    windows: list[Window] = []
+    windows: list[RunSet] = []
     for length in LENGTHS_S if fresh else ():
         tell(f"{length:g} s")
         windows = [_window(v, unknowns, z, length, settings) for v in voyages]
@@ -86,7 +86,7 @@ def _staged(
     return windows, z
 
 
-def _cost(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> float:
+def _cost(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> float:
     """−2 log likelihood of white errors of unknown σ, each counted as it is independent."""
     size = _size(unknowns, windows, z)
     count = sum(float(w.within.sum()) for w in windows) / size.rows
@@ -94,8 +94,8 @@ def _cost(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> float:
 
 
 def _window(
-    voyage: Voyage, unknowns: Unknowns, z: Floats, length: float, settings: IdentifySettings
-) -> Window:
+    voyage: TrialRuns, unknowns: Unknowns, z: Floats, length: float, settings: IdentifySettings
+) -> RunSet:
     """Runs of one voyage, of about that length [s]."""
     model = Model(
         unknowns.model.vessel, unknowns.model.kernel, unknowns.model.names,
@@ -107,10 +107,10 @@ def _window(
     within = (np.arange(int(means.max(initial=1))) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
     noise = Noise(np.ones(3), np.zeros(3))
-    return Window(voyage, model, tiles, every, within, memory, noise, np.zeros(0))
+    return RunSet(voyage, model, tiles, every, within, memory, noise, np.zeros(0))
 
 
-def _errors(window: Window, unknowns: Unknowns, z: Floats) -> Floats:
+def _errors(window: RunSet, unknowns: Unknowns, z: Floats) -> Floats:
     """Errors (K, N, 3) of all means, run by run, at parameters z (K, n)."""
     if not len(window.tiles.first):
         return np.zeros((len(z), 0, 3))
@@ -119,20 +119,20 @@ def _errors(window: Window, unknowns: Unknowns, z: Floats) -> Floats:
     return np.asarray(np.clip(errors, -limit, limit))
 
 
-def _scaled(unknowns: Unknowns, windows: Sequence[Window], size: Size, z: Floats) -> Floats:
+def _scaled(unknowns: Unknowns, windows: Sequence[RunSet], size: Size, z: Floats) -> Floats:
     """z (K, n) -> residuals (K, 3 N), one per independent error on the average."""
     errors = np.concatenate([_errors(w, unknowns, z) for w in windows], axis=1)
     return (errors / (size.sigma * np.sqrt(size.rows))).reshape(len(z), -1)
 
 
-def _slope(unknowns: Unknowns, windows: Sequence[Window], size: Size, z: Floats) -> Floats:
+def _slope(unknowns: Unknowns, windows: Sequence[RunSet], size: Size, z: Floats) -> Floats:
     """∂ residuals / ∂ z by differences, away from the nearer limit: (3 N, n)."""
     of_trials = [(w.voyage.number, partial(_scaled, unknowns, [w], size)) for w in windows]
     return slopes_of(of_trials, unknowns, z)
 
 
 def _fitted(
-    unknowns: Unknowns, windows: Sequence[Window], size: Size, z: Floats, s: IdentifySettings
+    unknowns: Unknowns, windows: Sequence[RunSet], size: Size, z: Floats, s: IdentifySettings
 ) -> Floats:
     """The best z (n,) at σ as it is."""
     residuals = partial(_scaled, unknowns, windows, size)
@@ -142,7 +142,7 @@ def _fitted(
     return np.asarray(search(residuals, slope, unknowns, z, ends).x)
 
 
-def _size(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Size:
+def _size(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Size:
     """σ of each channel, and the correlation time of the slowest in rows."""
     errors = [_errors(w, unknowns, z[None])[0] for w in windows]
     sigma = np.maximum(np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)), SMALLEST)
@@ -155,12 +155,12 @@ def _size(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Size:
 
 def _shot(
     unknowns: Unknowns,
-    windows: Sequence[Window],
+    windows: Sequence[RunSet],
     size: Size,
     z: Floats,
     settings: IdentifySettings,
-    voyages: tuple[Voyage, ...],
-) -> Shot:
+    voyages: tuple[TrialRuns, ...],
+) -> FitResult:
     """Residuals, slopes and weights at the end, each with its place in time."""
     residual = _scaled(unknowns, windows, size, z[None])[0]
     moment, number = [], []
@@ -170,7 +170,7 @@ def _shot(
         moment.append(np.repeat(at[w.within > 0], 3))
         number.append(np.full(len(moment[-1]), w.voyage.number))
     weight = 1.0 / np.sqrt(1.0 + residual**2 * size.rows / settings.robust**2)
-    return Shot(
+    return FitResult(
         z, residual, _slope(unknowns, windows, size, z), weight, np.concatenate(moment),
         np.concatenate(number), tuple(Noise(size.sigma, np.zeros(3)) for _ in windows), voyages,
     )  # fmt: skip

@@ -45,7 +45,7 @@ NU = slice(3, 6)
 
 
 @dataclass(frozen=True)
-class Voyage:
+class TrialRuns:
     """A trial as shooting sees it: which rows count, and the motion that starts are taken from."""
 
     number: int
@@ -55,7 +55,7 @@ class Voyage:
 
 
 @dataclass(frozen=True)
-class Window:
+class RunSet:
     """The runs of one voyage, with all that does not change while the parameters do.
 
     Rows are compared in means of `every`; n of them in the longest run.
@@ -65,7 +65,7 @@ class Window:
     kappa  of commands that are shifted by part of a row (`sim.identification.runs`)
     """
 
-    voyage: Voyage
+    voyage: TrialRuns
     model: Model
     tiles: Tiles
     every: int
@@ -79,7 +79,7 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Shot:
+class FitResult:
     """What shooting found: z (n,), whitened residuals (N,), slopes (N, n), weights (N,), blocks.
 
     moment  (N,) s of the trial, voyage (N,): where each residual belongs
@@ -92,13 +92,13 @@ class Shot:
     moment: Floats
     voyage: NDArray[np.int64]
     noise: tuple[Noise, ...]
-    voyages: tuple[Voyage, ...]
+    voyages: tuple[TrialRuns, ...]
 
 
-def voyages_of(trials: Sequence[Trial], usable: Sequence[NDArray[np.bool_]]) -> list[Voyage]:
+def voyages_of(trials: Sequence[Trial], usable: Sequence[NDArray[np.bool_]]) -> list[TrialRuns]:
     """As measured, before any model has found where they begin."""
     return [
-        Voyage(i, t, rows, motion_of(t))
+        TrialRuns(i, t, rows, motion_of(t))
         for i, (t, rows) in enumerate(zip(trials, usable, strict=True))
     ]
 
@@ -110,7 +110,7 @@ def shoot(
     settings: IdentifySettings,
     start: Floats | None = None,
     tell: Callable[[str], None] = lambda _: None,
-) -> Shot:
+) -> FitResult:
     """Parameters from trials; only rows that are `usable` count."""
     z = unknowns.start if start is None else start
     voyages = voyages_of(trials, usable)
@@ -141,13 +141,13 @@ def _first_guess(trial: Trial) -> Noise:
 
 
 def window_of(
-    voyage: Voyage,
+    voyage: TrialRuns,
     unknowns: Unknowns,
     z: Floats,
     noise: Noise,
     horizon: float,
     settings: IdentifySettings,
-) -> Window:
+) -> RunSet:
     """Tiles, memory of the actuators and the part of the starts, at parameters z."""
     model = replace(unknowns.model, theta=unknowns.theta(z[None], voyage.number)[0])
     every = max(round(settings.average / voyage.trial.dt), 1)
@@ -160,7 +160,7 @@ def window_of(
     jolts = jolts_of(voyage.trial, model, tiles, every, within.shape[1], voyage.track)
     shift = float(unknowns.offset(z[None], OFFSETS[0])[0]) + model.delay
     kappa = spread_by(shift, voyage.trial.dt)
-    bare = Window(
+    bare = RunSet(
         voyage, model, tiles, every, within, memory, noise, np.zeros(0), jolts, kappa=kappa
     )
     errors = errors_at(bare, unknowns, z)
@@ -168,7 +168,7 @@ def window_of(
     return replace(bare, basis=basis, mix=mixing(errors, noise)[0])
 
 
-def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
+def run(window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
     """Parameters z (K, n), starts moved by `nudge` (K, S, 3) -> reports (K, S, rows, 9)."""
     K, rows = len(z), window.tiles.first
     theta = unknowns.theta(z, window.voyage.number)
@@ -189,7 +189,7 @@ def run(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = No
     return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
 
 
-def errors_of(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
+def errors_of(window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
     """The same -> means of measured − model over `every` rows: (K, S, n, 3)."""
     said = run(window, unknowns, z, nudge)
     nu = said[..., NU].copy()
@@ -204,7 +204,7 @@ def errors_of(window: Window, unknowns: Unknowns, z: Floats, nudge: Floats | Non
     return np.asarray(means * window.within[..., None])
 
 
-def errors_at(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
+def errors_at(window: RunSet, unknowns: Unknowns, z: Floats) -> Errors:
     """Errors at z (n,) and how they hang on the starts."""
     nudge = np.vstack([np.zeros(3), np.diag(STEP)])[:, None, :]
     nudge = np.repeat(nudge, len(window.tiles.first), axis=1)
@@ -213,7 +213,7 @@ def errors_at(window: Window, unknowns: Unknowns, z: Floats) -> Errors:
     return Errors(error[0], phi, window.within, window.jolts)
 
 
-def projected(window: Window, error: Floats) -> Floats:
+def projected(window: RunSet, error: Floats) -> Floats:
     """Errors (K, S, n, 3) -> whitened, without what a start explains: (K, N)."""
     w = mixed(whitened(error, window.noise) * window.within[..., None], window.mix)
     along = np.einsum("sncl,ksnc->ksl", window.basis, w, optimize=True)
@@ -221,19 +221,19 @@ def projected(window: Window, error: Floats) -> Floats:
     return left[:, window.within > 0].reshape(len(error), -1)
 
 
-def residuals_of(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
+def residuals_of(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Floats:
     """Parameters z (K, n) -> residuals (K, N), without priors."""
     return np.concatenate([projected(w, errors_of(w, unknowns, z)) for w in windows], axis=1)
 
 
-def slope_of(unknowns: Unknowns, windows: Sequence[Window], z: Floats) -> Floats:
+def slope_of(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Floats:
     """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
     of_trials = [(w.voyage.number, partial(residuals_of, unknowns, [w])) for w in windows]
     return slopes_of(of_trials, unknowns, z)
 
 
 def _fitted(
-    unknowns: Unknowns, windows: Sequence[Window], z: Floats, settings: IdentifySettings
+    unknowns: Unknowns, windows: Sequence[RunSet], z: Floats, settings: IdentifySettings
 ) -> tuple[Floats, Floats]:
     """The best z (n,) with starts and noise as they are, and how sure it is (n,)."""
     residuals = partial(residuals_of, unknowns, windows)
@@ -243,7 +243,7 @@ def _fitted(
     return np.asarray(found.x), 1.0 / np.sqrt(np.maximum(told, 1e-300))
 
 
-def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
+def _moved(window: RunSet, unknowns: Unknowns, z: Floats) -> TrialRuns:
     """The voyage with its motion where the model found it: starts of the next stage."""
     _, _, correction = starts_out(errors_at(window, unknowns, z), window.noise)
     trial, track = window.voyage.trial, window.voyage.track.copy()
@@ -258,7 +258,7 @@ def _moved(window: Window, unknowns: Unknowns, z: Floats) -> Voyage:
     return replace(window.voyage, track=track)
 
 
-def noise_left(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
+def noise_left(window: RunSet, unknowns: Unknowns, z: Floats) -> Noise:
     """The noise that makes what a model with numbers z (n,) leaves most likely."""
     step = window.every * window.voyage.trial.dt
     return estimated(errors_at(window, unknowns, z), step, window.noise)
@@ -266,11 +266,11 @@ def noise_left(window: Window, unknowns: Unknowns, z: Floats) -> Noise:
 
 def _shot(
     unknowns: Unknowns,
-    windows: Sequence[Window],
+    windows: Sequence[RunSet],
     z: Floats,
     settings: IdentifySettings,
-    voyages: tuple[Voyage, ...],
-) -> Shot:
+    voyages: tuple[TrialRuns, ...],
+) -> FitResult:
     """Residuals, slopes and weights at the end, each with its place in time."""
     residual = residuals_of(unknowns, windows, z[None])[0]
     moment, number = [], []
@@ -279,7 +279,7 @@ def _shot(
         moment.append(np.repeat(w.voyage.trial.time[rows], 3))
         number.append(np.full(3 * len(rows), w.voyage.number))
     weight = weight_of(residual, settings.robust)
-    return Shot(
+    return FitResult(
         z, residual, slope_of(unknowns, windows, z), weight, np.concatenate(moment),
         np.concatenate(number), tuple(w.noise for w in windows), voyages,
     )  # fmt: skip
@@ -293,7 +293,7 @@ def information(
     settings: IdentifySettings,
 ) -> Floats:
     """What a trial would tell of z at known noise, no outliers: JᵀJ (n, n), without priors."""
-    voyage = Voyage(0, trial, trial.usable, motion_of(trial))
+    voyage = TrialRuns(0, trial, trial.usable, motion_of(trial))
     window = window_of(voyage, unknowns, z, noise, settings.horizons[-1], settings)
     slope = slope_of(unknowns, [window], z)
     return slope.T @ slope

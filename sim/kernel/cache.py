@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from sim.body import Blade, Body, Drive
+from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.effect import LawError
 from sim.kernel import loops_numpy
 from sim.kernel.generator import Structure, kernel_text, owners_of, source_file
@@ -181,8 +181,8 @@ def kernel_for(s: Structure) -> Kernel:
     file = _write(text, _fingerprint(s, text))
     module = _load(file, s, _jit, _entry)
     parameters = (
-        len(Body._fields) + s.thrusters * (len(Drive._fields) - 1)
-        + len(s.rudders) * (len(Blade._fields) - 1) + sum(len(e.parameters) for e in s.effects)
+        len(Body._fields) + s.thrusters * (len(ThrusterParameters._fields) - 1)
+        + len(s.rudders) * (len(RudderParameters._fields) - 1) + sum(len(e.parameters) for e in s.effects)
         + sum(len(s.knots[i]) for i in owners_of(s))
     )  # fmt: skip
     problem = _compiles(module, s, parameters)

@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from sim.body import Blade, Body, Drive
+from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.effect import Effect
 
 LOOPS = ("sim.kernel.loops", "sim.following.loops", "sim.following.monitor_loops")
@@ -39,7 +39,7 @@ from sim.balance import (
     acceleration_through, base_inertia, damping_force, kinematics, relative_velocity, solve,
     unbalanced, velocity_through,
 )
-from sim.body import Blade, Body, Drive, Flow, Report
+from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
 from sim.sensing import at_antenna
 from sim.state import Pose, Velocity, Water, Wrench, add_water, add_wrench
 {imports}
@@ -103,8 +103,14 @@ def _function(head: str, lines: Sequence[str]) -> str:
 def _unpack(s: Structure) -> str:
     """`unpack`: the vector of parameters into named tuples."""
     names = [("body", "Body", len(Body._fields))]
-    names += [(f"t{i}", "Drive", len(Drive._fields) - 1) for i in range(s.thrusters)]
-    names += [(f"r{i}", "Blade", len(Blade._fields) - 1) for i in range(len(s.rudders))]
+    names += [
+        (f"t{i}", "ThrusterParameters", len(ThrusterParameters._fields) - 1)
+        for i in range(s.thrusters)
+    ]
+    names += [
+        (f"r{i}", "RudderParameters", len(RudderParameters._fields) - 1)
+        for i in range(len(s.rudders))
+    ]
     text, at, parts = "", 0, []
     for i in owners_of(s):
         text += f"\n\nclass K{i}(NamedTuple):\n"
@@ -117,7 +123,7 @@ def _unpack(s: Structure) -> str:
         names.append((f"e{e}", f"P{e}", len(effect.parameters)))
     for field, kind, count in names:
         values = [f"theta[{k}]" for k in range(at, at + count)]
-        if kind in ("Drive", "Blade"):
+        if kind in ("ThrusterParameters", "RudderParameters"):
             values.insert(0, f"{field[1:]}.0")
         parts.append(f"{kind}({', '.join(values) or '0.0'})")
         at += count

@@ -20,7 +20,7 @@ import numpy as np
 
 from sim.comparison.regimes import COMPASS
 from sim.monitoring.consistency import Misfit
-from sim.monitoring.disturbances import Because, Estimator, Outlook
+from sim.monitoring.disturbances import Cause, Estimator, Outlook
 from sim.monitoring.live_second import Air, Moment, velocity
 from sim.state import Floats, Nu
 
@@ -44,25 +44,25 @@ STARTS = np.cumsum([0, len(HEADINGS), len(SPEEDS), len(TURNS)])
 
 
 @dataclass(frozen=True)
-class Haunts:
+class ErrorByRegime:
     """error, seconds (n,) of each of `PLACES`; every second is in four of them."""
 
     error: Floats
     seconds: Floats
 
     @classmethod
-    def start(cls) -> "Haunts":
+    def start(cls) -> "ErrorByRegime":
         """Nothing seen yet."""
         return cls(np.zeros(len(PLACES)), np.zeros(len(PLACES)))
 
-    def observe(self, moment: Moment, z: float, ahead: float) -> "Haunts":
+    def observe(self, moment: Moment, z: float, ahead: float) -> "ErrorByRegime":
         """One more second with that error; `ahead` [N] is the thrust of full throttle."""
         kept = 1.0 - 1.0 / FORGET_S
         error, seconds = kept * self.error, kept * self.seconds
         here = places_of(moment, ahead)
         error[here] += z
         seconds[here] += 1.0
-        return Haunts(error, seconds)
+        return ErrorByRegime(error, seconds)
 
     @property
     def headings(self) -> int:
@@ -117,17 +117,17 @@ class Alarm:
 
     outlook: Outlook
     misfit: Misfit
-    haunts: Haunts
-    told: tuple[Because, bool] = (Because.NOTHING, False)
+    haunts: ErrorByRegime
+    told: tuple[Cause, bool] = (Cause.NOTHING, False)
     outside: Floats | None = None
     told_at: float = -np.inf
-    hinted: tuple[Because, bool] = (Because.NOTHING, False)
+    hinted: tuple[Cause, bool] = (Cause.NOTHING, False)
     hinted_at: float = -np.inf
 
     @classmethod
     def start(cls, estimator: Estimator) -> "Alarm":
         """Nothing seen yet."""
-        return cls(estimator.start(), Misfit(), Haunts.start())
+        return cls(estimator.start(), Misfit(), ErrorByRegime.start())
 
     def observe(self, estimator: Estimator, moment: Moment) -> tuple["Alarm", News | None]:
         """One more second -> what is known after it, and what there is to tell."""
@@ -151,11 +151,11 @@ class Alarm:
         return replace(self, misfit=self.misfit.broken())
 
     @property
-    def because(self) -> Because:
+    def because(self) -> Cause:
         """The explanation, with its doubts on few headings."""
         because = self.outlook.because
-        if self.few_headings and because in (Because.CURRENT, Because.WIND):
-            return Because.EITHER
+        if self.few_headings and because in (Cause.CURRENT, Cause.WIND):
+            return Cause.EITHER
         return because
 
     @property
@@ -169,10 +169,10 @@ class Alarm:
         return self.few_headings or self.outlook.count < ENOUGH_S
 
     @property
-    def verdict(self) -> tuple[Because, bool]:
+    def verdict(self) -> tuple[Cause, bool]:
         """The explanation; where there is none, also whether that means anything."""
         because = self.because
-        return because, because is Because.NOTHING and not self.too_early
+        return because, because is Cause.NOTHING and not self.too_early
 
     def _hint(self, time: float) -> "Alarm":
         if self.verdict == self.hinted:
@@ -189,14 +189,14 @@ class Alarm:
         return self.verdict != self.told or self._moved()
 
     def _outside(self) -> Floats | None:
-        belief = {Because.CURRENT: self.outlook.water, Because.WIND: self.outlook.air}
+        belief = {Cause.CURRENT: self.outlook.water, Cause.WIND: self.outlook.air}
         return belief[self.because].outside if self.because in belief else None
 
     def _moved(self) -> bool:
         now = self._outside()
         if now is None or self.outside is None:
             return False
-        belief = self.outlook.water if self.because is Because.CURRENT else self.outlook.air
+        belief = self.outlook.water if self.because is Cause.CURRENT else self.outlook.air
         change, size = now - self.outside, float(np.hypot(*self.outside))
         sigmas = float(change @ np.linalg.solve(belief.spread, change))
         return sigmas > SIGMAS**2 and float(np.hypot(*change)) > MOVED * size
@@ -219,11 +219,11 @@ def cause(alarm: Alarm, air: Air) -> str:
     """What explains it, as far as that can be told."""
     water, wind = alarm.outlook.water.outside, alarm.outlook.air.outside
     match alarm.because:
-        case Because.CURRENT:
+        case Cause.CURRENT:
             return f"looks like {current(water)}"
-        case Because.WIND:
+        case Cause.WIND:
             return f"looks like {blown(wind, air)}"
-        case Because.EITHER:
+        case Cause.EITHER:
             return f"looks like current or wind ({current(water)}, or {blown(wind, air)}): " + HINT
     if alarm.too_early:
         return "too little seen so far to tell current or wind from an error of the boat's own"

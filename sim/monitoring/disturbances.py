@@ -41,7 +41,7 @@ DRIFT_S, OWN_DRIFT_S = 1800.0, 20000.0  # s over which a random walk reaches its
 SURE = 3.0  # standard deviations
 
 
-class Sight(NamedTuple):
+class MeasurementModel(NamedTuple):
     """What an explanation says of one second: B (3, 10), h (3,), its slope (3, 0 or 2)."""
 
     own: Floats
@@ -50,7 +50,7 @@ class Sight(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Belief:
+class DisturbanceFilter:
     """mean (n,), covariance (n, n), score [nats]; odd (3,): the last miss² over what was expected.
 
     prior (n,) are the standard deviations at the start.
@@ -63,7 +63,7 @@ class Belief:
     score: float = 0.0
 
     @classmethod
-    def start(cls, own: Floats, outside: float | None = None) -> "Belief":
+    def start(cls, own: Floats, outside: float | None = None) -> "DisturbanceFilter":
         """Widths of b (10,) and of either component outside, where there is anything outside."""
         prior = own if outside is None else np.append(own, [outside, outside])
         return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3))
@@ -83,7 +83,9 @@ class Belief:
         """Is what is outside clearly not nothing?"""
         return float(self.outside @ np.linalg.solve(self.spread, self.outside)) > SURE**2
 
-    def updated(self, force: Floats, variance: Floats, sight: Sight, dt: float) -> "Belief":
+    def updated(
+        self, force: Floats, variance: Floats, sight: MeasurementModel, dt: float
+    ) -> "DisturbanceFilter":
         """Missing force (3,) with its variance (3,), `dt` [s] after the last."""
         walk = np.where(np.arange(len(self.prior)) < OWN, OWN_DRIFT_S, DRIFT_S)
         P = self.covariance + np.diag(self.prior**2 * dt / walk)
@@ -98,7 +100,9 @@ class Belief:
         A = np.eye(len(self.mean)) - K @ H
         said = -0.5 * (min(squared, SURPRISE) + float(np.linalg.slogdet(S)[1])) / RELIEF
         score = self.score * float(np.exp(-dt / FORGET_S)) + said
-        return Belief(self.prior, self.mean + K @ miss, A @ P @ A.T + K @ R @ K.T, odd, score)
+        return DisturbanceFilter(
+            self.prior, self.mean + K @ miss, A @ P @ A.T + K @ R @ K.T, odd, score
+        )
 
 
 WATER = 0.5  # m/s, prior of either component
@@ -110,7 +114,7 @@ LEAST = 0.01  # of what the boat itself may be off by: no estimate is perfect
 LONGEST_S = 600.0  # a longer silence counts as this long
 
 
-class Because(Enum):
+class Cause(Enum):
     """What the surroundings do that the vessel does not know."""
 
     NOTHING = "none"
@@ -123,23 +127,23 @@ class Because(Enum):
 class Outlook:
     """The three explanations after `count` seconds; noise (3,): variance over the stated one."""
 
-    boat: Belief
-    water: Belief
-    air: Belief
+    boat: DisturbanceFilter
+    water: DisturbanceFilter
+    air: DisturbanceFilter
     noise: Floats
     time: float = -np.inf
     count: int = 0
 
     @property
-    def because(self) -> Because:
+    def because(self) -> Cause:
         """What explains the missing force best, as far as these seconds tell."""
         water, air = self.water.score - self.boat.score, self.air.score - self.boat.score
         if max(water, air) < WORTH:
-            return Because.NOTHING
+            return Cause.NOTHING
         better = self.water if water > air else self.air
         if abs(water - air) < APART or not better.certain:
-            return Because.EITHER
-        return Because.CURRENT if water > air else Because.WIND
+            return Cause.EITHER
+        return Cause.CURRENT if water > air else Cause.WIND
 
 
 @dataclass(frozen=True)
@@ -164,8 +168,8 @@ class Estimator:
 
     def start(self) -> Outlook:
         """Nothing seen yet."""
-        boat, water = Belief.start(self.own), Belief.start(self.own, WATER)
-        return Outlook(boat, water, Belief.start(self.own, self.air.prior), np.ones(3))
+        boat, water = DisturbanceFilter.start(self.own), DisturbanceFilter.start(self.own, WATER)
+        return Outlook(boat, water, DisturbanceFilter.start(self.own, self.air.prior), np.ones(3))
 
     def observe(self, outlook: Outlook, moment: Moment) -> tuple[Outlook, Balance]:
         """One more second -> what is believed after it, and the balance there."""
@@ -185,19 +189,19 @@ class Estimator:
         noise = np.clip(outlook.noise * change, *NOISE)
         return Outlook(boat, water, air, noise, moment.time, outlook.count + 1), balance
 
-    def _boat(self, moment: Moment) -> Sight:
-        return Sight(self._own(moment, moment.nu), np.zeros(3), np.zeros((3, 0)))
+    def _boat(self, moment: Moment) -> MeasurementModel:
+        return MeasurementModel(self._own(moment, moment.nu), np.zeros(3), np.zeros((3, 0)))
 
-    def _water(self, moment: Moment, balance: Balance, current: Floats) -> Sight:
+    def _water(self, moment: Moment, balance: Balance, current: Floats) -> MeasurementModel:
         """F(ν) − F(ν − c), and its slope against c."""
         turn = np.array([in_body(e, moment.yaw) for e in np.eye(2)]).T  # world to body (2, 2)
         spin = moment.nu[2] * np.array([[0.0, 1.0], [-1.0, 0.0]]) @ turn
         slope = balance.velocity[:, :2] @ turn + balance.acceleration[:, :2] @ spin
         through = moment.nu - shift_by(current, moment)[:3]
-        return Sight(self._own(moment, through), balance.still - balance.moving, slope)
+        return MeasurementModel(self._own(moment, through), balance.still - balance.moving, slope)
 
-    def _air(self, moment: Moment, g: Floats) -> Sight:
-        return Sight(self._own(moment, moment.nu), *self.air.push(g, moment))
+    def _air(self, moment: Moment, g: Floats) -> MeasurementModel:
+        return MeasurementModel(self._own(moment, moment.nu), *self.air.push(g, moment))
 
     def _own(self, moment: Moment, nu: Floats) -> Floats:
         """B (3, 10): what one unit of each of the boat's own errors adds to the missing force."""

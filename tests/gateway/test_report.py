@@ -17,7 +17,7 @@ from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
 LOADS = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
 
 
-class Asking(HTMLParser):
+class RateRequests(HTMLParser):
     """All addresses that a browser would ask for, and all images."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ def page():
 
 def test_it_asks_for_nothing_outside_itself(page):
     text = render(page[0])
-    seen = Asking()
+    seen = RateRequests()
     seen.feed(text)
     assert seen.asked == []
     assert seen.scripts == 0

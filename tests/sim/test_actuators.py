@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from sim.actuators import STALL_SINE, angle_of, rudder_force, slipstream, thrust_of, thruster_force
-from sim.body import Blade, Body, Drive, Flow
+from sim.body import Body, Flow, RudderParameters, ThrusterParameters
 from sim.model import Model
 from tests.sim.vessels import RUDDER_BOAT, STEERED_BOAT, WAMV
 
 DT = 0.05
 BODY = Body(*[0.0] * len(Body._fields))
-BLADE = Blade(0.0, -1.2, 0.0, -0.6, 0.5, 0.02, 1.5)
-DRIVE = Drive(0.0, -0.7, 0.4, 0.0, -50.0, 90.0, 2.0)
+BLADE = RudderParameters(0.0, -1.2, 0.0, -0.6, 0.5, 0.02, 1.5)
+DRIVE = ThrusterParameters(0.0, -0.7, 0.4, 0.0, -50.0, 90.0, 2.0)
 
 
 def flow(u, v=0.0, r=0.0):

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 
-from sim.body import Blade, Body, Drive, Flow, Report
+from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
 from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Need, Parameter, Scope
@@ -91,8 +91,8 @@ def arguments(rng, count):
         "F": uniform(-80.0, 80.0), "thrust": uniform(-80.0, 80.0),
         "angle": uniform(-0.6, 0.6), "δ": uniform(-0.6, 0.6), "azimuth": uniform(-3.0, 3.0),
         "state": uniform(-50.0, 50.0), "time": uniform(0.0, 300.0),
-        "drive": Drive(*(uniform(0.1, 2.0) for _ in Drive._fields)),
-        "blade": Blade(*(uniform(0.1, 2.0) for _ in Blade._fields)),
+        "drive": ThrusterParameters(*(uniform(0.1, 2.0) for _ in ThrusterParameters._fields)),
+        "blade": RudderParameters(*(uniform(0.1, 2.0) for _ in RudderParameters._fields)),
         "flow": flow, "pose": Pose(*(uniform(-3.0, 3.0) for _ in range(3))),
         "M": Inertia(*(uniform(50.0, 90.0) for _ in range(6))),
         "report": Report(*(uniform(-2.0, 2.0) for _ in range(9))),

@@ -17,7 +17,7 @@ from gateway.figures.bokeh_draw import Picture
 from gateway.ingest.earth import Origin
 from gateway.studio.map_tiles import MapSwitch, Underlay
 from gateway.studio.page import Page
-from gateway.studio.session import Desk
+from gateway.studio.session import Session
 from gateway.studio.views import Ranges, TrialView, VesselView
 from gateway.studio.widgets import (
     button,
@@ -56,7 +56,7 @@ class Compare(Page):
 
     name, title = "compare", "Compare"
 
-    def __init__(self, desk: Desk, settings: StudioSettings) -> None:
+    def __init__(self, desk: Session, settings: StudioSettings) -> None:
         super().__init__(desk)
         self._settings, self._map = settings, MapSwitch(settings)
         self._mapped: Picture | None = None

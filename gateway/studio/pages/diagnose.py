@@ -11,8 +11,8 @@ from gateway.figures.bokeh_draw import Picture
 from gateway.figures.diagnosis import steps
 from gateway.figures.figure_data import FigureData
 from gateway.studio.page import Page
-from gateway.studio.session import Desk
-from gateway.studio.views import Found, Other, Rung
+from gateway.studio.session import Session
+from gateway.studio.views import Found, LadderView, Other
 from gateway.studio.widgets import (
     beside,
     boxes,
@@ -35,7 +35,7 @@ class Diagnose(Page):
 
     name, title = "diagnose", "Diagnose"
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Session) -> None:
         super().__init__(desk)
         self._learn = boxes(options=[], inline=True)
         self._learn.param.watch(lambda _: self._learning(), "value")
@@ -137,7 +137,7 @@ class Diagnose(Page):
         self._evidence.objects = parts or [html("<p class='faint'>none: nothing was found</p>")]
 
     def _proof(
-        self, key: str, heading: str, data: FigureData, found: Found, rung: Rung | None = None
+        self, key: str, heading: str, data: FigureData, found: Found, rung: LadderView | None = None
     ) -> Any:
         """A picture with its words; and a button where it can be taken."""
         effect = key.split()[-1]
@@ -162,7 +162,7 @@ class Diagnose(Page):
         return (f"{_plain(rung.effects[-1])}{there} <span class='faint'>error "
                 f"{rung.step.error:.3f}{against}</span>{tied}")  # fmt: skip
 
-    def _taker(self, rung: Rung) -> Callable[[], None]:
+    def _taker(self, rung: LadderView) -> Callable[[], None]:
         return self.safely(lambda: self.desk.climb(rung))
 
     def _climbed(self) -> None:
@@ -216,7 +216,7 @@ class Diagnose(Page):
         return pn.Row(add, pn.Spacer(width=12, sizing_mode="fixed"), html(says),
                       sizing_mode="stretch_width", margin=(2, 0))  # fmt: skip
 
-    def _candidate(self, found: Found, rung: Rung, now: tuple[str, ...]) -> Any:
+    def _candidate(self, found: Found, rung: LadderView, now: tuple[str, ...]) -> Any:
         """A line of what can be added with its button."""
         effect, there = rung.effects[-1], rung.effects == now
         kind = "primary" if rung in found.rungs and not there else "default"
@@ -253,17 +253,17 @@ def _beyond(found: Found, effects: tuple[str, ...]) -> tuple[str, ...] | None:
     return effects[n:] if effects[:n] == found.before else None
 
 
-def _next(found: Found, now: tuple[str, ...]) -> list[Rung]:
+def _next(found: Found, now: tuple[str, ...]) -> list[LadderView]:
     """What can be added to the vessel as it is, what was chosen first."""
     return [r for r in found.every if r.effects and r.effects[:-1] == now][:SHOWN]
 
 
-def _in_place(found: Found, now: tuple[str, ...]) -> list[Rung]:
+def _in_place(found: Found, now: tuple[str, ...]) -> list[LadderView]:
     """What was added last, and what could stand there instead."""
     return _next(found, now[:-1]) if now else []
 
 
-def _ranked(found: Found, rung: Rung) -> str:
+def _ranked(found: Found, rung: LadderView) -> str:
     """How probable an effect is beside the others, and from what it cannot be told."""
     effect = rung.effects[-1]
     row = next((r for r in found.answer["ranking"] if r["effect"] == effect), None)

@@ -18,10 +18,10 @@ from gateway.figures.figure_data import Role
 from gateway.figures.style import Look
 from gateway.ingest.earth import Origin, to_degrees
 from gateway.live.intake import distance_m, on_earth
-from gateway.studio.live_history import WINDOW_S, LiveBook, Now
+from gateway.studio.live_history import WINDOW_S, LiveHistory, Now
 from gateway.studio.map_tiles import MapSwitch, Underlay
 from gateway.studio.page import Page
-from gateway.studio.session import Desk
+from gateway.studio.session import Session
 from gateway.studio.widgets import NO_BUTTON, beside, card, html, select, word
 
 STRIPS = (("u", "surge u [m/s]"), ("v", "sway v [m/s]"), ("r", "yaw rate r [°/s]"))
@@ -45,7 +45,7 @@ class Live(Page):
     name, title = "live", "Live"
     period_ms = 100
 
-    def __init__(self, desk: Desk, book: LiveBook, settings: StudioSettings) -> None:
+    def __init__(self, desk: Session, book: LiveHistory, settings: StudioSettings) -> None:
         super().__init__(desk)
         self.book, self._settings = book, settings
         self._which = select("Boat", [], width=240)

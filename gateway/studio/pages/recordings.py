@@ -10,7 +10,7 @@ import panel as pn
 
 from gateway.errors import BadInput
 from gateway.studio.page import Page
-from gateway.studio.session import Desk
+from gateway.studio.session import Session
 from gateway.studio.views import Row
 from gateway.studio.widgets import boxes, bullets, button, card, html, select
 
@@ -20,7 +20,7 @@ class Recordings(Page):
 
     name, title = "recordings", "Recordings"
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Session) -> None:
         super().__init__(desk)
         self._logs = boxes(options={})
         self._vessel = select("Vessel file", {}, width=320)

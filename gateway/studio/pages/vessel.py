@@ -12,7 +12,7 @@ import panel as pn
 from gateway.figures.bokeh_draw import Picture
 from gateway.figures.velocities import overlay
 from gateway.studio.page import Page
-from gateway.studio.session import Desk, as_text
+from gateway.studio.session import Session, as_text
 from gateway.studio.widgets import (
     STYLE,
     beside,
@@ -44,7 +44,7 @@ class VesselPage(Page):
 
     name, title = "vessel", "Vessel"
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Session) -> None:
         super().__init__(desk)
         self._sliders: dict[str, Any] = {}
         self._told: dict[str, Any] = {}

@@ -14,7 +14,7 @@ from gateway.links.inbox import Datagram, Empty, Inbox, Kind
 from gateway.links.link import Link
 from gateway.links.rate_requests import Requests, heartbeat
 from gateway.links.signing import ticks
-from gateway.links.transmitter import Identity, Voice, permitted
+from gateway.links.transmitter import Identity, Transmitter, permitted
 from tests.gateway.links.boats import (
     PATIENCE_S,
     Autopilot,
@@ -182,7 +182,7 @@ FORBIDDEN = [
 
 @pytest.mark.parametrize("message", FORBIDDEN, ids=lambda m: m.get_type())
 def test_nothing_else_can_be_said(inbox, message):
-    raw = Voice(Identity(), None, 0).pack(message)
+    raw = Transmitter(Identity(), None, 0).pack(message)
     with pytest.raises(ValueError, match="never sent"):
         permitted(raw)
     port = free_port()
@@ -263,7 +263,7 @@ def test_a_silent_link_refuses_to_speak_and_to_be_where_it_must(inbox):
         datagrams(inbox, 1)
         assert not link.announces
         assert not link.say(heartbeat())
-        assert not link.send(Voice(Identity(), None, 0).pack(heartbeat()))
+        assert not link.send(Transmitter(Identity(), None, 0).pack(heartbeat()))
         line.settimeout(0.2)
         with pytest.raises(TimeoutError):
             line.recv(300)

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 from gateway.links.signing import MINUTE, Signatures, Verdict, load_key, ticks
-from gateway.links.transmitter import Identity, Voice
+from gateway.links.transmitter import Identity, Transmitter
 from tests.gateway.links.boats import Autopilot
 
 KEY = bytes(range(32))
@@ -93,7 +93,7 @@ def test_a_forged_frame_locks_nobody_out():
 
 
 def test_what_we_sign_pymavlink_accepts_and_time_never_stands():
-    keeper, voice = Signatures(KEY), Voice(Identity(), KEY, link_id=3)
+    keeper, voice = Signatures(KEY), Transmitter(Identity(), KEY, link_id=3)
     boat = dialect.MAVLink(None)
     boat.signing.secret_key = KEY
     boat.signing.timestamp = ticks(NOW) + 5

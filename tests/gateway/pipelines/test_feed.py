@@ -7,12 +7,12 @@ import pytest
 
 from gateway.estimation.names import Kind
 from gateway.offline.replay import ReplayOptions, prepare
-from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, Feed
+from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
 from tests.gateway.pipelines.sailing import Said, tlog, voyage
 
 
-def feed_of(script: Script, folder: Path) -> Feed:
+def feed_of(script: Script, folder: Path) -> FilterInputs:
     path = folder / "scripted.tlog"
     path.write_bytes(bytes(script.raw))
     return prepare(path, ReplayOptions()).feed

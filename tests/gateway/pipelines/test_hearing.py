@@ -12,10 +12,10 @@ from gateway.estimation.settings import FilterSettings, gyro_delay_s
 from gateway.ingest.earth import to_degrees
 from gateway.ingest.mavlink.boats import Boat
 from gateway.live.boat import LiveBoat
-from gateway.live.intake import PATIENCE_NS, Hearing
+from gateway.live.intake import PATIENCE_NS, MessageIntake
 from gateway.samples import Measurement, Quantity
 from gateway.shadow.health import LiveHealth, Numbers
-from gateway.shadow.inputs import Feed
+from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import ShadowPath
 from sim.following.follower import VesselFollower
 from sim.following.reference import Reference
@@ -31,10 +31,10 @@ class Boatswain:
     """Hears messages of a boat that booted a minute ago, with 10 ms of delay."""
 
     def __init__(self) -> None:
-        self.hearing = Hearing(Boat(1, 1), FilterSettings())
+        self.hearing = MessageIntake(Boat(1, 1), FilterSettings())
         self.mav = dialect.MAVLink(None, 1, 1)
 
-    def hear(self, t: float, message: Any) -> Feed | None:
+    def hear(self, t: float, message: Any) -> FilterInputs | None:
         raw = message.pack(self.mav)
         return self.hearing.take(self.mav.decode(bytearray(raw)), START + round((t + 0.01) * 1e9))
 

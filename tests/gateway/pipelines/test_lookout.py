@@ -9,7 +9,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from gateway.shadow.model_monitor import FIRST_S, Lookout, clock
+from gateway.shadow.model_monitor import FIRST_S, ModelMonitor, clock
 from gateway.shadow.path import Shadowing, Watched
 from gateway.simulated_boat.boat import PlayedBoat
 from gateway.simulated_boat.faults import Frame
@@ -54,7 +54,7 @@ def cut(out: Shadowing, part: slice) -> Shadowing:
 
 
 def told(out: Shadowing, ends: list[int], vessel: Any = WAMV) -> list[Any]:
-    lookout, found = Lookout.of(Model.of(vessel)), list[Any]()
+    lookout, found = ModelMonitor.of(Model.of(vessel)), list[Any]()
     for start, end in zip([0, *ends], [*ends, len(out)], strict=True):
         lookout, rows, said = lookout.observe(cut(out, slice(start, end)))
         found += [(r.topic, payload) for r in rows for payload in r.payloads] + list(said)

@@ -10,7 +10,7 @@ import pytest
 from gateway.estimation.names import Flag, Kind
 from gateway.ingest.mavlink.tlog import TlogFile
 from gateway.offline.replay import Material, ReplayOptions, material_of
-from gateway.shadow.events import Watchman
+from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
 from gateway.shadow.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
 from gateway.shadow.topic_rows import event_rows, topic_rows
@@ -53,7 +53,7 @@ def path_of(mode: Mode, vessel: Vessel = WAMV, plant: Vessel | None = None) -> S
 def outcome(path: ShadowPath, size: int) -> dict[str, list[bytes]]:
     """Topic -> payloads, with the facts taken in `size` at a time."""
     given = material()
-    state, watchman = path.start(), Watchman()
+    state, watchman = path.start(), EventDetector()
     meter = HealthMeter.of_log(given.log, given.decoded)
     said: dict[str, list[bytes]] = {}
     for begin in range(0, len(given.feed), size):
@@ -184,7 +184,7 @@ def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:
     for flag in flags:
         raised[200:204] |= int(flag)  # yaw, yaw rate, velocity, position
     changed = replace(filtered, flags=raised)
-    _, told = Watchman().observe(given.feed, changed, out)
+    _, told = EventDetector().observe(given.feed, changed, out)
     return given.feed, changed, [h.kind for h in told]
 
 
@@ -201,7 +201,7 @@ def test_a_restart_is_told_even_in_the_first_chunk_but_the_start_is_none() -> No
     _, out, filtered = path.advance(path.start(), given.feed)
     flags = filtered.flags.copy()
     flags[0] |= int(Flag.RESTART)
-    _, told = Watchman().observe(given.feed, replace(filtered, flags=flags), out)
+    _, told = EventDetector().observe(given.feed, replace(filtered, flags=flags), out)
     assert [h.kind for h in told] == ["started"]
 
 
@@ -211,7 +211,7 @@ def test_after_a_discontinuity_the_shadow_is_set_anew_and_says_so() -> None:
     given = material_of(TlogFile.from_bytes(b"".join(frames(moved))), ReplayOptions())
     path = path_of(Mode.MEASURED)
     _, out, filtered = path.advance(path.start(), given.feed)
-    _, told = Watchman().observe(given.feed, filtered, out)
+    _, told = EventDetector().observe(given.feed, filtered, out)
     assert [h.kind for h in told].count("jump") == 1
     assert out.jumped.sum() == 1
     k = int(np.flatnonzero(out.jumped)[0])
@@ -240,7 +240,7 @@ def test_rows_go_out_no_faster_than_asked() -> None:
 def test_what_happened_is_told_once_each() -> None:
     given, path = material(), path_of(Mode.AUTO)
     _, out, filtered = path.advance(path.start(), given.feed)
-    _, told = Watchman().observe(given.feed, filtered, out)
+    _, told = EventDetector().observe(given.feed, filtered, out)
     begun = told[0].receive_time_ns
     found = [(h.kind, round((h.receive_time_ns - begun) * 1e-9, 1)) for h in told]
     assert found == [

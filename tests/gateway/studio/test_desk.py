@@ -11,9 +11,9 @@ import pytest
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import Step
 from gateway.studio.access import Folders
-from gateway.studio.session import Desk, as_text
+from gateway.studio.session import Session, as_text
 from gateway.studio.tasks import compare, report
-from gateway.studio.views import Found, Other, Rung, TrialView
+from gateway.studio.views import Found, LadderView, Other, TrialView
 from gateway.vessel_file import load_vessel
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -23,17 +23,17 @@ LOG, BOAT = ROOT / "recordings/voyage_1.tlog", ROOT / "configs/vessels/demo_boat
 @pytest.fixture
 def desk(tmp_path):
     shutil.copy(BOAT, tmp_path)
-    return Desk(Folders.of([], [tmp_path], tmp_path / "out"), (), tmp_path / BOAT.name)
+    return Session(Folders.of([], [tmp_path], tmp_path / "out"), (), tmp_path / BOAT.name)
 
 
-def found_on(desk: Desk) -> Found:
+def found_on(desk: Session) -> Found:
     """A made-up answer with two effects, one after the other."""
     text = desk.versions[-1].text
     steps = [Step(name, error, None) for name, error in
              (("as given", 0.6), ("base re-fitted", 0.5), ("+ a", 0.3), ("+ b", 0.1))]  # fmt: skip
     effects: list[tuple[str, ...]] = [(), (), ("a",), ("a", "b")]
     rungs = tuple(
-        Rung(e, step, f"{text}\n# {k}")
+        LadderView(e, step, f"{text}\n# {k}")
         for k, (e, step) in enumerate(zip(effects, steps, strict=True))
     )
     return Found({"ranking": []}, ("one.tlog",), 0.1, rungs, None, {})
@@ -66,8 +66,8 @@ def test_the_ladder_is_climbed_rung_by_rung_and_down_again(desk):
 
 def test_a_rival_takes_the_place_of_what_was_chosen_with_its_own_error_and_undo_gives_it_back(desk):
     found = found_on(desk)
-    rival = Rung(("a", "c"), Step("+ c", 0.12, None), "c beside a")
-    alone = Rung(("c",), Step("+ c", 0.4, None), "c alone")
+    rival = LadderView(("a", "c"), Step("+ c", 0.12, None), "c beside a")
+    alone = LadderView(("c",), Step("+ c", 0.4, None), "c alone")
     desk.found = replace(found, others=(Other(alone, False), Other(rival, True)))
     for rung in found.rungs[2:]:
         desk.climb(rung)
@@ -87,7 +87,7 @@ def test_a_second_diagnosis_goes_on_from_the_first(desk):
     again = found_on(desk)
     desk.found = replace(again, before=("a",), rungs=(
         *(replace(r, step=Step(r.step.name, 0.3, None)) for r in again.rungs[:2]),
-        Rung(("d",), Step("+ d", 0.2, None), "text"),
+        LadderView(("d",), Step("+ d", 0.2, None), "text"),
     ))  # fmt: skip
     desk.climb(desk.found.rungs[2])
     assert desk.version.effects == ("a", "d")

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.monitor.vessel_view import Latest, VesselPicture
 from gateway.studio import live_history
-from gateway.studio.live_history import LiveBook, Pages
+from gateway.studio.live_history import LiveHistory, Pages
 
 T0 = 1_700_000_000.0
 
@@ -56,7 +56,7 @@ def test_it_looks_by_itself_and_pages_get_what_is_new(monkeypatch):
 
     monkeypatch.setattr(live_history, "Eyes", Seen)
     monkeypatch.setattr(live_history, "PERIOD_S", 0.005)
-    with LiveBook(SimpleNamespace(where="here")) as book:
+    with LiveHistory(SimpleNamespace(where="here")) as book:
         end = time.monotonic() + 10.0
         while time.monotonic() < end and not (
             book.now() and len(book.now()[0].since("measured", 0)) > 5

@@ -10,7 +10,7 @@ from tornado.ioloop import IOLoop
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from gateway.errors import BadInput
-from gateway.studio.live_history import LiveBook
+from gateway.studio.live_history import LiveHistory
 from gateway.studio.serve import DEMO_VESSEL, StudioOptions, desk_of, is_news, origins_of, server_of
 from gateway.terminal.monitor_loop import MonitorOptions
 
@@ -29,7 +29,7 @@ class Served:
     def __init__(self, folder: Path, token: str | None) -> None:
         self.options = StudioOptions(folders=(folder,), port=free_port(), out=folder)
         self.desk = desk_of(self.options)
-        self.book = LiveBook(MonitorOptions("tcp/127.0.0.1:1"))  # not watching
+        self.book = LiveHistory(MonitorOptions("tcp/127.0.0.1:1"))  # not watching
         self.server = server_of(self.desk, self.book, self.options, token)
         self.at = f"127.0.0.1:{self.options.port}"
 

@@ -7,9 +7,18 @@ import numpy as np
 import pytest
 
 from sim.model import Model
-from sim.monitoring.alarm import APART_S, PLACES, Alarm, Haunts, News, current, places_of, sentence
+from sim.monitoring.alarm import (
+    APART_S,
+    PLACES,
+    Alarm,
+    ErrorByRegime,
+    News,
+    current,
+    places_of,
+    sentence,
+)
 from sim.monitoring.consistency import HIGH, Misfit, transition
-from sim.monitoring.disturbances import Because, Estimator
+from sim.monitoring.disturbances import Cause, Estimator
 from sim.monitoring.live_second import Air, Balance, Moment
 from tests.sim.diagnosis.seconds import seconds
 from tests.sim.diagnosis.voyages import WAM_V
@@ -71,7 +80,7 @@ def test_a_current_that_sets_in_and_ends_is_told_with_its_cause(estimator: Estim
     assert 95 <= told[0][2].misfit.since <= 110
     explained = [alarm for news, _, alarm, _ in told if news is News.EXPLAINED]
     assert explained
-    assert explained[0].because is Because.CURRENT
+    assert explained[0].because is Cause.CURRENT
 
 
 def test_explanations_are_told_a_minute_apart_at_most(estimator: Estimator) -> None:
@@ -87,7 +96,7 @@ def test_explanations_are_told_a_minute_apart_at_most(estimator: Estimator) -> N
 def test_few_headings_leave_the_cause_open(estimator: Estimator) -> None:
     flow = off_by(seconds(200, stream=STREAM, headings=1), 0.25, np.random.default_rng(4))
     alarm, told = watched(estimator, flow)
-    assert alarm.because in (Because.NOTHING, Because.EITHER)
+    assert alarm.because in (Cause.NOTHING, Cause.EITHER)
     assert next(news for news, *_ in told) is News.WRONG
     assert "looks like 0" not in sentence(told[0][0], told[0][2], estimator.air, "14:32 UTC")
 
@@ -147,7 +156,7 @@ def test_a_transition_is_that_of_the_linear_model() -> None:
 
 
 def test_the_worst_place_is_the_one_with_the_error() -> None:
-    haunts = Haunts.start()
+    haunts = ErrorByRegime.start()
     for moment in seconds(400):
         west = abs(np.degrees(moment.yaw) % 360.0 - 270.0) < 22.5
         haunts = haunts.observe(moment, 20.0 if west else 0.5, 180.0)
@@ -156,7 +165,7 @@ def test_the_worst_place_is_the_one_with_the_error() -> None:
 
 
 def test_an_error_that_is_everywhere_has_no_place() -> None:
-    haunts = Haunts.start()
+    haunts = ErrorByRegime.start()
     for moment in seconds(400):
         haunts = haunts.observe(moment, 10.0, 180.0)
     assert haunts.worst == ""

@@ -13,7 +13,7 @@ from sim.diagnosis.fit import (
     started,
     unknowns_for,
 )
-from sim.diagnosis.fit_problem import Wide
+from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.ladder import polished
 from sim.effects.catalogue import named
 from sim.model import Model
@@ -38,7 +38,7 @@ def failing(at: float, rest: tuple[float, float] = (0.0, 0.0)) -> Trial:
 
 def fit_of(trial: Trial, time: float) -> Fit:
     """A fault fitted at about that time."""
-    wide, settings = Wide.of(WAM_V, [FAULT]), DiagnoseSettings()
+    wide, settings = SupersetModel.of(WAM_V, [FAULT]), DiagnoseSettings()
     base = refitted(wide, Model.of(WAM_V), [trial], settings)
     added = [AddedEffect(FAULT, {"thruster": 1.0, "gain": 0.5, "time": time})]
     unknowns = unknowns_for(wide, added, 1, base.ground.settings)
@@ -53,7 +53,7 @@ def off() -> Fit:
 def test_events_are_moments() -> None:
     trial = failing(93.0)
     assert moments_in(fit_of(trial, 95.0)) == (NAME,)
-    bare = refitted(Wide.of(WAM_V, []), Model.of(WAM_V), [trial], DiagnoseSettings())
+    bare = refitted(SupersetModel.of(WAM_V, []), Model.of(WAM_V), [trial], DiagnoseSettings())
     assert moments_in(bare) == ()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from sim.diagnosis.diagnose import DiagnoseSettings, refitted
 from sim.diagnosis.fit import FAR, Fit, as_given
-from sim.diagnosis.fit_problem import Wide
+from sim.diagnosis.fit_problem import SupersetModel
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.state import Floats
@@ -20,7 +20,7 @@ BEND = 4.0  # standard deviations, where a residual begins to count less
 @pytest.fixture(scope="module")
 def fit() -> Fit:
     """The base on a voyage that it explains."""
-    return refitted(Wide.of(WAM_V, ()), Model.of(WAM_V), [sailed()], DiagnoseSettings())
+    return refitted(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), [sailed()], DiagnoseSettings())
 
 
 def cost(fit: Fit, z: Floats, rows: Floats) -> float:

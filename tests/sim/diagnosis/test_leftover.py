@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sim.body import Drive, Flow
+from sim.body import Flow, ThrusterParameters
 from sim.diagnosis.diagnose import DiagnoseSettings, refitted
 from sim.diagnosis.fit import Fit
-from sim.diagnosis.fit_problem import Wide
+from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.force_terms import rhythms
 from sim.diagnosis.residual_terms import dependences
 from sim.effects.effect import Effect, Scope
@@ -33,7 +33,7 @@ def sheared(time: float, pose: Pose, p: Nothing) -> Water:
     return Water(0.0, 0.3 * np.tanh(0.05 * pose.north), 0.0, 0.0)
 
 
-def stuttering(F: float, drive: Drive, flow: Flow, p: Nothing) -> float:
+def stuttering(F: float, drive: ThrusterParameters, flow: Flow, p: Nothing) -> float:
     """The motors stop for a third of each period."""
     return F * (flow.time % PERIOD >= PERIOD / 3.0)
 
@@ -52,7 +52,7 @@ def voyage(**law: Callable[..., Any]) -> Trial:
 
 def base_on(*trials: Trial) -> Fit:
     """The base fitted without any effect."""
-    return refitted(Wide.of(WAM_V, ()), Model.of(WAM_V), trials, DiagnoseSettings())
+    return refitted(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), trials, DiagnoseSettings())
 
 
 def test_water_that_flows_differently_from_place_to_place() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
-from sim.monitoring.disturbances import OWN, Because, Belief, Estimator, Outlook
+from sim.monitoring.disturbances import OWN, Cause, DisturbanceFilter, Estimator, Outlook
 from sim.monitoring.live_second import Air, balance_at, velocity
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.seconds import seconds
@@ -32,7 +32,7 @@ def plain() -> Estimator:
 
 def test_a_current_is_found_within_what_it_states(plain: Estimator) -> None:
     outlook = after(plain, seconds(240, stream=STREAM))
-    assert outlook.because is Because.CURRENT
+    assert outlook.because is Cause.CURRENT
     off = outlook.water.outside - STREAM
     assert np.hypot(*off) < 0.06
     assert off @ np.linalg.solve(outlook.water.spread, off) < 9.0
@@ -46,25 +46,25 @@ def test_the_more_is_seen_the_better_it_is_known(plain: Estimator) -> None:
 def test_noise_alone_explains_nothing(plain: Estimator) -> None:
     for seed in range(6):
         outlook = after(plain, seconds(200, seed=seed))
-        assert outlook.because is Because.NOTHING
+        assert outlook.because is Cause.NOTHING
         assert np.hypot(*outlook.water.outside) < 0.08
 
 
 def test_what_stays_fixed_to_the_boat_is_not_put_down_to_the_world(plain: Estimator) -> None:
     outlook = after(plain, seconds(240, body=np.array([-12.0, 8.0, 6.0])))
-    assert outlook.because is Because.NOTHING
+    assert outlook.because is Cause.NOTHING
 
 
 def test_a_force_that_is_fixed_in_the_world_is_no_current(plain: Estimator) -> None:
     push = np.array([-20.0, 14.0])
     outlook = after(plain, seconds(300, push=push))
-    assert outlook.because is Because.WIND
+    assert outlook.because is Cause.WIND
     assert outlook.air.outside == pytest.approx(push, abs=5.0)
 
 
 def test_on_one_heading_no_current_is_claimed(plain: Estimator) -> None:
     outlook = after(plain, seconds(240, stream=STREAM, headings=1))
-    assert outlook.because in (Because.NOTHING, Because.EITHER)
+    assert outlook.because in (Cause.NOTHING, Cause.EITHER)
     assert np.sqrt(np.trace(outlook.water.spread)) > 0.06
 
 
@@ -118,7 +118,7 @@ def test_the_wind_is_that_of_the_catalogue() -> None:
 
 
 def test_a_belief_weighs_a_jolt_less() -> None:
-    belief = Belief.start(np.ones(OWN))
+    belief = DisturbanceFilter.start(np.ones(OWN))
     sight = Estimator.of(Model.of(WAM_V))._boat(next(seconds(1)))
     R = np.ones(3)
     small = belief.updated(np.array([1.0, 0.0, 0.0]), R, sight, 1.0)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from sim.diagnosis.answer import Rung, Verdict
+from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.heldout import Gain, HeldOut
 from sim.diagnosis.verdict import matters, stands_open, summary_of, unexplained, verdict_of
 from sim.effects.catalogue import named
@@ -23,8 +23,8 @@ def gained(nats: float, lost: float = 0.0, t: float = 5.0) -> Gain:
     return Gain(1.2, 0.1, t, nats, lost)
 
 
-def rung(nrmse: float, *effects: str) -> Rung:
-    return Rung(effects, "refitted", HeldOut(nrmse, None), (), {}, WAM_V)
+def rung(nrmse: float, *effects: str) -> LadderStep:
+    return LadderStep(effects, "refitted", HeldOut(nrmse, None), (), {}, WAM_V)
 
 
 LEFT: Any = SimpleNamespace(says="it follows the heading")

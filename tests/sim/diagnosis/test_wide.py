@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.diagnosis.fit_problem import Wide, neutral
+from sim.diagnosis.fit_problem import SupersetModel, neutral
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -11,7 +11,7 @@ from sim.vessel import AddedEffect
 from tests.sim.diagnosis.voyages import commands
 from tests.sim.vessels import VALUES, WAMV
 
-WIDE = Wide.of(WAMV, EFFECTS)
+WIDE = SupersetModel.of(WAMV, EFFECTS)
 DRIVE = commands(20.0, 0.1)
 
 
