@@ -15,11 +15,12 @@ from benchmarks.paper.drawing import Motion, tracks, velocities
 from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_6, Scores
 from benchmarks.paper.scoring import beside, reached, scored, spread
-from gateway.figures.figure_data import FigureData, Role
+from gateway.figures.figure_data import FigureData, SeriesRole
 from sim.identification.settings import BASE
 from sim.identification.vessel_update import applied
 from sim.model import Model
-from sim.prediction.inputs import inputs_of, motion_of, runs_from, stretches
+from sim.prediction.inputs import inputs_of, motion_of, runs_from
+from sim.prediction.segments import stretches
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -100,8 +101,8 @@ def by_least_squares(study: Study) -> Vessel:
 def _motions(study: Study) -> list[Motion]:
     run = alone(study, study.identified)
     return [
-        Motion("measured", Role.MEASURED, run.time, run.measured),
-        Motion("identified model, left alone", Role.MODEL, run.time, run.model),
+        Motion("measured", SeriesRole.MEASURED, run.time, run.measured),
+        Motion("identified model, left alone", SeriesRole.MODEL, run.time, run.model),
     ]
 
 

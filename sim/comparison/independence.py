@@ -23,7 +23,8 @@ from scipy.stats import norm
 
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from, stretches
+from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
+from sim.prediction.segments import stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 

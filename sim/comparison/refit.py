@@ -28,11 +28,10 @@ from sim.identification.starts import MOMENTS, starts_of
 from sim.identification.vessel_update import applied
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError, FreeRun, Prediction, free_run, predict
-from sim.prediction.inputs import blocks, stretches
 from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
-from sim.prediction.segments import CompareSettings, NoUsableTimeError
+from sim.prediction.segments import CompareSettings, NoUsableTimeError, blocks, stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel

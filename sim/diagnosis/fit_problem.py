@@ -26,7 +26,7 @@ from sim.identification.shooting import (
 )
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import GUARD
+from sim.prediction.segments import GUARD_S
 from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -159,7 +159,7 @@ class FitProblem:
             for b in np.unique(self.block[judge]):
                 inside = self.block == b
                 near = self.voyage == self.voyage[inside][0]
-                first, last = self.begin[inside].min() - GUARD, self.end[inside].max() + GUARD
+                first, last = self.begin[inside].min() - GUARD_S, self.end[inside].max() + GUARD_S
                 fit &= ~(near & (self.end > first) & (self.begin < last))
             out.append((fit, judge))
         return out

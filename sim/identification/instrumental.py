@@ -34,9 +34,9 @@ from sim.identification.regression import SIGN, Regression, held_forces, regress
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import inputs_of, motion_of, runs_from, stretches
+from sim.prediction.inputs import inputs_of, motion_of, runs_from
 from sim.prediction.scales import scales_of
-from sim.prediction.segments import NoUsableTimeError
+from sim.prediction.segments import BLOCK_S, NoUsableTimeError, stretches
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -45,7 +45,6 @@ RUN = 12.0  # s
 MEAN = 0.4  # s: what is faster, a smoother has rounded
 TIMES = 4  # estimates, each on instruments of the one before
 SETTLED = 0.02  # standard deviations
-BLOCK = 25.0  # s
 FEWEST = 3  # blocks
 TOO_LITTLE = "instrumental variables need three blocks of 5 s, each 4 s after a gap, with motion"
 FAR = 3.0  # scales: an instrument of a run that left the track
@@ -60,7 +59,7 @@ class Rows(NamedTuple):
     block: NDArray[np.int64]
 
 
-def instrumental(trials: Sequence[Trial], model: Model, block: float = BLOCK) -> Regression:
+def instrumental(trials: Sequence[Trial], model: Model, block: float = BLOCK_S) -> Regression:
     """The nine parameters from all usable rows, started from those of the model."""
     value, std, count, early = _value(model), np.zeros(len(BASE)), 0, True
     for _ in range(TIMES):

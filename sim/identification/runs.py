@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import InputTable, Model
-from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from, stretches
+from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
+from sim.prediction.segments import stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sim.prediction.segments import BLOCK_S
+
 BASE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 METHODS = ("shooting", "simulation", "instrumental", "regression")
 
@@ -30,7 +32,7 @@ class IdentifySettings:
     average: float = 0.4
     growth: float = 6.0
     robust: float = 3.0
-    block: float = 25.0
+    block: float = BLOCK_S
     offsets: bool = True
 
     def __post_init__(self) -> None:

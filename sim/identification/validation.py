@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from sim.model import Model
 from sim.prediction.free_runs import FreeRun, free_run, predict
-from sim.prediction.inputs import GUARD, blocks, motion_of
+from sim.prediction.inputs import motion_of
 from sim.prediction.scales import SMALLEST, Ruler
 from sim.prediction.scores import Scores, nrmse, scores
+from sim.prediction.segments import GUARD_S, blocks
 from sim.trial import Trial
 
 EVERY = 4  # each fourth block is held out
-LENGTH = 25.0  # s
 LEAST = 4  # blocks
 
 
@@ -64,11 +64,11 @@ class Validation:
 
 def held_out(trial: Trial) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None:
     """Rows to fit and rows to judge by, a guard between them; None on a trial too short."""
-    cut = blocks(trial.usable, trial.dt, LENGTH)
+    cut = blocks(trial.usable, trial.dt)
     if len(cut) < LEAST:
         return None
     fit, judge = trial.usable.copy(), np.zeros(len(trial), np.bool_)
-    gap = int(np.ceil(GUARD / trial.dt))
+    gap = int(np.ceil(GUARD_S / trial.dt))
     for block in cut[EVERY // 2 :: EVERY]:
         judge[block.start : block.stop] = trial.usable[block.start : block.stop]
         fit[max(block.start - gap, 0) : block.stop + gap] = False

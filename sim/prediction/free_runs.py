@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from, stretches
+from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import Scores, scores
+from sim.prediction.segments import stretches
 from sim.state import Eta, Floats, Ints, wrap
 from sim.trial import Trial
 

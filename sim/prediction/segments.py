@@ -1,15 +1,63 @@
-"""How a comparison is made: what may be chosen, in seconds and in units of the nrmse scales.
-
-From which moments a model runs freely, and how long it may: before any limit by spread.
-"""
+"""How the usable time of a trial is divided: stretches, blocks, and segments for free runs."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sim.prediction.inputs import stretches
 from sim.state import Ints
 from sim.trial import Trial
+
+# Length of the blocks of time by which held-out tests, bootstraps and leave-one-block-out intervals
+# resample a trial [s]. Two to three of the longest free runs (8 to 10 s); chosen, not measured.
+BLOCK_S = 25.0
+# Time left out between blocks [s]: residuals are autocorrelated (`noise.CORRELATION_TIMES_S`).
+GUARD_S = 5.0
+
+
+class Rows(NamedTuple):
+    """Rows start … stop − 1 of a trial."""
+
+    start: int
+    stop: int
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+
+def stretches(usable: NDArray[np.bool_]) -> list[Rows]:
+    """Flags (T,) -> the runs of rows that are all usable, in order."""
+    padded = np.concatenate(([0], np.asarray(usable, np.int8), [0]))
+    edges = np.flatnonzero(np.diff(padded))
+    return [Rows(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def blocks(
+    usable: NDArray[np.bool_], dt: float, length: float = BLOCK_S, guard: float = GUARD_S
+) -> list[Rows]:
+    """Usable time cut into blocks of at least `length` [s], at least `guard` [s] apart.
+
+    A stretch shorter than `length` but longer than half of it is a block of its own; what is
+    shorter still is left out.
+    """
+    wanted, gap = max(round(length / dt), 1), int(np.ceil(guard / dt - 1e-9))
+    out: list[Rows] = []
+    for stretch in stretches(usable):
+        start = max(stretch.start, out[-1].stop + gap) if out else stretch.start
+        out += _cut(start, stretch.stop, wanted, gap)
+    return out
+
+
+def _cut(start: int, stop: int, wanted: int, gap: int) -> list[Rows]:
+    """One stretch into as many equal blocks of at least `wanted` rows as fit."""
+    room = stop - start
+    if room < wanted / 2:
+        return []
+    count = max((room + gap) // (wanted + gap), 1)
+    width = (room - (count - 1) * gap) // count
+    return [Rows(start + i * (width + gap), start + i * (width + gap) + width)
+            for i in range(count)]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.prediction.inputs import blocks, stretches
+from sim.prediction.segments import blocks, stretches
 
 
 def test_stretches_are_the_runs_of_usable_rows():
