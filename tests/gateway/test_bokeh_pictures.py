@@ -8,12 +8,12 @@ import pytest
 from gateway.figures.album import album
 from gateway.figures.bokeh_draw import Picture, Stage
 from gateway.figures.bokeh_marks import add, columns
-from gateway.figures.figure_data import Axis, FigureData, Line, Panel, Role
+from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.style import COLOUR, DARK, LIGHT
 from gateway.figures.velocities import TIME, horizon_runs
 from sim.comparison.compare import compare
 from sim.model import Model
-from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+from tests.sim.voyages import WAM_V, trial_of, voyage
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def _doubled(panel: Panel) -> Panel:
 
 def test_a_window_of_a_long_line_shows_all_its_points():
     x = np.arange(100000.0)
-    data = FigureData("long", (Panel(TIME, Axis("y", "m"), (Line(x, np.sin(x), Role.MEASURED),)),))
+    data = FigureData("long", (Panel(TIME, Axis("y", "m"), (Line(x, np.sin(x), SeriesRole.MEASURED),)),))
     picture = Picture(data)
     source = picture.figures[0].renderers[1].data_source
     assert len(source.data["x"]) < 5000
@@ -82,9 +82,9 @@ def test_a_window_of_a_long_line_shows_all_its_points():
 def test_text_is_readable_and_lines_stand_out(look):
     assert ratio(look.ink, look.paper) > 7.0
     assert ratio(look.faint, look.paper) > 4.5
-    for role in Role:
+    for role in SeriesRole:
         assert ratio(look.colour(role), look.paper) > 3.0, role
-    assert look.colour(Role.MEASURED) == COLOUR[Role.MEASURED]
+    assert look.colour(SeriesRole.MEASURED) == COLOUR[SeriesRole.MEASURED]
 
 
 def test_the_ramp_ends_where_it_stands_out_most():

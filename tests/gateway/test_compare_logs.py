@@ -11,7 +11,7 @@ from gateway.errors import BadInput
 from gateway.offline.compare import as_json, compare_logs, told_apart
 from gateway.terminal.model import show_comparisons
 from sim.trial import Stretch
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from sim.diagnosis.heldout import Gain
 from sim.diagnosis.residual_terms import Dependence
 from sim.effects.catalogue import EFFECTS, named
 from sim.vessel import AddedEffect
-from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+from tests.sim.voyages import WAM_V, trial_of, voyage
 
 NOISE = np.array([0.02, 0.02, 0.003, 0.01, 0.01, 0.003, 0.03, 0.03, 0.01])
 FEW = DiagnoseSettings(effects=tuple(map(named, ("steady_current", "heading_offset"))))

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gateway.figures.figure_data import Dots, Line, Role
+from gateway.figures.figure_data import Dots, Line, SeriesRole
 from gateway.figures.identification import album, parameters
 from gateway.figures.matplotlib_draw import save
 from sim.identification.intervals import Estimate
 from sim.model import Model
 from sim.prediction.free_runs import predict
 from sim.prediction.scales import Ruler
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +29,8 @@ def drawn():
 def test_after_lies_on_what_was_measured_and_before_does_not(drawn):
     _, pictures = drawn
     surge = {m.role: m for m in pictures["velocities"].panels[0].marks if isinstance(m, Line)}
-    measured = surge[Role.MEASURED]
-    for role, right in ((Role.MODEL, True), (Role.CONTEXT, False)):
+    measured = surge[SeriesRole.MEASURED]
+    for role, right in ((SeriesRole.MODEL, True), (SeriesRole.CONTEXT, False)):
         said = surge[role]
         known = np.isfinite(said.y)
         error = said.y[known] - np.interp(said.x[known], measured.x, measured.y)

@@ -10,13 +10,13 @@ from PIL import Image
 from gateway.errors import BadInput, ShadowError
 from gateway.figures.album import album
 from gateway.figures.error_against import shares, strips
-from gateway.figures.figure_data import Coloured, FigureData, Line, Role, Strip
+from gateway.figures.figure_data import ColouredPoints, FigureData, Line, SeriesRole, Strip
 from gateway.figures.matplotlib_draw import add, draw, save
 from gateway.figures.style import COLOUR, LITTLE_TO_MUCH
 from gateway.figures.velocities import free_run, horizon_runs
 from sim.comparison.compare import compare
 from sim.model import Model
-from tests.sim.diagnosis.voyages import WAM_V, simulated, trial_of, voyage
+from tests.sim.voyages import WAM_V, simulated, trial_of, voyage
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_every_picture_draws_and_every_axis_of_a_quantity_has_its_unit(compared,
 def test_measured_and_model_show_the_numbers_of_the_comparison(compared):
     trial, (one, _) = compared
     measured, model = marks_of(free_run(trial, one), Line)[:2]
-    assert (measured.role, model.role) == (Role.MEASURED, Role.MODEL)
+    assert (measured.role, model.role) == (SeriesRole.MEASURED, SeriesRole.MODEL)
     np.testing.assert_array_equal(measured.y, trial.nu[:, 0])
     rmse = np.sqrt(np.mean((measured.y - model.y) ** 2))
     assert rmse == pytest.approx(one.free_run.scores.rmse["u"])
@@ -74,14 +74,14 @@ def test_shares_are_per_cent_and_strips_hold_every_bin(compared):
 
 def test_the_track_is_coloured_by_error_only_where_a_model_ran(compared):
     trial, (one, _) = compared
-    error = marks_of(album(trial, [one])["plain track"], Coloured)[0]
+    error = marks_of(album(trial, [one])["plain track"], ColouredPoints)[0]
     assert np.isfinite(error.value).all()
     assert len(error.value) < len(trial)
     assert error.value.max() > one.nrmse > error.value.min()
 
 
 def test_roles_have_colours_of_their_own_and_scales_darken():
-    lines = [Role.MEASURED, Role.MODEL, Role.SHADOW, Role.ERROR, Role.CONTEXT]
+    lines = [SeriesRole.MEASURED, SeriesRole.MODEL, SeriesRole.SHADOW, SeriesRole.ERROR, SeriesRole.CONTEXT]
     assert len({COLOUR[role] for role in lines}) == len(lines)
     light = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
              for c in LITTLE_TO_MUCH]  # fmt: skip

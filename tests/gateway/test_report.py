@@ -12,7 +12,7 @@ from gateway.offline.compare import Compared
 from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
 from sim.model import Model
-from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+from tests.sim.voyages import WAM_V, trial_of, voyage
 
 LOADS = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
 

@@ -5,7 +5,7 @@ import pytest
 from gateway.errors import BadInput
 from gateway.offline.plan import asked_by
 from sim.prediction.free_runs import DivergedError
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 
 def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):

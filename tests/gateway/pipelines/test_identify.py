@@ -14,7 +14,7 @@ from sim.identification.identify import Identified
 from sim.identification.intervals import Estimate
 from sim.prediction.free_runs import DivergedError
 from tests.conftest import ROOT
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 LOG = ROOT / "recordings" / "voyage_1.tlog"
 VESSEL = ROOT / "configs" / "vessels" / "demo_boat.toml"

@@ -5,7 +5,7 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.offline.usable import Exclusion, exclusions_of, without
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 
 @pytest.mark.parametrize(

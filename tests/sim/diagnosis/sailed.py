@@ -10,7 +10,7 @@ from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
-from tests.sim.diagnosis.voyages import WAM_V, commands, trial_of
+from tests.sim.voyages import WAM_V, commands, trial_of
 
 DT = 0.1
 STD = np.array([0.02, 0.02, 0.02, 0.01, 0.01, 0.002, 0.1, 0.1, 0.05])

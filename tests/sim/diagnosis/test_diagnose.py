@@ -11,7 +11,7 @@ from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError
 from tests.sim.diagnosis.sailed import sailed
-from tests.sim.diagnosis.voyages import WAM_V
+from tests.sim.voyages import WAM_V
 
 FEW = DiagnoseSettings(
     effects=tuple(

@@ -1,4 +1,4 @@
-"""Fits without parts of the time, and fits that begin anew."""
+"""Fits without parts of the time, fits that begin anew, and the moments of events."""
 
 from dataclasses import replace
 
@@ -6,13 +6,27 @@ import numpy as np
 import pytest
 
 from sim.diagnosis.diagnose import DiagnoseSettings, refitted
-from sim.diagnosis.fit import FAR, Fit, as_given
+from sim.diagnosis.fit import (
+    FAR,
+    Fit,
+    as_given,
+    at_its_moment,
+    fitted,
+    interval,
+    moments_in,
+    started,
+    unknowns_for,
+)
 from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.ladder import polished
+from sim.effects.catalogue import named
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.state import Floats
-from tests.sim.diagnosis.sailed import sailed
-from tests.sim.diagnosis.voyages import WAM_V
+from sim.trial import Trial
+from sim.vessel import AddedEffect
+from tests.sim.diagnosis.sailed import DT, STD, sailed
+from tests.sim.voyages import WAM_V, commands, trial_of
 
 BEND = 4.0  # standard deviations, where a residual begins to count less
 
@@ -61,3 +75,70 @@ def test_a_base_that_went_far_begins_again_where_it_was_given(fit: Fit) -> None:
     base = np.array([name in BASE for name in names])
     np.testing.assert_array_equal(again[base], unknowns.start[base])
     np.testing.assert_array_equal(again[~base], z[~base])
+
+
+FAULT = named("thruster_fault")
+NAME = "thruster_fault.time"
+
+
+def failing(at: float, rest: tuple[float, float] = (0.0, 0.0)) -> Trial:
+    """The port thruster weakens at that time; it rests meanwhile [s, s]."""
+    drive = commands(200.0, DT, 3)
+    drive[round(rest[0] / DT) : round(rest[1] / DT), 0] = 0.0
+    fault = AddedEffect(FAULT, {"thruster": 1.0, "gain": 0.4, "time": at})
+    _, reports = Model.of(WAM_V.with_effects(fault)).simulate(drive, DT)
+    motion = reports[0, :-1] + np.random.default_rng(1).normal(0.0, STD, (len(drive), 9))
+    return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(STD**2))
+
+
+def fit_of(trial: Trial, time: float) -> Fit:
+    """A fault fitted at about that time."""
+    wide, settings = SupersetModel.of(WAM_V, [FAULT]), DiagnoseSettings()
+    base = refitted(wide, Model.of(WAM_V), [trial], settings)
+    added = [AddedEffect(FAULT, {"thruster": 1.0, "gain": 0.5, "time": time})]
+    unknowns = unknowns_for(wide, added, 1, base.ground.settings)
+    return fitted(added, unknowns, base.ground, started(unknowns, base))
+
+
+@pytest.fixture(scope="module")
+def off() -> Fit:
+    return fit_of(failing(93.0), 95.0)
+
+
+def test_events_are_moments() -> None:
+    trial = failing(93.0)
+    assert moments_in(fit_of(trial, 95.0)) == (NAME,)
+    bare = refitted(SupersetModel.of(WAM_V, []), Model.of(WAM_V), [trial], DiagnoseSettings())
+    assert moments_in(bare) == ()
+
+
+def test_an_event_is_moved_to_where_the_data_have_it(off: Fit) -> None:
+    on = at_its_moment(off, NAME)
+    assert on.values("thruster_fault")["time"] == pytest.approx(93.0, abs=0.3)
+    assert np.sum(on.residual**2) < np.sum(off.residual**2)
+    assert off.values("thruster_fault")["time"] == 95.0  # nothing is changed in place
+
+
+def test_its_interval_holds_it_and_is_short_while_the_motor_works(off: Fit) -> None:
+    low, high = interval(at_its_moment(off, NAME), NAME)
+    assert low <= 93.0 <= high
+    assert high - low < 2.0
+
+
+def test_an_event_that_stands_beside_is_not_told_for_sure(off: Fit) -> None:
+    low, high = interval(off, NAME)
+    assert low <= 93.0
+    assert high >= 95.0
+
+
+def test_while_the_motor_rests_nobody_can_tell() -> None:
+    low, high = interval(at_its_moment(fit_of(failing(93.0, (86.0, 98.0)), 92.0), NAME), NAME)
+    assert low < 88.0
+    assert high > 96.0
+
+
+def test_the_last_fit_has_the_numbers_and_the_moment(off: Fit) -> None:
+    last = polished(off)
+    found = last.values("thruster_fault")
+    assert found["time"] == pytest.approx(93.0, abs=0.3)
+    assert found["gain"] == pytest.approx(0.4, abs=0.02)

@@ -10,7 +10,7 @@ from sim.prediction.free_runs import predict
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
 from sim.prediction.segments import CompareSettings
-from tests.sim.diagnosis.voyages import UNSTABLE, WAM_V, legs, trial_of, voyage
+from tests.sim.voyages import UNSTABLE, WAM_V, legs, trial_of, voyage
 
 STD = np.array([0.05, 0.05, 0.01, 0.03, 0.03, 0.01])  # of eta, nu
 DT = 0.05

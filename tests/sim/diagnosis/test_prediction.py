@@ -13,7 +13,7 @@ from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
 from sim.prediction.segments import CompareSettings
 from sim.vessel import AddedEffect, Sensors
-from tests.sim.diagnosis.voyages import UNSTABLE, WAM_V, legs, simulated, trial_of
+from tests.sim.voyages import UNSTABLE, WAM_V, legs, simulated, trial_of
 
 EFFECTS = {
     "plain": (),

@@ -9,7 +9,7 @@ from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.heldout import Gain, HeldOut
 from sim.diagnosis.verdict import matters, stands_open, summary_of, unexplained, verdict_of
 from sim.effects.catalogue import named
-from tests.sim.diagnosis.voyages import WAM_V
+from tests.sim.voyages import WAM_V
 
 
 def climb(won: float = 100.0, name: str = "hull_lift", steps: int = 1) -> Any:

@@ -8,8 +8,8 @@ from sim.identification.regression import regressed
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
-from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
 from tests.sim.identification.boats import off, wander
+from tests.sim.voyages import WAM_V, trial_of, voyage
 
 DT = 0.1
 TRUTH = np.array([getattr(WAM_V.dynamics, name) for name in BASE])

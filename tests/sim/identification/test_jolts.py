@@ -8,7 +8,7 @@ from sim.identification.noise import Errors, Noise, estimated, mixed, mixing, wh
 from sim.identification.runs import Tiles, jolts_of
 from sim.model import Model
 from sim.prediction.inputs import motion_of
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 DT, EVERY, MEANS = 0.1, 4, 12
 TOLD = 0.04  # s between messages

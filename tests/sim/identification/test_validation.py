@@ -11,7 +11,7 @@ from sim.prediction.free_runs import free_run, predict
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
 from sim.trial import Trial
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 DT = 0.05
 

@@ -11,7 +11,7 @@ from sim.identification.starts import starts_of
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed, with_effect
-from tests.sim.diagnosis.voyages import WAM_V, commands, trial_of
+from tests.sim.voyages import WAM_V, commands, trial_of
 
 
 def waves(model: Model, trial: Trial) -> list[Values]:

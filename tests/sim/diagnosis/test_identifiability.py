@@ -10,7 +10,7 @@ from sim.effects.effect import Shown
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed
-from tests.sim.diagnosis.voyages import WAM_V
+from tests.sim.voyages import WAM_V
 
 MODEL = Model.of(WAM_V)
 

@@ -8,8 +8,8 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.vessel import AddedEffect
-from tests.sim.diagnosis.voyages import commands
 from tests.sim.vessels import VALUES, WAMV
+from tests.sim.voyages import commands
 
 WIDE = SupersetModel.of(WAMV, EFFECTS)
 DRIVE = commands(20.0, 0.1)

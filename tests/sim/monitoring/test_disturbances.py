@@ -10,10 +10,10 @@ from sim.model import Model
 from sim.monitoring.disturbances import OWN, Cause, DisturbanceFilter, Estimator, Outlook
 from sim.monitoring.live_second import Air, balance_at, velocity
 from sim.vessel import AddedEffect
-from tests.sim.diagnosis.seconds import seconds
-from tests.sim.diagnosis.voyages import WAM_V
+from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.vessels import SHAPES
 from tests.sim.vessels import WAMV as WINDY
+from tests.sim.voyages import WAM_V
 
 STREAM = np.array([0.1, -0.28])
 

@@ -8,7 +8,7 @@ from sim.model import Model
 from sim.monitoring.live_second import Moment, in_body
 from sim.state import Floats
 from sim.vessel import Vessel
-from tests.sim.diagnosis.voyages import WAM_V
+from tests.sim.voyages import WAM_V
 
 NOISE = np.array([4.0, 4.0, 1.0])  # N, N, N m
 STATED = 1.5 * NOISE

@@ -9,7 +9,7 @@ from sim.comparison.refit import Halves, TooShortError, compare_refitted, refitt
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.vessel import AddedEffect
-from tests.sim.diagnosis.voyages import WAM_V, trial_of, voyage
+from tests.sim.voyages import WAM_V, trial_of, voyage
 
 NOISE = np.array([0.02, 0.02, 0.003, 0.01, 0.01, 0.003, 0.03, 0.03, 0.01])
 CURRENT = named("steady_current")

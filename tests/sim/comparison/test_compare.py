@@ -8,7 +8,7 @@ import pytest
 
 from sim.comparison.compare import compare
 from sim.model import Model
-from tests.sim.diagnosis.voyages import WAM_V, simulated
+from tests.sim.voyages import WAM_V, simulated
 
 KEYS = {"log", "seconds", "vessel", "horizon_s", "cut_short", "rmse", "mae", "r2", "fit_percent",
         "nrmse", "noise_floor_nrmse", "free_run", "where"}  # fmt: skip

@@ -8,7 +8,7 @@ from sim.comparison.compare import compare
 from sim.comparison.independence import LAGS, independence, of_series, whitening
 from sim.model import Model
 from sim.state import Floats
-from tests.sim.diagnosis.voyages import WAM_V, commands, simulated, trial_of
+from tests.sim.voyages import WAM_V, commands, simulated, trial_of
 
 STEP, COUNT = 0.1, 4000
 

@@ -18,7 +18,7 @@ from sim.state import Pose, Water
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import DT, STD, sailed
-from tests.sim.diagnosis.voyages import WAM_V, commands, trial_of
+from tests.sim.voyages import WAM_V, commands, trial_of
 
 SECONDS = 300.0
 PERIOD = 9.0  # s

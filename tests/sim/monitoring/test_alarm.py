@@ -20,8 +20,8 @@ from sim.monitoring.alarm import (
 from sim.monitoring.consistency import HIGH, Misfit, transition
 from sim.monitoring.disturbances import Cause, Estimator
 from sim.monitoring.live_second import Air, Balance, Moment
-from tests.sim.diagnosis.seconds import seconds
-from tests.sim.diagnosis.voyages import WAM_V
+from tests.sim.monitoring.live_seconds import seconds
+from tests.sim.voyages import WAM_V
 
 STREAM = np.array([0.1, -0.28])
 
