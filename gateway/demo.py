@@ -11,13 +11,12 @@ from typing import Any
 
 from rich.console import Console
 
-import gateway
 from gateway.bus import BusSettings, open_session
-from gateway.errors import BadInput
 from gateway.offline.add import Added, add_effects
 from gateway.offline.compare import compare_logs
 from gateway.offline.diagnose import Diagnosed, diagnosed, kept
 from gateway.offline.replay import ReplayOptions, replay
+from gateway.shipped import RECORDINGS, VESSELS
 from gateway.terminal.diagnose import show_added, show_diagnosed
 from gateway.terminal.model import show_comparisons
 from gateway.terminal.progress import progress, status
@@ -25,19 +24,15 @@ from gateway.terminal.recordings import show_replay
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
 
-HOME = Path(gateway.__file__).resolve().parent.parent
-AUTOPILOT, OTTER = HOME / "recordings/otter_piece.tlog", HOME / "configs/vessels/otter.toml"
-VOYAGE, TWIN = HOME / "recordings/voyage_1.tlog", HOME / "recordings/voyage_2.tlog"
-DEMO_BOAT = HOME / "configs/vessels/demo_boat.toml"
+AUTOPILOT, OTTER = RECORDINGS / "otter_piece.tlog", VESSELS / "otter.toml"
+VOYAGE, TWIN = RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog"
+DEMO_BOAT = VESSELS / "demo_boat.toml"
 
 Say = Callable[[str], None]
 
 
 def run_demo(out: Path) -> None:
     """Five steps; each says what it does and where the files are."""
-    for file in (AUTOPILOT, OTTER, VOYAGE, TWIN, DEMO_BOAT):
-        if not file.is_file():
-            raise BadInput(f"{file}: the demo needs the project's folder: clone it, see README")
     say = Console(highlight=False).print
     _shadow(out, say)
     say("[bold]2. Is the model right?[/bold] A voyage of another boat, with something hidden in it")

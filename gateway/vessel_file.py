@@ -23,6 +23,7 @@ from pydantic import (
 )
 
 from gateway.errors import BadInput
+from gateway.shipped import vessel_names, vessel_path
 from gateway.user_effects import known_effects, load_effects
 from sim.effects.effect import Effect
 from sim.vessel import (
@@ -189,8 +190,11 @@ _CHECKED = TypeAdapter(VesselFile)
 
 
 def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel:
-    """Read and check a vessel file; `more_effects` are known beside the catalogue's."""
-    file = Path(path)
+    """Read and check a vessel file, or a shipped vessel by its name (`otter`).
+
+    `more_effects` are known beside the catalogue's.
+    """
+    file = vessel_path(path)
     read = read_vessel_file(file)
     names = [t.name for t in read.thrusters] + [r.name for r in read.rudders]
     for name in names:
@@ -224,7 +228,7 @@ def _vessel(file: Path, read: VesselFile, known: dict[str, Effect]) -> Vessel:
 
 def read_vessel_file(path: str | Path) -> VesselFile:
     """The checked tables of a vessel file; BadInput with one line where it is wrong."""
-    file = Path(path)
+    file = vessel_path(path)
     try:
         return checked(_CHECKED, tomllib.loads(file.read_text(encoding="utf-8")))
     except ValidationError as error:
@@ -234,7 +238,8 @@ def read_vessel_file(path: str | Path) -> VesselFile:
     except UnicodeDecodeError:
         raise BadInput(f"{file}: not a text file; a vessel file is TOML") from None
     except OSError as error:
-        raise BadInput(f"{file}: cannot read the vessel file: {error.strerror}") from None
+        shipped = f"; vessels that ship: {', '.join(vessel_names())}" if not file.suffix else ""
+        raise BadInput(f"{file}: cannot read the vessel file: {error.strerror}{shipped}") from None
 
 
 def checked(kind: TypeAdapter[T], tables: Mapping[str, Any]) -> T:

@@ -96,7 +96,7 @@ def test_sim_stands_alone():
 
 LAYERS = {
     "sim": """
-        jit
+        jit tables
         state
         body wind_loads
         balance actuators sensing effects
@@ -107,9 +107,10 @@ LAYERS = {
         following identification
         comparison
         diagnosis monitoring
+        api
     """,
     "gateway": """
-        errors jit samples topics
+        errors jit samples topics shipped
         atomic_file json_rows
         user_effects estimation recording bus
         vessel_file ingest monitor

@@ -19,6 +19,7 @@ from tornado.websocket import WebSocketClosedError
 from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
+from gateway.shipped import RECORDINGS, VESSELS
 from gateway.studio.access import Folders, Guard, new_token
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import Page
@@ -32,9 +33,8 @@ from gateway.studio.widgets import dress
 from gateway.studio.worker import BUG
 from gateway.terminal.monitor_loop import MonitorOptions
 
-HOME = Path(__file__).parents[2]
-DEMO_LOGS = (HOME / "recordings/voyage_1.tlog", HOME / "recordings/voyage_2.tlog")
-DEMO_VESSEL = HOME / "configs/vessels/demo_boat.toml"
+DEMO_LOGS = (RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog")
+DEMO_VESSEL = VESSELS / "demo_boat.toml"
 LOCAL = "127.0.0.1"
 PORT = 5006
 
