@@ -4,6 +4,7 @@ Body frame FRD (x forward, y starboard, z down), world NED, yaw clockwise from n
 Every tuple here holds floats or arrays alike: laws are written once and serve both.
 """
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from sim.jit import jitable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Progress = Callable[[str], None]  # called with a line of text whenever long work takes a new step
 
 
 class Eta(IntEnum):
