@@ -1,12 +1,13 @@
 # make demo      set up and run the main job on recordings that ship
 # make test      set up and run checks and tests
 # make test-slow set up and run what takes long
+# make docs      the documentation as a site, with search: out/site/index.html
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow chromium check format constraints clean
+.PHONY: demo test test-slow docs chromium check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
@@ -16,6 +17,11 @@ test: $(READY) check
 
 test-slow: $(READY) chromium
 	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m slow
+
+docs: $(READY)
+	$(RUN)/python -m pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(RUN)/mkdocs build --strict
 
 # The studio is tested in a real browser: where this can install one, it may not be missing.
 chromium:

@@ -22,10 +22,8 @@ from sim.model import Model
 from sim.prediction.segments import CompareSettings
 from sim.state import Floats
 from sim.tables import data_frame
-from sim.trial import Trial
+from sim.trial import MOTION_NAMES, Trial
 from sim.vessel import Vessel
-
-MOTION = ("north", "east", "yaw", "u", "v", "r", "u_dot", "v_dot", "r_dot")
 
 
 @dataclass(frozen=True)
@@ -53,12 +51,12 @@ class Simulation:
 
     def to_dict(self) -> dict[str, Any]:
         """Columns by name, as lists."""
-        columns = dict(zip(MOTION, self.motion.T.tolist(), strict=True))
+        columns = dict(zip(MOTION_NAMES, self.motion.T.tolist(), strict=True))
         return {"time": self.time.tolist(), **columns, "commands": self.commands.tolist()}
 
     def to_pandas(self) -> Any:
         """One row per time; ImportError where pandas is not installed."""
-        columns = {name: self.motion[:, i] for i, name in enumerate(MOTION)}
+        columns = {name: self.motion[:, i] for i, name in enumerate(MOTION_NAMES)}
         commands = {f"command_{i + 1}": c for i, c in enumerate(self.commands.T)}
         return data_frame({"time": self.time, **columns, **commands})
 

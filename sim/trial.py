@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.state import Floats
+from sim.tables import data_frame
 
+MOTION_NAMES = ("north", "east", "yaw", "u", "v", "r", "u_dot", "v_dot", "r_dot")
 MOTION = 9  # components of `covariance`: eta (3), nu (3), nu_dot (3)
 
 
@@ -65,6 +68,16 @@ class Trial:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def to_pandas(self) -> Any:
+        """One row per time: motion, its standard deviations (`..._std`), pulses, voltage, wind."""
+        motion = np.concatenate([self.eta, self.nu, self.nu_dot], axis=1)
+        columns = {name: motion[:, i] for i, name in enumerate(MOTION_NAMES)}
+        columns |= {f"{name}_std": self.std()[:, i] for i, name in enumerate(MOTION_NAMES)}
+        pulses = {f"pwm_{channel}": self.pwm[:, i] for i, channel in enumerate(self.channels)}
+        air = {"wind_north": self.wind[:, 0], "wind_east": self.wind[:, 1]}
+        more = {"voltage": self.voltage, **air, "usable": self.usable}
+        return data_frame({"time": self.time, **columns, **pulses, **more})
 
     def std(self) -> Floats:
         """Standard deviations of (eta, nu, nu_dot): (T, 9)."""

@@ -118,7 +118,7 @@ LAYERS = {
         config
         live figures
         offline
-        simulated_boat terminal
+        simulated_boat terminal api
         studio demo
         commands
         cli

@@ -60,7 +60,7 @@ class Said:
     def __init__(self, effects: Sequence[str], scores: dict[str, float]) -> None:
         self._effects, self._scores = list(effects), scores
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """As `shadow diagnose --json`, without parameters."""
         return {
             "verdict": "explained" if self._effects else "adequate", "base_changed": False,

@@ -58,7 +58,7 @@ def asked(name: str, question: Path, out: Path, by: str) -> str:
     begun, said = time.perf_counter(), {"name": name, "by": by}
     try:
         found = diagnosis_of(by)([question / LOG], question / VESSEL, improve=True)
-        said["diagnosis"] = found.as_dict()
+        said["diagnosis"] = found.to_dict()
     except Exception:  # a benchmark counts failures, it does not end with them
         said["error"] = traceback.format_exc()
     seconds = time.perf_counter() - begun

@@ -21,7 +21,7 @@ from benchmarks.paper.table5 import table_5
 from benchmarks.paper.table6 import table_6
 from benchmarks.paper.table7 import table_7
 from benchmarks.paper.table8 import table_8
-from gateway.figures.matplotlib_draw import save
+from gateway.figures.matplotlib_draw import save_figure
 
 HERE = Path(__file__).parent
 
@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(summary(done))
     for part in done:
         for name, picture in part.pictures.items():
-            save(picture, a.out / f"{name}.png")
+            save_figure(picture, a.out / f"{name}.png")
     if a.write:
         text = "\n".join([preface(lengths), summary(done), *(part.text() for part in done)])
         (HERE / "results.md").write_text(text, encoding="utf-8")

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.figures.figure_data import Axis, FigureData, Line, Panel, Role
+from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
 from sim.state import Floats
 
 TIME = Axis("time", "s")
@@ -16,7 +16,7 @@ class Motion(NamedTuple):
     """A motion (T, 6 or more) at times (T,) [s] and how it is drawn."""
 
     label: str
-    role: Role
+    role: SeriesRole
     time: Floats
     motion: Floats
 
@@ -27,7 +27,7 @@ def velocities(title: str, motions: Sequence[Motion], says: str = "") -> FigureD
         Panel(TIME, axis, tuple(Line(m.time, m.motion[:, i], m.role, m.label) for m in motions))
         for i, axis in AXES
     )
-    return FigureData(title, panels, shared_x=True, says=says)
+    return FigureData(title, panels, shared_x=True, caption=says)
 
 
 def tracks(title: str, maps: Sequence[tuple[str, Sequence[Motion]]]) -> FigureData:
@@ -47,7 +47,7 @@ def position_errors(
     title: str, time: Floats, trials: Mapping[str, Mapping[str, Floats]]
 ) -> FigureData:
     """Distance from the reference over time, trial by trial; errors (T, 6) by way to follow."""
-    roles = (Role.SHADOW, Role.MODEL)
+    roles = (SeriesRole.SHADOW, SeriesRole.MODEL)
     panels = tuple(
         Panel(
             TIME, Axis("position error", "m"),

@@ -17,7 +17,7 @@ from benchmarks.paper.published import TABLE_7_FOLLOWING, Scores
 from benchmarks.paper.scoring import beside, scored
 from benchmarks.paper.voyage import clock_offset_s, logged, true_at
 from gateway.config import Settings
-from gateway.figures.figure_data import FigureData, Role
+from gateway.figures.figure_data import FigureData, SeriesRole
 from gateway.offline.replay import ReplayOptions, prepare
 from gateway.shadow.path import Shadowing, ShadowPath, follower_of
 from sim.following.reference import Mode, Reference
@@ -68,8 +68,8 @@ def shadowed(log: Path, vessel: Vessel, plant: Vessel, carried: Instruments) -> 
 def _pictures(
     carried: Instruments, times: Floats, true: Floats, shadow: Floats
 ) -> dict[str, FigureData]:
-    boat = Motion("IAcquaBot, true", Role.MEASURED, times, true)
-    follows = Motion("WAM-V, its shadow", Role.SHADOW, times, np.asarray(shadow))
+    boat = Motion("IAcquaBot, true", SeriesRole.MEASURED, times, true)
+    follows = Motion("WAM-V, its shadow", SeriesRole.SHADOW, times, np.asarray(shadow))
     title = f"Digital shadow through {carried.name}"
     return {
         f"shadow_{carried.name}": velocities(title, [boat, follows]),

@@ -14,7 +14,7 @@ from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_4, Scores
 from benchmarks.paper.scoring import beside, scored, spread
 from benchmarks.paper.voyage import motion_of
-from gateway.figures.figure_data import Role
+from gateway.figures.figure_data import SeriesRole
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
@@ -36,9 +36,9 @@ def table_4(c: Campaign) -> Part:
     picture = velocities(
         "Figure 6: two boats, the same commands",
         [
-            Motion("WAM-V", Role.MEASURED, time, large),
-            Motion("IAcquaBot", Role.MODEL, time, small),
-            Motion("IAcquaBot, same forces", Role.SHADOW, time, pushed),
+            Motion("WAM-V", SeriesRole.MEASURED, time, large),
+            Motion("IAcquaBot", SeriesRole.MODEL, time, small),
+            Motion("IAcquaBot, same forces", SeriesRole.SHADOW, time, pushed),
         ],
     )
     return Part("Table 4: IAcquaBot against WAM-V", lines, pictures={"figure_6": picture})

@@ -14,7 +14,7 @@ from benchmarks.paper.campaign import Campaign, Study
 from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_5_STD
 from benchmarks.paper.scoring import header, row
-from gateway.figures.figure_data import Axis, Dots, FigureData, Level, Panel, Role
+from gateway.figures.figure_data import Axis, Dots, FigureData, Level, Panel, SeriesRole
 from sim.identification.intervals import Estimate
 from sim.identification.regression import SIGN, Regression
 from sim.identification.settings import BASE
@@ -111,11 +111,11 @@ def _picture(name: str, studies: Sequence[Study]) -> FigureData:
     """Intervals in per cent of the truth, methods side by side."""
     panels = []
     for study in studies:
-        marks: list[Dots | Level] = [Level(0.0, Role.CONTEXT)]
+        marks: list[Dots | Level] = [Level(0.0, SeriesRole.CONTEXT)]
         for k, (method, found) in enumerate(intervals(study).items()):
             δ = np.array(deltas(study))
             value, low, high = (100.0 * (np.array(x) / δ - 1.0) for x in zip(*found, strict=True))
-            role = (Role.ERROR, Role.MODEL, Role.MEASURED)[k]
+            role = (SeriesRole.ERROR, SeriesRole.MODEL, SeriesRole.MEASURED)[k]
             marks.append(Dots(np.arange(9.0) + 0.2 * (k - 1), value, low, high, role, method))
         panels.append(
             Panel(

@@ -14,7 +14,7 @@ from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_7_ALONE, TABLE_7_FOLLOWING, TABLE_7_STD
 from benchmarks.paper.scoring import beside, reached, scored, spread
 from benchmarks.paper.table4 import simulated
-from gateway.figures.figure_data import Role
+from gateway.figures.figure_data import SeriesRole
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -50,10 +50,10 @@ def table_7(c: Campaign) -> Part:
     held = {f"{n}: all six rows": reached(TABLE_7_FOLLOWING, s)[0] == "6"
             for n, s in scores.items() if "(c)" not in n}  # fmt: skip
     time: Floats = DT * np.arange(len(reference), dtype=np.float64)
-    boat = Motion("IAcquaBot (reference)", Role.MEASURED, time, reference)
-    loose = Motion("WAM-V uncontrolled", Role.MODEL, time, free)
+    boat = Motion("IAcquaBot (reference)", SeriesRole.MEASURED, time, reference)
+    loose = Motion("WAM-V uncontrolled", SeriesRole.MODEL, time, free)
     name = f"(b) identified, {c.instruments[0].name}"
-    shadow = Motion(f"WAM-V following {name}", Role.SHADOW, time, columns[name][1])
+    shadow = Motion(f"WAM-V following {name}", SeriesRole.SHADOW, time, columns[name][1])
     pictures = {
         "table_7": velocities("Table 7: WAM-V made to move as IAcquaBot", [boat, loose, shadow]),
         "table_7_tracks": tracks(

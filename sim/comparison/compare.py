@@ -14,6 +14,7 @@ from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import Scores, nrmse, nrmse_interval, scaled_squares, scores
 from sim.prediction.segments import CompareSettings
+from sim.tables import data_frame
 from sim.trial import Trial
 
 NEAR_FLOOR = 1.2  # an nrmse below this many noise floors is no failure
@@ -67,7 +68,11 @@ class Comparison:
         place = worst_place(self.track)
         return place if place is not None and place.excess > WORTH_SAYING else None
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_pandas(self) -> Any:
+        """One row per bin of every regime: range, shares of error and of time, errors."""
+        return data_frame([b.to_row() for b in self.where])
+
+    def to_dict(self) -> dict[str, Any]:
         """One entry of `shadow compare --json`: strict JSON, no nulls, no NaN."""
         return {
             "log": self.log,
@@ -81,10 +86,10 @@ class Comparison:
             "fit_percent": dict(self.scores.fit_percent),
             "nrmse": self.nrmse,
             "noise_floor_nrmse": self.noise_floor_nrmse,
-            "free_run": self.free_run.as_dict(),
-            "where": [b.as_dict() for b in self.where],
-            **({"place": self.place.as_dict()} if self.place else {}),
-            **({"independence": self.independence.as_dict()} if self.independence else {}),
+            "free_run": self.free_run.to_dict(),
+            "where": [b.to_dict() for b in self.where],
+            **({"place": self.place.to_dict()} if self.place else {}),
+            **({"independence": self.independence.to_dict()} if self.independence else {}),
             **({"notices": list(self.notices)} if self.notices else {}),
             **({"refit": [dict(values) for values in self.refit]} if self.refit else {}),
         }

@@ -49,7 +49,16 @@ class Bin:
         """Share of the error beyond the share of the time."""
         return self.share - self.time_share
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_row(self) -> dict[str, Any]:
+        """All of it, with one column for each number."""
+        row = self.to_dict() | {"time_share": self.time_share, "seconds": self.seconds}
+        for name in ("mean", "rmse", "missing", "missing_std", "missing_spread"):
+            axes = "XYN" if name.startswith("missing") else "uvr"
+            values = zip(axes, getattr(self, name), strict=True)
+            row |= {f"{name}_{axis}": value for axis, value in values}
+        return row
+
+    def to_dict(self) -> dict[str, Any]:
         """What `shadow compare --json` says of a bin."""
         return {"by": self.by, "from": self.start, "to": self.end, "unit": self.unit,
                 "share": self.share, "says": self.says}  # fmt: skip
@@ -88,7 +97,7 @@ class Place:
         """Share of the error beyond the share of the time."""
         return self.share - self.time_share
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What `shadow compare --json` says of the worst place."""
         says = at_place(self.north, self.east, self.size, self.share, self.time_share)
         return {"north_m": self.north, "east_m": self.east, "size_m": self.size,

@@ -10,6 +10,7 @@ from sim.diagnosis.identifiability import Refusal
 from sim.diagnosis.next_experiment import Suggested
 from sim.diagnosis.residual_terms import Dependence
 from sim.identification.intervals import Estimate
+from sim.tables import data_frame
 from sim.vessel import Vessel
 
 
@@ -47,7 +48,7 @@ class LadderStep:
     parameters: Mapping[str, tuple[Estimate, ...]]
     vessel: Vessel
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """For JSON; without an interval where there is none."""
         out: dict[str, Any] = {
             "effects": list(self.effects), "base": self.base, "heldout_nrmse": self.heldout.nrmse,
@@ -73,7 +74,7 @@ class Candidate:
     confounded_with: tuple[str, ...]
     alike: float = 1.0
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "effect": self.effect, "probability": self.probability,
@@ -105,14 +106,26 @@ class Diagnosis:
     suggested: tuple[Suggested, ...] = ()
     alternatives: tuple[LadderStep, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_pandas(self) -> Any:
+        """One row per step of the ladder, then per alternative: effects, error, interval."""
+        kinds = (("ladder", self.ladder), ("alternative", self.alternatives))
+        return data_frame([
+            {"kind": kind, "effects": ", ".join(step.effects), "base": step.base,
+             "heldout_nrmse": step.heldout.nrmse,
+             "low": step.heldout.ci95[0] if step.heldout.ci95 else None,
+             "high": step.heldout.ci95[1] if step.heldout.ci95 else None}
+            for kind, steps in kinds
+            for step in steps
+        ])  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
         """What `shadow diagnose --json` prints."""
         return {
             "verdict": str(self.verdict), "summary": self.summary,
             "base_changed": self.base_changed, "effects": list(self.effects),
-            "ladder": [rung.as_dict() for rung in self.ladder],
-            "alternatives": [rung.as_dict() for rung in self.alternatives],
-            "ranking": [row.as_dict() for row in self.ranking],
+            "ladder": [rung.to_dict() for rung in self.ladder],
+            "alternatives": [rung.to_dict() for rung in self.alternatives],
+            "ranking": [row.to_dict() for row in self.ranking],
             "unexplained": self.unexplained,
             "depends_on": [
                 {"on": d.on, "share": d.share, "says": d.says} for d in self.depends_on

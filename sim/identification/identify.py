@@ -34,6 +34,7 @@ from sim.identification.vessel_update import applied
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats
+from sim.tables import data_frame
 from sim.trial import Trial
 from sim.vessel import Vessel, freed
 
@@ -76,20 +77,29 @@ class Identified:
         """Channels that no validation recording confirms, a sentence each."""
         return untold_channels(self.validation)
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_pandas(self) -> Any:
+        """One row per parameter: before, value, interval, whether the data tell it."""
+        return data_frame([
+            {"name": e.name, "recording": e.trial, "unit": e.unit, "before": e.before,
+             "value": e.value, "low": e.ci95[0], "high": e.ci95[1],
+             "identifiable": e.identifiable, "doubt": e.doubt}
+            for e in (*self.estimates, *self.nuisances)
+        ])  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
         """What `shadow identify --json` prints."""
-        shared = {e.name: e.as_dict() for e in self.estimates if e.trial is None}
+        shared = {e.name: e.to_dict() for e in self.estimates if e.trial is None}
         of_trials: dict[str, dict[str, Any]] = {}
         for e in self.estimates:
             if e.trial is not None:
-                of_trials.setdefault(e.trial, {})[e.name] = e.as_dict()
+                of_trials.setdefault(e.trial, {})[e.name] = e.to_dict()
         return {
             "vessel": self.vessel.name, "method": self.method, "seconds": self.seconds,
             "parameters": shared, "parameters_of_recordings": of_trials,
-            "offsets": {e.name: e.as_dict() for e in self.nuisances},
-            "trade": list(self.trade), "validation": [v.as_dict() for v in self.validation],
+            "offsets": {e.name: e.to_dict() for e in self.nuisances},
+            "trade": list(self.trade), "validation": [v.to_dict() for v in self.validation],
             "cross_check": list(self.cross_check), "notices": list(self.notices),
-            "not_identifiable": list(self.untold), "step_responses": self.answers.as_dict(),
+            "not_identifiable": list(self.untold), "step_responses": self.answers.to_dict(),
         }  # fmt: skip
 
 

@@ -44,7 +44,7 @@ def test_each_number_keeps_where_it_came_from(written):
 
 
 def test_json_is_strict(written):
-    told = json.loads(json.dumps(written[0].as_dict(), allow_nan=False))
+    told = json.loads(json.dumps(written[0].to_dict(), allow_nan=False))
     assert set(told["parameters"]["m11"]) >= {"value", "ci95", "unit", "before"}
     surge = told["step_responses"]["surge"]
     assert 0.0 < surge["rise"] < surge["settling_2"]

@@ -94,7 +94,7 @@ def test_every_shipped_vessel_has_a_plan_and_answers_to_steps(path):
     assert done.answers.surge.settled
     assert done.answers.yaw.settled
     assert done.plan.manoeuvre.name == "mixed"
-    told = json.loads(json.dumps(done.as_dict()))
+    told = json.loads(json.dumps(done.to_dict()))
     assert told["step_responses"]["surge"]["rise"] == done.answers.surge.rise
     assert told["stays"] == done.stays
 
