@@ -17,65 +17,65 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure as new_figure
 
-from gateway.figures.bokeh_marks import Drawing, add, fill
-from gateway.figures.figure_data import Bars, FigureData, Line, Mark, Panel, Strip
-from gateway.figures.style import CHOSEN, LIGHT, Look
-from gateway.figures.track import EAST
-from gateway.figures.velocities import TIME
+from gateway.figures.bokeh_marks import DrawnMark, draw_mark
+from gateway.figures.figure_data import Bars, FigureData, Line, Panel
+from gateway.figures.quantities import EAST, HEADING, TIME
+from gateway.figures.style import COMPASS, LIGHT, SELECTED, Theme
 
 HEIGHT, TIME_HEIGHT, STRIP_HEIGHT, MAP_HEIGHT, NAMES_HEIGHT = 230, 175, 130, 430, 320
 NARROWEST = 310  # px, of a panel beside another
 LEGEND_ROW = 24  # px
 LEGEND_LETTERS = 45  # that fit side by side on a phone
-COMPASS = {45 * k: name for k, name in enumerate(("N", "NE", "E", "SE", "S", "SW", "W", "NW", "N"))}
 
 
 @dataclass
-class Stage:
-    """What the pictures of one page share: the look, the time axis, and what is pointed at."""
+class LinkedView:
+    """What the figures of one page share: the theme, the time axis, and what is marked."""
 
-    look: Look = LIGHT
+    theme: Theme = LIGHT
     time: Any = None  # Range1d of every time axis, made by the first
     spans: Any = field(default_factory=lambda: ColumnDataSource({"x0": [], "x1": []}))
-    spots: Any = field(default_factory=lambda: ColumnDataSource({"x": [], "y": []}))
+    points: Any = field(default_factory=lambda: ColumnDataSource({"x": [], "y": []}))
     on_brush: Callable[[float, float], None] | None = None
 
-    def time_range(self, start: float, end: float) -> Any:
-        """One range for all; it bounds what can be panned to."""
+    def time_range(self, panel: Panel) -> Any:
+        """The range of all time axes, from the first panel; it bounds what can be panned to."""
         if self.time is None:
+            ends = [m.x[[0, -1]] for m in panel.marks if isinstance(m, Line) and len(m.x)]
+            every = np.concatenate(ends) if ends else np.array([0.0, 1.0])
+            start, end = float(every.min()), float(every.max())
             self.time = Range1d(start, end, bounds=(start, end), min_interval=1.0)
         return self.time
 
 
-class Picture:
-    """A picture on screen; `show` puts other data of the same shape into it."""
+class BokehFigure:
+    """A figure on screen; `update` puts other data of the same shape into it."""
 
-    def __init__(self, data: FigureData, stage: Stage | None = None) -> None:
-        self._stage = stage or Stage()
+    def __init__(self, data: FigureData, view: LinkedView | None = None) -> None:
+        self._view = view or LinkedView()
         self._shape = _shape(data)
-        self._drawings: list[tuple[Drawing, Mark]] = []
+        self._over_time: list[DrawnMark] = []
+        self._drawn: list[DrawnMark] = []
         self.figures = [self._panel(panel, i == 0) for i, panel in enumerate(data.panels)]
         self.layout = _layout(self.figures, data.columns)
 
-    def show(self, data: FigureData) -> bool:
+    def update(self, data: FigureData) -> bool:
         """Fill with other data; False where it is of another shape and has to be drawn anew."""
         if _shape(data) != self._shape:
             return False
         marks = [mark for panel in data.panels for mark in panel.marks]
-        self._drawings = [(d, m) for (d, _), m in zip(self._drawings, marks, strict=True)]
-        for drawing, mark in self._drawings:
-            fill(mark, drawing)
+        for drawn, mark in zip(self._drawn, marks, strict=True):
+            drawn.fill(mark)
         return True
 
-    def look_at(self, start: float, end: float) -> None:
+    def resample(self, start: float, end: float) -> None:
         """Lines over time with as many points as that window deserves."""
-        for drawing, mark in self._drawings:
-            if isinstance(mark, Line) and drawing.over_time:
-                fill(mark, drawing, (start, end))
+        for drawn in self._over_time:
+            drawn.fill(drawn.mark, (start, end))
 
     def _panel(self, panel: Panel, first: bool) -> Any:
-        look, over_time = self._stage.look, panel.x == TIME
-        options: dict[str, Any] = {"x_range": self._time_of(panel)} if over_time else {}
+        theme, over_time = self._view.theme, panel.x == TIME
+        options: dict[str, Any] = {"x_range": self._view.time_range(panel)} if over_time else {}
         if panel.equal:
             options["match_aspect"] = True
         fig = new_figure(
@@ -84,46 +84,44 @@ class Picture:
             tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
             active_scroll=None, output_backend="canvas", **options,
         )  # fmt: skip
-        dress_figure(fig, look)
+        style_figure(fig, theme)
         if over_time:
-            fig.vstrip(x0="x0", x1="x1", source=self._stage.spans, fill_color=CHOSEN,
+            fig.vstrip(x0="x0", x1="x1", source=self._view.spans, fill_color=SELECTED,
                        fill_alpha=0.25, line_color=None)  # fmt: skip
-            self._brush(fig)
+            self._add_brush(fig)
         items = []
         for mark in panel.marks:
-            drawing = add(mark, fig, look, over_time)
-            self._drawings.append((drawing, mark))
-            if drawing.label and drawing.renderer is not None:
-                items.append(LegendItem(label=drawing.label, renderers=[drawing.renderer]))
+            drawn = draw_mark(mark, fig, theme)
+            self._drawn.append(drawn)
+            if over_time and isinstance(mark, Line):
+                self._over_time.append(drawn)
+            if drawn.label and drawn.renderer is not None:
+                items.append(LegendItem(label=drawn.label, renderers=[drawn.renderer]))
         if panel.equal and panel.x == EAST:
-            fig.line(x="x", y="y", source=self._stage.spots, line_color=CHOSEN, line_width=6,
+            fig.line(x="x", y="y", source=self._view.points, line_color=SELECTED, line_width=6,
                      line_alpha=0.75, line_cap="round")  # fmt: skip
         _axes(fig, panel)
         _hover(fig, panel)
         if items and first:
-            legend = _legend(items, look)
+            legend = _legend(items, theme)
             fig.add_layout(legend, "above")
             fig.height += LEGEND_ROW * ((len(items) - 1) // legend.ncols)
         return fig
 
-    def _time_of(self, panel: Panel) -> Any:
-        ends = [m.x[[0, -1]] for m in panel.marks if isinstance(m, Line) and len(m.x)]
-        every = np.concatenate(ends) if ends else np.array([0.0, 1.0])
-        return self._stage.time_range(float(every.min()), float(every.max()))
-
-    def _brush(self, fig: Any) -> None:
-        """Draw a box over time: whoever listens is told from when to when."""
-        if self._stage.on_brush is None:
+    def _add_brush(self, fig: Any) -> None:
+        """Draw a box over time: `on_brush` is called with its start and end."""
+        on_brush = self._view.on_brush
+        if on_brush is None:
             return
-        tool, tell = BoxSelectTool(dimensions="width", description="Mark time"), self._stage
+        tool = BoxSelectTool(dimensions="width", description="Mark time")
         fig.add_tools(tool)
         fig.toolbar.active_drag = tool
 
-        def heard(event: Any) -> None:
-            if event.final and event.geometry.get("type") == "rect" and tell.on_brush is not None:
-                tell.on_brush(float(event.geometry["x0"]), float(event.geometry["x1"]))
+        def selected(event: Any) -> None:
+            if event.final and event.geometry.get("type") == "rect":
+                on_brush(float(event.geometry["x0"]), float(event.geometry["x1"]))
 
-        fig.on_event("selectiongeometry", heard)
+        fig.on_event("selectiongeometry", selected)
 
 
 def _shape(data: FigureData) -> Any:
@@ -148,24 +146,24 @@ def _layout(figures: Sequence[Any], columns: int) -> Any:
 def _height(panel: Panel) -> int:
     if panel.equal:
         return MAP_HEIGHT
-    if any(isinstance(mark, Strip) for mark in panel.marks):
+    if panel.strip is not None:
         return STRIP_HEIGHT
     if panel.names:
         return NAMES_HEIGHT
     return TIME_HEIGHT if panel.x == TIME else HEIGHT
 
 
-def dress_figure(fig: Any, look: Look) -> None:
+def style_figure(fig: Any, theme: Theme) -> None:
     """Paper and ink of the theme."""
-    fig.background_fill_color = fig.border_fill_color = look.paper
+    fig.background_fill_color = fig.border_fill_color = theme.paper
     fig.outline_line_color = None
-    fig.grid.grid_line_color = look.grid
+    fig.grid.grid_line_color = theme.grid
     if fig.title is not None:
-        fig.title.text_color = look.ink
+        fig.title.text_color = theme.ink
     for axis in fig.axis:
-        axis.axis_label_text_color = axis.major_label_text_color = look.ink
+        axis.axis_label_text_color = axis.major_label_text_color = theme.ink
         axis.axis_label_text_font_style = "normal"
-        axis.axis_line_color = axis.major_tick_line_color = look.faint
+        axis.axis_line_color = axis.major_tick_line_color = theme.faint
         axis.minor_tick_line_color = None
     fig.toolbar.logo = None
     fig.toolbar.autohide = True
@@ -175,26 +173,24 @@ def dress_figure(fig: Any, look: Look) -> None:
 def _axes(fig: Any, panel: Panel) -> None:
     """Ticks with names, a compass for headings, rows of strips."""
     if panel.names:
-        fig.xaxis.ticker = FixedTicker(ticks=list(range(len(panel.names))))
-        fig.xaxis.major_label_overrides = dict(enumerate(panel.names))
-        fig.x_range = Range1d(-0.6, max(len(panel.names) - 0.4, 2.6))
+        _named_ticks(fig.xaxis, dict(enumerate(panel.names)))
+        fig.x_range = Range1d(*panel.names_span)
         fig.xgrid.visible = False
-        fig.y_range.start = 0.0 if _from_zero(panel) else None
-    if panel.x.label == "heading":
-        fig.xaxis.ticker = FixedTicker(ticks=list(COMPASS))
-        fig.xaxis.major_label_overrides = {k: f"{k} {name}" for k, name in COMPASS.items()}
+        bars = any(isinstance(mark, Bars) for mark in panel.marks)
+        fig.y_range.start = 0.0 if bars else None
+    if panel.x == HEADING:
+        _named_ticks(fig.xaxis, {45 * k: f"{45 * k} {name}" for k, name in enumerate(COMPASS)})
         fig.x_range = Range1d(0.0, 360.0)
-    strips = [mark for mark in panel.marks if isinstance(mark, Strip)]
-    if strips:
-        rows = strips[0].rows
-        fig.yaxis.ticker = FixedTicker(ticks=list(range(len(rows))))
-        fig.yaxis.major_label_overrides = dict(enumerate(rows))
+    if panel.strip is not None:
+        rows = panel.strip.rows
+        _named_ticks(fig.yaxis, dict(enumerate(rows)))
         fig.y_range = Range1d(len(rows) - 0.5, -0.5)
         fig.grid.visible = False
 
 
-def _from_zero(panel: Panel) -> bool:
-    return any(isinstance(mark, Bars) for mark in panel.marks)
+def _named_ticks(axis: Any, names: dict[int, str]) -> None:
+    axis.ticker = FixedTicker(ticks=list(names))
+    axis.major_label_overrides = names
 
 
 def _hover(fig: Any, panel: Panel) -> None:
@@ -207,15 +203,11 @@ def _hover(fig: Any, panel: Panel) -> None:
         fig.add_tools(HoverTool(renderers=named, tooltips=rows, mode="mouse"))
 
 
-def _short(items: list[Any]) -> bool:
-    """Whether three beside one another fit where the picture is narrow."""
-    return sum(len(str(item.label.value)) for item in items[:3]) < LEGEND_LETTERS
-
-
-def _legend(items: list[Any], look: Look) -> Any:
-    short = _short(items)
+def _legend(items: list[Any], theme: Theme) -> Any:
+    """Three labels to a row where they fit beside one another in a narrow figure, else one."""
+    short = sum(len(str(item.label.value)) for item in items[:3]) < LEGEND_LETTERS
     return Legend(
         items=items, orientation="horizontal", location="left", border_line_color=None,
-        background_fill_alpha=0.0, label_text_color=look.ink, label_text_font_size="12px",
+        background_fill_alpha=0.0, label_text_color=theme.ink, label_text_font_size="12px",
         padding=0, margin=4, spacing=14 if short else 0, ncols=3 if short else 1,
     )  # fmt: skip

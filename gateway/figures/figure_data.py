@@ -3,11 +3,15 @@
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from sim.state import Floats
 
+WORST = 0.99  # quantile of coloured values at which the colour scale ends
 
-class Role(Enum):
-    """What a mark stands for; each role has one colour in every picture."""
+
+class SeriesRole(Enum):
+    """What a mark stands for; each role has one colour in every figure."""
 
     MEASURED = "measured"
     MODEL = "model"
@@ -20,10 +24,14 @@ class Role(Enum):
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows and in which unit; an empty unit is for names and plain numbers."""
+    """A quantity as people read it: its label, its unit, and how many of that unit make an SI unit.
+
+    An empty unit is for names and plain numbers.
+    """
 
     label: str
     unit: str = ""
+    factor: float = 1.0
 
     @property
     def text(self) -> str:
@@ -33,22 +41,27 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """A line through x (n,), y (n,); NaN lifts the pen."""
+    """A line through x (n,), y (n,); NaN interrupts it."""
 
     x: Floats
     y: Floats
-    role: Role
+    role: SeriesRole
     label: str = ""
 
 
 @dataclass(frozen=True)
-class Coloured:
+class ColouredPoints:
     """Points x (n,), y (n,) coloured by value (n,)."""
 
     x: Floats
     y: Floats
     value: Floats
     scale: Axis
+
+    @property
+    def highest(self) -> float:
+        """Value at the end of the colour scale."""
+        return max(float(np.quantile(self.value, WORST)) if len(self.value) else 1.0, 1e-9)
 
 
 @dataclass(frozen=True)
@@ -58,7 +71,7 @@ class Bars:
     start: Floats
     end: Floats
     height: Floats
-    role: Role
+    role: SeriesRole
     label: str = ""
     outline: bool = False
 
@@ -83,7 +96,7 @@ class Dots:
     y: Floats
     low: Floats
     high: Floats
-    role: Role
+    role: SeriesRole
     label: str = ""
 
 
@@ -94,7 +107,7 @@ class Band:
     x: Floats
     low: Floats
     high: Floats
-    role: Role
+    role: SeriesRole
     label: str = ""
 
 
@@ -103,11 +116,11 @@ class Level:
     """A horizontal line at `y`."""
 
     y: float
-    role: Role
+    role: SeriesRole
     label: str = ""
 
 
-Mark = Line | Coloured | Bars | Strip | Dots | Band | Level
+Mark = Line | ColouredPoints | Bars | Strip | Dots | Band | Level
 
 
 @dataclass(frozen=True)
@@ -121,13 +134,23 @@ class Panel:
     equal: bool = False
     names: tuple[str, ...] = ()
 
+    @property
+    def names_span(self) -> tuple[float, float]:
+        """Ends of an axis of names; a few names do not fill all of its width."""
+        return -0.6, max(len(self.names) - 0.4, 2.6)
+
+    @property
+    def strip(self) -> Strip | None:
+        """The coloured cells of the panel, if it shows such."""
+        return next((mark for mark in self.marks if isinstance(mark, Strip)), None)
+
 
 @dataclass(frozen=True)
 class FigureData:
-    """A whole picture: panels row by row, `columns` to a row."""
+    """A whole figure: panels row by row, `columns` to a row, and a sentence about it."""
 
     title: str
     panels: tuple[Panel, ...]
     columns: int = 1
     shared_x: bool = False
-    says: str = ""
+    caption: str = ""

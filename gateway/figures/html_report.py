@@ -1,8 +1,6 @@
-"""Words that the page and the report use, each explained in a sentence.
+"""The report: one HTML file that asks for nothing outside itself, and the words it explains.
 
-The report: one HTML file that asks for nothing outside itself.
-
-Pictures are SVG inside the file, sharp on paper and on a phone, shown without a line of script.
+Figures are SVG inside the file, sharp on paper and on a phone, shown without a line of script.
 """
 
 from base64 import b64encode
@@ -13,7 +11,9 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-GLOSSARY = {
+from gateway.figures.quantities import probability_text
+
+GLOSSARY = {  # words of the pages and the report, each in a sentence
     "nrmse": "size of the error of u, v and r together, in standard deviations of the motion: "
     "0 is perfect, 1 is as bad as knowing only the mean",
     "noise floor": "the error that a perfect model would still show, because sensors are noisy",
@@ -37,84 +37,86 @@ GLOSSARY = {
     "reference": "the velocity that the shadow follows: measured, or predicted by the model",
     "shadow": "the simulated boat that follows the real one",
 }
-
-
-LARGEST = 4_700_000  # bytes of the whole file
-HERE = Path(__file__).parent
+LARGEST = 4_700_000  # bytes of the whole file: what a mail takes
+PAGE_BYTES = 150_000  # reserved for the page without its figures and vessel files
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A picture: its heading, the sentence below it, and the SVG."""
+class ReportFigure:
+    """A figure: its heading, the sentence below it, and the SVG."""
 
     title: str
-    says: str
+    caption: str
     svg: str
 
     @property
     def address(self) -> str:
-        """The picture as an address that holds all of it."""
+        """The figure as an address that holds all of it."""
         return "data:image/svg+xml;base64," + b64encode(self.svg.encode()).decode()
 
 
 @dataclass(frozen=True)
-class Recording:
-    """One stretch of a recording: numbers of each vessel, the worst in words, pictures."""
+class ReportRecording:
+    """One stretch of a recording: numbers of each vessel, the worst in words, figures."""
 
     name: str
     seconds: float
     rows: tuple[Mapping[str, Any], ...]
     worst: tuple[tuple[str, tuple[str, ...]], ...]  # vessel, sentences
     notices: tuple[str, ...]
-    pictures: tuple[Shown, ...]
+    figures: tuple[ReportFigure, ...]
 
 
 @dataclass(frozen=True)
-class Report:
-    """All that the page says; `diagnosis` is what `shadow diagnose --json` prints, if asked for."""
+class ReportPage:
+    """The page as values; `diagnosis` is what `shadow diagnose --json` prints, if asked for."""
 
     title: str
     made: str
     headline: str
-    recordings: tuple[Recording, ...]
+    recordings: tuple[ReportRecording, ...]
     vessel_files: tuple[tuple[str, str], ...]  # heading, text
     versions: tuple[tuple[str, str], ...]
     diagnosis: Mapping[str, Any] | None = None
-    ladder: Shown | None = None
-    evidence: tuple[Shown, ...] = ()
+    ladder: ReportFigure | None = None
+    evidence: tuple[ReportFigure, ...] = ()
     glossary: Mapping[str, str] = field(default_factory=lambda: GLOSSARY)
 
 
-def render(report: Report) -> str:
+def render(page: ReportPage) -> str:
     """The page as text, never beyond the size that a mail takes."""
     environment = Environment(
-        loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters["signed"] = _number
+    environment.filters["probability"] = probability_text
     template = environment.get_template("report.html")
-    shown, left_out = _that_fit(report)
-    return template.render(r=report, recordings=shown, left_out=left_out)
+    recordings, left_out = _within_limit(page)
+    return template.render(r=page, recordings=recordings, left_out=left_out)
 
 
-def _that_fit(report: Report) -> tuple[list[tuple[Recording, tuple[Shown, ...]]], int]:
-    """Recordings with the pictures that there is room for; how many there is none for."""
-    files = sum(len(text.encode()) for _, text in report.vessel_files)
-    room = LARGEST - 150_000 - files - sum(_size((p,)) for p in report.evidence)
-    out: list[tuple[Recording, tuple[Shown, ...]]] = []
+def _within_limit(
+    page: ReportPage,
+) -> tuple[list[tuple[ReportRecording, tuple[ReportFigure, ...]]], int]:
+    """Recordings with the figures that there is room for; the number of those left out."""
+    files = sum(len(text.encode()) for _, text in page.vessel_files)
+    room = LARGEST - PAGE_BYTES - files - sum(_size((f,)) for f in page.evidence)
+    out: list[tuple[ReportRecording, tuple[ReportFigure, ...]]] = []
     left_out = 0
-    for recording in report.recordings:
-        fits = _size(recording.pictures) <= room
-        room -= _size(recording.pictures) if fits else 0
-        left_out += 0 if fits else len(recording.pictures)
-        out.append((recording, recording.pictures if fits else ()))
+    for recording in page.recordings:
+        fits = _size(recording.figures) <= room
+        room -= _size(recording.figures) if fits else 0
+        left_out += 0 if fits else len(recording.figures)
+        out.append((recording, recording.figures if fits else ()))
     return out, left_out
 
 
-def _size(pictures: Sequence[Shown]) -> int:
-    return sum(4 * len(picture.svg.encode()) // 3 for picture in pictures)
+def _size(figures: Sequence[ReportFigure]) -> int:
+    """Bytes of the figures in base64."""
+    return sum(4 * len(figure.svg.encode()) // 3 for figure in figures)
 
 
 def _number(value: float) -> str:
-    """Four digits that count, a true minus."""
+    """Four significant digits, a true minus."""
     return f"{value:.4g}".replace("-", "−")

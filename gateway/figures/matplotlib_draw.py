@@ -1,6 +1,6 @@
-"""Figure data drawn by matplotlib, as PNG or SVG; no window, no global state.
+"""Figure data drawn by matplotlib, without a window or global state: PNG and SVG files, SVG text.
 
-Figure data as the text of an SVG that is as narrow as a phone held upright can show.
+The text of an SVG, for the report, is as narrow as a phone held upright can show.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ from gateway.figures.decimate import decimated, worst_kept
 from gateway.figures.figure_data import (
     Band,
     Bars,
-    Coloured,
+    ColouredPoints,
     Dots,
     FigureData,
     Level,
@@ -29,10 +29,11 @@ from gateway.figures.figure_data import (
     Panel,
     Strip,
 )
-from gateway.figures.style import COLOUR, LITTLE_TO_MUCH
+from gateway.figures.quantities import HEADING
+from gateway.figures.style import COLOUR, COLOUR_SCALE, COMPASS
 
 FORMATS = (".png", ".svg")
-LOOKS = {
+RC_PARAMS = {
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -47,34 +48,52 @@ LOOKS = {
     "svg.fonttype": "path",
     "svg.hashsalt": "shadow",
 }
-COMPASS = [
-    f"{45 * k}\n{name}" for k, name in enumerate(("N", "NE", "E", "SE", "S", "SW", "W", "NW", "N"))
-]
-COLOURS = LinearSegmentedColormap.from_list("little_to_much", LITTLE_TO_MUCH)
-WIDTH, ROW, STRIP_ROW, MAP_ROW = 10.0, 2.3, 1.35, 5.0  # inches
+COLOURS = LinearSegmentedColormap.from_list("little_to_much", COLOUR_SCALE)
+WIDTH, ROW, STRIP_ROW, NAMES_ROW, MAP_ROW = 10.0, 2.3, 1.35, 3.6, 5.0  # inches
+NARROW = 5.6  # inches: at 360 px of a phone, text of 9 points is still read
+SVG_COLUMNS, SVG_POINTS = 500, 1500  # of a line, of a coloured track
 
 
-def save(figure: FigureData, path: str | Path) -> Path:
-    """Write .png or .svg, whole or not at all."""
+def save_figure(figure: FigureData, path: str | Path) -> Path:
+    """Write .png or .svg, whole or not at all; the same data give the same bytes."""
     file = Path(path)
-    if file.suffix.lower() not in FORMATS:
+    suffix = file.suffix.lower()
+    if suffix not in FORMATS:
         raise BadInput(f"{file}: pictures are written as {' or '.join(FORMATS)}")
+    undated = {"Date": None} if suffix == ".svg" else {"Software": None}
     drawn = BytesIO()
-    with matplotlib.rc_context(LOOKS):
-        draw(figure).savefig(
-            drawn, format=file.suffix[1:].lower(), dpi=130, metadata=_undated(file)
-        )
+    with matplotlib.rc_context(RC_PARAMS):
+        draw_figure(figure).savefig(drawn, format=suffix[1:], dpi=130, metadata=undated)
     write_whole(file, drawn.getvalue(), "the picture", folders=True)
     return file
 
 
-def _undated(file: Path) -> dict[str, None]:
-    """The same data give the same bytes."""
-    return {"Date": None} if file.suffix.lower() == ".svg" else {"Software": None}
+def svg_text(figure: FigureData) -> str:
+    """An SVG, one panel below the other, without the title, which the page has."""
+    panels = tuple(
+        replace(panel, marks=tuple(map(_thinned, panel.marks))) for panel in figure.panels
+    )
+    plain = replace(figure, title="", caption="", columns=1, panels=panels)
+    out = StringIO()
+    with matplotlib.rc_context(RC_PARAMS):
+        draw_figure(plain, NARROW).savefig(out, format="svg", metadata={"Date": None})
+    text = out.getvalue()
+    return text[text.index("<svg") :]
 
 
-def draw(figure: FigureData, width: float = WIDTH) -> Figure:
-    """The whole picture, `width` inches wide, panels row by row, one legend for all."""
+def _thinned(mark: Any) -> Any:
+    """A mark with fewer points; tracks are not over time, but their gaps and ends stay."""
+    if isinstance(mark, Line):
+        x, y = decimated(mark.x, mark.y, SVG_COLUMNS)
+        return replace(mark, x=x, y=y)
+    if isinstance(mark, ColouredPoints):
+        kept = worst_kept(mark.value, SVG_POINTS)
+        return replace(mark, x=mark.x[kept], y=mark.y[kept], value=mark.value[kept])
+    return mark
+
+
+def draw_figure(figure: FigureData, width: float = WIDTH) -> Figure:
+    """The whole figure, `width` inches wide, panels row by row, one legend for all."""
     rows = -(-len(figure.panels) // figure.columns)
     height = rows * max(map(_height, figure.panels), default=ROW)
     canvas = Figure(figsize=(width, height + 0.9), layout="constrained")
@@ -86,7 +105,10 @@ def draw(figure: FigureData, width: float = WIDTH) -> Figure:
     if figure.shared_x:
         for ax in axes[: -figure.columns]:
             ax.set_xlabel("")
-    _strip_scale(canvas, figure)
+    strip = next((panel.strip for panel in figure.panels if panel.strip is not None), None)
+    if strip is not None:  # one colour scale for all strips: they share it
+        cells = ScalarMappable(Normalize(0.0, strip.highest), COLOURS)
+        canvas.colorbar(cells, ax=canvas.axes, label=strip.scale.text, aspect=40, pad=0.01)
     _captions(canvas, figure)
     return canvas
 
@@ -94,22 +116,14 @@ def draw(figure: FigureData, width: float = WIDTH) -> Figure:
 def _height(panel: Panel) -> float:
     if panel.equal:
         return MAP_ROW
-    if any(isinstance(mark, Strip) for mark in panel.marks):
+    if panel.strip is not None:
         return STRIP_ROW
-    return 3.6 if panel.names else ROW
-
-
-def _strip_scale(canvas: Figure, figure: FigureData) -> None:
-    """One colour scale for all strips: they share it."""
-    strips = [mark for panel in figure.panels for mark in panel.marks if isinstance(mark, Strip)]
-    if strips:
-        cells = ScalarMappable(Normalize(0.0, strips[0].highest), COLOURS)
-        canvas.colorbar(cells, ax=canvas.axes, label=strips[0].scale.text, aspect=40, pad=0.01)
+    return NAMES_ROW if panel.names else ROW
 
 
 def _captions(canvas: Figure, figure: FigureData) -> None:
     """Title, the sentence below it, and one legend for marks of the same name."""
-    heading = figure.title + (f"\n{figure.says}" if figure.says else "")
+    heading = figure.title + (f"\n{figure.caption}" if figure.caption else "")
     canvas.suptitle(heading, fontsize=10.5, wrap=True)
     named: dict[str, Any] = {}
     for ax in canvas.axes:
@@ -125,43 +139,42 @@ def _panel(panel: Panel, ax: Any) -> None:
     ax.set_ylabel(panel.y.text)
     ax.set_title(panel.title)
     for mark in panel.marks:
-        add(mark, ax)
+        draw_mark(mark, ax)
     if panel.equal:
         ax.set_aspect("equal", adjustable="box")
     if panel.names:
         ax.set_xticks(range(len(panel.names)), panel.names)
-        ax.set_xlim(-0.6, max(len(panel.names) - 0.4, 2.6))
+        ax.set_xlim(*panel.names_span)
         ax.grid(visible=False, axis="x")
     elif not panel.equal:
         ax.margins(x=0.01)
-    if panel.x.label == "heading":
-        ax.set_xticks(range(0, 361, 45), COMPASS)
+    if panel.x == HEADING:
+        ax.set_xticks(range(0, 361, 45), [f"{45 * k}\n{name}" for k, name in enumerate(COMPASS)])
         ax.set_xlim(0.0, 360.0)
 
 
 @singledispatch
-def add(mark: Any, ax: Any) -> None:
+def draw_mark(mark: Any, ax: Any) -> None:
     """One mark onto a pair of axes."""
     raise TypeError(f"cannot draw {type(mark).__name__}")
 
 
-@add.register
+@draw_mark.register
 def _(mark: Line, ax: Any) -> None:
     ax.plot(mark.x, mark.y, color=COLOUR[mark.role], label=mark.label or None)
 
 
-@add.register
-def _(mark: Coloured, ax: Any) -> None:
+@draw_mark.register
+def _(mark: ColouredPoints, ax: Any) -> None:
     order = np.argsort(mark.value)  # what is worst lies on top
-    top = float(np.quantile(mark.value, 0.99)) if len(mark.value) else 1.0
     points = ax.scatter(
         mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=COLOURS, vmin=0.0,
-        vmax=max(top, 1e-9), linewidths=0, rasterized=True, zorder=3,
+        vmax=mark.highest, linewidths=0, rasterized=True, zorder=3,
     )  # fmt: skip
     ax.figure.colorbar(points, ax=ax, label=mark.scale.text, shrink=0.7, extend="max")
 
 
-@add.register
+@draw_mark.register
 def _(mark: Bars, ax: Any) -> None:
     colour = COLOUR[mark.role]
     style = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.4, "zorder": 3}
@@ -172,7 +185,7 @@ def _(mark: Bars, ax: Any) -> None:
     )  # fmt: skip
 
 
-@add.register
+@draw_mark.register
 def _(mark: Strip, ax: Any) -> None:
     for k in range(len(mark.start)):  # bins need not touch: one without data leaves a gap
         edges = [mark.start[k], mark.end[k]]
@@ -185,7 +198,7 @@ def _(mark: Strip, ax: Any) -> None:
     ax.grid(visible=False)
 
 
-@add.register
+@draw_mark.register
 def _(mark: Dots, ax: Any) -> None:
     whiskers = np.abs(np.vstack([mark.y - mark.low, mark.high - mark.y]))
     ax.errorbar(
@@ -194,7 +207,7 @@ def _(mark: Dots, ax: Any) -> None:
     )  # fmt: skip
 
 
-@add.register
+@draw_mark.register
 def _(mark: Band, ax: Any) -> None:
     ax.fill_between(
         mark.x, mark.low, mark.high, color=COLOUR[mark.role], alpha=0.12, linewidth=0,
@@ -202,41 +215,9 @@ def _(mark: Band, ax: Any) -> None:
     )  # fmt: skip
 
 
-@add.register
+@draw_mark.register
 def _(mark: Level, ax: Any) -> None:
     ax.axhline(
         mark.y, color=COLOUR[mark.role], linewidth=1.6 if mark.label else 0.8,
         linestyle="--" if mark.label else "-", label=mark.label or None,
     )  # fmt: skip
-
-
-NARROW = 5.6  # inches: at 360 px of a phone, text of 9 points is still read
-COLUMNS = 500
-POINTS = 1500
-
-
-def svg(figure: FigureData) -> str:
-    """One panel below the other, without a title: the page has it."""
-    plain = replace(
-        figure, title="", says="", columns=1, panels=tuple(map(_thinned, figure.panels))
-    )
-    out = StringIO()
-    with matplotlib.rc_context(LOOKS):
-        draw(plain, NARROW).savefig(out, format="svg", metadata={"Date": None})
-    text = out.getvalue()
-    return text[text.index("<svg") :]
-
-
-def _thinned(panel: Panel) -> Panel:
-    return replace(panel, marks=tuple(_fewer(mark) for mark in panel.marks))
-
-
-def _fewer(mark: Any) -> Any:
-    """What is drawn with fewer points; tracks are not over time, but their gaps and ends stay."""
-    if isinstance(mark, Line):
-        x, y = decimated(mark.x, mark.y, COLUMNS)
-        return replace(mark, x=x, y=y)
-    if isinstance(mark, Coloured):
-        kept = worst_kept(mark.value, POINTS)
-        return replace(mark, x=mark.x[kept], y=mark.y[kept], value=mark.value[kept])
-    return mark

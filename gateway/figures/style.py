@@ -1,33 +1,33 @@
-"""The one palette, safe for colour-blind eyes (Okabe and Ito, Color Universal Design, 2008).
+"""Colours of figures: one palette for paper and screen, safe for colour-blind eyes.
 
-How pictures look on screen, light and dark; every pair of text and ground is WCAG AA.
+Source: Okabe and Ito, Color Universal Design, 2008. Text and background of a theme are WCAG AA.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.figures.figure_data import Role
+from gateway.figures.figure_data import SeriesRole
 
 COLOUR = {
-    Role.MEASURED: "#0072B2",  # blue
-    Role.MODEL: "#D55E00",  # vermilion
-    Role.SHADOW: "#009E73",  # bluish green
-    Role.ERROR: "#CC79A7",  # reddish purple
-    Role.FLOOR: "#000000",  # black: lies on bars of any colour
-    Role.INTERVAL: "#000000",
-    Role.CONTEXT: "#767676",  # grey, 4.5 : 1 on white
+    SeriesRole.MEASURED: "#0072B2",  # blue
+    SeriesRole.MODEL: "#D55E00",  # vermilion
+    SeriesRole.SHADOW: "#009E73",  # bluish green
+    SeriesRole.ERROR: "#CC79A7",  # reddish purple
+    SeriesRole.FLOOR: "#000000",  # black: lies on bars of any colour
+    SeriesRole.INTERVAL: "#000000",
+    SeriesRole.CONTEXT: "#767676",  # grey, 4.5 : 1 on white
 }
+SELECTED = "#E69F00"  # orange of the same palette: what the user marked
 
 # From little to much, falling steadily in lightness: readable in grey print too.
-LITTLE_TO_MUCH = ("#DCE9F2", "#56B4E9", "#0072B2", "#5B2A86", "#1B0A2A")
-
-
-CHOSEN = "#E69F00"  # orange of the same palette: what the user pointed at
+COLOUR_SCALE = ("#DCE9F2", "#56B4E9", "#0072B2", "#5B2A86", "#1B0A2A")
+DARK_COLOUR_SCALE = ("#24384A", "#0072B2", "#56B4E9", "#CBE8F8", "#FFFFFF")
+COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW", "N")  # every 45°, 0 to 360°
 
 
 @dataclass(frozen=True)
-class Look:
+class Theme:
     """Colours of one theme. Measured, model and shadow are the same in both."""
 
     name: str
@@ -35,24 +35,21 @@ class Look:
     ink: str
     faint: str  # text of less weight
     grid: str
-    ramp: tuple[str, ...]  # from little to much: what is much stands out from the paper
+    stops: tuple[str, ...]  # of the colour scale: what is much stands out from the paper
     strong: str  # floors and intervals: as far from the paper as can be
 
-    def colour(self, role: Role) -> str:
+    def colour(self, role: SeriesRole) -> str:
         """The colour of a role on this paper."""
-        return self.strong if role in (Role.FLOOR, Role.INTERVAL) else COLOUR[role]
+        return self.strong if role in (SeriesRole.FLOOR, SeriesRole.INTERVAL) else COLOUR[role]
 
     def scale(self, steps: int = 64) -> list[str]:
-        """The ramp as so many colours."""
-        stops = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in self.ramp])
+        """The colour scale in so many colours."""
+        stops = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in self.stops])
         at = np.linspace(0.0, len(stops) - 1.0, steps)
         mixed = [np.interp(at, np.arange(len(stops)), stops[:, k]) for k in range(3)]
         return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in np.rint(mixed).astype(int).T]
 
 
-LIGHT = Look("light", "#FFFFFF", "#1B2430", "#55606E", "#E3E7EC", LITTLE_TO_MUCH, "#000000")
-DARK = Look(
-    "dark", "#171C23", "#E8ECF1", "#A9B4C2", "#2C3540",
-    ("#24384A", "#0072B2", "#56B4E9", "#CBE8F8", "#FFFFFF"), "#FFFFFF",
-)  # fmt: skip
-LOOKS = {look.name: look for look in (LIGHT, DARK)}
+LIGHT = Theme("light", "#FFFFFF", "#1B2430", "#55606E", "#E3E7EC", COLOUR_SCALE, "#000000")
+DARK = Theme("dark", "#171C23", "#E8ECF1", "#A9B4C2", "#2C3540", DARK_COLOUR_SCALE, "#FFFFFF")
+THEMES = {theme.name: theme for theme in (LIGHT, DARK)}

@@ -49,7 +49,7 @@ class VesselPicture:
         """All that may be news: whether it lives, and its messages."""
         return self.alive, {topic: one.message for topic, one in self.latest.items()}
 
-    def as_dict(self, events_before: int = 0) -> dict[str, Any]:
+    def to_dict(self, events_before: int = 0) -> dict[str, Any]:
         """For programs: the messages as they were published, and the events not told before."""
         fresh = min(self.told - events_before, len(self.events))
         return {

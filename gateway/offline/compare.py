@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from gateway.errors import BadInput
-from gateway.figures.album import album
-from gateway.figures.matplotlib_draw import save
+from gateway.figures.comparison import comparison_figures
+from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.trials import TrialOptions, left_out, load_trials
 from gateway.offline.usable import notices_of
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison, compare
-from sim.comparison.refit import FEWEST, LENGTH_S, compare_refitted
+from sim.comparison.refit import MIN_BLOCKS, compare_refitted
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError
-from sim.prediction.segments import CompareSettings, NoUsableTimeError
+from sim.prediction.segments import BLOCK_S, CompareSettings, NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
 
@@ -65,7 +65,7 @@ def side_by_side(
         trials += read
     if not out:
         names = ", ".join(str(log) for log in logs)
-        needed = f" (--refit needs {FEWEST} blocks of {LENGTH_S:g} s)" if refit else ""
+        needed = f" (--refit needs {MIN_BLOCKS} blocks of {BLOCK_S:g} s)" if refit else ""
         why = left_out(trials) or "all are too short"
         raise BadInput(f"{names}: no stretch that can be compared over{needed}: {why}")
     return out
@@ -149,14 +149,14 @@ def compare_logs(
 
 def as_json(comparisons: Iterable[Comparison]) -> dict[str, Any]:
     """What `shadow compare --json` prints."""
-    return {"trials": [comparison.as_dict() for comparison in comparisons]}
+    return {"trials": [comparison.to_dict() for comparison in comparisons]}
 
 
 def save_pictures(one: Compared, folder: str | Path) -> list[Path]:
     """All pictures of one trial into a folder."""
     return [
-        save(figure, Path(folder) / f"{file_name(f'{one.trial.name} {name}')}{PICTURE}")
-        for name, figure in album(one.trial, one.comparisons).items()
+        save_figure(figure, Path(folder) / f"{file_name(f'{one.trial.name} {name}')}{PICTURE}")
+        for name, figure in comparison_figures(one.trial, one.comparisons).items()
     ]
 
 

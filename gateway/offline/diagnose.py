@@ -20,8 +20,8 @@ import orjson
 
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
-from gateway.figures.diagnosis import album
-from gateway.figures.matplotlib_draw import save as save_picture
+from gateway.figures.diagnosis import diagnosis_figures
+from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.add import DiagnosisFile, added
 from gateway.offline.compare import PICTURE, file_name
 from gateway.offline.trials import TrialOptions, usable_trials
@@ -75,9 +75,9 @@ class Diagnosed:
         added = self.diagnosis.vessel.effects
         return [a.effect.name for a in added if a.effect.scope is Scope.VOYAGE]
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What `shadow diagnose --json` prints and `shadow add --from` reads."""
-        answer = self.diagnosis.as_dict()
+        answer = self.diagnosis.to_dict()
         rungs = (*self.diagnosis.ladder, *self.diagnosis.alternatives)
         for rung, told in zip(rungs, answer["ladder"] + answer["alternatives"], strict=True):
             told |= _first_recording(rung, self.trials) | self._own(rung)
@@ -254,20 +254,20 @@ def kept(
 ) -> None:
     """Write what was asked for; no vessel file where there is nothing better to write."""
     if save is not None:
-        save_json(found.as_dict(), save)
+        save_json(found.to_dict(), save)
     if pictures is not None:
         tell("pictures")
         save_pictures(found, pictures)
     if out is not None and found.improves:
-        told = DiagnosisFile.model_validate(found.as_dict())
+        told = DiagnosisFile.model_validate(found.to_dict())
         names = found.diagnosis.effects
         added(names, found.vessel_file, told, save or "the diagnosis", out, effects)
 
 
 def save_pictures(found: Diagnosed, folder: Path) -> list[Path]:
     """All pictures into a folder."""
-    pictures = album(found.diagnosis, found.trials)
+    pictures = diagnosis_figures(found.diagnosis, found.trials)
     return [
-        save_picture(figure, folder / f"{file_name(name)}{PICTURE}")
+        save_figure(figure, folder / f"{file_name(name)}{PICTURE}")
         for name, figure in pictures.items()
     ]

@@ -13,8 +13,8 @@ import numpy as np
 
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
-from gateway.figures.identification import album, parameters
-from gateway.figures.matplotlib_draw import save
+from gateway.figures.identification import identification_figures, parameter_changes
+from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.compare import file_name
 from gateway.offline.trials import TrialOptions, usable_trials
 from gateway.offline.usable import Exclusion, notices_of, without
@@ -164,13 +164,14 @@ def save_pictures(
     folder: str | Path,
 ) -> list[Path]:
     """Parameters, and of each recording velocities and track: measured, before and after."""
-    pictures = {f"{found.vessel.name} parameters": parameters(found.vessel.name, found.estimates)}
+    name = found.vessel.name
+    pictures = {f"{name} parameters": parameter_changes(name, found.estimates)}
     first = Model.of(before)
     vessels = [*found.vessels, *(found.vessel for _ in others)]
     for trial, vessel in zip((*trials, *others), vessels, strict=True):
         ruler = Ruler.of(trial, first)
         both, later = (first, Model.of(vessel)), found.command_offset
         was, now = (predict(trial, model, ruler, later) for model in both)
-        drawn = album(trial, was, now, ruler.settings.horizon)
+        drawn = identification_figures(trial, was, now, ruler.settings.horizon)
         pictures |= {f"{trial.name} {name}": figure for name, figure in drawn.items()}
-    return [save(p, Path(folder) / f"{file_name(name)}.png") for name, p in pictures.items()]
+    return [save_figure(p, Path(folder) / f"{file_name(name)}.png") for name, p in pictures.items()]

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.figures.matplotlib_draw import save
-from gateway.figures.plan import motion, track
+from gateway.figures.excitation import plan_motion, plan_track
+from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.diagnose import answered
 from gateway.offline.plan_export import (
     Safety,
@@ -42,7 +42,7 @@ class Asked:
     of: str
     ranked: tuple[Suggested, ...]
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         rows = [
             {"excitation": s.manoeuvre.name, "seconds": s.seconds, "nats": s.nats}
@@ -132,7 +132,7 @@ class Planned:
     def _first_beyond(self, distance_m: float) -> float:
         return float(self.plan.time[np.argmax(self.plan.distance > distance_m)])
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What `--json` prints: SI units; what does not exist is left out or null."""
         plan = self.plan
         return {
@@ -148,9 +148,9 @@ class Planned:
             "highest_speed_mps": float(plan.speed.max()),
             "safety": asdict(self.safety),
             "pulses_us": {str(c): list(ends) for c, ends in pulse_bounds(plan).items()},
-            "step_responses": self.answers.as_dict(),
+            "step_responses": self.answers.to_dict(),
             "files": [str(file) for file in self.files],
-            "asked": None if self.asked is None else self.asked.as_dict(),
+            "asked": None if self.asked is None else self.asked.to_dict(),
         }
 
 
@@ -198,6 +198,6 @@ def _write(plan: Plan, safety: Safety, out: Path) -> tuple[Path, ...]:
         write_script(plan, safety, version("shadow-gateway"), out / f"{name}.lua"),
         write_pulses(plan, out / f"{name}.csv"),
         write_commands(plan, out / f"{name}-commands.csv"),
-        save(motion(plan), out / f"{name}-motion.png"),
-        save(track(plan, safety.radius_m), out / f"{name}-track.png"),
+        save_figure(plan_motion(plan), out / f"{name}-motion.png"),
+        save_figure(plan_track(plan, safety.radius_m), out / f"{name}-track.png"),
     )

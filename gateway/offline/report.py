@@ -13,28 +13,36 @@ from pathlib import Path
 from typing import Any
 
 from gateway.atomic_file import write_whole
-from gateway.figures import diagnosis as pictures
-from gateway.figures import error_against, forces, track, velocities, vessels
-from gateway.figures.diagnosis import Step, name_of, steps
+from gateway.figures.comparison import error_strips, missing_force_by_regime, vessel_errors
+from gateway.figures.diagnosis import (
+    LadderBar,
+    evidence_figure,
+    evidence_of,
+    evidence_of_rivals,
+    ladder_bars,
+    ranking,
+)
 from gateway.figures.figure_data import FigureData
-from gateway.figures.html_report import Recording, Report, Shown, render
-from gateway.figures.matplotlib_draw import svg
+from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecording, render
+from gateway.figures.matplotlib_draw import svg_text
+from gateway.figures.motion import horizon_velocities, track
+from gateway.figures.quantities import HEADING, velocity_texts
 from gateway.offline.compare import Compared, side_by_side, told_apart
 from gateway.offline.diagnose import Diagnosed, diagnosed
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import NEAR_FLOOR, Comparison
+from sim.comparison.compare import ADEQUATE_FLOORS, Comparison
 from sim.effects.effect import Effect
 from sim.vessel import Vessel
 
 Tell = Callable[[str], None]
 WORST = 5
 SECTIONS: tuple[tuple[str, Callable[..., FigureData], str], ...] = (
-    ("Velocities", velocities.horizon_runs,
+    ("Velocities", horizon_velocities,
      "Blue measured, orange the model, started anew from the measurement at every gap."),
-    ("Track", track.track, "North is up. Darker is worse."),
-    ("Size of the error", lambda _, c: error_against.strips(c),
+    ("Track", track, "North is up. Darker is worse."),
+    ("Size of the error", lambda _, c: error_strips(c),
      "Each row a velocity, each cell a bin. Darker is worse."),
-    ("Missing force", lambda _, c: forces.missing_force(c),
+    ("Missing force", lambda _, c: missing_force_by_regime(c),
      "What the model lacks. Within the grey band it is noise of a single estimate."),
 )  # fmt: skip
 
@@ -47,7 +55,7 @@ class Reported:
     size_bytes: int
     headline: str
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What `shadow report --json` prints."""
         return {"report": str(self.path), "bytes": self.size_bytes, "headline": self.headline}
 
@@ -77,7 +85,7 @@ def make_report(
     return write_report(page, out)
 
 
-def write_report(page: Report, out: str | Path) -> Reported:
+def write_report(page: ReportPage, out: str | Path) -> Reported:
     """The page as a file, whole or not at all."""
     file, text = Path(out), render(page).encode()
     write_whole(file, text, "the report", folders=True)
@@ -86,18 +94,18 @@ def write_report(page: Report, out: str | Path) -> Reported:
 
 def report_of(
     found: Sequence[Compared], chosen: Sequence[Vessel], answer: Diagnosed | None, boat: str = ""
-) -> Report:
+) -> ReportPage:
     """The whole page as values; `boat` where the vessels have other names than it."""
     names = ", ".join(one.trial.name for one in found)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return Report(
+    return ReportPage(
         title=f"{boat or chosen[0].name}: model against measurement",
         made=f"{names}. Made {now} by shadow-gateway {version('shadow-gateway')}.",
         headline=_headline(found, answer),
         recordings=tuple(_recording(one) for one in found),
         vessel_files=tuple((v.name, dump_vessel(v)) for v in chosen),
         versions=_versions(),
-        diagnosis=None if answer is None else answer.as_dict(),
+        diagnosis=None if answer is None else answer.to_dict(),
         ladder=None if answer is None else _ladder(answer),
         evidence=() if answer is None else _evidence(answer),
     )
@@ -116,7 +124,7 @@ def _headline(found: Sequence[Compared], answer: Diagnosed | None) -> str:
         return says[0].upper() + says[1:] + ("" if says.endswith(".") else ".")
     worst = max((one.comparisons[0] for one in found), key=_above)
     times = _above(worst)
-    if times <= NEAR_FLOOR:
+    if times <= ADEQUATE_FLOORS:
         return (
             f"{worst.vessel} is as good as these recordings can tell: its error of "
             f"{worst.nrmse:.2f} is at the noise floor of {worst.noise_floor_nrmse:.2f}."
@@ -131,20 +139,20 @@ def _above(c: Comparison) -> float:
     return c.nrmse / max(c.noise_floor_nrmse, 1e-9)
 
 
-def _recording(one: Compared) -> Recording:
-    return Recording(
+def _recording(one: Compared) -> ReportRecording:
+    return ReportRecording(
         one.trial.name,
         one.comparisons[0].seconds,
         tuple(row for c in one.comparisons for row in _rows(c)),
-        tuple((c.vessel, tuple(b.says for b in c.worst(WORST))) for c in one.comparisons),
+        tuple((c.vessel, tuple(b.sentence for b in c.worst(WORST))) for c in one.comparisons),
         tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices)),
-        tuple(_pictures(one)),
+        tuple(_figures(one)),
     )
 
 
 def _rows(c: Comparison) -> list[dict[str, Any]]:
     """The numbers over the horizon, and those of the free run."""
-    run = c.free_run.as_dict()["rmse"]
+    run = c.free_run.to_dict()["rmse"]
     interval = "" if c.nrmse_ci95 is None else f" ({c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f})"
     size = (f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}")
     horizon = f"{c.ruler.settings.horizon:g} s"
@@ -159,37 +167,39 @@ def _rows(c: Comparison) -> list[dict[str, Any]]:
 
 def _cells(rmse: Any) -> tuple[str, ...]:
     place = math.hypot(rmse["x"], rmse["y"])
-    return (f"{rmse['u']:.3f}", f"{rmse['v']:.3f}", f"{math.degrees(rmse['r']):.2f}",
-            f"{place:.2f}", f"{math.degrees(rmse['psi']):.2f}")  # fmt: skip
+    heading = rmse["psi"] * HEADING.factor
+    return (*velocity_texts(rmse), f"{place:.2f}", f"{heading:.2f}")
 
 
-def _pictures(one: Compared) -> list[Shown]:
+def _figures(one: Compared) -> list[ReportFigure]:
     """Of several vessels their errors side by side; then the sections of each."""
     several = len(one.comparisons) > 1
     out = []
     if several:
-        out.append(Shown("Error of each vessel", "", svg(vessels.vessels(one.comparisons))))
+        out.append(
+            ReportFigure("Error of each vessel", "", svg_text(vessel_errors(one.comparisons)))
+        )
     for c in one.comparisons:
-        for title, make, says in SECTIONS:
+        for title, make, caption in SECTIONS:
             heading = f"{title}: {c.vessel}" if several else title
-            out.append(Shown(heading, says, svg(make(one.trial, c))))
+            out.append(ReportFigure(heading, caption, svg_text(make(one.trial, c))))
     return out
 
 
-def _ladder(answer: Diagnosed) -> Shown:
+def _ladder(answer: Diagnosed) -> ReportFigure:
     d = answer.diagnosis
-    climbed = [Step(name_of(r.effects, r.base), r.heldout.nrmse, r.heldout.ci95) for r in d.ladder]
-    says = "Each step is judged on time that its fit did not see."
-    return Shown("The ladder", says, svg(steps("", climbed, d.floor)))
+    caption = "Each step is judged on time that its fit did not see."
+    bars = ladder_bars([LadderBar.of(step) for step in d.ladder], d.floor)
+    return ReportFigure("The ladder", caption, svg_text(bars))
 
 
-def _evidence(answer: Diagnosed) -> tuple[Shown, ...]:
-    """The ranking, and the picture that persuades for each effect found and its rivals."""
+def _evidence(answer: Diagnosed) -> tuple[ReportFigure, ...]:
+    """The ranking, and the evidence for each effect found and its rivals."""
     d = answer.diagnosis
-    ranked = [Shown("Which effect", "", svg(pictures.ranking(d)))] if d.ranking else []
-    every = (pictures.evidence_of, pictures.evidence_of_rivals)
-    proofs = [pictures.against(one) for of in every for one in of(d, answer.trials)]
-    return (*ranked, *(Shown(data.title, data.says, svg(data)) for data in proofs))
+    ranked = [ReportFigure("Which effect", "", svg_text(ranking(d)))] if d.ranking else []
+    found = (*evidence_of(d, answer.trials), *evidence_of_rivals(d, answer.trials))
+    figures = [evidence_figure(one) for one in found]
+    return (*ranked, *(ReportFigure(one.title, one.caption, svg_text(one)) for one in figures))
 
 
 def _versions() -> tuple[tuple[str, str], ...]:

@@ -19,7 +19,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, ImageURL
 
 from gateway.config import StudioSettings
-from gateway.figures.style import Look
+from gateway.figures.style import Theme
 from gateway.ingest.earth import A, Origin, to_degrees, to_local
 from gateway.studio.widgets import boxes, html
 from sim.state import Floats
@@ -107,7 +107,7 @@ WIDE_PX = 700.0  # of a chart that has not told its width yet
 class Underlay:
     """The tiles below one figure, that follow what it shows."""
 
-    def __init__(self, figure: Any, settings: StudioSettings, look: Look) -> None:
+    def __init__(self, figure: Any, settings: StudioSettings, look: Theme) -> None:
         self._figure, self._settings = figure, settings
         self._source = ColumnDataSource({name: [] for name in ("url", "x", "y", "w", "h")})
         self._shown: list[str] = []

@@ -15,9 +15,9 @@ from typing import Any, ClassVar
 import panel as pn
 
 from gateway.errors import ShadowError
-from gateway.figures.bokeh_draw import Picture, Stage
+from gateway.figures.bokeh_draw import BokehFigure, LinkedView
 from gateway.figures.figure_data import FigureData
-from gateway.figures.style import LIGHT, LOOKS
+from gateway.figures.style import LIGHT, THEMES
 from gateway.studio.session import Session
 from gateway.studio.widgets import button, drawn, html
 from gateway.studio.worker import BUG
@@ -36,8 +36,8 @@ class Page(ABC):
 
     def __init__(self, desk: Session) -> None:
         self.desk = desk
-        self.look = LOOKS.get(_cookie("shadow_theme"), LIGHT)
-        self.stage = Stage(self.look)
+        self.look = THEMES.get(_cookie("shadow_theme"), LIGHT)
+        self.stage = LinkedView(self.look)
         self._seen: dict[str, int] = {}
         self._work = html(styles={"min-height": "42px"})
         self._cancel = button("Cancel", self.desk.cancel, visible=False, width=90)
@@ -83,15 +83,17 @@ class Page(ABC):
 
         return guarded
 
-    def fill(self, place: Any, data: FigureData | None, kept: dict[str, Picture], key: str) -> None:
+    def fill(
+        self, place: Any, data: FigureData | None, kept: dict[str, BokehFigure], key: str
+    ) -> None:
         """A figure into a place of the page: in the picture that is there, if it fits into it."""
         if data is None:
             place.objects = []
             kept.pop(key, None)
             return
-        if key in kept and kept[key].show(data):
+        if key in kept and kept[key].update(data):
             return
-        kept[key] = Picture(data, self.stage)
+        kept[key] = BokehFigure(data, self.stage)
         place.objects = [drawn(kept[key])]
 
     def _round(self) -> None:

@@ -16,7 +16,7 @@ import tomli_w
 
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
-from gateway.figures.diagnosis import Step
+from gateway.figures.diagnosis import LadderBar
 from gateway.studio import tasks
 from gateway.studio.access import Folders
 from gateway.studio.views import Found, LadderView, Row, TrialView
@@ -32,7 +32,7 @@ class Version:
 
     text: str
     effects: tuple[str, ...] = ()
-    steps: tuple[Step, ...] = ()
+    steps: tuple[LadderBar, ...] = ()
     what: str = GIVEN
 
 

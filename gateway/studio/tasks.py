@@ -10,11 +10,16 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.figures import diagnosis as diagnosis_pictures
-from gateway.figures import error_against, forces, track, velocities
-from gateway.figures.diagnosis import Step, name_of
-from gateway.figures.figure_data import FigureData, Line, Panel, Role
-from gateway.figures.residuals import residuals
+from gateway.figures.comparison import error_strips, missing_force_by_regime
+from gateway.figures.diagnosis import (
+    LadderBar,
+    evidence_figure,
+    evidence_of,
+    evidence_on,
+    ranking,
+    rivals,
+)
+from gateway.figures.motion import horizon_velocities, measured_velocities, residuals, track
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
 from gateway.offline.add import DiagnosisFile, added
@@ -103,21 +108,12 @@ def _named(vessel: Vessel, label: str) -> Vessel:
 
 def bare(trial: Trial, path: str) -> TrialView:
     """A recording before anything was compared."""
-    panels = tuple(
-        Panel(velocities.TIME, axis, (Line(trial.time, _nu(trial)[:, i - 3] * factor,
-                                           Role.MEASURED, "measured"),))
-        for i, axis, factor in velocities.CHANNELS
-    )  # fmt: skip
     usable = float(trial.usable.sum()) * trial.dt
     return TrialView(
         trial.name, path, usable, trial.time, trial.eta[:, Eta.EAST], trial.eta[:, Eta.NORTH],
-        FigureData(f"{trial.name}: velocities", panels, shared_x=True), (), trial.notices,
+        measured_velocities(trial), (), trial.notices,
         trial.origin_deg,
     )  # fmt: skip
-
-
-def _nu(trial: Trial) -> Any:
-    return np.where(trial.usable[:, None], trial.nu, np.nan)
 
 
 def trial_view(one: Compared, path: str, models: Sequence[Model]) -> TrialView:
@@ -130,13 +126,13 @@ def trial_view(one: Compared, path: str, models: Sequence[Model]) -> TrialView:
 
 def _vessel_view(trial: Trial, c: Comparison, spans: "_Spans") -> VesselView:
     pictures = {
-        "velocities": velocities.horizon_runs(trial, c),
+        "velocities": horizon_velocities(trial, c),
         "residuals": residuals(trial, c),
-        "track": track.track(trial, c),
-        "strips": error_against.strips(c),
-        "forces": forces.missing_force(c),
+        "track": track(trial, c),
+        "strips": error_strips(c),
+        "forces": missing_force_by_regime(c),
     }
-    worst = tuple(Worst(b.says, spans.of(b)) for b in c.worst(WORST))
+    worst = tuple(Worst(b.sentence, spans.of(b)) for b in c.worst(WORST))
     return VesselView(
         c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.noise_floor_nrmse, worst, pictures
     )
@@ -174,11 +170,11 @@ def diagnose(tell: Tell, paths: Sequence[str], text: str, files: Sequence[str]) 
     _last["diagnosis"] = found
     tell("pictures")
     d = found.diagnosis
-    proofs = diagnosis_pictures.evidence_of(d, found.trials)
+    proofs = evidence_of(d, found.trials)
     return Found(
-        answer=found.as_dict(), logs=tuple(paths), floor=d.floor, rungs=rungs,
-        ranking=diagnosis_pictures.ranking(d) if d.ranking else None,
-        evidence={one.effect: diagnosis_pictures.against(one) for one in proofs},
+        answer=found.to_dict(), logs=tuple(paths), floor=d.floor, rungs=rungs,
+        ranking=ranking(d) if d.ranking else None,
+        evidence={one.effect: evidence_figure(one) for one in proofs},
         looks=_looks(own), separates=tuple(s.says for s in found.separations.values()),
         others=_others(found, others),
     )  # fmt: skip
@@ -188,32 +184,31 @@ def _rungs(
     found: Diagnosed, rungs: Sequence[LadderStep], given: Path, own: Sequence[Effect]
 ) -> tuple[LadderView, ...]:
     """Each rung as a vessel file with the provenance of its numbers."""
-    told = DiagnosisFile.model_validate(found.as_dict())
+    told = DiagnosisFile.model_validate(found.to_dict())
     out = []
     for rung in rungs:
-        step = Step(name_of(rung.effects, rung.base), rung.heldout.nrmse, rung.heldout.ci95)
         file = given.with_name("rung.toml")
         if rung.base == "plain":
             text = given.read_text(encoding="utf-8")
         else:
             added(rung.effects, given, told, "the diagnosis", file, own)
             text = file.read_text(encoding="utf-8")
-        out.append(LadderView(rung.effects, step, text))
+        out.append(LadderView(rung.effects, LadderBar.of(rung), text))
     return tuple(out)
 
 
 def _others(found: Diagnosed, rungs: Sequence[LadderView]) -> tuple[Other, ...]:
     """What was not chosen; with a picture where it is a rival, or explains something at least."""
     d = found.diagnosis
-    tied = diagnosis_pictures.rivals(d)
+    tied = rivals(d)
     least = EXPLAINS * d.ladder[1].heldout.nrmse
     out = []
     for one, rung in zip(d.alternatives, rungs, strict=True):
         effect, rival = one.effects[-1], any(one is t for t in tied)
         proof = None
         if rival or (one.heldout.nrmse < least and effect not in d.effects):
-            proof = diagnosis_pictures.evidence_on(one, effect, found.trials)
-        shown = None if proof is None else diagnosis_pictures.against(proof)
+            proof = evidence_on(one, effect, found.trials)
+        shown = None if proof is None else evidence_figure(proof)
         out.append(Other(rung, rival, shown))
     return tuple(out)
 

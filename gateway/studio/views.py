@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.figures.diagnosis import Step
+from gateway.figures.diagnosis import LadderBar
 from gateway.figures.figure_data import FigureData
 from sim.state import Floats
 
@@ -53,7 +53,7 @@ class LadderView:
     """One step that can be taken: the effects, the error then, and the vessel file then."""
 
     effects: tuple[str, ...]
-    step: Step
+    step: LadderBar
     text: str
 
 

@@ -13,11 +13,11 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gateway.figures.effect import said, what_it_does
-from gateway.figures.figure_data import Role
-from gateway.figures.matplotlib_draw import save
+from gateway.figures.excitation import effect_example, effect_with_values
+from gateway.figures.figure_data import SeriesRole
+from gateway.figures.matplotlib_draw import save_figure
+from gateway.figures.quantities import VELOCITIES
 from gateway.figures.style import COLOUR
-from gateway.figures.velocities import CHANNELS
 from sim.diagnosis.next_experiment import separation
 from sim.effects.effect import Effect, Parameter
 from sim.excitation.effect_example import seen
@@ -71,7 +71,7 @@ def _letter(cell: np.ndarray, styles: list[str]) -> tuple[str, str]:
     return (chr(code) if there else " "), (there[-1] if there else "")
 
 
-WITHOUT, WITH = COLOUR[Role.CONTEXT], COLOUR[Role.MODEL]
+WITHOUT, WITH = COLOUR[SeriesRole.CONTEXT], COLOUR[SeriesRole.MODEL]
 
 
 def show_catalogue(known: Sequence[Effect]) -> None:
@@ -125,17 +125,17 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
 def _picture(effect: Effect, out: Console, picture: Path | None) -> None:
     """The channel that shows it most, plain and with the effect; all three as a file."""
     run = seen(effect)
-    _, axis, factor = CHANNELS[run.channel]
+    axis = VELOCITIES[run.channel]
     styles = ((run.plain, WITHOUT), (run.changed, WITH))
-    curves = [(values[:, run.channel] * factor, style) for values, style in styles]
+    curves = [(values[:, run.channel] * axis.factor, style) for values, style in styles]
     out.print(f"\n[bold]{axis.label}[/bold] of a small boat: ahead, a turn to either side, full "
               "ahead, astern, coast, slowly ahead", highlight=False)  # fmt: skip
     for line in plot(curves, float(run.time[-1]), axis.unit):
         out.print(line, no_wrap=True, highlight=False)
-    out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {said(run)}\n",
+    out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {effect_with_values(run)}\n",
               highlight=False)  # fmt: skip
     if picture is not None:
-        out.print(f"picture: {save(what_it_does(run, effect.looks_like), picture)}")
+        out.print(f"picture: {save_figure(effect_example(run, effect.looks_like), picture)}")
 
 
 def _flowing(text: str) -> str:

@@ -156,7 +156,7 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
         says = "where it is worst" if worst else "no worse anywhere than noise"
         out.print(f"\n[bold]{escape(comparison.vessel)}[/bold] on {escape(comparison.log)}: {says}")
         for one in worst:
-            out.print(f"• {one.says}", highlight=False, markup=False)
+            out.print(f"• {one.sentence}", highlight=False, markup=False)
         for says in _besides(comparison):
             out.print(f"• {says}", highlight=False, markup=False)
     if pictures is not None:
@@ -176,8 +176,8 @@ def _refits(found: Sequence[Comparison]) -> list[str]:
 def _besides(comparison: Comparison) -> list[str]:
     """The worst place on the map, and which commands the errors follow; in words."""
     place, follows = comparison.place, comparison.independence
-    out = [str(place.as_dict()["says"])] if place is not None else []
-    return [*out, follows.says] if follows is not None and follows.says else out
+    out = [str(place.to_dict()["says"])] if place is not None else []
+    return [*out, follows.description] if follows is not None and follows.description else out
 
 
 def _table(found: Sequence[Comparison]) -> Table:
@@ -202,7 +202,7 @@ def _errors(rmse: Mapping[str, float]) -> tuple[str, str, str]:
 
 
 def _free_run(c: Comparison) -> tuple[str, ...]:
-    rmse = c.free_run.as_dict().get("rmse", {})
+    rmse = c.free_run.to_dict().get("rmse", {})
     return _errors(rmse) if "u" in rmse else ("diverged", "", "")
 
 

@@ -132,7 +132,7 @@ def _print_lines(found: Sequence[VesselPicture], told: dict[str, VesselPicture])
     """Each vessel as a line; `told` remembers what was printed of it."""
     for one in found:
         before = told.get(one.name)
-        line = one.as_dict(before.told if before else 0)
+        line = one.to_dict(before.told if before else 0)
         sys.stdout.buffer.write(orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE))
         told[one.name] = one
     sys.stdout.buffer.flush()

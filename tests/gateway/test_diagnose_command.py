@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gateway import cli
-from gateway.figures.diagnosis import album, rivals
+from gateway.figures.diagnosis import diagnosis_figures, rivals
 from gateway.figures.figure_data import Dots, Level, Line
-from gateway.figures.matplotlib_draw import save
+from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.diagnose import Diagnosed, diagnosed, kept
 from gateway.user_effects import load_effects
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
@@ -112,7 +112,7 @@ def refused(done, *expected):
 
 
 def test_the_json_is_whole_and_names_where_it_comes_from(found):
-    told = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert told["verdict"] == "explained"
     assert told["effects"] == ["steady_current"]
     speed = told["ladder"][-1]["parameters"]["steady_current"]["speed"]
@@ -284,10 +284,10 @@ def test_look_alikes_are_told_with_what_separates_them(found, capsys):
 
 
 def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
-    plain = album(found.diagnosis, found.trials)
+    plain = diagnosis_figures(found.diagnosis, found.trials)
     assert "evidence heading_offset" not in plain
     tied = tuple(replace(c, confounded_with=("the other",)) for c in found.diagnosis.ranking)
-    torn = album(replace(found.diagnosis, ranking=tied), found.trials)
+    torn = diagnosis_figures(replace(found.diagnosis, ranking=tied), found.trials)
     assert set(torn) - set(plain) == {"evidence heading_offset"}
     (other,) = found.diagnosis.alternatives
     later = replace(other, effects=("steady_current", "heading_offset"))
@@ -320,7 +320,7 @@ def test_two_recordings_have_a_current_each_and_the_vessel_holds_that_of_the_fir
     }
     monkeypatch.setattr("gateway.offline.trials.load_trials", lambda log, *_: days[log])
     both = diagnosed(list(days), folder / "boat.toml", settings=FEW)
-    rung = both.as_dict()["ladder"][-1]
+    rung = both.to_dict()["ladder"][-1]
     assert rung["parameters"]["steady_current"]["speed"]["value"] == pytest.approx(0.3, abs=0.03)
     other = rung["parameters_of_recordings"]["b"]
     assert other["steady_current.speed"]["value"] == pytest.approx(0.2, abs=0.03)
@@ -331,7 +331,7 @@ def test_two_recordings_have_a_current_each_and_the_vessel_holds_that_of_the_fir
 
 
 def test_the_pictures_show_the_numbers_of_the_answer(found, tmp_path):
-    pictures = album(found.diagnosis, found.trials)
+    pictures = diagnosis_figures(found.diagnosis, found.trials)
     ladder = pictures["ladder"].panels[0]
     dots = next(mark for mark in ladder.marks if isinstance(mark, Dots))
     np.testing.assert_array_equal(dots.y, [r.heldout.nrmse for r in found.diagnosis.ladder])
@@ -341,7 +341,7 @@ def test_the_pictures_show_the_numbers_of_the_answer(found, tmp_path):
     curve = next(mark for mark in evidence.marks if isinstance(mark, Line))
     assert np.corrcoef(points.y, curve.y)[0, 1] > 0.95
     for name, figure in pictures.items():
-        save(figure, tmp_path / f"{name}.png")
+        save_figure(figure, tmp_path / f"{name}.png")
 
 
 def test_compare_refits_what_is_of_the_day(shadow, trial, folder, tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ import numpy as np
 import panel as pn
 
 from gateway.config import StudioSettings
-from gateway.figures.bokeh_draw import Picture
+from gateway.figures.bokeh_draw import BokehFigure
 from gateway.ingest.earth import Origin
 from gateway.studio.map_tiles import MapSwitch, Underlay
 from gateway.studio.page import Page
@@ -29,7 +29,7 @@ from gateway.studio.widgets import (
     table,
     word,
 )
-from sim.comparison.compare import NEAR_FLOOR
+from sim.comparison.compare import ADEQUATE_FLOORS
 
 PICTURES = ("velocities", "residuals", "track", "strips", "forces")
 HEADINGS = {
@@ -59,10 +59,10 @@ class Compare(Page):
     def __init__(self, desk: Session, settings: StudioSettings) -> None:
         super().__init__(desk)
         self._settings, self._map = settings, MapSwitch(settings)
-        self._mapped: Picture | None = None
+        self._mapped: BokehFigure | None = None
         self._underlays: list[Underlay] = []
         self.stage.on_brush = self._brushed
-        self._pictures: dict[str, Picture] = {}
+        self._pictures: dict[str, BokehFigure] = {}
         self._places = {name: pn.Column(sizing_mode="stretch_width") for name in PICTURES}
         self._headline, self._numbers = html(), html()
         self._worst = pn.Column(sizing_mode="stretch_width")
@@ -102,7 +102,7 @@ class Compare(Page):
         if window != self._window and window is not None:
             self._window = window
             for picture in self._pictures.values():
-                picture.look_at(*window)
+                picture.resample(*window)
         self._lay()
 
     def _lay(self) -> None:
@@ -185,7 +185,7 @@ class Compare(Page):
         inside = np.zeros(len(trial.time), bool)
         for start, end in spans:
             inside |= (trial.time >= start) & (trial.time <= end)
-        self.stage.spots.data = {
+        self.stage.points.data = {
             "x": np.where(inside, trial.east, np.nan), "y": np.where(inside, trial.north, np.nan)
         }  # fmt: skip
 
@@ -210,7 +210,7 @@ def _headline(trials: tuple[TrialView, ...]) -> str:
         first, last = trial.vessels[0], trial.vessels[-1]
         times = last.nrmse / max(last.floor, 1e-9)
         fell = f" (it was {first.nrmse:.2f} as given)" if len(trial.vessels) > 1 else ""
-        good = times <= NEAR_FLOOR
+        good = times <= ADEQUATE_FLOORS
         says = "no more than noise" if good else f"{times:.1f} times what noise alone would show"
         parts.append(f"<p>{escape(trial.name)}: error <strong>{last.nrmse:.2f}</strong>{fell}, "
                      f"<span class='{'good' if good else 'warn'}'>{says}</span>.</p>")  # fmt: skip

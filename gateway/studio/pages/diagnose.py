@@ -7,8 +7,8 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput
-from gateway.figures.bokeh_draw import Picture
-from gateway.figures.diagnosis import steps
+from gateway.figures.bokeh_draw import BokehFigure
+from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
 from gateway.studio.page import Page
 from gateway.studio.session import Session
@@ -49,7 +49,7 @@ class Diagnose(Page):
         self._places = {key: pn.Column(sizing_mode="stretch_width", min_height=330)
                         for key in ("ladder", "ranking")}  # fmt: skip
         self._evidence = pn.Column(sizing_mode="stretch_width")
-        self._pictures: dict[str, Picture] = {}
+        self._pictures: dict[str, BokehFigure] = {}
         self._instead: dict[str, Any] = {}  # effects of a rival -> its button
 
     def body(self) -> Any:
@@ -144,7 +144,7 @@ class Diagnose(Page):
         place = pn.Column(sizing_mode="stretch_width", min_height=230)
         says = escape(found.looks.get(effect, ""))
         told = html(f"<h3>{heading}</h3><p>Looks like: {says}.</p>"
-                    f"<p class='faint'>{escape(data.says)}</p>")  # fmt: skip
+                    f"<p class='faint'>{escape(data.caption)}</p>")  # fmt: skip
         self._pictures.pop(f"evidence {key}", None)
         self.fill(place, data, self._pictures, f"evidence {key}")
         if rung is None:
@@ -174,7 +174,7 @@ class Diagnose(Page):
         climbed = version.steps if version else ()
         if found is not None and not climbed:
             climbed = tuple(r.step for r in found.rungs[:1])
-        data = steps("", climbed, found.floor) if found and climbed else None
+        data = ladder_bars(climbed, found.floor) if found and climbed else None
         self.fill(self._places["ladder"], data, self._pictures, "ladder")
         effects = ", ".join(map(_plain, version.effects)) if version else ""
         self._now.object = (

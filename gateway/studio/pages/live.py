@@ -13,9 +13,9 @@ from bokeh.models import Arrow, ColumnDataSource, OpenHead, ScaleBar
 from bokeh.plotting import figure as new_figure
 
 from gateway.config import StudioSettings
-from gateway.figures.bokeh_draw import dress_figure
-from gateway.figures.figure_data import Role
-from gateway.figures.style import Look
+from gateway.figures.bokeh_draw import style_figure
+from gateway.figures.figure_data import SeriesRole
+from gateway.figures.style import Theme
 from gateway.ingest.earth import Origin, to_degrees
 from gateway.live.intake import distance_m, on_earth
 from gateway.studio.live_history import WINDOW_S, LiveHistory, Now
@@ -25,8 +25,8 @@ from gateway.studio.session import Session
 from gateway.studio.widgets import NO_BUTTON, beside, card, html, select, word
 
 STRIPS = (("u", "surge u [m/s]"), ("v", "sway v [m/s]"), ("r", "yaw rate r [°/s]"))
-LINES = (("measured", Role.MEASURED, "solid"), ("shadow", Role.SHADOW, "solid"),
-         ("reference", Role.CONTEXT, "dotted"))  # fmt: skip
+LINES = (("measured", SeriesRole.MEASURED, "solid"), ("shadow", SeriesRole.SHADOW, "solid"),
+         ("reference", SeriesRole.CONTEXT, "dotted"))  # fmt: skip
 BOW = np.array(
     [[1.0, 0.0], [0.3, 0.45], [-1.0, 0.4], [-1.0, -0.4], [0.3, -0.45]]
 )  # m / half length
@@ -135,15 +135,15 @@ class Live(Page):
 class Chart:
     """Tracks, hulls and missing forces from above."""
 
-    def __init__(self, look: Look) -> None:
+    def __init__(self, look: Theme) -> None:
         self.figure = new_figure(
             height=430, sizing_mode="stretch_width", match_aspect=True, x_axis_label="east [m]",
             y_axis_label="north [m]", tools="pan,wheel_zoom,reset", toolbar_location="right",
         )  # fmt: skip
-        dress_figure(self.figure, look)
+        style_figure(self.figure, look)
         self._tracks = _sources(("xs", "ys", "alpha"))
         self._hulls = _sources(("xs", "ys"))
-        for topic, role in (("measured", Role.MEASURED), ("shadow", Role.SHADOW)):
+        for topic, role in (("measured", SeriesRole.MEASURED), ("shadow", SeriesRole.SHADOW)):
             colour = look.colour(role)
             self.figure.multi_line("xs", "ys", source=self._tracks[topic], line_color=colour,
                                    line_width=2, line_alpha="alpha")  # fmt: skip
@@ -151,7 +151,7 @@ class Chart:
                                 fill_alpha=0.35, line_color=colour, line_width=2,
                                 legend_label=topic)  # fmt: skip
         self._force = ColumnDataSource({"x0": [], "y0": [], "x1": [], "y1": []})
-        colour = look.colour(Role.ERROR)
+        colour = look.colour(SeriesRole.ERROR)
         self.figure.add_layout(Arrow(
             source=self._force, x_start="x0", y_start="y0", x_end="x1", y_end="y1",
             line_color=colour, line_width=3, end=OpenHead(size=12, line_color=colour),
@@ -202,7 +202,7 @@ def _columns(names: tuple[str, ...], rows: list[Any]) -> dict[str, list[Any]]:
 class Strips:
     """u, v, r over the last minute, streamed."""
 
-    def __init__(self, look: Look) -> None:
+    def __init__(self, look: Theme) -> None:
         self.figures: list[Any] = []
         self._sources = _sources(("t", "u", "v", "r"), (t for t, _, _ in LINES))
         self._told: dict[str, float] = {}
@@ -211,7 +211,7 @@ class Strips:
                 height=150, sizing_mode="stretch_width", y_axis_label=label, x_axis_type="datetime",
                 tools="pan,wheel_zoom,reset", toolbar_location=None,
             )  # fmt: skip
-            dress_figure(fig, look)
+            style_figure(fig, look)
             fig.x_range.follow, fig.x_range.follow_interval = "end", WINDOW_S * 1000.0
             fig.x_range.range_padding = 0.0
             for topic, role, dash in LINES:
@@ -245,7 +245,7 @@ def _line(label: str, term: str, value: Any) -> Any:
                      sizing_mode="stretch_width", margin=0)  # fmt: skip
 
 
-def _legend_above(fig: Any, look: Look) -> None:
+def _legend_above(fig: Any, look: Theme) -> None:
     """Where it covers no line."""
     fig.add_layout(fig.legend[0], "above")
     legend = fig.legend

@@ -9,8 +9,8 @@ from typing import Any
 
 import panel as pn
 
-from gateway.figures.bokeh_draw import Picture
-from gateway.figures.velocities import overlay
+from gateway.figures.bokeh_draw import BokehFigure
+from gateway.figures.motion import with_earlier_model
 from gateway.studio.page import Page
 from gateway.studio.session import Session, as_text
 from gateway.studio.widgets import (
@@ -52,7 +52,7 @@ class VesselPage(Page):
         self._numbers = pn.Column(sizing_mode="stretch_width")
         self._errors, self._text, self._head = html(), html(), html()
         self._place = pn.Column(sizing_mode="stretch_width", min_height=540)
-        self._pictures: dict[str, Picture] = {}
+        self._pictures: dict[str, BokehFigure] = {}
         self._undo = button("Undo", self.safely(desk.undo), width=90)
         self._name = field("Save as", width=220)
         self._save = button("Save vessel file", self.safely(self._saved), "primary", width=180)
@@ -135,7 +135,7 @@ class VesselPage(Page):
         trial = next((t for t in self.desk.trials if t.vessels), None)
         if trial is not None:
             first, last = trial.vessels[0].pictures, trial.vessels[-1].pictures
-            data = overlay(first["velocities"], last["velocities"])
+            data = with_earlier_model(first["velocities"], last["velocities"])
             self.fill(self._place, data, self._pictures, "velocities")
 
     def _saved(self) -> None:

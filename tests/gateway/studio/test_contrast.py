@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from gateway.figures.style import LOOKS
+from gateway.figures.style import THEMES
 from gateway.studio import page, widgets
-from tests.gateway.test_bokeh_pictures import ratio
+from tests.gateway.figures.test_bokeh_draw import ratio
 
 TEXT = [
     *((ink, ground) for ink in ("ink", "faint", "good", "warn") for ground in ("paper", "ground")),
@@ -35,10 +35,10 @@ def test_text_is_read_and_controls_are_seen(theme):
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_pictures_lie_on_the_paper_of_the_page(theme):
-    colours, look = themes()[theme], LOOKS[theme]
-    assert (look.paper.lower(), look.ink.lower()) == (colours["paper"], colours["ink"])
-    assert look.faint.lower() == colours["faint"]
+def test_figures_lie_on_the_paper_of_the_page(theme):
+    colours, drawn = themes()[theme], THEMES[theme]
+    assert (drawn.paper.lower(), drawn.ink.lower()) == (colours["paper"], colours["ink"])
+    assert drawn.faint.lower() == colours["faint"]
 
 
 def test_no_colour_is_used_that_is_not_in_the_palette():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.figures.diagnosis import Step
+from gateway.figures.diagnosis import LadderBar
 from gateway.studio.access import Folders
 from gateway.studio.session import Session, as_text
 from gateway.studio.tasks import compare, report
@@ -29,7 +29,7 @@ def desk(tmp_path):
 def found_on(desk: Session) -> Found:
     """A made-up answer with two effects, one after the other."""
     text = desk.versions[-1].text
-    steps = [Step(name, error, None) for name, error in
+    steps = [LadderBar(name, error, None) for name, error in
              (("as given", 0.6), ("base re-fitted", 0.5), ("+ a", 0.3), ("+ b", 0.1))]  # fmt: skip
     effects: list[tuple[str, ...]] = [(), (), ("a",), ("a", "b")]
     rungs = tuple(
@@ -66,8 +66,8 @@ def test_the_ladder_is_climbed_rung_by_rung_and_down_again(desk):
 
 def test_a_rival_takes_the_place_of_what_was_chosen_with_its_own_error_and_undo_gives_it_back(desk):
     found = found_on(desk)
-    rival = LadderView(("a", "c"), Step("+ c", 0.12, None), "c beside a")
-    alone = LadderView(("c",), Step("+ c", 0.4, None), "c alone")
+    rival = LadderView(("a", "c"), LadderBar("+ c", 0.12, None), "c beside a")
+    alone = LadderView(("c",), LadderBar("+ c", 0.4, None), "c alone")
     desk.found = replace(found, others=(Other(alone, False), Other(rival, True)))
     for rung in found.rungs[2:]:
         desk.climb(rung)
@@ -86,8 +86,8 @@ def test_a_second_diagnosis_goes_on_from_the_first(desk):
     desk.climb(desk.found.rungs[2])
     again = found_on(desk)
     desk.found = replace(again, before=("a",), rungs=(
-        *(replace(r, step=Step(r.step.name, 0.3, None)) for r in again.rungs[:2]),
-        LadderView(("d",), Step("+ d", 0.2, None), "text"),
+        *(replace(r, step=LadderBar(r.step.name, 0.3, None)) for r in again.rungs[:2]),
+        LadderView(("d",), LadderBar("+ d", 0.2, None), "text"),
     ))  # fmt: skip
     desk.climb(desk.found.rungs[2])
     assert desk.version.effects == ("a", "d")

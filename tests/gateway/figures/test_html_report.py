@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.figures.html_report import LARGEST, Recording, Report, Shown, render
+from gateway.figures.html_report import LARGEST, ReportFigure, ReportPage, ReportRecording, render
 from gateway.offline.compare import Compared
 from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
@@ -17,18 +17,20 @@ from tests.sim.voyages import WAM_V, trial_of, voyage
 LOADS = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
 
 
-class RateRequests(HTMLParser):
+class AddressParser(HTMLParser):
     """All addresses that a browser would ask for, and all images."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.asked: list[str] = []
+        self.addresses: list[str] = []
         self.images: list[str] = []
         self.scripts = 0
 
     def handle_starttag(self, tag, attrs):
         given = dict(attrs)
-        self.asked += [v for k, v in attrs if k in LOADS and v and not v.startswith(("#", "data:"))]
+        self.addresses += [
+            v for k, v in attrs if k in LOADS and v and not v.startswith(("#", "data:"))
+        ]
         self.images += [given["alt"]] if tag == "img" else []
         self.scripts += tag == "script"
 
@@ -45,13 +47,13 @@ def page():
 
 def test_it_asks_for_nothing_outside_itself(page):
     text = render(page[0])
-    seen = RateRequests()
-    seen.feed(text)
-    assert seen.asked == []
-    assert seen.scripts == 0
+    parser = AddressParser()
+    parser.feed(text)
+    assert parser.addresses == []
+    assert parser.scripts == 0
     assert not re.search(r"https?://|//\w+\.\w+|@import|url\(", text)
-    assert len(seen.images) == 1 + 2 * 4
-    assert all(seen.images)
+    assert len(parser.images) == 1 + 2 * 4
+    assert all(parser.images)
 
 
 def test_numbers_words_and_vessel_file_are_in_it(page):
@@ -71,14 +73,14 @@ def test_a_model_at_the_floor_is_called_good(page):
     _, found = page
     first = found.comparisons[0]
     good = replace(first, nrmse=first.noise_floor_nrmse)
-    says = report_of([Compared(found.trial, (good,))], [WAM_V], None).headline
-    assert "as good as these recordings can tell" in says
+    headline = report_of([Compared(found.trial, (good,))], [WAM_V], None).headline
+    assert "as good as these recordings can tell" in headline
 
 
-def test_pictures_that_would_make_it_too_large_are_left_out_and_it_says_so():
-    picture = Shown("big", "", "x" * 1_500_000)
-    recordings = tuple(Recording(f"log {k}", 60.0, (), (), (), (picture,)) for k in range(5))
-    text = render(Report("t", "m", "h", recordings, (("boat", "name"),), ()))
+def test_figures_that_would_make_it_too_large_are_left_out_and_it_says_so():
+    figure = ReportFigure("big", "", "x" * 1_500_000)
+    recordings = tuple(ReportRecording(f"log {k}", 60.0, (), (), (), (figure,)) for k in range(5))
+    text = render(ReportPage("t", "m", "h", recordings, (("boat", "name"),), ()))
     assert len(text.encode()) < LARGEST
     assert "3 pictures of further recordings are left out" in text
 
@@ -104,9 +106,11 @@ def test_a_diagnosis_is_told_whole(page):
         "next_manoeuvre": "full circles at two speeds",
         "refused": [{"effect": "battery_sag", "because": "the voltage hardly changed"}],
     }  # fmt: skip
-    text = render(replace(page[0], diagnosis=answer, ladder=Shown("The ladder", "", "<svg/>")))
-    for says in ("What is missing: confounded", "two explain it", "heading offset: angle",
+    text = render(
+        replace(page[0], diagnosis=answer, ladder=ReportFigure("The ladder", "", "<svg/>"))
+    )
+    for words in ("What is missing: confounded", "two explain it", "heading offset: angle",
                  "−0.1289", "60.0 %", "&lt; 0.1 %", "steady current", "grows with time",
                  "full circles at two speeds", "battery sag: the voltage hardly changed",
                  "The ladder"):  # fmt: skip
-        assert says in text, says
+        assert words in text, words

@@ -1,16 +1,17 @@
-"""Pictures on screen: the same data as on paper, in the same colours, filled anew in place."""
+"""Figures on screen: the same data as on paper, in the same colours, filled anew in place."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gateway.figures.album import album
-from gateway.figures.bokeh_draw import Picture, Stage
-from gateway.figures.bokeh_marks import add, columns
+from gateway.figures.bokeh_draw import BokehFigure, LinkedView
+from gateway.figures.bokeh_marks import columns_of, draw_mark
+from gateway.figures.comparison import comparison_figures
 from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
+from gateway.figures.motion import horizon_velocities
+from gateway.figures.quantities import TIME
 from gateway.figures.style import COLOUR, DARK, LIGHT
-from gateway.figures.velocities import TIME, horizon_runs
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.voyages import WAM_V, trial_of, voyage
@@ -37,31 +38,32 @@ def ratio(one: str, two: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-@pytest.mark.parametrize("look", [LIGHT, DARK], ids=lambda look: look.name)
-def test_every_picture_of_the_album_is_drawn(compared, look):
-    for data in album(*compared).values():
-        picture = Picture(data, Stage(look))
-        assert len(picture.figures) == len(data.panels)
-        for figure, panel in zip(picture.figures, data.panels, strict=True):
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
+def test_every_figure_of_a_comparison_is_drawn(compared, theme):
+    for data in comparison_figures(*compared).values():
+        drawn = BokehFigure(data, LinkedView(theme))
+        assert len(drawn.figures) == len(data.panels)
+        for figure, panel in zip(drawn.figures, data.panels, strict=True):
             assert (figure.xaxis[0].axis_label or "") == panel.x.text
 
 
 def test_time_axes_are_one_axis(compared):
     trial, found = compared
-    stage = Stage()
-    figures = [f for c in found for f in Picture(horizon_runs(trial, c), stage).figures]
+    view = LinkedView()
+    drawn = [BokehFigure(horizon_velocities(trial, c), view) for c in found]
+    figures = [figure for one in drawn for figure in one.figures]
     assert len({id(figure.x_range) for figure in figures}) == 1
 
 
-def test_other_data_of_the_same_shape_go_into_the_same_picture(compared):
+def test_other_data_of_the_same_shape_go_into_the_same_figure(compared):
     trial, found = compared
-    first, second = (horizon_runs(trial, one) for one in found)
-    picture = Picture(first)
+    first, second = (horizon_velocities(trial, one) for one in found)
+    drawn = BokehFigure(first)
     faster = replace(second, panels=tuple(map(_doubled, second.panels)))
-    assert picture.show(faster)
-    shown = picture.figures[0].renderers[1].data_source.data["y"]
+    assert drawn.update(faster)
+    shown = drawn.figures[0].renderers[1].data_source.data["y"]
     np.testing.assert_allclose(shown, 2.0 * first.panels[0].marks[0].y)
-    assert not picture.show(replace(second, panels=second.panels[:2]))
+    assert not drawn.update(replace(second, panels=second.panels[:2]))
 
 
 def _doubled(panel: Panel) -> Panel:
@@ -70,31 +72,33 @@ def _doubled(panel: Panel) -> Panel:
 
 def test_a_window_of_a_long_line_shows_all_its_points():
     x = np.arange(100000.0)
-    data = FigureData("long", (Panel(TIME, Axis("y", "m"), (Line(x, np.sin(x), SeriesRole.MEASURED),)),))
-    picture = Picture(data)
-    source = picture.figures[0].renderers[1].data_source
+    data = FigureData(
+        "long", (Panel(TIME, Axis("y", "m"), (Line(x, np.sin(x), SeriesRole.MEASURED),)),)
+    )
+    drawn = BokehFigure(data)
+    source = drawn.figures[0].renderers[1].data_source
     assert len(source.data["x"]) < 5000
-    picture.look_at(500.0, 900.0)
+    drawn.resample(500.0, 900.0)
     np.testing.assert_array_equal(source.data["x"], np.arange(499.0, 902.0))
 
 
-@pytest.mark.parametrize("look", [LIGHT, DARK], ids=lambda look: look.name)
-def test_text_is_readable_and_lines_stand_out(look):
-    assert ratio(look.ink, look.paper) > 7.0
-    assert ratio(look.faint, look.paper) > 4.5
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
+def test_text_is_readable_and_lines_stand_out(theme):
+    assert ratio(theme.ink, theme.paper) > 7.0
+    assert ratio(theme.faint, theme.paper) > 4.5
     for role in SeriesRole:
-        assert ratio(look.colour(role), look.paper) > 3.0, role
-    assert look.colour(SeriesRole.MEASURED) == COLOUR[SeriesRole.MEASURED]
+        assert ratio(theme.colour(role), theme.paper) > 3.0, role
+    assert theme.colour(SeriesRole.MEASURED) == COLOUR[SeriesRole.MEASURED]
 
 
-def test_the_ramp_ends_where_it_stands_out_most():
-    for look in (LIGHT, DARK):
-        contrasts = [ratio(colour, look.paper) for colour in look.scale(6)]
+def test_the_colour_scale_ends_where_it_stands_out_most():
+    for theme in (LIGHT, DARK):
+        contrasts = [ratio(colour, theme.paper) for colour in theme.scale(6)]
         assert contrasts == sorted(contrasts)
 
 
 def test_an_unknown_mark_is_an_error():
     with pytest.raises(TypeError, match="cannot draw str"):
-        add("mark", None, LIGHT)
+        draw_mark("mark", None, LIGHT)
     with pytest.raises(TypeError, match="cannot draw str"):
-        columns("mark")
+        columns_of("mark")

@@ -1,4 +1,4 @@
-"""Pictures of an identification show its numbers."""
+"""Figures of an identification show its numbers."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from gateway.figures.figure_data import Dots, Line, SeriesRole
-from gateway.figures.identification import album, parameters
-from gateway.figures.matplotlib_draw import save
+from gateway.figures.identification import identification_figures, parameter_changes
+from gateway.figures.matplotlib_draw import save_figure
 from sim.identification.intervals import Estimate
 from sim.model import Model
 from sim.prediction.free_runs import predict
@@ -23,27 +23,27 @@ def drawn():
     true = Model.of(WAM_V)
     ruler = Ruler.of(trial, off)
     was, now = predict(trial, off, ruler), predict(trial, true, ruler)
-    return trial, album(trial, was, now, ruler.settings.horizon)
+    return trial, identification_figures(trial, was, now, ruler.settings.horizon)
 
 
 def test_after_lies_on_what_was_measured_and_before_does_not(drawn):
-    _, pictures = drawn
-    surge = {m.role: m for m in pictures["velocities"].panels[0].marks if isinstance(m, Line)}
+    _, figures = drawn
+    surge = {m.role: m for m in figures["velocities"].panels[0].marks if isinstance(m, Line)}
     measured = surge[SeriesRole.MEASURED]
     for role, right in ((SeriesRole.MODEL, True), (SeriesRole.CONTEXT, False)):
-        said = surge[role]
-        known = np.isfinite(said.y)
-        error = said.y[known] - np.interp(said.x[known], measured.x, measured.y)
+        model = surge[role]
+        known = np.isfinite(model.y)
+        error = model.y[known] - np.interp(model.x[known], measured.x, measured.y)
         assert (np.abs(error).max() < 1e-3) == right
 
 
 def test_whiskers_are_the_intervals_in_per_cent():
-    told = (
+    estimates = (
         Estimate("m11", "kg", 100.0, 110.0, (105.0, 115.0), True),
         Estimate("X_u", "N s/m", -20.0, -10.0, (-12.0, -8.0), True),
         Estimate("Y_vv", "N s²/m²", -50.0, -50.0, (-1e9, 1e9), False),
     )
-    (panel,) = parameters("boat", told).panels
+    (panel,) = parameter_changes("boat", estimates).panels
     (dots,) = (m for m in panel.marks if isinstance(m, Dots))
     np.testing.assert_allclose(dots.y, [10.0, 50.0, 0.0])
     np.testing.assert_allclose(dots.low[:2], [5.0, 40.0])
@@ -54,5 +54,5 @@ def test_whiskers_are_the_intervals_in_per_cent():
 
 def test_they_draw(drawn, tmp_path):
     for name, figure in drawn[1].items():
-        with Image.open(save(figure, tmp_path / f"{name}.png")) as image:
+        with Image.open(save_figure(figure, tmp_path / f"{name}.png")) as image:
             assert image.width > 1000

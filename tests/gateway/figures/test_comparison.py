@@ -1,4 +1,4 @@
-"""Pictures: what they show is data, and drawing them leaves whole files or none."""
+"""Figures of a comparison: what they show is data, and drawing them leaves whole files or none."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,12 +8,11 @@ import pytest
 from PIL import Image
 
 from gateway.errors import BadInput, ShadowError
-from gateway.figures.album import album
-from gateway.figures.error_against import shares, strips
+from gateway.figures.comparison import comparison_figures, error_shares, error_strips
 from gateway.figures.figure_data import ColouredPoints, FigureData, Line, SeriesRole, Strip
-from gateway.figures.matplotlib_draw import add, draw, save
-from gateway.figures.style import COLOUR, LITTLE_TO_MUCH
-from gateway.figures.velocities import free_run, horizon_runs
+from gateway.figures.matplotlib_draw import draw_figure, draw_mark, save_figure
+from gateway.figures.motion import free_run_velocities, horizon_velocities
+from gateway.figures.style import COLOUR, COLOUR_SCALE
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.voyages import WAM_V, simulated, trial_of, voyage
@@ -33,11 +32,11 @@ def marks_of(figure: FigureData, kind: type):
     return [mark for panel in figure.panels for mark in panel.marks if isinstance(mark, kind)]
 
 
-def test_every_picture_draws_and_every_axis_of_a_quantity_has_its_unit(compared, tmp_path):
-    pictures = album(*compared)
-    assert len(pictures) == 15
-    for name, figure in pictures.items():
-        file = save(figure, tmp_path / f"{name}.png")
+def test_every_figure_draws_and_every_axis_of_a_quantity_has_its_unit(compared, tmp_path):
+    figures = comparison_figures(*compared)
+    assert len(figures) == 15
+    for name, figure in figures.items():
+        file = save_figure(figure, tmp_path / f"{name}.png")
         with Image.open(file) as image:
             assert image.width > 1000
         for panel in figure.panels:
@@ -47,7 +46,7 @@ def test_every_picture_draws_and_every_axis_of_a_quantity_has_its_unit(compared,
 
 def test_measured_and_model_show_the_numbers_of_the_comparison(compared):
     trial, (one, _) = compared
-    measured, model = marks_of(free_run(trial, one), Line)[:2]
+    measured, model = marks_of(free_run_velocities(trial, one), Line)[:2]
     assert (measured.role, model.role) == (SeriesRole.MEASURED, SeriesRole.MODEL)
     np.testing.assert_array_equal(measured.y, trial.nu[:, 0])
     rmse = np.sqrt(np.mean((measured.y - model.y) ** 2))
@@ -56,52 +55,58 @@ def test_measured_and_model_show_the_numbers_of_the_comparison(compared):
 
 def test_runs_of_a_horizon_follow_one_another_without_overlap(compared):
     trial, (one, _) = compared
-    runs = marks_of(horizon_runs(trial, one), Line)[1]
+    runs = marks_of(horizon_velocities(trial, one), Line)[1]
     assert (np.diff(runs.x) >= 0).all()
-    pens_up = np.count_nonzero(np.isnan(runs.y))
-    assert pens_up == 11  # 120 s in runs of 10 s, the last of them without room
+    gaps = np.count_nonzero(np.isnan(runs.y))
+    assert gaps == 11  # 120 s in runs of 10 s, the last of them without room
 
 
 def test_shares_are_per_cent_and_strips_hold_every_bin(compared):
     _, (one, _) = compared
-    heading = shares(one, ("heading",)).panels[0].marks
+    heading = error_shares(one, ("heading",)).panels[0].marks
     assert heading[0].height.sum() == pytest.approx(100.0)
     assert heading[0].end.max() <= 360.0
-    strip = marks_of(strips(one), Strip)[0]
+    strip = marks_of(error_strips(one), Strip)[0]
     assert strip.value.shape == (3, len(strip.start))
     assert strip.highest >= strip.value.max()
 
 
 def test_the_track_is_coloured_by_error_only_where_a_model_ran(compared):
     trial, (one, _) = compared
-    error = marks_of(album(trial, [one])["plain track"], ColouredPoints)[0]
+    error = marks_of(comparison_figures(trial, [one])["plain track"], ColouredPoints)[0]
     assert np.isfinite(error.value).all()
     assert len(error.value) < len(trial)
     assert error.value.max() > one.nrmse > error.value.min()
 
 
 def test_roles_have_colours_of_their_own_and_scales_darken():
-    lines = [SeriesRole.MEASURED, SeriesRole.MODEL, SeriesRole.SHADOW, SeriesRole.ERROR, SeriesRole.CONTEXT]
+    lines = [
+        SeriesRole.MEASURED,
+        SeriesRole.MODEL,
+        SeriesRole.SHADOW,
+        SeriesRole.ERROR,
+        SeriesRole.CONTEXT,
+    ]
     assert len({COLOUR[role] for role in lines}) == len(lines)
     light = [sum(int(c[i : i + 2], 16) * w for i, w in ((1, 0.3), (3, 0.6), (5, 0.1)))
-             for c in LITTLE_TO_MUCH]  # fmt: skip
+             for c in COLOUR_SCALE]  # fmt: skip
     assert light == sorted(light, reverse=True)
 
 
 def test_the_same_data_give_the_same_bytes(compared, tmp_path):
-    figure = shares(compared[1][0])
+    figure = error_shares(compared[1][0])
     for suffix in (".svg", ".png"):
-        one, two = (save(figure, tmp_path / f"{n}{suffix}").read_bytes() for n in "ab")
+        one, two = (save_figure(figure, tmp_path / f"{n}{suffix}").read_bytes() for n in "ab")
         assert one == two
 
 
-def test_a_picture_is_whole_or_not_there(compared, tmp_path, monkeypatch):
-    figure = shares(compared[1][0])
+def test_a_figure_is_whole_or_not_there(compared, tmp_path, monkeypatch):
+    figure = error_shares(compared[1][0])
     with pytest.raises(BadInput, match=r"\.png or \.svg"):
-        save(figure, tmp_path / "a.bmp")
+        save_figure(figure, tmp_path / "a.bmp")
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ShadowError, match="cannot write the picture"):
-        save(figure, tmp_path / "file" / "a.png")
+        save_figure(figure, tmp_path / "file" / "a.png")
 
     def full(part: Path, content: bytes) -> None:
         with part.open("wb") as file:
@@ -110,7 +115,7 @@ def test_a_picture_is_whole_or_not_there(compared, tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(ShadowError, match="No space left"):
-        save(figure, tmp_path / "b.png")
+        save_figure(figure, tmp_path / "b.png")
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
@@ -119,12 +124,12 @@ def test_a_free_run_that_diverged_says_so():
     vessel = replace(WAM_V, dynamics=away)
     trial = simulated(WAM_V, 40.0)
     found = compare(trial, [Model.of(WAM_V), Model.of(vessel)])[1]
-    model = marks_of(free_run(trial, found), Line)[1]
+    model = marks_of(free_run_velocities(trial, found), Line)[1]
     assert model.label.endswith("(diverges)")
     assert np.isfinite(model.y).all()
-    draw(horizon_runs(trial, found))
+    draw_figure(horizon_velocities(trial, found))
 
 
 def test_an_unknown_mark_is_an_error():
     with pytest.raises(TypeError, match="cannot draw str"):
-        add("mark", None)
+        draw_mark("mark", None)
