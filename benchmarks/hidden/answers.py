@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
-from benchmarks.hidden.boats import FLEET, Boat
+from benchmarks.hidden.boats import EVERY, Boat
 from benchmarks.hidden.cases import Case, Voyage
 from benchmarks.hidden.causes import UNKNOWN, Hidden
 
 
 def answer(case: Case) -> dict[str, Any]:
     """All that a scorer needs, as JSON."""
-    boat = FLEET[case.boat]
+    boat = EVERY[case.boat]
     return {
         "name": case.name, "family": case.family, "boat": case.boat, "share": case.share,
         "misjudged": case.misjudged, "pilot": case.voyage.pilot, "rates": case.voyage.rates,

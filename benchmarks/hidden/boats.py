@@ -172,3 +172,46 @@ BOATS: Mapping[str, Boat] = {
 }  # fmt: skip
 STEERED: Mapping[str, Boat] = {"heron": HERON, "dory": DORY}
 FLEET: Mapping[str, Boat] = {**BOATS, **STEERED}
+
+
+def light_hull(number: int) -> Boat:
+    """A light catamaran with m22 of 1.5 to 2.1 m11: unstable on a straight course at its speeds.
+
+    Drawn from plausible ranges; its critical speed lies between 0.3 and 0.8 m/s, its top speed
+    between 1.4 and 2.4 m/s, so that most of any voyage is sailed above the first.
+    """
+    dice = np.random.default_rng([number, 0x11647])
+
+    def of(low: float, high: float) -> float:
+        return float(f"{dice.uniform(low, high):.4g}")
+
+    length = of(0.9, 1.8)
+    mass = round(of(10.0, 14.0) * length**1.7, 1)
+    m11 = round(mass * of(1.05, 1.15), 2)
+    m22, m33 = round(m11 * of(1.5, 2.1), 2), round(m11 * length**2 * of(0.13, 0.2), 3)
+    top, critical, share = of(1.4, 2.4), of(0.3, 0.8), of(0.2, 0.4)
+    drag = m11 / length * of(0.5, 0.9)  # quadratic, N s²/m²
+    linear = round(share * drag * top, 3)
+    Y_v = -round(m22 * of(0.35, 0.8), 3)
+    N_r = -round(critical**2 * m11 * (m22 - m11) / -Y_v, 3)
+    ahead = round(0.5 * (linear * top + drag * top**2), 2)  # of either motor
+    beam = round(length * of(0.5, 0.65), 2)
+    y = round(0.4 * beam, 3)
+    return Boat(
+        name=f"Light {number}",
+        source="invented by dice: a light catamaran, unstable on course",
+        hull=Hull(
+            length=length, beam=beam, mass=mass, frontal=round(0.09 * length, 3),
+            lateral=round(0.18 * length, 3), m11=m11, m22=m22, m33=m33, X_u=-linear,
+            X_uu=-round(drag, 3), Y_v=Y_v, Y_vv=-round(m22 / length * of(0.7, 1.4), 3), N_r=N_r,
+            N_rr=-round(m33 * of(0.6, 1.6), 3),
+        ),
+        motors=(
+            Motor("port", 1, -round(0.4 * length, 3), -y, -round(0.75 * ahead, 2), ahead),
+            Motor("starboard", 3, -round(0.4 * length, 3), y, -round(0.75 * ahead, 2), ahead),
+        ),
+    )  # fmt: skip
+
+
+LIGHT: Mapping[str, Boat] = {f"light-{number}": light_hull(number) for number in range(24)}
+EVERY: Mapping[str, Boat] = {**FLEET, **LIGHT}

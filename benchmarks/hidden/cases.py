@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator as Dice
 
-from benchmarks.hidden.boats import FLEET, Boat
+from benchmarks.hidden.boats import EVERY, Boat
 from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.strengths import (
     GROUPS,
@@ -33,6 +33,7 @@ BRAKES = frozenset({"astern_stall", "reverse_loss"})  # who never brakes cannot 
 ALL_PILOTS = ("excitation", "gentle", "survey", "wander")
 FULL, WEAK, FAINT = 1.0, 0.4, 0.2
 SEEDS = {"tuning": 10_000, "reporting": 50_000, "small": 90_000}
+LIGHT_FROM = {10_000: 0, 50_000: 10, 90_000: 20}  # by the seed of a set: its first light hull
 APART = 300  # seeds between families: one that grows does not change the others
 LONG, SHORT = 600.0, 300.0  # s
 LOG, TWIN, COMPLETE, VESSEL = "voyage.tlog", "twin.tlog", "complete.tlog", "vessel.toml"
@@ -73,7 +74,7 @@ class Case:
     @property
     def vessel(self) -> str:
         """The vessel file that the diagnosis is given."""
-        boat = FLEET[self.boat]
+        boat = EVERY[self.boat]
         return vessel_toml(boat.misjudged(self.voyage.seed) if self.misjudged else boat)
 
 
@@ -85,6 +86,7 @@ class Plan:
     pilots: tuple[str, ...]
     share: float = FULL
     misjudged: bool = False
+    boat: str = ""  # else one of those on which it shows
 
 
 def cases(name: str) -> list[Case]:
@@ -103,21 +105,21 @@ def materialise(case: Case, folder: Path) -> None:
     """The log and the vessel file, all that a diagnosis may see, into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / VESSEL).write_text(case.vessel, encoding="utf-8")
-    case.voyage.write(folder / LOG, FLEET[case.boat])
+    case.voyage.write(folder / LOG, EVERY[case.boat])
 
 
 def materialise_twin(case: Case, folder: Path) -> None:
     """The other voyage into a folder; with a stranger on board also one without it."""
     folder.mkdir(parents=True, exist_ok=True)
-    case.twin.write(folder / TWIN, FLEET[case.boat])
+    case.twin.write(folder / TWIN, EVERY[case.boat])
     if any(h.name in STRANGE for h in case.voyage.hidden):
-        replace(case.voyage, hidden=()).write(folder / COMPLETE, FLEET[case.boat])
+        replace(case.voyage, hidden=()).write(folder / COMPLETE, EVERY[case.boat])
 
 
 def _case(name: str, family: str, plan: Plan, seed: int, seconds: float) -> Case:
     """One plan carried out: dice of its own choose boat, strengths, pilots."""
     dice = np.random.default_rng([seed, 0xCA5E])
-    boat = str(dice.choice(boats_for(plan.hidden)))
+    boat = plan.boat or str(dice.choice(boats_for(plan.hidden)))
     hidden = [_hide(cause, boat, dice, plan.share, seconds) for cause in plan.hidden]
     braking = plan.pilots == OPEN_LOOP and BRAKES & set(plan.hidden)
     pilot = "drills" if braking else str(dice.choice(plan.pilots))
@@ -132,7 +134,7 @@ def _case(name: str, family: str, plan: Plan, seed: int, seconds: float) -> Case
 
 
 def _hide(name: str, boat: str, dice: Dice, share: float, seconds: float) -> Hidden:
-    values = strong(name, FLEET[boat], dice, share, seconds)
+    values = strong(name, EVERY[boat], dice, share, seconds)
     return Hidden(name, {key: _rounded(value) for key, value in values.items()})
 
 
@@ -177,6 +179,22 @@ def _unknown(seed: int, rounds: int = 3) -> Iterator[Plan]:
             yield Plan((name,), MISSIONS if i == rounds - 1 else OPEN_LOOP)
 
 
+def _light(seed: int, hulls: int = 10) -> Iterator[Plan]:
+    """Hulls that are unstable on course: complete models and single effects, half of them on
+    missions, half of the files misjudged; no hull stands in two sets."""
+    first = LIGHT_FROM[seed]
+    causes = [n for n in RECIPES if n not in WHOLE and "teal" in boats_for((n,))]
+    for i in range(hulls):
+        boat = f"light-{first + i}"
+        for pilots in (MISSIONS, OPEN_LOOP):
+            for misjudged in (False, True):
+                yield Plan((), pilots, misjudged=misjudged, boat=boat)
+        for k in range(6):
+            cause = causes[(6 * i + k) % len(causes)]
+            pilots = OPEN_LOOP if k % 3 == 2 else MISSIONS
+            yield Plan((cause,), pilots, misjudged=k >= 3, boat=boat)
+
+
 Family = Callable[[int], Iterator[Plan] | list[Plan]]
 FAMILIES: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP),
@@ -187,6 +205,7 @@ FAMILIES: Mapping[str, Family] = {
     "pair": _pairs,
     "none": _none,
     "unknown": _unknown,
+    "light": _light,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],
