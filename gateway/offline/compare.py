@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, numerical_errors
 from gateway.figures.comparison import comparison_figures
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.trials import TrialOptions, left_out, load_trials
@@ -81,7 +81,8 @@ def compared_trial(
     """All models on one trial; nothing where no time of it can be used."""
     how = compare_refitted if refit else compare
     try:
-        found = how(trial, models, settings, lambda name: tell(f"{trial.name}: {name}"))
+        with numerical_errors(trial.name, ", ".join(model.vessel.name for model in models)):
+            found = how(trial, models, settings, lambda name: tell(f"{trial.name}: {name}"))
     except DivergedError as problem:
         raise BadInput(f"{trial.name}: {problem}") from None
     except NoUsableTimeError as problem:

@@ -1,4 +1,4 @@
-"""How far each model is from the measurement, beside the noise floor, and where."""
+"""How far each model is from the measurement, beside the noise floor, and in which regimes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from typing import Any
 
 from sim.comparison.independence import Independence, independence
 from sim.comparison.regimes import Regime, regimes_of
-from sim.comparison.where import Bin, Place, Track, track, where, worst_place
+from sim.comparison.where import Bin, ErrorMap, Place, error_bins, error_map, worst_place
 from sim.model import Model
 from sim.prediction.free_runs import FreeRun, Prediction, free_run, predict
 from sim.prediction.inputs import motion_of
@@ -17,8 +17,8 @@ from sim.prediction.segments import CompareSettings
 from sim.tables import data_frame
 from sim.trial import Trial
 
-NEAR_FLOOR = 1.2  # an nrmse below this many noise floors is no failure
-WORTH_SAYING = 0.02  # share of the squared error beyond the share of the time
+ADEQUATE_FLOORS = 1.2  # noise floors: an nrmse below is no failure; chosen, not measured
+MIN_EXCESS = 0.02  # share of the squared error beyond the share of time, to be named; chosen
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Comparison:
                   or the trial is too short
     notices     what looks wrong with the recording or the vessel's channels, a sentence each
     where       all bins, those with the most error beyond their share of time first
-    refit       numbers of the day, for either half of the blocks from the other
+    refit       parameters of the voyage, for either fold of the blocks from the other
     """
 
     log: str
@@ -44,29 +44,31 @@ class Comparison:
     noise_floor_nrmse: float
     free_run: FreeRun
     where: tuple[Bin, ...]
-    track: Track
+    error_map: ErrorMap
     prediction: Prediction
     missing: MissingForce
     notices: tuple[str, ...] = ()
     independence: Independence | None = None
     refit: tuple[Mapping[str, float], ...] = ()
 
+    @property
+    def _only_noise(self) -> bool:
+        return self.nrmse <= ADEQUATE_FLOORS * self.noise_floor_nrmse
+
     def worst(self, count: int = 5) -> tuple[Bin, ...]:
         """The bins that hold clearly more error than time, most excess first.
 
         None where the whole error is no more than noise.
         """
-        if self.nrmse <= NEAR_FLOOR * self.noise_floor_nrmse:
+        if self._only_noise:
             return ()
-        return tuple(b for b in self.where if b.excess > WORTH_SAYING)[:count]
+        return tuple(b for b in self.where if b.excess > MIN_EXCESS)[:count]
 
     @property
     def place(self) -> Place | None:
-        """The spot on the map that holds clearly more error than time; None where none does."""
-        if self.nrmse <= NEAR_FLOOR * self.noise_floor_nrmse:
-            return None
-        place = worst_place(self.track)
-        return place if place is not None and place.excess > WORTH_SAYING else None
+        """The square of the map that holds clearly more error than time; None where none does."""
+        place = None if self._only_noise else worst_place(self.error_map)
+        return place if place is not None and place.excess > MIN_EXCESS else None
 
     def to_pandas(self) -> Any:
         """One row per bin of every regime: range, shares of error and of time, errors."""
@@ -80,10 +82,7 @@ class Comparison:
             "vessel": self.vessel,
             "horizon_s": self.ruler.settings.horizon,
             "cut_short": self.ruler.cut_short,
-            "rmse": dict(self.scores.rmse),
-            "mae": dict(self.scores.mae),
-            "r2": dict(self.scores.r2),
-            "fit_percent": dict(self.scores.fit_percent),
+            **{k: dict(getattr(self.scores, k)) for k in ("rmse", "mae", "r2", "fit_percent")},
             "nrmse": self.nrmse,
             "noise_floor_nrmse": self.noise_floor_nrmse,
             "free_run": self.free_run.to_dict(),
@@ -99,31 +98,30 @@ def compare(
     trial: Trial,
     models: Sequence[Model],
     settings: CompareSettings | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> list[Comparison]:
-    """All models on one trial, the first giving the ruler; NoUsableTimeError if so."""
+    """All models on one trial, the first giving the ruler.
+
+    NoUsableTimeError where no stretch can be compared over, DivergedError where a model leaves
+    every segment at once.
+    """
     ruler, regimes = Ruler.of(trial, models[0], settings), regimes_of(trial, models[0])
     out = []
     for model in models:
-        if progress:
-            progress(model.vessel.name)
-        out.append(compared(trial, model, ruler, regimes))
+        progress(model.vessel.name)
+        found = comparison_of(
+            trial, model.vessel.name, ruler, regimes, predict(trial, model, ruler),
+            missing_force(trial, model), free_run(trial, model, ruler.scales),
+        )  # fmt: skip
+        out.append(replace(found, independence=independence(trial, model)))
     return out
 
 
-def compared(trial: Trial, model: Model, ruler: Ruler, regimes: tuple[Regime, ...]) -> Comparison:
-    """One model under a ruler that is there already."""
-    prediction, force = predict(trial, model, ruler), missing_force(trial, model)
-    alone = free_run(trial, model, ruler.scales)
-    found = judged(trial, model.vessel.name, ruler, regimes, prediction, force, alone)
-    return replace(found, independence=independence(trial, model))
-
-
-def judged(
+def comparison_of(
     trial: Trial, vessel: str, ruler: Ruler, regimes: tuple[Regime, ...], prediction: Prediction,
-    force: MissingForce, alone: FreeRun,
+    force: MissingForce, longest: FreeRun,
 ) -> Comparison:  # fmt: skip
-    """What a vessel predicts, held against the trial."""
+    """What a vessel predicts, scored against the trial; `longest`: its run over a whole stretch."""
     segment, rows, error = prediction.along()
     squares = scaled_squares(error, ruler.scales)
     return Comparison(
@@ -135,9 +133,9 @@ def judged(
         nrmse=nrmse(error, ruler.scales),
         nrmse_ci95=nrmse_interval(squares, ruler.blocks[segment], ruler.settings.seed),
         noise_floor_nrmse=ruler.noise_floor,
-        free_run=alone,
-        where=where(trial, regimes, prediction, force, ruler.scales),
-        track=track(trial, prediction, ruler.scales),
+        free_run=longest,
+        where=error_bins(trial, regimes, prediction, force, ruler.scales),
+        error_map=error_map(trial, prediction, ruler.scales),
         prediction=prediction,
         missing=force,
     )

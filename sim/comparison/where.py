@@ -6,20 +6,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.comparison.regimes import Regime, Triple, at_place, round_edges, says
+from sim.comparison.regimes import Regime, Triple, bin_sentence, place_sentence, round_edges
 from sim.prediction.free_runs import Prediction
 from sim.prediction.missing_force import MissingForce
 from sim.prediction.scores import scaled_squares
 from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
 
-CELLS = 20  # along the longer side of the track
-MOST_OF_IT = 0.3  # of the time: more is no place
-STANDS_OUT = 2.0  # times the error of a place where it is as everywhere
+MAX_CELLS = 20  # of the error map along the longer side of the track
+# When a square of the map is named as the worst place (both chosen, not measured).
+MAX_TIME_SHARE = 0.3  # of the time spent in it: more is no place
+MIN_ERROR_RATIO = 2.0  # its share of the error over its share of the time
+
+
+class _ErrorShare:
+    """A part of a trial: its share of the squared error and of the predicted time."""
+
+    share: float
+    time_share: float
+
+    @property
+    def excess(self) -> float:
+        """Share of the error beyond the share of the time."""
+        return self.share - self.time_share
 
 
 @dataclass(frozen=True)
-class Bin:
+class Bin(_ErrorShare):
     """One bin of one regime.
 
     share, time_share   of the total squared error (in the nrmse scales) and of the predicted time
@@ -42,12 +55,7 @@ class Bin:
     missing: Triple
     missing_std: Triple
     missing_spread: Triple
-    says: str
-
-    @property
-    def excess(self) -> float:
-        """Share of the error beyond the share of the time."""
-        return self.share - self.time_share
+    sentence: str
 
     def to_row(self) -> dict[str, Any]:
         """All of it, with one column for each number."""
@@ -59,13 +67,13 @@ class Bin:
         return row
 
     def to_dict(self) -> dict[str, Any]:
-        """What `shadow compare --json` says of a bin."""
+        """One entry of `where` in `shadow compare --json`."""
         return {"by": self.by, "from": self.start, "to": self.end, "unit": self.unit,
-                "share": self.share, "says": self.says}  # fmt: skip
+                "share": self.share, "says": self.sentence}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Track:
+class ErrorMap:
     """The error on the map, in square cells.
 
     size         side of a cell [m]
@@ -83,8 +91,8 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Place:
-    """A square of the map: its middle north, east and its side [m], and what it holds."""
+class Place(_ErrorShare):
+    """A square of the map: its middle north, east and its side [m], and its shares."""
 
     north: float
     east: float
@@ -92,34 +100,29 @@ class Place:
     share: float
     time_share: float
 
-    @property
-    def excess(self) -> float:
-        """Share of the error beyond the share of the time."""
-        return self.share - self.time_share
-
     def to_dict(self) -> dict[str, Any]:
-        """What `shadow compare --json` says of the worst place."""
-        says = at_place(self.north, self.east, self.size, self.share, self.time_share)
+        """`place` in `shadow compare --json`."""
+        sentence = place_sentence(self.north, self.east, self.size, self.share, self.time_share)
         return {"north_m": self.north, "east_m": self.east, "size_m": self.size,
-                "share": self.share, "time_share": self.time_share, "says": says}  # fmt: skip
+                "share": self.share, "time_share": self.time_share, "says": sentence}  # fmt: skip
 
 
-def worst_place(found: Track) -> Place | None:
-    """Three by three cells that hold the most error beyond their share of time.
+def worst_place(cells: ErrorMap) -> Place | None:
+    """The three by three cells that hold the most error beyond their share of time.
 
     None on a track so small that this would be all of it, or where the rest is as bad.
     """
-    number = np.round(found.corner / found.size).astype(np.int64)
+    number = np.round(cells.corner / cells.size).astype(np.int64)
     near = np.abs(number[:, None] - number[None]).max(axis=2) <= 1
-    share, time = near @ found.share, near @ found.time_share
+    share, time = near @ cells.share, near @ cells.time_share
     k = int(np.argmax(share - time))
-    if time[k] >= MOST_OF_IT or share[k] < STANDS_OUT * time[k]:
+    if time[k] >= MAX_TIME_SHARE or share[k] < MIN_ERROR_RATIO * time[k]:
         return None
-    north, east = (found.corner[k] + 0.5 * found.size).tolist()
-    return Place(north, east, 3.0 * found.size, float(share[k]), float(time[k]))
+    north, east = (cells.corner[k] + 0.5 * cells.size).tolist()
+    return Place(north, east, 3.0 * cells.size, float(share[k]), float(time[k]))
 
 
-def where(
+def error_bins(
     trial: Trial, regimes: tuple[Regime, ...], prediction: Prediction, force: MissingForce,
     scales: Floats,
 ) -> tuple[Bin, ...]:  # fmt: skip
@@ -132,30 +135,26 @@ def where(
 def _bins(
     trial: Trial, regime: Regime, rows: Ints, error: Floats, force: MissingForce, scales: Floats
 ) -> list[Bin]:
-    place = bin_of(regime.value, regime.edges)
-    square = scaled_squares(error, scales)
-    total = max(float(square.sum()), 1e-300)
+    number = bin_of(regime.value, regime.edges)
+    squares = scaled_squares(error, scales)
+    total = max(float(squares.sum()), 1e-300)
     out = []
-    for k in np.unique(place[rows]):
+    for k in np.unique(number[rows]):
         if k < 0:
             continue
-        inside, usable = place[rows] == k, trial.usable & (place == k)
+        inside, usable = number[rows] == k, trial.usable & (number == k)
         part, missing = error[inside][:, 3:], force.force[usable]
-        numbers = {
-            "share": float(square[inside].sum()) / total,
-            "time_share": float(inside.mean()),
-            "seconds": float(np.count_nonzero(usable)) * trial.dt,
-        }
+        share, time_share = float(squares[inside].sum()) / total, float(inside.mean())
         mean, rmse = _triple(part.mean(axis=0)), _triple(np.sqrt(np.mean(part**2, axis=0)))
         start, end = float(regime.edges[k]), float(regime.edges[k + 1])
         out.append(
             Bin(
-                regime.by, start, end, regime.unit, **numbers, mean=mean, rmse=rmse,
+                regime.by, start, end, regime.unit, share, time_share,
+                seconds=float(np.count_nonzero(usable)) * trial.dt, mean=mean, rmse=rmse,
                 missing=_triple(missing.mean(axis=0)),
                 missing_std=_triple(np.sqrt(np.mean(force.std[usable] ** 2, axis=0))),
                 missing_spread=_triple(missing.std(axis=0)),
-                says=says(regime, start, end, numbers["share"], numbers["time_share"],
-                          mean, rmse, scales),
+                sentence=bin_sentence(regime, start, end, share, time_share, mean, rmse, scales),
             )
         )  # fmt: skip
     return out
@@ -163,7 +162,7 @@ def _bins(
 
 def bin_of(value: Floats, edges: Floats) -> Ints:
     """Values (T,), edges (n+1,) -> number of the bin (T,), −1 where there is none."""
-    inside = (value >= edges[0]) & (value <= edges[-1])  # NaN is nowhere
+    inside = (value >= edges[0]) & (value <= edges[-1])  # NaN is in no bin
     k = np.clip(np.searchsorted(edges, value, side="right") - 1, 0, len(edges) - 2)
     return np.where(inside, k, -1).astype(np.int64)
 
@@ -172,20 +171,20 @@ def _triple(values: NDArray[np.float64]) -> Triple:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-def track(trial: Trial, prediction: Prediction, scales: Floats) -> Track:
+def error_map(trial: Trial, prediction: Prediction, scales: Floats) -> ErrorMap:
     """The error on a grid over the map."""
     _, rows, error = prediction.along()
-    place = trial.eta[rows][:, : Eta.YAW]
-    extent = place.max(axis=0) - place.min(axis=0)
-    edges = round_edges(np.array([0.0, max(float(extent.max()), 1.0)]), CELLS)
+    position = trial.eta[rows][:, : Eta.YAW]
+    extent = position.max(axis=0) - position.min(axis=0)
+    edges = round_edges(np.array([0.0, max(float(extent.max()), 1.0)]), MAX_CELLS)
     size = float(edges[1] - edges[0])
-    cells, number = np.unique(np.floor(place / size), axis=0, return_inverse=True)
+    cells, number = np.unique(np.floor(position / size), axis=0, return_inverse=True)
     number = number.reshape(-1)
-    square, count = scaled_squares(error, scales), np.bincount(number)
-    return Track(
+    squares, count = scaled_squares(error, scales), np.bincount(number)
+    return ErrorMap(
         size,
         cells * size,
-        np.bincount(number, square) / max(float(square.sum()), 1e-300),
+        np.bincount(number, squares) / max(float(squares.sum()), 1e-300),
         count / len(rows),
         np.stack([np.bincount(number, error[:, i]) / count for i in (3, 4, 5)], axis=1),
     )

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from sim.comparison.compare import compare
-from sim.comparison.independence import LAGS, independence, of_series, whitening
+from sim.comparison.independence import MAX_LAG, independence, independence_of, whitening_filter
 from sim.model import Model
 from sim.state import Floats
 from tests.sim.voyages import WAM_V, commands, simulated, trial_of
@@ -33,15 +33,15 @@ def late(forces: Floats, steps: int) -> Floats:
 
 def test_noise_follows_nothing() -> None:
     for seed in range(20):
-        found = of_series([noise(seed)], [held(seed)], STEP)
-        assert found.says == ""
+        found = independence_of([noise(seed)], [held(seed)], STEP)
+        assert found.description == ""
 
 
 def test_independent_series_lie_in_the_band() -> None:
     inside = [
         np.mean(np.abs(pair.correlation) <= found.band)
         for seed in range(20)
-        for found in [of_series([noise(seed, colour=1.0)], [held(seed)], STEP)]
+        for found in [independence_of([noise(seed, colour=1.0)], [held(seed)], STEP)]
         for pair in found.pairs
     ]
     assert np.mean(inside) > 0.97
@@ -50,11 +50,11 @@ def test_independent_series_lie_in_the_band() -> None:
 @pytest.mark.parametrize("steps", [2, 3, 6, 10])
 def test_a_delay_is_found_at_its_lag(steps: int) -> None:
     forces = held(3)
-    found = of_series([noise(3) + late(forces, steps)], [forces], STEP)
+    found = independence_of([noise(3) + late(forces, steps)], [forces], STEP)
     for pair in found.pairs:
-        assert pair.late == pytest.approx(steps * STEP, rel=0.25)
-        assert np.argmax(pair.correlation) - LAGS == steps
-    assert "a delay or lag is missing" in found.says
+        assert pair.delay == pytest.approx(steps * STEP, rel=0.25)
+        assert np.argmax(pair.correlation) - MAX_LAG == steps
+    assert "a delay or lag is missing" in found.description
 
 
 def test_a_lag_is_found_too() -> None:
@@ -63,20 +63,20 @@ def test_a_lag_is_found_too() -> None:
     slow[0] = forces[0]
     for k in range(1, len(forces)):
         slow[k] = slow[k - 1] + (forces[k] - slow[k - 1]) * STEP / tau
-    found = of_series([0.3 * noise(4) + slow - forces], [forces], STEP)
-    assert found.pairs[0].late == pytest.approx(tau, rel=0.3)
+    found = independence_of([0.3 * noise(4) + slow - forces], [forces], STEP)
+    assert found.pairs[0].delay == pytest.approx(tau, rel=0.3)
 
 
 def test_a_wrong_scale_is_no_delay() -> None:
     forces = held(5)
     for scale in (-0.3, 0.3):
-        assert of_series([noise(5) + scale * forces], [forces], STEP).says == ""
+        assert independence_of([noise(5) + scale * forces], [forces], STEP).description == ""
 
 
 def test_the_blur_of_a_smoother_is_no_delay() -> None:
     forces = held(6)
     blurred = np.asarray(gaussian_filter1d(forces, 3.0, axis=0))
-    assert of_series([noise(6) + blurred - forces], [forces], STEP).says == ""
+    assert independence_of([noise(6) + blurred - forces], [forces], STEP).description == ""
 
 
 def test_an_answer_of_the_autopilot_is_no_delay() -> None:
@@ -84,24 +84,24 @@ def test_an_answer_of_the_autopilot_is_no_delay() -> None:
     errors = noise(7)
     forces = held(7)
     forces[3:] += 2.0 * errors[:-3]
-    found = of_series([errors], [forces], STEP)
-    assert np.argmax(found.pairs[0].correlation) - LAGS < 0
-    assert found.says == ""
+    found = independence_of([errors], [forces], STEP)
+    assert np.argmax(found.pairs[0].correlation) - MAX_LAG < 0
+    assert found.description == ""
 
 
 def test_stretches_do_not_run_into_each_other() -> None:
     forces, errors = held(8), noise(8)
     errors = errors + late(forces, 3)
     cut = [slice(0, 1500), slice(1700, 4000)]
-    found = of_series([errors[s] for s in cut], [forces[s] for s in cut], STEP)
-    assert found.pairs[0].late == pytest.approx(0.3, rel=0.25)
+    found = independence_of([errors[s] for s in cut], [forces[s] for s in cut], STEP)
+    assert found.pairs[0].delay == pytest.approx(0.3, rel=0.25)
 
 
 def test_whitening_leaves_no_colour() -> None:
     rng, x = np.random.default_rng(1), np.zeros(20000)
     for k in range(1, len(x)):
         x[k] = 0.9 * x[k - 1] + rng.standard_normal()
-    a = whitening([x])
+    a = whitening_filter([x])
     assert a[:2] == pytest.approx([1.0, -0.9], abs=0.03)
     assert np.abs(a[2:]).max() < 0.05
 
@@ -124,11 +124,11 @@ def test_a_trial_sailed_with_late_commands_says_so() -> None:
     )
     (found,) = compare(early, [model])
     assert found.independence is not None
-    ahead = found.independence.pairs[0].late - on_time.pairs[0].late
+    ahead = found.independence.pairs[0].delay - on_time.pairs[0].delay
     assert ahead == pytest.approx(steps * trial.dt, rel=0.25)
-    said = found.as_dict()["independence"]
+    said = found.to_dict()["independence"]
     assert "a delay or lag is missing" in said["says"]
-    assert len(said["correlations"][0]["correlation"]) == 2 * LAGS + 1
+    assert len(said["correlations"][0]["correlation"]) == 2 * MAX_LAG + 1
 
 
 def test_a_short_trial_says_nothing() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.comparison.refit import Halves, TooShortError, compare_refitted, refitted
+from sim.comparison.refit import TooShortError, TwoFolds, compare_refitted, cross_fit
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.vessel import AddedEffect
@@ -26,34 +26,34 @@ def trial():
 
 
 def test_halves_share_no_time_and_keep_their_distance(trial):
-    halves = Halves.of(trial)
-    one, two = (trial.time[halves.half(k).usable] for k in (0, 1))
+    folds = TwoFolds.of(trial)
+    one, two = (trial.time[folds.only(k).usable] for k in (0, 1))
     assert len(one) > 500
     assert len(two) > 500
     assert np.abs(one[:, None] - two[None]).min() >= 5.0
-    np.testing.assert_array_equal(np.sort([*one, *two]), trial.time[halves.trial.usable])
+    np.testing.assert_array_equal(np.sort([*one, *two]), trial.time[folds.trial.usable])
 
 
 def test_too_short_a_trial_says_what_is_needed(trial):
     short = replace(trial, usable=trial.time < 60.0)
     with pytest.raises(TooShortError, match="time for 2 of the 4 blocks of 25 s"):
-        Halves.of(short)
+        TwoFolds.of(short)
 
 
 def test_the_current_of_the_day_is_found_on_either_half(trial):
-    day = refitted(Halves.of(trial), OTHER_DAY)
-    for values in day.values:
+    fit = cross_fit(TwoFolds.of(trial), OTHER_DAY)
+    for values in fit.values:
         assert values["steady_current.speed"] == pytest.approx(0.3, abs=0.03)
         assert values["steady_current.direction"] == pytest.approx(np.pi / 2, abs=0.1)
-    for model in day.models:
+    for model in fit.models:
         assert model.vessel.dynamics == WAM_V.dynamics
 
 
 def test_what_is_judged_was_not_seen(trial):
     """Spoil one half: the numbers that the other half is judged with change, its own do not."""
-    halves = Halves.of(trial)
-    spoilt = replace(trial, nu=np.where((halves.number == 0)[:, None], trial.nu + 0.2, trial.nu))
-    before, after = (refitted(Halves.of(t), OTHER_DAY).values for t in (trial, spoilt))
+    folds = TwoFolds.of(trial)
+    spoilt = replace(trial, nu=np.where((folds.fold == 0)[:, None], trial.nu + 0.2, trial.nu))
+    before, after = (cross_fit(TwoFolds.of(t), OTHER_DAY).values for t in (trial, spoilt))
     assert before[0] == pytest.approx(after[0], abs=1e-6)
     speed = "steady_current.speed"
     assert abs(before[1][speed] - after[1][speed]) > 0.02
@@ -66,8 +66,8 @@ def test_a_vessel_of_another_day_gets_its_chance_and_a_plain_one_stays_as_it_is(
     assert other.nrmse < 1.3 * other.noise_floor_nrmse
     assert plain.nrmse > 3.0 * other.nrmse
     assert plain.refit == ()
-    assert "refit" not in plain.as_dict()
-    assert len(other.as_dict()["refit"]) == 2
+    assert "refit" not in plain.to_dict()
+    assert len(other.to_dict()["refit"]) == 2
 
 
 def test_a_moment_is_found_though_nothing_leads_to_it(trial):
@@ -79,7 +79,7 @@ def test_a_moment_is_found_though_nothing_leads_to_it(trial):
     motion = sailed[0, : len(drive)]
     broken = trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, 0.1, np.diag(NOISE**2))
     other = WAM_V.with_effects(AddedEffect(fault, {"thruster": 1.0, "gain": 0.6, "time": 130.0}))
-    blind, saw = refitted(Halves.of(broken), other).values
+    blind, saw = cross_fit(TwoFolds.of(broken), other).values
     for values in (blind, saw):
         assert values["thruster_fault.thruster"] == 2.0
         assert values["thruster_fault.gain"] == pytest.approx(0.4, abs=0.05)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sim.comparison.compare import compare
-from sim.comparison.regimes import at_place, round_edges
-from sim.comparison.where import Track, along_trial, bin_of, worst_place
+from sim.comparison.regimes import place_sentence, round_edges
+from sim.comparison.where import ErrorMap, along_trial, bin_of, worst_place
 from sim.model import Model
 from sim.prediction.missing_force import missing_force
 from tests.sim.voyages import WAM_V, simulated, trial_of, voyage
@@ -34,9 +34,9 @@ def test_a_current_moves_the_boat_east_on_every_heading(in_current):
 def test_the_sentence_names_place_share_and_direction(in_current):
     _, found = in_current
     north = next(b for b in found.where if b.by == "heading" and b.start == 0.0)
-    assert north.says.startswith("heading between north and north-east (0–45°): ")
-    assert "m/s faster to starboard than the model" in north.says
-    assert f"{100 * north.share:.0f} % of the squared error" in north.says
+    assert north.sentence.startswith("heading between north and north-east (0–45°): ")
+    assert "m/s faster to starboard than the model" in north.sentence
+    assert f"{100 * north.share:.0f} % of the squared error" in north.sentence
 
 
 def test_shares_of_every_variable_add_up(in_current):
@@ -46,7 +46,7 @@ def test_shares_of_every_variable_add_up(in_current):
         assert sum(b.share for b in bins) == pytest.approx(1.0)
         assert sum(b.time_share for b in bins) == pytest.approx(1.0)
         assert sum(b.seconds for b in bins) == pytest.approx(len(trial) * trial.dt, rel=0.02)
-    assert found.track.share.sum() == pytest.approx(1.0)
+    assert found.error_map.share.sum() == pytest.approx(1.0)
     assert not [b for b in found.where if b.by == "voltage"]  # never measured
     excess = [b.excess for b in found.where]
     assert excess == sorted(excess, reverse=True)
@@ -96,9 +96,9 @@ def test_edges_are_round_and_hold_everything():
     assert len(round_edges(np.full(5, 12.6), 6)) == 2
 
 
-def grid(share: np.ndarray) -> Track:
+def grid(share: np.ndarray) -> ErrorMap:
     cells = np.array([(n, e) for n in range(10) for e in range(10)], float)
-    return Track(5.0, 5.0 * cells - 20.0, share, np.full(100, 0.01), np.zeros((100, 3)))
+    return ErrorMap(5.0, 5.0 * cells - 20.0, share, np.full(100, 0.01), np.zeros((100, 3)))
 
 
 def test_a_spot_with_the_error_is_the_place() -> None:
@@ -117,12 +117,12 @@ def test_an_even_error_has_no_place() -> None:
 
 
 def test_a_track_of_one_cell_has_no_place() -> None:
-    one = Track(5.0, np.zeros((1, 2)), np.ones(1), np.ones(1), np.zeros((1, 3)))
+    one = ErrorMap(5.0, np.zeros((1, 2)), np.ones(1), np.ones(1), np.zeros((1, 3)))
     assert worst_place(one) is None
 
 
 def test_it_is_told_from_the_origin() -> None:
-    says = at_place(-42.4, 10.0, 15.0, 0.5, 0.09)
+    says = place_sentence(-42.4, 10.0, 15.0, 0.5, 0.09)
     assert says == (
         "around 42 m south, 10 m east of the origin (15 m square): "
         "50 % of the squared error in 9 % of the time"
