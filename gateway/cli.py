@@ -1,20 +1,25 @@
-"""The command line: parse, call, print. The work is done in `gateway.pipelines`.
+"""The command line: parse, call, print. The work is done in `gateway.offline` and `gateway.live`.
 
 Human output by default; `--json` prints JSON alone on standard output, progress goes to standard
-error. Exit status 0 done, 1 the work failed, 2 bad input, which gets one line.
+error. Exit status 0 done, 1 the work failed, 2 bad input, 70 a fault of the program, 130
+interrupted. Every failure is one line; the environment variable SHADOW_DEBUG=1 puts the traceback
+in front of it. The traceback of a fault of the program is also written to a file.
 """
 
 import os
 import signal
 import sys
+import tempfile
+import traceback
 from collections.abc import Callable
 from importlib.metadata import version as installed
+from shlex import join
 from typing import Annotated, Any, NoReturn
 
 import typer
 
 from gateway.commands import live, missing, model, recordings, shown
-from gateway.errors import ShadowError
+from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message
 from sim.effects.effect import LawError
 
 app = typer.Typer(
@@ -26,7 +31,9 @@ app = typer.Typer(
     "missing from it when it is not?\n\n"
     "Start with shadow demo. With a log of your own: shadow info LOG, "
     "shadow init LOG --out boat.toml, shadow replay LOG --vessel boat.toml, "
-    "shadow compare LOG --vessel boat.toml, shadow diagnose LOG --vessel boat.toml.",
+    "shadow compare LOG --vessel boat.toml, shadow diagnose LOG --vessel boat.toml.\n\n"
+    "An error is one line and an exit status; SHADOW_DEBUG=1 in the environment adds its "
+    "traceback.",
 )
 
 # What does the work is imported when a command runs: `shadow --help` answers at once.
@@ -70,6 +77,7 @@ def _common(
 
 # What typer raises for a command line that it cannot use; it has no public name.
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+PROGRAM_FAULT = 70  # exit status EX_SOFTWARE of sysexits.h
 
 
 def main() -> None:
@@ -86,9 +94,17 @@ def main() -> None:
         _fail(_usage(error), 2)
     except (KeyboardInterrupt, typer.Abort):
         _fail("interrupted", 130)
-    except BrokenPipeError:  # whoever read our output has seen enough
+    except BrokenPipeError:  # the reader of our output has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 0
+    except NUMERICAL_ERRORS as error:
+        _fail(numerical_message(_command_line(), error), 1)
+    except OSError as error:
+        _fail(f"{_command_line()}: {error}", 1)
+    except Exception as error:
+        if isinstance(error, ValueError) and type(error).__module__.startswith("sim."):
+            _fail(f"{_command_line()}: {error}", 1)
+        _fail(_program_fault(error), PROGRAM_FAULT)
     sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -98,7 +114,33 @@ def _usage(error: Any) -> str:
     return f"{error.format_message().rstrip('.')}: see `{command} --help`"
 
 
-def _fail(says: str, status: int) -> NoReturn:
-    """One line, whatever names with line breaks it quotes."""
-    print(f"error: {' '.join(says.split())}", file=sys.stderr)
+def _command_line() -> str:
+    """The command as it was typed: it names recordings and vessels."""
+    return join(["shadow", *sys.argv[1:]])
+
+
+def _program_fault(error: Exception) -> str:
+    """The line for an error that no input should cause; its traceback is written to a file."""
+    report = f"shadow-gateway {installed('shadow-gateway')}, Python {sys.version}\n"
+    report += f"{_command_line()}\n\n{''.join(traceback.format_exception(error))}"
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="shadow-fault-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
+            file.write(report)
+        place = file.name
+    except OSError:
+        print(report, file=sys.stderr)
+        place = "the traceback above"
+    return (
+        f"this is a fault of the program: please report it: {type(error).__name__}: {error} "
+        f"(traceback: {place})"
+    )
+
+
+def _fail(text: str, status: int) -> NoReturn:
+    """One line on standard error, even where it quotes names with line breaks; then exit."""
+    if os.environ.get("SHADOW_DEBUG", "0") not in ("", "0"):
+        traceback.print_exc()
+    print(f"error: {' '.join(text.split())}", file=sys.stderr)
     sys.exit(status)

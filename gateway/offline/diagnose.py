@@ -19,7 +19,7 @@ from typing import Any
 import orjson
 
 from gateway.atomic_file import write_whole
-from gateway.errors import BadInput
+from gateway.errors import BadInput, numerical_errors
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.add import DiagnosisFile, added
@@ -235,7 +235,7 @@ def answered(
     names = ", ".join(str(log) for log in logs)
     trials = usable_trials(logs, system, options or COARSE, mapping, tell)
     try:
-        with ThreadPoolExecutor(WORKERS) as pool:
+        with numerical_errors(names, file or boat.name), ThreadPoolExecutor(WORKERS) as pool:
             return trials, diagnose(trials, boat, settings, tell, pool.map)
     except NoUsableTimeError as problem:
         raise BadInput(f"{names}: {problem}") from None

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.atomic_file import write_whole
-from gateway.errors import BadInput
+from gateway.errors import BadInput, numerical_errors
 from gateway.figures.identification import identification_figures, parameter_changes
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.compare import file_name
@@ -32,6 +32,7 @@ from sim.trial import Trial
 from sim.vessel import Vessel
 
 TABLES = (*BASE, "x_g", "Y_r", "N_v", "Y_uv", "Y_ur", "N_uv", "N_ur")  # of [dynamics]
+ADVICE = "leave out odd stretches with --exclude, hold numbers with --fix, or try another --method"
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def identify_logs(
     tell: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Fit and validate; write the new vessel file to `out`, draw into the folder `pictures`."""
-    known = tuple(effects)
+    known, names = tuple(effects), ", ".join(str(log) for log in logs)
     boat = load_vessel(vessel, known)
     if out is not None and not Path(out).resolve().parent.is_dir():
         raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
@@ -67,11 +68,11 @@ def identify_logs(
     chosen = without([within(trial, span or Span()) for trial in trials], exclude)
     others = usable_trials(validate, system, options, mapping, tell)
     try:
-        found = identify(chosen, boat, settings, others, tell)
+        with numerical_errors(names, vessel, ADVICE):
+            found = identify(chosen, boat, settings, others, tell)
     except (UnknownNameError, DivergedError) as problem:
         raise BadInput(f"{vessel}: {problem}") from None
     except NoUsableTimeError as problem:
-        names = ", ".join(str(log) for log in logs)
         raise BadInput(f"{names}: {problem}") from None
     notices = (*notices_of((*chosen, *others), boat), *of_voyages(found))
     found = replace(found, notices=notices)
