@@ -12,15 +12,15 @@ from typing import Any
 from rich.console import Console
 
 from gateway.bus import BusSettings, open_session
-from gateway.offline.add import Added, add_effects
+from gateway.offline.add import AdditionResult, add_effects
 from gateway.offline.compare import compare_logs
-from gateway.offline.diagnose import Diagnosed, diagnosed, kept
+from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.offline.replay import ReplayOptions, replay
 from gateway.shipped import RECORDINGS, VESSELS
-from gateway.terminal.diagnose import show_added, show_diagnosed
-from gateway.terminal.model import show_comparisons
-from gateway.terminal.progress import progress, status
-from gateway.terminal.recordings import show_replay
+from gateway.terminal.comparison import show_comparisons
+from gateway.terminal.console import progress, status
+from gateway.terminal.diagnosis import show_addition, show_diagnosis
+from gateway.terminal.runs import show_replay
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
 
@@ -43,7 +43,7 @@ def run_demo(out: Path) -> None:
     if better is None:
         return
     say("\n[bold]5. Was that it?[/bold] Another voyage, which the diagnosis never saw")
-    twin = _compare([TWIN], [DEMO_BOAT, better], out / "voyage_2", refit=bool(found.of_voyages))
+    twin = _compare([TWIN], [DEMO_BOAT, better], out / "voyage_2", refit=bool(found.voyage_effects))
     before, after = twin[0].nrmse, twin[1].nrmse
     say(
         f"\n[bold]{TWIN.name}: error {before:.3f} before, {after:.3f} after[/bold] "
@@ -60,22 +60,22 @@ def _shadow(out: Path, say: Say) -> None:
     say(f"zenoh: a second session heard {sum(heard.values())} samples on {len(heard)} keys\n")
 
 
-def _diagnose(out: Path) -> Diagnosed:
+def _diagnose(out: Path) -> DiagnosisResult:
     with status("diagnosing") as tell:
-        found = diagnosed([VOYAGE], DEMO_BOAT, tell=tell)
-        kept(found, save=_json(out), pictures=out / "diagnosis", tell=tell)
-    show_diagnosed(found, _json(out), None, out / "diagnosis")
+        found = diagnose_logs([VOYAGE], DEMO_BOAT, tell=tell)
+        save_diagnosis(found, save=_json(out), pictures=out / "diagnosis", tell=tell)
+    show_diagnosis(found, _json(out), None, out / "diagnosis")
     return found
 
 
-def _add(found: Diagnosed, out: Path, say: Say) -> Path | None:
+def _add(found: DiagnosisResult, out: Path, say: Say) -> Path | None:
     """The better vessel file; None where nothing was found."""
     names, better = found.diagnosis.effects, out / "demo_boat-better.toml"
     if not names:
         return None
     say(f"\n[bold]4. Put it in[/bold]: shadow add {' '.join(names)}")
-    done: Added = add_effects(names, DEMO_BOAT, _json(out), better)
-    show_added(done, names, DEMO_BOAT, better)
+    done: AdditionResult = add_effects(names, DEMO_BOAT, _json(out), better)
+    show_addition(done, names, DEMO_BOAT, better)
     return better
 
 

@@ -118,13 +118,13 @@ def simulate(
         )  # fmt: skip
         return
     from gateway.offline.simulate import simulate as work
-    from gateway.terminal.recordings import show_simulated
+    from gateway.terminal.runs import show_simulation
 
     if commands is None:
         raise BadInput("no commands: give a CSV, or --live ENDPOINT to play the boat")
     follower = vessel_from(follow, effects) if follow else None
     options = settings_from(config, None, None).following.follower
-    show_simulated(work(Path(commands), boat, follower, out, options=options))
+    show_simulation(work(Path(commands), boat, follower, out, options=options))
 
 
 def monitor(
@@ -141,7 +141,7 @@ def monitor(
     json: Annotated[bool, typer.Option("--json", help="Lines of JSON, one per vessel.")] = False,
 ) -> None:
     """Watch shadows in the terminal, from this machine or another: states, residuals, health."""
-    from gateway.terminal.monitor_loop import MonitorOptions
+    from gateway.monitor.watcher import MonitorOptions
     from gateway.terminal.monitor_loop import monitor as work
 
     work(MonitorOptions(connect, config, vessel), once, json)

@@ -47,21 +47,21 @@ def diagnose(
     json: AsJson = False,
 ) -> None:
     """Which physical effect is missing from the model, how sure that is, and what to do next."""
-    from gateway.offline.diagnose import check_folders, diagnosed, kept
-    from gateway.terminal.diagnose import show_diagnosed
-    from gateway.terminal.progress import status
+    from gateway.offline.diagnose import check_folders, diagnose_logs, save_diagnosis
+    from gateway.terminal.console import status
+    from gateway.terminal.diagnosis import show_diagnosis
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
     check_folders(save, out)
     own = effects_from(effects)
     with status("diagnosing") as tell:
-        found = diagnosed(
+        found = diagnose_logs(
             logs, vessel, improve=improve, prior=prior, system=system, mapping=mapping,
             effects=own, tell=tell,
         )  # fmt: skip
-        kept(found, save=save, out=out, pictures=pictures, effects=own, tell=tell)
-    print_result(json, found.as_dict, lambda: show_diagnosed(found, save, out, pictures))
+        save_diagnosis(found, save=save, out=out, pictures=pictures, effects=own, tell=tell)
+    print_result(json, found.to_dict, lambda: show_diagnosis(found, save, out, pictures))
 
 
 def add(
@@ -76,11 +76,11 @@ def add(
     """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
     from gateway.offline.add import add_effects
     from gateway.offline.diagnose import check_folders
-    from gateway.terminal.diagnose import show_added
+    from gateway.terminal.diagnosis import show_addition
 
     check_folders(out)
     done = add_effects(names, vessel, source, out, effects_from(effects))
-    show_added(done, names, vessel, out)
+    show_addition(done, names, vessel, out)
 
 
 def show_effects(
@@ -94,8 +94,8 @@ def show_effects(
     effects: EffectFiles = None,
 ) -> None:
     """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
-    from gateway.terminal.effects import show_catalogue, show_effect, show_own
-    from gateway.user_effects import known_effects, write_own
+    from gateway.terminal.effects import show_catalogue, show_effect, show_effect_file
+    from gateway.user_effects import known_effects, write_effect_copy
 
     known = [*known_effects(), *effects_from(effects)]
     if name is None and picture is not None:
@@ -109,7 +109,7 @@ def show_effects(
     if not chosen:
         raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
     if write is not None:
-        write_own(chosen[0], write)
-        show_own(chosen[0], write)
+        write_effect_copy(chosen[0], write)
+        show_effect_file(chosen[0], write)
         return
     show_effect(chosen[0], picture)

@@ -60,19 +60,19 @@ def identify(
     json: AsJson = False,
 ) -> None:
     """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
-    from gateway.offline.identify import Span, identify_logs, settings_of
-    from gateway.offline.usable import exclusions_of
-    from gateway.terminal.model import show_identified
-    from gateway.terminal.progress import status
+    from gateway.offline.identify import TimeSpan, identify_logs, identify_settings
+    from gateway.offline.usable import parse_exclusions
+    from gateway.terminal.console import status
+    from gateway.terminal.identification import show_identification
 
-    settings = settings_of(free or (), fix or (), prior or (), method)
+    settings = identify_settings(free or (), fix or (), prior or (), method)
     with status("identifying") as tell:
         found = identify_logs(
-            logs, vessel, out, settings, span=Span(start, end), validate=validate or (),
-            exclude=exclusions_of(exclude or ()), pictures=pictures, system=system,
+            logs, vessel, out, settings, span=TimeSpan(start, end), validate=validate or (),
+            exclude=parse_exclusions(exclude or ()), pictures=pictures, system=system,
             mapping=mapping, effects=effects_from(effects), tell=tell,
         )  # fmt: skip
-    print_result(json, found.as_dict, lambda: show_identified(found, out, pictures))
+    print_result(json, found.to_dict, lambda: show_identification(found, out, pictures))
 
 
 def compare(
@@ -100,8 +100,8 @@ def compare(
 ) -> None:
     """How far is the model from the measurement, beside the noise floor, and where is it worst."""
     from gateway.offline.compare import as_json, compare_logs
-    from gateway.terminal.model import show_comparisons
-    from gateway.terminal.progress import status
+    from gateway.terminal.comparison import show_comparisons
+    from gateway.terminal.console import status
     from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
@@ -148,7 +148,7 @@ def plan(
 ) -> None:
     """A manoeuvre to learn a boat by: predicted, then written as CSV and ArduPilot Lua."""
     from gateway.offline.plan import PlanOptions, make_plan
-    from gateway.terminal.model import show_manoeuvres, show_planned
+    from gateway.terminal.plan import show_manoeuvres, show_plan
     from sim.excitation.catalogue import MANOEUVRES
 
     if list_:
@@ -162,4 +162,4 @@ def plan(
     if log is not None and not log.is_file():
         raise BadInput(f"{log}: no such file")
     done = make_plan(vessel_from(vessel, effects), options, out, log)
-    print_result(json, done.as_dict, lambda: show_planned(done))
+    print_result(json, done.to_dict, lambda: show_plan(done))

@@ -52,11 +52,11 @@ def tell_line(says: str) -> None:
     print(says, file=sys.stderr, flush=True)
 
 
-def print_result(json: bool, as_dict: Callable[[], Any], show: Callable[[], None]) -> None:
+def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:
     """One of the two forms of a result, on standard output."""
     if json:
         options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
-        sys.stdout.buffer.write(orjson.dumps(as_dict(), option=options))
+        sys.stdout.buffer.write(orjson.dumps(to_dict(), option=options))
     else:
         show()
 

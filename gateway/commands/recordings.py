@@ -23,7 +23,7 @@ from gateway.commands.options import (
     settings_from,
     vessel_from,
 )
-from gateway.errors import BadInput
+from gateway.errors import BadInput, numerical_errors
 
 
 def info(
@@ -35,7 +35,7 @@ def info(
     from gateway.terminal.recordings import show_survey
 
     found = survey(open_log(log, mapping), system)
-    print_result(json, found.as_dict, lambda: show_survey(found))
+    print_result(json, found.to_dict, lambda: show_survey(found))
 
 
 def init(
@@ -77,8 +77,8 @@ def replay(
 ) -> None:
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.offline import replay as work
-    from gateway.terminal.progress import progress
-    from gateway.terminal.recordings import replays_dict, show_replay
+    from gateway.terminal.console import progress
+    from gateway.terminal.runs import replays_dict, show_replay
 
     recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
     settings = settings_from(config, reference, publish, recorded)
@@ -90,8 +90,8 @@ def replay(
         mapping=mapping, settings=settings,
     )  # fmt: skip
     done = []
-    for log, chosen in zip(logs, work.told_apart(logs, options), strict=True):
-        with progress(f"replaying {log.name}") as tell:
+    for log, chosen in zip(logs, work.options_by_log(logs, options), strict=True):
+        with numerical_errors(log, vessel), progress(f"replaying {log.name}") as tell:
             done.append(work.replay(log, boat, own, chosen, tell))
         if not json:
             show_replay(done[-1])

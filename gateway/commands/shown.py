@@ -38,15 +38,15 @@ def report(
 ) -> None:
     """One self-contained HTML file to mail: pictures, numbers, the vessel file, what is missing."""
     from gateway.offline.report import make_report
-    from gateway.terminal.progress import status
-    from gateway.terminal.recordings import show_reported
+    from gateway.terminal.console import status
+    from gateway.terminal.runs import show_report
 
     with status("report") as tell:
         done = make_report(
             logs, vessel, out, diagnose=diagnose, system=system, mapping=mapping,
             effects=effects_from(effects), tell=tell,
         )  # fmt: skip
-    print_result(json, done.as_dict, lambda: show_reported(done))
+    print_result(json, done.to_dict, lambda: show_report(done))
 
 
 def studio(

@@ -1,9 +1,8 @@
-"""A session that only watches: a client of whoever listens there, or what a file describes.
+"""Watching the bus: a session as a client, subscribed to what gateways publish.
 
-Subscribes to what gateways publish and keeps the latest of it.
-
-zenoh's callbacks only put bytes away; decoding happens when somebody looks, a few times a second.
-A vessel that shows up is asked for its last values, so that slow topics are there at once.
+zenoh's callbacks only put payloads away; decoding happens when somebody asks for the statuses, a
+few times a second. A vessel that appears is asked for its last values, so that slow topics are
+there at once.
 """
 
 import time
@@ -20,14 +19,36 @@ import orjson
 import zenoh
 from zenoh import ext
 
-from gateway.bus import BusSettings, open_session
+from gateway.bus import DEFAULT_ENDPOINT, BusSettings, open_session
 from gateway.errors import BadInput
-from gateway.monitor.vessel_view import Latest, Message, VesselPicture, decode, plain
+from gateway.monitor.vessel_status import Latest, Message, VesselStatus, decode, printable
 from gateway.topics import TOPICS
+
+RATED_TOPIC = "shadow"  # the topic whose rate is shown
+ANSWER_TIMEOUT_S = 5.0
+RETRY_S = 1.0  # between attempts to join where nothing answers
+RATE_WINDOW_S = 3.0
+MOST_GONE = 20  # vessels that are remembered after they have gone
+MOST_EVENTS = 20  # per vessel
+
+
+@dataclass(frozen=True)
+class MonitorOptions:
+    """Which endpoint or zenoh configuration to join, and which vessel to watch (`*`: all)."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    config_file: Path | None = None
+    vessel: str = "*"
+    patience_s: float = 5.0  # of `once`
+
+    @property
+    def where(self) -> str:
+        """The place in words."""
+        return str(self.config_file) if self.config_file else self.endpoint
 
 
 def join(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
-    """Join the gateway or router at `endpoint`; None while nobody answers there."""
+    """Join the gateway or router at `endpoint`; None while nothing answers there."""
     if config_file is not None:
         return open_session(BusSettings(config_file=config_file))
     config = _client(endpoint)
@@ -38,7 +59,7 @@ def join(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
 
 
 def _client(endpoint: str) -> zenoh.Config:
-    """It listens nowhere and looks for nobody else; zenoh itself joins again when a link broke."""
+    """Neither listening nor scouting; zenoh itself joins again when a link broke."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("scouting/multicast/enabled", "false")
@@ -50,25 +71,67 @@ def _client(endpoint: str) -> zenoh.Config:
     return config
 
 
-PACE = "shadow"  # the topic whose rate is told
-PATIENCE_S = 5.0  # for answers
-GONE_KEPT = 20  # vessels
-EVENTS_KEPT = 20
+class BusWatcher:
+    """Joins as soon as something answers, and watches from then on until `scope` ends."""
+
+    def __init__(self, options: MonitorOptions, scope: ExitStack) -> None:
+        self._options, self._scope = options, scope
+        self._subscriber: VesselSubscriber | None = None
+        self._next_try = -float("inf")
+
+    @property
+    def connected(self) -> bool:
+        """Has anything answered?"""
+        return self._subscriber is not None
+
+    def statuses(self) -> tuple[VesselStatus, ...]:
+        """All vessels known now."""
+        if self._subscriber is None and time.monotonic() >= self._next_try:
+            session = join(self._options.endpoint, self._options.config_file)
+            if session is not None:
+                self._scope.enter_context(session)
+                subscriber = VesselSubscriber(session, self._options.vessel)
+                self._subscriber = self._scope.enter_context(subscriber)
+            self._next_try = time.monotonic() + RETRY_S
+        return () if self._subscriber is None else self._subscriber.statuses()
 
 
 @dataclass
-class _Kept:
-    """What came of one vessel: payload and arrival (None: an answer) by topic."""
+class _Received:
+    """What came of one vessel: payload and arrival (None: an answer) by topic, events, arrivals."""
 
     alive: bool = False
     payloads: dict[str, tuple[bytes, float | None]] = field(default_factory=dict)
-    paces: deque[float] = field(default_factory=lambda: deque(maxlen=100))
-    events: deque[Message] = field(default_factory=lambda: deque(maxlen=EVENTS_KEPT))
-    told: int = 0
+    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=100))
+    events: deque[Message] = field(default_factory=lambda: deque(maxlen=MOST_EVENTS))
+    event_count: int = 0
+
+    def copy(self) -> "_Received":
+        """A copy that later messages do not change."""
+        return _Received(self.alive, dict(self.payloads), self.arrivals.copy(), self.events.copy(),
+                         self.event_count)  # fmt: skip
+
+    def add_event(self, event: Message | None) -> None:
+        """Once, though it may come as history, as an answer and as news."""
+        if event is not None and event not in self.events:
+            self.events.append(event)
+            self.event_count += 1
+
+    def status(self, name: str, now: float) -> VesselStatus:
+        """Payloads decoded, ages and rate at the time `now`."""
+        latest = {}
+        for topic in TOPICS:
+            payload, arrival = self.payloads.get(topic, (b"", None))
+            message = decode(topic, payload)
+            if message is not None:
+                latest[topic] = Latest(message, None if arrival is None else now - arrival)
+        events = tuple(sorted(self.events, key=lambda event: event["receive_time_ns"]))
+        rate = _rate(self.arrivals, now)
+        return VesselStatus(printable(name), self.alive, latest, rate, events, self.event_count)
 
 
-class Watcher:
-    """Watches `shadow/<name>/…` over an open session; `*` means all vessels."""
+class VesselSubscriber:
+    """Subscribes to `shadow/<name>/…` over an open session; `*` means all vessels."""
 
     def __init__(
         self,
@@ -78,7 +141,7 @@ class Watcher:
     ) -> None:
         self._session, self._name, self._clock = session, name, clock
         self._lock = Lock()
-        self._vessels: dict[str, _Kept] = {}
+        self._vessels: dict[str, _Received] = {}
         self._newcomers: set[str] = set()
         self._scope = ExitStack()
 
@@ -87,14 +150,14 @@ class Watcher:
             subscriber = ext.declare_advanced_subscriber(
                 self._session,
                 f"shadow/{self._name}/*",
-                self._heard,
+                self._on_sample,
                 history=ext.HistoryConfig(max_samples=1, detect_late_publishers=True),
             )
             scope.callback(subscriber.undeclare)
-            life = self._session.liveliness().declare_subscriber(
-                f"shadow/{self._name}/alive", self._life_sign, history=True
+            liveliness = self._session.liveliness().declare_subscriber(
+                f"shadow/{self._name}/alive", self._on_liveliness, history=True
             )
-            scope.callback(life.undeclare)
+            scope.callback(liveliness.undeclare)
             self._scope = scope.pop_all()
         return self
 
@@ -103,23 +166,23 @@ class Watcher:
     ) -> None:
         self._scope.close()
 
-    def pictures(self) -> tuple[VesselPicture, ...]:
+    def statuses(self) -> tuple[VesselStatus, ...]:
         """All vessels known, by name."""
         with self._lock:
             newcomers, self._newcomers = self._newcomers, set()
-            kept = {name: _copy(vessel) for name, vessel in self._vessels.items()}
+            received = {name: vessel.copy() for name, vessel in self._vessels.items()}
         for name in newcomers:
-            self._session.get(f"shadow/{name}/*", self._answered, timeout=PATIENCE_S)
+            self._session.get(f"shadow/{name}/*", self._on_reply, timeout=ANSWER_TIMEOUT_S)
         now = self._clock()
-        return tuple(_picture(name, kept[name], now) for name in sorted(kept))
+        return tuple(received[name].status(name, now) for name in sorted(received))
 
-    def _heard(self, sample: Any) -> None:
+    def _on_sample(self, sample: Any) -> None:
         """A subscriber's callback, on a thread of zenoh."""
         name, topic = _parts(sample.key_expr)
         if topic in TOPICS:
             self._keep(name, topic, sample.payload.to_bytes(), self._clock())
 
-    def _answered(self, reply: Any) -> None:
+    def _on_reply(self, reply: Any) -> None:
         """The last value of a topic from before; what came since is newer."""
         if reply.ok is not None:
             name, topic = _parts(reply.ok.key_expr)
@@ -130,15 +193,15 @@ class Watcher:
         with self._lock:
             vessel = self._vessel(name)
             if topic == "event":
-                _remember(vessel, decode(topic, payload))
+                vessel.add_event(decode(topic, payload))
             if arrival is None:
                 vessel.payloads.setdefault(topic, (payload, None))
                 return
             vessel.payloads[topic] = payload, arrival
-            if topic == PACE:
-                vessel.paces.append(arrival)
+            if topic == RATED_TOPIC:
+                vessel.arrivals.append(arrival)
 
-    def _life_sign(self, sample: Any) -> None:
+    def _on_liveliness(self, sample: Any) -> None:
         name, _ = _parts(sample.key_expr)
         with self._lock:
             vessel = self._vessel(name)
@@ -146,13 +209,13 @@ class Watcher:
             if vessel.alive:
                 self._newcomers.add(name)
 
-    def _vessel(self, name: str) -> _Kept:
+    def _vessel(self, name: str) -> _Received:
         """The entry of a vessel; those gone longest make room, so that names cannot pile up."""
         if name not in self._vessels:
             gone = [known for known, vessel in self._vessels.items() if not vessel.alive]
-            for old in gone[: max(0, len(gone) - GONE_KEPT)]:
+            for old in gone[: max(0, len(gone) - MOST_GONE)]:
                 del self._vessels[old]
-        return self._vessels.setdefault(name, _Kept())
+        return self._vessels.setdefault(name, _Received())
 
 
 def _parts(key: Any) -> tuple[str, str]:
@@ -161,35 +224,9 @@ def _parts(key: Any) -> tuple[str, str]:
     return name, topic
 
 
-def _remember(vessel: _Kept, event: Message | None) -> None:
-    """Once, though it may come as history, as an answer and as news."""
-    if event is not None and event not in vessel.events:
-        vessel.events.append(event)
-        vessel.told += 1
-
-
-def _copy(vessel: _Kept) -> _Kept:
-    return _Kept(
-        vessel.alive, dict(vessel.payloads), vessel.paces.copy(), vessel.events.copy(), vessel.told
-    )
-
-
-def _picture(name: str, kept: _Kept, now: float) -> VesselPicture:
-    latest = {}
-    for topic in TOPICS:
-        payload, arrival = kept.payloads.get(topic, (b"", None))
-        message = decode(topic, payload)
-        if message is not None:
-            latest[topic] = Latest(message, None if arrival is None else now - arrival)
-    events = sorted(kept.events, key=lambda event: event["receive_time_ns"])
-    return VesselPicture(
-        plain(name), kept.alive, latest, _rate(kept.paces, now), tuple(events), kept.told
-    )
-
-
 def _rate(arrivals: deque[float], now: float) -> float:
-    """Messages per second of late, falling when they cease to come."""
-    recent = [arrival for arrival in arrivals if now - arrival < 3.0]
+    """Messages per second in the last few seconds, falling when they cease to come."""
+    recent = [arrival for arrival in arrivals if now - arrival < RATE_WINDOW_S]
     if len(recent) < 2:
         return 0.0
     return len(recent) / max(now - recent[0], 1e-3)

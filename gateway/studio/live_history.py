@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 
 from gateway.errors import ShadowError
-from gateway.monitor.vessel_view import Message, VesselPicture
-from gateway.terminal.monitor_loop import BusWatcher, MonitorOptions
+from gateway.monitor.vessel_status import Message, VesselStatus
+from gateway.monitor.watcher import BusWatcher, MonitorOptions
 from sim.state import Floats
 
 PERIOD_S = 0.1
@@ -33,7 +33,7 @@ class Now:
     name: str
     alive: bool
     events: Sequence[Message]
-    picture: VesselPicture
+    picture: VesselStatus
     tracks: dict[str, tuple[list[float], list[float]]]
     rows: dict[str, Floats]
 
@@ -64,7 +64,7 @@ class Pages:
         self.tracks = {t: deque[tuple[float, float]](maxlen=length) for t in MOVING[:2]}
         self._looks: dict[str, int] = defaultdict(int)
 
-    def take(self, picture: VesselPicture) -> None:
+    def take(self, picture: VesselStatus) -> None:
         """One look: what is new of each topic."""
         for topic in MOVING:
             message = picture.message(topic)
@@ -121,7 +121,7 @@ class LiveHistory:
             eyes = BusWatcher(self._options, scope)
             while not self._stop.wait(PERIOD_S):
                 try:
-                    pictures = eyes.pictures()
+                    pictures = eyes.statuses()
                 except ShadowError:
                     continue
                 for picture in pictures:
@@ -131,7 +131,7 @@ class LiveHistory:
                     self._now = now
 
 
-def _now(picture: VesselPicture, history: Pages) -> Now:
+def _now(picture: VesselStatus, history: Pages) -> Now:
     tracks = {
         topic: ([e for e, _ in points], [n for _, n in points])
         for topic, points in history.tracks.items()

@@ -19,6 +19,7 @@ from tornado.websocket import WebSocketClosedError
 from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
+from gateway.monitor.watcher import MonitorOptions
 from gateway.shipped import RECORDINGS, VESSELS
 from gateway.studio.access import Folders, Guard, new_token
 from gateway.studio.live_history import LiveHistory
@@ -31,7 +32,6 @@ from gateway.studio.pages.vessel import VesselPage
 from gateway.studio.session import Session
 from gateway.studio.widgets import dress
 from gateway.studio.worker import BUG
-from gateway.terminal.monitor_loop import MonitorOptions
 
 DEMO_LOGS = (RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog")
 DEMO_VESSEL = VESSELS / "demo_boat.toml"

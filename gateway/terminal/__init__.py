@@ -1,1 +1,1 @@
-"""terminal."""
+"""Results as tables and sentences in the terminal, one file per kind of result."""

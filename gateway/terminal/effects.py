@@ -1,6 +1,6 @@
-"""Two curves in a few lines of text: dots of Unicode braille, four high and two wide per letter.
+"""The catalogue of effects, and one effect explained, with curves drawn in the terminal.
 
-The catalogue of effects, and one effect explained.
+A curve is drawn in dots of Unicode braille, four high and two wide per letter.
 """
 
 from collections.abc import Sequence
@@ -8,7 +8,6 @@ from pathlib import Path
 from shlex import quote
 
 import numpy as np
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -18,14 +17,16 @@ from gateway.figures.figure_data import SeriesRole
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.quantities import VELOCITIES
 from gateway.figures.style import COLOUR
+from gateway.terminal.console import ResultConsole
 from sim.diagnosis.next_experiment import separation
 from sim.effects.effect import Effect, Parameter
 from sim.excitation.effect_example import seen
 from sim.state import Floats
 
-FIRST = 0x2800
-BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
+BRAILLE = 0x2800  # code of the letter without dots
+BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of its eight dots
 LABEL = 8  # letters before the axis
+WITHOUT, WITH = COLOUR[SeriesRole.CONTEXT], COLOUR[SeriesRole.MODEL]
 
 
 def plot(
@@ -66,12 +67,9 @@ def _draw(layer: np.ndarray, y: Floats) -> None:
 
 def _letter(cell: np.ndarray, styles: list[str]) -> tuple[str, str]:
     """Dots (curves, 4, 2) -> the letter, in the colour of the last curve that is in it."""
-    there = [style for one, style in zip(cell, styles, strict=True) if one.any()]
-    code = FIRST + int(BITS[cell.any(axis=0)].sum())
-    return (chr(code) if there else " "), (there[-1] if there else "")
-
-
-WITHOUT, WITH = COLOUR[SeriesRole.CONTEXT], COLOUR[SeriesRole.MODEL]
+    present = [style for one, style in zip(cell, styles, strict=True) if one.any()]
+    code = BRAILLE + int(BITS[cell.any(axis=0)].sum())
+    return (chr(code), present[-1]) if present else (" ", "")
 
 
 def show_catalogue(known: Sequence[Effect]) -> None:
@@ -82,13 +80,14 @@ def show_catalogue(known: Sequence[Effect]) -> None:
         table.add_row(
             effect.name, _places(effect), effect.scope.value, escape(parameters), effect.looks_like
         )
-    Console().print(table)
-    Console().print("shadow effects NAME explains one; with --write FILE.py it begins your own")
+    out = ResultConsole()
+    out.print(table)
+    out.print("shadow effects NAME explains one; with --write FILE.py it begins your own")
 
 
-def show_own(like: Effect, file: Path) -> None:
-    """Where a file to begin from was written, and what to do with it."""
-    out = Console()
+def show_effect_file(like: Effect, file: Path) -> None:
+    """Where the file of a user's own effect was written, and what to do with it."""
+    out = ResultConsole()
     out.print(f"written: {file}, which acts as {like.name} does until you change it", markup=False)
     out.print("the rules for a law: docs/effects.md\n\n[bold]next[/bold]:", highlight=False)
     out.print(f"    shadow diagnose LOG --vessel FILE --effects {quote(str(file))}", soft_wrap=True)
@@ -96,17 +95,17 @@ def show_own(like: Effect, file: Path) -> None:
 
 def show_effect(effect: Effect, picture: Path | None = None) -> None:
     """Equation, parameters, what it looks like, what it is mistaken for, how to add it."""
-    out = Console()
+    out = ResultConsole()
     out.print(f"[bold]{effect.name}[/bold] ({effect.scope.value}, acts on {_places(effect)})\n")
     out.print(_flowing(effect.explanation), highlight=False, markup=False)
     out.print(f"\n[bold]Looks like[/bold]: {effect.looks_like}")
-    _picture(effect, out, picture)
+    _show_example(effect, out, picture)
     if effect.mistaken_for:
         out.print(f"[bold]Mistaken for[/bold]: {', '.join(effect.mistaken_for)}")
     for other in effect.mistaken_for:
-        told = separation(effect.name, other)
-        if told is not None:
-            out.print(f"• {other}? {told.says}", highlight=False, markup=False)
+        found = separation(effect.name, other)
+        if found is not None:
+            out.bullets([f"{other}? {found.says}"])
     table = Table("parameter", "unit", "from", "to", "a fit starts at", "says")
     for p in effect.parameters:
         table.add_row(*_parameter(p))
@@ -122,20 +121,20 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
     out.print("\n".join("    " + line for line in lines), highlight=False, markup=False)
 
 
-def _picture(effect: Effect, out: Console, picture: Path | None) -> None:
+def _show_example(effect: Effect, out: ResultConsole, picture: Path | None) -> None:
     """The channel that shows it most, plain and with the effect; all three as a file."""
-    run = seen(effect)
-    axis = VELOCITIES[run.channel]
-    styles = ((run.plain, WITHOUT), (run.changed, WITH))
-    curves = [(values[:, run.channel] * axis.factor, style) for values, style in styles]
+    example = seen(effect)
+    axis = VELOCITIES[example.channel]
+    styles = ((example.plain, WITHOUT), (example.changed, WITH))
+    curves = [(values[:, example.channel] * axis.factor, style) for values, style in styles]
     out.print(f"\n[bold]{axis.label}[/bold] of a small boat: ahead, a turn to either side, full "
               "ahead, astern, coast, slowly ahead", highlight=False)  # fmt: skip
-    for line in plot(curves, float(run.time[-1]), axis.unit):
+    for line in plot(curves, float(example.time[-1]), axis.unit):
         out.print(line, no_wrap=True, highlight=False)
-    out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {effect_with_values(run)}\n",
-              highlight=False)  # fmt: skip
+    label = effect_with_values(example)
+    out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {label}\n", highlight=False)
     if picture is not None:
-        out.print(f"picture: {save_figure(effect_example(run, effect.looks_like), picture)}")
+        out.print(f"picture: {save_figure(effect_example(example, effect.looks_like), picture)}")
 
 
 def _flowing(text: str) -> str:

@@ -1,4 +1,4 @@
-"""What `shadow monitor` shows: every vessel in full where there is room, else one line each."""
+"""The view of `shadow monitor`: every vessel in full where there is room, else one line each."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from gateway.monitor.vessel_view import Message, VesselPicture
+from gateway.figures.quantities import SURGE, SWAY, YAW_RATE
+from gateway.monitor.vessel_status import Message, VesselStatus
 from gateway.topics import HORIZONS_S, RATED
 
 KNOT_MPS = 1852.0 / 3600.0
@@ -18,83 +19,88 @@ FULL_LINES = 21  # of a vessel in full at 80 columns, WIDE_LINES at WIDE
 WIDE_LINES = 17
 MOTION_COLUMNS = 74
 EVENTS_SHOWN = 4
-QUIET_S = 2.0  # without news: worth a word
-SIGNIFICANT = 3.0  # standard deviations
+SILENT_S = 2.0  # without a new message: this is shown
+SIGNIFICANT = 3.0  # standard deviations from which a missing force is marked
+SAME_TIME_NS = 5e8  # boat and shadow further apart are not compared
+LINK_SILENT_S, HIGH_LOSS, HIGH_NIS, LOOP_LATE_S = 1.0, 0.05, 3.0, 0.1  # marked from there on
 
-AXES = (("surge_mps", 1.0, 2), ("sway_mps", 1.0, 2), ("yaw_rate_radps", 180.0 / math.pi, 1))
+AXES = (  # field, how many of the unit shown make one of its unit, digits
+    ("surge_mps", SURGE.factor, 2), ("sway_mps", SWAY.factor, 2),
+    ("yaw_rate_radps", YAW_RATE.factor, 1),
+)  # fmt: skip
 FORCES = ("missing_surge_n", "missing_sway_n", "missing_yaw_nm")
 GOOD, BAD, WARN, FAINT = "green", "bold red", "yellow", "bright_black"
 STYLES = {"debug": FAINT, "info": "", "warning": WARN, "error": BAD}
 
 
 def monitor_view(
-    pictures: Sequence[VesselPicture], width: int, height: int | None = None
+    statuses: Sequence[VesselStatus], width: int, height: int | None = None
 ) -> RenderableType:
     """All vessels; `height` in lines where they must fit, None where they need not."""
     lines = WIDE_LINES if width >= WIDE else FULL_LINES
-    if height is not None and len(pictures) > 1 and lines * len(pictures) > height:
-        return _overview(pictures)
-    return Group(*(_vessel(picture, width) for picture in pictures))
+    if height is not None and len(statuses) > 1 and lines * len(statuses) > height:
+        return _overview(statuses)
+    return Group(*(_vessel(status, width) for status in statuses))
 
 
 def waiting_view(where: str, connected: bool) -> RenderableType:
-    """What there is to say while nobody is there."""
+    """The line that stands there while there is no vessel."""
     state = "no vessel there yet" if connected else "nobody answers yet"
     return Text(f"{where}: {state}; waiting (Ctrl-C ends)", style=WARN)
 
 
-def show_once(pictures: Sequence[VesselPicture]) -> None:
-    """One picture of all vessels on standard output."""
+def show_once(statuses: Sequence[VesselStatus]) -> None:
+    """All vessels as they are now, on standard output."""
     out = Console()
-    out.print(monitor_view(pictures, out.width))
+    out.print(monitor_view(statuses, out.width))
 
 
-def _vessel(picture: VesselPicture, width: int) -> Panel:
-    motion, link = _motion(picture), _link(picture.message("health"))
+def _vessel(status: VesselStatus, width: int) -> Panel:
+    motion, link = _motion(status), _link(status.message("health"))
     body: list[RenderableType] = [motion, *link]
     if width >= WIDE:
-        side_by_side = Table.grid(padding=(0, 2))
-        side_by_side.add_column(width=MOTION_COLUMNS)
-        side_by_side.add_row(motion, Group(*link))
-        body = [side_by_side]
-    where = _where(picture)
-    events = [_event(event) for event in picture.events[-EVENTS_SHOWN:]]
-    title = Text.assemble((picture.name, "bold"), "  ", _state(picture))
+        compare_by_trial = Table.grid(padding=(0, 2))
+        compare_by_trial.add_column(width=MOTION_COLUMNS)
+        compare_by_trial.add_row(motion, Group(*link))
+        body = [compare_by_trial]
+    where = _where(status)
+    events = [_event(event) for event in status.events[-EVENTS_SHOWN:]]
+    title = Text.assemble((status.name, "bold"), "  ", _state(status))
     return Panel(Group(*where, *body, *events), title=title, title_align="left")
 
 
-def _state(picture: VesselPicture) -> Text:
+def _state(status: VesselStatus) -> Text:
     """Alive or gone, what the shadow follows, how often news comes."""
-    if not picture.alive:
+    if not status.alive:
         return Text("○ gone", style=BAD)
     words = Text("● alive", style=GOOD)
-    reference, age = picture.message("reference"), picture.age_s()
+    reference, age = status.message("reference"), status.age_s()
     if reference is not None:
         model = reference["source"] == "model"
         words.append(", follows the model's prediction" if model else ", follows the measurement",
                      style=WARN if model else GOOD)  # fmt: skip
-    if age is None or age > QUIET_S:
+    if age is None or age > SILENT_S:
         since = "" if age is None else f" for {age:.0f} s"
         words.append(f", nothing new{since}", style=WARN)
     else:
-        words.append(f", {picture.rate_hz:.0f} Hz")
+        words.append(f", {status.rate_hz:.0f} Hz")
     return words
 
 
-def _motion(picture: VesselPicture) -> Table:
-    """Three axes: boat, shadow, how they differ, what the model lacks."""
+def _motion(status: VesselStatus) -> Table:
+    """Three axes: boat, shadow, how they differ, the model's errors, the missing force."""
     table = Table.grid()
     table.add_column(width=14)
     for _ in AXES:
         table.add_column(width=17)
     table.add_column(width=9, style=FAINT)
     table.add_row("", *(f"{name:>10}" for name in ("ahead", "starboard", "turn right")))
-    boat, shadow = picture.message("measured"), picture.message("shadow")
+    boat, shadow = status.message("measured"), status.message("shadow")
     units = "m/s, °/s"
     table.add_row("boat", *_axes(boat, stds=True), units)
     table.add_row("shadow", *_axes(shadow), units)
     table.add_row("boat − shadow", *_axes(_difference(boat, shadow)), units)
-    residual = picture.message("residual")
+    residual = status.message("residual")
     for horizon in HORIZONS_S:
         error = _error(residual, horizon)
         table.add_row(f"error at {horizon} s", *_axes(error), units)
@@ -122,10 +128,10 @@ def _cell(value: str, std: str = "", style: str = "") -> Text:
 
 
 def _difference(boat: Message | None, shadow: Message | None) -> Message | None:
-    """Boat − shadow, where both tell of the same time; a boat that is silent is not compared."""
+    """Boat − shadow, where both are of the same time; a boat that is silent is not compared."""
     if boat is None or shadow is None:
         return None
-    if abs(boat["vehicle_time_ns"] - shadow["vehicle_time_ns"]) > 5e8:
+    if abs(boat["vehicle_time_ns"] - shadow["vehicle_time_ns"]) > SAME_TIME_NS:
         return None
     names = (*(name for name, _, _ in AXES), "north_m", "east_m")
     return {name: boat[name] - shadow[name] for name in names}
@@ -144,22 +150,22 @@ def _forces(residual: Message | None) -> list[Text]:
 
 
 def _force(value: float, std: float) -> Text:
-    """A force that stands out of its own uncertainty catches the eye."""
+    """A force with its standard deviation, marked where it is significant."""
     style = f"bold {WARN}" if abs(value) > SIGNIFICANT * std else ""
     return _cell(_number(value, 1), _number(std, 1), style)
 
 
-def _where(picture: VesselPicture) -> list[Text]:
+def _where(status: VesselStatus) -> list[Text]:
     """Speed, heading and place in words."""
-    boat = picture.message("measured") or picture.message("shadow")
+    boat = status.message("measured") or status.message("shadow")
     if boat is None:
         return [Text("no estimate yet", style=FAINT)]
     speed = math.hypot(boat["surge_mps"], boat["sway_mps"])
     line = Text(f"{_number(speed / KNOT_MPS, 2)} kn, heading {_heading(boat['yaw_rad'])}°")
-    off = _difference(picture.message("measured"), picture.message("shadow"))
+    off = _difference(status.message("measured"), status.message("shadow"))
     if off is not None:
         line.append(f", shadow {_number(math.hypot(off['north_m'], off['east_m']), 2)} m away")
-    place = picture.message("position")
+    place = status.message("position")
     if place is not None:
         line.append(
             f", {_degrees(place['boat_latitude_deg'], 'NS')}"
@@ -170,23 +176,23 @@ def _where(picture: VesselPicture) -> list[Text]:
 
 
 def _link(health: Message | None) -> list[Text]:
-    """How well link, filter and gateway are; what is not well stands out."""
+    """State of link, filter and gateway; what is not well is marked."""
     if health is None:
         return [Text("link: no health message yet", style=FAINT)]
     h = health
     link = _words(
         "link",
-        (f"silent for {_number(h['link_age_s'], 1)} s", h["link_age_s"] > 1.0),
+        (f"silent for {_number(h['link_age_s'], 1)} s", h["link_age_s"] > LINK_SILENT_S),
         (f"{_number(h['rate_hz'], 0)} messages/s", False),
-        (f"loss {_number(100 * h['loss'], 1)} %", h["loss"] > 0.05),
+        (f"loss {_number(100 * h['loss'], 1)} %", h["loss"] > HIGH_LOSS),
         (f"clock offset {_number(h['clock_offset_s'], 3)} s", False),
     )
     inside = _words(
         "filter",
-        (f"NIS {_number(h['nis'], 2)}", h["nis"] > 3.0),
+        (f"NIS {_number(h['nis'], 2)}", h["nis"] > HIGH_NIS),
         (f"gated {h['gated']}", False),
         (f"late {h['late']}", False),
-        (f"loop {_number(1000 * h['loop_lateness_s'], 1)} ms", h["loop_lateness_s"] > 0.1),
+        (f"loop {_number(1000 * h['loop_lateness_s'], 1)} ms", h["loop_lateness_s"] > LOOP_LATE_S),
         (f"to record {h['recorder_backlog']}", False),
         (f"not recorded {h['recorder_drops']}", h["recorder_drops"] > 0),
     )
@@ -199,48 +205,48 @@ def _link(health: Message | None) -> list[Text]:
 
 
 def _words(head: str, *parts: tuple[str, bool]) -> Text:
-    """Parts on one line or two, those that are marked in a colour of warning."""
+    """Parts on one line or two, those with True in the colour of a warning."""
     line = Text(f"{head}: ", style="")
-    for number, (says, bad) in enumerate(parts):
+    for number, (text, bad) in enumerate(parts):
         line.append(", " if number else "")
-        line.append(says, style=WARN if bad else "")
+        line.append(text, style=WARN if bad else "")
     return line
 
 
 def _event(event: Message, name: str = "") -> Text:
-    """A line: when, which vessel where that is not plain, and what happened."""
+    """A line: when, of which vessel if `name` is given, and what happened."""
     style = STYLES.get(event["severity"], WARN)
     line = Text(f"{_clock(event['receive_time_ns'])} ", style=FAINT, no_wrap=True,
                 overflow="ellipsis")  # fmt: skip
     return line.append(f"{name}: " if name else "").append(event["says"], style=style)
 
 
-def _overview(pictures: Sequence[VesselPicture]) -> Group:
+def _overview(statuses: Sequence[VesselStatus]) -> Group:
     """One line per vessel, the essentials; below, the latest events of all."""
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     table.add_column("vessel", no_wrap=True, max_width=24)
     for name in ("", "kn", "°", "off m", "missing σ", "silent s", "Hz", "loss %"):
         table.add_column(name, justify="right", no_wrap=True)
-    for picture in pictures:
-        table.add_row(*_line(picture))
-    events = [(event["receive_time_ns"], p.name, event) for p in pictures for event in p.events]
+    for status in statuses:
+        table.add_row(*_line(status))
+    events = [(event["receive_time_ns"], p.name, event) for p in statuses for event in p.events]
     events.sort(key=lambda entry: entry[0])
     return Group(table, *(_event(event, name) for _, name, event in events[-EVENTS_SHOWN:]))
 
 
-def _line(picture: VesselPicture) -> list[RenderableType]:
-    boat = picture.message("measured") or picture.message("shadow")
-    off = _difference(picture.message("measured"), picture.message("shadow"))
-    residual, health = picture.message("residual"), picture.message("health")
+def _line(status: VesselStatus) -> list[RenderableType]:
+    boat = status.message("measured") or status.message("shadow")
+    off = _difference(status.message("measured"), status.message("shadow"))
+    residual, health = status.message("residual"), status.message("health")
     cells: list[RenderableType] = [
-        Text(picture.name, style="bold"),
-        Text("●", style=GOOD) if picture.alive else Text("○", style=BAD),
+        Text(status.name, style="bold"),
+        Text("●", style=GOOD) if status.alive else Text("○", style=BAD),
     ]
     cells += ["·", "·"] if boat is None else _speed_and_heading(boat)
     cells.append("·" if off is None else _number(math.hypot(off["north_m"], off["east_m"]), 2))
     cells.append("·" if residual is None else _worst(residual))
     cells.append("·" if health is None else _number(health["link_age_s"], 1))
-    cells.append(_number(picture.rate_hz, 0))
+    cells.append(_number(status.rate_hz, 0))
     cells.append("·" if health is None else _number(100 * health["loss"], 1))
     return cells
 
@@ -251,7 +257,7 @@ def _speed_and_heading(boat: Message) -> list[RenderableType]:
 
 
 def _worst(residual: Message) -> Text:
-    """The missing force furthest out of its own uncertainty, in standard deviations."""
+    """The largest missing force in its own standard deviations."""
     ratio = max(abs(residual[n]) / max(residual[f"{n}_std"], 1e-9) for n in FORCES)
     return Text(_number(ratio, 1), style=WARN if ratio > SIGNIFICANT else "")
 
@@ -262,12 +268,12 @@ def _degrees(value: float, letters: str) -> str:
 
 
 def _heading(yaw: float) -> str:
-    """Radians -> 0 to 360 degrees; whatever others may send."""
+    """Radians -> 0 to 360 degrees; a question mark for what is no number."""
     return f"{math.degrees(yaw) % 360.0:05.1f}" if math.isfinite(yaw) else "?"
 
 
 def _number(value: float, digits: int) -> str:
-    """Never wider than its column, never a minus before nothing."""
+    """So many digits, but never wider than its column, and never −0."""
     if abs(value) >= 1e6:
         return f"{value:.0e}"
     text = f"{value:.{digits}f}"
@@ -275,7 +281,7 @@ def _number(value: float, digits: int) -> str:
 
 
 def _clock(time_ns: int) -> str:
-    """Local time of day; a time that cannot be is not shown."""
+    """Local time of day; dashes for a time that does not exist."""
     try:
         return f"{datetime.fromtimestamp(time_ns * 1e-9):%H:%M:%S}"
     except (ValueError, OverflowError, OSError):

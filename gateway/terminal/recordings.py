@@ -1,31 +1,19 @@
-"""What `shadow info` shows of a recording.
-
-What `shadow init` made, and what its user still has to say.
-
-What a replay or a simulation did.
-
-What `shadow report` says: the sentence on top of it, and where it is.
-"""
+"""A recording: what `shadow info` finds in it, and the vessel file that `shadow init` makes."""
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from gateway.ingest.survey import BoatSurvey, Survey
-from gateway.offline.replay import ReplaySummary
-from gateway.offline.report import Reported
-from gateway.offline.simulate import Simulated
+from gateway.terminal.console import ResultConsole
 from gateway.vessel_file import RudderTable, ThrusterTable, VesselFile
 
 
 def show_survey(found: Survey) -> None:
     """The recording, its boats, its messages."""
-    out, s = Console(), found.statistics
+    out, s = ResultConsole(), found.statistics
     out.print(
         f"[bold]{escape(str(found.path))}[/bold]: {found.kind}, {s.size_bytes / 1e6:.2f} MB, "
         f"{found.seconds:.0f} s, {s.accepted} messages"
@@ -50,7 +38,7 @@ def show_survey(found: Survey) -> None:
         out.print(f"next: shadow init {found.path} --out boat.toml", highlight=False, markup=False)
 
 
-def _show_boat(out: Console, one: BoatSurvey) -> None:
+def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
     clock = one.clock
     out.print(f"\n[bold]{one.boat}[/bold] {one.firmware}: {one.seconds:.0f} s")
     out.print(
@@ -70,13 +58,11 @@ def _show_boat(out: Console, one: BoatSurvey) -> None:
             f"servo {actuator.channel}: {actuator.kind.value}, "
             f"{low:.0f} – {neutral:.0f} – {high:.0f} µs{turned}"
         )
-    for line in one.notices:
-        out.print(f"[bold]![/bold] {escape(line)}", highlight=False)
-    for line in one.good_for:
-        out.print(f"• {line}", highlight=False, markup=False)
+    out.notices(one.notices)
+    out.bullets(one.good_for)
 
 
-def _show_messages(out: Console, found: Survey) -> None:
+def _show_messages(out: ResultConsole, found: Survey) -> None:
     table = Table("message", "count", "rate", "longest gap", title="messages")
     for name, message in found.messages.items():
         table.add_row(
@@ -87,89 +73,17 @@ def _show_messages(out: Console, found: Survey) -> None:
 
 def show_first_vessel(made: VesselFile, out: Path) -> None:
     """Actuators found, numbers assumed, what to do next."""
-    console = Console()
+    console = ResultConsole()
     table = Table("actuator", "channel", "pwm [µs]", title=f"{made.name}: outputs that move it")
     parts: list[ThrusterTable | RudderTable] = [*made.thrusters, *made.rudders]
     for part in parts:
         pulses = " – ".join(f"{p:.0f}" for p in part.pwm)
         table.add_row(part.name, str(part.channel), pulses + (" reversed" * part.reversed))
     console.print(table)
-    said: dict[str, list[str]] = {}
+    origins: dict[str, list[str]] = {}
     for key, origin in made.provenance.items():
-        said.setdefault(origin.says, []).append(key)
-    for says, keys in said.items():
-        console.print(f"{says}: {', '.join(keys)}", highlight=False)
+        origins.setdefault(origin.says, []).append(key)
+    for text, keys in origins.items():
+        console.print(f"{text}: {', '.join(keys)}", highlight=False)
     console.print(f"written: {out}")
     console.print(f"next: correct {out} by hand, then shadow compare LOG --vessel {out}")
-
-
-CHANNELS = ("x", "y", "psi", "u", "v", "r")
-UNITS = ("m", "m", "°", "m/s", "m/s", "°/s")
-
-
-def replays_dict(done: Iterable[ReplaySummary]) -> dict[str, Any]:
-    """What `shadow replay --json` prints, SI units and radians: one entry per log."""
-    return {"replays": [_one(summary) for summary in done]}
-
-
-def _one(summary: ReplaySummary) -> dict[str, Any]:
-    return {
-        "log": summary.log,
-        "boat": summary.boat,
-        "seconds": summary.seconds,
-        "rows": summary.rows,
-        "wall_seconds": summary.wall_seconds,
-        "following_rmse": dict(zip(CHANNELS, summary.rmse.tolist(), strict=True)),
-        "missing_force_rms": dict(zip("XYN", summary.missing.tolist(), strict=True)),
-        "events": summary.events,
-        "notes": summary.notes,
-        "recordings": [str(path) for path in summary.recordings],
-    }
-
-
-def show_replay(summary: ReplaySummary) -> None:
-    """A short table, and where the recording is."""
-    out = Console()
-    rate = summary.seconds / max(summary.wall_seconds, 1e-9)
-    out.print(
-        f"[bold]{escape(summary.log)}[/bold]: {summary.boat}, {summary.seconds:.0f} s in "
-        f"{summary.wall_seconds:.1f} s ({rate:.0f} × real time), {summary.rows} rows, "
-        f"{summary.events} events"
-    )
-    table = Table("", *CHANNELS, title="shadow − boat while telemetry was fresh, RMSE")
-    degrees = [math.degrees(x) if "°" in u else x for x, u in zip(summary.rmse, UNITS, strict=True)]
-    table.add_row("", *(f"{value:.3g} {unit}" for value, unit in zip(degrees, UNITS, strict=True)))
-    out.print(table)
-    X, Y, N = summary.missing
-    out.print(
-        f"missing force, root mean square: {X:.3g} N ahead, {Y:.3g} N to starboard, {N:.3g} N m: "
-        "what the vessel would need on top of its thrusters to move as measured"
-    )
-    for note in summary.notes:
-        out.print(f"note: {note}", highlight=False, markup=False)
-    for path in summary.recordings:
-        out.print(f"recorded: {path}", soft_wrap=True, markup=False)
-
-
-def show_simulated(result: Simulated) -> None:
-    """How far it went, how well the follower followed, where the recording is."""
-    out = Console()
-    last = result.motion[-1]
-    out.print(
-        f"{result.time[-1]:.0f} s simulated; at the end {last[0]:.1f} m north, {last[1]:.1f} m "
-        f"east, {last[3]:.2f} m/s ahead"
-    )
-    if result.follower is not None:
-        off = ((result.follower - result.motion)[:, 3:6] ** 2).mean(axis=0) ** 0.5
-        out.print(
-            f"follower − vessel, RMSE: {off[0]:.4f} m/s, {off[1]:.4f} m/s, "
-            f"{math.degrees(off[2]):.3f} °/s"
-        )
-    out.print(f"recorded: {result.recording}", soft_wrap=True, markup=False)
-
-
-def show_reported(done: Reported) -> None:
-    """Two lines."""
-    out = Console(highlight=False)
-    out.print(done.headline, markup=False)
-    out.print(f"report: {done.path} ({done.size_bytes / 1e6:.1f} MB)", soft_wrap=True, markup=False)

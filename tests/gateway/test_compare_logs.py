@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.offline.compare import as_json, compare_logs, told_apart
-from gateway.terminal.model import show_comparisons
+from gateway.offline.compare import as_json, compare_logs, distinct_vessels
+from gateway.terminal.comparison import show_comparisons
 from sim.trial import Stretch
 from tests.sim.voyages import WAM_V, simulated
 
@@ -45,7 +45,7 @@ def test_nothing_given_is_bad_input():
 
 
 def test_vessels_of_one_name_are_told_apart():
-    names = [v.name for v in told_apart([WAM_V, replace(WAM_V, name="b"), WAM_V])]
+    names = [v.name for v in distinct_vessels([WAM_V, replace(WAM_V, name="b"), WAM_V])]
     assert names == ["plain (#1)", "b", "plain (#3)"]
 
 

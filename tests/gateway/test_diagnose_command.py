@@ -12,7 +12,7 @@ from gateway import cli
 from gateway.figures.diagnosis import diagnosis_figures, rivals
 from gateway.figures.figure_data import Dots, Level, Line
 from gateway.figures.matplotlib_draw import save_figure
-from gateway.offline.diagnose import Diagnosed, diagnosed, kept
+from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.user_effects import load_effects
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from sim.diagnosis.answer import Verdict
@@ -68,12 +68,12 @@ def found(folder, trial):
     """A real diagnosis, of two effects only."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gateway.offline.trials.load_trials", lambda *_: [trial])
-        return diagnosed(["voyage.tlog"], folder / "boat.toml", settings=FEW)
+        return diagnose_logs(["voyage.tlog"], folder / "boat.toml", settings=FEW)
 
 
 @pytest.fixture(scope="module")
 def saved(found, folder):
-    kept(found, save=folder / "diagnosis.json")
+    save_diagnosis(found, save=folder / "diagnosis.json")
     return folder / "diagnosis.json"
 
 
@@ -99,7 +99,7 @@ def ready(found, monkeypatch):
         asked.update(options, given=given)
         return found
 
-    monkeypatch.setattr("gateway.offline.diagnose.diagnosed", instead)
+    monkeypatch.setattr("gateway.offline.diagnose.diagnose_logs", instead)
     return asked
 
 
@@ -270,14 +270,14 @@ def test_a_users_effect_that_was_found_is_named_with_its_file(shadow, saved, fol
 
 
 def test_look_alikes_are_told_with_what_separates_them(found, capsys):
-    from gateway.terminal.diagnose import show_diagnosed
+    from gateway.terminal.diagnosis import show_diagnosis
 
     tied = tuple(
         replace(c, confounded_with=tuple({"steady_current", "heading_offset"} - {c.effect}))
         for c in found.diagnosis.ranking
     )
     torn = replace(found.diagnosis, verdict=Verdict.CONFOUNDED, ranking=tied)
-    show_diagnosed(replace(found, diagnosis=torn), None, None, None)
+    show_diagnosis(replace(found, diagnosis=torn), None, None, None)
     out = capsys.readouterr().out
     assert "steady_current or heading_offset? full circles" in out
     assert "--excitation circles" in out
@@ -298,15 +298,15 @@ def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
 
 
 def test_nothing_to_improve_writes_no_vessel(found, tmp_path, capsys):
-    from gateway.terminal.diagnose import show_diagnosed
+    from gateway.terminal.diagnosis import show_diagnosis
 
     whole = replace(
         found.diagnosis, verdict=Verdict.ADEQUATE, effects=(), base_changed=False,
         ladder=found.diagnosis.ladder[:2],
     )  # fmt: skip
-    out: Diagnosed = replace(found, diagnosis=whole)
-    kept(out, out=tmp_path / "better.toml")
-    show_diagnosed(out, None, tmp_path / "better.toml", None)
+    out: DiagnosisResult = replace(found, diagnosis=whole)
+    save_diagnosis(out, out=tmp_path / "better.toml")
+    show_diagnosis(out, None, tmp_path / "better.toml", None)
     assert not (tmp_path / "better.toml").exists()
     assert "holds as it is" in " ".join(capsys.readouterr().out.split())
 
@@ -319,12 +319,12 @@ def test_two_recordings_have_a_current_each_and_the_vessel_holds_that_of_the_fir
         "b.tlog": [replace(sailed(100.0, (-0.2, 0.0), 2), name="b")],
     }
     monkeypatch.setattr("gateway.offline.trials.load_trials", lambda log, *_: days[log])
-    both = diagnosed(list(days), folder / "boat.toml", settings=FEW)
+    both = diagnose_logs(list(days), folder / "boat.toml", settings=FEW)
     rung = both.to_dict()["ladder"][-1]
     assert rung["parameters"]["steady_current"]["speed"]["value"] == pytest.approx(0.3, abs=0.03)
     other = rung["parameters_of_recordings"]["b"]
     assert other["steady_current.speed"]["value"] == pytest.approx(0.2, abs=0.03)
-    kept(both, out=tmp_path / "better.toml", pictures=tmp_path)
+    save_diagnosis(both, out=tmp_path / "better.toml", pictures=tmp_path)
     values = load_vessel(tmp_path / "better.toml").effects[0].values
     assert values["speed"] == rung["parameters"]["steady_current"]["speed"]["value"]
     assert (tmp_path / "evidence-steady_current.png").is_file()
@@ -381,7 +381,7 @@ def test_numbers_that_were_guessed_may_be_far_off(trial, tmp_path, monkeypatch):
     error, notices = [], []
     for name, text in (("known", dump_vessel(far)), ("guessed", dump_vessel(far) + mark)):
         (tmp_path / name).write_text(text)
-        answer = diagnosed(["voyage.tlog"], tmp_path / name, settings=FEW)
+        answer = diagnose_logs(["voyage.tlog"], tmp_path / name, settings=FEW)
         error.append(answer.diagnosis.ladder[-1].heldout.nrmse)
         notices.append(" ".join(answer.notices))
     assert error[1] < 0.8 * error[0]

@@ -12,7 +12,7 @@ from PIL import Image
 from gateway.errors import BadInput
 from gateway.offline.plan import ROOM, PlanOptions, make_plan
 from gateway.offline.simulate import simulate
-from gateway.terminal.model import show_planned
+from gateway.terminal.plan import show_plan
 from gateway.vessel_file import load_vessel
 from sim.excitation.manoeuvre import Limits, connected, corners
 from sim.excitation.oscillations import Chirp
@@ -80,7 +80,7 @@ def test_a_plan_that_leaves_the_circle_says_when_and_how_long_it_may_be(tmp_path
     assert done.plan.limits.throttle == 0.7  # less would not have helped
     before = done.plan.distance[done.plan.time < done.leaves_at]
     assert before.max() <= 30.0
-    show_planned(done)
+    show_plan(done)
     says = " ".join(capsys.readouterr().out.split())
     assert "WARNING" in says
     assert f"--seconds {done.near_until:.0f} " in says

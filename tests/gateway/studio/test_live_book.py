@@ -5,19 +5,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.monitor.vessel_view import Latest, VesselPicture
+from gateway.monitor.vessel_status import Latest, VesselStatus
 from gateway.studio import live_history
 from gateway.studio.live_history import LiveHistory, Pages
 
 T0 = 1_700_000_000.0
 
 
-def picture(t: float, name: str = "boat", **more: float) -> VesselPicture:
+def picture(t: float, name: str = "boat", **more: float) -> VesselStatus:
     motion = {
         "receive_time_ns": int(t * 1e9), "surge_mps": 1.0, "sway_mps": 0.0, "yaw_rate_radps": 0.1,
         "east_m": t - T0, "north_m": 0.0, "yaw_rad": 0.0,
     } | more  # fmt: skip
-    return VesselPicture(name, True, {"measured": Latest(motion, 0.0)}, 10.0)
+    return VesselStatus(name, True, {"measured": Latest(motion, 0.0)}, 10.0)
 
 
 def test_the_same_message_counts_once_and_old_ones_go():
@@ -51,10 +51,10 @@ def test_it_looks_by_itself_and_pages_get_what_is_new(monkeypatch):
         def __init__(self, options, scope):
             pass
 
-        def pictures(self):
+        def statuses(self):
             return (picture(T0 + 0.1 * next(clock)),)
 
-    monkeypatch.setattr(live_history, "Eyes", Seen)
+    monkeypatch.setattr(live_history, "BusWatcher", Seen)
     monkeypatch.setattr(live_history, "PERIOD_S", 0.005)
     with LiveHistory(SimpleNamespace(where="here")) as book:
         end = time.monotonic() + 10.0

@@ -10,9 +10,9 @@ from tornado.ioloop import IOLoop
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from gateway.errors import BadInput
+from gateway.monitor.watcher import MonitorOptions
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.serve import DEMO_VESSEL, StudioOptions, desk_of, is_news, origins_of, server_of
-from gateway.terminal.monitor_loop import MonitorOptions
 
 PAGES = ("compare", "diagnose", "vessel", "live", "recordings")
 

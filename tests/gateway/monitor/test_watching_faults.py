@@ -1,12 +1,10 @@
-"""Watchers that vanish, return or do not keep up: the publisher never waits for them."""
+"""Subscribers that vanish, return or do not keep up: the publisher never waits for them."""
 
 import select
 import signal
-import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,10 +12,12 @@ from typing import Any
 import pytest
 
 from gateway.bus import Bus, BusSettings
-from gateway.monitor.vessel_view import VesselPicture
-from gateway.monitor.watcher import Watcher, join
+from gateway.monitor.vessel_status import VesselStatus
+from gateway.monitor.watcher import VesselSubscriber, join
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
+from tests.gateway.monitor.statuses import free_endpoint
+from tests.gateway.monitor.statuses import wait as wait_s
 from tests.gateway.test_schemas import some_message
 
 PATIENCE_S = 60.0  # of a test; zenoh itself looks for a peer that went every four seconds
@@ -45,6 +45,8 @@ with zenoh.open(config) as session, session.declare_subscriber("shadow/**", hear
 GATEWAY = """
 import sys, time
 from gateway.bus import Bus, BusSettings
+from tests.gateway.monitor.statuses import free_endpoint
+from tests.gateway.monitor.statuses import wait as wait_s
 from tests.gateway.test_schemas import some_message
 with Bus("otter", settings=BusSettings(sys.argv[1])) as bus:
     while True:
@@ -55,9 +57,7 @@ with Bus("otter", settings=BusSettings(sys.argv[1])) as bus:
 
 @pytest.fixture
 def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return free_endpoint()
 
 
 @contextmanager
@@ -72,11 +72,7 @@ def process(code: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def wait(condition: Callable[[], Any]) -> Any:
-    end = time.monotonic() + PATIENCE_S
-    while not (value := condition()):
-        assert time.monotonic() < end, "nothing came"
-        time.sleep(0.02)
-    return value
+    return wait_s(condition, PATIENCE_S)
 
 
 def published_in_time(bus: Bus, count: int) -> bool:
@@ -146,7 +142,7 @@ def test_others_hear_what_is_new_while_one_is_stopped(endpoint: str) -> None:
         stopped.send_signal(signal.SIGCONT)
 
 
-def test_who_asks_but_does_not_read_holds_nobody_up(endpoint: str) -> None:
+def test_a_subscriber_that_asks_but_does_not_read_holds_nobody_up(endpoint: str) -> None:
     with (
         Bus("otter", settings=BusSettings(endpoint)) as bus,
         process(SUBSCRIBER, endpoint, "slow", "asks") as subscriber,
@@ -159,7 +155,7 @@ def test_who_asks_but_does_not_read_holds_nobody_up(endpoint: str) -> None:
 def test_a_watcher_sees_a_gateway_killed_and_back(endpoint: str) -> None:
     with process(GATEWAY, endpoint) as gateway:
         session = wait(lambda: join(endpoint, None))
-        with session, Watcher(session) as watcher:
+        with session, VesselSubscriber(session) as watcher:
             wait(lambda: heard(watcher) and only(watcher).alive)
             gateway.kill()
             wait(lambda: not only(watcher).alive)
@@ -177,10 +173,10 @@ def test_a_watcher_gone_and_back_holds_nobody_up(endpoint: str) -> None:
             wait(lambda: not bus.wants("measured"))
 
 
-def heard(watcher: Watcher) -> bool:
-    return any("control" in picture.latest for picture in watcher.pictures())
+def heard(watcher: VesselSubscriber) -> bool:
+    return any("control" in status.latest for status in watcher.statuses())
 
 
-def only(watcher: Watcher) -> VesselPicture:
-    (picture,) = watcher.pictures()
-    return picture
+def only(watcher: VesselSubscriber) -> VesselStatus:
+    (status,) = watcher.statuses()
+    return status

@@ -1,4 +1,4 @@
-"""What is known of a vessel now: the latest message of each topic, events, whether it lives."""
+"""What is known of a vessel now: the latest message of each topic, events, whether it is alive."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,46 +18,46 @@ TYPES: Mapping[Kind, tuple[type, ...]] = {
 
 @dataclass(frozen=True)
 class Latest:
-    """The latest message of a topic; no age where it was there before we came."""
+    """The latest message of a topic; its age is None where it was published before we came."""
 
     message: Message
     age_s: float | None
 
 
 @dataclass(frozen=True)
-class VesselPicture:
-    """One vessel as it looks now. Events come oldest first; `told` counts all there have been."""
+class VesselStatus:
+    """One vessel as it is now; events oldest first, `event_count` of all that there have been."""
 
     name: str
     alive: bool
     latest: Mapping[str, Latest]
     rate_hz: float
     events: tuple[Message, ...] = ()
-    told: int = 0
+    event_count: int = 0
 
     def message(self, topic: str) -> Message | None:
         """The latest message of a topic."""
         found = self.latest.get(topic)
         return None if found is None else found.message
 
+    def messages(self) -> dict[str, Message]:
+        """The latest message of every topic."""
+        return {topic: one.message for topic, one in self.latest.items()}
+
     def age_s(self) -> float | None:
-        """Time since anything new came; None where nothing has."""
+        """Time since the last new message; None where there was none."""
         ages = [one.age_s for one in self.latest.values() if one.age_s is not None]
         return min(ages, default=None)
 
-    def says(self) -> tuple[bool, dict[str, Message]]:
-        """All that may be news: whether it lives, and its messages."""
-        return self.alive, {topic: one.message for topic, one in self.latest.items()}
-
     def to_dict(self, events_before: int = 0) -> dict[str, Any]:
-        """For programs: the messages as they were published, and the events not told before."""
-        fresh = min(self.told - events_before, len(self.events))
+        """A line of JSON: the messages as published, and the events after the first so many."""
+        fresh = min(self.event_count - events_before, len(self.events))
         return {
             "vessel": self.name,
             "alive": self.alive,
             "age_s": self.age_s(),
             "rate_hz": self.rate_hz,
-            "latest": self.says()[1],
+            "latest": self.messages(),
             "events": self.events[len(self.events) - fresh :],
         }
 
@@ -65,7 +65,7 @@ class VesselPicture:
 def decode(topic: str, payload: bytes) -> Message | None:
     """A payload as the table of topics describes it; None where it is anything else.
 
-    Whoever reaches the network can publish under these keys: nothing is believed unseen.
+    Anybody on the network can publish under these keys: every field is checked.
     """
     try:
         message = orjson.loads(payload)
@@ -74,18 +74,13 @@ def decode(topic: str, payload: bytes) -> Message | None:
     fields = TOPICS[topic].all_fields
     if not isinstance(message, dict) or not all(_fits(message.get(f.name), f) for f in fields):
         return None
-    return {name: _printable(value) for name, value in message.items()}
+    return {k: printable(v) if isinstance(v, str) else v for k, v in message.items()}
 
 
 def _fits(value: Any, field: Field) -> bool:
     return isinstance(value, TYPES[field.kind]) and not isinstance(value, bool)
 
 
-def _printable(value: Any) -> Any:
-    """Text without what a terminal would obey."""
-    return plain(value) if isinstance(value, str) else value
-
-
-def plain(text: str) -> str:
-    """Text of others with every control character replaced."""
+def printable(text: str) -> str:
+    """Text with every control character replaced, so that it cannot command a terminal."""
     return "".join(c if c.isprintable() else "?" for c in text)

@@ -1,0 +1,63 @@
+"""What all results share in the terminal: lines, tables, and the progress of long work."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+
+class ResultConsole(Console):
+    """Standard output for results; the methods below print text as it is, without markup."""
+
+    def notices(self, notices: Iterable[str]) -> None:
+        """What a user should know before the result, each with an exclamation mark."""
+        for notice in notices:
+            self.print(f"[bold]![/bold] {escape(notice)}", highlight=False)
+
+    def bullets(self, sentences: Iterable[str]) -> None:
+        """One sentence per line."""
+        for sentence in sentences:
+            self.print(f"• {sentence}", highlight=False, markup=False)
+
+    def path(self, label: str, file: Path | str | None) -> None:
+        """Where a file is; nothing where it was not written."""
+        if file is not None:
+            self.print(f"{label}: {file}", soft_wrap=True, markup=False)
+
+
+def result_table(title: str, first: str, *numbers: str, unit: bool = False) -> Table:
+    """A table without wrapping: a first column of names, columns of numbers, their unit."""
+    table = Table(title=title, title_justify="left")
+    table.add_column(first, no_wrap=True)
+    for name in numbers:
+        table.add_column(name, justify="right", no_wrap=True)
+    if unit:
+        table.add_column("unit", no_wrap=True)
+    return table
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[float], None]]:
+    """A bar while the block runs; call what it gives with the share done, 0 to 1."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def status(what: str) -> Iterator[Callable[[str], None]]:
+    """A line that says what is being done; call what it gives with the next thing."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda text: None
+        return
+    with console.status(what) as line:
+        yield lambda text: line.update(f"{what}: {text}")
