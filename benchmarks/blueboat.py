@@ -27,7 +27,7 @@ from gateway.offline.usable import notices_of
 from gateway.samples import Quantity
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
-from sim.identification.identify import Identified, identify
+from sim.identification.identify import Identification, identify
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.wiring import rewired, wiring_of
 from sim.model import Model
@@ -84,7 +84,7 @@ def labelled() -> Vessel:
     )
 
 
-def fitted(runs: Sequence[Run], others: Sequence[Run], effects: Sequence[str]) -> Identified:
+def fitted(runs: Sequence[Run], others: Sequence[Run], effects: Sequence[str]) -> Identification:
     """One vessel from some recordings, wired as they say."""
     trials = [run.trial for run in runs]
     vessel = labelled()
@@ -141,7 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
           f"{time.perf_counter() - begun:.0f} s")  # fmt: skip
     table = [(run.number, judged(found.vessel, run)) for run in judges]
     print("\n".join(lines(table)))
-    print("\n".join(f"! {says}" for says in found.untold))
+    print("\n".join(f"! {says}" for says in found.unconfirmed))
     if a.leave_one_out:
         print("\neach mixed run by a fit on all others")
         rows = []

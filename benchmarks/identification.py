@@ -26,7 +26,7 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
-from sim.identification.identify import Identified, identify
+from sim.identification.identify import Identification, identify
 from sim.identification.noise import Noise
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import BASE, METHODS, IdentifySettings
@@ -51,7 +51,7 @@ class Case:
 
     truth: Floats
     ideal: Floats
-    found: dict[str, Identified]
+    found: dict[str, Identification]
     seconds: dict[str, float]
 
 

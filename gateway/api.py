@@ -15,7 +15,7 @@ from gateway.shipped import RECORDINGS
 from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import Comparison
 from sim.diagnosis.answer import Diagnosis
-from sim.identification.identify import Identified
+from sim.identification.identify import Identification
 from sim.trial import Trial
 from sim.vessel import Vessel
 
@@ -40,7 +40,7 @@ def example_log(name: str) -> Path:
 
 
 def plot(
-    result: Comparison | Sequence[Comparison] | Identified | Diagnosis,
+    result: Comparison | Sequence[Comparison] | Identification | Diagnosis,
     trials: Trial | Sequence[Trial],
 ) -> Mapping[str, "Figure"]:
     """Figures of a result by name, drawn by matplotlib; `trials` are those it was made from.
@@ -54,7 +54,7 @@ def plot(
     some = [trials] if isinstance(trials, Trial) else list(trials)
     if isinstance(result, Diagnosis):
         figures = diagnosis.diagnosis_figures(result, some)
-    elif isinstance(result, Identified):
+    elif isinstance(result, Identification):
         changes = identification.parameter_changes(result.vessel.name, result.estimates)
         figures = {"parameters": changes}
     else:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sim.effects.effect import Effect as Effect
     from sim.effects.effect import Parameter as Parameter
     from sim.effects.effect import Scope as Scope
-    from sim.identification.identify import Identified as Identified
+    from sim.identification.identify import Identification as Identification
     from sim.identification.identify import identify as identify
     from sim.identification.settings import IdentifySettings as IdentifySettings
     from sim.model import Model as Model
@@ -46,7 +46,7 @@ _HOMES = {
     "diagnosis.diagnose": ("DiagnoseSettings", "diagnose"),
     "effects.catalogue": ("EFFECTS",),
     "effects.effect": ("Effect", "Parameter", "Scope"),
-    "identification.identify": ("Identified", "identify"),
+    "identification.identify": ("Identification", "identify"),
     "identification.settings": ("IdentifySettings",),
     "model": ("Model",),
     "prediction.missing_force": ("MissingForce", "missing_force"),

@@ -27,7 +27,7 @@ from benchmarks.hidden.twins import on_another_day
 from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import named
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
 
@@ -142,7 +142,7 @@ def improved(vessel: Vessel, diagnosis: Mapping[str, Any]) -> Vessel:
 def with_numbers(vessel: Vessel, numbers: Mapping[str, Any]) -> Vessel:
     """Base parameters by name, effects by type."""
     added = [AddedEffect(named(name), values) for name, values in numbers["effects"].items()]
-    return applied(vessel, numbers["base"]).with_effects(*added)
+    return updated_vessel(vessel, numbers["base"]).with_effects(*added)
 
 
 def numbers_of(vessel: Vessel) -> dict[str, Any]:

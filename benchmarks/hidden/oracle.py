@@ -14,7 +14,7 @@ import numpy as np
 from sim.comparison.compare import compare
 from sim.effects.catalogue import named
 from sim.effects.effect import Kind, Scope
-from sim.identification.identify import Identified, identify
+from sim.identification.identify import Identification, identify
 from sim.identification.settings import BASE, IdentifySettings
 from sim.model import Model
 from sim.trial import Trial
@@ -60,7 +60,7 @@ def free_of(vessel: Vessel, scope: Scope | None = None) -> tuple[str, ...]:
     )
 
 
-def fitted(trial: Trial, vessel: Vessel, offsets: bool = True) -> Identified:
+def fitted(trial: Trial, vessel: Vessel, offsets: bool = True) -> Identification:
     """Base and effects fitted together, from where they are."""
     return identify([trial], vessel, settings(vessel, offsets), others=[trial])
 

@@ -14,8 +14,8 @@ from benchmarks.paper import excitations
 from benchmarks.paper.boats import Pair, iacquabot, wam_v
 from benchmarks.paper.instruments import ALL, Instruments
 from benchmarks.paper.voyage import clock_offset_s, logged, sailed, trial_of, true_at
-from sim.identification.identify import Identified, identify
-from sim.identification.regression import Regression, regressed
+from sim.identification.identify import Identification, identify
+from sim.identification.regression import Regression, fit_by_regression
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial
@@ -43,7 +43,7 @@ class Study:
 
     pair: Pair
     instruments: Instruments
-    found: Identified
+    found: Identification
     printed: Regression
     consistent: Regression
     validation: Trial
@@ -113,6 +113,6 @@ def studied(
     return Study(
         pair, carried,
         identify(trials, start, others=[other]),
-        regressed(trials, model, printed=True), regressed(trials, model),
+        fit_by_regression(trials, model, printed=True), fit_by_regression(trials, model),
         other, true_at(short, times),
     )  # fmt: skip

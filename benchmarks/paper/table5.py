@@ -16,7 +16,7 @@ from benchmarks.paper.published import TABLE_5_STD
 from benchmarks.paper.scoring import header, row
 from gateway.figures.figure_data import Axis, Dots, FigureData, Level, Panel, SeriesRole
 from sim.identification.intervals import Estimate
-from sim.identification.regression import SIGN, Regression
+from sim.identification.regression import DELTA_SIGN, Regression
 from sim.identification.settings import BASE
 
 Interval = tuple[float, float, float]  # value, low, high of δ
@@ -49,7 +49,7 @@ def table_5(c: Campaign) -> Part:
 
 def deltas(study: Study) -> list[float]:
     """δ1 … δ9 that the boat has."""
-    return list((truth(study.pair) * SIGN).tolist())
+    return list((truth(study.pair) * DELTA_SIGN).tolist())
 
 
 def stds(study: Study) -> tuple[float, ...]:
@@ -69,12 +69,12 @@ def meets(found: Interval, value: float, std: float) -> bool:
 
 
 def _of(r: Regression) -> list[Interval]:
-    low, high = np.sort(np.stack([r.low * SIGN, r.high * SIGN]), axis=0)
+    low, high = np.sort(np.stack([r.low * DELTA_SIGN, r.high * DELTA_SIGN]), axis=0)
     return list(zip(r.delta.tolist(), low.tolist(), high.tolist(), strict=True))
 
 
 def _of_estimate(e: Estimate) -> Interval:
-    sign = float(SIGN[BASE.index(e.name)])
+    sign = float(DELTA_SIGN[BASE.index(e.name)])
     low, high = sorted(sign * x for x in e.ci95)
     return sign * e.value, low, high
 

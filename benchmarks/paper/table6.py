@@ -17,10 +17,10 @@ from benchmarks.paper.published import TABLE_6, Scores
 from benchmarks.paper.scoring import beside, reached, scored, spread
 from gateway.figures.figure_data import FigureData, SeriesRole
 from sim.identification.settings import BASE
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
-from sim.prediction.inputs import inputs_of, motion_of, runs_from
-from sim.prediction.segments import stretches
+from sim.prediction.inputs import input_table, measured_motion, runs_from
+from sim.prediction.segments import usable_stretches
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -78,10 +78,10 @@ def compared(study: Study) -> dict[str, Scores]:
 def alone(study: Study, vessel: Vessel) -> Run:
     """A vessel left alone from the first usable sample to the last."""
     trial, model = study.validation, Model.of(vessel)
-    rows = max(stretches(trial.usable), key=len)
-    first, motion = np.array([rows.start]), motion_of(trial)
+    rows = max(usable_stretches(trial.usable), key=len)
+    first, motion = np.array([rows.start]), measured_motion(trial)
     runs = runs_from(first, np.array([len(rows) - 1]), command_offset(study))
-    _, said = model.run(model.true_states(motion[first]), runs, inputs_of(model, trial))
+    _, said = model.run(model.true_states(motion[first]), runs, input_table(model, trial))
     part = slice(rows.start, rows.stop)
     return Run(trial.time[part], motion[part, :6], said[0, :, :6], study.true_validation[part])
 
@@ -95,7 +95,7 @@ def by_least_squares(study: Study) -> Vessel:
     """The vessel that the paper's own method finds; what would push it along is taken as zero."""
     values = dict(zip(BASE, study.printed.value.tolist(), strict=True))
     usable = {n: max(v, 1e-3) if n in BASE[:3] else min(v, 0.0) for n, v in values.items()}
-    return applied(study.pair.vessel, usable)
+    return updated_vessel(study.pair.vessel, usable)
 
 
 def _motions(study: Study) -> list[Motion]:

@@ -10,7 +10,7 @@ from gateway.figures.figure_data import Axis, Bars, Dots, FigureData, Level, Lin
 from gateway.figures.quantities import EVIDENCE, MISSING_FORCES, NRMSE, SMALLEST_PROBABILITY
 from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.diagnosis.evidence import Evidence, evidence
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.trial import Trial
 from sim.vessel import Vessel
 
@@ -140,7 +140,7 @@ def _vessel_on(step: LadderStep, trial: Trial, first: Trial) -> Vessel:
         e.name: e.value for numbers in step.parameters.values() for e in numbers
         if e.trial == trial.name
     }  # fmt: skip
-    return applied(step.vessel, own)
+    return updated_vessel(step.vessel, own)
 
 
 def evidence_figure(found: Evidence) -> FigureData:

@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gateway.ingest.log import Log
-from gateway.ingest.parameters import Actuator, Kind
+from gateway.ingest.parameters import Actuator, OutputFunction
 from gateway.ingest.sources import Choice
 from gateway.samples import Quantity, Samples
-from sim.identification.wiring import MOVED, Answer, answer
+from sim.identification.wiring import MIN_MOTION_STD, CommandResponse, command_response
 from sim.state import Floats, Nu
 
 GRID_S = 0.2
@@ -31,12 +31,12 @@ Side = tuple[int, float, int]  # channel, neutral pulse [µs], +1 or −1 ahead,
 
 def sides_of(log: Log, found: Sequence[Actuator]) -> tuple[Side, Side] | None:
     """The throttle to port and the one to starboard, as they are called; None: not one of each."""
-    left = [a for a in found if a.kind is Kind.THROTTLE_LEFT]
-    right = [a for a in found if a.kind is Kind.THROTTLE_RIGHT]
+    left = [a for a in found if a.kind is OutputFunction.THROTTLE_LEFT]
+    right = [a for a in found if a.kind is OutputFunction.THROTTLE_RIGHT]
     if len(left) == len(right) == 1:
         a, b = left[0], right[0]
         return (a.channel, a.pwm[1], _way(a)), (b.channel, b.pwm[1], _way(b))
-    named = _named(log)
+    named = log.channel_names()
     left_of = [n for n, column in named.items() if PORT.search(column)]
     right_of = [n for n, column in named.items() if STARBOARD.search(column)]
     if len(left_of) == len(right_of) == 1 and left_of != right_of:
@@ -44,7 +44,7 @@ def sides_of(log: Log, found: Sequence[Actuator]) -> tuple[Side, Side] | None:
     return None
 
 
-def swapped(choices: Mapping[str, Choice], sides: tuple[Side, Side]) -> Answer | None:
+def swapped(choices: Mapping[str, Choice], sides: tuple[Side, Side]) -> CommandResponse | None:
     """How the boat turned by the difference of its throttles; None: it was not told."""
     if "commands" not in choices or "yaw" not in choices:
         return None
@@ -62,14 +62,16 @@ def swapped(choices: Mapping[str, Choice], sides: tuple[Side, Side]) -> Answer |
     return None if None in told else min((a for a in told if a), key=lambda a: abs(a.correlation))
 
 
-def _turned(commands: Sequence[Floats], ways: Ways, r: Floats) -> Answer | None:
+def _turned(commands: Sequence[Floats], ways: Ways, r: Floats) -> CommandResponse | None:
     """Turn rate (T,) against port minus starboard."""
     difference = 0.5 * (ways[0] * commands[0] - ways[1] * commands[1])
     rows = np.isfinite(difference) & np.isfinite(r)
-    return answer(np.nan_to_num(difference), np.nan_to_num(r), rows, GRID_S, MOVED[Nu.R])
+    return command_response(
+        np.nan_to_num(difference), np.nan_to_num(r), rows, GRID_S, MIN_MOTION_STD[Nu.R]
+    )
 
 
-def says(found: Answer | None, sides: tuple[Side, Side]) -> tuple[str, ...]:
+def says(found: CommandResponse | None, sides: tuple[Side, Side]) -> tuple[str, ...]:
     """One sentence where the boat turns the other way."""
     if found is None or found.sign >= 0:
         return ()
@@ -82,13 +84,6 @@ def says(found: Answer | None, sides: tuple[Side, Side]) -> tuple[str, ...]:
 
 def _way(a: Actuator) -> int:
     return -1 if a.reversed else 1
-
-
-def _named(log: Log) -> dict[int, str]:
-    """Channel -> name of its column, where a table gives the commands."""
-    mapping = getattr(log, "mapping", None)
-    columns = () if mapping is None else mapping.columns
-    return {c.index + 1: c.column for c in columns if c.quantity is Quantity.ACTUATORS}
 
 
 def _seconds(samples: Samples) -> Floats:
@@ -160,7 +155,9 @@ def _ways(commands: Sequence[Floats], known: Sequence[int], speed: Floats | None
     for ways in BOTH:
         both = 0.5 * (ways[0] * commands[0] + ways[1] * commands[1])
         rows = np.isfinite(both) & np.isfinite(speed)
-        found = answer(np.nan_to_num(both), np.nan_to_num(speed), rows, GRID_S, MOVED[Nu.U])
+        found = command_response(
+            np.nan_to_num(both), np.nan_to_num(speed), rows, GRID_S, MIN_MOTION_STD[Nu.U]
+        )
         if found is not None and found.sign > 0:
             tried.append((found.correlation, ways))
     best = max((correlation for correlation, _ in tried), default=0.0)

@@ -1,4 +1,4 @@
-"""Effects from diagnosis.json into a vessel file, with the base that was fitted along with them."""
+"""`shadow add`: effects of a diagnosis into a vessel file, with the base fitted along with them."""
 
 import inspect
 import os
@@ -21,17 +21,17 @@ from gateway.vessel_file import (
     vessel_tables,
 )
 from sim.effects.effect import Effect
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.vessel import AddedEffect, Vessel
 
 
-class Loose(BaseModel):
-    """What is asked of diagnosis.json; whatever else it holds is its own business."""
+class Entry(BaseModel):
+    """A part of diagnosis.json that is read here; its other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class Number(Loose):
+class NumberEntry(Entry):
     """A parameter with its interval."""
 
     value: float
@@ -40,41 +40,41 @@ class Number(Loose):
     doubt: str = ""
 
 
-class Step(Loose):
-    """One rung of the ladder."""
+class StepEntry(Entry):
+    """One step of the ladder, or an alternative to it."""
 
     effects: tuple[str, ...]
     base: str
     heldout_nrmse: float
-    base_parameters: dict[str, Number] = Field(default_factory=dict)
-    parameters: dict[str, dict[str, Number]] = Field(default_factory=dict)
+    base_parameters: dict[str, NumberEntry] = Field(default_factory=dict)
+    parameters: dict[str, dict[str, NumberEntry]] = Field(default_factory=dict)
     own_parameters: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
-class Recorded(Loose):
+class RecordingEntry(Entry):
     """A recording that the diagnosis was made from."""
 
     name: str
     date: str = ""
 
 
-class DiagnosisFile(Loose):
+class DiagnosisFile(Entry):
     """diagnosis.json, as `shadow diagnose --save` (or --json) writes it."""
 
     vessel: str
     effects: tuple[str, ...]
-    ladder: tuple[Step, ...] = Field(min_length=1)
-    alternatives: tuple[Step, ...] = ()
-    recordings: tuple[Recorded, ...] = ()
+    ladder: tuple[StepEntry, ...] = Field(min_length=1)
+    alternatives: tuple[StepEntry, ...] = ()
+    recordings: tuple[RecordingEntry, ...] = ()
     version: str = ""
 
 
 @dataclass(frozen=True)
-class Added:
+class AdditionResult:
     """The better vessel, the numbers that are new in it, and the error before and after."""
 
     vessel: Vessel
-    effects: Mapping[str, Mapping[str, Number]]
+    effects: Mapping[str, Mapping[str, NumberEntry]]
     before: float
     after: float
     recordings: tuple[str, ...]
@@ -86,38 +86,40 @@ def add_effects(
     source: str | Path,
     out: str | Path,
     more: Iterable[Effect] = (),
-) -> Added:
-    """The vessel with these effects and numbers as on the ladder's rung of exactly these.
-
-    Or as in the alternative of exactly these: what was ranked, but not chosen.
-    """
-    return added(names, vessel, read_diagnosis(source), source, out, more)
+) -> AdditionResult:
+    """Write the vessel with these effects, as fitted on the ladder or in an alternative."""
+    return add_from_diagnosis(names, vessel, read_diagnosis(source), source, out, more)
 
 
-def added(
+def add_from_diagnosis(
     names: Sequence[str],
     vessel: str | Path,
-    told: DiagnosisFile,
+    diagnosis: DiagnosisFile,
     source: str | Path,
     out: str | Path,
     more: Iterable[Effect] = (),
-) -> Added:
+) -> AdditionResult:
     """The same from a diagnosis that is read already; without names: the re-fitted base alone."""
     own = tuple(more)
     boat, file = load_vessel(vessel, own), read_vessel_file(vessel)
-    if told.vessel != boat.name:
+    if diagnosis.vessel != boat.name:
         raise BadInput(
-            f"{source}: it is about {told.vessel}, {vessel} is {boat.name}: give the vessel file "
-            "that was diagnosed"
+            f"{source}: it is about {diagnosis.vessel}, {vessel} is {boat.name}: give the vessel "
+            "file that was diagnosed"
         )
     known = {effect.name: effect for effect in (*known_effects(), *own)}
-    step = _rung(names, told, source, known)
-    better = _improved(boat, step, known, vessel)
-    origin = file.provenance | _provenance(step, told)
-    _write(Path(out), better, origin, _files_of(file, own, Path(vessel), Path(out)))
-    recordings = tuple(r.name for r in told.recordings)
-    return Added(better, step.parameters, told.ladder[0].heldout_nrmse, step.heldout_nrmse,
-                 recordings)  # fmt: skip
+    step = _step_with(names, diagnosis, source, known)
+    better = _with_numbers(boat, step, known, vessel)
+    tables = vessel_tables(better, file.provenance | _provenance(step, diagnosis))
+    files = _effect_files(file, own, Path(vessel), Path(out))
+    for entry in tables.get("effects", ()):
+        if entry["type"] in files:
+            entry["file"] = files[entry["type"]]
+    write_whole(Path(out), tomli_w.dumps(tables).encode(), "the vessel file")
+    return AdditionResult(
+        better, step.parameters, diagnosis.ladder[0].heldout_nrmse, step.heldout_nrmse,
+        tuple(r.name for r in diagnosis.recordings),
+    )  # fmt: skip
 
 
 def read_diagnosis(source: str | Path) -> DiagnosisFile:
@@ -128,69 +130,76 @@ def read_diagnosis(source: str | Path) -> DiagnosisFile:
         raise BadInput(f"{source}: cannot read the diagnosis: {error.strerror}") from None
     except ValidationError as error:
         kinds = {mistake["type"] for mistake in error.errors()}
-        says = "not JSON" if "json_invalid" in kinds else explain(error)
+        mistake = "not JSON" if "json_invalid" in kinds else explain(error)
         raise BadInput(
-            f"{source}: {says}: expected what `shadow diagnose LOG --vessel V --save FILE` writes"
+            f"{source}: {mistake}: expected what `shadow diagnose LOG --vessel V --save FILE` "
+            "writes"
         ) from None
 
 
-def _rung(
-    names: Sequence[str], told: DiagnosisFile, source: str | Path, known: Mapping[str, Effect]
-) -> Step:
-    """The last step with exactly these effects, or the alternative; one line if there is none."""
+def _step_with(
+    names: Sequence[str],
+    diagnosis: DiagnosisFile,
+    source: str | Path,
+    known: Mapping[str, Effect],
+) -> StepEntry:
+    """The last step with exactly these effects, or the alternative; BadInput if there is none."""
     for name in names:
         if name not in known:
             raise BadInput(
                 f"no effect named {name!r}: `shadow effects` lists those there are; one of your "
                 "own needs --effects FILE"
             )
-    every = (*told.alternatives, *told.ladder)
+    every = (*diagnosis.alternatives, *diagnosis.ladder)
     steps = [s for s in every if set(s.effects) == set(names) and s.base == "refitted"]
     if steps:
         return steps[-1]
-    there = [" ".join(s.effects) for s in reversed(every) if s.effects]
-    kept = " or ".join(f"`{one}`" for one in dict.fromkeys(there)) or "no effect at all"
+    fitted = dict.fromkeys(" ".join(s.effects) for s in reversed(every) if s.effects)
+    listed = " or ".join(f"`{effects}`" for effects in fitted) or "no effect at all"
     free = " ".join(f"--free '{name}.*'" for name in names)
     raise BadInput(
-        f"{source}: it holds no numbers of {' with '.join(names)} (those it holds: {kept}): "
+        f"{source}: it holds no numbers of {' with '.join(names)} (those it holds: {listed}): "
         f"put it into the vessel file as `shadow effects {names[0]}` shows, then "
         f"shadow identify LOG --vessel V {free} --out V2"
     )
 
 
-def _improved(boat: Vessel, step: Step, known: Mapping[str, Effect], vessel: str | Path) -> Vessel:
-    """The vessel with the numbers of a rung."""
-    there = {added.effect.name for added in boat.effects}
-    twice = there & set(step.effects)
+def _with_numbers(
+    boat: Vessel, step: StepEntry, known: Mapping[str, Effect], vessel: str | Path
+) -> Vessel:
+    """The vessel with the effects and numbers of a step."""
+    twice = {added.effect.name for added in boat.effects} & set(step.effects)
     if twice:
         raise BadInput(f"{vessel}: has {', '.join(sorted(twice))} already: diagnose it as it is")
     values = {name: number.value for name, number in step.base_parameters.items()}
     values |= {f"{e}.{key}": v for e, own in step.own_parameters.items() for key, v in own.items()}
     try:
-        added = [
+        effects = [
             AddedEffect(known[name], {k: n.value for k, n in step.parameters[name].items()})
             for name in step.effects
         ]
-        return applied(boat, values).with_effects(*added)
+        return updated_vessel(boat, values).with_effects(*effects)
     except (KeyError, ValueError, TypeError) as error:
-        says = f"no numbers for {error}" if isinstance(error, KeyError) else str(error)
-        raise BadInput(f"{vessel}: the diagnosis does not fit this vessel: {says}") from None
+        reason = f"no numbers for {error}" if isinstance(error, KeyError) else str(error)
+        raise BadInput(f"{vessel}: the diagnosis does not fit this vessel: {reason}") from None
 
 
-def _provenance(step: Step, told: DiagnosisFile) -> dict[str, Provenance]:
+def _provenance(step: StepEntry, diagnosis: DiagnosisFile) -> dict[str, Provenance]:
     """Where each number came from: recordings, date, version, interval, doubt."""
     common = {
-        "recording": ", ".join(r.name for r in told.recordings),
-        "date": told.recordings[0].date if told.recordings else "",
-        "version": told.version,
+        "recording": ", ".join(r.name for r in diagnosis.recordings),
+        "date": diagnosis.recordings[0].date if diagnosis.recordings else "",
+        "version": diagnosis.version,
     }
     numbers = {f"dynamics.{name}": n for name, n in step.base_parameters.items()}
     numbers |= {f"{e}.{key}": n for e, own in step.parameters.items() for key, n in own.items()}
     return {key: Provenance(**common, ci95=n.ci95, says=n.doubt) for key, n in numbers.items()}
 
 
-def _files_of(file: VesselFile, own: Iterable[Effect], vessel: Path, out: Path) -> dict[str, str]:
-    """Effects that come from a Python file -> its path from the new vessel file."""
+def _effect_files(
+    file: VesselFile, own: Iterable[Effect], vessel: Path, out: Path
+) -> dict[str, str]:
+    """Effects that come from a Python file -> its path as seen from the new vessel file."""
     paths = {
         str(entry["type"]): vessel.parent / str(entry["file"])
         for entry in file.effects
@@ -199,13 +208,3 @@ def _files_of(file: VesselFile, own: Iterable[Effect], vessel: Path, out: Path) 
     paths |= {e.name: Path(inspect.getfile(next(iter(e.laws.values())))) for e in own}
     folder = out.resolve().parent
     return {name: os.path.relpath(path.resolve(), folder) for name, path in paths.items()}
-
-
-def _write(
-    out: Path, vessel: Vessel, origin: dict[str, Provenance], files: Mapping[str, str]
-) -> None:
-    tables = vessel_tables(vessel, origin)
-    for entry in tables.get("effects", ()):
-        if entry["type"] in files:
-            entry["file"] = files[entry["type"]]
-    write_whole(out, tomli_w.dumps(tables).encode(), "the vessel file")

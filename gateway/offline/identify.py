@@ -20,7 +20,7 @@ from gateway.offline.trials import TrialOptions, usable_trials
 from gateway.offline.usable import Exclusion, notices_of, without
 from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
 from sim.effects.effect import Effect
-from sim.identification.identify import Identified, identify
+from sim.identification.identify import Identification, identify
 from sim.identification.intervals import Estimate
 from sim.identification.parameters import UnknownNameError
 from sim.identification.settings import BASE, IdentifySettings
@@ -36,7 +36,7 @@ ADVICE = "leave out odd stretches with --exclude, hold numbers with --fix, or tr
 
 
 @dataclass(frozen=True)
-class Span:
+class TimeSpan:
     """From when to when [s after the first sample of each trial]; None: to its end."""
 
     start: float | None = None
@@ -49,7 +49,7 @@ def identify_logs(
     out: str | Path | None = None,
     settings: IdentifySettings | None = None,
     *,
-    span: Span | None = None,
+    span: TimeSpan | None = None,
     exclude: Sequence[Exclusion] = (),
     pictures: str | Path | None = None,
     validate: Sequence[str | Path] = (),
@@ -58,14 +58,14 @@ def identify_logs(
     mapping: str | Path | None = None,
     effects: Iterable[Effect] = (),
     tell: Callable[[str], None] = lambda _: None,
-) -> Identified:
+) -> Identification:
     """Fit and validate; write the new vessel file to `out`, draw into the folder `pictures`."""
     known, names = tuple(effects), ", ".join(str(log) for log in logs)
     boat = load_vessel(vessel, known)
     if out is not None and not Path(out).resolve().parent.is_dir():
         raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
     trials = usable_trials(logs, system, options, mapping, tell)
-    chosen = without([within(trial, span or Span()) for trial in trials], exclude)
+    chosen = without([within(trial, span or TimeSpan()) for trial in trials], exclude)
     others = usable_trials(validate, system, options, mapping, tell)
     try:
         with numerical_errors(names, vessel, ADVICE):
@@ -74,7 +74,7 @@ def identify_logs(
         raise BadInput(f"{vessel}: {problem}") from None
     except NoUsableTimeError as problem:
         raise BadInput(f"{names}: {problem}") from None
-    notices = (*notices_of((*chosen, *others), boat), *of_voyages(found))
+    notices = (*notices_of((*chosen, *others), boat), *voyage_notices(found))
     found = replace(found, notices=notices)
     if pictures is not None:
         tell("pictures")
@@ -86,7 +86,7 @@ def identify_logs(
     return found
 
 
-def settings_of(
+def identify_settings(
     free: Iterable[str], fix: Iterable[str], priors: Iterable[str], method: str
 ) -> IdentifySettings:
     """What a command line asks for: the nine base parameters, and what is named."""
@@ -103,7 +103,7 @@ def settings_of(
         raise BadInput(str(problem)) from None
 
 
-def within(trial: Trial, span: Span) -> Trial:
+def within(trial: Trial, span: TimeSpan) -> Trial:
     """The same trial with only the span usable; one line where it holds nothing."""
     start, end = span.start or 0.0, np.inf if span.end is None else span.end
     if not start < end:
@@ -141,7 +141,7 @@ def _elsewhere(one: Estimate, estimates: Sequence[Estimate]) -> list[str]:
     ]
 
 
-def of_voyages(found: Identified) -> list[str]:
+def voyage_notices(found: Identification) -> list[str]:
     """A warning where the vessel can hold the numbers of one recording only."""
     names = list(dict.fromkeys(e.trial for e in found.estimates if e.trial is not None))
     if len(names) < 2:
@@ -158,7 +158,7 @@ def _key(estimate: Estimate) -> str:
 
 
 def save_pictures(
-    found: Identified,
+    found: Identification,
     before: Vessel,
     trials: Sequence[Trial],
     others: Sequence[Trial],

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
-from gateway.ingest.parameters import Kind, actuators
+from gateway.ingest.parameters import OutputFunction, actuators
 from gateway.shadow.inputs import Held
-from sim.identification.wiring import says, wiring_of
+from sim.identification.wiring import wiring_notices, wiring_of
 from sim.state import Floats, Nu
 from sim.trial import Stretch, Trial
 from sim.vessel import Vessel
@@ -33,7 +33,7 @@ class Exclusion:
     recording: str | None = None
 
 
-def exclusions_of(texts: Iterable[str]) -> tuple[Exclusion, ...]:
+def parse_exclusions(texts: Iterable[str]) -> tuple[Exclusion, ...]:
     """What a command line says; an empty end is the recording's own."""
     return tuple(_exclusion(text) for text in texts)
 
@@ -84,7 +84,12 @@ IDLE_S = 10.0  # at least so long without thrust and motion
 SLOW_MPS, SLOW_RADPS = 0.1, 0.05
 THRUST_US = 20.0  # from neutral
 TURNED = 0.6  # rad from sample to sample, beyond which means over a step tell little of it
-PUSHES = (Kind.THROTTLE, Kind.THROTTLE_LEFT, Kind.THROTTLE_RIGHT, Kind.MOTOR)
+PUSHES = (
+    OutputFunction.THROTTLE,
+    OutputFunction.THROTTLE_LEFT,
+    OutputFunction.THROTTLE_RIGHT,
+    OutputFunction.MOTOR,
+)
 
 
 def disarmed(held: Held, time: Floats) -> Bools:
@@ -145,7 +150,7 @@ NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
     """First the wiring, which comes before everything else; then recording by recording."""
-    wiring = says(wiring_of(trials, vessel), vessel)
+    wiring = wiring_notices(wiring_of(trials, vessel), vessel)
     alike: dict[str, list[tuple[str, str]]] = {}
     for trial in trials:
         for notice in trial.notices:

@@ -9,7 +9,7 @@ from sim.comparison.regimes import Regime, regimes_of
 from sim.comparison.where import Bin, ErrorMap, Place, error_bins, error_map, worst_place
 from sim.model import Model
 from sim.prediction.free_runs import FreeRun, Prediction, free_run, predict
-from sim.prediction.inputs import motion_of
+from sim.prediction.inputs import measured_motion
 from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import Scores, nrmse, nrmse_interval, scaled_squares, scores
@@ -122,14 +122,14 @@ def comparison_of(
     force: MissingForce, longest: FreeRun,
 ) -> Comparison:  # fmt: skip
     """What a vessel predicts, scored against the trial; `longest`: its run over a whole stretch."""
-    segment, rows, error = prediction.along()
+    segment, rows, error = prediction.predicted_rows()
     squares = scaled_squares(error, ruler.scales)
     return Comparison(
         log=trial.name,
         vessel=vessel,
         seconds=float(trial.usable.sum()) * trial.dt,
         ruler=ruler,
-        scores=scores(motion_of(trial)[rows, :6], error),
+        scores=scores(measured_motion(trial)[rows, :6], error),
         nrmse=nrmse(error, ruler.scales),
         nrmse_ci95=nrmse_interval(squares, ruler.blocks[segment], ruler.settings.seed),
         noise_floor_nrmse=ruler.noise_floor,

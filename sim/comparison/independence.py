@@ -23,8 +23,14 @@ from scipy.stats import norm
 
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
-from sim.prediction.segments import stretches
+from sim.prediction.inputs import (
+    delayed_commands,
+    input_table,
+    measured_motion,
+    runs_from,
+    vessel_commands,
+)
+from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 
@@ -97,7 +103,7 @@ def independence(trial: Trial, model: Model) -> Independence | None:
     stride = max(round(STEP_S / trial.dt), 1)
     parts = [
         np.arange(s.start, s.stop - stride, stride)
-        for s in stretches(trial.usable)
+        for s in usable_stretches(trial.usable)
         if len(s) > 4 * MAX_LAG * stride
     ]
     if sum(map(len, parts)) < MIN_STEPS:
@@ -185,9 +191,9 @@ def _std(series: list[Floats]) -> float:
 
 def _errors(trial: Trial, model: Model, rows: Ints, stride: int) -> Floats:
     """Missing force over one step from rows (K,): M (ν − ν̂) / h, (K, 3)."""
-    x0 = np.hstack([model.true_states(motion_of(trial)[rows]), memory_at(model, trial, rows)])
+    x0 = np.hstack([model.true_states(measured_motion(trial)[rows]), memory_at(model, trial, rows)])
     runs = runs_from(rows, np.full(len(rows), stride))
-    _, reports = model.run(x0, runs, inputs_of(model, trial))
+    _, reports = model.run(x0, runs, input_table(model, trial))
     d = model.vessel.dynamics
     mass = np.array([d.m11, d.m22, d.m33])
     return (trial.nu[rows + stride] - reports[:, stride, 3:6]) * mass / (stride * trial.dt)
@@ -195,9 +201,9 @@ def _errors(trial: Trial, model: Model, rows: Ints, stride: int) -> Floats:
 
 def _forces(trial: Trial, model: Model, rows: Ints, stride: int) -> Floats:
     """τ(commands) of the model, means over the steps from rows (K,): (K, 3)."""
-    after = delayed(commands_of(model, trial), trial.dt, model.delay)
+    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     before = np.vstack([after[:1], after[:-1]])
     _, acting = model.missing_force(
-        motion_of(trial), trial.time, before, after, voltage=trial.voltage, wind=trial.wind
+        measured_motion(trial), trial.time, before, after, voltage=trial.voltage, wind=trial.wind
     )
     return np.mean([acting[rows + j] for j in range(stride)], axis=0)

@@ -18,18 +18,24 @@ import numpy as np
 from sim.comparison.compare import Comparison, comparison_of
 from sim.comparison.regimes import regimes_of
 from sim.effects.effect import Effect, Kind, Role, Scope
-from sim.identification.identify import replaced
+from sim.identification.identify import fitted_model
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import shoot
-from sim.identification.starts import MOMENTS, starts_of
-from sim.identification.vessel_update import applied
+from sim.identification.shooting import fit_by_shooting
+from sim.identification.starts import MOMENT_STARTS, start_points
+from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError, FreeRun, Prediction, free_run, predict
 from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
-from sim.prediction.segments import BLOCK_S, CompareSettings, NoUsableTimeError, blocks, stretches
+from sim.prediction.segments import (
+    BLOCK_S,
+    CompareSettings,
+    NoUsableTimeError,
+    blocks,
+    usable_stretches,
+)
 from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -104,7 +110,7 @@ class CrossFit:
 
     def free_run(self, scales: Floats) -> FreeRun:
         """One free run over the longest block, by the model that was not fitted on it."""
-        longest = max(stretches(self.folds.trial.usable), key=len)
+        longest = max(usable_stretches(self.folds.trial.usable), key=len)
         model = self.models[int(self.folds.fold[longest.start])]
         return free_run(self.folds.trial, model, scales)
 
@@ -185,7 +191,7 @@ def _at_starts(trial: Trial, vessel: Vessel, effect: Effect) -> list[Vessel]:
     """The vessel with one of its effects at every start of a search."""
     name = effect.name
     bare = replace(vessel, effects=tuple(a for a in vessel.effects if a.effect.name != name))
-    starts = starts_of(effect, Model.of(bare), [trial])
+    starts = start_points(effect, Model.of(bare), [trial])
     # a slow swing: with a wrong direction no start is better than another
     if any(p.role is Role.PERIOD for p in effect.parameters):
         return [_fit_from(trial, _with(vessel, name, s), HORIZONS_S[-1:]) for s in starts]
@@ -209,7 +215,7 @@ def _best_first(trial: Trial, vessels: Sequence[Vessel], ruler: Ruler) -> list[V
 
 def _error(trial: Trial, vessel: Vessel, ruler: Ruler) -> float:
     try:
-        return nrmse(predict(trial, Model.of(vessel), ruler).along()[2], ruler.scales)
+        return nrmse(predict(trial, Model.of(vessel), ruler).predicted_rows()[2], ruler.scales)
     except DivergedError:
         return np.inf
 
@@ -221,13 +227,13 @@ def _fit_from(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = HORIZO
         return vessel
     settings = IdentifySettings(free=free, horizons=horizons)
     unknowns = unknowns_of(Model.of(vessel), 1, settings)
-    fit = shoot(unknowns, [trial], [trial.usable], settings)
-    return applied(vessel, _voyage_values(replaced(unknowns, fit.z).vessel))
+    fit = fit_by_shooting(unknowns, [trial], [trial.usable], settings)
+    return updated_vessel(vessel, _voyage_values(fitted_model(unknowns, fit.z).vessel))
 
 
 def _at_finer_moments(trial: Trial, vessel: Vessel) -> list[Vessel]:
     """The vessel with each of its events moved to moments between those of the starts."""
-    apart = 0.5 * float(trial.time[-1]) / (MOMENTS + 1)
+    apart = 0.5 * float(trial.time[-1]) / (MOMENT_STARTS + 1)
     shifts = apart * np.linspace(-1.0, 1.0, 2 * FINER_MOMENTS + 1)
     return [
         _with(vessel, a.effect.name, {p.name: float(np.clip(a.values[p.name] + s, 0.0, p.upper))})

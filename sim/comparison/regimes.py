@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.model import Model
-from sim.prediction.inputs import commands_of
+from sim.prediction.inputs import vessel_commands
 from sim.state import Eta, Floats, Nu
 from sim.trial import Trial
 
@@ -84,7 +84,7 @@ def _throttle_regimes(trial: Trial, model: Model) -> tuple[Regime, ...]:
     count = len(model.vessel.thrusters)
     if count == 0:
         return ()
-    commands = commands_of(model, trial)[:, :count]
+    commands = vessel_commands(model, trial)[:, :count]
     astern = np.maximum(-commands, 0.0).max(axis=1)
     return (
         Regime("throttle", "1", commands.mean(axis=1), THROTTLE_EDGES, ("", 1.0)),

@@ -127,7 +127,7 @@ def error_bins(
     scales: Floats,
 ) -> tuple[Bin, ...]:  # fmt: skip
     """All bins that hold anything, those with the most error beyond their share of time first."""
-    _, rows, error = prediction.along()
+    _, rows, error = prediction.predicted_rows()
     found = [b for regime in regimes for b in _bins(trial, regime, rows, error, force, scales)]
     return tuple(sorted(found, key=lambda b: -b.excess))
 
@@ -173,7 +173,7 @@ def _triple(values: NDArray[np.float64]) -> Triple:
 
 def error_map(trial: Trial, prediction: Prediction, scales: Floats) -> ErrorMap:
     """The error on a grid over the map."""
-    _, rows, error = prediction.along()
+    _, rows, error = prediction.predicted_rows()
     position = trial.eta[rows][:, : Eta.YAW]
     extent = position.max(axis=0) - position.min(axis=0)
     edges = round_edges(np.array([0.0, max(float(extent.max()), 1.0)]), MAX_CELLS)
@@ -192,7 +192,7 @@ def error_map(trial: Trial, prediction: Prediction, scales: Floats) -> ErrorMap:
 
 def along_trial(prediction: Prediction, scales: Floats, length: int) -> Floats:
     """Root mean square scaled error on every row of the trial (T,); NaN where none was run."""
-    _, rows, error = prediction.along()
+    _, rows, error = prediction.predicted_rows()
     count = np.bincount(rows, minlength=length)
     total = np.bincount(rows, scaled_squares(error, scales), minlength=length)
     return np.sqrt(np.divide(total, count, out=np.full(length, np.nan), where=count > 0))

@@ -18,8 +18,8 @@ import numpy as np
 from sim.comparison.where import bin_of
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis
 from sim.model import Model
-from sim.prediction.inputs import commands_of
-from sim.prediction.missing_force import lacking
+from sim.prediction.inputs import vessel_commands
+from sim.prediction.missing_force import missing_force_only
 from sim.state import Eta, Floats, Nu
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -32,12 +32,12 @@ Variable = Callable[[Trial, Model], Floats]
 
 def _mean_thrust(trial: Trial, model: Model) -> Floats:
     count = max(len(model.vessel.thrusters), 1)
-    return np.asarray(commands_of(model, trial)[:, :count].mean(axis=1))
+    return np.asarray(vessel_commands(model, trial)[:, :count].mean(axis=1))
 
 
 def _helm(trial: Trial, model: Model) -> Floats:
     """Rudder command, or port minus starboard thrusters where there is no rudder."""
-    command = commands_of(model, trial)
+    command = vessel_commands(model, trial)
     count = len(model.vessel.thrusters)
     if command.shape[1] > count:
         return np.asarray(command[:, count])
@@ -48,7 +48,7 @@ def _helm(trial: Trial, model: Model) -> Floats:
 def _astern(trial: Trial, model: Model) -> Floats:
     """The hardest reversed thruster; NaN where none is."""
     count = max(len(model.vessel.thrusters), 1)
-    most = commands_of(model, trial)[:, :count].min(axis=1)
+    most = vessel_commands(model, trial)[:, :count].min(axis=1)
     return np.where(most < 0.0, most, np.nan)
 
 
@@ -131,8 +131,8 @@ def _rows(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) ->
     missing, supplied, block = [], [], []
     for k, (trial, vessel) in enumerate(zip(trials, vessels, strict=True)):
         with_it, without = Model.of(vessel), Model.of(_without(vessel, effect))
-        left = _all_axes(lacking(trial, with_it), trial, vessel, effect)
-        lack = _all_axes(lacking(trial, without), trial, vessel, effect)
+        left = _all_axes(missing_force_only(trial, with_it), trial, vessel, effect)
+        lack = _all_axes(missing_force_only(trial, without), trial, vessel, effect)
         missing.append(lack[trial.usable])
         supplied.append((lack - left)[trial.usable])
         block.append(1e6 * k + trial.time[trial.usable] // BLOCK_S)

@@ -27,9 +27,15 @@ from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.thresholds import RELIEF
 from sim.effects.effect import Kind
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
-from sim.identification.search import Ends, cost_of, damped_steps, search, weight_of
+from sim.identification.search import (
+    SearchLimits,
+    damped_steps,
+    robust_cost,
+    robust_weights,
+    search,
+)
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.shooting import residuals_of, slope_of
+from sim.identification.shooting import jacobian_of, residuals_of
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect
@@ -67,12 +73,12 @@ class Fit:
     def slope(self) -> Floats:
         """∂ residual / ∂ z: (N, n)."""
         windows = self.ground.seen_by(self.unknowns, self.z)
-        return slope_of(self.unknowns, windows, self.z)
+        return jacobian_of(self.unknowns, windows, self.z)
 
     @cached_property
     def weight(self) -> Floats:
         """How much each residual counts, (N,): outliers less."""
-        return weight_of(self.residual, ROBUST)
+        return robust_weights(self.residual, ROBUST)
 
     def steps(self, residual: Floats, rows: Rows = slice(None)) -> Floats:
         """Gauss–Newton steps (K, n) that some residuals ask for, the first not damped."""
@@ -88,14 +94,14 @@ class Fit:
         steps = np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1)
         z = np.clip(self.z + steps, *self.unknowns.bounds)
         residual = self.at(z.reshape(-1, len(self.z))).reshape(*z.shape[:2], -1)
-        best = cost_of(self.unknowns, z, residual, ROBUST, seen).argmin(axis=1)
+        best = robust_cost(self.unknowns, z, residual, ROBUST, seen).argmin(axis=1)
         fold = np.arange(len(z))
         return Refits(z[fold, best], residual[fold, best])
 
     @property
     def cost(self) -> float:
         """What the search lowered."""
-        return float(cost_of(self.unknowns, self.z, self.residual, ROBUST))
+        return float(robust_cost(self.unknowns, self.z, self.residual, ROBUST))
 
     def at(self, z: Floats) -> Floats:
         """Residuals (K, N) at other numbers z (K, n)."""
@@ -167,8 +173,8 @@ def fitted(
     """The best z from a start, by least squares with bounds."""
     windows = ground.seen_by(unknowns, z)
     residuals = partial(residuals_of, unknowns, windows)
-    slope = partial(slope_of, unknowns, windows)
-    found = search(residuals, slope, unknowns, z, Ends(ROBUST, steps))
+    slope = partial(jacobian_of, unknowns, windows)
+    found = search(residuals, slope, unknowns, z, SearchLimits(ROBUST, steps))
     left = found.fun[: len(ground.block)]
     return Fit(tuple(added), unknowns, ground, np.asarray(found.x), left)
 

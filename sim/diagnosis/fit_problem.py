@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from sim.effects.effect import Effect
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
-from sim.identification.runs import Tiles
+from sim.identification.runs import RunRows
 from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import (
     RunSet,
-    TrialRuns,
-    voyages_of,
-    window_of,
+    TrialTrack,
+    build_run_set,
+    trial_tracks,
 )
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
@@ -95,7 +95,7 @@ class FitProblem:
     vessel: Vessel
     trials: tuple[Trial, ...]
     settings: IdentifySettings
-    voyages: tuple[TrialRuns, ...]
+    voyages: tuple[TrialTrack, ...]
     noise: tuple[Noise, ...]
     windows: tuple[RunSet, ...]
     block: Ints
@@ -113,16 +113,16 @@ class FitProblem:
         noise: Sequence[Noise],
         settings: IdentifySettings,
         block: float,
-        voyages: tuple[TrialRuns, ...] | None = None,
+        voyages: tuple[TrialTrack, ...] | None = None,
     ) -> "FitProblem":
         """Runs as the model of `unknowns` at z (n,) allows them; blocks of so many seconds.
 
         `voyages`: the motion that runs start from, where it is not the measured one.
         """
         if voyages is None:
-            voyages = tuple(voyages_of(trials, [t.usable for t in trials]))
+            voyages = tuple(trial_tracks(trials, [t.usable for t in trials]))
         windows = tuple(
-            window_of(v, unknowns, z, n, settings.horizons[-1], settings)
+            build_run_set(v, unknowns, z, n, settings.horizons[-1], settings)
             for v, n in zip(voyages, noise, strict=True)
         )
         return _laid_out(vessel, tuple(trials), settings, voyages, tuple(noise), windows, block)
@@ -169,7 +169,7 @@ def _laid_out(
     vessel: Vessel,
     trials: tuple[Trial, ...],
     settings: IdentifySettings,
-    voyages: tuple[TrialRuns, ...],
+    voyages: tuple[TrialTrack, ...],
     noise: tuple[Noise, ...],
     windows: tuple[RunSet, ...],
     block: float,
@@ -191,29 +191,30 @@ def _laid_out(
 
 def _every(window: RunSet, step: int) -> RunSet:
     """Every so many of its runs."""
-    tiles = Tiles(window.tiles.first[::step], window.tiles.size[::step])
+    rows = RunRows(window.rows.first[::step], window.rows.size[::step])
     return replace(
-        window, tiles=tiles, within=window.within[::step], memory=window.memory[::step],
-        basis=window.basis[::step], mix=None if window.mix is None else window.mix[::step],
+        window, rows=rows, within=window.within[::step], memory=window.memory[::step],
+        basis=window.basis[::step],
+        whitener=None if window.whitener is None else window.whitener[::step],
     )  # fmt: skip
 
 
 def _for(window: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
-    number, trial = window.voyage.number, window.voyage.trial
+    number, trial = window.source.number, window.source.trial
     model = replace(unknowns.model, theta=unknowns.theta(z[None], number)[0])
-    return replace(window, model=model, memory=memory_at(model, trial, window.tiles.first))
+    return replace(window, model=model, memory=memory_at(model, trial, window.rows.first))
 
 
 def _places(window: RunSet) -> tuple[Floats, Floats, Ints]:
-    trial, tiles = window.voyage.trial, window.tiles
-    shape = (len(tiles.first), window.within.shape[1])
+    trial, rows = window.source.trial, window.rows
+    shape = (len(rows.first), window.within.shape[1])
     inside = window.within > 0
-    begin = np.broadcast_to(trial.time[tiles.first][:, None], shape)[inside]
-    last = np.minimum(tiles.first + tiles.size - 1, len(trial) - 1)
+    begin = np.broadcast_to(trial.time[rows.first][:, None], shape)[inside]
+    last = np.minimum(rows.first + rows.size - 1, len(trial) - 1)
     end = np.broadcast_to(trial.time[last][:, None], shape)[inside]
     return (
         np.repeat(begin, 3), np.repeat(end, 3),
-        np.full(3 * len(begin), window.voyage.number, np.int64),
+        np.full(3 * len(begin), window.source.number, np.int64),
     )  # fmt: skip
 
 

@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.fit import Fit
-from sim.identification.shooting import RunSet, run
+from sim.identification.shooting import RunSet, simulate_runs
 from sim.model import Model
-from sim.prediction.inputs import commands_of
-from sim.prediction.missing_force import lacking
+from sim.prediction.inputs import vessel_commands
+from sim.prediction.missing_force import missing_force_only
 from sim.prediction.transition import transitions
 from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
@@ -46,15 +46,15 @@ SAYS = {
 
 def moved_by(fit: Fit, window: RunSet) -> dict[str, Floats]:
     """What each term of each group would do to the errors of one trial's runs: (S, n, 3, K)."""
-    number, trial = window.voyage.number, window.voyage.trial
+    number, trial = window.source.number, window.source.trial
     theta = fit.unknowns.theta(fit.z[None], number)[0]
     model = replace(fit.unknowns.model, theta=theta)
-    rows = window.tiles.first[:, None] + np.arange(window.within.shape[1] * window.every)
+    rows = window.rows.first[:, None] + np.arange(window.within.shape[1] * window.every)
     rows = np.minimum(rows, len(trial) - 1)
     each = np.unique(rows)
     A = transitions(model, trial, each, 1)[:, 3:, 3:][np.searchsorted(each, rows)]
     # past its end a run is padded, and at the end of the trial nothing goes on
-    inside = np.arange(rows.shape[1]) < window.tiles.size[:, None]
+    inside = np.arange(rows.shape[1]) < window.rows.size[:, None]
     A = np.where(inside[..., None, None] & np.isfinite(A), A, 0.0)
     scene = _Scene.of(fit, window, model, rows)
     masses = np.array([theta[model.names.index(m)] for m in ("m11", "m22", "m33")])
@@ -86,8 +86,8 @@ class _Scene:
 
     @classmethod
     def of(cls, fit: Fit, window: RunSet, model: Model, rows: Ints) -> "_Scene":
-        said = _held(run(window, fit.unknowns, fit.z[None])[0])[:, : rows.shape[1]]
-        return cls(model, window.voyage.trial, rows, np.moveaxis(said[..., :6], -1, 0))
+        said = _held(simulate_runs(window, fit.unknowns, fit.z[None])[0])[:, : rows.shape[1]]
+        return cls(model, window.source.trial, rows, np.moveaxis(said[..., :6], -1, 0))
 
     def forces(self) -> Mapping[str, Floats]:
         """Groups of forces (S, R, 3, K) on X, Y, N."""
@@ -95,7 +95,7 @@ class _Scene:
         time = self.trial.time[self.rows]
         t = np.pi * time / max(float(self.trial.time[-1]), 1.0)
         motors = max(len(self.model.vessel.thrusters), 1)
-        c = commands_of(self.model, self.trial)[:, :motors][self.rows]
+        c = vessel_commands(self.model, self.trial)[:, :motors][self.rows]
         stack = np.stack
         waves = stack([f(k * t) for k in (1, 2, 3, 4) for f in (np.sin, np.cos)], axis=-1)
         turned = stack([np.cos(yaw), np.sin(yaw), np.cos(2 * yaw), np.sin(2 * yaw)], axis=-1)
@@ -195,10 +195,10 @@ FINER = 4  # points per line of the spectrum
 
 def rhythms(model: Model, trial: Trial) -> Floats:
     """The frequency [rad/s] that stands out most in what each motor fails to do: (motors,)."""
-    left = lacking(trial, model)[:, (0, 2)]
+    left = missing_force_only(trial, model)[:, (0, 2)]
     left = np.where(trial.usable[:, None], left, 0.0)
     left = left / np.maximum(left.std(axis=0), 1e-12)
-    c = commands_of(model, trial)[:, : len(model.vessel.thrusters)]
+    c = vessel_commands(model, trial)[:, : len(model.vessel.thrusters)]
     told = left[:, None, :] * (c * np.abs(c))[..., None]
     size = FINER * len(trial)
     power = np.sum(np.abs(np.fft.rfft(told, size, axis=0)) ** 2, axis=-1)

@@ -139,7 +139,7 @@ class HeldOutScorer:
             mine = ruler if fold is None else ruler.only(fold[ruler.segments.rows] == k)
             if not len(mine.segments.rows):
                 continue
-            segment, _, error = predict(self.trials[trial], model, mine).along()
+            segment, _, error = predict(self.trials[trial], model, mine).predicted_rows()
             squares.append(scaled_squares(error, ruler.scales))
             labels.append(1e6 * trial + mine.blocks[segment])
         return np.concatenate(squares), np.concatenate(labels)

@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.effects.effect import Effect, Shown
 from sim.model import Model
-from sim.prediction.inputs import commands_of
+from sim.prediction.inputs import vessel_commands
 from sim.state import Eta, Floats, Nu
 from sim.trial import Trial
 
@@ -70,7 +70,7 @@ def seen_in(model: Model, trials: Sequence[Trial]) -> Seen:
     share = np.bincount(sector, minlength=SECTORS) / max(len(sector), 1)
     motors = len(model.vessel.thrusters)
     astern = sum(
-        float(np.any(commands_of(model, t)[k, :motors] < ASTERN, axis=1).sum()) * t.dt
+        float(np.any(vessel_commands(model, t)[k, :motors] < ASTERN, axis=1).sum()) * t.dt
         for t, k in zip(trials, usable, strict=True)
     )
     volts: Floats = np.concatenate([t.voltage[k] for t, k in zip(trials, usable, strict=True)])

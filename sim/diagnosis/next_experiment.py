@@ -30,7 +30,7 @@ from sim.effects.effect import Separation
 from sim.excitation.catalogue import MANOEUVRES
 from sim.excitation.manoeuvre import Limits, Manoeuvre
 from sim.excitation.sticks import commands_of
-from sim.identification.shooting import residuals_of, slope_of
+from sim.identification.shooting import jacobian_of, residuals_of
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial
@@ -65,7 +65,7 @@ def informing(fit: Fit) -> list[Suggested]:
 
     def nats(trial: Trial) -> float:
         ground = _ground(fit, trial)
-        J = slope_of(fit.unknowns, ground.seen_by(fit.unknowns, fit.z), fit.z)
+        J = jacobian_of(fit.unknowns, ground.seen_by(fit.unknowns, fit.z), fit.z)
         told = np.linalg.slogdet(known + J.T @ J / RELIEF)[1] - np.linalg.slogdet(known)[1]
         return 0.5 * float(told)
 
@@ -125,7 +125,7 @@ def _left(best: Fit, rival: Fit, trial: Trial) -> float:
         windows = ground.seen_by(rival.unknowns, z)
         r, J = (
             residuals_of(rival.unknowns, windows, z[None])[0],
-            slope_of(rival.unknowns, windows, z),
+            jacobian_of(rival.unknowns, windows, z),
         )
         s = J.T @ r / RELIEF + known @ (z - rival.z)
         z = np.clip(z - np.linalg.lstsq(J.T @ J / RELIEF + known, s, rcond=None)[0], lower, upper)

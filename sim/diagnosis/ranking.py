@@ -17,7 +17,7 @@ from sim.diagnosis.heldout import Gain, gain, per_block, probabilities, unseen
 from sim.diagnosis.screening import Each, Promise, Tell, screened
 from sim.effects.effect import Effect
 from sim.identification.parameters import Unknowns
-from sim.identification.shooting import noise_left
+from sim.identification.shooting import noise_of_runs
 from sim.model import Model
 from sim.state import Floats
 
@@ -139,7 +139,7 @@ def _simpler_first(rows: list[Ranked]) -> tuple[Ranked, ...]:
 def renewed(reference: Fit, unknowns: Unknowns, z: Floats) -> FitProblem:
     """The ground with noise as a model with these numbers leaves it, starts linearised anew."""
     ground = reference.ground
-    noise = [noise_left(w, unknowns, z) for w in ground.seen_by(unknowns, z)]
+    noise = [noise_of_runs(w, unknowns, z) for w in ground.seen_by(unknowns, z)]
     return FitProblem.of(
         ground.vessel, ground.trials, reference.unknowns, reference.z, noise, ground.settings, BLOCK
     )

@@ -21,9 +21,21 @@ from scipy.linalg import block_diag
 from sim.diagnosis.fit import ROBUST, Fit, Rows
 from sim.diagnosis.force_terms import OWN, SAYS, moved_by
 from sim.diagnosis.heldout import CLIP, Gain, gain
-from sim.identification.noise import SMALLEST, Errors, Noise, estimated, mixing, starts_out
-from sim.identification.search import slopes_of, weight_of
-from sim.identification.shooting import RunSet, errors_at, errors_of, projected
+from sim.identification.noise import (
+    MIN_SIGMA,
+    Noise,
+    RunErrors,
+    estimate_noise,
+    project_out_starts,
+    timing_whitener,
+)
+from sim.identification.search import robust_weights, stacked_jacobian
+from sim.identification.shooting import (
+    RunSet,
+    errors_and_sensitivity,
+    projected_residuals,
+    run_errors,
+)
 from sim.state import Floats
 
 RIDGE = 3.0  # in whitened rows: how much a term must say before it is listened to
@@ -70,18 +82,18 @@ class _Trial:
     """
 
     window: RunSet
-    errors: Errors
+    errors: RunErrors
     slope: Floats
     moved: Mapping[str, Floats]
 
     @classmethod
     def of(cls, fit: Fit, window: RunSet) -> "_Trial":
-        errors, unknowns = errors_at(window, fit.unknowns, fit.z), fit.unknowns
+        errors, unknowns = errors_and_sensitivity(window, fit.unknowns, fit.z), fit.unknowns
 
         def flat(z: Floats) -> Floats:
-            return errors_of(window, unknowns, z).reshape(len(z), -1)
+            return run_errors(window, unknowns, z).reshape(len(z), -1)
 
-        slope = slopes_of([(window.voyage.number, flat)], unknowns, fit.z)
+        slope = stacked_jacobian([(window.source.number, flat)], unknowns, fit.z)
         slope = slope.reshape(*errors.error.shape, -1)
         return cls(window, errors, slope, moved_by(fit, window))
 
@@ -90,23 +102,25 @@ class _Trial:
         inside = self.errors.error[self.errors.within > 0]
         size = np.median(np.abs(inside), axis=0) / NORMAL
         rho = np.full(3, np.exp(-self.step / SOON))
-        return Noise(np.maximum(size, SMALLEST), rho, self.window.noise.jolt)
+        return Noise(np.maximum(size, MIN_SIGMA), rho, self.window.noise.command_timing)
 
     @property
     def step(self) -> float:
         """Seconds from mean to mean."""
-        return self.window.every * self.window.voyage.trial.dt
+        return self.window.every * self.window.source.trial.dt
 
     def under(self, noise: Noise) -> RunSet:
         """The window with another noise."""
-        _, basis, _ = starts_out(self.errors, noise)
-        return replace(self.window, noise=noise, basis=basis, mix=mixing(self.errors, noise)[0])
+        _, basis, _ = project_out_starts(self.errors, noise)
+        return replace(
+            self.window, noise=noise, basis=basis, whitener=timing_whitener(self.errors, noise)[0]
+        )
 
     def noise_without(self, gone: Floats) -> Noise:
         """The noise that makes what is left most likely once (S, n, 3) is explained."""
         left, noise = self.errors._replace(error=self.errors.error - gone), self.window.noise
         for _ in range(ROUNDS):
-            before, noise = noise, estimated(left, self.step, noise)
+            before, noise = noise, estimate_noise(left, self.step, noise)
             if np.array_equal(before.rho, noise.rho):
                 break
         return noise
@@ -127,13 +141,15 @@ class _White:
     def of(cls, fit: Fit, trials: Sequence[_Trial], noise: Sequence[Noise]) -> "_White":
         windows = [t.under(n) for t, n in zip(trials, noise, strict=True)]
         pairs = list(zip(windows, trials, strict=True))
-        residual = np.concatenate([projected(w, t.errors.error[None])[0] for w, t in pairs])
+        residual = np.concatenate(
+            [projected_residuals(w, t.errors.error[None])[0] for w, t in pairs]
+        )
         terms = {}
         for on in trials[0].moved:
             each = [_rows(w, t.moved[on]) for w, t in pairs]
             terms[on] = block_diag(*each) if on in OWN else np.concatenate(each)
         return cls(
-            fit, trials, residual, weight_of(residual, ROBUST),
+            fit, trials, residual, robust_weights(residual, ROBUST),
             np.concatenate([_rows(w, t.slope) for w, t in pairs]), terms,
         )  # fmt: skip
 
@@ -185,7 +201,7 @@ class _White:
 
 def _rows(window: RunSet, means: Floats) -> Floats:
     """Means (S, n, 3, K) as residuals: (N, K)."""
-    return np.ascontiguousarray(projected(window, np.moveaxis(means, -1, 0)).T)
+    return np.ascontiguousarray(projected_residuals(window, np.moveaxis(means, -1, 0)).T)
 
 
 def _axes(before: Floats, after: Floats) -> tuple[str, ...]:

@@ -16,9 +16,14 @@ from sim.diagnosis.fit import ROBUST, Fit, started, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
-from sim.identification.search import cost_of, damped_steps, sloped, weight_of
+from sim.identification.search import (
+    damped_steps,
+    residuals_and_jacobian,
+    robust_cost,
+    robust_weights,
+)
 from sim.identification.shooting import residuals_of
-from sim.identification.starts import MOMENTS, starts_of
+from sim.identification.starts import MOMENT_STARTS, start_points
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect
@@ -60,7 +65,7 @@ def screened(
 
     def one(effect: Effect) -> Promise | None:
         tell(effect.name)
-        starts = starts_of(effect, model, trials)
+        starts = start_points(effect, model, trials)
         return look.best(effect, glance.few(effect, starts) if len(starts) > MANY else starts)
 
     found = [p for p in each(one, effects) if p is not None]
@@ -81,7 +86,7 @@ class _Look:
         windows = ground.seen_by(reference.unknowns, reference.z)
         residuals = partial(residuals_of, reference.unknowns, windows)
         every = np.arange(len(reference.unknowns))
-        _, slope = sloped(residuals, reference.unknowns, reference.z, every)
+        _, slope = residuals_and_jacobian(residuals, reference.unknowns, reference.z, every)
         return cls(wide, reference, ground, slope)
 
     def best(self, effect: Effect, starts: Sequence[Values]) -> Promise | None:
@@ -105,7 +110,7 @@ class _Look:
     def timed(self, p: Promise, moment: str) -> Promise:
         """The moment of an event closed in on: no slope tells where it is."""
         longest = max(float(t.time[-1]) for t in self.ground.trials)
-        apart = 0.5 * longest / (MOMENTS + 1)
+        apart = 0.5 * longest / (MOMENT_STARTS + 1)
         while apart > CLOSE:
             at = p.added.values[moment]
             near = [self.moved(p, {moment: at + d}) for d in (-apart, apart)]
@@ -139,18 +144,18 @@ class _Look:
         place = [known.get((u.name, u.trial), -1) for u in p.unknowns.each]
         own = np.flatnonzero(np.array(place) < 0)
         residuals = partial(residuals_of, p.unknowns, windows)
-        residual, mine = sloped(residuals, p.unknowns, p.z, own)
+        residual, mine = residuals_and_jacobian(residuals, p.unknowns, p.z, own)
         J = np.zeros((len(residual), len(place)))
         J[:, own] = mine
         shared = np.flatnonzero(np.array(place) >= 0)
         J[:, shared] = self.slope[:, np.array(place)[shared]]
         if not np.isfinite(J).all():
             return None
-        steps = damped_steps(p.unknowns, p.z, residual, J, weight_of(residual, ROBUST))
+        steps = damped_steps(p.unknowns, p.z, residual, J, robust_weights(residual, ROBUST))
         tried = np.clip(p.z + steps, *p.unknowns.bounds)
-        costs = cost_of(p.unknowns, tried, residuals(tried), ROBUST)
+        costs = robust_cost(p.unknowns, tried, residuals(tried), ROBUST)
         k = int(np.argmin(costs))
-        here = float(cost_of(p.unknowns, p.z, residual, ROBUST))
+        here = float(robust_cost(p.unknowns, p.z, residual, ROBUST))
         if here <= costs[k]:
             return Promise(p.effect, p.added, p.unknowns, p.z, here)
         return Promise(p.effect, p.added, p.unknowns, tried[k], float(costs[k]))

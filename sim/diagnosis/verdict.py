@@ -16,9 +16,9 @@ from sim.diagnosis.ladder import Climb, worth_it
 from sim.diagnosis.ranking import CLEAR, Ranked, Ranking
 from sim.diagnosis.residual_terms import Dependence, dependences
 from sim.effects.effect import Effect, Kind
-from sim.identification.intervals import NUISANCE, Estimate, estimates_of, spread_of
+from sim.identification.intervals import NUISANCE, Estimate, estimates_of, uncertainty_of
 from sim.identification.shooting import FitResult
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.vessel import Vessel
 
@@ -189,7 +189,7 @@ def estimates_in(
         fit.z, fit.residual, fit.slope, fit.weight, ground.begin, ground.voyage, ground.noise,
         ground.voyages,
     )  # fmt: skip
-    spread = spread_of(fit.unknowns, shot, ground.settings.block)
+    spread = uncertainty_of(fit.unknowns, shot, ground.settings.block)
     every = estimates_of(fit.unknowns, fit.z, spread, trials)
     base = tuple(e for e in every if "." not in e.name and e.name not in NUISANCE)
     of = {name: tuple(e for e in every if e.name.startswith(f"{name}.")) for name in fit.names}
@@ -218,4 +218,4 @@ def vessel_of(fit: Fit, trial: int = 0) -> Vessel:
     own = {u.name for u in fit.unknowns.each if u.name in model.names}
     own -= {f"{a.effect.name}.{key}" for a in fit.added for key in a.values}
     changed = {name: float(theta[model.names.index(name)]) for name in own}
-    return applied(vessel, changed).with_effects(*fit.found(trial))
+    return updated_vessel(vessel, changed).with_effects(*fit.found(trial))

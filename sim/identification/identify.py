@@ -9,28 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.excitation.step_response import StepResponses, step_responses
-from sim.identification.instrumental import disagreements, instrumental
+from sim.identification.instrumental import cross_check_by_instruments, instrumental
 from sim.identification.intervals import (
     NUISANCE,
     Estimate,
-    combinations,
     estimates_of,
-    spread_of,
-    untold,
+    trade_offs,
+    uncertainty_of,
+    undetermined,
 )
-from sim.identification.output_error import left_alone
+from sim.identification.output_error import fit_by_output_error
 from sim.identification.parameters import OFFSETS, Unknowns, unknowns_of
-from sim.identification.regression import regressed
+from sim.identification.regression import fit_by_regression
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.shooting import FitResult, shoot
+from sim.identification.shooting import FitResult, fit_by_shooting
 from sim.identification.validation import (
     Validation,
     held_out,
-    judged_on,
-    untold_channels,
-    validated,
+    unconfirmed_channels,
+    validate,
+    with_usable_rows,
 )
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats
@@ -39,11 +39,11 @@ from sim.trial import Trial
 from sim.vessel import Vessel, freed
 
 LEAST_S = 20.0  # of usable time
-EQUATIONS = {"regression": regressed, "instrumental": instrumental}
+EQUATIONS = {"regression": fit_by_regression, "instrumental": instrumental}
 
 
 @dataclass(frozen=True)
-class Identified:
+class Identification:
     """The vessel with its new numbers, how sure they are, and what it gains on unseen time.
 
     vessel       with the numbers of the first recording where each has its own
@@ -73,9 +73,9 @@ class Identified:
         return step_responses(Model.of(self.vessel))
 
     @property
-    def untold(self) -> tuple[str, ...]:
+    def unconfirmed(self) -> tuple[str, ...]:
         """Channels that no validation recording confirms, a sentence each."""
-        return untold_channels(self.validation)
+        return unconfirmed_channels(self.validation)
 
     def to_pandas(self) -> Any:
         """One row per parameter: before, value, interval, whether the data tell it."""
@@ -99,7 +99,7 @@ class Identified:
             "offsets": {e.name: e.to_dict() for e in self.nuisances},
             "trade": list(self.trade), "validation": [v.to_dict() for v in self.validation],
             "cross_check": list(self.cross_check), "notices": list(self.notices),
-            "not_identifiable": list(self.untold), "step_responses": self.answers.to_dict(),
+            "not_identifiable": list(self.unconfirmed), "step_responses": self.answers.to_dict(),
         }  # fmt: skip
 
 
@@ -109,7 +109,7 @@ def identify(
     settings: IdentifySettings | None = None,
     others: Sequence[Trial] = (),
     tell: Callable[[str], None] = lambda _: None,
-) -> Identified:
+) -> Identification:
     """Fit on the trials, validate on `others`, or else on blocks that another fit did not see."""
     settings = settings or IdentifySettings()
     seconds = sum(float(t.usable.sum()) * t.dt for t in trials)
@@ -120,24 +120,24 @@ def identify(
         return _by_equations(trials, before, settings, others, seconds)
     unknowns = unknowns_of(before, len(trials), settings)
     shot = _search(unknowns, trials, [t.usable for t in trials], settings, None, tell)
-    spread = spread_of(unknowns, shot, settings.block)
-    vague = untold(unknowns, shot.z, spread)
+    spread = uncertainty_of(unknowns, shot, settings.block)
+    vague = undetermined(unknowns, shot.z, spread)
     if vague.any() and not vague.all():
         shot = _without(unknowns, vague, shot, trials, settings)
     every = estimates_of(unknowns, shot.z, spread, [t.name for t in trials])
-    afters = [replaced(unknowns, shot.z, i) for i in range(len(trials))]
+    afters = [fitted_model(unknowns, shot.z, i) for i in range(len(trials))]
     after = afters[0]
     later = _later(unknowns, shot.z)
-    validation = [validated(t, before, after, t.name, later=later) for t in others]
+    validation = [validate(t, before, after, t.name, later=later) for t in others]
     if not others:
         tell("validation")
         validation = _on_held_out(unknowns.held(vague), trials, shot, settings, before)
     estimates = tuple(e for e in every if e.name not in NUISANCE)
-    return Identified(
+    return Identification(
         after.vessel, settings.method, seconds, estimates,
         tuple(e for e in every if e.name in NUISANCE),
-        combinations(unknowns, shot.z, spread), tuple(validation),
-        tuple(model.vessel for model in afters), disagreements(trials, after, estimates),
+        trade_offs(unknowns, shot.z, spread), tuple(validation),
+        tuple(model.vessel for model in afters), cross_check_by_instruments(trials, after, estimates),
     )  # fmt: skip
 
 
@@ -150,17 +150,17 @@ def _search(
     tell: Callable[[str], None] = lambda _: None,
 ) -> FitResult:
     """By the method that was asked for."""
-    find = left_alone if settings.method == "simulation" else shoot
+    find = fit_by_output_error if settings.method == "simulation" else fit_by_shooting
     return find(unknowns, trials, usable, settings, start, tell)
 
 
-def replaced(unknowns: Unknowns, z: Floats, trial: int = 0) -> Model:
+def fitted_model(unknowns: Unknowns, z: Floats, trial: int = 0) -> Model:
     """The model with the numbers found; those of one voyage as on that trial."""
     theta = unknowns.theta(z[None], trial)[0]
     model = unknowns.model
     values = dict(zip(model.names, theta.tolist(), strict=True))
     changed = {u.name: values[u.name] for u in unknowns.each if u.name in values}
-    return replace(model, vessel=applied(model.vessel, changed), theta=theta)
+    return replace(model, vessel=updated_vessel(model.vessel, changed), theta=theta)
 
 
 def _without(
@@ -193,10 +193,10 @@ def _on_held_out(
     out = []
     for i, (trial, cut) in enumerate(zip(trials, cuts, strict=True)):
         if cut is not None:
-            after = replaced(unknowns, again.z, i)
+            after = fitted_model(unknowns, again.z, i)
             name = f"{trial.name}, blocks held out"
-            judged, later = judged_on(trial, cut[1]), _later(unknowns, again.z)
-            out.append(validated(judged, before, after, name, alone=False, later=later))
+            judged, later = with_usable_rows(trial, cut[1]), _later(unknowns, again.z)
+            out.append(validate(judged, before, after, name, alone=False, later=later))
     return out
 
 
@@ -211,14 +211,14 @@ def _by_equations(
     settings: IdentifySettings,
     others: Sequence[Trial],
     seconds: float,
-) -> Identified:
+) -> Identification:
     """Linear in the parameters: nine of a plain vessel, all at once."""
     found = EQUATIONS[settings.method](trials, before)
     values = {name: float(v) for name, v in zip(BASE, found.value, strict=True)}
     usable = {n: min(v, 0.0) if n not in BASE[:3] else max(v, 1e-3) for n, v in values.items()}
-    vessel = applied(before.vessel, usable)
+    vessel = updated_vessel(before.vessel, usable)
     after = Model.of(vessel)
-    return Identified(
+    return Identification(
         vessel, settings.method, seconds,
         tuple(
             Estimate(
@@ -228,6 +228,6 @@ def _by_equations(
             )
             for i, (name, unit) in enumerate(zip(BASE, found.units, strict=True))
         ),
-        (), (), tuple(validated(t, before, after, t.name) for t in others),
+        (), (), tuple(validate(t, before, after, t.name) for t in others),
         tuple(vessel for _ in trials),
     )  # fmt: skip

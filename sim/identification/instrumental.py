@@ -30,13 +30,13 @@ from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
 from sim.identification.intervals import Estimate
 from sim.identification.parameters import UNITS
-from sim.identification.regression import SIGN, Regression, held_forces, regressor
+from sim.identification.regression import DELTA_SIGN, Regression, interval_forces, regressor
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import inputs_of, motion_of, runs_from
+from sim.prediction.inputs import input_table, measured_motion, runs_from
 from sim.prediction.scales import scales_of
-from sim.prediction.segments import BLOCK_S, NoUsableTimeError, stretches
+from sim.prediction.segments import BLOCK_S, NoUsableTimeError, usable_stretches
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -68,7 +68,7 @@ def instrumental(trials: Sequence[Trial], model: Model, block: float = BLOCK_S) 
         if not rows:
             raise NoUsableTimeError(TOO_LITTLE)
         delta, std, count = _solved(rows)
-        value, early = delta[: len(BASE)] * SIGN, bool(delta[-1] > 0.0)
+        value, early = delta[: len(BASE)] * DELTA_SIGN, bool(delta[-1] > 0.0)
         if not np.isfinite(std).all():
             raise NoUsableTimeError(TOO_LITTLE)
         if np.all(np.abs(value - before) < SETTLED * std):
@@ -83,7 +83,7 @@ def _value(model: Model) -> Floats:
 
 def _with(model: Model, value: Floats) -> Model:
     """The model with these nine, each with a sign that a vessel can have."""
-    inertia = SIGN > 0.0
+    inertia = DELTA_SIGN > 0.0
     kept = np.where(inertia, np.maximum(value, 0.1 * _value(model)), np.minimum(value, 0.0))
     theta = model.theta.copy()
     theta[[model.names.index(name) for name in BASE]] = kept
@@ -93,7 +93,7 @@ def _with(model: Model, value: Floats) -> Model:
 def _rows(trial: Trial, model: Model, block: float, number: int, early: bool) -> list[Rows]:
     """The stretches of one trial, with instruments of this model."""
     sim, known = _simulated(trial, model)
-    tau = held_forces(trial, model)
+    tau = interval_forces(trial, model)
     later = _rate(tau, trial.dt, early)[..., None]
     phi = np.concatenate([_over_intervals(trial.nu, trial.dt), later], axis=2)
     z = np.concatenate([_over_intervals(sim, trial.dt), later], axis=2)
@@ -101,7 +101,7 @@ def _rows(trial: Trial, model: Model, block: float, number: int, early: bool) ->
     width = max(min(block, float(trial.usable.sum()) * trial.dt / 6.0), 5.0)
     out = []
     whole = known & np.append(known[1:], False)
-    for stretch in stretches(trial.usable & whole):
+    for stretch in usable_stretches(trial.usable & whole):
         n = len(stretch) // every * every
         if n == 0:
             continue
@@ -135,14 +135,16 @@ def _simulated(trial: Trial, model: Model) -> tuple[Floats, NDArray[np.bool_]]:
     skip, length = (round(s / trial.dt) for s in (FORGOTTEN, RUN))
     pairs = [
         (row, min(row + length, stretch.stop) - 1 - row)
-        for stretch in stretches(trial.usable)
+        for stretch in usable_stretches(trial.usable)
         for row in range(stretch.start, stretch.stop - skip, length - skip)
     ]
     first, steps = np.array(pairs, np.int64).reshape(-1, 2).T
     if not len(first):
         return out, known
-    x0 = np.hstack([model.true_states(motion_of(trial)[first]), memory_at(model, trial, first)])
-    _, reports = model.run(x0, runs_from(first, steps), inputs_of(model, trial))
+    x0 = np.hstack(
+        [model.true_states(measured_motion(trial)[first]), memory_at(model, trial, first)]
+    )
+    _, reports = model.run(x0, runs_from(first, steps), input_table(model, trial))
     limit = FAR * scales_of(trial) + np.abs(trial.nu[trial.usable]).max(axis=0)
     for row, n, said in zip(first, steps, reports[..., 3:6], strict=True):
         part = said[skip : n + 1]
@@ -209,7 +211,7 @@ LOOK = {
 }
 
 
-def disagreements(
+def cross_check_by_instruments(
     trials: Sequence[Trial], model: Model, estimates: Sequence[Estimate]
 ) -> tuple[str, ...]:
     """A sentence for each base parameter whose two intervals lie apart; none where all agree.

@@ -30,7 +30,7 @@ SHORTEST = 5.0  # s
 DOUBTED = 0.1  # of the information of what is only assumed
 
 
-class Spread(NamedTuple):
+class Uncertainty(NamedTuple):
     """How far off z may be.
 
     information  (n, n) of the data and of what is known beforehand
@@ -43,10 +43,10 @@ class Spread(NamedTuple):
     factor: float
 
 
-def spread_of(unknowns: Unknowns, shot: FitResult, block: float) -> Spread:
+def uncertainty_of(unknowns: Unknowns, shot: FitResult, block: float) -> Uncertainty:
     """From the residuals block by block; of short and longer blocks those that doubt more."""
-    weighted = shot.slope * shot.weight[:, None]
-    told = weighted.T @ shot.slope + unknowns.evidence
+    weighted = shot.jacobian * shot.weight[:, None]
+    told = weighted.T @ shot.jacobian + unknowns.evidence
     model = np.linalg.inv(told + DOUBTED * unknowns.assumptions)
     H = told + unknowns.assumptions
     widen, factor = np.ones(len(H)), float(student.ppf(0.975, 2))
@@ -59,7 +59,7 @@ def spread_of(unknowns: Unknowns, shot: FitResult, block: float) -> Spread:
         factor = t if length == block else factor
         robust = np.diag(_jackknifed(H, weighted, shot, number)) / np.diag(model)
         widen = np.maximum(widen, np.sqrt(robust) * t / factor)
-    return Spread(told, model * np.outer(widen, widen), factor)
+    return Uncertainty(told, model * np.outer(widen, widen), factor)
 
 
 def _jackknifed(
@@ -67,7 +67,7 @@ def _jackknifed(
 ) -> Floats:
     """Covariance (n, n) from leaving out each block in turn."""
     blocks = [number == g for g in range(int(number.max()) + 1)]
-    each = np.stack([weighted[g].T @ shot.slope[g] for g in blocks])
+    each = np.stack([weighted[g].T @ shot.jacobian[g] for g in blocks])
     score = np.stack([weighted[g].T @ shot.residual[g] for g in blocks])
     moved = np.linalg.solve(H - each, score[..., None])[..., 0]
     moved -= moved.mean(axis=0)
@@ -76,9 +76,11 @@ def _jackknifed(
 
 def _blocks(shot: FitResult, length: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Number of the block of time of each residual: (N,)."""
-    total = sum(float(np.ptp(shot.moment[shot.voyage == v])) for v in np.unique(shot.voyage))
+    total = sum(
+        float(np.ptp(shot.time[shot.trial_number == v])) for v in np.unique(shot.trial_number)
+    )
     width = max(min(length, total / FEWEST), SHORTEST)
-    label = shot.voyage * 1e6 + np.floor(shot.moment / width)
+    label = shot.trial_number * 1e6 + np.floor(shot.time / width)
     return np.asarray(np.unique(label, return_inverse=True)[1], np.int64)
 
 
@@ -117,7 +119,7 @@ class Estimate:
     trial: str | None = None
     doubt: str = ""
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """For JSON: without what does not apply."""
         out: dict[str, Any] = {
             "value": self.value, "ci95": list(self.ci95), "unit": self.unit,
@@ -127,7 +129,7 @@ class Estimate:
 
 
 def estimates_of(
-    unknowns: Unknowns, z: Floats, spread: Spread, trials: Sequence[str]
+    unknowns: Unknowns, z: Floats, spread: Uncertainty, trials: Sequence[str]
 ) -> tuple[Estimate, ...]:
     """All numbers by their names, nuisances too."""
     value, before = unknowns.named(z), unknowns.named(unknowns.start)
@@ -149,7 +151,7 @@ def estimates_of(
     return tuple(out)
 
 
-def untold(unknowns: Unknowns, z: Floats, spread: Spread) -> NDArray[np.bool_]:
+def undetermined(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> NDArray[np.bool_]:
     """Which numbers the data do not tell even if all others were known: (n,)."""
     alone = spread.factor / np.sqrt(np.maximum(np.diag(spread.information), 1e-300))
     nuisance = np.array([u.name in NUISANCE for u in unknowns.each])
@@ -163,7 +165,7 @@ def _sizes(unknowns: Unknowns, z: Floats) -> Floats:
     return np.where(assumed, np.maximum(size, np.abs(z)), [u.prior for u in unknowns.each])
 
 
-def _named_covariance(unknowns: Unknowns, z: Floats, spread: Spread) -> Floats:
+def _named_covariance(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> Floats:
     """Covariance of the numbers by their names, where z holds north and east parts."""
     step = 1e-5 * np.array([u.scale for u in unknowns.each])
     moved = unknowns.named(z + np.diag(step)) - unknowns.named(z - np.diag(step))
@@ -199,12 +201,12 @@ def _too_late(name: str) -> str:
     return f": {symptom.value} ({explaining(symptom)})" if symptom else ""
 
 
-def combinations(unknowns: Unknowns, z: Floats, spread: Spread) -> tuple[str, ...]:
+def trade_offs(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> tuple[str, ...]:
     """Directions that the data hardly tell: the parameters that trade against each other."""
     return tuple(_says(names) for names in _traded(unknowns, z, spread))
 
 
-def _traded(unknowns: Unknowns, z: Floats, spread: Spread) -> list[list[str]]:
+def _traded(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> list[list[str]]:
     """Names of the parameters in each of these directions, two or more."""
     size = _sizes(unknowns, z)
     value, vector = np.linalg.eigh(spread.information * np.outer(size, size))

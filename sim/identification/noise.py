@@ -20,7 +20,7 @@ JOLTS = (0.0, 0.15, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5)
 ENOUGH = 1500  # rows that noise is told by
 SHORT = 5  # rows of a run
 CLIP = 3.0  # standard deviations: outliers count no more in σ
-SMALLEST = np.array([1e-5, 1e-5, 1e-6])  # m/s, m/s, rad/s: even of simulated, exact motion
+MIN_SIGMA = np.array([1e-5, 1e-5, 1e-6])  # m/s, m/s, rad/s: even of simulated, exact motion
 
 
 class Noise(NamedTuple):
@@ -31,7 +31,7 @@ class Noise(NamedTuple):
 
     sigma: Floats
     rho: Floats
-    jolt: float = 0.0
+    command_timing: float = 0.0
 
     def with_channel(self, i: int, sigma: float, rho: float) -> "Noise":
         """The same with another σ and ρ of channel i."""
@@ -40,7 +40,7 @@ class Noise(NamedTuple):
         return self._replace(sigma=sigmas, rho=rhos)
 
 
-class Errors(NamedTuple):
+class RunErrors(NamedTuple):
     """Errors (S, n, 3), ∂ reported / ∂ start (S, n, 3, 3), rows that count (S, n) as 0 and 1.
 
     jolts  (S, 3n, 3n) covariance that the commands' moments add (`sim.identification.runs`)
@@ -49,7 +49,7 @@ class Errors(NamedTuple):
     error: Floats
     phi: Floats
     within: Floats
-    jolts: Floats | None = None
+    timing_covariance: Floats | None = None
 
 
 def whitened(error: Floats, noise: Noise) -> Floats:
@@ -61,17 +61,17 @@ def whitened(error: Floats, noise: Noise) -> Floats:
     return out
 
 
-def mixing(e: Errors, noise: Noise) -> tuple[Floats | None, float]:
+def timing_whitener(e: RunErrors, noise: Noise) -> tuple[Floats | None, float]:
     """What makes whitened rows independent in spite of jolts (S, cn, cn), and log det of it.
 
     Jolts may be those of all channels (c = 3), or of the last one alone.
     """
-    if e.jolts is None or noise.jolt == 0.0:
+    if e.timing_covariance is None or noise.command_timing == 0.0:
         return None, 0.0
     S, n = e.within.shape
-    c = e.jolts.shape[1] // n
+    c = e.timing_covariance.shape[1] // n
     last = Noise(noise.sigma[-c:], noise.rho[-c:])
-    U = noise.jolt**2 * e.jolts
+    U = noise.command_timing**2 * e.timing_covariance
     for _ in range(2):  # from the left, and from the right
         rows = np.moveaxis(U.reshape(S, n, c, c * n), -1, 0)
         white = whitened(rows, last) * e.within[..., None]
@@ -81,7 +81,7 @@ def mixing(e: Errors, noise: Noise) -> tuple[Floats | None, float]:
     return np.linalg.inv(L), -float(size)
 
 
-def mixed(rows: Floats, mix: Floats | None) -> Floats:
+def apply_whitener(rows: Floats, mix: Floats | None) -> Floats:
     """Whitened rows (..., S, n, 3), mixed (S, cn, cn) in all or the last of their channels."""
     if mix is None:
         return rows
@@ -92,13 +92,13 @@ def mixed(rows: Floats, mix: Floats | None) -> Floats:
     return np.concatenate([rows[..., :-c], told], axis=-1)
 
 
-def starts_out(e: Errors, noise: Noise) -> tuple[Floats, Floats, Floats]:
+def project_out_starts(e: RunErrors, noise: Noise) -> tuple[Floats, Floats, Floats]:
     """Whitened residuals (S, n, 3) without what a start explains, the basis (S, n, 3, 3) of that,
 
     and the correction (S, 3) of the start [m/s, m/s, rad/s].
     """
-    mix, _ = mixing(e, noise)
-    w = mixed(whitened(e.error, noise) * e.within[..., None], mix)
+    mix, _ = timing_whitener(e, noise)
+    w = apply_whitener(whitened(e.error, noise) * e.within[..., None], mix)
     A = _of_starts(e, noise, mix)
     S, n = e.within.shape
     Q, R = np.linalg.qr(A.reshape(S, 3 * n, 3))
@@ -108,38 +108,42 @@ def starts_out(e: Errors, noise: Noise) -> tuple[Floats, Floats, Floats]:
     return w - np.einsum("sncl,sl->snc", basis, along), basis, correction
 
 
-def _of_starts(e: Errors, noise: Noise, mix: Floats | None) -> Floats:
+def _of_starts(e: RunErrors, noise: Noise, mix: Floats | None) -> Floats:
     """What whitened residuals owe to the starts: (S, n, 3, 3)."""
     white = whitened(np.moveaxis(e.phi, -1, 0), noise) * e.within[..., None]
-    return np.moveaxis(mixed(white, mix), 0, -1)
+    return np.moveaxis(apply_whitener(white, mix), 0, -1)
 
 
-def estimated(e: Errors, dt: float, before: Noise) -> Noise:
+def estimate_noise(e: RunErrors, dt: float, before: Noise) -> Noise:
     """The most likely noise: channel by channel, the others at what they were, and the jolts."""
     e, noise = _some(e), before
     rhos = np.exp(-dt / np.array(TIMES))
     for i in range(2):
         found = [
-            _fitted(e._replace(jolts=None), noise, i, float(rho))
+            _fitted(e._replace(timing_covariance=None), noise, i, float(rho))
             for rho in _near(rhos, noise.rho[i], e)
         ]
         noise = min(found, key=lambda f: f[0])[1]
     found = [
-        _fitted(e, noise._replace(jolt=float(jolt)), 2, float(rho))
-        for jolt in ([0.0] if e.jolts is None else _near(np.array(JOLTS), noise.jolt, e))
+        _fitted(e, noise._replace(command_timing=float(jolt)), 2, float(rho))
+        for jolt in (
+            [0.0]
+            if e.timing_covariance is None
+            else _near(np.array(JOLTS), noise.command_timing, e)
+        )
         for rho in _near(rhos, noise.rho[2], e)
     ]
     return min(found, key=lambda f: f[0])[1]
 
 
-def _some(e: Errors) -> Errors:
+def _some(e: RunErrors) -> RunErrors:
     """Every so many of the runs, and jolts of the yaw rate alone: enough to tell noise by."""
     step = max(int(e.within.sum()) // ENOUGH, 1)
-    jolts = None if e.jolts is None else e.jolts[::step, 2::3, 2::3]
-    return Errors(e.error[::step], e.phi[::step], e.within[::step], jolts)
+    jolts = None if e.timing_covariance is None else e.timing_covariance[::step, 2::3, 2::3]
+    return RunErrors(e.error[::step], e.phi[::step], e.within[::step], jolts)
 
 
-def _near(grid: Floats, at: float, e: Errors) -> Floats:
+def _near(grid: Floats, at: float, e: RunErrors) -> Floats:
     """Points of a grid to try: all while runs are short, then the nearest and its neighbours."""
     if e.within.shape[1] <= SHORT:
         return grid
@@ -147,23 +151,23 @@ def _near(grid: Floats, at: float, e: Errors) -> Floats:
     return grid[max(i - 1, 0) : i + 2]
 
 
-def _fitted(e: Errors, noise: Noise, i: int, rho: float) -> tuple[float, Noise]:
+def _fitted(e: RunErrors, noise: Noise, i: int, rho: float) -> tuple[float, Noise]:
     """−2 log restricted likelihood and noise, with channel i correlated so and its σ fitted."""
     for _ in range(2):
         noise = noise.with_channel(i, noise.sigma[i], rho)
-        left, basis, _ = starts_out(e, noise)
+        left, basis, _ = project_out_starts(e, noise)
         freedom = max(float(e.within.sum() - np.sum(basis[:, :, i] ** 2)), 1.0)
         typical = np.sqrt(np.median(left[..., i][e.within > 0] ** 2) / 0.455)  # of χ²
         squares = np.sum(np.clip(left[..., i], -CLIP * typical, CLIP * typical) ** 2)
-        size = max(float(noise.sigma[i] * np.sqrt(squares / freedom)), float(SMALLEST[i]))
+        size = max(float(noise.sigma[i] * np.sqrt(squares / freedom)), float(MIN_SIGMA[i]))
         noise = noise.with_channel(i, size, rho)
     return _cost(e, noise), noise
 
 
-def _cost(e: Errors, noise: Noise) -> float:
+def _cost(e: RunErrors, noise: Noise) -> float:
     """−2 log of the restricted likelihood, but for a constant."""
-    left, _, _ = starts_out(e, noise)
-    mix, size = mixing(e, noise)
+    left, _, _ = project_out_starts(e, noise)
+    mix, size = timing_whitener(e, noise)
     rows, steps = e.within.sum(), e.within[:, 1:].sum()
     spread = 2.0 * rows * np.log(noise.sigma).sum() + steps * np.log(1.0 - noise.rho**2).sum()
     spread -= 2.0 * size

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
-from sim.identification.runs import cut
-from sim.identification.search import Ends, search, slopes_of
+from sim.identification.runs import divided
+from sim.identification.search import SearchLimits, search, stacked_jacobian
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import FitResult, RunSet, TrialRuns, errors_of, voyages_of
+from sim.identification.shooting import FitResult, RunSet, TrialTrack, run_errors, trial_tracks
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
 from sim.prediction.scales import scales_of
@@ -46,7 +46,7 @@ class Size(NamedTuple):
     rows: float
 
 
-def left_alone(
+def fit_by_output_error(
     unknowns: Unknowns,
     trials: Sequence[Trial],
     usable: Sequence[NDArray[np.bool_]],
@@ -56,7 +56,7 @@ def left_alone(
 ) -> FitResult:
     """Parameters from trials; only rows that are `usable` count."""
     z = unknowns.start if start is None else start
-    voyages = tuple(voyages_of(trials, usable))
+    voyages = tuple(trial_tracks(trials, usable))
     ways = FIRST if start is None else FIRST[:1]
     tried = [_staged(unknowns, voyages, settings, z, way, start is None, tell) for way in ways]
     best = min(tried, key=lambda t: _cost(unknowns, t[0], t[1]))
@@ -65,7 +65,7 @@ def left_alone(
 
 def _staged(
     unknowns: Unknowns,
-    voyages: Sequence[TrialRuns],
+    voyages: Sequence[TrialTrack],
     settings: IdentifySettings,
     z: Floats,
     way: Floats,
@@ -94,7 +94,7 @@ def _cost(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> float:
 
 
 def _window(
-    voyage: TrialRuns, unknowns: Unknowns, z: Floats, length: float, settings: IdentifySettings
+    voyage: TrialTrack, unknowns: Unknowns, z: Floats, length: float, settings: IdentifySettings
 ) -> RunSet:
     """Runs of one voyage, of about that length [s]."""
     model = Model(
@@ -102,7 +102,7 @@ def _window(
         unknowns.theta(z[None], voyage.number)[0],
     )  # fmt: skip
     every = max(round(settings.average / voyage.trial.dt), 1)
-    tiles = cut(voyage.usable, max(round(length / voyage.trial.dt / every), 3), every)
+    tiles = divided(voyage.usable, max(round(length / voyage.trial.dt / every), 3), every)
     means = tiles.size // every
     within = (np.arange(int(means.max(initial=1))) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
@@ -112,10 +112,10 @@ def _window(
 
 def _errors(window: RunSet, unknowns: Unknowns, z: Floats) -> Floats:
     """Errors (K, N, 3) of all means, run by run, at parameters z (K, n)."""
-    if not len(window.tiles.first):
+    if not len(window.rows.first):
         return np.zeros((len(z), 0, 3))
-    limit = LARGEST * scales_of(window.voyage.trial)
-    errors = errors_of(window, unknowns, z)[:, window.within > 0]
+    limit = LARGEST * scales_of(window.source.trial)
+    errors = run_errors(window, unknowns, z)[:, window.within > 0]
     return np.asarray(np.clip(errors, -limit, limit))
 
 
@@ -127,8 +127,8 @@ def _scaled(unknowns: Unknowns, windows: Sequence[RunSet], size: Size, z: Floats
 
 def _slope(unknowns: Unknowns, windows: Sequence[RunSet], size: Size, z: Floats) -> Floats:
     """∂ residuals / ∂ z by differences, away from the nearer limit: (3 N, n)."""
-    of_trials = [(w.voyage.number, partial(_scaled, unknowns, [w], size)) for w in windows]
-    return slopes_of(of_trials, unknowns, z)
+    of_trials = [(w.source.number, partial(_scaled, unknowns, [w], size)) for w in windows]
+    return stacked_jacobian(of_trials, unknowns, z)
 
 
 def _fitted(
@@ -138,7 +138,7 @@ def _fitted(
     residuals = partial(_scaled, unknowns, windows, size)
     slope = partial(_slope, unknowns, windows, size)
     # one independent error is spread over `rows` residuals: what is robust must be so for those
-    ends = Ends(s.robust / np.sqrt(size.rows), 15, change=1e-5)
+    ends = SearchLimits(s.robust / np.sqrt(size.rows), 15, change=1e-5)
     return np.asarray(search(residuals, slope, unknowns, z, ends).x)
 
 
@@ -149,7 +149,7 @@ def _size(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Size:
     unit = [e / sigma for e in errors if len(e) > 1]
     alike = np.sum([np.sum(e[1:] * e[:-1], axis=0) for e in unit], axis=0)
     rho = np.clip(alike / np.sum([np.sum(e[1:] ** 2, axis=0) for e in unit], axis=0), 0.0, 0.99)
-    step = windows[0].every * windows[0].voyage.trial.dt
+    step = windows[0].every * windows[0].source.trial.dt
     return Size(sigma, float(min(np.max((1.0 + rho) / (1.0 - rho)), LONGEST_S / step)))
 
 
@@ -159,16 +159,16 @@ def _shot(
     size: Size,
     z: Floats,
     settings: IdentifySettings,
-    voyages: tuple[TrialRuns, ...],
+    voyages: tuple[TrialTrack, ...],
 ) -> FitResult:
     """Residuals, slopes and weights at the end, each with its place in time."""
     residual = _scaled(unknowns, windows, size, z[None])[0]
     moment, number = [], []
     for w in windows:
-        step = w.every * w.voyage.trial.dt
-        at = w.voyage.trial.time[w.tiles.first][:, None] + step * np.arange(w.within.shape[1])
+        step = w.every * w.source.trial.dt
+        at = w.source.trial.time[w.rows.first][:, None] + step * np.arange(w.within.shape[1])
         moment.append(np.repeat(at[w.within > 0], 3))
-        number.append(np.full(len(moment[-1]), w.voyage.number))
+        number.append(np.full(len(moment[-1]), w.source.number))
     weight = 1.0 / np.sqrt(1.0 + residual**2 * size.rows / settings.robust**2)
     return FitResult(
         z, residual, _slope(unknowns, windows, size, z), weight, np.concatenate(moment),

@@ -22,7 +22,7 @@ from scipy.stats import t as student
 from sim.identification.parameters import UNITS
 from sim.identification.settings import BASE
 from sim.model import Model
-from sim.prediction.inputs import commands_of, delayed
+from sim.prediction.inputs import delayed_commands, vessel_commands
 from sim.state import Floats, Nu
 from sim.trial import Trial
 
@@ -42,10 +42,10 @@ class Regression:
     @property
     def delta(self) -> Floats:
         """δ1 … δ9 as the paper prints them."""
-        return self.value * SIGN
+        return self.value * DELTA_SIGN
 
 
-SIGN = np.where(np.arange(len(BASE)) < INERTIA, 1.0, -1.0)
+DELTA_SIGN = np.where(np.arange(len(BASE)) < INERTIA, 1.0, -1.0)
 
 
 def regressor(nu: Floats, nu_dot: Floats, printed: bool = False) -> Floats:
@@ -62,7 +62,7 @@ def regressor(nu: Floats, nu_dot: Floats, printed: bool = False) -> Floats:
     return phi
 
 
-def solved(phi: Floats, tau: Floats) -> tuple[Floats, Floats]:
+def least_squares(phi: Floats, tau: Floats) -> tuple[Floats, Floats]:
     """Φ (T, 3, 9), τ (T, 3) -> δ (9,) and its textbook standard deviation (9,)."""
     A, b = phi.reshape(-1, phi.shape[-1]), tau.reshape(-1)
     delta = np.linalg.pinv(A) @ b
@@ -71,29 +71,29 @@ def solved(phi: Floats, tau: Floats) -> tuple[Floats, Floats]:
     return delta, np.sqrt(variance * np.diag(np.linalg.pinv(A.T @ A)))
 
 
-def regressed(trials: Sequence[Trial], model: Model, printed: bool = False) -> Regression:
+def fit_by_regression(trials: Sequence[Trial], model: Model, printed: bool = False) -> Regression:
     """The nine parameters from all usable rows; forces are those that the commands make."""
     phi, tau = [], []
     for trial in trials:
         rows = trial.usable
         phi.append(regressor(trial.nu[rows], trial.nu_dot[rows], printed))
-        tau.append(forces(trial, model)[rows])
-    delta, std = solved(np.concatenate(phi), np.concatenate(tau))
-    value = delta * SIGN
+        tau.append(command_forces(trial, model)[rows])
+    delta, std = least_squares(np.concatenate(phi), np.concatenate(tau))
+    value = delta * DELTA_SIGN
     half = std * float(student.ppf(0.975, max(3 * sum(map(len, phi)) - len(BASE), 1)))
     return Regression(value, std, value - half, value + half, tuple(UNITS[n] for n in BASE))
 
 
-def forces(trial: Trial, model: Model) -> Floats:
+def command_forces(trial: Trial, model: Model) -> Floats:
     """τ(commands) (T, 3) at the rows of the trial: between the commands before and after."""
-    after = delayed(commands_of(model, trial), trial.dt, model.delay)
+    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     before = np.vstack([after[:1], after[:-1]])
     return _forces(trial, model, before, 0.5 * (before + after))
 
 
-def held_forces(trial: Trial, model: Model) -> Floats:
+def interval_forces(trial: Trial, model: Model) -> Floats:
     """τ(commands) (T, 3) over the interval after each row."""
-    after = delayed(commands_of(model, trial), trial.dt, model.delay)
+    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     return _forces(trial, model, np.vstack([after[:1], after[:-1]]), after)
 
 

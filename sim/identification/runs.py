@@ -29,47 +29,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import InputTable, Model
-from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
-from sim.prediction.segments import stretches
+from sim.prediction.inputs import (
+    delayed_commands,
+    input_table,
+    measured_motion,
+    runs_from,
+    vessel_commands,
+)
+from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 
 SHORTEST = 3  # means in a run: fewer say little beside its start
-STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
+START_STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
 
 
-class Tiles(NamedTuple):
+class RunRows(NamedTuple):
     """Free runs over rows first … first + size − 1 of a trial, each (S,)."""
 
     first: Ints
     size: Ints
 
 
-def tiles_of(
+def run_rows_of(
     trial: Trial,
     usable: NDArray[np.bool_],
     model: Model,
     length: float,
     growth: float,
     every: int,
-) -> Tiles:
+) -> RunRows:
     """Tiles of `length` [s], shorter where a start's error would grow by more than `growth`.
 
     All hold a multiple of `every` rows.
     """
-    tiles = cut(usable, max(round(length / trial.dt / every), SHORTEST), every)
+    tiles = divided(usable, max(round(length / trial.dt / every), SHORTEST), every)
     while True:
-        long = (grown(trial, model, tiles) > growth) & (tiles.size >= 2 * SHORTEST * every)
+        long = (start_error_growth(trial, model, tiles) > growth) & (
+            tiles.size >= 2 * SHORTEST * every
+        )
         if not long.any():
             return tiles
         tiles = halved(tiles, long, every)
 
 
-def cut(usable: NDArray[np.bool_], means: int, every: int) -> Tiles:
+def divided(usable: NDArray[np.bool_], means: int, every: int) -> RunRows:
     """Stretches into tiles of about `means` times `every` rows; a rest too short is left out."""
     first: list[int] = []
     count: list[int] = []
-    for stretch in stretches(usable):
+    for stretch in usable_stretches(usable):
         room = len(stretch) // every
         if room < SHORTEST:
             continue
@@ -77,45 +85,45 @@ def cut(usable: NDArray[np.bool_], means: int, every: int) -> Tiles:
         whole = stretch.start + every * np.round(edges).astype(int)
         first += whole[:-1].tolist()
         count += np.diff(whole).tolist()
-    return Tiles(np.array(first, np.int64), np.array(count, np.int64))
+    return RunRows(np.array(first, np.int64), np.array(count, np.int64))
 
 
-def halved(tiles: Tiles, which: NDArray[np.bool_], every: int) -> Tiles:
+def halved(tiles: RunRows, which: NDArray[np.bool_], every: int) -> RunRows:
     """The same time with some tiles in two."""
     half = tiles.size // (2 * every) * every
     first = np.concatenate([tiles.first, (tiles.first + half)[which]])
     count = np.concatenate([np.where(which, half, tiles.size), (tiles.size - half)[which]])
     order = np.argsort(first)
-    return Tiles(first[order], count[order])
+    return RunRows(first[order], count[order])
 
 
-def grown(trial: Trial, model: Model, tiles: Tiles) -> Floats:
+def start_error_growth(trial: Trial, model: Model, tiles: RunRows) -> Floats:
     """How much an error of the start has grown at most, channel by channel's own size: (S,)."""
-    motion = np.repeat(motion_of(trial)[tiles.first], 4, axis=0)
+    motion = np.repeat(measured_motion(trial)[tiles.first], 4, axis=0)
     for i in range(3):
-        motion[i + 1 :: 4, 3 + i] += STEP[i]
+        motion[i + 1 :: 4, 3 + i] += START_STEP[i]
     runs = runs_from(np.repeat(tiles.first, 4), np.repeat(tiles.size - 1, 4))
-    _, reports = model.run(model.true_states(motion), runs, inputs_of(model, trial))
+    _, reports = model.run(model.true_states(motion), runs, input_table(model, trial))
     nu = reports[..., 3:6].reshape(len(tiles.first), 4, -1, 3)
-    gain = np.abs(nu[:, 1:] - nu[:, :1]) / STEP[None, :, None, None]
+    gain = np.abs(nu[:, 1:] - nu[:, :1]) / START_STEP[None, :, None, None]
     within = np.arange(nu.shape[2]) < tiles.size[:, None]
     lost = within & ~np.isfinite(nu).all(axis=(1, 3))
     gain = np.where(within[:, None, :, None], gain, 0.0)
     return np.where(lost.any(axis=1), np.inf, np.nan_to_num(gain, nan=0.0).max(axis=(1, 2, 3)))
 
 
-def thinned(tiles: Tiles, rows: int) -> Tiles:
+def thinned(tiles: RunRows, rows: int) -> RunRows:
     """Every so many of the tiles, so that about `rows` rows are left."""
     step = max(round(int(tiles.size.sum()) / rows), 1)
-    return Tiles(tiles.first[::step], tiles.size[::step])
+    return RunRows(tiles.first[::step], tiles.size[::step])
 
 
 NU = slice(3, 6)
 SLOWEST = 0.5  # Hz
 
 
-def jolts_of(
-    trial: Trial, model: Model, tiles: Tiles, every: int, means: int, track: Floats
+def command_timing_covariance(
+    trial: Trial, model: Model, tiles: RunRows, every: int, means: int, track: Floats
 ) -> Floats | None:
     """Covariance (S, 3n, 3n) of n means of u, v, r in each run: a message interval's, uniform.
 
@@ -153,20 +161,20 @@ def _carried(trial: Trial, model: Model, rows: Floats, every: int, track: Floats
     flat = rows.reshape(-1)
     motion = np.repeat(track[flat], 4, axis=0)
     for i in range(3):
-        motion[i + 1 :: 4, 3 + i] += STEP[i]
+        motion[i + 1 :: 4, 3 + i] += START_STEP[i]
     runs = runs_from(np.repeat(flat, 4), np.full(len(motion), every, np.int64))
-    _, reports = model.run(model.true_states(motion), runs, inputs_of(model, trial))
+    _, reports = model.run(model.true_states(motion), runs, input_table(model, trial))
     nu = reports[:, every, NU].reshape(len(flat), 4, 3)
-    F = np.swapaxes((nu[:, 1:] - nu[:, :1]) / STEP[:, None], 1, 2)
+    F = np.swapaxes((nu[:, 1:] - nu[:, :1]) / START_STEP[:, None], 1, 2)
     return np.clip(np.nan_to_num(F), -2.0, 2.0).reshape(*rows.shape, 3, 3)
 
 
 def _kicks(trial: Trial, model: Model) -> Floats:
     """M⁻¹ Δτ T: change of velocity (T, 3) if a row's commands had come a message earlier."""
-    commands = delayed(commands_of(model, trial), trial.dt, model.delay)
+    commands = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     before = np.vstack([commands[:1], commands[:-1]])
     _, tau = model.missing_force(
-        motion_of(trial), trial.time, before, commands, voltage=trial.voltage, wind=trial.wind
+        measured_motion(trial), trial.time, before, commands, voltage=trial.voltage, wind=trial.wind
     )
     mass = model.theta[[model.names.index(name) for name in ("m11", "m22", "m33")]]
     interval = 1.0 / max(trial.rates_hz["commands"], SLOWEST)
@@ -174,13 +182,13 @@ def _kicks(trial: Trial, model: Model) -> Floats:
     return np.nan_to_num(change) / mass * interval
 
 
-def spread_by(shift: float, dt: float) -> float:
+def sharpening_factor(shift: float, dt: float) -> float:
     """κ of a shift [s]."""
     share = shift / dt % 1.0
     return 0.5 * share * (1.0 - share)
 
 
-def sharpened(inputs: InputTable, kappa: float) -> InputTable:
+def sharpened_commands(inputs: InputTable, kappa: float) -> InputTable:
     """The same inputs with commands that make up for the spread."""
     commands = np.diff(inputs.total, axis=1)
     bend = np.zeros_like(commands)

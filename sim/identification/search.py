@@ -17,13 +17,13 @@ from scipy.optimize import OptimizeResult, least_squares
 from sim.identification.parameters import Unknowns
 from sim.state import Floats
 
-DAMPED = np.array([0.0, 0.01, 0.1, 1.0])  # of each number's own curvature, added to it
+DAMPING = np.array([0.0, 0.01, 0.1, 1.0])  # of each number's own curvature, added to it
 LEAST = 1e-10  # of the largest curvature: what has less is not told at all
 
 Residuals = Callable[[Floats], Floats]  # z (K, n) -> residuals (K, N)
 
 
-class Ends(NamedTuple):
+class SearchLimits(NamedTuple):
     """When a search ends, and from how large a residual on one counts less.
 
     iterative: inner steps by conjugate gradients, for searches of many numbers
@@ -37,7 +37,7 @@ class Ends(NamedTuple):
 
 def search(
     residuals: Residuals, slope: Callable[[Floats], Floats], unknowns: Unknowns, z: Floats,
-    ends: Ends,
+    ends: SearchLimits,
 ) -> OptimizeResult:  # fmt: skip
     """The best z from a start (n,); `fun` and `jac` end with the rows of the priors.
 
@@ -61,12 +61,12 @@ def search(
     )  # fmt: skip
 
 
-def weight_of(residual: Floats, robust: float) -> Floats:
+def robust_weights(residual: Floats, robust: float) -> Floats:
     """How much each residual counts beside small ones, (...): those beyond `robust` less."""
     return np.asarray(1.0 / np.sqrt(1.0 + (residual / robust) ** 2))
 
 
-def cost_of(
+def robust_cost(
     unknowns: Unknowns, z: Floats, residual: Floats, robust: float,
     rows: NDArray[np.bool_] | None = None,
 ) -> Floats:  # fmt: skip
@@ -94,11 +94,11 @@ def damped_steps(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     s = slope.T @ (weight * residual) + known * (z - unknowns.start)
     w, V = np.linalg.eigh(H * np.outer(scale, scale))
-    stiff = np.where(w > LEAST * w[-1], w + DAMPED[:, None], np.inf)
+    stiff = np.where(w > LEAST * w[-1], w + DAMPING[:, None], np.inf)
     return np.asarray(-scale * ((V.T @ (scale * s) / stiff) @ V.T))
 
 
-def sloped(
+def residuals_and_jacobian(
     residuals: Residuals, unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Residuals (N,) at z (n,) and their slopes (N, k) along some of z, away from its limits."""
@@ -111,12 +111,14 @@ def sloped(
     return r[0], ((r[1:] - r[0]) / step[:, None]).T
 
 
-def slopes_of(of_trials: Iterable[tuple[int, Residuals]], unknowns: Unknowns, z: Floats) -> Floats:
+def stacked_jacobian(
+    of_trials: Iterable[tuple[int, Residuals]], unknowns: Unknowns, z: Floats
+) -> Floats:
     """∂ residuals / ∂ z (N, n) of trials by number, one after another."""
     parts = []
     for trial, residuals in of_trials:
         mine = np.array(unknowns.of_trial(trial))
-        _, slope = sloped(residuals, unknowns, z, mine)
+        _, slope = residuals_and_jacobian(residuals, unknowns, z, mine)
         part = np.zeros((len(slope), len(z)))
         part[:, mine] = slope
         parts.append(part)

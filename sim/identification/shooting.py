@@ -18,21 +18,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.identification.noise import (
-    Errors,
     Noise,
-    estimated,
-    mixed,
-    mixing,
-    starts_out,
+    RunErrors,
+    apply_whitener,
+    estimate_noise,
+    project_out_starts,
+    timing_whitener,
     whitened,
 )
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
-from sim.identification.runs import STEP, Tiles, jolts_of, sharpened, spread_by, thinned, tiles_of
-from sim.identification.search import Ends, search, slopes_of, weight_of
+from sim.identification.runs import (
+    START_STEP,
+    RunRows,
+    command_timing_covariance,
+    run_rows_of,
+    sharpened_commands,
+    sharpening_factor,
+    thinned,
+)
+from sim.identification.search import SearchLimits, robust_weights, search, stacked_jacobian
 from sim.identification.settings import IdentifySettings
 from sim.model import Model, Runs
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import inputs_of, motion_of
+from sim.prediction.inputs import input_table, measured_motion
 from sim.prediction.scales import scales_of
 from sim.state import Floats
 from sim.trial import Trial
@@ -45,7 +53,7 @@ NU = slice(3, 6)
 
 
 @dataclass(frozen=True)
-class TrialRuns:
+class TrialTrack:
     """A trial as shooting sees it: which rows count, and the motion that starts are taken from."""
 
     number: int
@@ -61,20 +69,20 @@ class RunSet:
     Rows are compared in means of `every`; n of them in the longest run.
 
     basis  (S, n, 3, 3) of what a start explains in the whitened residuals
-    jolts  (S, 3n, 3n) covariance that the commands' moments may add, mix (S, 3n, 3n) its whitening
+    covariance  (S, 3n, 3n) covariance that the commands' moments may add, mix (S, 3n, 3n) its whitening
     kappa  of commands that are shifted by part of a row (`sim.identification.runs`)
     """
 
-    voyage: TrialRuns
+    source: TrialTrack
     model: Model
-    tiles: Tiles
+    rows: RunRows
     every: int
     within: Floats
     memory: Floats
     noise: Noise
     basis: Floats
-    jolts: Floats | None = None
-    mix: Floats | None = None
+    timing_covariance: Floats | None = None
+    whitener: Floats | None = None
     kappa: float = 0.0
 
 
@@ -87,23 +95,23 @@ class FitResult:
 
     z: Floats
     residual: Floats
-    slope: Floats
+    jacobian: Floats
     weight: Floats
-    moment: Floats
-    voyage: NDArray[np.int64]
+    time: Floats
+    trial_number: NDArray[np.int64]
     noise: tuple[Noise, ...]
-    voyages: tuple[TrialRuns, ...]
+    tracks: tuple[TrialTrack, ...]
 
 
-def voyages_of(trials: Sequence[Trial], usable: Sequence[NDArray[np.bool_]]) -> list[TrialRuns]:
+def trial_tracks(trials: Sequence[Trial], usable: Sequence[NDArray[np.bool_]]) -> list[TrialTrack]:
     """As measured, before any model has found where they begin."""
     return [
-        TrialRuns(i, t, rows, motion_of(t))
+        TrialTrack(i, t, rows, measured_motion(t))
         for i, (t, rows) in enumerate(zip(trials, usable, strict=True))
     ]
 
 
-def shoot(
+def fit_by_shooting(
     unknowns: Unknowns,
     trials: Sequence[Trial],
     usable: Sequence[NDArray[np.bool_]],
@@ -113,24 +121,25 @@ def shoot(
 ) -> FitResult:
     """Parameters from trials; only rows that are `usable` count."""
     z = unknowns.start if start is None else start
-    voyages = voyages_of(trials, usable)
+    voyages = trial_tracks(trials, usable)
     noise = [_first_guess(trial) for trial in trials]
     last = settings.horizons[-1]
     for horizon in settings.horizons:
         for _ in range(ROUNDS if horizon == last else 1):
             tell(f"{horizon:g} s")
             windows = [
-                window_of(v, unknowns, z, n, horizon, settings)
+                build_run_set(v, unknowns, z, n, horizon, settings)
                 for v, n in zip(voyages, noise, strict=True)
             ]
             before = z
             z, std = _fitted(unknowns, windows, z, settings)
             voyages = [_moved(w, unknowns, z) for w in windows]
-            noise = [noise_left(w, unknowns, z) for w in windows]
+            noise = [noise_of_runs(w, unknowns, z) for w in windows]
             if np.all(np.abs(z - before) < SETTLED * std):
                 break
     windows = [
-        window_of(v, unknowns, z, n, last, settings) for v, n in zip(voyages, noise, strict=True)
+        build_run_set(v, unknowns, z, n, last, settings)
+        for v, n in zip(voyages, noise, strict=True)
     ]
     return _shot(unknowns, windows, z, settings, tuple(voyages))
 
@@ -140,8 +149,8 @@ def _first_guess(trial: Trial) -> Noise:
     return Noise(0.1 * scales_of(trial), np.full(3, 0.5))
 
 
-def window_of(
-    voyage: TrialRuns,
+def build_run_set(
+    voyage: TrialTrack,
     unknowns: Unknowns,
     z: Floats,
     noise: Noise,
@@ -151,28 +160,32 @@ def window_of(
     """Tiles, memory of the actuators and the part of the starts, at parameters z."""
     model = replace(unknowns.model, theta=unknowns.theta(z[None], voyage.number)[0])
     every = max(round(settings.average / voyage.trial.dt), 1)
-    tiles = tiles_of(voyage.trial, voyage.usable, model, horizon, settings.growth, every)
+    tiles = run_rows_of(voyage.trial, voyage.usable, model, horizon, settings.growth, every)
     if horizon < settings.horizons[-1]:
         tiles = thinned(tiles, ENOUGH)
     means = tiles.size // every
     within = (np.arange(int(means.max())) < means[:, None]).astype(float)
     memory = memory_at(model, voyage.trial, tiles.first)
-    jolts = jolts_of(voyage.trial, model, tiles, every, within.shape[1], voyage.track)
-    shift = float(unknowns.offset(z[None], OFFSETS[0])[0]) + model.delay
-    kappa = spread_by(shift, voyage.trial.dt)
-    bare = RunSet(
-        voyage, model, tiles, every, within, memory, noise, np.zeros(0), jolts, kappa=kappa
+    covariance = command_timing_covariance(
+        voyage.trial, model, tiles, every, within.shape[1], voyage.track
     )
-    errors = errors_at(bare, unknowns, z)
-    _, basis, _ = starts_out(errors, noise)
-    return replace(bare, basis=basis, mix=mixing(errors, noise)[0])
+    shift = float(unknowns.offset(z[None], OFFSETS[0])[0]) + model.delay
+    kappa = sharpening_factor(shift, voyage.trial.dt)
+    bare = RunSet(
+        voyage, model, tiles, every, within, memory, noise, np.zeros(0), covariance, kappa=kappa
+    )
+    errors = errors_and_sensitivity(bare, unknowns, z)
+    _, basis, _ = project_out_starts(errors, noise)
+    return replace(bare, basis=basis, whitener=timing_whitener(errors, noise)[0])
 
 
-def run(window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
+def simulate_runs(
+    window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
+) -> Floats:
     """Parameters z (K, n), starts moved by `nudge` (K, S, 3) -> reports (K, S, rows, 9)."""
-    K, rows = len(z), window.tiles.first
-    theta = unknowns.theta(z, window.voyage.number)
-    start = np.repeat(window.voyage.track[rows], K, axis=0)
+    K, rows = len(z), window.rows.first
+    theta = unknowns.theta(z, window.source.number)
+    start = np.repeat(window.source.track[rows], K, axis=0)
     if nudge is not None:
         start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
     x0 = np.hstack(
@@ -181,20 +194,22 @@ def run(window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = No
     runs = Runs(
         table=np.zeros(len(start), np.int64),
         start=np.repeat(rows, K),
-        steps=np.repeat(window.tiles.size - 1, K),
+        steps=np.repeat(window.rows.size - 1, K),
         delay=np.tile(unknowns.offset(z, OFFSETS[0]), len(rows)),
     )
-    inputs = sharpened(inputs_of(window.model, window.voyage.trial), window.kappa)
+    inputs = sharpened_commands(input_table(window.model, window.source.trial), window.kappa)
     _, reports = window.model.run(x0, runs, inputs, theta=theta)
     return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
 
 
-def errors_of(window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None) -> Floats:
+def run_errors(
+    window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
+) -> Floats:
     """The same -> means of measured − model over `every` rows: (K, S, n, 3)."""
-    said = run(window, unknowns, z, nudge)
+    said = simulate_runs(window, unknowns, z, nudge)
     nu = said[..., NU].copy()
     nu[..., :2] -= unknowns.offset(z, OFFSETS[1])[:, None, None, None] * said[..., 6:8]
-    trial, rows = window.voyage.trial, window.tiles.first
+    trial, rows = window.source.trial, window.rows.first
     jerk = np.gradient(said[..., 6:9], trial.dt, axis=2)
     nu += unknowns.offset(z, ROUNDING)[:, None, None, None] * np.nan_to_num(jerk)
     at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
@@ -204,18 +219,18 @@ def errors_of(window: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | Non
     return np.asarray(means * window.within[..., None])
 
 
-def errors_at(window: RunSet, unknowns: Unknowns, z: Floats) -> Errors:
+def errors_and_sensitivity(window: RunSet, unknowns: Unknowns, z: Floats) -> RunErrors:
     """Errors at z (n,) and how they hang on the starts."""
-    nudge = np.vstack([np.zeros(3), np.diag(STEP)])[:, None, :]
-    nudge = np.repeat(nudge, len(window.tiles.first), axis=1)
-    error = errors_of(window, unknowns, np.tile(z, (4, 1)), nudge)
-    phi = np.stack([(error[0] - error[i + 1]) / STEP[i] for i in range(3)], axis=-1)
-    return Errors(error[0], phi, window.within, window.jolts)
+    nudge = np.vstack([np.zeros(3), np.diag(START_STEP)])[:, None, :]
+    nudge = np.repeat(nudge, len(window.rows.first), axis=1)
+    error = run_errors(window, unknowns, np.tile(z, (4, 1)), nudge)
+    phi = np.stack([(error[0] - error[i + 1]) / START_STEP[i] for i in range(3)], axis=-1)
+    return RunErrors(error[0], phi, window.within, window.timing_covariance)
 
 
-def projected(window: RunSet, error: Floats) -> Floats:
+def projected_residuals(window: RunSet, error: Floats) -> Floats:
     """Errors (K, S, n, 3) -> whitened, without what a start explains: (K, N)."""
-    w = mixed(whitened(error, window.noise) * window.within[..., None], window.mix)
+    w = apply_whitener(whitened(error, window.noise) * window.within[..., None], window.whitener)
     along = np.einsum("sncl,ksnc->ksl", window.basis, w, optimize=True)
     left = w - np.einsum("sncl,ksl->ksnc", window.basis, along, optimize=True)
     return left[:, window.within > 0].reshape(len(error), -1)
@@ -223,13 +238,15 @@ def projected(window: RunSet, error: Floats) -> Floats:
 
 def residuals_of(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Floats:
     """Parameters z (K, n) -> residuals (K, N), without priors."""
-    return np.concatenate([projected(w, errors_of(w, unknowns, z)) for w in windows], axis=1)
+    return np.concatenate(
+        [projected_residuals(w, run_errors(w, unknowns, z)) for w in windows], axis=1
+    )
 
 
-def slope_of(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Floats:
+def jacobian_of(unknowns: Unknowns, windows: Sequence[RunSet], z: Floats) -> Floats:
     """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
-    of_trials = [(w.voyage.number, partial(residuals_of, unknowns, [w])) for w in windows]
-    return slopes_of(of_trials, unknowns, z)
+    of_trials = [(w.source.number, partial(residuals_of, unknowns, [w])) for w in windows]
+    return stacked_jacobian(of_trials, unknowns, z)
 
 
 def _fitted(
@@ -237,31 +254,31 @@ def _fitted(
 ) -> tuple[Floats, Floats]:
     """The best z (n,) with starts and noise as they are, and how sure it is (n,)."""
     residuals = partial(residuals_of, unknowns, windows)
-    slope = partial(slope_of, unknowns, windows)
-    found = search(residuals, slope, unknowns, z, Ends(settings.robust, 8, iterative=True))
+    slope = partial(jacobian_of, unknowns, windows)
+    found = search(residuals, slope, unknowns, z, SearchLimits(settings.robust, 8, iterative=True))
     told = np.sum(found.jac**2, axis=0)
     return np.asarray(found.x), 1.0 / np.sqrt(np.maximum(told, 1e-300))
 
 
-def _moved(window: RunSet, unknowns: Unknowns, z: Floats) -> TrialRuns:
+def _moved(window: RunSet, unknowns: Unknowns, z: Floats) -> TrialTrack:
     """The voyage with its motion where the model found it: starts of the next stage."""
-    _, _, correction = starts_out(errors_at(window, unknowns, z), window.noise)
-    trial, track = window.voyage.trial, window.voyage.track.copy()
+    _, _, correction = project_out_starts(errors_and_sensitivity(window, unknowns, z), window.noise)
+    trial, track = window.source.trial, window.source.track.copy()
     limit = scales_of(trial)
     nudge = np.clip(correction, -limit, limit)[None]
-    found = run(window, unknowns, z[None], nudge)[0, ..., NU]
-    rows = window.tiles.first[:, None] + np.arange(found.shape[1])
-    within = np.arange(found.shape[1]) < window.tiles.size[:, None]
+    found = simulate_runs(window, unknowns, z[None], nudge)[0, ..., NU]
+    rows = window.rows.first[:, None] + np.arange(found.shape[1])
+    within = np.arange(found.shape[1]) < window.rows.size[:, None]
     found, measured = found[within], trial.nu[rows[within]]
     near = np.all(np.abs(found - measured) < limit, axis=1)
     track[rows[within], NU] = np.where(near[:, None], found, measured)
-    return replace(window.voyage, track=track)
+    return replace(window.source, track=track)
 
 
-def noise_left(window: RunSet, unknowns: Unknowns, z: Floats) -> Noise:
+def noise_of_runs(window: RunSet, unknowns: Unknowns, z: Floats) -> Noise:
     """The noise that makes what a model with numbers z (n,) leaves most likely."""
-    step = window.every * window.voyage.trial.dt
-    return estimated(errors_at(window, unknowns, z), step, window.noise)
+    step = window.every * window.source.trial.dt
+    return estimate_noise(errors_and_sensitivity(window, unknowns, z), step, window.noise)
 
 
 def _shot(
@@ -269,18 +286,18 @@ def _shot(
     windows: Sequence[RunSet],
     z: Floats,
     settings: IdentifySettings,
-    voyages: tuple[TrialRuns, ...],
+    voyages: tuple[TrialTrack, ...],
 ) -> FitResult:
     """Residuals, slopes and weights at the end, each with its place in time."""
     residual = residuals_of(unknowns, windows, z[None])[0]
     moment, number = [], []
     for w in windows:
-        rows = (w.tiles.first[:, None] + np.zeros(w.within.shape[1], int))[w.within > 0]
-        moment.append(np.repeat(w.voyage.trial.time[rows], 3))
-        number.append(np.full(3 * len(rows), w.voyage.number))
-    weight = weight_of(residual, settings.robust)
+        rows = (w.rows.first[:, None] + np.zeros(w.within.shape[1], int))[w.within > 0]
+        moment.append(np.repeat(w.source.trial.time[rows], 3))
+        number.append(np.full(3 * len(rows), w.source.number))
+    weight = robust_weights(residual, settings.robust)
     return FitResult(
-        z, residual, slope_of(unknowns, windows, z), weight, np.concatenate(moment),
+        z, residual, jacobian_of(unknowns, windows, z), weight, np.concatenate(moment),
         np.concatenate(number), tuple(w.noise for w in windows), voyages,
     )  # fmt: skip
 
@@ -293,7 +310,7 @@ def information(
     settings: IdentifySettings,
 ) -> Floats:
     """What a trial would tell of z at known noise, no outliers: JᵀJ (n, n), without priors."""
-    voyage = TrialRuns(0, trial, trial.usable, motion_of(trial))
-    window = window_of(voyage, unknowns, z, noise, settings.horizons[-1], settings)
-    slope = slope_of(unknowns, [window], z)
+    voyage = TrialTrack(0, trial, trial.usable, measured_motion(trial))
+    window = build_run_set(voyage, unknowns, z, noise, settings.horizons[-1], settings)
+    slope = jacobian_of(unknowns, [window], z)
     return slope.T @ slope

@@ -15,18 +15,18 @@ import numpy as np
 
 from sim.effects.effect import QUARTERS, Effect, Kind, Parameter, Remainder, Role, Values
 from sim.model import Model
-from sim.prediction.missing_force import lacking
+from sim.prediction.missing_force import missing_force_only
 from sim.state import Eta
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-MOMENTS = 12  # along a trial
+MOMENT_STARTS = 12  # along a trial
 PERIODS = 7
 SHORTEST_PERIOD_S = 30.0
 LONGEST_PERIOD = 2.0  # lengths of the longest trial: what swings more slowly is a trend
 
 
-def starts_of(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[Values]:
+def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[Values]:
     """All points that a search for the effect begins from."""
     if effect.search is not None:
         return list(effect.search(model.vessel, partial(remainder, model, max(trials, key=len))))
@@ -39,7 +39,7 @@ def starts_of(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[Val
 
 def remainder(model: Model, trial: Trial) -> Remainder:
     """What a model leaves of a trial's usable rows: horizontal missing force without its mean."""
-    found, yaw = lacking(trial, model), trial.eta[:, Eta.YAW]
+    found, yaw = missing_force_only(trial, model), trial.eta[:, Eta.YAW]
     c, s = np.cos(yaw), np.sin(yaw)
     world = np.stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]], 1)
     use = trial.usable
@@ -52,7 +52,7 @@ def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Seque
     if p.starts:
         return p.starts
     if p.kind is Kind.MOMENT:
-        return [float(t) for t in np.linspace(0.0, longest, MOMENTS + 2)[1:-1]]
+        return [float(t) for t in np.linspace(0.0, longest, MOMENT_STARTS + 2)[1:-1]]
     if p.kind is Kind.CHOICE:
         return [float(i + 1) for i in range(len(vessel.thrusters))]
     if p.role is Role.PERIOD:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from sim.model import Model
 from sim.prediction.free_runs import FreeRun, free_run, predict
-from sim.prediction.inputs import motion_of
-from sim.prediction.scales import SMALLEST, Ruler
+from sim.prediction.inputs import measured_motion
+from sim.prediction.scales import MIN_SCALES, Ruler
 from sim.prediction.scores import Scores, nrmse, scores
 from sim.prediction.segments import GUARD_S, blocks
 from sim.trial import Trial
@@ -28,20 +28,20 @@ LEAST = 4  # blocks
 
 
 @dataclass(frozen=True)
-class Validated:
+class ModelErrors:
     """One vessel on one trial: errors of predictions over the horizon, and of one free run."""
 
     scores: Scores
     nrmse: float
     free_run: FreeRun | None
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Scores by channel."""
         out: dict[str, Any] = {
             "nrmse": self.nrmse, "rmse": dict(self.scores.rmse), "mae": dict(self.scores.mae),
             "r2": dict(self.scores.r2), "fit_percent": dict(self.scores.fit_percent),
         }  # fmt: skip
-        return out if self.free_run is None else out | {"free_run": self.free_run.as_dict()}
+        return out if self.free_run is None else out | {"free_run": self.free_run.to_dict()}
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ class Validation:
     name: str
     seconds: float
     noise_floor_nrmse: float
-    before: Validated
-    after: Validated
+    before: ModelErrors
+    after: ModelErrors
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "on": self.name, "seconds": self.seconds, "noise_floor_nrmse": self.noise_floor_nrmse,
-            "before": self.before.as_dict(), "after": self.after.as_dict(),
+            "before": self.before.to_dict(), "after": self.after.to_dict(),
         }  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def held_out(trial: Trial) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None
     return fit, judge
 
 
-def validated(
+def validate(
     trial: Trial, before: Model, after: Model, name: str, alone: bool = True, later: float = 0.0
 ) -> Validation:
     """Both models on the usable rows; `alone`: with a free run from the first sample too.
@@ -89,16 +89,16 @@ def validated(
     return Validation(name, seconds, ruler.noise_floor, both[0], both[1])
 
 
-def _validated(trial: Trial, model: Model, ruler: Ruler, alone: bool, later: float) -> Validated:
-    _, rows, error = predict(trial, model, ruler, later).along()
-    return Validated(
-        scores(motion_of(trial)[rows, :6], error),
+def _validated(trial: Trial, model: Model, ruler: Ruler, alone: bool, later: float) -> ModelErrors:
+    _, rows, error = predict(trial, model, ruler, later).predicted_rows()
+    return ModelErrors(
+        scores(measured_motion(trial)[rows, :6], error),
         nrmse(error, ruler.scales),
         free_run(trial, model, ruler.scales, later) if alone else None,
     )
 
 
-def judged_on(trial: Trial, rows: NDArray[np.bool_]) -> Trial:
+def with_usable_rows(trial: Trial, rows: NDArray[np.bool_]) -> Trial:
     """The same trial with other rows usable."""
     return replace(trial, usable=trial.usable & rows)
 
@@ -115,20 +115,20 @@ def errors(run: FreeRun, channel: str) -> tuple[float, float]:
     return float(np.sqrt(np.mean(run.error[:, column] ** 2))), float(np.sqrt(np.mean(measured**2)))
 
 
-def told(run: FreeRun, channel: str) -> bool | None:
+def is_confirmed(run: FreeRun, channel: str) -> bool | None:
     """Better than zero by a tenth; None: it hardly moved."""
     if run.diverged or not len(run.error):
         return False
     model, zero = errors(run, channel)
-    return None if zero < 0.5 * SMALLEST[CHANNELS[channel][2] - 3] else model < ENOUGH * zero
+    return None if zero < 0.5 * MIN_SCALES[CHANNELS[channel][2] - 3] else model < ENOUGH * zero
 
 
-def untold_channels(validation: Sequence[Validation]) -> tuple[str, ...]:
+def unconfirmed_channels(validation: Sequence[Validation]) -> tuple[str, ...]:
     """A sentence for each channel that no recording confirms; none without a free run."""
     runs = [v.after.free_run for v in validation]
     said = []
     for channel, (name, unit, _) in CHANNELS.items():
-        verdicts = [(run, told(run, channel)) for run in runs if run is not None]
+        verdicts = [(run, is_confirmed(run, channel)) for run in runs if run is not None]
         verdicts = [(run, verdict) for run, verdict in verdicts if verdict is not None]
         if verdicts and not any(verdict for _, verdict in verdicts):
             how = _how([run for run, _ in verdicts], channel, unit)

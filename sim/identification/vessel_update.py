@@ -15,7 +15,7 @@ AREAS = ("area_front", "area_side")
 HULL = ("length", "beam", "mass")
 
 
-def applied(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
+def updated_vessel(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
     """The same vessel with other numbers; what is not named stays."""
     base = {f.name for f in fields(Dynamics)} & set(values)
     hull = {key: values[key] for key in HULL if key in values}

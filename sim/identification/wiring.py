@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects.catalogue import EFFECTS
-from sim.identification.regression import forces
+from sim.identification.regression import command_forces
 from sim.model import Model
 from sim.state import Floats, Nu
 from sim.trial import Trial
@@ -29,10 +29,10 @@ FEWEST = 4  # blocks
 CLEAR = 0.5  # of the correlation
 SURE = 4.0  # standard deviations of the slope
 STEERED = 0.03  # of the largest moment or force: a smaller standard deviation is no excitation
-MOVED = {Nu.R: 0.03, Nu.U: 0.1}  # rad/s, m/s: a smaller standard deviation is no answer
+MIN_MOTION_STD = {Nu.R: 0.03, Nu.U: 0.1}  # rad/s, m/s: a smaller standard deviation is no answer
 
 
-class Answer(NamedTuple):
+class CommandResponse(NamedTuple):
     """How motion followed what was commanded: −1 … 1, and the slope in standard deviations."""
 
     correlation: float
@@ -45,9 +45,9 @@ class Answer(NamedTuple):
         return int(np.sign(self.correlation)) if clear else 0
 
 
-def answer(
+def command_response(
     command: Floats, motion: Floats, rows: NDArray[np.bool_], dt: float, moved: float
-) -> Answer | None:
+) -> CommandResponse | None:
     """Command (T,) in shares of the largest, motion (T,), rows that count -> None: not excited."""
     if rows.sum() * dt < FEWEST * BLOCK_S:
         return None
@@ -59,7 +59,7 @@ def answer(
 
 def _over(
     command: Floats, motion: Floats, rows: NDArray[np.bool_], dt: float, tau: float
-) -> Answer:
+) -> CommandResponse:
     """Command through a lag, beside the motion."""
     # only where something is linked does the scipy.signal package load: half a second
     from scipy.signal import lfilter
@@ -69,13 +69,13 @@ def _over(
     x, y = lagged - lagged.mean(), motion[rows] - motion[rows].mean()
     size = float(np.sqrt((x @ x) * (y @ y)))
     if size == 0.0:
-        return Answer(0.0, 0.0)
+        return CommandResponse(0.0, 0.0)
     block = (np.arange(len(x)) * dt // BLOCK_S).astype(int)
     above, below = np.bincount(block, x * y), np.bincount(block, x * x)
     without = (above.sum() - above) / np.maximum(below.sum() - below, 1e-300)
     share = (len(above) - 1) / len(above)
     std = float(np.sqrt(share * np.sum((without - without.mean()) ** 2)))
-    return Answer(float(x @ y) / size, float(above.sum() / below.sum() / max(std, 1e-12)))
+    return CommandResponse(float(x @ y) / size, float(above.sum() / below.sum() / max(std, 1e-12)))
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Wiring:
 def wiring_of(trials: Sequence[Trial], vessel: Vessel) -> Wiring:
     """All recordings together: each that tells has a vote."""
     model = Model.of(vessel)
-    votes = {axis: [(t.name, _answer(t, model, axis)) for t in trials] for axis in MOVED}
+    votes = {axis: [(t.name, _answer(t, model, axis)) for t in trials] for axis in MIN_MOTION_STD}
     signs = {axis: [(n, a) for n, a in told if a and a.sign] for axis, told in votes.items()}
     yaw, surge = (_majority([a.sign for _, a in signs[axis]]) for axis in (Nu.R, Nu.U))
     wrong = [
@@ -117,13 +117,15 @@ def wiring_of(trials: Sequence[Trial], vessel: Vessel) -> Wiring:
     return Wiring(yaw, surge, tuple(dict.fromkeys(n for n, _ in wrong)), clearest)
 
 
-def _answer(trial: Trial, model: Model, axis: Nu) -> Answer | None:
+def _answer(trial: Trial, model: Model, axis: Nu) -> CommandResponse | None:
     """How one axis of a trial followed its commands."""
-    tau = forces(trial, model)[:, axis]
+    tau = command_forces(trial, model)[:, axis]
     largest = _largest(model, axis)
     if largest == 0.0:
         return None
-    return answer(tau / largest, trial.nu[:, axis], trial.usable, trial.dt, MOVED[axis])
+    return command_response(
+        tau / largest, trial.nu[:, axis], trial.usable, trial.dt, MIN_MOTION_STD[axis]
+    )
 
 
 def _largest(model: Model, axis: Nu) -> float:
@@ -165,7 +167,7 @@ def rewired(vessel: Vessel, found: Wiring) -> Vessel:
     return replace(vessel, thrusters=tuple(thrusters))
 
 
-def says(found: Wiring, vessel: Vessel) -> tuple[str, ...]:
+def wiring_notices(found: Wiring, vessel: Vessel) -> tuple[str, ...]:
     """What is wrong, which runs tell, and what to do: a sentence each."""
     where = f"{', '.join(found.runs)}: correlation {found.correlation:.2f}"
     said = []

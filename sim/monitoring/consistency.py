@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.monitoring.live_second import Balance, Moment
-from sim.prediction.scales import SMALLEST
+from sim.prediction.scales import MIN_SCALES
 from sim.state import Floats
 
-MINDED = 0.3 * SMALLEST  # m/s, m/s, rad/s
+MINDED = 0.3 * MIN_SCALES  # m/s, m/s, rad/s
 MEAN_S = 20.0  # memory of the running means
 HIGH, LOW = 3.0, 1.5  # the model is wrong above, right again below
 PARTS = 8  # of a second

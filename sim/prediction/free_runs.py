@@ -10,10 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.prediction.inputs import commands_of, delayed, inputs_of, motion_of, runs_from
+from sim.prediction.inputs import (
+    delayed_commands,
+    input_table,
+    measured_motion,
+    runs_from,
+    vessel_commands,
+)
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import Scores, scores
-from sim.prediction.segments import stretches
+from sim.prediction.segments import usable_stretches
 from sim.state import Eta, Floats, Ints, wrap
 from sim.trial import Trial
 
@@ -41,7 +47,7 @@ class Prediction:
     error: Floats
     diverged: NDArray[np.bool_]
 
-    def along(self) -> tuple[Ints, Ints, Floats]:
+    def predicted_rows(self) -> tuple[Ints, Ints, Floats]:
         """Segment (M,), row of the trial (M,) and error (M, 6) of every predicted row."""
         after = np.arange(1, self.error.shape[1])
         segment, j = np.nonzero(after <= self.steps[:, None])
@@ -54,9 +60,9 @@ def predict(trial: Trial, model: Model, ruler: Ruler, later: float = 0.0) -> Pre
     Commands act `later` [s] than the trial tells them.
     """
     rows, steps = ruler.segments.rows, ruler.segments.steps
-    motion = motion_of(trial)
+    motion = measured_motion(trial)
     x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
-    _, reports = model.run(x0, runs_from(rows, steps, later), inputs_of(model, trial))
+    _, reports = model.run(x0, runs_from(rows, steps, later), input_table(model, trial))
     said = reports[..., :6]
     error = error_of(motion[:, :6], rows, said)
     within = np.arange(error.shape[1]) <= steps[:, None]
@@ -91,9 +97,9 @@ def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
     memory = np.full((len(rows), model.state_size - 6), np.nan)
     if memory.shape[1] == 0:
         return memory
-    commands = delayed(commands_of(model, trial), trial.dt, model.delay)
+    commands = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     before = np.vstack([commands[:1], commands[:-1]])
-    motion, carry, done = motion_of(trial), model.fresh_carry(), 0
+    motion, carry, done = measured_motion(trial), model.fresh_carry(), 0
     for i in np.argsort(rows):
         part = slice(done, int(rows[i]) + 1)
         if part.stop > part.start:
@@ -121,7 +127,7 @@ class FreeRun:
     diverged: bool
     scores: Scores
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Scores by channel; `diverged` stands there only where it is so."""
         out: dict[str, Any] = {
             "rmse": dict(self.scores.rmse), "mae": dict(self.scores.mae), "r2": dict(self.scores.r2)
@@ -131,12 +137,12 @@ class FreeRun:
 
 def free_run(trial: Trial, model: Model, scales: Floats, later: float = 0.0) -> FreeRun:
     """From the first sample of the longest usable stretch to its end; `later` as in `predict`."""
-    stretch = max(stretches(trial.usable), key=len)
+    stretch = max(usable_stretches(trial.usable), key=len)
     rows = np.array([stretch.start])
-    motion = motion_of(trial)
+    motion = measured_motion(trial)
     x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
     runs = runs_from(rows, np.array([len(stretch) - 1]), later)
-    _, reports = model.run(x0, runs, inputs_of(model, trial))
+    _, reports = model.run(x0, runs, input_table(model, trial))
     said = reports[0, :, :6]
     error = error_of(motion[:, :6], rows, said[None])[0]
     lost = ~np.all(np.abs(error[:, 3:]) <= WORST * scales, axis=1) | ~np.isfinite(error).all(axis=1)

@@ -8,12 +8,12 @@ from sim.state import Floats
 from sim.trial import Trial
 
 
-def motion_of(trial: Trial) -> Floats:
+def measured_motion(trial: Trial) -> Floats:
     """Reported motion of all rows: (T, 9) of (eta, nu, nu_dot)."""
     return np.concatenate([trial.eta, trial.nu, trial.nu_dot], axis=1)
 
 
-def commands_of(model: Model, trial: Trial) -> Floats:
+def vessel_commands(model: Model, trial: Trial) -> Floats:
     """Recorded pulses as the vessel's commands (T, na) in [−1, 1]; no pulse is no command."""
     commands = np.zeros((len(trial), model.actuator_count))
     known = model.vessel.commands(trial.channels, trial.pwm)
@@ -21,9 +21,9 @@ def commands_of(model: Model, trial: Trial) -> Floats:
     return commands
 
 
-def inputs_of(model: Model, trial: Trial) -> InputTable:
+def input_table(model: Model, trial: Trial) -> InputTable:
     """One input table for all free runs over the trial."""
-    commands = commands_of(model, trial)[None]
+    commands = vessel_commands(model, trial)[None]
     return InputTable.of(commands, trial.dt, trial.voltage, trial.wind, float(trial.time[0]))
 
 
@@ -36,7 +36,7 @@ def runs_from(rows: NDArray[np.int64], steps: NDArray[np.int64], later: float = 
     return Runs(table=nothing, start=rows, steps=steps, delay=np.full(len(rows), later))
 
 
-def delayed(commands: Floats, dt: float, delay: float) -> Floats:
+def delayed_commands(commands: Floats, dt: float, delay: float) -> Floats:
     """Commands (T, na) held over dt, acting `delay` [s] later, as means over each interval."""
     if delay == 0.0:
         return commands

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.model import Model
-from sim.prediction.inputs import commands_of, delayed, motion_of
+from sim.prediction.inputs import delayed_commands, measured_motion, vessel_commands
 from sim.state import Floats, Ints
 from sim.trial import MOTION, Trial
 
@@ -29,21 +29,21 @@ class MissingForce:
 def missing_force(trial: Trial, model: Model) -> MissingForce:
     """Balance along the whole trial, and how sure it is."""
     _, around = _commands(trial, model)
-    return MissingForce(lacking(trial, model), _std(trial, model, around))
+    return MissingForce(missing_force_only(trial, model), _std(trial, model, around))
 
 
-def lacking(trial: Trial, model: Model) -> Floats:
+def missing_force_only(trial: Trial, model: Model) -> Floats:
     """The force alone (T, 3): what it is known to costs several times as much."""
     before, around = _commands(trial, model)
     force, _ = model.missing_force(
-        motion_of(trial), trial.time, before, around, voltage=trial.voltage, wind=trial.wind
+        measured_motion(trial), trial.time, before, around, voltage=trial.voltage, wind=trial.wind
     )
     return force
 
 
 def _commands(trial: Trial, model: Model) -> tuple[Floats, Floats]:
     """Commands (T, na) before each row; at it they are the mean of before and after."""
-    after = delayed(commands_of(model, trial), trial.dt, model.delay)
+    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     before = np.vstack([after[:1], after[:-1]])
     return before, 0.5 * (before + after)
 
@@ -62,7 +62,7 @@ def _std(trial: Trial, model: Model, commands: Floats) -> Floats:
 
 def _slope(trial: Trial, model: Model, commands: Floats, rows: Ints, i: int) -> Floats:
     """∂f/∂(component i of the motion): (K, 3)."""
-    motion = motion_of(trial)[rows]
+    motion = measured_motion(trial)[rows]
     shift = np.zeros(MOTION)
     shift[i] = STEP[i]
     high, low = (

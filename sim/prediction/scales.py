@@ -26,7 +26,7 @@ from sim.prediction.transition import STATE, carried, limited, start_variance
 from sim.state import Floats, Ints
 from sim.trial import Trial
 
-SMALLEST = np.array([0.05, 0.05, 0.02])  # m/s, m/s, rad/s: below this a channel is at rest
+MIN_SCALES = np.array([0.05, 0.05, 0.02])  # m/s, m/s, rad/s: below this a channel is at rest
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Ruler:
 
 def scales_of(trial: Trial) -> Floats:
     """Size of each velocity channel over the usable rows: (3,) [m/s, m/s, rad/s]."""
-    return np.maximum(trial.nu[trial.usable].std(axis=0), SMALLEST)
+    return np.maximum(trial.nu[trial.usable].std(axis=0), MIN_SCALES)
 
 
 def blocks_of(trial: Trial, segments: Segments, length: float) -> Ints:

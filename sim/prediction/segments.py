@@ -16,7 +16,7 @@ BLOCK_S = 25.0
 GUARD_S = 5.0
 
 
-class Rows(NamedTuple):
+class RowRange(NamedTuple):
     """Rows start … stop − 1 of a trial."""
 
     start: int
@@ -26,37 +26,37 @@ class Rows(NamedTuple):
         return self.stop - self.start
 
 
-def stretches(usable: NDArray[np.bool_]) -> list[Rows]:
+def usable_stretches(usable: NDArray[np.bool_]) -> list[RowRange]:
     """Flags (T,) -> the runs of rows that are all usable, in order."""
     padded = np.concatenate(([0], np.asarray(usable, np.int8), [0]))
     edges = np.flatnonzero(np.diff(padded))
-    return [Rows(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [RowRange(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def blocks(
     usable: NDArray[np.bool_], dt: float, length: float = BLOCK_S, guard: float = GUARD_S
-) -> list[Rows]:
+) -> list[RowRange]:
     """Usable time cut into blocks of at least `length` [s], at least `guard` [s] apart.
 
     A stretch shorter than `length` but longer than half of it is a block of its own; what is
     shorter still is left out.
     """
     wanted, gap = max(round(length / dt), 1), int(np.ceil(guard / dt - 1e-9))
-    out: list[Rows] = []
-    for stretch in stretches(usable):
+    out: list[RowRange] = []
+    for stretch in usable_stretches(usable):
         start = max(stretch.start, out[-1].stop + gap) if out else stretch.start
         out += _cut(start, stretch.stop, wanted, gap)
     return out
 
 
-def _cut(start: int, stop: int, wanted: int, gap: int) -> list[Rows]:
+def _cut(start: int, stop: int, wanted: int, gap: int) -> list[RowRange]:
     """One stretch into as many equal blocks of at least `wanted` rows as fit."""
     room = stop - start
     if room < wanted / 2:
         return []
     count = max((room + gap) // (wanted + gap), 1)
     width = (room - (count - 1) * gap) // count
-    return [Rows(start + i * (width + gap), start + i * (width + gap) + width)
+    return [RowRange(start + i * (width + gap), start + i * (width + gap) + width)
             for i in range(count)]  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def segments_of(trial: Trial, settings: CompareSettings) -> Segments:
     longest = max(round(settings.horizon / node), 1)
     apart = max(round(settings.every / node), 1)
     rows, nodes = [], []
-    for stretch in stretches(trial.usable):
+    for stretch in usable_stretches(trial.usable):
         room = (len(stretch) - 1) // stride
         if room * node < min(SHORTEST_STRETCH, settings.horizon) - 1e-9:
             continue

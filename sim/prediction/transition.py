@@ -16,7 +16,7 @@ track there, because its start is not known exactly. What comes after says nothi
 import numpy as np
 
 from sim.model import InputTable, Model
-from sim.prediction.inputs import inputs_of, motion_of, runs_from
+from sim.prediction.inputs import input_table, measured_motion, runs_from
 from sim.prediction.segments import CompareSettings, Segments
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -28,7 +28,7 @@ CHUNK = 2000  # nodes held in memory at once
 
 def transitions(model: Model, trial: Trial, rows: Ints, stride: int) -> Floats:
     """Rows (K,) -> A (K, 6, 6) over `stride` steps of the trial, SI units."""
-    inputs, motion = inputs_of(model, trial), motion_of(trial)
+    inputs, motion = input_table(model, trial), measured_motion(trial)
     chunks = [rows[i : i + CHUNK] for i in range(0, len(rows), CHUNK)]
     return np.concatenate([_transitions(model, inputs, motion, c, stride) for c in chunks])
 

@@ -7,7 +7,7 @@ import pytest
 
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.vessel_update import applied
+from sim.identification.vessel_update import updated_vessel
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.vessel import exponent_of, freed, mistake_in, outward, shares, table_of, tabled
@@ -57,7 +57,9 @@ def test_a_plain_vessel_has_the_kernel_it_had():
 
 
 def test_numbers_put_back_by_name_move_a_knot():
-    vessel = applied(with_curves(TABLE, "left"), {"left.curve_50": 0.7, "left.curve_-40": -0.2})
+    vessel = updated_vessel(
+        with_curves(TABLE, "left"), {"left.curve_50": 0.7, "left.curve_-40": -0.2}
+    )
     assert vessel.thrusters[0].curve[1] == (-0.4, -0.2)
     assert vessel.thrusters[0].curve[4] == (0.5, 0.7)
     assert Model.of(vessel).names == Model.of(with_curves(TABLE, "left")).names
@@ -81,7 +83,7 @@ def test_whatever_is_searched_a_curve_never_falls(seed):
     lower, upper = unknowns.bounds
     z = np.random.default_rng(seed).uniform(lower, upper)
     values = dict(zip((u.name for u in unknowns.each), unknowns.named(z), strict=True))
-    curve = applied(vessel, values).thrusters[0].curve
+    curve = updated_vessel(vessel, values).thrusters[0].curve
     assert mistake_in(curve) is None
     np.testing.assert_allclose(unknowns.solved(unknowns.named(z)), z, atol=1e-12)
 

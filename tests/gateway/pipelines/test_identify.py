@@ -7,10 +7,16 @@ import pytest
 
 from gateway.cli import app
 from gateway.errors import BadInput
-from gateway.offline.identify import Span, identify_logs, of_voyages, provenance, settings_of
-from gateway.offline.usable import exclusions_of
+from gateway.offline.identify import (
+    TimeSpan,
+    identify_logs,
+    identify_settings,
+    provenance,
+    voyage_notices,
+)
+from gateway.offline.usable import parse_exclusions
 from gateway.vessel_file import load_vessel, read_vessel_file
-from sim.identification.identify import Identified
+from sim.identification.identify import Identification
 from sim.identification.intervals import Estimate
 from sim.prediction.free_runs import DivergedError
 from tests.conftest import ROOT
@@ -23,7 +29,7 @@ VESSEL = ROOT / "configs" / "vessels" / "demo_boat.toml"
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     out = tmp_path_factory.mktemp("identified") / "boat.toml"
-    return identify_logs([LOG], VESSEL, out, settings_of([], ["Y_vv"], [], "shooting")), out
+    return identify_logs([LOG], VESSEL, out, identify_settings([], ["Y_vv"], [], "shooting")), out
 
 
 def test_the_new_file_holds_what_was_found(written):
@@ -53,9 +59,12 @@ def test_json_is_strict(written):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"settings": settings_of(["nonsense"], [], [], "shooting")}, "no parameter 'nonsense'"),
-        ({"span": Span(50.0, 20.0)}, "expected a span of time"),
-        ({"span": Span(1e6, None)}, "usable time"),
+        (
+            {"settings": identify_settings(["nonsense"], [], [], "shooting")},
+            "no parameter 'nonsense'",
+        ),
+        ({"span": TimeSpan(50.0, 20.0)}, "expected a span of time"),
+        ({"span": TimeSpan(1e6, None)}, "usable time"),
         ({"out": "/no/such/folder/boat.toml"}, "no such folder"),
     ],
 )
@@ -68,7 +77,7 @@ def test_bad_input_is_one_line(change, says):
 @pytest.mark.parametrize("arguments", [([], [], ["m11"], "shooting"), ([], [], [], "guess")])
 def test_bad_options_are_one_line(arguments):
     with pytest.raises(BadInput):
-        settings_of(*arguments)
+        identify_settings(*arguments)
 
 
 def test_the_command_is_there():
@@ -88,17 +97,17 @@ def test_of_a_number_that_each_recording_has_the_first_is_kept_and_that_is_said(
     assert told["dynamics.m11"].recording == "day 1, day 2"
     assert told["steady_current.speed"].recording == "day 1"
     assert "0.2 m/s on day 2" in told["steady_current.speed"].says
-    found = Identified(WAM_V, "shooting", 40.0, (mass, *speeds), (), (), ())
-    (warning,) = of_voyages(found)
+    found = Identification(WAM_V, "shooting", 40.0, (mass, *speeds), (), (), ())
+    (warning,) = voyage_notices(found)
     assert "steady_current.speed" in warning
     assert "day 1" in warning
-    assert of_voyages(replace(found, estimates=(mass, speeds[0]))) == []
+    assert voyage_notices(replace(found, estimates=(mass, speeds[0]))) == []
 
 
 def test_pictures_and_exclusions(tmp_path):
     found = identify_logs(
-        [LOG], VESSEL, settings=settings_of([], [], [], "instrumental"), pictures=tmp_path,
-        exclude=exclusions_of(["0:100"]), span=Span(None, 250.0),
+        [LOG], VESSEL, settings=identify_settings([], [], [], "instrumental"), pictures=tmp_path,
+        exclude=parse_exclusions(["0:100"]), span=TimeSpan(None, 250.0),
     )  # fmt: skip
     assert found.seconds < 151.0
     names = {file.name for file in tmp_path.glob("*.png")}

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.prediction.segments import blocks, stretches
+from sim.prediction.segments import blocks, usable_stretches
 
 
 def test_stretches_are_the_runs_of_usable_rows():
-    assert stretches(np.array([1, 1, 0, 0, 1, 0, 1], bool)) == [(0, 2), (4, 5), (6, 7)]
-    assert stretches(np.zeros(4, bool)) == []
+    assert usable_stretches(np.array([1, 1, 0, 0, 1, 0, 1], bool)) == [(0, 2), (4, 5), (6, 7)]
+    assert usable_stretches(np.zeros(4, bool)) == []
 
 
 @given(

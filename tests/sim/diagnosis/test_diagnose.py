@@ -71,7 +71,7 @@ def test_too_little_time_is_said() -> None:
 
 
 def test_the_answer_is_plain_json_without_gaps() -> None:
-    said = diagnose([sailed()], WAM_V, FEW).as_dict()
+    said = diagnose([sailed()], WAM_V, FEW).to_dict()
     json.dumps(said, allow_nan=False)
     assert set(said) >= {"verdict", "summary", "ladder", "ranking", "refused", "unexplained"}
     assert all(np.isfinite(rung["heldout_nrmse"]) for rung in said["ladder"])

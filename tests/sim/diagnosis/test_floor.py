@@ -48,7 +48,7 @@ def test_a_perfect_model_is_at_the_floor_and_a_wrong_one_above(lasting, horizon)
     trial = noisy(voyage(300.0, DT, seed=3), lasting, seed=5)
     wrong = replace(WAM_V, dynamics=replace(WAM_V.dynamics, X_uu=-10.0, N_r=-50.0))
     ruler = Ruler.of(trial, Model.of(WAM_V), CompareSettings(horizon=horizon))
-    shown = [nrmse(predict(trial, Model.of(v), ruler).along()[2], ruler.scales)
+    shown = [nrmse(predict(trial, Model.of(v), ruler).predicted_rows()[2], ruler.scales)
              for v in (WAM_V, wrong)]  # fmt: skip
     assert shown[0] == pytest.approx(ruler.noise_floor, rel=0.2)
     assert shown[1] > 2.0 * ruler.noise_floor
@@ -58,8 +58,8 @@ def test_an_unstable_hull_has_its_true_model_at_the_floor_too():
     """Without the limit on the horizon the true model looks far worse than any noise."""
     trial, model = noisy(legs(UNSTABLE, 300.0), 0.0, seed=5), Model.of(UNSTABLE)
     ruler = Ruler.of(trial, model)
-    shown = nrmse(predict(trial, model, ruler).along()[2], ruler.scales)
+    shown = nrmse(predict(trial, model, ruler).predicted_rows()[2], ruler.scales)
     assert ruler.cut_short > 0.5
     assert shown == pytest.approx(ruler.noise_floor, rel=0.2)
     endless = Ruler.of(trial, model, CompareSettings(spread_limit=1e9))
-    assert nrmse(predict(trial, model, endless).along()[2], ruler.scales) > 2.0 * shown
+    assert nrmse(predict(trial, model, endless).predicted_rows()[2], ruler.scales) > 2.0 * shown

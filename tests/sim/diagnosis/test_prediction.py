@@ -8,7 +8,7 @@ import pytest
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError, predict
-from sim.prediction.inputs import delayed, motion_of
+from sim.prediction.inputs import delayed_commands, measured_motion
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
 from sim.prediction.segments import CompareSettings
@@ -29,7 +29,7 @@ def test_the_model_that_made_the_data_shows_no_error(effect):
     vessel = replace(WAM_V, sensors=Sensors(antenna=(0.8, 0.3)), effects=EFFECTS[effect])
     trial, model = simulated(vessel), Model.of(vessel)
     ruler = Ruler.of(trial, model)
-    _, _, error = predict(trial, model, ruler).along()
+    _, _, error = predict(trial, model, ruler).predicted_rows()
     assert len(ruler.segments.rows) > 40
     assert nrmse(error, ruler.scales) < 1e-3
 
@@ -53,7 +53,7 @@ def test_error_is_measured_minus_model_with_yaw_wrapped():
     turned.eta[trial.time > 21.0, 2] += 2.0 * np.pi
     moved = replace(turned, nu=trial.nu.copy())
     moved.nu[:, 0] += 0.1 * (trial.time > 30.0)
-    _, rows, error = predict(moved, model, ruler).along()
+    _, rows, error = predict(moved, model, ruler).predicted_rows()
     assert np.abs(error[:, 2]).max() < 0.5
     crossing = (rows * trial.dt > 30.05) & (rows * trial.dt < 31.0)
     assert error[crossing, 3].max() == pytest.approx(0.1, abs=0.01)
@@ -64,7 +64,10 @@ def test_no_pulse_is_no_command():
     silent = replace(trial, pwm=np.where(trial.time[:, None] > 20.0, np.nan, trial.pwm))
     neutral = replace(trial, pwm=np.where(trial.time[:, None] > 20.0, 1500.0, trial.pwm))
     ruler = Ruler.of(trial, model)
-    one, other = predict(silent, model, ruler).along()[2], predict(neutral, model, ruler).along()[2]
+    one, other = (
+        predict(silent, model, ruler).predicted_rows()[2],
+        predict(neutral, model, ruler).predicted_rows()[2],
+    )
     np.testing.assert_array_equal(one, other)
     assert np.abs(one).max() > 0.1
 
@@ -90,8 +93,8 @@ def test_a_model_that_diverges_gives_finite_errors_and_says_so():
     ruler = Ruler.of(trial, Model.of(WAM_V))
     prediction = predict(trial, Model.of(away), ruler)
     assert prediction.diverged.any()
-    assert np.isfinite(prediction.along()[2]).all()
-    assert nrmse(prediction.along()[2], ruler.scales) > 10.0
+    assert np.isfinite(prediction.predicted_rows()[2]).all()
+    assert nrmse(prediction.predicted_rows()[2], ruler.scales) > 10.0
 
 
 def test_an_unstable_hull_is_cut_short_and_a_stable_one_is_not():
@@ -108,14 +111,14 @@ def test_an_unstable_hull_is_cut_short_and_a_stable_one_is_not():
 
 def test_commands_are_delayed_by_parts_of_a_step():
     ramp = np.arange(20.0)[:, None]
-    late = delayed(ramp, 0.1, 0.25)
+    late = delayed_commands(ramp, 0.1, 0.25)
     np.testing.assert_allclose(late[5:, 0], ramp[5:, 0] - 2.5)
     np.testing.assert_allclose(late[:2, 0], 0.0)
 
 
 def test_the_ruler_does_not_depend_on_the_other_vessels():
     trial = simulated(WAM_V, 60.0)
-    assert motion_of(trial).shape == (len(trial), 9)
+    assert measured_motion(trial).shape == (len(trial), 9)
     one, two = (Ruler.of(trial, Model.of(WAM_V)) for _ in range(2))
     np.testing.assert_array_equal(one.segments.steps, two.segments.steps)
     assert one.noise_floor == two.noise_floor

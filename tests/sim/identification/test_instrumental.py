@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.identification.instrumental import instrumental
-from sim.identification.regression import regressed
+from sim.identification.regression import fit_by_regression
 from sim.identification.settings import BASE
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
@@ -32,7 +32,7 @@ def found():
     start = Model.of(off(WAM_V))
     return (
         [instrumental([trial], start) for trial in trials],
-        [regressed([trial], start) for trial in trials],
+        [fit_by_regression([trial], start) for trial in trials],
     )
 
 

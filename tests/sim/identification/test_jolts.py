@@ -4,10 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.identification.noise import Errors, Noise, estimated, mixed, mixing, whitened
-from sim.identification.runs import Tiles, jolts_of
+from sim.identification.noise import (
+    Noise,
+    RunErrors,
+    apply_whitener,
+    estimate_noise,
+    timing_whitener,
+    whitened,
+)
+from sim.identification.runs import RunRows, command_timing_covariance
 from sim.model import Model
-from sim.prediction.inputs import motion_of
+from sim.prediction.inputs import measured_motion
 from tests.sim.voyages import WAM_V, simulated
 
 DT, EVERY, MEANS = 0.1, 4, 12
@@ -30,8 +37,8 @@ def covariance_of(drive: np.ndarray) -> np.ndarray:
         simulated(WAM_V, len(drive) * DT, DT), nu=reports[0, :-1, 3:6], eta=reports[0, :-1, :3],
         nu_dot=reports[0, :-1, 6:9], pwm=1500.0 + 400.0 * drive, rates_hz={"commands": 1.0 / TOLD},
     )  # fmt: skip
-    tiles = Tiles(np.array([0]), np.array([len(drive)]))
-    found = jolts_of(trial, model, tiles, EVERY, MEANS, motion_of(trial))
+    tiles = RunRows(np.array([0]), np.array([len(drive)]))
+    found = command_timing_covariance(trial, model, tiles, EVERY, MEANS, measured_motion(trial))
     assert found is not None
     return found[0].reshape(MEANS, 3, MEANS, 3)
 
@@ -55,11 +62,16 @@ def test_nothing_is_added_where_commands_stand_still_or_their_rate_is_not_known(
     held = np.full((EVERY * MEANS, 2), 0.4)
     assert covariance_of(held)[1:].max() < 1e-8
     trial = simulated(WAM_V, 20.0, DT)
-    tiles = Tiles(np.array([0]), np.array([48]))
-    assert jolts_of(trial, Model.of(WAM_V), tiles, EVERY, MEANS, motion_of(trial)) is None
+    tiles = RunRows(np.array([0]), np.array([48]))
+    assert (
+        command_timing_covariance(
+            trial, Model.of(WAM_V), tiles, EVERY, MEANS, measured_motion(trial)
+        )
+        is None
+    )
 
 
-def drawn(jolt: float, runs: int = 60, seed: int = 3) -> tuple[Errors, Noise]:
+def drawn(jolt: float, runs: int = 60, seed: int = 3) -> tuple[RunErrors, Noise]:
     """Errors of known noise, and jolts of known size."""
     rng = np.random.default_rng(seed)
     noise = Noise(np.array([0.02, 0.02, 0.001]), np.array([0.8, 0.8, 0.4]), jolt)
@@ -74,12 +86,12 @@ def drawn(jolt: float, runs: int = 60, seed: int = 3) -> tuple[Errors, Noise]:
     error += jolt * (rng.normal(size=(runs, 3 * MEANS)) @ root.T).reshape(runs, MEANS, 3)
     phi = np.exp(-0.5 * np.arange(MEANS))[None, :, None, None] * np.eye(3)
     within = np.ones((runs, MEANS))
-    return Errors(error, np.tile(phi, (runs, 1, 1, 1)), within, np.tile(U, (runs, 1, 1))), noise
+    return RunErrors(error, np.tile(phi, (runs, 1, 1, 1)), within, np.tile(U, (runs, 1, 1))), noise
 
 
 def test_whitened_and_mixed_rows_are_independent_and_of_unit_size():
     e, noise = drawn(2.0, runs=4000)
-    rows = mixed(whitened(e.error, noise), mixing(e, noise)[0]).reshape(4000, -1)
+    rows = apply_whitener(whitened(e.error, noise), timing_whitener(e, noise)[0]).reshape(4000, -1)
     covariance = rows.T @ rows / 4000
     np.testing.assert_allclose(covariance, np.eye(3 * MEANS), atol=0.12)
 
@@ -90,6 +102,6 @@ def test_likelihood_tells_jolts_from_a_noisy_gyro():
         start = Noise(np.array([0.02, 0.02, 0.003]), np.full(3, 0.5))
         found = start
         for _ in range(25):  # a round of shooting each
-            found = estimated(e, EVERY * DT, found)
-        assert abs(found.jolt - jolt) <= 0.3
+            found = estimate_noise(e, EVERY * DT, found)
+        assert abs(found.command_timing - jolt) <= 0.3
         assert abs(found.sigma[2] / noise.sigma[2] - 1.0) < 0.25

@@ -7,7 +7,7 @@ import pytest
 
 from sim.identification.identify import identify
 from sim.identification.settings import IdentifySettings
-from sim.identification.validation import told, untold_channels
+from sim.identification.validation import is_confirmed, unconfirmed_channels
 from tests.sim.identification.boats import noisy, off
 from tests.sim.vessels import WAMV
 
@@ -34,7 +34,7 @@ def test_a_free_run_on_another_voyage_is_better(found):
 
 
 def test_what_a_voyage_confirms_is_not_called_untold(found):
-    assert untold_channels(found.validation) == ()
+    assert unconfirmed_channels(found.validation) == ()
 
 
 def test_a_channel_no_better_than_zero_is_called_not_identifiable(found):
@@ -45,12 +45,12 @@ def test_a_channel_no_better_than_zero_is_called_not_identifiable(found):
     wrong[:, 4] = rng.normal(0.0, 0.2, len(wrong)) - run.model[:, 4]
     poor = replace(run, error=wrong)
     after = replace(judged, after=replace(judged.after, free_run=poor))
-    (says,) = untold_channels([after])
+    (says,) = unconfirmed_channels([after])
     assert says.startswith("sway is not identifiable from these data")
-    assert untold_channels([after, judged]) == ()  # one recording that confirms is enough
+    assert unconfirmed_channels([after, judged]) == ()  # one recording that confirms is enough
 
 
 def test_a_channel_that_never_moved_tells_nothing(found):
     run = found.validation[0].after.free_run
     still = replace(run, model=run.model * 0.0, error=run.error * 0.0)
-    assert told(still, "v") is None
+    assert is_confirmed(still, "v") is None

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from sim.identification.parameters import Unknown, Unknowns
-from sim.identification.search import DAMPED, Ends, damped_steps, search, sloped, slopes_of
+from sim.identification.search import (
+    DAMPING,
+    SearchLimits,
+    damped_steps,
+    residuals_and_jacobian,
+    search,
+    stacked_jacobian,
+)
 from sim.model import Model
 from tests.sim.vessels import WAMV
 
@@ -26,13 +33,13 @@ def one(name, lower=-10.0, upper=10.0, prior=np.inf, trial=None):
 
 
 def slope_in(both):
-    return lambda z: sloped(straight, both, z, np.arange(2))[1]
+    return lambda z: residuals_and_jacobian(straight, both, z, np.arange(2))[1]
 
 
 @pytest.mark.parametrize("iterative", [False, True])
 def test_priors_count_as_further_rows(iterative):
     both = unknowns(one("a", prior=0.5), one("b"))
-    ends = Ends(1e3, 30, change=1e-10, iterative=iterative)
+    ends = SearchLimits(1e3, 30, change=1e-10, iterative=iterative)
     found = search(straight, slope_in(both), both, np.zeros(2), ends)
     rows = np.vstack([A, [2.0, 0.0]])
     expected = np.linalg.lstsq(rows, np.append(B, 0.0), rcond=None)[0]
@@ -42,7 +49,7 @@ def test_priors_count_as_further_rows(iterative):
 
 def test_a_start_beyond_the_limits_is_taken_inside():
     both = unknowns(one("a", lower=-0.2, upper=0.2), one("b", lower=-0.2, upper=0.2))
-    found = search(straight, slope_in(both), both, np.array([5.0, -5.0]), Ends(1e3, 30))
+    found = search(straight, slope_in(both), both, np.array([5.0, -5.0]), SearchLimits(1e3, 30))
     assert np.all(np.abs(found.x) <= 0.2)
 
 
@@ -54,7 +61,7 @@ def test_no_step_leaves_the_limits():
         return straight(z)
 
     both = unknowns(one("a", upper=1.0), one("b"))
-    left, slope = sloped(residuals, both, np.array([1.0, 0.0]), np.arange(2))
+    left, slope = residuals_and_jacobian(residuals, both, np.array([1.0, 0.0]), np.arange(2))
     assert np.concatenate(seen)[:, 0].max() <= 1.0
     assert left == pytest.approx(A[:, 0] - B)
     assert slope == pytest.approx(A, abs=1e-9)
@@ -62,7 +69,7 @@ def test_no_step_leaves_the_limits():
 
 def test_a_recording_has_no_slope_along_the_numbers_of_another():
     both = unknowns(one("a"), one("b", trial=1))
-    slope = slopes_of([(0, straight), (1, straight)], both, np.zeros(2))
+    slope = stacked_jacobian([(0, straight), (1, straight)], both, np.zeros(2))
     assert slope[:4, 1] == pytest.approx(np.zeros(4))
     assert slope[4:] == pytest.approx(A, abs=1e-9)
 
@@ -79,7 +86,7 @@ def test_the_first_step_is_not_damped_and_ends_where_weighted_rows_and_priors_ar
     root = np.sqrt(WEIGHT)
     rows = np.vstack([root[:, None] * A, [2.0, 0.0]])
     expected = np.linalg.lstsq(rows, np.append(root * B, 0.0), rcond=None)[0]
-    assert DAMPED[0] == 0.0
+    assert DAMPING[0] == 0.0
     assert np.array([1.0, -3.0]) + steps(prior=0.5, z=(1.0, -3.0))[0] == pytest.approx(expected)
 
 
@@ -96,5 +103,5 @@ def test_damping_holds_back_what_the_rows_hardly_tell_and_leaves_the_rest_its_st
 
 def test_what_no_row_tells_does_not_move():
     blind = A * [1.0, 0.0]
-    assert steps(slope=blind)[:, 1] == pytest.approx(np.zeros(len(DAMPED)))
+    assert steps(slope=blind)[:, 1] == pytest.approx(np.zeros(len(DAMPING)))
     assert np.all(steps(slope=blind)[:, 0] != 0.0)

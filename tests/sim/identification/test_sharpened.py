@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.identification.runs import sharpened, spread_by
+from sim.identification.runs import sharpened_commands, sharpening_factor
 from sim.model import InputTable
 
 DT = 0.1
@@ -26,7 +26,7 @@ def spread(commands: np.ndarray) -> float:
 def test_a_shifted_step_is_no_wider_than_it_was(shift):
     step = np.repeat([0.0, 1.0], 20)[None, :, None]
     table = InputTable.of(step, DT)
-    ours = sharpened(table, spread_by(shift, DT))
+    ours = sharpened_commands(table, sharpening_factor(shift, DT))
     moved = shifted(ours.total[0, :, 0], shift / DT)
     assert spread(shifted(table.total[0, :, 0], shift / DT)) > 0.1
     assert spread(moved) == pytest.approx(0.0, abs=1e-9)
@@ -36,5 +36,9 @@ def test_a_shifted_step_is_no_wider_than_it_was(shift):
 
 def test_without_a_shift_nothing_changes():
     table = InputTable.of(np.random.default_rng(1).normal(size=(1, 30, 2)), DT)
-    np.testing.assert_allclose(sharpened(table, spread_by(0.0, DT)).total, table.total)
-    np.testing.assert_allclose(sharpened(table, spread_by(DT, DT)).total, table.total, atol=1e-9)
+    np.testing.assert_allclose(
+        sharpened_commands(table, sharpening_factor(0.0, DT)).total, table.total
+    )
+    np.testing.assert_allclose(
+        sharpened_commands(table, sharpening_factor(DT, DT)).total, table.total, atol=1e-9
+    )

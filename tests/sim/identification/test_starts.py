@@ -7,7 +7,7 @@ import pytest
 
 from sim.effects.catalogue import named
 from sim.effects.effect import Values
-from sim.identification.starts import starts_of
+from sim.identification.starts import start_points
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed, with_effect
@@ -16,7 +16,7 @@ from tests.sim.voyages import WAM_V, commands, trial_of
 
 def waves(model: Model, trial: Trial) -> list[Values]:
     """Where a search for a train of waves begins."""
-    return starts_of(named("wave_motion"), model, [trial])
+    return start_points(named("wave_motion"), model, [trial])
 
 
 @pytest.mark.parametrize(("omega", "direction"), [(1.2, 0.3), (2.2, 2.5), (1.7, -2.0), (3.1, 1.57)])

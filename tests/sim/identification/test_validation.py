@@ -29,7 +29,9 @@ def late():
 def test_the_model_that_made_the_data_has_no_error_once_it_is_told_the_time(late):
     model = Model.of(WAM_V)
     ruler = Ruler.of(late, model)
-    errors = [np.abs(predict(late, model, ruler, t).along()[2][:, 3:]).max() for t in (0.0, -DT)]
+    errors = [
+        np.abs(predict(late, model, ruler, t).predicted_rows()[2][:, 3:]).max() for t in (0.0, -DT)
+    ]
     assert errors[1] < 1e-6 < 1e-3 < errors[0]
     runs = [free_run(late, model, ruler.scales, t).scores.rmse["u"] for t in (0.0, -DT)]
     assert runs[1] < 1e-6 < 1e-3 < runs[0]
@@ -41,7 +43,7 @@ def test_the_offset_found_holds_for_what_a_vessel_is_judged_by(late, held_out):
     found = identify([late], WAM_V, others=others)
     assert found.command_offset == pytest.approx(-DT, abs=0.02)
     model = Model.of(WAM_V)
-    _, _, error = predict(late, model, (ruler := Ruler.of(late, model))).along()
+    _, _, error = predict(late, model, (ruler := Ruler.of(late, model))).predicted_rows()
     (judged,) = found.validation
     for told in (judged.before, judged.after):
         assert told.nrmse < 0.3 * nrmse(error, ruler.scales)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.effects.actuator_wiring import EFFECT as WIRING
-from sim.identification.wiring import answer, rewired, says, wiring_of
+from sim.identification.wiring import command_response, rewired, wiring_notices, wiring_of
 from sim.vessel import AddedEffect
 from tests.sim.identification.boats import noisy
 from tests.sim.vessels import WAMV
@@ -32,7 +32,7 @@ def test_what_is_plugged_wrong_is_told_and_put_right(sailed, swap, turn):
     found = wiring_of(sailed, vessel)
     assert (found.swapped, found.turned) == (swap, turn)
     assert rewired(vessel, found) == WAMV
-    told = says(found, vessel)
+    told = wiring_notices(found, vessel)
     assert len(told) == swap + turn
     if swap:
         assert "port and starboard commands look swapped" in told[0]
@@ -41,7 +41,7 @@ def test_what_is_plugged_wrong_is_told_and_put_right(sailed, swap, turn):
 
 def test_the_effect_that_is_named_cures_it(sailed):
     vessel = plugged(swap=True)
-    order = says(wiring_of(sailed, vessel), vessel)[0].partition("order = ")[2].split()[0]
+    order = wiring_notices(wiring_of(sailed, vessel), vessel)[0].partition("order = ")[2].split()[0]
     cure = AddedEffect(WIRING, {"order": float(order), "reversed": 0.0})
     assert not wiring_of(sailed, vessel.with_effects(cure)).swapped
 
@@ -50,7 +50,7 @@ def test_straight_runs_tell_nothing():
     straight = [noisy(WAMV, 120.0, seed, steering=0.0) for seed in (1, 2)]
     found = wiring_of(straight, plugged(swap=True))
     assert found.yaw == 0
-    assert not says(found, WAMV)
+    assert not wiring_notices(found, WAMV)
 
 
 def test_runs_that_tell_are_named(sailed):
@@ -67,10 +67,10 @@ def test_a_boat_that_was_hardly_steered_says_nothing_however_it_turned(steered, 
     rng = np.random.default_rng(4)
     command = steered * np.repeat(rng.uniform(-1.0, 1.0, 60), 20)
     turning = -0.5 * np.sign(command) + rng.normal(0.0, 0.05, 1200)
-    found = answer(command, turning, np.ones(1200, bool), 0.1, 0.03)
+    found = command_response(command, turning, np.ones(1200, bool), 0.1, 0.03)
     assert (None if found is None else found.sign) == sign
 
 
 def test_a_boat_that_did_not_turn_says_nothing():
     command = np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 20)
-    assert answer(command, -0.01 * command, np.ones(1200, bool), 0.1, 0.03) is None
+    assert command_response(command, -0.01 * command, np.ones(1200, bool), 0.1, 0.03) is None
