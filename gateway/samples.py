@@ -1,4 +1,4 @@
-"""What the boat said, decoded: quantities in SI units with two clocks.
+"""Decoded measurements of a boat: quantities in SI units with two clocks.
 
 A `Measurement` is one fact from a live link; `Samples` is a column of them from a log. Both come
 from the same mapping functions (`gateway.ingest.mapping`), which take scalars or columns alike.
@@ -9,6 +9,8 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+CHANNELS = 32  # servo outputs that are known
 
 
 class Quantity(IntEnum):
@@ -28,7 +30,7 @@ class Quantity(IntEnum):
     ARMED = 11  # 1 armed, 0 disarmed
     FIX = 12  # GNSS fix type (0–1 none, 2 2-D, 3 3-D, 4 DGPS, 5 RTK float, 6 RTK fixed)
     ORIGIN = 13  # latitude_deg, longitude_deg of the autopilot's local origin
-    UNIX_TIME = 14  # the boat's own idea of Unix time [s]
+    UNIX_TIME = 14  # Unix time by the boat's own clock [s]
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,10 @@ class Samples:
     vehicle_time_ns  (K,)    int64
     receive_time_ns  (K,)    int64
     values           (K, n)  SI units, see `Quantity`
+    equivalent       the message of `sources.PRIORITY` with the same rank and errors: the source
+                     itself, unless its format names messages otherwise
+    channels         first and last actuator channel that the source reports, from 1
+    on_change        written when the value changes: before the first one it was another
     """
 
     quantity: Quantity
@@ -58,6 +64,12 @@ class Samples:
     vehicle_time_ns: NDArray[np.int64]
     receive_time_ns: NDArray[np.int64]
     values: NDArray[np.float64]
+    equivalent: str = ""
+    channels: tuple[int, int] = (1, CHANNELS)
+    on_change: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "equivalent", self.equivalent or self.source)
 
     def __len__(self) -> int:
         return len(self.order)

@@ -21,8 +21,7 @@ from benchmarks.hidden.sensors import Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
 from benchmarks.paper.instruments import Instruments
-from gateway.ingest.decoding import decode
-from gateway.ingest.mavlink.boats import choose_boat
+from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.offline.trials import TrialOptions, load_trials
@@ -69,7 +68,7 @@ def clock_offset_s(log: Path) -> float:
     ATTITUDE was sent.
     """
     opened = open_log(log)
-    heard = choose(decode(opened, choose_boat(opened, None)).samples)["yaw"].samples
+    heard = choose(opened.decode(choose_boat(opened, None)).samples)["yaw"].samples
     return float(heard.vehicle_time_ns.min()) * 1e-9 - (FIRST - PRELUDE)
 
 

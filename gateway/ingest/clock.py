@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.ingest.clock_step import RECENT, RING, S, Verdict, stamp, stamp_all
-from gateway.ingest.mapping.rule import Counter
+from gateway.ingest.mapping import Counter
 from sim.state import Ints
 
 

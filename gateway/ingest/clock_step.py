@@ -15,7 +15,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from gateway.ingest.mapping.rule import Counter
+from gateway.ingest.mapping import UNIX_FROM_US, Counter
 from gateway.jit import compiled
 from sim.state import Ints
 
@@ -31,7 +31,6 @@ NEIGHBOUR = 1 * SECOND  # how long the delay of a timed message speaks for untim
 RECENT = 32  # stamps per stream that are remembered to tell duplicates
 RING = 2  # where they start in `recent`
 
-UNIX_FROM_US = 1_000_000_000_000_000  # larger counters are Unix time, not time since boot
 WRAP_MS = 2**32 * 1000  # µs
 WRAP_US = 2**32  # µs
 COUNTER_RECEIPT = int(Counter.RECEIPT)

@@ -1,48 +1,26 @@
-"""A log's tables -> samples of one boat on the boat's clock, and what the clock had to put up with.
+"""A log's tables -> samples of one boat on the boat's clock, and a report on that clock.
 
 tables -> rows of this boat -> stamps (clock) -> facts (mapping) -> samples
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.ingest.clock import BoatClock, ClockReport
-from gateway.ingest.clock_step import UNIX_FROM_US, Verdict
-from gateway.ingest.csv.log import CsvLog
-from gateway.ingest.dataflash.log import primary_lane, without_bias
-from gateway.ingest.log import Log, Table
-from gateway.ingest.mapping.rule import Counter, Rule, instance_of
-from gateway.ingest.mapping.table import rules
-from gateway.ingest.mavlink.boats import Boat
+from gateway.ingest.clock import BoatClock
+from gateway.ingest.clock_step import Verdict
+from gateway.ingest.log import Boat, BoatSamples, Log, Table
+from gateway.ingest.mapping import Rule, counter_us, instance_of
 from gateway.samples import Quantity, Samples
 from sim.state import Ints
 
 
 @dataclass(frozen=True)
-class Decoded:
-    """What one boat of a log said.
-
-    sessions  ((from, to), …)  vehicle time [ns] of the first and last message of each boot
-    """
-
-    boat: Boat
-    samples: tuple[Samples, ...]
-    clock: ClockReport
-    sessions: tuple[tuple[int, int], ...]
-
-    def of(self, quantity: Quantity) -> tuple[Samples, ...]:
-        """All samples of a quantity, one per source."""
-        return tuple(samples for samples in self.samples if samples.quantity == quantity)
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """The rows of a table that one rule is about, stamped or not yet."""
+class _RuleRows:
+    """The rows of a table that one rule applies to, not stamped yet."""
 
     rule: Rule
     order: Ints
@@ -51,48 +29,35 @@ class _Rows:
     message: SimpleNamespace
 
 
-def decode(log: Log, boat: Boat) -> Decoded:
-    """All samples of one boat."""
-    if isinstance(log, CsvLog):
-        return _of_table(log, boat)
-    lane = primary_lane(log)
-    parts = [_rows(log.table(rule.message), rule, boat, lane) for rule in rules(log.kind)]
+def decode_tables(
+    log: Log, boat: Boat, rules: Sequence[Rule], instances: Mapping[str, int] | None = None
+) -> BoatSamples:
+    """All samples of one boat by the rules of its log's format.
+
+    `instances` says for some instance columns which number counts instead of the rule's own.
+    """
+    parts = [_rows(log.table(rule.message), rule, boat, instances or {}) for rule in rules]
     parts = [part for part in parts if len(part.order)]
     clock = BoatClock(streams=max(len(parts), 1))
     vehicle, verdict, sessions = _stamped(clock, parts)
     samples: list[Samples] = []
     for part, times, worth in zip(parts, vehicle, verdict, strict=True):
         samples += _samples(part, times, (worth == Verdict.FRESH) | (worth == Verdict.LATE))
-    if log.kind == "dataflash":
-        samples = [
-            without_bias(s, log, lane) if s.quantity is Quantity.YAW_RATE else s for s in samples
-        ]
-    return Decoded(boat, tuple(samples), clock.report(), sessions)
+    return BoatSamples(boat, tuple(samples), clock.report(), sessions)
 
 
-def _of_table(log: CsvLog, boat: Boat) -> Decoded:
-    """A table has one clock, and its mapping file has said everything else."""
-    times = log.time_ns()
-    span = (int(times.min()), int(times.max()))
-    return Decoded(boat, log.samples(), BoatClock(streams=1).report(), (span,))
-
-
-def _rows(table: Table, rule: Rule, boat: Boat, lane: int) -> _Rows:
+def _rows(table: Table, rule: Rule, boat: Boat, instances: Mapping[str, int]) -> _RuleRows:
     """The rows of this boat and of the instance that counts."""
     message = SimpleNamespace(**table.columns)
-    number = lane if "C" in rule.instance else rule.number
-    mine = (table.system == boat.system) & (table.component == boat.component)
-    mine = mine & (np.asarray(instance_of(message, rule, number)) == number)
+    number = next((instances[n] for n in rule.instance if n in instances), rule.number)
+    mine = table.sent_by(boat) & (np.asarray(instance_of(message, rule, number)) == number)
     picked = SimpleNamespace(
         **{name: _as_live(column[mine]) for name, column in table.columns.items()}
     )
-    return _Rows(
-        rule,
-        np.asarray(table.order[mine], np.int64),
-        np.asarray(table.receive_time_ns[mine], np.int64),
-        counter_us(picked, rule, int(mine.sum())),
-        picked,
-    )
+    order = np.asarray(table.order[mine], np.int64)
+    counter = np.broadcast_to(np.asarray(counter_us(picked, rule), np.int64), order.shape)
+    receive = np.asarray(table.receive_time_ns[mine], np.int64)
+    return _RuleRows(rule, order, receive, counter, picked)
 
 
 def _as_live(column: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -100,17 +65,8 @@ def _as_live(column: NDArray[np.generic]) -> NDArray[np.generic]:
     return column.astype(np.float64) if column.dtype.kind == "f" else column
 
 
-def counter_us(message: Any, rule: Rule, count: int) -> Ints:
-    """The boat's counter in µs: (K,); 0 where the message has none."""
-    if not rule.field or not hasattr(message, rule.field):
-        return np.zeros(count, np.int64)
-    raw = np.asarray(getattr(message, rule.field)).astype(np.uint64)
-    unit = np.uint64(1000 if rule.counter == Counter.BOOT_MS else 1)
-    return np.minimum(raw, np.uint64(UNIX_FROM_US)).astype(np.int64) * np.int64(unit)
-
-
 def _stamped(
-    clock: BoatClock, parts: Sequence[_Rows]
+    clock: BoatClock, parts: Sequence[_RuleRows]
 ) -> tuple[list[Ints], list[Ints], tuple[tuple[int, int], ...]]:
     """All messages through the clock in the order of the log -> times, verdicts, sessions."""
     if not parts:
@@ -135,23 +91,25 @@ def _stamped(
     return np.split(vehicle[back], cuts), np.split(verdict[back], cuts), spans
 
 
-def _samples(part: _Rows, vehicle: Ints, good: NDArray[np.bool_]) -> list[Samples]:
+def _samples(part: _RuleRows, vehicle: Ints, good: NDArray[np.bool_]) -> list[Samples]:
     """One rule's facts as samples; rows in which a value is missing are left out."""
-    found = []
-    for quantity, columns in part.rule.facts(part.message):
+    found, rule = [], part.rule
+    for quantity, columns in rule.facts(part.message):
         values = np.stack([np.asarray(column, np.float64) for column in columns], axis=1)
         keep = good.copy()
         if quantity is not Quantity.ACTUATORS:
             keep &= np.isfinite(values).all(axis=1)
         if keep.any():
+            times = part.order[keep], vehicle[keep], part.receive[keep]
             found.append(
                 Samples(
                     quantity,
-                    part.rule.source,
-                    part.order[keep],
-                    vehicle[keep],
-                    part.receive[keep],
+                    rule.source,
+                    *times,
                     values[keep],
+                    rule.equivalent,
+                    rule.channels,
+                    rule.on_change,
                 )
             )
     return found

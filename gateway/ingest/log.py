@@ -1,16 +1,16 @@
-"""Records in a row -> one contiguous array per field.
+"""An opened recording: messages as columns, what was odd while reading them, and its boats."""
 
-Text fields of a log: bytes or str, with what stands behind a NUL.
-
-What every kind of recording is turned into: columns by message, and counts of what was odd.
-"""
-
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gateway.errors import BadInput
+from gateway.ingest.clock import ClockReport
+from gateway.samples import Quantity, Samples
 
 Array = TypeVar("Array", bound=NDArray[np.generic])
 
@@ -46,9 +46,18 @@ def text(value: Any) -> str:
     return str(value).split("\0", 1)[0].strip()
 
 
-def texts(column: Iterable[Any]) -> list[str]:
-    """A column of fields -> list of str."""
-    return [text(value) for value in column]
+@dataclass(frozen=True)
+class Boat:
+    """One vehicle of a log: its address and its type."""
+
+    system: int
+    component: int
+    autopilot: str = ""  # "ArduPilot", "PX4", …; empty where the log does not tell
+    type: str = ""  # "surface boat", "ground rover", …
+
+    def __str__(self) -> str:
+        kind = f"{self.autopilot} {self.type}".strip() or "unknown vehicle"
+        return f"system {self.system} ({kind})"
 
 
 @dataclass(frozen=True)
@@ -56,11 +65,11 @@ class Table:
     """All messages of one name, as columns.
 
     order            (K,)  position of each message among all accepted ones of the log
-    receive_time_ns  (K,)  int64 Unix ns of receipt (a DataFlash log has no receiver: boat time)
-    system           (K,)  MAVLink system id (0 in DataFlash)
-    component        (K,)  MAVLink component id (0 in DataFlash)
+    receive_time_ns  (K,)  int64 Unix ns of receipt (boat time in a log that has no receiver)
+    system           (K,)  MAVLink system id (0 in formats without addresses)
+    component        (K,)  MAVLink component id (0 in formats without addresses)
     columns          name -> (K,) or (K, n): fields under the names and in the units of the
-                     definition (pymavlink's), not scaled; text fields are arrays of bytes or str
+                     definition, not scaled; text fields are arrays of bytes or str
     """
 
     name: str
@@ -72,6 +81,24 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.order)
+
+    def sent_by(self, boat: Boat) -> NDArray[np.bool_]:
+        """(K,): the messages of that boat."""
+        return np.asarray((self.system == boat.system) & (self.component == boat.component))
+
+    def texts(self, field: str, boat: Boat) -> list[str]:
+        """A text field of that boat's messages."""
+        if field not in self.columns:
+            return []
+        return [text(value) for value in self.columns[field][self.sent_by(boat)]]
+
+    def parameters(self, names: str, values: str, boat: Boat) -> dict[str, float]:
+        """Two columns of that boat's messages: name -> value, the last one where it was changed."""
+        if values not in self.columns:
+            return {}
+        numbers = np.asarray(self.columns[values], np.float64)[self.sent_by(boat)]
+        pairs = zip(self.texts(names, boat), numbers, strict=True)
+        return {name: float(value) for name, value in pairs if name}
 
 
 @dataclass(frozen=True)
@@ -90,31 +117,79 @@ class Statistics:
     lost: int = 0  # gaps in the sequence numbers, per system and component, summed
     duplicates: int = 0
     time_backwards: int = 0  # receive clock stepped back
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
 
-class Log(Protocol):
-    """A recording opened for reading."""
+@dataclass(frozen=True)
+class BoatSamples:
+    """All samples of one boat of a log, on the boat's clock.
 
-    @property
-    def path(self) -> str:
-        """Where it was opened."""
-        ...
+    sessions  ((from, to), …)  vehicle time [ns] of the first and last message of each boot
+    tabular   all sources lie on the rows of one table: values may be held or smoothed
+    """
 
-    @property
-    def kind(self) -> str:
-        """One of "tlog", "dataflash", "mcap", "csv"."""
-        ...
+    boat: Boat
+    samples: tuple[Samples, ...]
+    clock: ClockReport
+    sessions: tuple[tuple[int, int], ...]
+    tabular: bool = False
 
-    @property
-    def statistics(self) -> Statistics:
-        """What was found while reading."""
-        ...
+    def of(self, quantity: Quantity) -> tuple[Samples, ...]:
+        """All samples of a quantity, one per source."""
+        return tuple(samples for samples in self.samples if samples.quantity == quantity)
 
+
+class Log(ABC):
+    """A recording opened for reading; each format has one final class.
+
+    kind        name of the format as `shadow info` prints it
+    statistics  what was found while reading
+    """
+
+    path: str
+    kind: str
+    statistics: Statistics
+
+    @abstractmethod
     def counts(self) -> Mapping[str, int]:
-        """Message name -> number of accepted messages."""
-        ...
+        """Message name -> number of accepted messages, by name."""
 
+    @abstractmethod
     def table(self, name: str) -> Table:
         """All messages of that name (an empty table where there is none)."""
-        ...
+
+    @abstractmethod
+    def boats(self) -> tuple[Boat, ...]:
+        """All boats of the log, ordered by their address."""
+
+    @abstractmethod
+    def decode(self, boat: Boat) -> BoatSamples:
+        """All samples of one boat."""
+
+    def parameters(self, boat: Boat) -> dict[str, float]:
+        """The autopilot's parameters: name -> last value."""
+        return {}
+
+    def firmware(self, boat: Boat) -> str:
+        """Name and version of the autopilot's software; empty where the log does not tell."""
+        return ""
+
+    def channel_names(self) -> Mapping[int, str]:
+        """Actuator channel, from 1 -> its name, where the log names channels."""
+        return {}
+
+
+def choose_boat(log: Log, system: int | None = None) -> Boat:
+    """The boat asked for, or the only one; else BadInput with those present."""
+    present = log.boats()
+    if not present:
+        raise BadInput(f"{log.path}: no vehicle in it (no HEARTBEAT of an autopilot, no motion)")
+    if system is None and len({boat.system for boat in present}) == 1:
+        return present[0]
+    chosen = [boat for boat in present if boat.system == system]
+    if chosen:
+        return chosen[0]
+    listed = ", ".join(str(boat) for boat in present)
+    if system is None:
+        raise BadInput(f"{log.path}: several boats in it, choose one: {listed}")
+    raise BadInput(f"{log.path}: no boat with system id {system}; present: {listed}")

@@ -1,35 +1,44 @@
-"""Opens a recording as what its content says it is."""
+"""Opens a recording as what its content says it is. `FORMATS` is the one table of formats."""
 
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gateway.errors import BadInput
-from gateway.ingest.dataflash.log import DataflashLog
-from gateway.ingest.files import DATAFLASH_MAGIC, MCAP_MAGIC, SAMPLE, is_text, read_bytes
-from gateway.ingest.log import Log
-from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.ingest import csv, dataflash, mavlink, mcap
+from gateway.ingest.format import HEAD, LogFormat, read_bytes
 
-KINDS = "a .tlog, a DataFlash .BIN, an MCAP recording or a .csv table"
-FMT_RECORD = DATAFLASH_MAGIC + b"\x80"  # behind junk, this is how a DataFlash log begins
+if TYPE_CHECKING:
+    from gateway.ingest.log import Log
+
+FORMATS: tuple[LogFormat, ...] = (  # in the order in which they are asked
+    mcap.FORMAT,
+    dataflash.FORMAT,
+    csv.FORMAT,
+    mavlink.FORMAT,  # last: it takes everything but text
+)
 
 
-def open_log(path: str | Path, mapping: str | Path | None = None) -> Log:
-    """Any recording that can be read; `mapping` says what the columns of a .csv mean."""
+@lru_cache(maxsize=1)
+def known_formats() -> tuple[LogFormat, ...]:
+    """The table, and before its last line what installed plug-ins add (`shadow.log_formats`)."""
+    plugged = (point.load() for point in entry_points(group="shadow.log_formats"))
+    found = tuple(one for one in plugged if isinstance(one, LogFormat))
+    return (*FORMATS[:-1], *found, FORMATS[-1])
+
+
+def names_of(formats: Sequence[LogFormat]) -> str:
+    """Formats in words, the most usual first: "a .tlog, an MCAP recording, … or a .csv table"."""
+    names = [one.name for one in (formats[-1], *formats[:-1])]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def open_log(path: str | Path, mapping: str | Path | None = None) -> "Log":
+    """Any recording that can be read; `mapping` says what the columns of a table mean."""
     raw = read_bytes(path)
-    if raw.startswith(MCAP_MAGIC):
-        # only where one is opened: the other kinds need not load the mcap library
-        from gateway.ingest.mcap.log import McapLog
-
-        return McapLog.open(path)
-    if raw.startswith(DATAFLASH_MAGIC) or FMT_RECORD in raw[:SAMPLE]:
-        return DataflashLog.from_bytes(raw, str(path))
-    if is_text(raw):
-        return _open_text(path, mapping)
-    return TlogFile.from_bytes(raw, str(path))
-
-
-def _open_text(path: str | Path, mapping: str | Path | None) -> Log:
-    if Path(path).suffix.lower() == ".csv":
-        from gateway.ingest.csv.log import CsvLog
-
-        return CsvLog.open(path, mapping)
-    raise BadInput(f"{path} is a text file: a recording is {KINDS}")
+    for one in known_formats():
+        if one.recognises(raw[:HEAD], Path(path)):
+            return one.open(str(path), raw, mapping)
+    raise BadInput(f"{path} is a text file: a recording is {names_of(known_formats())}")

@@ -1,21 +1,14 @@
-"""The autopilot's own parameters, and what they say of its actuators (for `shadow init`).
-
-What software the autopilot runs, by its own words.
-"""
+"""What the autopilot's parameters say of its outputs (for `shadow init`), and its banner."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-
-from gateway.ingest.log import Log, Table, texts
-from gateway.ingest.mapping.vehicle import CHANNELS
-from gateway.ingest.mavlink.boats import Boat
+from gateway.samples import CHANNELS
 
 
-class Kind(Enum):
+class OutputFunction(Enum):
     """What an output channel moves."""
 
     THROTTLE = "throttle"
@@ -26,15 +19,17 @@ class Kind(Enum):
     PASSTHROUGH = "passthrough"
 
 
-FUNCTIONS: Mapping[int, Kind] = {  # SERVOn_FUNCTION -> kind
-    70: Kind.THROTTLE,
-    73: Kind.THROTTLE_LEFT,
-    74: Kind.THROTTLE_RIGHT,
-    26: Kind.STEERING,
-    1: Kind.PASSTHROUGH,
-    **dict.fromkeys(range(33, 37), Kind.MOTOR),
-    **dict.fromkeys(range(51, 67), Kind.PASSTHROUGH),
+FUNCTIONS: Mapping[int, OutputFunction] = {  # SERVOn_FUNCTION
+    70: OutputFunction.THROTTLE,
+    73: OutputFunction.THROTTLE_LEFT,
+    74: OutputFunction.THROTTLE_RIGHT,
+    26: OutputFunction.STEERING,
+    1: OutputFunction.PASSTHROUGH,
+    **dict.fromkeys(range(33, 37), OutputFunction.MOTOR),
+    **dict.fromkeys(range(51, 67), OutputFunction.PASSTHROUGH),
 }
+LIMITS_US = (("MIN", 1100.0), ("TRIM", 1500.0), ("MAX", 1900.0))  # ArduPilot's own, where unset
+BANNER = re.compile(r"(Ardu\w+|PX4|Blimp)\b.*\d+\.\d+")  # "ArduRover V4.6.3 (3fc7011a)"
 
 
 @dataclass(frozen=True)
@@ -43,73 +38,32 @@ class Actuator:
 
     channel: int  # 1-based
     function: int  # SERVOn_FUNCTION
-    kind: Kind
+    kind: OutputFunction
     pwm: tuple[float, float, float]  # lowest, neutral, highest [µs]
     reversed: bool
 
     @property
     def motor(self) -> int | None:
         """Number of the motor (1 to 4) where the function says it."""
-        return self.function - 32 if self.kind is Kind.MOTOR else None
-
-
-def autopilot_parameters(log: Log, boat: Boat) -> dict[str, float]:
-    """Name -> value, the last one where a parameter was changed."""
-    if log.kind == "dataflash":
-        table, name, value = log.table("PARM"), "Name", "Value"
-    else:
-        table, name, value = log.table("PARAM_VALUE"), "param_id", "param_value"
-    if not len(table):
-        return {}
-    mine = (table.system == boat.system) & (table.component == boat.component)
-    names = texts(table.columns[name][mine])
-    values = np.asarray(table.columns[value], np.float64)[mine]
-    return {key: float(number) for key, number in zip(names, values, strict=True) if key}
+        return self.function - 32 if self.kind is OutputFunction.MOTOR else None
 
 
 def actuators(parameters: Mapping[str, float]) -> list[Actuator]:
-    """Parameters -> the channels that move the boat, in order; unset limits are the autopilot's."""
+    """Parameters -> the channels that move the boat, in order."""
     found = []
     for channel in range(1, CHANNELS + 1):
         function = int(parameters.get(f"SERVO{channel}_FUNCTION", 0))
         if function in FUNCTIONS:
-            limits = tuple(
+            low, neutral, high = (
                 float(parameters.get(f"SERVO{channel}_{name}", default))
-                for name, default in (("MIN", 1100.0), ("TRIM", 1500.0), ("MAX", 1900.0))
+                for name, default in LIMITS_US
             )
             reversed_ = bool(parameters.get(f"SERVO{channel}_REVERSED", 0.0))
-            pwm = (limits[0], limits[1], limits[2])
+            pwm = (low, neutral, high)
             found.append(Actuator(channel, function, FUNCTIONS[function], pwm, reversed_))
     return found
 
 
-BANNER = re.compile(r"(Ardu\w+|PX4|Blimp)\b.*\d+\.\d+")  # "ArduRover V4.6.3 (3fc7011a)"
-
-
-def firmware(log: Log, boat: Boat) -> str:
-    """Banner of STATUSTEXT or MSG, else the version of AUTOPILOT_VERSION; empty if it is silent."""
-    for name, field in (("MSG", "Message"), ("STATUSTEXT", "text")):
-        for line in _said(log.table(name), field, boat):
-            if BANNER.match(line):
-                return line
-    return _version(log.table("AUTOPILOT_VERSION"), boat)
-
-
-def _said(table: Table, field: str, boat: Boat) -> list[str]:
-    if not len(table) or field not in table.columns:
-        return []
-    return texts(table.columns[field][_mine(table, boat)])
-
-
-def _version(table: Table, boat: Boat) -> str:
-    """flight_sw_version: one byte each for major, minor, patch, kind of release."""
-    if not len(table) or not _mine(table, boat).any():
-        return ""
-    packed = int(np.asarray(table.columns["flight_sw_version"])[_mine(table, boat)][-1])
-    major, minor, patch = packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255
-    return f"version {major}.{minor}.{patch}" if packed else ""
-
-
-def _mine(table: Table, boat: Boat) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    mine = (table.system == boat.system) & (table.component == boat.component)
-    return np.asarray(mine, np.bool_)
+def banner(lines: Iterable[str]) -> str:
+    """The first text that names an autopilot's software and its version; empty without one."""
+    return next((line for line in lines if BANNER.match(line)), "")

@@ -107,7 +107,10 @@ class Choice:
 
 def choose(samples: Sequence[Samples]) -> Mapping[str, Choice]:
     """Samples of one boat -> the source of each quantity that has one."""
-    by_source = {(part.quantity, part.source): part for part in samples if len(part)}
+    by_source: dict[tuple[Quantity, str], Samples] = {}
+    for part in samples:  # of several ports of one message, the first
+        if len(part):
+            by_source.setdefault((part.quantity, part.equivalent), part)
     chosen = {}
     for name, candidates in PRIORITY.items():
         present = [by_source[key] for key in candidates if key in by_source]

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from gateway.ingest.clock import ClockReport
-from gateway.ingest.decoding import Decoded, decode
-from gateway.ingest.log import Log, Statistics
-from gateway.ingest.mavlink.boats import Boat, boats, choose_boat
-from gateway.ingest.parameters import Actuator, actuators, autopilot_parameters, firmware
+from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, choose_boat
+from gateway.ingest.parameters import Actuator, actuators
 from gateway.ingest.port_starboard import says, sides_of, swapped
 from gateway.ingest.sources import PRIORITY, Choice, choose
 from gateway.ingest.table_repair import tidied
@@ -131,7 +129,7 @@ class Survey:
     messages: Mapping[str, MessageSurvey]
     boats: tuple[BoatSurvey, ...]
 
-    def as_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers: what `--json` prints."""
         plain: dict[str, Any] = asdict(self)
         for number, one in enumerate(self.boats):
@@ -142,7 +140,7 @@ class Survey:
 
 def survey(log: Log, system: int | None = None) -> Survey:
     """Looks at a whole recording, and at one boat of it or at all."""
-    chosen = boats(log) if system is None else (choose_boat(log, system),)
+    chosen = log.boats() if system is None else (choose_boat(log, system),)
     receipts = {name: log.table(name).receive_time_ns for name in log.counts()}
     return Survey(
         log.path,
@@ -174,14 +172,14 @@ def _message(times: np.ndarray[Any, np.dtype[np.int64]]) -> MessageSurvey:
 
 
 def _boat(log: Log, boat: Boat) -> BoatSurvey:
-    decoded = decode(log, boat)
+    decoded = log.decode(boat)
     choices = choose(decoded.samples)
     tidy = tidied(choices, decoded.of(Quantity.ACCELERATION))
-    parameters = autopilot_parameters(log, boat)
+    parameters = log.parameters(boat)
     lengths = tuple((end - start) * 1e-9 for start, end in decoded.sessions)
     return BoatSurvey(
         boat,
-        firmware(log, boat),
+        log.firmware(boat),
         sum(lengths),
         lengths,
         decoded.clock,
@@ -207,7 +205,7 @@ def _source(choice: Choice) -> SourceSurvey:
     return SourceSurvey(choice.source, choice.rate_hz, choice.longest_gap_s, choice.why, order)
 
 
-def _unix_ahead(decoded: Decoded) -> float | None:
+def _unix_ahead(decoded: BoatSamples) -> float | None:
     told = decoded.of(Quantity.UNIX_TIME)
     if not told:
         return None
@@ -219,4 +217,4 @@ def _ever_armed(choices: Mapping[str, Choice]) -> bool | None:
     if "armed" not in choices:
         return None
     armed = choices["armed"]
-    return bool((armed.samples.values > 0.0).any()) or armed.source in ("ARM", "EV")
+    return bool((armed.samples.values > 0.0).any()) or armed.samples.on_change

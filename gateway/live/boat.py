@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gateway.estimation.filter import Estimator
-from gateway.ingest.mavlink.boats import Boat
+from gateway.ingest.log import Boat
 from gateway.json_rows import Rows, encode
 from gateway.live.intake import MessageIntake
 from gateway.shadow.events import EventDetector, UsualRange

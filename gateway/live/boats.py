@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import Settings
-from gateway.ingest.mavlink.boats import Boat, from_heartbeat
+from gateway.ingest.log import Boat
+from gateway.ingest.mavlink.boats import from_heartbeat
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boat import LiveBoat, Spoken
 from gateway.shadow.path import ShadowPath, follower_of

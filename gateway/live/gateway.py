@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from queue import Empty
 from threading import Event
 from typing import Any
 
@@ -20,8 +21,8 @@ import orjson
 from gateway.bus import Bus, open_session
 from gateway.config import Settings
 from gateway.errors import BadInput, ShadowError
-from gateway.ingest.mavlink.boats import Boat
-from gateway.links.inbox import PER_LINK, Datagram, Empty, Inbox, Item, LinkEvent
+from gateway.ingest.log import Boat
+from gateway.links.inbox import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.signing import load_key
 from gateway.links.transmitter import Identity
@@ -164,8 +165,8 @@ class Gateway:
             for spoken in boat.tick(now_ns):
                 outlet.send(spoken.rows)
         for answer in self._asking.due(self.fleet.boats.values(), self._steady()):
-            self._tell(answer.says)
-            self._say(self.fleet.boats[answer.boat.system], "rate_request", "info", answer.says)
+            self._tell(answer.text)
+            self._say(self.fleet.boats[answer.boat.system], "rate_request", "info", answer.text)
         if now_ns // SECOND != self._housekept_s:
             self._housekept_s = now_ns // SECOND
             self._housekeep(now_ns)
@@ -185,7 +186,7 @@ class Gateway:
 
     def _link_event(self, event: LinkEvent) -> None:
         severity = "info" if event.kind in ("listening", "connected") else "warning"
-        says = f"{event.link}: {event.says}"
+        says = f"{event.link}: {event.text}"
         self._tell(says)
         for boat in self.fleet.boats.values():
             rows = boat.say(f"link_{event.kind}", severity, says, event.receive_time_ns)

@@ -23,19 +23,22 @@ from gateway.estimation.events import KIND_OF, Events
 from gateway.estimation.names import Kind
 from gateway.estimation.settings import FilterSettings
 from gateway.ingest.clock import BoatClock
-from gateway.ingest.clock_step import UNIX_FROM_US, S, Verdict
+from gateway.ingest.clock_step import S, Verdict
 from gateway.ingest.earth import Origin, to_degrees, to_local
-from gateway.ingest.mapping.rule import Counter, Rule, instance_of
-from gateway.ingest.mapping.table import MAVLINK, by_message
-from gateway.ingest.mapping.vehicle import CHANNELS, merged
-from gateway.ingest.mavlink.boats import Boat
+from gateway.ingest.log import Boat
+from gateway.ingest.mapping import Rule, counter_us, instance_of, merge_pulses
+from gateway.ingest.mavlink.mapping import BY_SOURCE
+from gateway.ingest.mavlink.mapping import RULES as MAVLINK
 from gateway.ingest.sources import PRIORITY
-from gateway.samples import Measurement, Quantity
+from gateway.samples import CHANNELS, Measurement, Quantity
 from gateway.shadow.inputs import FilterInputs
 from sim.state import Floats, Ints
 
 STREAM = {rule.source: number for number, rule in enumerate(MAVLINK)}
-RULES = by_message(MAVLINK)
+RULES = {
+    name: tuple(rule for rule in MAVLINK if rule.message == name)
+    for name in {rule.message for rule in MAVLINK}
+}
 
 
 class BoatDecoder:
@@ -65,12 +68,6 @@ class BoatDecoder:
             for quantity, values in facts
             if quantity is Quantity.ACTUATORS or all(value == value for value in values)
         ]
-
-
-def counter_us(message: Any, rule: Rule) -> int:
-    """The boat's counter in µs; 0 where the message has none."""
-    raw = int(getattr(message, rule.field, 0)) if rule.field else 0
-    return min(raw, UNIX_FROM_US) * (1000 if rule.counter == Counter.BOOT_MS else 1)
 
 
 TOGETHER_NS = 200_000_000  # local and global position further apart are not of one moment
@@ -233,7 +230,7 @@ class MessageIntake:
     def _chosen(self, m: Measurement) -> str | None:
         """What it tells, where it is the best source of that; else None."""
         # the ports of one message speak for different channels: none is better
-        found = RANK.get((m.quantity, m.source.partition("/")[0]))
+        found = RANK.get((m.quantity, BY_SOURCE[m.source].equivalent))
         if found is None:
             return None
         name, rank = found
@@ -252,7 +249,7 @@ class MessageIntake:
         """What holds from now on."""
         match m.quantity:
             case Quantity.ACTUATORS:
-                pulses = merged(self._around.pulses, m.source, m.values)
+                pulses = merge_pulses(self._around.pulses, BY_SOURCE[m.source].channels, m.values)
                 self._around = self._around._replace(pulses=pulses)
             case Quantity.VOLTAGE if 0.0 < m.values[0] < HIGHEST_V:
                 self._around = self._around._replace(voltage=m.values[0])

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.boats import choose_boat
+from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
-from gateway.ingest.parameters import Actuator, Kind, actuators, autopilot_parameters
+from gateway.ingest.parameters import Actuator, OutputFunction, actuators
 from gateway.vessel_file import (
     GUESSED,
     Provenance,
@@ -30,7 +30,7 @@ ASTERN = 0.75  # thrust astern against ahead of a usual propeller
 
 
 @dataclass(frozen=True)
-class Size:
+class BoatSize:
     """What the owner knows: length, beam [m], mass [kg], thrust ahead of one motor [N]."""
 
     length: float = 1.5
@@ -55,7 +55,7 @@ def init_vessel(
     if out.exists() and not force:
         raise BadInput(f"{out}: there is such a file: give another name, or --force")
     log = open_log(log_path)
-    parameters = autopilot_parameters(log, choose_boat(log, system))
+    parameters = log.parameters(choose_boat(log, system))
     if not parameters:
         raise BadInput(
             f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
@@ -63,7 +63,7 @@ def init_vessel(
         )
     try:
         vessel, provenance = first_vessel(
-            name or log_path.stem, actuators(parameters), Size(**given), frozenset(given)
+            name or log_path.stem, actuators(parameters), BoatSize(**given), frozenset(given)
         )
         text = dump_vessel(vessel, provenance)
     except BadInput as error:
@@ -75,7 +75,7 @@ def init_vessel(
 
 
 def first_vessel(
-    name: str, found: list[Actuator], size: Size, given: frozenset[str] = frozenset()
+    name: str, found: list[Actuator], size: BoatSize, given: frozenset[str] = frozenset()
 ) -> tuple[Vessel, dict[str, Provenance]]:
     """A vessel with the log's actuators -> vessel, provenance. `given` names what was not guessed.
 
@@ -83,7 +83,7 @@ def first_vessel(
     linear, half quadratic of what full thrust balances at top speed.
     """
     motors = [a for a in found if a.kind in _MOTORS]
-    steering = [a for a in found if a.kind is Kind.STEERING]
+    steering = [a for a in found if a.kind is OutputFunction.STEERING]
     if not motors:
         raise BadInput(
             "no output drives the boat (SERVOn_FUNCTION 70, 73, 74 or 33 to 36): "
@@ -107,14 +107,23 @@ def first_vessel(
     return vessel, _provenance(vessel, given)
 
 
-_MOTORS = (Kind.THROTTLE, Kind.THROTTLE_LEFT, Kind.THROTTLE_RIGHT, Kind.MOTOR)
-_SIDES = {Kind.THROTTLE: 0.0, Kind.THROTTLE_LEFT: -1.0, Kind.THROTTLE_RIGHT: 1.0}
+_MOTORS = (
+    OutputFunction.THROTTLE,
+    OutputFunction.THROTTLE_LEFT,
+    OutputFunction.THROTTLE_RIGHT,
+    OutputFunction.MOTOR,
+)
+_SIDES = {
+    OutputFunction.THROTTLE: 0.0,
+    OutputFunction.THROTTLE_LEFT: -1.0,
+    OutputFunction.THROTTLE_RIGHT: 1.0,
+}
 _NAMES = {
-    Kind.THROTTLE: "main",
-    Kind.THROTTLE_LEFT: "left",
-    Kind.THROTTLE_RIGHT: "right",
-    Kind.MOTOR: "motor",
-    Kind.STEERING: "rudder",
+    OutputFunction.THROTTLE: "main",
+    OutputFunction.THROTTLE_LEFT: "left",
+    OutputFunction.THROTTLE_RIGHT: "right",
+    OutputFunction.MOTOR: "motor",
+    OutputFunction.STEERING: "rudder",
 }
 _OMNI = {1: (1.0, 1.0), 2: (-1.0, -1.0), 3: (1.0, -1.0), 4: (-1.0, 1.0)}  # corner of motors 1 … 4
 
@@ -128,7 +137,7 @@ def _names(found: Sequence[Actuator]) -> list[str]:
     ]
 
 
-def _thruster(a: Actuator, name: str, size: Size) -> Thruster:
+def _thruster(a: Actuator, name: str, size: BoatSize) -> Thruster:
     """Where a motor of that function usually stands."""
     if a.motor is not None:
         ahead, side = _OMNI[a.motor]
@@ -139,7 +148,7 @@ def _thruster(a: Actuator, name: str, size: Size) -> Thruster:
     return Thruster(name, Servo(a.channel, a.pwm, a.reversed), position, thrust)
 
 
-def _rudder(a: Actuator, name: str, behind: str, size: Size) -> Rudder:
+def _rudder(a: Actuator, name: str, behind: str, size: BoatSize) -> Rudder:
     area = round(0.02 * size.length * 0.2 * size.length, 4)  # a small share of the lateral plane
     return Rudder(
         name, Servo(a.channel, a.pwm, a.reversed), (-0.5 * size.length, 0.0), (-0.6, 0.6),
@@ -147,7 +156,7 @@ def _rudder(a: Actuator, name: str, behind: str, size: Size) -> Rudder:
     )  # fmt: skip
 
 
-def _dynamics(size: Size, thrust: float) -> Dynamics:
+def _dynamics(size: BoatSize, thrust: float) -> Dynamics:
     m11, m22 = 1.1 * size.mass, 1.6 * size.mass
     m33 = 1.5 * size.mass * (size.length**2 + size.beam**2) / 12.0
     linear, quadratic = 0.5 * thrust / size.top_speed, 0.5 * thrust / size.top_speed**2

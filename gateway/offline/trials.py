@@ -11,17 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, numerical_errors
 from gateway.estimation.events import Events
 from gateway.estimation.settings import SOURCES, FilterSettings
 from gateway.estimation.smoother import SmoothedMotion, smooth
-from gateway.ingest.csv.log import CsvLog
-from gateway.ingest.decoding import decode
 from gateway.ingest.earth import Origin
-from gateway.ingest.log import Log
-from gateway.ingest.mavlink.boats import choose_boat
+from gateway.ingest.log import Log, choose_boat
 from gateway.ingest.open import open_log
-from gateway.ingest.parameters import autopilot_parameters
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import settings_for, tidied
 from gateway.offline import usable
@@ -84,7 +80,7 @@ def load_trials(
     `mapping` names the mapping file of .csv tables; default: the one beside each.
     """
     files = [paths] if isinstance(paths, str | Path) else list(paths)
-    return [t for file in files for t in trials_of(_open(file, mapping), system, options)]
+    return [t for file in files for t in trials_of(open_log(file, mapping), system, options)]
 
 
 def usable_trials(
@@ -102,16 +98,15 @@ def usable_trials(
     return out
 
 
-def _open(file: str | Path, mapping: str | Path | None) -> Log:
-    table = mapping is not None and Path(file).suffix.lower() == ".csv"
-    return CsvLog.open(file, mapping) if table else open_log(file)
-
-
 def trials_of(
     log: Log, system: int | None = None, options: TrialOptions | None = None
 ) -> list[Trial]:
     """One opened log -> its trials."""
-    options = options or TrialOptions()
+    with numerical_errors(log.path):
+        return _trials_of(log, system, options or TrialOptions())
+
+
+def _trials_of(log: Log, system: int | None, options: TrialOptions) -> list[Trial]:
     source = _gather(log, system, options)
     spans = _spans(source.choices, source.sessions, source.epoch_ns)
     if not spans:
@@ -119,11 +114,11 @@ def trials_of(
     names = _names(Path(log.path).stem, len(spans))
     trials = [_trial(name, source, span, options) for name, span in zip(names, spans, strict=True)]
     if not options.motion_only and not any(trial.usable.any() for trial in trials):
-        raise BadInput(f"{log.path}: nothing usable in it: {left_out(trials)}")
+        raise BadInput(f"{log.path}: nothing usable in it: {excluded_summary(trials)}")
     return trials
 
 
-def left_out(trials: Sequence[Trial]) -> str:
+def excluded_summary(trials: Sequence[Trial]) -> str:
     """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded."""
     lost: dict[str, float] = {}
     for stretch in (stretch for trial in trials for stretch in trial.excluded):
@@ -148,13 +143,13 @@ class _Source:
 
 def _gather(log: Log, system: int | None, options: TrialOptions) -> _Source:
     boat = choose_boat(log, system)
-    decoded = decode(log, boat)
+    decoded = log.decode(boat)
     tidy = tidied(choose(decoded.samples), decoded.of(Quantity.ACCELERATION))
     choices = tidy.choices
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
-    parameters = autopilot_parameters(log, boat)
+    parameters = log.parameters(boat)
     settings = settings_for(choices, options.settings.told_by(parameters))
     return _Source(
         epoch_ns,

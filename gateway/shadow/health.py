@@ -11,9 +11,9 @@ import numpy as np
 
 from gateway.estimation.filter import Rows
 from gateway.estimation.names import Flag
-from gateway.ingest.decoding import Decoded
-from gateway.ingest.log import Log
+from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.frames import LATE
+from gateway.ingest.mavlink.log import MavlinkLog
 from gateway.json_rows import Rows as Messages
 from gateway.json_rows import encode
 from gateway.topics import RATED
@@ -47,13 +47,12 @@ class HealthMeter:
         self._all = np.sort(np.concatenate(times)) if times else np.zeros(0, np.int64)
 
     @classmethod
-    def of_log(cls, log: Log, decoded: Decoded) -> "HealthMeter":
+    def of_log(cls, log: Log, decoded: BoatSamples) -> "HealthMeter":
         """What a log tells of one boat."""
         arrivals = {}
         for name in log.counts():
-            table, boat = log.table(name), decoded.boat
-            mine = (table.system == boat.system) & (table.component == boat.component)
-            arrivals[name] = np.sort(table.receive_time_ns[mine])
+            table = log.table(name)
+            arrivals[name] = np.sort(table.receive_time_ns[table.sent_by(decoded.boat)])
         stamps = [np.stack([s.receive_time_ns, s.vehicle_time_ns], axis=1) for s in decoded.samples]
         both = np.concatenate(stamps) if stamps else np.zeros((0, 2), np.int64)
         return cls(arrivals, _losses(log, decoded), both[np.argsort(both[:, 0], kind="stable")])
@@ -129,11 +128,11 @@ def _between(times: Ints, start: int, end: int) -> int:
     return int(last - first)
 
 
-def _losses(log: Log, decoded: Decoded) -> Ints:
+def _losses(log: Log, decoded: BoatSamples) -> Ints:
     """Receive time of every frame that the sequence numbers say is missing."""
-    frames = getattr(log, "frames", None)
-    if frames is None:
+    if not isinstance(log, MavlinkLog):
         return np.zeros(0, np.int64)
+    frames = log.frames
     mine = (frames.headers.system == decoded.boat.system) & (
         frames.headers.component == decoded.boat.component
     )

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from gateway.estimation.events import KIND_OF, Events, from_samples, join, ticks
 from gateway.estimation.settings import FilterSettings
-from gateway.ingest.decoding import Decoded
 from gateway.ingest.earth import Origin, to_degrees, to_local
-from gateway.ingest.mapping.vehicle import CHANNELS, SPAN
+from gateway.ingest.log import BoatSamples
 from gateway.ingest.sources import Choice
-from gateway.samples import Quantity, Samples
+from gateway.samples import CHANNELS, Quantity, Samples
 from sim.state import Floats, Ints
 
 
@@ -82,7 +81,6 @@ def _integral(held: Series, values: Floats, edges: Floats) -> Floats:
 
 
 MOTION = ("yaw", "yaw rate", "velocity", "position")
-ON_CHANGE = ("ARM", "EV")  # written when the state changes: before the first, it was the other
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,7 @@ def local(samples: Samples, origin: Origin | None) -> Samples:
     return replace(samples, quantity=Quantity.POSITION, values=to_local(samples.values, origin))
 
 
-def origin_of(decoded: Decoded, choices: Mapping[str, Choice]) -> Origin | None:
+def origin_of(decoded: BoatSamples, choices: Mapping[str, Choice]) -> Origin | None:
     """Where the metres of the chosen position source count from."""
     position = choices.get("position")
     if position is None:
@@ -138,7 +136,7 @@ def _origin_behind(position: Samples, place: Samples) -> Origin:
     return Origin(*map(float, to_degrees(np.nanmedian(metres - known, axis=0), guess)))
 
 
-def held(decoded: Decoded, choices: Mapping[str, Choice], epoch_ns: int) -> Held:
+def held(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: int) -> Held:
     """Commands, voltage, wind, armed, fix as series; empty where nobody said."""
 
     def of(name: str, width: int) -> Series:
@@ -157,13 +155,13 @@ def held(decoded: Decoded, choices: Mapping[str, Choice], epoch_ns: int) -> Held
 
 def _armed(said: Series, choices: Mapping[str, Choice]) -> Series:
     """Armed or not; a log that tells changes only was in the other state before the first one."""
-    if not len(said) or choices["armed"].source not in ON_CHANGE:
+    if not len(said) or not choices["armed"].samples.on_change:
         return said
     before = 1.0 - said.values[:1]
     return Series(np.concatenate([[-np.inf], said.time]), np.concatenate([before, said.values]))
 
 
-def pulses(decoded: Decoded, choices: Mapping[str, Choice], epoch_ns: int) -> Series:
+def pulses(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: int) -> Series:
     """Pulses of all channels [µs]; ports and messages of one family speak for their channels."""
     if "commands" not in choices:
         return Series(np.zeros(0), np.zeros((0, CHANNELS)))
@@ -172,15 +170,14 @@ def pulses(decoded: Decoded, choices: Mapping[str, Choice], epoch_ns: int) -> Se
     at = seconds(times, epoch_ns)
     together = np.full((len(times), CHANNELS), np.nan)
     for part in family:
-        first, last = SPAN.get(part.source, (1, CHANNELS))
+        first, last = part.channels
         together[:, first - 1 : last] = series(part, epoch_ns).at(at)[:, first - 1 : last]
     return Series(at, together)
 
 
-def command_family(decoded: Decoded, first: Samples) -> list[Samples]:
+def command_family(decoded: BoatSamples, first: Samples) -> list[Samples]:
     """The chosen source and those that speak for other channels in the same way."""
-    stem = "RCO" if first.source.startswith("RCO") else first.source
-    return [part for part in decoded.of(Quantity.ACTUATORS) if part.source.startswith(stem)]
+    return [p for p in decoded.of(Quantity.ACTUATORS) if p.equivalent == first.equivalent]
 
 
 SILENCE_S = 0.25  # without motion for this long, ticks take over …
@@ -228,7 +225,10 @@ class FilterInputs:
 
 
 def feed_of(
-    decoded: Decoded, choices: Mapping[str, Choice], origin: Origin | None, settings: FilterSettings
+    decoded: BoatSamples,
+    choices: Mapping[str, Choice],
+    origin: Origin | None,
+    settings: FilterSettings,
 ) -> FilterInputs:
     """Everything the live path would have been told, from a decoded log."""
     columns = [local(choices[name].samples, origin) for name in MOTION if name in choices]
@@ -316,12 +316,12 @@ def _held(samples: Samples, order: Ints) -> Floats:
     return np.where((last >= 0)[:, None], samples.values[np.maximum(last, 0)], np.nan)
 
 
-def _pulses(decoded: Decoded, choices: Mapping[str, Choice], order: Ints) -> Floats:
+def _pulses(decoded: BoatSamples, choices: Mapping[str, Choice], order: Ints) -> Floats:
     """Latest pulses (K, 32); none while the boat says that it is disarmed."""
     together = np.full((len(order), CHANNELS), np.nan)
     if "commands" in choices:
         for part in command_family(decoded, choices["commands"].samples):
-            first, last = SPAN.get(part.source, (1, CHANNELS))
+            first, last = part.channels
             together[:, first - 1 : last] = _held(part, order)[:, first - 1 : last]
     together[_latest(choices, "armed", order, 1)[:, 0] == 0.0] = np.nan
     return together

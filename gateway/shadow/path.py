@@ -19,7 +19,7 @@ from gateway.errors import BadInput
 from gateway.estimation.filter import Estimator, FilterState, Rows
 from gateway.estimation.names import Flag, Kind
 from gateway.estimation.settings import FilterSettings
-from gateway.ingest.mapping.vehicle import CHANNELS as CHANNEL_COUNT
+from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow.inputs import FilterInputs
 from gateway.topics import HORIZONS_S
 from sim.following.follower import Follower, Following

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from gateway.errors import BadInput, ShadowError
-from gateway.ingest.mcap.log import McapLog
+from gateway.ingest.open import open_log
 from gateway.recording.file import Compression
 from gateway.recording.reader import Recording, repair
 from gateway.recording.recorder import Recorder, RecordingSettings
@@ -210,7 +210,7 @@ def test_a_recording_without_frames_is_no_log(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap", free=lambda _: 10**12) as recorder:
         recorder.write_rows(*event())
     with pytest.raises(BadInput, match="holds no MAVLink frames"):
-        McapLog.open(tmp_path / "a.mcap")
+        open_log(tmp_path / "a.mcap")
 
 
 def heartbeats(count: int) -> list[bytes]:
@@ -232,7 +232,7 @@ def test_the_gateways_own_recording_is_a_log(tmp_path: Path, finished: bool) -> 
         recorder.write_raw([*heartbeats(20), b"\xfd junk"], times(21) + LATE, link="udp")
     if not finished:
         path.write_bytes(path.read_bytes()[:-20])
-    log = McapLog.open(path)
+    log = open_log(path)
     table = log.table("HEARTBEAT")
     assert log.kind == "mcap"
     assert log.counts() == {"HEARTBEAT": 20}

@@ -1,4 +1,4 @@
-"""Tables (.csv) as recordings: the mapping file (see `csv_mapping`) says what the columns are."""
+"""Tables (.csv) as logs: the mapping file (see `mapping_file`) says what the columns are."""
 
 import csv
 import io
@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput
+from gateway.ingest.clock import BoatClock
 from gateway.ingest.csv.mapping_file import CsvMapping, beside, read_mapping
-from gateway.ingest.log import Statistics, Table
-from gateway.samples import Quantity, Samples
-from sim.state import Floats
+from gateway.ingest.format import read_bytes
+from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
+from gateway.samples import CHANNELS, Quantity, Samples
+from sim.state import Floats, Ints
 
 SOURCE = "CSV"
 DELIMITERS = ",;\t"
 
 
 @dataclass(frozen=True)
-class CsvLog:
+class CsvLog(Log):
     """An opened table: the columns that its mapping names, row by row of known time."""
 
     path: str
@@ -32,8 +34,13 @@ class CsvLog:
     @classmethod
     def open(cls, path: str | Path, mapping: str | Path | None = None) -> "CsvLog":
         """Reads a table and its mapping file (`mapping`, or the one beside it)."""
+        return cls.from_bytes(read_bytes(path), str(path), mapping)
+
+    @classmethod
+    def from_bytes(cls, raw: bytes, path: str, mapping: str | Path | None = None) -> "CsvLog":
+        """The same from the bytes of the table."""
         file = Path(path)
-        header, rows, size = _read(file)
+        header, rows = _parse(file, raw)
         plan = read_mapping(Path(mapping) if mapping is not None else beside(file))
         wanted = {plan.time_column, *(column.column for column in plan.columns)}
         missing = sorted(wanted - set(header))
@@ -43,7 +50,7 @@ class CsvLog:
                 f"there are: {', '.join(name for name in header if name)}"
             )
         values = {name: _numbers(file, name, rows, header.index(name)) for name in wanted}
-        return cls._of(file, plan, values, size)
+        return cls._of(file, plan, values, len(raw))
 
     @classmethod
     def _of(cls, file: Path, plan: CsvMapping, values: Mapping[str, Floats], size: int) -> "CsvLog":
@@ -78,7 +85,23 @@ class CsvLog:
             self.columns if count else {},
         )
 
-    def time_ns(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    def boats(self) -> tuple[Boat, ...]:
+        """The one boat of the table, which says nothing about it."""
+        return (Boat(0, 0, "", "table"),)
+
+    def decode(self, boat: Boat) -> BoatSamples:
+        """The mapped columns; the one clock of a table needs no repair."""
+        times = self.time_ns()
+        span = (int(times.min()), int(times.max()))
+        report = BoatClock(streams=1).report()
+        return BoatSamples(boat, self.samples(), report, (span,), tabular=True)
+
+    def channel_names(self) -> Mapping[int, str]:
+        """Channel, from 1 -> name of its column."""
+        columns = self.mapping.columns
+        return {c.index + 1: c.column for c in columns if c.quantity is Quantity.ACTUATORS}
+
+    def time_ns(self) -> Ints:
         """(K,) int64: Unix ns, or ns of the table's own time."""
         return np.round(self.time_s * 1e9).astype(np.int64)
 
@@ -112,19 +135,14 @@ WIDTH = {
     Quantity.BODY_VELOCITY: 2,
     Quantity.ACCELERATION: 2,
     Quantity.WIND: 2,
-    Quantity.ACTUATORS: 32,
+    Quantity.ACTUATORS: CHANNELS,
 }
 
 
-def _read(file: Path) -> tuple[list[str], list[list[str]], int]:
-    """Header, rows, size in bytes."""
+def _parse(file: Path, raw: bytes) -> tuple[list[str], list[list[str]]]:
+    """Header, rows."""
     try:
-        raw = file.read_bytes()
         content = raw.decode("utf-8-sig")
-    except IsADirectoryError:
-        raise BadInput(f"{file} is a directory: name a table inside it") from None
-    except OSError as error:
-        raise BadInput(f"{file} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise BadInput(f"{file}: not a text table (UTF-8 with one line of column names)") from None
     first = content.split("\n", 1)[0]
@@ -135,7 +153,7 @@ def _read(file: Path) -> tuple[list[str], list[list[str]], int]:
         raise BadInput(f"{file}: not a table: {error}") from None
     if not rows:
         raise BadInput(f"{file} is empty: it holds no table")
-    return [name.strip() for name in rows[0]], [row for row in rows[1:] if row], len(raw)
+    return [name.strip() for name in rows[0]], [row for row in rows[1:] if row]
 
 
 def _numbers(file: Path, name: str, rows: list[list[str]], index: int) -> Floats:

@@ -27,8 +27,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.ingest.mapping.vehicle import CHANNELS
-from gateway.samples import Quantity
+from gateway.samples import CHANNELS, Quantity
 
 T = TypeVar("T")
 

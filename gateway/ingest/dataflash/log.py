@@ -1,10 +1,8 @@
-"""The time of DataFlash messages: the autopilot's microseconds, and Unix time from its GPS.
+"""DataFlash logs (.BIN): what an ArduPilot autopilot wrote on board.
 
-Which lane of the autopilot's filter a DataFlash log is read from: the one most in use.
-
-DataFlash writes the gyro as it is; the filter's own estimate of its bias is taken off here.
-
-DataFlash logs (.BIN): what an ArduPilot autopilot wrote on board.
+Times are the autopilot's microseconds, placed on Unix time by its GPS. Of several lanes of its
+Kalman filter the one most in use is read. The gyro is logged as it is measured: the filter's own
+estimate of its bias is subtracted here.
 """
 
 from collections.abc import Mapping
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
+from gateway.ingest.dataflash.mapping import LANE, RULES
 from gateway.ingest.dataflash.records import (
     HEADER,
     Format,
@@ -27,11 +26,13 @@ from gateway.ingest.dataflash.records import (
     sizes,
     walk_messages,
 )
-from gateway.ingest.files import looks_like, read_bytes
-from gateway.ingest.log import Log, Statistics, Table, frozen
+from gateway.ingest.decoding import decode_tables
+from gateway.ingest.format import looks_like, read_bytes
+from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, frozen
 from gateway.ingest.mavlink.walk import group
+from gateway.ingest.parameters import banner
 from gateway.jit import compiled
-from gateway.samples import Samples
+from gateway.samples import Quantity, Samples
 from sim.state import Ints
 
 Bytes = NDArray[np.uint8]
@@ -41,6 +42,15 @@ CREDIBLE_US = 1 << 52
 GPS_EPOCH_S = 315_964_800  # 1980-01-06 in Unix time
 WEEK_S = 604_800
 LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
+REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
+PRIMARY_LANE = (("XKF4", "PI"), ("NKF4", "PI"))  # message and column with the primary lane
+GYRO_BIAS = ("XKF1", "NKF1")  # column GZ [deg/s], column C where there are several lanes
+VEHICLES = {  # how the banner begins -> what the vehicle is
+    "ArduRover": "rover or boat",
+    "ArduSub": "submarine",
+    "ArduCopter": "multicopter",
+    "ArduPlane": "plane",
+}
 
 
 @compiled
@@ -83,15 +93,12 @@ def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
     return unix_s * 10**9 + int(tow_ms[k]) * 10**6 - int(boot_us[k]) * 1000
 
 
-SAYS_PRIMARY = (("XKF4", "PI"), ("NKF4", "PI"))  # message and column with the primary lane
-
-
 def primary_lane(log: Log) -> int:
-    """Number of the lane that was primary for most of the log; 0 where nobody says.
+    """Number of the lane that was primary for most of the log; 0 where it does not tell.
 
     One lane for the whole log: a switch between lanes is a step of the estimate, not motion.
     """
-    for name, column in SAYS_PRIMARY:
+    for name, column in PRIMARY_LANE:
         table = log.table(name)
         if len(table) and column in table.columns:
             lanes = np.asarray(table.columns[column]).astype(np.int64)
@@ -99,15 +106,12 @@ def primary_lane(log: Log) -> int:
     return 0
 
 
-BIAS_IN = ("XKF1", "NKF1")  # column GZ [deg/s], column C where there are several lanes
-
-
 def without_bias(samples: Samples, log: Log, lane: int) -> Samples:
     """Yaw rates of the IMU -> the same minus the bias last known at each row of the log."""
-    for name in BIAS_IN:
+    for name in GYRO_BIAS:
         table = log.table(name)
         if len(table) and "GZ" in table.columns:
-            lanes = np.asarray(table.columns.get("C", np.full(len(table), lane)))
+            lanes = np.asarray(table.columns.get(LANE, np.full(len(table), lane)))
             mine = lanes == lane
             bias = np.radians(np.asarray(table.columns["GZ"], np.float64)[mine])
             if len(bias):
@@ -116,11 +120,8 @@ def without_bias(samples: Samples, log: Log, lane: int) -> Samples:
     return samples
 
 
-REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
-
-
 @dataclass
-class DataflashLog:
+class DataflashLog(Log):
     """An opened DataFlash log: where its accepted messages lie."""
 
     path: str
@@ -129,6 +130,7 @@ class DataflashLog:
     type: Ints = field(repr=False)  # (K,)
     tally: Ints = field(repr=False)
     kind: str = "dataflash"
+    statistics: Statistics = field(init=False, repr=False)
     _tables: dict[str, Table] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -143,7 +145,32 @@ class DataflashLog:
         log = cls(path, data, *walk_messages(data, sizes()))
         if not set(log.counts()) - {"FMT"}:
             raise BadInput(f"{path} holds no DataFlash message: it looks like {looks_like(raw)}")
+        log.statistics = log._found()
         return log
+
+    def boats(self) -> tuple[Boat, ...]:
+        """The vehicle that the banner of the firmware names."""
+        lines = self.table("MSG").texts("Message", Boat(0, 0))
+        found = [kind for line in lines for name, kind in VEHICLES.items() if line.startswith(name)]
+        return (Boat(0, 0, "ArduPilot", found[0] if found else ""),)
+
+    def decode(self, boat: Boat) -> BoatSamples:
+        """All samples, of one lane of the filter, yaw rates without the bias of the gyro."""
+        lane = primary_lane(self)
+        decoded = decode_tables(self, boat, RULES, {LANE: lane})
+        samples = tuple(
+            without_bias(s, self, lane) if s.quantity is Quantity.YAW_RATE else s
+            for s in decoded.samples
+        )
+        return replace(decoded, samples=samples)
+
+    def parameters(self, boat: Boat) -> dict[str, float]:
+        """PARM: name -> last value."""
+        return self.table("PARM").parameters("Name", "Value", boat)
+
+    def firmware(self, boat: Boat) -> str:
+        """Banner among the texts of MSG."""
+        return banner(self.table("MSG").texts("Message", boat))
 
     @cached_property
     def formats(self) -> Mapping[int, Format]:
@@ -166,8 +193,7 @@ class DataflashLog:
         layout = self._by_name.get("GPS")
         return unix_minus_boot_ns(self._columns(layout)) if layout else 0
 
-    @cached_property
-    def statistics(self) -> Statistics:
+    def _found(self) -> Statistics:
         """What was found while reading."""
         garbled = int(self.tally[Tally.GARBLED])
         notes = []

@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
 
 START_NS = 1_700_000_000_000_000_000
 BOAT, ARDUPILOT = dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -28,9 +28,9 @@ class Script:
         self.raw += struct.pack(">Q", time_us) + frame
         self.sent.append((time_us * 1000, dialect.MAVLink(None).parse_buffer(frame)[0]))
 
-    def log(self) -> TlogFile:
+    def log(self) -> MavlinkLog:
         """All of it as a telemetry log."""
-        return TlogFile.from_bytes(bytes(self.raw), "scripted.tlog")
+        return tlog_from_bytes(bytes(self.raw), "scripted.tlog")
 
 
 def heartbeat(armed: bool = True, autopilot: int = ARDUPILOT, type_: int = BOAT) -> Any:

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.boats import boats, choose_boat
+from gateway.ingest.log import choose_boat
 from tests.gateway.ingest.scripted import ARDUPILOT, Script, attitude, heartbeat
 
 
@@ -20,7 +20,7 @@ def two_boats_and_their_company() -> Script:
 
 
 def test_ground_stations_and_companions_are_no_boats() -> None:
-    found = boats(two_boats_and_their_company().log())
+    found = two_boats_and_their_company().log().boats()
     assert [(boat.system, boat.component, boat.autopilot) for boat in found] == [
         (1, 1, "ArduPilot"),
         (7, 1, "PX4"),

@@ -5,7 +5,7 @@ import pytest
 
 from gateway.ingest.clock import BoatClock
 from gateway.ingest.clock_step import Verdict
-from gateway.ingest.mapping.rule import Counter
+from gateway.ingest.mapping import Counter
 
 START = 1_700_000_000_000_000_000
 MS, US, US32, SAMPLE, NONE = (

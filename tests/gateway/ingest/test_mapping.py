@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.decoding import Decoded, decode
-from gateway.ingest.mapping import dataflash, vehicle
-from gateway.ingest.mapping.rule import Counter
-from gateway.ingest.mapping.table import DATAFLASH, MAVLINK, rules
-from gateway.ingest.mavlink.boats import choose_boat
+from gateway.ingest.dataflash import mapping as dataflash
+from gateway.ingest.dataflash.mapping import RULES as DATAFLASH
+from gateway.ingest.log import choose_boat
+from gateway.ingest.mapping import Counter, merge_pulses
+from gateway.ingest.mavlink.mapping import RULES as MAVLINK
 from gateway.live.intake import BoatDecoder
 from gateway.samples import Quantity
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, servo, vfr_hud
@@ -60,8 +60,8 @@ def test_sources_are_unique() -> None:
 
 
 def test_both_dialects_have_their_own_wind() -> None:
-    assert [r.counter for r in rules("tlog") if r.message == "WIND"] == [Counter.RECEIPT]
-    assert [r.field for r in rules("dataflash") if r.message == "WIND"] == ["TimeUS"]
+    assert [r.counter for r in MAVLINK if r.message == "WIND"] == [Counter.RECEIPT]
+    assert [r.field for r in DATAFLASH if r.message == "WIND"] == ["TimeUS"]
 
 
 def test_global_position_in_degrees_metres_and_radians() -> None:
@@ -128,7 +128,7 @@ def test_merged_pulses_keep_what_the_source_does_not_speak_of() -> None:
     before = np.full(32, 1400.0)
     values = np.full(32, np.nan)
     values[0] = 1600.0
-    now = vehicle.merged(before, "SERVO_OUTPUT_RAW", values)
+    now = merge_pulses(before, (1, 16), values)
     assert now[0] == 1600.0
     assert np.isnan(now[1:16]).all()  # no pulse any more
     assert (now[16:] == 1400.0).all()  # not said
@@ -207,7 +207,7 @@ def test_live_messages_and_the_columns_of_a_log_say_the_same() -> None:
     script = mixed_voyage()
     log = script.log()
     boat = choose_boat(log)
-    bulk = decode(log, boat)
+    bulk = log.decode(boat)
     decoder = BoatDecoder(boat)
     live = [m for receive, message in script.sent for m in decoder.measurements(message, receive)]
     by_key: dict[tuple[Quantity, str], list[Any]] = {}
@@ -231,7 +231,7 @@ def test_rows_of_other_systems_and_components_are_not_mixed_in() -> None:
         script.send(0.1 * k, attitude(5.05 + 0.1 * k, yaw=2.0), component=191)
         script.send(0.1 * k, attitude(5.02 + 0.1 * k, yaw=3.0), system=2)
     log = script.log()
-    decoded: Decoded = decode(log, choose_boat(log))
+    decoded = log.decode(choose_boat(log))
     (yaw,) = decoded.of(Quantity.YAW)
     assert np.unique(yaw.values) == pytest.approx([1.0])
     assert decoded.clock.reboots == 0

@@ -2,8 +2,8 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.mavlink.boats import choose_boat
-from gateway.ingest.parameters import Kind, actuators, autopilot_parameters
+from gateway.ingest.log import choose_boat
+from gateway.ingest.parameters import OutputFunction, actuators
 from tests.gateway.ingest.scripted import Script, heartbeat
 
 
@@ -19,7 +19,7 @@ def test_the_last_value_of_this_boat_counts() -> None:
     script.send(0.3, parameter("SERVO1_FUNCTION", 26), system=255, component=190)
     script.send(0.4, parameter("SIXTEEN_CHARS_OK", 2))  # no NUL ends a name of 16 characters
     log = script.log()
-    found = autopilot_parameters(log, choose_boat(log))
+    found = log.parameters(choose_boat(log))
     assert found == {"SERVO1_FUNCTION": 74.0, "SIXTEEN_CHARS_OK": 2.0}
 
 
@@ -39,12 +39,12 @@ def test_functions_become_kinds_with_their_limits() -> None:
         }
     )
     assert [(a.channel, a.kind) for a in found] == [
-        (1, Kind.THROTTLE_LEFT),
-        (3, Kind.STEERING),
-        (4, Kind.MOTOR),
-        (5, Kind.PASSTHROUGH),
-        (6, Kind.PASSTHROUGH),
-        (32, Kind.THROTTLE),
+        (1, OutputFunction.THROTTLE_LEFT),
+        (3, OutputFunction.STEERING),
+        (4, OutputFunction.MOTOR),
+        (5, OutputFunction.PASSTHROUGH),
+        (6, OutputFunction.PASSTHROUGH),
+        (32, OutputFunction.THROTTLE),
     ]
     assert found[0].pwm == (1000.0, 1500.0, 1900.0)
     assert found[0].reversed

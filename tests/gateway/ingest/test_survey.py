@@ -29,7 +29,7 @@ def test_thin_commands_are_told_with_what_cannot_be_learnt() -> None:
 
 
 def test_survey_is_plain_json() -> None:
-    plain = survey(thin_telemetry().log()).as_dict()
+    plain = survey(thin_telemetry().log()).to_dict()
     assert json.loads(json.dumps(plain))["boats"][0]["boat"]["system"] == 1
     assert plain["messages"]["SERVO_OUTPUT_RAW"]["count"] == 60
     assert plain["messages"]["SERVO_OUTPUT_RAW"]["rate_hz"] == pytest.approx(2.0)
@@ -41,7 +41,7 @@ def test_every_odd_log_is_surveyed(shared_data: Path) -> None:
     for path in sorted((shared_data / "odd-logs").glob("*.[tbB]*")):
         found = survey(open_log(path))
         assert found.boats, path
-        assert json.dumps(found.as_dict()), path
+        assert json.dumps(found.to_dict()), path
 
 
 def test_three_sessions_are_three_boots(shared_data: Path) -> None:

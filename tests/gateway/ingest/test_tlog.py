@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.errors import BadInput
 from gateway.ingest.mavlink.definitions import definitions, layout
 from gateway.ingest.mavlink.frames import Frames
-from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.ingest.mavlink.log import MavlinkLog, read_tlog, tlog_from_bytes
 from gateway.ingest.open import open_log
 from tests.gateway.ingest.streams import (
     START_US,
@@ -71,7 +71,7 @@ def assert_same(column: np.ndarray, values: list[Any]) -> None:
         np.testing.assert_array_equal(column, np.array(values, column.dtype))
 
 
-def assert_agrees(log: TlogFile, peer: dict[str, list[Any]]) -> None:
+def assert_agrees(log: MavlinkLog, peer: dict[str, list[Any]]) -> None:
     """Every field, time and address of every message."""
     assert dict(log.counts()) == {name: len(found) for name, found in peer.items()}
     for name, found in peer.items():
@@ -86,19 +86,19 @@ def assert_agrees(log: TlogFile, peer: dict[str, list[Any]]) -> None:
 
 @pytest.mark.parametrize("name", REAL)
 def test_every_field_agrees_with_pymavlink(shared_data: Path, name: str) -> None:
-    assert_agrees(TlogFile.open(shared_data / name), peer_messages(shared_data / name))
+    assert_agrees(read_tlog(shared_data / name), peer_messages(shared_data / name))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LONG)
 def test_every_field_of_long_logs_agrees_with_pymavlink(shared_data: Path, name: str) -> None:
-    assert_agrees(TlogFile.open(shared_data / name), peer_messages(shared_data / name))
+    assert_agrees(read_tlog(shared_data / name), peer_messages(shared_data / name))
 
 
 @pytest.mark.parametrize("name", [n for n in REAL if n.startswith("odd-logs")])
 def test_counts_agree_with_the_facts(shared_data: Path, name: str) -> None:
     facts = json.loads((shared_data / "odd-logs/facts.json").read_text())[Path(name).name]
-    walk, log = facts["frame_walk"], TlogFile.open(shared_data / name)
+    walk, log = facts["frame_walk"], read_tlog(shared_data / name)
     found, frames = log.statistics, log.frames
     assert found.size_bytes == walk["size"]
     assert found.bad_checksum == walk["badcrc"]
@@ -120,7 +120,7 @@ def test_counts_agree_with_the_facts(shared_data: Path, name: str) -> None:
 
 
 def test_bogus_frames_of_the_radio_log_are_survived(shared_data: Path) -> None:
-    found = TlogFile.open(shared_data / "sitl/boat_radio.tlog").statistics
+    found = read_tlog(shared_data / "sitl/boat_radio.tlog").statistics
     assert (found.unknown_messages, found.accepted) == (58, 48_851 - 58)
 
 
@@ -182,14 +182,14 @@ def test_frames_keep_their_bytes_and_their_order() -> None:
 
 
 def test_a_message_that_never_came_has_an_empty_table() -> None:
-    log = TlogFile.from_bytes(tlog(heartbeat(packer())))
+    log = tlog_from_bytes(tlog(heartbeat(packer())))
     assert len(log.table("ATTITUDE")) == 0
     assert log.table("ATTITUDE").columns["yaw"].shape == (0,)
     assert log.table("NO_SUCH_MESSAGE").columns == {}
 
 
 def test_columns_are_read_only_and_read_once() -> None:
-    log = TlogFile.from_bytes(tlog(heartbeat(packer())))
+    log = tlog_from_bytes(tlog(heartbeat(packer())))
     table = log.table("HEARTBEAT")
     assert log.table("HEARTBEAT") is table
     with pytest.raises(ValueError, match="read-only"):
@@ -223,21 +223,21 @@ def test_lost_frames_are_counted_over_the_wrap_and_by_source() -> None:
         frame = heartbeat(one)
         sent += [] if k in (3, 8, 9) else [frame]
         sent.append(heartbeat(other))
-    found = TlogFile.from_bytes(tlog(*sent)).statistics
+    found = tlog_from_bytes(tlog(*sent)).statistics
     assert (found.lost, found.duplicates) == (3, 0)
 
 
 def test_a_doubled_frame_is_no_loss() -> None:
     mav = packer()
     sent = [heartbeat(mav) for _ in range(5)]
-    found = TlogFile.from_bytes(tlog(*sent[:3], sent[2], *sent[3:])).statistics
+    found = tlog_from_bytes(tlog(*sent[:3], sent[2], *sent[3:])).statistics
     assert (found.lost, found.duplicates) == (0, 1)
 
 
 def test_a_late_frame_is_late_and_not_lost() -> None:
     mav = packer()
     sent = [heartbeat(mav) for _ in range(8)]
-    found = TlogFile.from_bytes(tlog(*sent[:2], sent[3], sent[2], *sent[4:])).statistics
+    found = tlog_from_bytes(tlog(*sent[:2], sent[3], sent[2], *sent[4:])).statistics
     assert (found.lost, found.duplicates) == (0, 0)
     assert found.notes == ("1 frame came after a later one of its source",)
 
@@ -246,7 +246,7 @@ def test_the_receive_clock_may_step_back() -> None:
     mav = packer()
     times = [START_US, START_US + 5, START_US - 60_000_000, START_US - 59_000_000]
     raw = b"".join(record(heartbeat(mav), t) for t in times)
-    log = TlogFile.from_bytes(raw)
+    log = tlog_from_bytes(raw)
     assert log.statistics.time_backwards == 1
     assert log.table("HEARTBEAT").receive_time_ns.tolist() == [t * 1000 for t in times]
 
@@ -254,9 +254,9 @@ def test_the_receive_clock_may_step_back() -> None:
 def test_a_cut_tail_is_told() -> None:
     mav = packer()
     raw = tlog(heartbeat(mav), heartbeat(mav))
-    found = TlogFile.from_bytes(raw[:-4]).statistics
+    found = tlog_from_bytes(raw[:-4]).statistics
     assert (found.accepted, found.truncated_tail, found.junk_bytes) == (1, True, 0)
-    assert not TlogFile.from_bytes(raw).statistics.truncated_tail
+    assert not tlog_from_bytes(raw).statistics.truncated_tail
 
 
 @pytest.mark.parametrize(

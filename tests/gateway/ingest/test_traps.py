@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.ingest.csv.log import CsvLog
-from gateway.ingest.decoding import decode
-from gateway.ingest.mavlink.boats import choose_boat
+from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.ingest.survey import survey
@@ -27,7 +26,7 @@ def notices(folder: Path, traps: Traps) -> tuple[str, ...]:
 def tidy(folder: Path, traps: Traps):
     """The sources that are left."""
     log = CsvLog.open(written(folder, traps)[0])
-    decoded = decode(log, choose_boat(log, None))
+    decoded = log.decode(choose_boat(log, None))
     return tidied(choose(decoded.samples), decoded.of(Quantity.ACCELERATION))
 
 

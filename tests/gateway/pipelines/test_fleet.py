@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import load_settings
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.boats import Boat
+from gateway.ingest.log import Boat
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boat import LiveBoat
 from gateway.live.boats import MOST, BoatPlan, Fleet

@@ -7,15 +7,15 @@ import numpy as np
 
 from gateway.estimation.filter import Estimator, Rows
 from gateway.estimation.names import Flag
-from gateway.ingest.mavlink.tlog import TlogFile
-from gateway.offline.replay import ReplayOptions, material_of
+from gateway.ingest.mavlink.log import tlog_from_bytes
+from gateway.offline.replay import replay_input_of
 from gateway.shadow.health import SECOND, WINDOW_S, HealthMeter
 from tests.gateway.pipelines.sailing import RATE_HZ, frames, parameters, voyage
 
 
 def health(raw: list[bytes]) -> dict[int, dict[str, Any]]:
     """Second after the first receipt -> what the topic says then."""
-    given = material_of(TlogFile.from_bytes(b"".join(raw)), ReplayOptions())
+    given = replay_input_of(tlog_from_bytes(b"".join(raw)))
     meter = HealthMeter.of_log(given.log, given.decoded)
     estimator = Estimator()
     _, filtered = estimator.advance(estimator.start(), given.feed.events)

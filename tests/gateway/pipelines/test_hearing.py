@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.estimation.names import Kind
 from gateway.estimation.settings import FilterSettings, gyro_delay_s
 from gateway.ingest.earth import to_degrees
-from gateway.ingest.mavlink.boats import Boat
+from gateway.ingest.log import Boat
 from gateway.live.boat import LiveBoat
 from gateway.live.intake import PATIENCE_NS, MessageIntake
 from gateway.samples import Measurement, Quantity

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.estimation.names import Flag, Kind
-from gateway.ingest.mavlink.tlog import TlogFile
-from gateway.offline.replay import Material, ReplayOptions, material_of
+from gateway.ingest.mavlink.log import tlog_from_bytes
+from gateway.offline.replay import ReplayInput, replay_input_of
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
 from gateway.shadow.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
@@ -38,10 +38,10 @@ LATE = AddedEffect(
 
 
 @cache
-def material(silent: Span = SILENT, noise: float = 1.0) -> Material:
+def material(silent: Span = SILENT, noise: float = 1.0) -> ReplayInput:
     """A voyage, by default with five seconds in which nothing tells the motion."""
     said = voyage(16.0, silent=silent, noise=noise)
-    return material_of(TlogFile.from_bytes(b"".join(frames(said))), ReplayOptions())
+    return replay_input_of(tlog_from_bytes(b"".join(frames(said))))
 
 
 def path_of(mode: Mode, vessel: Vessel = WAMV, plant: Vessel | None = None) -> ShadowPath:
@@ -75,7 +75,7 @@ def test_how_facts_are_cut_into_chunks_changes_no_bit(mode: Mode) -> None:
         assert outcome(path, size) == whole
 
 
-def shadowed(mode: Mode, given: Material | None = None, **more: Any) -> Shadowing:
+def shadowed(mode: Mode, given: ReplayInput | None = None, **more: Any) -> Shadowing:
     path = path_of(mode, **more)
     return path.advance(path.start(), (given or material()).feed)[1]
 
@@ -143,7 +143,7 @@ def test_heading_alone_does_not_make_an_estimate_fresh() -> None:
     heard = [
         (t, m) for t, m in said if t < 11.0 or m.get_type() != "LOCAL_POSITION_NED" or t > 14.0
     ]
-    given = material_of(TlogFile.from_bytes(b"".join(frames(heard))), ReplayOptions())
+    given = replay_input_of(tlog_from_bytes(b"".join(frames(heard))))
     out = shadowed(Mode.AUTO, given)
     assert out.from_model[(out.time_s > 7.1) & (out.time_s < 14.0)].all()
     assert out.fresh[out.time_s > 14.11].all()
@@ -152,7 +152,7 @@ def test_heading_alone_does_not_make_an_estimate_fresh() -> None:
 def test_without_velocity_and_position_an_estimate_goes_stale_in_the_end() -> None:
     said = voyage(16.0)
     heard = [(t, m) for t, m in said if t < 4.0 or m.get_type() != "LOCAL_POSITION_NED"]
-    given = material_of(TlogFile.from_bytes(b"".join(frames(heard))), ReplayOptions())
+    given = replay_input_of(tlog_from_bytes(b"".join(frames(heard))))
     out = shadowed(Mode.AUTO, given)
     assert out.fresh[out.time_s < 3.9 + LOST_S].all()
     assert not out.fresh[out.time_s > 4.1 + LOST_S].any()
@@ -208,7 +208,7 @@ def test_a_restart_is_told_even_in_the_first_chunk_but_the_start_is_none() -> No
 def test_after_a_discontinuity_the_shadow_is_set_anew_and_says_so() -> None:
     said = voyage(12.0)
     moved = [(t, shifted(m) if t > 6.0 else m) for t, m in said]
-    given = material_of(TlogFile.from_bytes(b"".join(frames(moved))), ReplayOptions())
+    given = replay_input_of(tlog_from_bytes(b"".join(frames(moved))))
     path = path_of(Mode.MEASURED)
     _, out, filtered = path.advance(path.start(), given.feed)
     _, told = EventDetector().observe(given.feed, filtered, out)

@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.ingest.mavlink.tlog import TlogFile
+from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
 from gateway.simulated_boat.boat import PlayedBoat
 from gateway.simulated_boat.faults import Frame
 from gateway.simulated_boat.settings import PlayedSettings
@@ -46,5 +46,5 @@ def records(frames: Sequence[Frame]) -> bytes:
     )
 
 
-def log_of(frames: Sequence[Frame]) -> TlogFile:
-    return TlogFile.from_bytes(records(frames), "played.tlog")
+def log_of(frames: Sequence[Frame]) -> MavlinkLog:
+    return tlog_from_bytes(records(frames), "played.tlog")

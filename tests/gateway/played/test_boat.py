@@ -8,7 +8,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.boats import boats
 from gateway.simulated_boat.boat import PlayedBoat
 from gateway.simulated_boat.faults import Faults, Reboot
 from gateway.simulated_boat.settings import FAST, THIN, PlayedSettings
@@ -178,7 +177,7 @@ def test_a_ground_station_beside_is_no_boat():
     frames = frames_of(boat(station=True), 10.0)
     beats = [m for m in named(frames, "HEARTBEAT") if m.get_srcSystem() == 255]
     assert len(beats) == 11
-    assert [found.system for found in boats(log_of(frames))] == [1]
+    assert [found.system for found in log_of(frames).boats()] == [1]
 
 
 def test_signed_frames_verify_and_only_with_the_key():

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gateway.config import Settings, ZenohSettings
-from gateway.ingest.mavlink.boats import choose_boat
-from gateway.ingest.parameters import actuators, autopilot_parameters, firmware
+from gateway.ingest.log import choose_boat
+from gateway.ingest.parameters import actuators
 from gateway.offline.first_vessel import init_vessel
 from gateway.offline.replay import ReplayOptions, replay
 from gateway.simulated_boat.boat import PlayedBoat
@@ -65,7 +65,7 @@ def test_odd_servos_are_told_as_they_are():
     left, right = BOAT.thrusters
     vessel = replace(BOAT, thrusters=(replace(left, servo=odd), right))
     log = log_of(frames_of(PlayedBoat(vessel), 5.0))
-    found = actuators(autopilot_parameters(log, choose_boat(log)))
+    found = actuators(log.parameters(choose_boat(log)))
     assert {(a.channel, a.pwm, a.reversed) for a in found} == {
         (9, (1000.0, 1480.0, 1950.0), True),
         (right.servo.channel, right.servo.pwm, False),
@@ -74,10 +74,10 @@ def test_odd_servos_are_told_as_they_are():
 
 def test_sides_are_told_apart(tmp_path):
     log = log_of(frames_of(PlayedBoat(BOAT), 5.0))
-    kinds = [a.kind.value for a in actuators(autopilot_parameters(log, choose_boat(log)))]
+    kinds = [a.kind.value for a in actuators(log.parameters(choose_boat(log)))]
     assert kinds == ["throttle left", "throttle right"]
 
 
 def test_the_firmware_says_that_it_is_no_real_boat():
     log = log_of(frames_of(PlayedBoat(BOAT), 5.0))
-    assert "played" in firmware(log, choose_boat(log))
+    assert "played" in log.firmware(choose_boat(log))

@@ -1,14 +1,23 @@
-"""XKF1, NKF1, ATT, IMU, GPS, BAT, CURR, ARM, EV, ORGN, WIND: what the autopilot wrote on board.
+"""DataFlash messages -> quantities: what an ArduPilot autopilot wrote on board.
 
 Columns are in the unit of the log's own definition after its multiplier: degrees, m, m/s, rad/s.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from gateway.ingest.mapping.motion import FIX_2D, along
-from gateway.ingest.mapping.rule import Counter, Facts, Rule, known, only_where
+from gateway.ingest.mapping import (
+    FIX_2D,
+    Counter,
+    Facts,
+    Rule,
+    along,
+    known,
+    only_where,
+    servo_pulses,
+)
 from gateway.samples import Quantity
 
 EVENT_ARMED, EVENT_DISARMED = 10, 11
@@ -62,12 +71,12 @@ def arm(m: Any) -> Facts:
 
 def event(m: Any) -> Facts:
     """EV -> armed or not, where the event is about that."""
-    known_event = (np.asarray(m.Id) == EVENT_ARMED) | (np.asarray(m.Id) == EVENT_DISARMED)
-    return ((Quantity.ARMED, (only_where(known_event, np.asarray(m.Id) == EVENT_ARMED),)),)
+    about_arming = (np.asarray(m.Id) == EVENT_ARMED) | (np.asarray(m.Id) == EVENT_DISARMED)
+    return ((Quantity.ARMED, (only_where(about_arming, np.asarray(m.Id) == EVENT_ARMED),)),)
 
 
 def origin(m: Any) -> Facts:
-    """ORGN -> where the filter's local frame starts."""
+    """ORGN -> origin of the filter's local frame."""
     return ((Quantity.ORIGIN, (m.Lat, m.Lng)),)
 
 
@@ -76,20 +85,30 @@ def wind_vane(m: Any) -> Facts:
     return ((Quantity.WIND, along(m.SpdTru, np.radians(np.asarray(m.DrTru) + 180.0))),)
 
 
-def _rule(message: str, facts: Any, instance: tuple[str, ...] = ()) -> Rule:
-    return Rule(message, facts, Counter.BOOT_US, instance=instance, field="TimeUS")
+def outputs(first: int, last: int) -> Callable[[Any], Facts]:
+    """RCOU, RCO2, RCO3 -> pulses of their channels; older logs hold fewer of them."""
+    numbers = range(first, last + 1)
+    return lambda m: servo_pulses(first, [getattr(m, f"C{i}", 0) for i in numbers])
 
 
-RULES = (
-    _rule("XKF1", kalman, ("C",)),
-    _rule("NKF1", kalman, ("C",)),
+def _rule(message: str, facts: Callable[[Any], Facts], *instance: str, **more: Any) -> Rule:
+    return Rule(message, facts, Counter.BOOT_US, instance=instance, field="TimeUS", **more)
+
+
+LANE = "C"  # column that numbers the lane of the autopilot's filter
+RULES: tuple[Rule, ...] = (
+    _rule("XKF1", kalman, LANE),
+    _rule("NKF1", kalman, LANE),
     _rule("ATT", att),
-    _rule("IMU", imu, ("I",)),
-    _rule("GPS", gps, ("I",)),
-    _rule("BAT", bat, ("Inst", "Instance", "I")),
-    _rule("CURR", bat, ("Inst", "Instance", "I")),
-    _rule("ARM", arm),
-    _rule("EV", event),
-    _rule("ORGN", origin, ("Type",)),
+    _rule("IMU", imu, "I"),
+    _rule("GPS", gps, "I"),
+    _rule("BAT", bat, "Inst", "Instance", "I"),
+    _rule("CURR", bat, "Inst", "Instance", "I"),
+    _rule("ARM", arm, on_change=True),
+    _rule("EV", event, on_change=True),
+    _rule("ORGN", origin, "Type"),
     _rule("WIND", wind_vane),
+    _rule("RCOU", outputs(1, 14), channels=(1, 14)),
+    _rule("RCO2", outputs(15, 18), channels=(15, 18), equivalent="RCOU"),
+    _rule("RCO3", outputs(19, 32), channels=(19, 32), equivalent="RCOU"),
 )

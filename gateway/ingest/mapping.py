@@ -1,0 +1,147 @@
+"""Rules that turn messages into quantities, and the conversions that several formats share.
+
+A mapping function takes one message (attributes are scalars) or all messages of one name
+(attributes are columns) and returns facts: pairs of a quantity and its values, in SI units. A
+value that the boat did not give is NaN: sentinels, scales and units end here. The functions and
+the table of rules of each format stand in its own folder (`mavlink/mapping.py`, …).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from gateway.samples import CHANNELS, Quantity
+
+Column = Any  # a scalar or a (K,) array: mapping functions do not ask which
+Facts = tuple[tuple[Quantity, tuple[Column, ...]], ...]
+
+SHORTEST_US, LONGEST_US = 400.0, 2600.0  # outside these a servo gets no pulse that it understands
+FIX_2D = 2  # GNSS fix type
+UNIX_FROM_US = 1_000_000_000_000_000  # larger counters are Unix time (2001), not time since boot
+
+
+class Counter(IntEnum):
+    """Which clock of the boat a message carries."""
+
+    RECEIPT = 0  # none: the moment follows from the receipt
+    BOOT_MS = 1  # time_boot_ms: uint32, ms since boot, at sending
+    BOOT_US = 2  # time_usec or TimeUS: uint64, µs since boot, at sending
+    BOOT_US32 = 3  # time_usec that is, or may be, a uint32: wraps every 71.6 minutes
+    SAMPLE_US = 4  # time_usec: uint64, µs since boot at the measurement, which may be old
+
+
+COUNTER_FIELD = {
+    Counter.BOOT_MS: "time_boot_ms",
+    Counter.BOOT_US: "time_usec",
+    Counter.BOOT_US32: "time_usec",
+    Counter.SAMPLE_US: "time_usec",
+}
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How one message (or some of its instances) becomes samples of `source`.
+
+    equivalent, channels, on_change: as in `Samples`
+    """
+
+    message: str
+    facts: Callable[[Any], Facts]
+    counter: Counter
+    source: str = ""  # default: the message's name
+    instance: tuple[str, ...] = ()  # names under which the definitions number instances
+    number: int = 0  # the instance that counts
+    field: str = ""  # field of the counter; default by `COUNTER_FIELD`
+    equivalent: str = ""  # default: the source
+    channels: tuple[int, int] = (1, CHANNELS)
+    on_change: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "source", self.source or self.message)
+        object.__setattr__(self, "field", self.field or COUNTER_FIELD.get(self.counter, ""))
+        object.__setattr__(self, "equivalent", self.equivalent or self.source)
+
+
+def instance_of(message: Any, rule: Rule, unnamed: int) -> Column:
+    """Instance number of a message (or of each row); `unnamed` where it carries none."""
+    for name in rule.instance:
+        if hasattr(message, name):
+            return getattr(message, name)
+    return unnamed
+
+
+def counter_us(message: Any, rule: Rule) -> Column:
+    """The boat's counter [µs] of a message or of each row; 0 where the message has none."""
+    raw = getattr(message, rule.field, 0) if rule.field else 0
+    unit = 1000 if rule.counter == Counter.BOOT_MS else 1
+    if isinstance(raw, int):
+        return min(raw, UNIX_FROM_US) * unit
+    column = np.minimum(np.asarray(raw).astype(np.uint64), np.uint64(UNIX_FROM_US))
+    return column.astype(np.int64) * np.int64(unit)
+
+
+def known(value: Column, sentinel: float) -> Column:
+    """The value as float, NaN where it is the sentinel that stands for "not known"."""
+    value = np.asarray(value, dtype=np.float64)
+    return np.where(value == sentinel, np.nan, value)
+
+
+def only_where(condition: Column, value: Column) -> Column:
+    """The value as float, NaN where the condition does not hold."""
+    return np.where(condition, np.asarray(value, dtype=np.float64), np.nan)
+
+
+def along(speed: Column, course: Column) -> tuple[Column, Column]:
+    """Speed [m/s] towards a course [rad from north] -> north, east [m/s]."""
+    return speed * np.cos(course), speed * np.sin(course)
+
+
+def latitude_longitude(lat_e7: Column, lon_e7: Column) -> tuple[Column, Column]:
+    """Degrees × 1e7 -> degrees; 0, 0 stands for "not known"."""
+    lat, lon = np.asarray(lat_e7) * 1e-7, np.asarray(lon_e7) * 1e-7
+    given = (lat != 0.0) | (lon != 0.0)
+    return only_where(given, lat), only_where(given, lon)
+
+
+def euler(w: Column, x: Column, y: Column, z: Column) -> tuple[Column, Column, Column]:
+    """Quaternion body -> NED -> roll, pitch, yaw [rad]; NaN where it has no length."""
+    w, x, y, z = (np.asarray(part, dtype=np.float64) for part in (w, x, y, z))
+    length = w * w + x * x + y * y + z * z
+    valid = length > 0.5
+    length = only_where(valid, length)
+    roll = np.arctan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x) / length, -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return only_where(valid, roll), pitch, only_where(valid, yaw)
+
+
+def quaternion(q: Column) -> tuple[Column, ...]:
+    """A list of four numbers or a (K, 4) column -> its four components."""
+    parts = np.asarray(q, dtype=np.float64)
+    return tuple(parts[..., i] for i in range(4))
+
+
+def servo_pulses(first: int, columns: list[Column]) -> Facts:
+    """Pulses [µs] of consecutive channels -> all 32 channels.
+
+    NaN for 0, 65535 and what no servo takes, and for the channels before and after.
+    """
+    width = np.stack([np.asarray(column, dtype=np.float64) for column in columns])
+    pulses = list(only_where((width >= SHORTEST_US) & (width <= LONGEST_US), width))
+    unreported = np.full(np.shape(pulses[0]), np.nan)
+    values = [unreported] * (first - 1) + pulses
+    return ((Quantity.ACTUATORS, tuple(values + [unreported] * (CHANNELS - len(values)))),)
+
+
+def merge_pulses(previous: Any, channels: tuple[int, int], values: Any) -> Any:
+    """The 32 pulses known so far and those that a source reports -> the 32 pulses now [µs].
+
+    Inside the source's channels NaN means "no pulse", outside them "not reported".
+    """
+    first, last = channels
+    now = np.array(previous, dtype=np.float64)
+    now[first - 1 : last] = np.asarray(values, dtype=np.float64)[first - 1 : last]
+    return now

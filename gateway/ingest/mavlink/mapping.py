@@ -1,0 +1,228 @@
+"""MAVLink messages -> quantities. SIM_STATE and SIMSTATE are never read.
+
+RAW_IMU has no unit by definition; ArduPilot sends mG and mrad/s in it, as in SCALED_IMU.
+Source: the common and ardupilotmega message definitions.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from gateway.ingest.mapping import (
+    FIX_2D,
+    UNIX_FROM_US,
+    Column,
+    Counter,
+    Facts,
+    Rule,
+    along,
+    euler,
+    known,
+    latitude_longitude,
+    only_where,
+    quaternion,
+    servo_pulses,
+)
+from gateway.samples import CHANNELS, Quantity
+
+UINT16_UNKNOWN = 65535
+MILLI_G = 9.80665e-3  # m/s²
+X_ACC, Y_ACC, Z_GYRO = 1 << 0, 1 << 1, 1 << 5  # HIGHRES_IMU.fields_updated
+LOCAL_NED, BODY_NED, BODY_FRD = 1, 8, 12  # MAV_FRAME_…
+ARMED_BIT = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT_INVALID: ground stations, cameras, companions
+
+
+def attitude(m: Any) -> Facts:
+    """ATTITUDE -> yaw, yaw rate, tilt."""
+    return (
+        (Quantity.YAW, (m.yaw,)),
+        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.TILT, (m.roll, m.pitch)),
+    )
+
+
+def attitude_quaternion(m: Any) -> Facts:
+    """ATTITUDE_QUATERNION -> yaw, yaw rate, tilt."""
+    roll, pitch, yaw = euler(m.q1, m.q2, m.q3, m.q4)
+    return (
+        (Quantity.YAW, (yaw,)),
+        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.TILT, (roll, pitch)),
+    )
+
+
+def local_position_ned(m: Any) -> Facts:
+    """LOCAL_POSITION_NED -> position from the autopilot's origin, velocity over ground."""
+    return ((Quantity.POSITION, (m.x, m.y)), (Quantity.VELOCITY, (m.vx, m.vy)))
+
+
+def global_position_int(m: Any) -> Facts:
+    """GLOBAL_POSITION_INT -> position, velocity over ground, heading."""
+    heading = np.radians(known(m.hdg, UINT16_UNKNOWN) * 1e-2)
+    return (
+        (Quantity.GLOBAL_POSITION, latitude_longitude(m.lat, m.lon)),
+        (Quantity.VELOCITY, (m.vx * 1e-2, m.vy * 1e-2)),
+        (Quantity.YAW, (heading,)),
+    )
+
+
+def gps_raw_int(m: Any) -> Facts:
+    """GPS_RAW_INT -> fix, and position and velocity where there is a fix."""
+    fixed = np.asarray(m.fix_type) >= FIX_2D
+    lat, lon = latitude_longitude(m.lat, m.lon)
+    speed = only_where(fixed, known(m.vel, UINT16_UNKNOWN) * 1e-2)
+    course = np.radians(known(m.cog, UINT16_UNKNOWN) * 1e-2)
+    return (
+        (Quantity.FIX, (m.fix_type,)),
+        (Quantity.GLOBAL_POSITION, (only_where(fixed, lat), only_where(fixed, lon))),
+        (Quantity.VELOCITY, along(speed, course)),
+    )
+
+
+def vfr_hud(m: Any) -> Facts:
+    """VFR_HUD -> heading; velocity as if the boat moved ahead without drift (a last resort)."""
+    heading = np.asarray(m.heading, dtype=np.float64)
+    heading = np.radians(only_where((heading >= 0) & (heading <= 360), heading))
+    return ((Quantity.YAW, (heading,)), (Quantity.VELOCITY, along(m.groundspeed, heading)))
+
+
+def odometry(m: Any) -> Facts:
+    """ODOMETRY -> pose where it is relative to north, velocity in the frame that it names."""
+    local = np.asarray(m.frame_id) == LOCAL_NED
+    child = np.asarray(m.child_frame_id)
+    body, world = (child == BODY_FRD) | (child == BODY_NED), child == LOCAL_NED
+    roll, pitch, yaw = euler(*quaternion(m.q))
+    return (
+        (Quantity.POSITION, (only_where(local, m.x), only_where(local, m.y))),
+        (Quantity.YAW, (only_where(local, yaw),)),
+        (Quantity.TILT, (roll, pitch)),
+        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.BODY_VELOCITY, (only_where(body, m.vx), only_where(body, m.vy))),
+        (Quantity.VELOCITY, (only_where(world, m.vx), only_where(world, m.vy))),
+    )
+
+
+def gps_global_origin(m: Any) -> Facts:
+    """GPS_GLOBAL_ORIGIN -> origin of the autopilot's local frame."""
+    return ((Quantity.ORIGIN, latitude_longitude(m.latitude, m.longitude)),)
+
+
+def scaled_imu(m: Any) -> Facts:
+    """RAW_IMU, SCALED_IMU* in mG and mrad/s -> yaw rate, specific force."""
+    return (
+        (Quantity.YAW_RATE, (m.zgyro * 1e-3,)),
+        (Quantity.ACCELERATION, (m.xacc * MILLI_G, m.yacc * MILLI_G)),
+    )
+
+
+def highres_imu(m: Any) -> Facts:
+    """HIGHRES_IMU -> yaw rate, specific force, as far as the fields were updated."""
+
+    def updated(bit: int, value: Column) -> Column:
+        return only_where((np.asarray(m.fields_updated) & bit) != 0, value)
+
+    return (
+        (Quantity.YAW_RATE, (updated(Z_GYRO, m.zgyro),)),
+        (Quantity.ACCELERATION, (updated(X_ACC, m.xacc), updated(Y_ACC, m.yacc))),
+    )
+
+
+def servo_output_raw(m: Any) -> Facts:
+    """SERVO_OUTPUT_RAW of the first port -> channels 1 to 16."""
+    return servo_pulses(1, [getattr(m, f"servo{i}_raw", 0) for i in range(1, 17)])
+
+
+def servo_output_raw_second(m: Any) -> Facts:
+    """SERVO_OUTPUT_RAW of the second port -> channels 17 to 32."""
+    return servo_pulses(17, [getattr(m, f"servo{i}_raw", 0) for i in range(1, 17)])
+
+
+def actuator_output_status(m: Any) -> Facts:
+    """ACTUATOR_OUTPUT_STATUS -> channels 1 to 32, where they are pulses at all."""
+    outputs = np.asarray(m.actuator, dtype=np.float64)
+    return servo_pulses(1, [outputs[..., i] for i in range(CHANNELS)])
+
+
+def heartbeat(m: Any) -> Facts:
+    """HEARTBEAT of an autopilot -> armed or not."""
+    armed = (np.asarray(m.base_mode) & ARMED_BIT) != 0
+    boat = np.asarray(m.autopilot) != AUTOPILOT_INVALID
+    return ((Quantity.ARMED, (only_where(boat, armed),)),)
+
+
+def system_time(m: Any) -> Facts:
+    """SYSTEM_TIME -> Unix time by the boat's clock [s], once that was set."""
+    unix = np.asarray(m.time_unix_usec, dtype=np.float64)
+    return ((Quantity.UNIX_TIME, (only_where(unix >= UNIX_FROM_US, unix) * 1e-6,)),)
+
+
+def sys_status(m: Any) -> Facts:
+    """SYS_STATUS -> battery voltage [V]."""
+    return ((Quantity.VOLTAGE, (volts(m.voltage_battery),)),)
+
+
+def volts(millivolts: Column) -> Column:
+    """mV -> V; 0 and 65535 mean that it is not measured."""
+    return known(known(millivolts, UINT16_UNKNOWN), 0) * 1e-3
+
+
+def battery_status(m: Any) -> Facts:
+    """BATTERY_STATUS of the first battery -> the sum of its cells [V]."""
+    cells = volts(m.voltages)
+    extra = volts(getattr(m, "voltages_ext", 0))  # older definitions lack it
+    known_cells = np.isfinite(cells).any(axis=-1)
+    total = np.nansum(cells, axis=-1) + np.nansum(np.atleast_1d(extra), axis=-1)
+    return ((Quantity.VOLTAGE, (only_where(known_cells, total),)),)
+
+
+def wind(m: Any) -> Facts:
+    """WIND (direction it comes from, degrees) -> velocity of the air towards north, east."""
+    return ((Quantity.WIND, along(m.speed, np.radians(np.asarray(m.direction) + 180.0))),)
+
+
+def wind_cov(m: Any) -> Facts:
+    """WIND_COV -> velocity of the air towards north, east."""
+    return ((Quantity.WIND, (m.wind_x, m.wind_y)),)
+
+
+RULES: tuple[Rule, ...] = (
+    Rule("ATTITUDE", attitude, Counter.BOOT_MS),
+    Rule("ATTITUDE_QUATERNION", attitude_quaternion, Counter.BOOT_MS),
+    Rule("LOCAL_POSITION_NED", local_position_ned, Counter.BOOT_MS),
+    Rule("GLOBAL_POSITION_INT", global_position_int, Counter.BOOT_MS),
+    Rule("GPS_RAW_INT", gps_raw_int, Counter.SAMPLE_US),
+    Rule("VFR_HUD", vfr_hud, Counter.RECEIPT),
+    Rule("ODOMETRY", odometry, Counter.BOOT_US),
+    Rule("GPS_GLOBAL_ORIGIN", gps_global_origin, Counter.RECEIPT),
+    Rule("SCALED_IMU", scaled_imu, Counter.BOOT_MS),
+    Rule("SCALED_IMU2", scaled_imu, Counter.BOOT_MS),
+    Rule("SCALED_IMU3", scaled_imu, Counter.BOOT_MS),
+    Rule("RAW_IMU", scaled_imu, Counter.BOOT_US32),
+    Rule("HIGHRES_IMU", highres_imu, Counter.BOOT_US, instance=("id",)),
+    Rule(
+        "SERVO_OUTPUT_RAW",
+        servo_output_raw,
+        Counter.BOOT_US32,
+        instance=("port",),
+        channels=(1, 16),
+    ),
+    Rule(
+        "SERVO_OUTPUT_RAW",
+        servo_output_raw_second,
+        Counter.BOOT_US32,
+        source="SERVO_OUTPUT_RAW/1",
+        instance=("port",),
+        number=1,
+        equivalent="SERVO_OUTPUT_RAW",
+        channels=(17, 32),
+    ),
+    Rule("ACTUATOR_OUTPUT_STATUS", actuator_output_status, Counter.BOOT_US),
+    Rule("HEARTBEAT", heartbeat, Counter.RECEIPT),
+    Rule("SYSTEM_TIME", system_time, Counter.BOOT_MS),
+    Rule("SYS_STATUS", sys_status, Counter.RECEIPT),
+    Rule("BATTERY_STATUS", battery_status, Counter.RECEIPT, instance=("id",)),
+    Rule("WIND", wind, Counter.RECEIPT),
+    Rule("WIND_COV", wind_cov, Counter.RECEIPT),
+)
+BY_SOURCE = {rule.source: rule for rule in RULES}
