@@ -1,1 +1,1 @@
-"""Links to boats: the only sockets and serial ports of the project."""
+"""Links to boats: the only sockets and serial ports of the project, one table of their kinds."""

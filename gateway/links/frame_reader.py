@@ -1,10 +1,8 @@
-"""Bytes as they come from a link -> MAVLink frames, by the same rules as from a log.
+"""Bytes of a link -> accepted MAVLink frames: checksum, signature, pymavlink's decoder.
 
-pymavlink's own cutter trusts the length behind every magic byte: one stray byte of noise swallows
-up to 280 bytes of good frames. Here, as in `gateway.ingest.mavlink.walk`, a frame is accepted when
-its checksum holds, and nothing else can move the search on by more than a byte.
-
-Bytes of a link -> accepted frames: checksum, signature, pymavlink's decoder, in this order.
+pymavlink's own splitter trusts the length behind every magic byte: one stray byte of noise swallows
+up to 280 bytes of good frames. Here, as in logs (`gateway.ingest.mavlink.walk`), a frame is
+accepted when its checksum holds, and anything else moves the search on by one byte.
 """
 
 import re
@@ -16,136 +14,137 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.mavlink.definitions import checksum_seeds
 from gateway.ingest.mavlink.walk import BAD_CHECKSUM, CUT, GOOD, UNKNOWN, checksum_table, examine
-from gateway.links.inbox import Counts, Frame, Kind, Reporter
-from gateway.links.peers import News, Peers
-from gateway.links.signing import Signatures, Verdict
-from gateway.links.transport import Arrival, Peer, shown
+from gateway.links.inbox import EventReporter, Frame, LinkCounts, LinkEventKind
+from gateway.links.peers import Peers, SenderChange
+from gateway.links.signing import Signatures, SignatureStatus
+from gateway.links.transport import Arrival, Peer, peer_text
 
 MAGIC = re.compile(b"[\xfd\xfe]")
 SEEDS, TABLE = checksum_seeds(), checksum_table()
+MAX_UNFINISHED = 64  # peers whose unfinished frames are kept
 
 
-class Piece(NamedTuple):
+class RawFrame(NamedTuple):
     """One frame; `known` is False where its id has no definition and so no checksum."""
 
     raw: bytes
     known: bool
 
 
-class Pieces(NamedTuple):
-    """What was found in some bytes; `rest` may be the beginning of a frame."""
+class SplitBytes(NamedTuple):
+    """The frames in some bytes; `rest` may be the beginning of another."""
 
-    found: list[Piece]
+    frames: list[RawFrame]
     rest: bytes
     bad_checksum: int
     junk_bytes: int
 
 
-def cut(data: bytes) -> Pieces:
+def split_frames(data: bytes) -> SplitBytes:
     """All frames in `data`."""
     array, size = np.frombuffer(data, np.uint8), len(data)
-    found: list[Piece] = []
-    at, done, tail, bad, junk = 0, 0, -1, 0, 0  # done: end of what was counted, tail: of the rest
+    frames: list[RawFrame] = []
+    at, counted, tail, bad, junk = 0, 0, -1, 0, 0  # counted: end of what was; tail: of the rest
     while (magic := MAGIC.search(data, at)) is not None:
         at = magic.start()
         verdict, length = examine(array, at, size, SEEDS, TABLE)
         end = at + int(length)
         if verdict == GOOD:
-            junk += max(at - done, 0)
-            found.append(Piece(data[at:end], known=True))
-            at = done = end
+            junk += max(at - counted, 0)
+            frames.append(RawFrame(data[at:end], known=True))
+            at = counted = end
             tail = -1
             continue
-        if at >= done and tail < 0:
+        if at >= counted and tail < 0:
             if verdict == CUT:
                 tail = at
-            elif verdict in (UNKNOWN, BAD_CHECKSUM) and _closed(data, end):
-                junk += at - done
+            elif verdict in (UNKNOWN, BAD_CHECKSUM) and _ends_whole(data, end):
+                junk += at - counted
                 bad += verdict == BAD_CHECKSUM
                 if verdict == UNKNOWN:
-                    found.append(Piece(data[at:end], known=False))
-                done = end
+                    frames.append(RawFrame(data[at:end], known=False))
+                counted = end
         at += 1  # also inside a refused frame: if its length is wrong, good ones begin there
     tail = size if tail < 0 else tail
-    return Pieces(found, data[tail:], bad, junk + max(tail - done, 0))
+    return SplitBytes(frames, data[tail:], bad, junk + max(tail - counted, 0))
 
 
-def _closed(data: bytes, end: int) -> bool:
+def _ends_whole(data: bytes, end: int) -> bool:
     """Does a frame that cannot be checked at least end where the data do, or the next begins?"""
     return end == len(data) or data[end] in (0xFD, 0xFE)
 
 
-RESTS = 64  # peers whose unfinished frames are kept
-
-
-class Reader:
-    """Reads for one link; everything that is not taken is counted."""
+class FrameReader:
+    """Reads the frames of one link; what is not accepted is counted."""
 
     def __init__(
-        self, counts: Counts, peers: Peers, signatures: Signatures | None, reporter: Reporter
+        self,
+        counts: LinkCounts,
+        peers: Peers,
+        signatures: Signatures | None,
+        reporter: EventReporter,
     ) -> None:
         self._counts, self._peers = counts, peers
         self._signatures, self._reporter = signatures, reporter
         self._decoder = dialect.MAVLink(None)
-        self._rests: dict[Peer, bytes] = {}
+        self._unfinished: dict[Peer, bytes] = {}
 
     def read(self, arrival: Arrival) -> tuple[Frame, ...]:
-        """The frames that one read of the line completed."""
-        pieces = cut(self._rests.pop(arrival.peer, b"") + arrival.data)
-        self._counts.bad_checksum += pieces.bad_checksum
-        self._counts.junk_bytes += pieces.junk_bytes
-        if pieces.rest:
-            self._keep(arrival.peer, pieces.rest)
-        return tuple(self._frame(p, arrival) for p in pieces.found if self._taken(p, arrival))
+        """The frames that one read of the link completed."""
+        split = split_frames(self._unfinished.pop(arrival.peer, b"") + arrival.data)
+        self._counts.bad_checksum += split.bad_checksum
+        self._counts.junk_bytes += split.junk_bytes
+        if split.rest:
+            if len(self._unfinished) >= MAX_UNFINISHED:
+                del self._unfinished[next(iter(self._unfinished))]
+            self._unfinished[arrival.peer] = split.rest
+        accepted = (frame for frame in split.frames if self._signed_well(frame, arrival))
+        return tuple(self._decoded(frame, arrival.peer) for frame in accepted)
 
     def forget(self) -> None:
-        """The line was lost: what it had begun will never be finished."""
-        self._rests.clear()
+        """The link was lost: unfinished frames will never be completed."""
+        self._unfinished.clear()
 
-    def _keep(self, peer: Peer, rest: bytes) -> None:
-        if len(self._rests) >= RESTS:
-            del self._rests[next(iter(self._rests))]
-        self._rests[peer] = rest
-
-    def _taken(self, piece: Piece, arrival: Arrival) -> bool:
+    def _signed_well(self, frame: RawFrame, arrival: Arrival) -> bool:
         """Is the signature good, where one is demanded?"""
         if self._signatures is None:
             return True
-        verdict = self._signatures.judge(piece.raw, arrival.receive_time_ns)
-        if verdict is not Verdict.VALID:
-            self._refuse(verdict)
-        if verdict is Verdict.OLD:  # a boat behind in time learns the time from what we send
-            self._peers.hear(piece.raw[5], arrival.peer, time.monotonic_ns())
-        return verdict is Verdict.VALID
+        status = self._signatures.check(frame.raw, arrival.receive_time_ns)
+        if status is not SignatureStatus.VALID:
+            self._refuse(status)
+        if status is SignatureStatus.OLD:  # a boat behind in time learns the time from our frames
+            self._peers.note(frame.raw[5], arrival.peer, time.monotonic_ns())
+        return status is SignatureStatus.VALID
 
-    def _refuse(self, verdict: Verdict) -> None:
+    def _refuse(self, status: SignatureStatus) -> None:
         c = self._counts
-        c.unsigned += verdict is Verdict.UNSIGNED
-        c.wrong_signature += verdict is Verdict.WRONG
-        c.old_signature += verdict is Verdict.OLD
-        self._reporter.seldom(
-            Kind.REFUSED,
+        c.unsigned += status is SignatureStatus.UNSIGNED
+        c.wrong_signature += status is SignatureStatus.WRONG
+        c.old_signature += status is SignatureStatus.OLD
+        self._reporter.report_rarely(
+            LinkEventKind.REFUSED,
             f"frames refused so far: {c.unsigned} unsigned, {c.wrong_signature} with a wrong "
             f"signature, {c.old_signature} with an old timestamp",
         )
 
-    def _frame(self, piece: Piece, arrival: Arrival) -> Frame:
-        raw = piece.raw
+    def _decoded(self, frame: RawFrame, peer: Peer) -> Frame:
+        raw = frame.raw
         self._counts.frames += 1
-        if not piece.known:
+        if not frame.known:
             self._counts.unknown += 1
             return Frame(raw, None)
-        self._hear(raw[5] if raw[0] == 0xFD else raw[3], arrival.peer)
+        self._note_sender(raw[5] if raw[0] == 0xFD else raw[3], peer)
         return Frame(raw, self._decoder.decode(bytearray(raw)))
 
-    def _hear(self, system: int, peer: Peer) -> None:
-        """Where a system speaks from; said when it is new or looks like two."""
-        news = self._peers.hear(system, peer, time.monotonic_ns())
-        if news is News.FIRST:
-            self._reporter.say(Kind.HEARD, f"system {system} heard from {shown(peer)}")
-        elif news is News.SHARED:
-            self._reporter.say(
-                Kind.SHARED_ID,
-                f"system {system} speaks from {shown(peer)} and from another address: "
+    def _note_sender(self, system: int, peer: Peer) -> None:
+        """Remember the address of a system; report it when it is new or looks like two."""
+        change = self._peers.note(system, peer, time.monotonic_ns())
+        if change is SenderChange.FIRST:
+            text = f"system {system} heard from {peer_text(peer)}"
+            self._reporter.report(LinkEventKind.HEARD, text)
+        elif change is SenderChange.SHARED:
+            self._reporter.report(
+                LinkEventKind.SHARED_ID,
+                f"system {system} speaks from {peer_text(peer)} and from another address: "
                 "two boats with one id, or one boat by two ways",
             )

@@ -1,27 +1,26 @@
-"""What a link counts: shown by health and by `shadow monitor`, never hidden.
+"""The queue between the links' receivers and the loop: datagrams, link events, and their counts.
 
-What a link puts into the inbox: datagrams with their frames, and what happened to the link.
-
-The one queue between receivers and the loop: bounded, and never in a receiver's way.
-
-What happens to a link goes into the inbox as events; trouble that repeats is said seldom.
+It is bounded and never holds a receiver up. Repeated trouble of a link is reported rarely.
 """
 
 import time
 from dataclasses import dataclass
 from enum import StrEnum
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any, NamedTuple
+
+PER_LINK = 60_000  # a minute at 1000 datagrams a second, five times what a busy boat sends
+REPORT_INTERVAL_NS = 10_000_000_000  # between two reports of the same trouble
 
 
 @dataclass
-class Counts:
-    """Since the link was opened. The receiver adds; others read a copy."""
+class LinkCounts:
+    """What passed since a link was opened. The receiver adds; others read a copy."""
 
     datagrams: int = 0
     bytes: int = 0
     frames: int = 0  # accepted
-    unknown: int = 0  # kept, never used
+    unknown: int = 0  # ids without a definition: recorded, not used
     bad_checksum: int = 0
     junk_bytes: int = 0
     dropped: int = 0  # datagrams for which the inbox had no room
@@ -31,14 +30,14 @@ class Counts:
     faults: int = 0
     losses: int = 0  # of the connection
     sent: int = 0
-    unsent: int = 0  # nobody to send to, or the line was full
+    unsent: int = 0  # no peer to send to, or the line was full
 
 
 class Frame(NamedTuple):
     """One MAVLink frame, byte for byte.
 
     message  pymavlink's object; None where the id is unknown: such a frame has no checksum that
-             could be verified, so it is kept for the recording and never used
+             could be verified, so it is recorded and never used
     """
 
     raw: bytes
@@ -46,42 +45,39 @@ class Frame(NamedTuple):
 
 
 class Datagram(NamedTuple):
-    """What one read from a link brought: one or more frames with one receipt."""
+    """One read from a link: one or more frames with one time of receipt."""
 
     link: str
     receive_time_ns: int
     frames: tuple[Frame, ...]
 
 
-class Kind(StrEnum):
+class LinkEventKind(StrEnum):
     """What can happen to a link."""
 
-    LISTENING = "listening"  # we wait for others
+    LISTENING = "listening"  # waits for others
     CONNECTED = "connected"
     HEARD = "heard"  # the first frame of a system
     LOST = "lost"
     REFUSED = "refused"  # frames were not taken: signature missing, wrong or old
     SHARED_ID = "shared_id"  # one system id comes from two addresses
-    FAULT = "fault"  # a defect of ours: the datagram is lost, the link goes on
+    FAULT = "fault"  # a defect of this program: the datagram is lost, the link goes on
 
 
 class LinkEvent(NamedTuple):
-    """One change of a link, in words."""
+    """One change of a link; `text` is for people."""
 
     link: str
     receive_time_ns: int
-    kind: Kind
-    says: str
+    kind: LinkEventKind
+    text: str
 
 
 Item = Datagram | LinkEvent
-PER_LINK = 60_000  # a minute at 1000 datagrams a second, five times what a busy boat sends
-
-__all__ = ["PER_LINK", "Empty", "Inbox", "Item"]
 
 
 class Inbox:
-    """Items in the order of their arrival; a full inbox drops the newest datagram and counts it."""
+    """Items in the order of their arrival; a full inbox drops the newest datagram."""
 
     def __init__(self, capacity: int = PER_LINK) -> None:
         self.capacity = capacity
@@ -104,23 +100,20 @@ class Inbox:
         return self._items.qsize()
 
 
-QUIET_NS = 10_000_000_000  # between two reports of the same trouble
-
-
-class Reporter:
-    """The voice of one link towards the loop."""
+class EventReporter:
+    """Puts the events of one link into the inbox."""
 
     def __init__(self, link: str, inbox: Inbox) -> None:
         self._link, self._inbox = link, inbox
-        self._said_ns: dict[Kind, int] = {}
+        self._reported_ns: dict[LinkEventKind, int] = {}
 
-    def say(self, kind: Kind, says: str) -> None:
+    def report(self, kind: LinkEventKind, text: str) -> None:
         """One event."""
-        self._inbox.put(LinkEvent(self._link, time.time_ns(), kind, says))
+        self._inbox.put(LinkEvent(self._link, time.time_ns(), kind, text))
 
-    def seldom(self, kind: Kind, says: str) -> None:
-        """One event at most in `QUIET_NS`, for what may come with every datagram."""
+    def report_rarely(self, kind: LinkEventKind, text: str) -> None:
+        """At most one event per `REPORT_INTERVAL_NS`, for what may come with every datagram."""
         now_ns = time.monotonic_ns()
-        if now_ns - self._said_ns.get(kind, now_ns - QUIET_NS) >= QUIET_NS:
-            self._said_ns[kind] = now_ns
-            self.say(kind, says)
+        if now_ns - self._reported_ns.get(kind, now_ns - REPORT_INTERVAL_NS) >= REPORT_INTERVAL_NS:
+            self._reported_ns[kind] = now_ns
+            self.report(kind, text)

@@ -1,7 +1,7 @@
 """MAVLink 2 signatures: 6 bytes of SHA-256(key, frame, link id, timestamp) at the end of a frame.
 
 Timestamps count 10 µs since 2015 and only grow within a stream (link id, system, component); a
-stream that is new may be at most a minute behind the newest timestamp that is known here.
+new stream may be at most a minute behind the newest timestamp that is known here.
 
 pymavlink's own check is not used: it moves a stream's timestamp before it has verified the
 signature, so that one forged frame can lock a boat out for good.
@@ -19,13 +19,13 @@ from gateway.errors import BadInput
 KEY_BYTES = 32
 EPOCH_S = 1_420_070_400  # 2015-01-01 in Unix time
 TICK_NS = 10_000
-MINUTE = 6_000_000  # ticks
-SIGNED = 0x01  # flag in byte 2 of a MAVLink 2 frame
-BLOCK, SIGNATURE = 13, 6  # link id, timestamp, signature; the latter alone
+MINUTE_TICKS = 6_000_000  # a new stream may be behind by as much: the MAVLink specification
+SIGNED_FLAG = 0x01  # in byte 2 of a MAVLink 2 frame
+BLOCK_BYTES, SIGNATURE_BYTES = 13, 6  # link id, timestamp and signature; the signature alone
 
 
-class Verdict(StrEnum):
-    """What a frame's signature is worth."""
+class SignatureStatus(StrEnum):
+    """The result of checking a frame's signature."""
 
     VALID = "valid"
     UNSIGNED = "unsigned"
@@ -33,8 +33,8 @@ class Verdict(StrEnum):
     OLD = "old timestamp"  # the key is right: a repeated or late frame, or a boat behind in time
 
 
-class Stream(NamedTuple):
-    """Within it timestamps only grow."""
+class SigningStream(NamedTuple):
+    """The frames of one sender on one link: their timestamps only grow."""
 
     link_id: int
     system: int
@@ -69,36 +69,36 @@ def _is_hex(line: str) -> bool:
     return len(line) == 2 * KEY_BYTES and all(c in string.hexdigits for c in line)
 
 
-def ticks(unix_ns: int) -> int:
+def signing_timestamp(unix_ns: int) -> int:
     """Unix time [ns] -> timestamp [10 µs since 2015], never negative."""
     return max(unix_ns - EPOCH_S * 1_000_000_000, 0) // TICK_NS
 
 
 class Signatures:
-    """Verifies what one link brings, and knows the timestamp that we may sign with."""
+    """Verifies the frames that one link receives; gives the timestamps to sign with."""
 
     def __init__(self, key: bytes) -> None:
         self._key = key
         self._newest = self._sent = 0
-        self._streams: dict[Stream, int] = {}
+        self._streams: dict[SigningStream, int] = {}
 
-    def judge(self, raw: bytes, now_ns: int) -> Verdict:
-        """A frame whose checksum holds (or cannot be known) -> what its signature is worth."""
-        if raw[0] != 0xFD or not raw[2] & SIGNED:
-            return Verdict.UNSIGNED
-        expected = hashlib.sha256(self._key + raw[:-SIGNATURE]).digest()[:SIGNATURE]
-        if not hmac.compare_digest(expected, raw[-SIGNATURE:]):
-            return Verdict.WRONG
-        stream = Stream(raw[-BLOCK], raw[5], raw[6])
-        stamp = int.from_bytes(raw[1 - BLOCK : -SIGNATURE], "little")
-        known = max(self._newest, self._sent, ticks(now_ns))
-        if stamp <= self._streams.get(stream, known - MINUTE - 1):
-            return Verdict.OLD
+    def check(self, raw: bytes, now_ns: int) -> SignatureStatus:
+        """Check the signature of a frame whose checksum holds, or cannot be known."""
+        if raw[0] != 0xFD or not raw[2] & SIGNED_FLAG:
+            return SignatureStatus.UNSIGNED
+        expected = hashlib.sha256(self._key + raw[:-SIGNATURE_BYTES]).digest()[:SIGNATURE_BYTES]
+        if not hmac.compare_digest(expected, raw[-SIGNATURE_BYTES:]):
+            return SignatureStatus.WRONG
+        stream = SigningStream(raw[-BLOCK_BYTES], raw[5], raw[6])
+        stamp = int.from_bytes(raw[1 - BLOCK_BYTES : -SIGNATURE_BYTES], "little")
+        known = max(self._newest, self._sent, signing_timestamp(now_ns))
+        if stamp <= self._streams.get(stream, known - MINUTE_TICKS - 1):
+            return SignatureStatus.OLD
         self._streams[stream] = stamp
         self._newest = max(self._newest, stamp)
-        return Verdict.VALID
+        return SignatureStatus.VALID
 
     def next_timestamp(self, now_ns: int) -> int:
-        """To sign with: grows with every call, and is behind nobody who was heard."""
-        self._sent = max(self._sent + 1, self._newest + 1, ticks(now_ns))
+        """The next timestamp to sign with: above all that were sent or received."""
+        self._sent = max(self._sent + 1, self._newest + 1, signing_timestamp(now_ns))
         return self._sent

@@ -1,69 +1,75 @@
-"""A connection that we open: `tcp:HOST:PORT`.
+"""Streams: `tcp:HOST:PORT` connects to a server, `tcpin:HOST:PORT` is one."""
 
-Connections that others open to us: `tcpin:HOST:PORT`.
-"""
-
-import contextlib
 import os
 import selectors
 import socket
 import time
+from contextlib import suppress
 
-from gateway.links.endpoint import Endpoint
-from gateway.links.inbox import Kind
-from gateway.links.transport import READ, Arrival, Closing, Peer, Report, Waker, resolve, shown
+from gateway.links.inbox import LinkEventKind
+from gateway.links.transport import (
+    CONNECT_TIMEOUT_S,
+    READ_BYTES,
+    Arrival,
+    Endpoint,
+    EventSink,
+    LineSelector,
+    Peer,
+    Waker,
+    peer_text,
+    resolve,
+)
 
-CONNECT_S = 3.0  # a boat out of reach does not answer at all
-KEEPALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}  # dead is known in 11 s
+KEEPALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}  # a loss shows within 11 s
+MAX_CONNECTIONS = 16  # at once: peers may not use up the files of this process
 
 
-class TcpClientWire:
-    """One connection at a time."""
+class TcpClientTransport:
+    """One connection at a time, to a server."""
+
+    listens = False
+    speaks_first = False
 
     def __init__(self, endpoint: Endpoint) -> None:
-        self.endpoint = endpoint
-        self.fixed_peer: Peer | None = str(endpoint)
+        self.address = endpoint.host_port()
+        self._name = endpoint.text
+        self.fixed_peer: Peer | None = endpoint.text
         self._socket: socket.socket | None = None
-        self._selector: selectors.BaseSelector | None = None
-        self._waker: Waker | None = None
+        self._selector: LineSelector | None = None
 
-    def open(self, waker: Waker, report: Report) -> None:
-        family, address = resolve(self.endpoint, socket.SOCK_STREAM)
+    def open(self, waker: Waker, report: EventSink, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
+        family, address = resolve(self.address, socket.SOCK_STREAM)
         self._socket = socket.socket(family, socket.SOCK_STREAM)
-        prepare(self._socket)
-        self._waker, self._selector = waker, selectors.DefaultSelector()
-        self._selector.register(waker, selectors.EVENT_READ)
-        self._socket.connect_ex(address)  # its result comes when the socket can be written to
-        self._selector.register(self._socket, selectors.EVENT_WRITE)
-        if not self._ready(CONNECT_S):
+        _prepare(self._socket)
+        self._selector = LineSelector(waker)
+        self._socket.connect_ex(address)  # the result is there when the socket can be written to
+        self._selector.add(self._socket, events=selectors.EVENT_WRITE)
+        if not self._selector.wait(timeout_s):
             raise TimeoutError("no answer")
         error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if error:
             raise OSError(error, os.strerror(error))
-        self._selector.modify(self._socket, selectors.EVENT_READ)
-        report(Kind.CONNECTED, "connected")
+        self._selector.remove(self._socket)
+        self._selector.add(self._socket)
+        report(LinkEventKind.CONNECTED, "connected")
 
-    def receive(self) -> list[Arrival]:
+    def connected(self) -> tuple[Peer, ...]:
+        return () if self._socket is None else (self._name,)
+
+    def receive(self, timeout_s: float | None = None) -> list[Arrival]:
+        assert self._selector is not None
         assert self._socket is not None
-        self._ready(None)
-        with contextlib.suppress(BlockingIOError):
-            data = self._socket.recv(READ)
+        self._selector.wait(timeout_s)
+        with suppress(BlockingIOError):
+            data = self._socket.recv(READ_BYTES)
             now = time.time_ns()
             if not data:
                 raise ConnectionError("closed by the other side")
-            return [Arrival(data, str(self.endpoint), now)]
+            return [Arrival(data, self._name, now)]
         return []
 
-    def _ready(self, timeout: float | None) -> bool:
-        """Waits for the line; raises Closing when woken."""
-        assert self._selector is not None
-        ready = self._selector.select(timeout)
-        if any(key.fileobj is self._waker for key, _ in ready):
-            raise Closing
-        return bool(ready)
-
     def send(self, raw: bytes, peer: Peer) -> bool:
-        return self._socket is not None and send_all(self._socket, raw)
+        return self._socket is not None and _send_whole(self._socket, raw)
 
     def close(self) -> None:
         if self._selector is not None:
@@ -73,59 +79,39 @@ class TcpClientWire:
         self._selector = self._socket = None
 
 
-def prepare(line: socket.socket) -> None:
-    """Never wait in it, send at once, notice that the other side is dead."""
-    line.setblocking(False)
-    line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    line.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in KEEPALIVE.items():
-        if hasattr(socket, name):  # not every system has all three
-            line.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+class TcpServerTransport:
+    """A listening socket and its connections; the loss of one leaves the others alone."""
 
-
-def send_all(line: socket.socket, raw: bytes) -> bool:
-    """Sent whole? A frame cut short by a full line fails its checksum at the other end."""
-    try:
-        return line.send(raw) == len(raw)
-    except OSError:
-        return False
-
-
-MOST = 16  # connections at once: nobody may use up our files
-
-
-class TcpServerWire:
-    """A listening socket and whoever has connected; losing one leaves the others alone."""
-
+    listens = True
+    speaks_first = False
     fixed_peer: Peer | None = None
 
     def __init__(self, endpoint: Endpoint) -> None:
-        self.endpoint = endpoint
+        self.address = endpoint.host_port()
         self._listener: socket.socket | None = None
-        self._selector: selectors.BaseSelector | None = None
-        self._waker: Waker | None = None
-        self._report: Report | None = None
-        self._lines: dict[Peer, socket.socket] = {}
+        self._selector: LineSelector | None = None
+        self._report: EventSink | None = None
+        self._connections: dict[Peer, socket.socket] = {}
 
-    def open(self, waker: Waker, report: Report) -> None:
-        family, address = resolve(self.endpoint, socket.SOCK_STREAM)
+    def open(self, waker: Waker, report: EventSink, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
+        family, address = resolve(self.address, socket.SOCK_STREAM)
         self._listener = socket.socket(family, socket.SOCK_STREAM)
         self._listener.setblocking(False)
         # connections of an earlier run may linger on this port for minutes
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._listener.bind(address)
         self._listener.listen()
-        self._waker, self._report, self._selector = waker, report, selectors.DefaultSelector()
-        self._selector.register(self._listener, selectors.EVENT_READ)
-        self._selector.register(waker, selectors.EVENT_READ)
-        report(Kind.LISTENING, "waiting for connections")
+        self._report, self._selector = report, LineSelector(waker)
+        self._selector.add(self._listener)
+        report(LinkEventKind.LISTENING, "waiting for connections")
 
-    def receive(self) -> list[Arrival]:
+    def connected(self) -> tuple[Peer, ...]:
+        return tuple(self._connections)
+
+    def receive(self, timeout_s: float | None = None) -> list[Arrival]:
         assert self._selector is not None
         arrivals = []
-        for key, _ in self._selector.select():
-            if key.fileobj is self._waker:
-                raise Closing
+        for key in self._selector.wait(timeout_s):
             if key.fileobj is self._listener:
                 self._accept()
             else:
@@ -137,20 +123,20 @@ class TcpServerWire:
         assert self._selector is not None
         assert self._report is not None
         try:
-            line, peer = self._listener.accept()
+            connection, peer = self._listener.accept()
         except (BlockingIOError, ConnectionError):
             return  # gone again
-        if len(self._lines) >= MOST:
-            line.close()
+        if len(self._connections) >= MAX_CONNECTIONS:
+            connection.close()
             return
-        prepare(line)
-        self._lines[peer] = line
-        self._selector.register(line, selectors.EVENT_READ, peer)
-        self._report(Kind.CONNECTED, f"{shown(peer)} connected")
+        _prepare(connection)
+        self._connections[peer] = connection
+        self._selector.add(connection, peer)
+        self._report(LinkEventKind.CONNECTED, f"{peer_text(peer)} connected")
 
     def _read(self, peer: Peer) -> list[Arrival]:
         try:
-            data = self._lines[peer].recv(READ)
+            data = self._connections[peer].recv(READ_BYTES)
         except BlockingIOError:
             return []
         except OSError:
@@ -164,20 +150,38 @@ class TcpServerWire:
     def _drop(self, peer: Peer) -> None:
         assert self._selector is not None
         assert self._report is not None
-        line = self._lines.pop(peer)
-        self._selector.unregister(line)
-        line.close()
-        self._report(Kind.LOST, f"{shown(peer)} went away")
+        connection = self._connections.pop(peer)
+        self._selector.remove(connection)
+        connection.close()
+        self._report(LinkEventKind.LOST, f"{peer_text(peer)} went away")
 
     def send(self, raw: bytes, peer: Peer) -> bool:
-        line = self._lines.get(peer)
-        return line is not None and send_all(line, raw)
+        connection = self._connections.get(peer)
+        return connection is not None and _send_whole(connection, raw)
 
     def close(self) -> None:
         if self._selector is not None:
             self._selector.close()
-        for line in (*self._lines.values(), self._listener):
+        for line in (*self._connections.values(), self._listener):
             if line is not None:
                 line.close()
-        self._lines = {}
+        self._connections = {}
         self._selector = self._listener = None
+
+
+def _prepare(connection: socket.socket) -> None:
+    """Never wait in it, send at once, notice that the other side is dead."""
+    connection.setblocking(False)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEPALIVE.items():
+        if hasattr(socket, name):  # not every system has all three
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def _send_whole(connection: socket.socket, raw: bytes) -> bool:
+    """Was it sent whole? A frame that a full line cut short fails its checksum at the other end."""
+    try:
+        return connection.send(raw) == len(raw)
+    except OSError:
+        return False

@@ -1,6 +1,6 @@
-"""All that the gateway can say to a boat: its own heartbeat, and requests for message rates.
+"""All that the gateway can send to a boat: its own heartbeat, and requests for message rates.
 
-A shadow has no way back. Every frame passes `permitted` on its way to a line, whoever made it.
+A shadow never commands a boat: every frame passes `permitted` before it reaches a transport.
 """
 
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 
-GROUND_STATION = 255  # by custom the ground station's, whose commands a boat obeys
+GROUND_STATION = 255  # by convention the ground station's, whose commands a boat obeys
 ONBOARD_COMPUTER: int = dialect.MAV_COMP_ID_ONBOARD_COMPUTER
 SET_RATE: int = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who we are on a link."""
+    """The gateway's own address on a link."""
 
     system: int = 245
     component: int = ONBOARD_COMPUTER

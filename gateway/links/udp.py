@@ -1,64 +1,71 @@
 """Datagrams: `udpin` waits for whoever sends, `udpout` talks to one fixed address."""
 
-import contextlib
-import selectors
 import socket
 import time
+from contextlib import suppress
 
-from gateway.links.endpoint import Endpoint, Kind
-from gateway.links.inbox import Kind as Event
-from gateway.links.transport import READ, Arrival, Closing, Peer, Report, Waker, resolve
+from gateway.links.inbox import LinkEventKind
+from gateway.links.transport import (
+    CONNECT_TIMEOUT_S,
+    READ_BYTES,
+    Arrival,
+    Endpoint,
+    EventSink,
+    LineSelector,
+    Peer,
+    Waker,
+    resolve,
+)
 
-BUFFER = 4 * 1024 * 1024  # asked of the kernel: bursts wait there while the interpreter is busy
+BUFFER = 4 * 1024 * 1024  # bytes asked of the kernel: bursts wait there while the program is busy
 
 
-class UdpWire:
+class UdpTransport:
     """One socket for all peers; nothing that a peer does closes it."""
 
     def __init__(self, endpoint: Endpoint) -> None:
-        self.endpoint = endpoint
-        self.fixed_peer: Peer | None = None if endpoint.kind is Kind.UDP_IN else str(endpoint)
+        self.listens = endpoint.kind == "udpin"
+        self.speaks_first = not self.listens
+        self.fixed_peer: Peer | None = None if self.listens else endpoint.text
+        self.address = endpoint.host_port()
         self._socket: socket.socket | None = None
-        self._selector: selectors.BaseSelector | None = None
-        self._waker: Waker | None = None
+        self._selector: LineSelector | None = None
 
-    def open(self, waker: Waker, report: Report) -> None:
-        family, address = resolve(self.endpoint, socket.SOCK_DGRAM)
+    def open(self, waker: Waker, report: EventSink, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
+        family, address = resolve(self.address, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        with contextlib.suppress(OSError):  # some systems refuse what is more than they give
+        with suppress(OSError):  # some systems refuse what is more than they give
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
-        if self.fixed_peer is None:
+        if self.listens:
             self._socket.bind(address)
-            report(Event.LISTENING, "waiting for datagrams")
+            report(LinkEventKind.LISTENING, "waiting for datagrams")
         else:
-            self._socket.connect(address)  # datagrams from anywhere else do not reach us
-        self._waker, self._selector = waker, selectors.DefaultSelector()
-        self._selector.register(self._socket, selectors.EVENT_READ)
-        self._selector.register(waker, selectors.EVENT_READ)
+            self._socket.connect(address)  # datagrams from elsewhere are refused by the kernel
+        self._selector = LineSelector(waker)
+        self._selector.add(self._socket)
 
-    def receive(self) -> list[Arrival]:
+    def connected(self) -> tuple[Peer, ...] | None:
+        return None if self.fixed_peer is None else (self.fixed_peer,)
+
+    def receive(self, timeout_s: float | None = None) -> list[Arrival]:
         assert self._selector is not None
         assert self._socket is not None
-        for key, _ in self._selector.select():
-            if key.fileobj is self._waker:
-                raise Closing
-        # whoever we sent to may not be there yet: an error of the past, not of this line
-        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-            data, peer = self._socket.recvfrom(READ)
-            now = time.time_ns()
-            return [Arrival(data, self.fixed_peer or peer, now)]
+        self._selector.wait(timeout_s)
+        # the peer of an earlier datagram may not be there yet: an error of the past, not a loss
+        with suppress(BlockingIOError, ConnectionRefusedError):
+            data, peer = self._socket.recvfrom(READ_BYTES)
+            return [Arrival(data, self.fixed_peer or peer, time.time_ns())]
         return []
 
     def send(self, raw: bytes, peer: Peer) -> bool:
-        line = self._socket
-        if line is None:
+        if self._socket is None:
             return False
         try:
-            if self.fixed_peer is None:
-                line.sendto(raw, peer)
+            if self.listens:
+                self._socket.sendto(raw, peer)
             else:
-                line.send(raw)
+                self._socket.send(raw)
         except OSError:
             return False
         return True

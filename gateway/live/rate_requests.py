@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from gateway.links.inbox import Datagram
 from gateway.links.link import Link
-from gateway.links.rate_requests import Address, Answer, Requests
+from gateway.links.rate_requests import Address, LinkRequests, RequestOutcome
 from gateway.links.transmitter import Identity
 from gateway.live.boat import LiveBoat
 from gateway.shadow.health import SECOND
@@ -23,7 +23,8 @@ class RateRequests:
     ) -> None:
         self._links = {link.name: link for link in links}
         self._requests = {
-            link.name: Requests(identity, rates_hz, link.announces) for link in self._links.values()
+            name: LinkRequests(identity, rates_hz, link.announces)
+            for name, link in self._links.items()
         }
         self._observed_ns = 0
         self._reboots: dict[int, int] = {}  # by system
@@ -51,19 +52,19 @@ class RateRequests:
         for name, requests in self._requests.items():
             self._requests[name] = requests.rebooted(Address(*boat.address), now_ns)
 
-    def due(self, boats: Iterable[LiveBoat], now_ns: int) -> list[Answer]:
+    def due(self, boats: Iterable[LiveBoat], now_ns: int) -> list[RequestOutcome]:
         """Say what is to be said by now -> what came of earlier requests."""
         if now_ns - self._observed_ns >= OBSERVE_NS:
             self._observed_ns = now_ns
             self._observe(boats, now_ns)
-        answers: list[Answer] = []
+        answers: list[RequestOutcome] = []
         for name, requests in self._requests.items():
             if (at := requests.next_ns) is not None and now_ns >= at:
                 said = requests.due(now_ns)
                 self._requests[name] = said.requests
-                answers += said.answers
+                answers += said.outcomes
                 for message in said.messages:
-                    self._links[name].say(message)
+                    self._links[name].send_message(message)
         return answers
 
     def _observe(self, boats: Iterable[LiveBoat], now_ns: int) -> None:

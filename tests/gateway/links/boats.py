@@ -4,11 +4,12 @@ import contextlib
 import socket
 import time
 from collections.abc import Callable, Iterator
+from queue import Empty
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.links.inbox import Datagram, Empty, Inbox, Kind, LinkEvent
+from gateway.links.inbox import Datagram, Inbox, LinkEvent, LinkEventKind
 
 PATIENCE_S = 10.0
 
@@ -70,7 +71,7 @@ def datagrams(inbox: Inbox, count: int) -> list[Datagram]:
     return [item for item in found if isinstance(item, Datagram)]
 
 
-def event(inbox: Inbox, kind: Kind) -> LinkEvent:
+def event(inbox: Inbox, kind: LinkEventKind) -> LinkEvent:
     """The next event of that kind, whatever comes before."""
     is_it = lambda item: isinstance(item, LinkEvent) and item.kind is kind  # noqa: E731
     return items(inbox, lambda found: bool(found) and is_it(found[-1]))[-1]

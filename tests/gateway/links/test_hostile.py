@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import time
+from queue import Empty
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -10,10 +11,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.inbox import Datagram, Empty, Inbox, Kind
+from gateway.links.inbox import Datagram, Inbox, LinkEventKind
 from gateway.links.link import Link
-from gateway.links.rate_requests import Requests, heartbeat
-from gateway.links.signing import ticks
+from gateway.links.rate_requests import LinkRequests, heartbeat
+from gateway.links.signing import signing_timestamp
 from gateway.links.transmitter import Identity, Transmitter, permitted
 from tests.gateway.links.boats import (
     PATIENCE_S,
@@ -109,7 +110,7 @@ def test_a_defect_of_ours_costs_one_datagram(inbox, monkeypatch):
         monkeypatch.setattr(link._reader._decoder, "decode", lambda raw: 1 / 0)
         line.send(Autopilot().attitude())
         line.send(Autopilot().attitude())
-        assert "ZeroDivisionError" in event(inbox, Kind.FAULT).says
+        assert "ZeroDivisionError" in event(inbox, LinkEventKind.FAULT).text
         while link.counts().faults < 2:
             time.sleep(0.01)
         monkeypatch.undo()
@@ -119,7 +120,7 @@ def test_a_defect_of_ours_costs_one_datagram(inbox, monkeypatch):
 
 
 def test_with_a_key_only_signed_frames_are_taken(inbox):
-    port, now = free_port(), ticks(time.time_ns())
+    port, now = free_port(), signing_timestamp(time.time_ns())
     ours, wrong = Autopilot(1, KEY, now), Autopilot(1, bytes(32), now + 500)
     with Link(f"udpin:127.0.0.1:{port}", inbox, key=KEY) as link, udp_socket() as line:
         line.connect(("127.0.0.1", port))
@@ -147,7 +148,7 @@ def test_refusals_are_reported_but_not_each(inbox):
         line.connect(("127.0.0.1", port))
         for _ in range(20):
             line.send(Autopilot().attitude())
-        assert "1 unsigned" in event(inbox, Kind.REFUSED).says
+        assert "1 unsigned" in event(inbox, LinkEventKind.REFUSED).text
         while link.counts().unsigned < 20:
             time.sleep(0.01)
         assert len(inbox) == 0
@@ -160,8 +161,8 @@ def test_what_we_say_is_signed_and_a_boat_behind_in_time_can_catch_up(inbox):
         line.connect(("127.0.0.1", port))
         assert link.announces
         line.send(boat.attitude(1))
-        assert "1 with an old timestamp" in event(inbox, Kind.REFUSED).says
-        assert link.say(heartbeat())
+        assert "1 with an old timestamp" in event(inbox, LinkEventKind.REFUSED).text
+        assert link.send_message(heartbeat())
         message = boat.mavlink.decode(bytearray(line.recv(300)))
         assert message.get_signed()
         assert message.get_link_id() == 5
@@ -190,13 +191,13 @@ def test_nothing_else_can_be_said(inbox, message):
         line.connect(("127.0.0.1", port))
         line.send(Autopilot().heartbeat())
         datagrams(inbox, 1)
-        for attempt in (lambda: link.send(raw), lambda: link.say(message), lambda: link.send(b"x")):
+        for send, given in ((link.send, raw), (link.send_message, message), (link.send, b"x")):
             with pytest.raises(ValueError, match="never sent"):
-                attempt()
+                send(given)
     assert link.counts().sent == 0
 
 
-def converse(link: Link, inbox: Inbox, requests: Requests, seconds: float) -> Requests:
+def converse(link: Link, inbox: Inbox, requests: LinkRequests, seconds: float) -> LinkRequests:
     """What the live loop does with requests, for a while."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -206,7 +207,7 @@ def converse(link: Link, inbox: Inbox, requests: Requests, seconds: float) -> Re
                 requests = requests.take(frame.message, time.monotonic_ns())
         requests, messages, _ = requests.due(time.monotonic_ns())
         for message in messages:
-            link.say(message)
+            link.send_message(message)
     return requests
 
 
@@ -227,7 +228,7 @@ def test_the_wire_carries_what_is_documented_and_nothing_when_silent(inbox, kind
     """A boat that never answers, so that every try goes out; everything it receives is kept."""
     port, boat = free_port(socket.SOCK_STREAM), Autopilot()
     identity = None if silent else Identity(200, 190)
-    requests = Requests(identity, {"ATTITUDE": 50.0, "GPS_RAW_INT": 5.0})
+    requests = LinkRequests(identity, {"ATTITUDE": 50.0, "GPS_RAW_INT": 5.0})
     with contextlib.ExitStack() as scope:
         end = scope.enter_context(boat_end(kind, port))
         link = scope.enter_context(Link(f"{kind}:127.0.0.1:{port}", inbox, identity))
@@ -262,7 +263,7 @@ def test_a_silent_link_refuses_to_speak_and_to_be_where_it_must(inbox):
         line.send(Autopilot().heartbeat())
         datagrams(inbox, 1)
         assert not link.announces
-        assert not link.say(heartbeat())
+        assert not link.send_message(heartbeat())
         assert not link.send(Transmitter(Identity(), None, 0).pack(heartbeat()))
         line.settimeout(0.2)
         with pytest.raises(TimeoutError):

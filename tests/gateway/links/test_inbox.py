@@ -1,11 +1,13 @@
 """The queue between receivers and loop."""
 
+from queue import Empty
+
 import pytest
 
-from gateway.links.inbox import PER_LINK, Datagram, Empty, Inbox, Kind, LinkEvent
+from gateway.links.inbox import PER_LINK, Datagram, Inbox, LinkEvent, LinkEventKind
 
 BYTES = Datagram("link", 0, ())
-LOST = LinkEvent("link", 0, Kind.LOST, "gone")
+LOST = LinkEvent("link", 0, LinkEventKind.LOST, "gone")
 
 
 def test_a_minute_of_a_busy_link_fits():

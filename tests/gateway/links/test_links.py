@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.inbox import Inbox, Kind
+from gateway.links.inbox import Inbox, LinkEventKind
 from gateway.links.link import Link
 from gateway.links.rate_requests import heartbeat
 from gateway.links.transmitter import Identity
@@ -50,7 +50,7 @@ OURS = [("HEARTBEAT", 245, 191)]
 def test_udp_in_one_item_per_datagram_and_an_answer_to_the_sender(inbox):
     boat, port = Autopilot(), free_port()
     with Link(f"udpin:127.0.0.1:{port}", inbox, US) as link, udp_socket() as line:
-        assert not link.say(heartbeat())  # nobody is there yet
+        assert not link.send_message(heartbeat())  # nobody is there yet
         sent, before = [boat.heartbeat(), boat.attitude()], time.time_ns()
         line.sendto(b"".join(sent), ("127.0.0.1", port))
         line.sendto(boat.attitude(), ("127.0.0.1", port))
@@ -60,7 +60,7 @@ def test_udp_in_one_item_per_datagram_and_an_answer_to_the_sender(inbox):
         assert len(second.frames) == 1
         assert before <= first.receive_time_ns <= second.receive_time_ns <= time.time_ns()
         assert first.link == f"udpin:127.0.0.1:{port}"
-        assert link.say(heartbeat())
+        assert link.send_message(heartbeat())
         assert heard(line.recv(300)) == OURS
     counts = link.counts()
     assert (counts.datagrams, counts.frames, counts.sent, counts.unsent) == (2, 3, 1, 1)
@@ -73,8 +73,8 @@ def test_udp_in_requests_go_to_the_boat_they_are_for(inbox):
         b.sendto(Autopilot(2).heartbeat(), ("127.0.0.1", port))
         datagrams(inbox, 2)
         ask = dialect.MAVLink_command_long_message(2, 1, 511, 0, 30, 20000, 0, 0, 0, 0, 0)
-        assert link.say(ask)
-        assert link.say(heartbeat())
+        assert link.send_message(ask)
+        assert link.send_message(heartbeat())
         assert heard(b.recv(300)) == [("COMMAND_LONG", 245, 191)]
         assert heard(b.recv(300)) == OURS
         assert heard(a.recv(300)) == OURS
@@ -86,7 +86,7 @@ def test_udp_out_speaks_first_and_hears_what_comes_back(inbox):
         with Link(f"udpout:127.0.0.1:{port}", inbox, US) as link:
             assert link.announces
             deadline = time.monotonic() + PATIENCE_S
-            while not link.say(heartbeat()) and time.monotonic() < deadline:
+            while not link.send_message(heartbeat()) and time.monotonic() < deadline:
                 time.sleep(0.01)  # the thread is still opening the socket
             raw, peer = boat.recvfrom(300)
             assert heard(raw) == OURS
@@ -104,10 +104,10 @@ def test_udp_out_survives_that_nobody_is_there_yet(inbox):
     port = free_port()
     with Link(f"udpout:127.0.0.1:{port}", inbox, US) as link:
         for _ in range(20):
-            link.say(heartbeat())
+            link.send_message(heartbeat())
             time.sleep(0.01)
         with udp_socket(port) as boat:
-            while not link.say(heartbeat()):
+            while not link.send_message(heartbeat()):
                 pass
             _, peer = boat.recvfrom(300)
             boat.sendto(Autopilot().attitude(), peer)
@@ -118,31 +118,31 @@ def test_udp_out_survives_that_nobody_is_there_yet(inbox):
 def test_tcp_client_connects_loses_and_comes_back(inbox):
     port, boat = free_port(TCP), Autopilot()
     with Link(f"tcp:127.0.0.1:{port}", inbox, US) as link:
-        assert "refused" in event(inbox, Kind.LOST).says  # the boat is not on yet
+        assert "refused" in event(inbox, LinkEventKind.LOST).text  # the boat is not on yet
         for _ in range(2):
             with socket.create_server(("127.0.0.1", port)) as server:
                 server.settimeout(PATIENCE_S)
                 line, _ = server.accept()
                 with line:
-                    event(inbox, Kind.CONNECTED)
+                    event(inbox, LinkEventKind.CONNECTED)
                     frame = boat.attitude()
                     line.sendall(frame[:10])
                     time.sleep(0.02)
                     line.sendall(frame[10:])
                     (datagram,) = datagrams(inbox, 1)
                     assert datagram.frames[0].raw == frame
-                    assert link.say(heartbeat())
+                    assert link.send_message(heartbeat())
                     line.settimeout(PATIENCE_S)
                     assert heard(line.recv(300)) == OURS
-            assert "closed by the other side" in event(inbox, Kind.LOST).says
-            assert not link.say(heartbeat())
+            assert "closed by the other side" in event(inbox, LinkEventKind.LOST).text
+            assert not link.send_message(heartbeat())
     assert link.counts().losses == 2
 
 
 def test_tcp_server_takes_several_and_accepts_again(inbox):
     port = free_port(TCP)
     with Link(f"tcpin:127.0.0.1:{port}", inbox, US) as link:
-        assert not link.say(heartbeat())
+        assert not link.send_message(heartbeat())
         with (
             socket.create_connection(("127.0.0.1", port), PATIENCE_S) as a,
             socket.create_connection(("127.0.0.1", port), PATIENCE_S) as b,
@@ -151,15 +151,15 @@ def test_tcp_server_takes_several_and_accepts_again(inbox):
             datagrams(inbox, 1)
             b.sendall(Autopilot(2).attitude())
             datagrams(inbox, 1)
-            assert link.say(heartbeat())
+            assert link.send_message(heartbeat())
             assert heard(a.recv(300)) == heard(b.recv(300)) == OURS
             a.close()
-            event(inbox, Kind.LOST)
+            event(inbox, LinkEventKind.LOST)
             b.sendall(Autopilot(2).attitude())
             datagrams(inbox, 1)
-        event(inbox, Kind.LOST)
+        event(inbox, LinkEventKind.LOST)
         with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as c:
-            event(inbox, Kind.CONNECTED)
+            event(inbox, LinkEventKind.CONNECTED)
             c.sendall(Autopilot(3).attitude())
             assert datagrams(inbox, 1)[0].frames[0].message.get_srcSystem() == 3
 
@@ -170,7 +170,7 @@ def test_tcp_server_outlives_many_short_connections(inbox):
         for k in range(30):
             with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as line:
                 line.sendall(Autopilot().attitude(k))
-            event(inbox, Kind.LOST)
+            event(inbox, LinkEventKind.LOST)
     assert (link.counts().frames, link.counts().faults) == (30, 0)
 
 
@@ -192,7 +192,7 @@ def test_serial_both_ways_without_echo(inbox, pty):
     boat, path = pty
     autopilot = Autopilot()
     with Link(f"{path},57600", inbox, US) as link:
-        assert "57600" in event(inbox, Kind.CONNECTED).says
+        assert "57600" in event(inbox, LinkEventKind.CONNECTED).text
         os.write(boat, autopilot.attitude()[:7] + b"\n\x03\x04\x11")  # what a terminal would eat
         frames = [autopilot.attitude(k) for k in range(5)]
         os.write(boat, b"".join(frames))
@@ -200,31 +200,31 @@ def test_serial_both_ways_without_echo(inbox, pty):
         while len(got) < len(frames):
             got += [frame.raw for frame in datagrams(inbox, 1)[0].frames]
         assert got == frames
-        assert link.say(heartbeat())
+        assert link.send_message(heartbeat())
         assert heard(read_some(boat)) == OURS  # and not what the boat itself had sent
 
 
 def test_serial_is_opened_again(inbox, tmp_path):
     device = tmp_path / "tty"
     with Link(f"serial:{device}:115200", inbox) as link:
-        assert "No such file" in event(inbox, Kind.LOST).says
+        assert "No such file" in event(inbox, LinkEventKind.LOST).text
         for _ in range(2):
             boat, end = os.openpty()
             device.symlink_to(os.ttyname(end))
-            event(inbox, Kind.CONNECTED)
+            event(inbox, LinkEventKind.CONNECTED)
             os.close(end)
             os.write(boat, Autopilot().attitude())
             datagrams(inbox, 1)
             device.unlink()
             os.close(boat)
-            event(inbox, Kind.LOST)
+            event(inbox, LinkEventKind.LOST)
     assert link.counts().losses == 2
 
 
 def test_what_is_no_serial_device_is_said(inbox, tmp_path):
     (tmp_path / "file").touch()
     with Link(str(tmp_path / "file"), inbox):
-        assert event(inbox, Kind.LOST).says
+        assert event(inbox, LinkEventKind.LOST).text
 
 
 def test_a_baud_rate_that_does_not_exist(inbox):
@@ -256,7 +256,7 @@ def test_a_port_in_use_is_said_at_once(inbox, kind):
 
 def test_a_host_that_is_none_is_said_and_tried_again(inbox):
     with Link("tcp:a..b:5760", inbox):
-        assert "no host name" in event(inbox, Kind.LOST).says
+        assert "no host name" in event(inbox, LinkEventKind.LOST).text
 
 
 @pytest.mark.parametrize("endpoint", ["udpin:127.0.0.1:{}", "tcpin:127.0.0.1:{}",
@@ -265,7 +265,7 @@ def test_closing_ends_the_thread_at_once(inbox, endpoint):
     with Link(endpoint.format(free_port(TCP)), inbox, US) as link:
         items(inbox, bool) if "out" not in endpoint else None
     assert not link._thread.is_alive()
-    assert not link.say(heartbeat())
+    assert not link.send_message(heartbeat())
 
 
 def test_two_boats_with_one_system_id_are_noticed(inbox):
@@ -275,11 +275,13 @@ def test_two_boats_with_one_system_id_are_noticed(inbox):
             for line in (a, b):
                 line.sendto(Autopilot().attitude(), ("127.0.0.1", port))
         found = items(
-            inbox, lambda found: any(getattr(i, "kind", 0) is Kind.SHARED_ID for i in found)
+            inbox,
+            lambda found: any(getattr(i, "kind", 0) is LinkEventKind.SHARED_ID for i in found),
         )
-        assert "two boats with one id" in found[-1].says
+        assert "two boats with one id" in found[-1].text
     rest = [inbox.get(0) for _ in range(len(inbox))]
-    assert Kind.SHARED_ID not in [getattr(item, "kind", None) for item in rest]  # said once
+    kinds = [getattr(item, "kind", None) for item in rest]
+    assert LinkEventKind.SHARED_ID not in kinds  # reported once
 
 
 def test_a_sender_that_comes_back_under_another_port_is_no_second_boat(inbox):
@@ -290,8 +292,8 @@ def test_a_sender_that_comes_back_under_another_port_is_no_second_boat(inbox):
                 for _ in range(5):
                     line.sendto(Autopilot().attitude(), ("127.0.0.1", port))
                 got = items(inbox, lambda found: sum(not hasattr(i, "kind") for i in found) == 5)
-                assert Kind.SHARED_ID not in [getattr(i, "kind", None) for i in got]
-                assert link.say(heartbeat())
+                assert LinkEventKind.SHARED_ID not in [getattr(i, "kind", None) for i in got]
+                assert link.send_message(heartbeat())
                 assert heard(line.recv(300)) == OURS
 
 
@@ -306,5 +308,5 @@ def test_a_full_inbox_drops_and_counts_but_never_blocks():
         counts = link.counts()
     assert counts.dropped == 10 - 1  # two events were there first
     assert [getattr(inbox.get(0), "kind", "datagram") for _ in range(len(inbox))] == [
-        Kind.LISTENING, Kind.HEARD, "datagram",
+        LinkEventKind.LISTENING, LinkEventKind.HEARD, "datagram",
     ]  # fmt: skip

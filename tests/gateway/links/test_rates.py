@@ -11,7 +11,7 @@ LINE = 57600 / 10  # bytes/s of a serial line
 
 
 def bytes_per_s(rates_hz):
-    """At most: payloads whole, though trailing zeros are cut off on the wire."""
+    """At most: payloads whole, though trailing zeros are split_frames off on the wire."""
     sizes = {name: dialect.mavlink_map[ids_by_name()[name]].unpacker.size for name in rates_hz}
     return sum(rate * (sizes[name] + HEADER) for name, rate in rates_hz.items())
 

@@ -1,17 +1,17 @@
-"""Requests for rates: what is asked, when, how often, and what is made of the answers."""
+"""LinkRequests for rates: what is asked, when, how often, and what is made of the answers."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 from gateway.links.rate_requests import (
-    AGAIN_NS,
+    ANSWER_TIMEOUTS_NS,
     FULL_HZ,
-    ROUNDS,
+    MAX_ROUNDS,
+    REPEAT_NS,
     SECOND,
-    WAITS_NS,
     Address,
-    Requests,
+    LinkRequests,
 )
 from gateway.links.transmitter import Identity
 from tests.gateway.links.boats import Autopilot, decoded
@@ -22,10 +22,10 @@ ACCEPTED, REJECTED, DENIED, UNSUPPORTED, BUSY = 0, 1, 2, 3, 5
 
 
 class Play:
-    """Requests with a clock: what is said is noted."""
+    """LinkRequests with a clock: what is said is noted."""
 
     def __init__(self, rates=TWO, **options):
-        self.requests = Requests(Identity(), rates, **options)
+        self.requests = LinkRequests(Identity(), rates, **options)
         self.now, self.sequence = 0, 0
 
     def wait(self, seconds):
@@ -40,7 +40,7 @@ class Play:
             for m in said.messages
             if m.get_type() == "COMMAND_LONG"
         ]
-        return asks, len(said.messages) - len(asks), [answer.says for answer in said.answers]
+        return asks, len(said.messages) - len(asks), [outcome.text for outcome in said.outcomes]
 
     def answer(self, result=ACCEPTED, boat=BOAT):
         self.sequence += 1
@@ -57,7 +57,7 @@ class Play:
 @pytest.fixture
 def play():
     made = Play()
-    made.requests = made.requests.heard(BOAT, 0)
+    made.requests = made.requests.found(BOAT, 0)
     return made
 
 
@@ -85,15 +85,15 @@ def test_one_after_the_other_with_a_heartbeat_ahead(play):
 
 def test_the_default_table_is_asked_for_whole():
     play = Play(FULL_HZ)
-    play.requests = play.requests.heard(BOAT, 0)
+    play.requests = play.requests.found(BOAT, 0)
     assert play.accept_all() == [(name, 0) for name in FULL_HZ]
 
 
 def test_a_rate_of_zero_is_not_asked_for_nor_missed():
     play = Play({"ATTITUDE": 0.0, "SYSTEM_TIME": 1.0})
-    play.requests = play.requests.heard(BOAT, 0)
+    play.requests = play.requests.found(BOAT, 0)
     assert play.accept_all() == [("SYSTEM_TIME", 0)]
-    play.now += AGAIN_NS
+    play.now += REPEAT_NS
     play.requests = play.requests.observed(BOAT, {"SYSTEM_TIME": 1.0}, play.now)
     assert play.due()[0] == []
     play.requests = play.requests.rebooted(BOAT, play.now)
@@ -101,7 +101,7 @@ def test_a_rate_of_zero_is_not_asked_for_nor_missed():
 
 
 def test_three_tries_further_and_further_apart_then_no_answer(play):
-    for tries, wait in enumerate(WAITS_NS):
+    for tries, wait in enumerate(ANSWER_TIMEOUTS_NS):
         assert play.due()[0] == [("ATTITUDE", tries)]
         play.now += wait - 1
         assert play.due()[0] == []
@@ -130,7 +130,7 @@ def test_a_refusal_is_said_and_the_next_asked(play, result, word):
 
 
 def test_rejected_for_now_is_tried_again_and_remembered(play):
-    for tries, wait in enumerate(WAITS_NS):
+    for tries, wait in enumerate(ANSWER_TIMEOUTS_NS):
         assert play.due()[0] == [("ATTITUDE", tries)]
         play.answer(REJECTED)
         assert play.due()[0] == []
@@ -173,7 +173,7 @@ def test_a_reboot_starts_it_all_again(play):
 
 def test_another_heartbeat_starts_nothing(play):
     play.accept_all()
-    play.requests = play.requests.heard(BOAT, play.now)
+    play.requests = play.requests.found(BOAT, play.now)
     assert play.due()[0] == []
 
 
@@ -181,9 +181,9 @@ def test_what_was_accepted_but_does_not_arrive_is_asked_again(play):
     play.accept_all()
     slow, fast = {"ATTITUDE": 4.0, "SYSTEM_TIME": 1.0}, {"ATTITUDE": 48.0, "SYSTEM_TIME": 1.0}
     play.requests = play.requests.observed(BOAT, slow, play.now)
-    assert play.due()[0] == []  # too soon to judge
-    for _ in range(ROUNDS):
-        play.now += AGAIN_NS
+    assert play.due()[0] == []  # too soon to check
+    for _ in range(MAX_ROUNDS):
+        play.now += REPEAT_NS
         play.requests = play.requests.observed(BOAT, fast, play.now).observed(BOAT, {}, play.now)
         assert play.due()[0] == []
         play.requests = play.requests.observed(BOAT, slow, play.now)
@@ -192,18 +192,18 @@ def test_what_was_accepted_but_does_not_arrive_is_asked_again(play):
 
 def test_a_link_too_slow_is_said_and_left():
     play = Play()
-    play.requests = play.requests.heard(BOAT, 0)
+    play.requests = play.requests.found(BOAT, 0)
     play.accept_all()
     slow = {"ATTITUDE": 4.0, "SYSTEM_TIME": 1.0}
-    for _ in range(ROUNDS):
-        play.now += AGAIN_NS
+    for _ in range(MAX_ROUNDS):
+        play.now += REPEAT_NS
         play.requests = play.requests.observed(BOAT, slow, play.now)
         assert play.accept_all() == [("ATTITUDE", 0)]
-    play.now += AGAIN_NS
+    play.now += REPEAT_NS
     play.requests = play.requests.observed(BOAT, slow, play.now)
     asks, _, says = play.due()
     assert (asks, says) == ([], ["system 1: ATTITUDE at 50 Hz: accepted, but 4 Hz arrive"])
-    play.now += AGAIN_NS
+    play.now += REPEAT_NS
     play.requests = play.requests.observed(BOAT, slow, play.now)
     assert play.due()[0] == []
 
@@ -211,11 +211,11 @@ def test_a_link_too_slow_is_said_and_left():
 def test_a_link_that_recovers_is_not_held_against_the_boat(play):
     play.accept_all()
     slow, fast = {"ATTITUDE": 4.0, "SYSTEM_TIME": 1.0}, {"ATTITUDE": 48.0, "SYSTEM_TIME": 1.0}
-    for _ in range(2 * ROUNDS):
-        play.now += AGAIN_NS
+    for _ in range(2 * MAX_ROUNDS):
+        play.now += REPEAT_NS
         play.requests = play.requests.observed(BOAT, slow, play.now)
         assert play.accept_all() == [("ATTITUDE", 0)]
-        play.now += AGAIN_NS
+        play.now += REPEAT_NS
         play.requests = play.requests.observed(BOAT, fast, play.now)
 
 
@@ -224,14 +224,14 @@ def test_what_was_refused_is_not_asked_again(play):
     play.answer(UNSUPPORTED)
     play.due()
     play.answer()
-    play.now += AGAIN_NS
+    play.now += REPEAT_NS
     play.requests = play.requests.observed(BOAT, {"SYSTEM_TIME": 1.0}, play.now)
     assert play.due()[0] == []
 
 
 def test_two_boats_each_have_their_own_conversation():
     play = Play()
-    play.requests = play.requests.heard(BOAT, 0).heard(Address(2, 1), 0)
+    play.requests = play.requests.found(BOAT, 0).found(Address(2, 1), 0)
     asks, heartbeats, _ = play.due()
     assert (len(asks), heartbeats) == (2, 1)
     play.answer(boat=Address(2, 1))
@@ -257,7 +257,7 @@ def test_announcing_sends_heartbeats_alone():
 
 
 def test_silence_is_silence():
-    silent = Requests(None, TWO, announce=True).heard(BOAT, 0).rebooted(BOAT, 0)
+    silent = LinkRequests(None, TWO, announce=True).found(BOAT, 0).rebooted(BOAT, 0)
     assert silent.due(0) == (silent, (), ())
     assert silent.next_ns is None
 
@@ -269,28 +269,28 @@ def one(raw):
 
 def test_messages_of_the_link_are_understood():
     boat = Autopilot()
-    requests = Requests(Identity(), TWO).take(one(boat.attitude()), 0)
+    requests = LinkRequests(Identity(), TWO).take(one(boat.attitude()), 0)
     assert not requests.boats
     requests = requests.take(one(boat.heartbeat()), 0).due(0).requests
     assert set(requests.boats) == {BOAT}
     for foreign in (boat.ack(system=255), boat.ack(command=400), Autopilot(2).ack()):
-        assert not requests.take(one(foreign), 1).answers
-    assert requests.take(one(boat.ack()), 1).answers[0].answer == "accepted"
-    assert requests.take(one(boat.ack(system=0)), 1).answers  # MAVLink 1 names nobody
+        assert not requests.take(one(foreign), 1).outcomes
+    assert requests.take(one(boat.ack()), 1).outcomes[0].result == "accepted"
+    assert requests.take(one(boat.ack(system=0)), 1).outcomes  # MAVLink 1 names nobody
 
 
 @pytest.mark.parametrize(("type_", "autopilot"), [(6, 8), (6, 0), (18, 8), (27, 8)])
 def test_what_is_no_boat_is_not_asked(type_, autopilot):
     other = Autopilot(7)
     raw = other.frame(dialect.MAVLink_heartbeat_message(type_, autopilot, 0, 0, 4, 3))
-    assert not Requests(Identity(), TWO).take(one(raw), 0).boats
+    assert not LinkRequests(Identity(), TWO).take(one(raw), 0).boats
 
 
 @pytest.mark.parametrize("rates", [{"ATITUDE": 50.0}, {"ATTITUDE": -1.0}, {"ATTITUDE": 1e6},
                                    {"ATTITUDE": float("nan")}])  # fmt: skip
 def test_wrong_rates_are_refused(rates):
     with pytest.raises(BadInput, match=r"^\[links.rates\] AT"):
-        Requests(Identity(), rates)
+        LinkRequests(Identity(), rates)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.signing import MINUTE, Signatures, Verdict, load_key, ticks
+from gateway.links.signing import (
+    MINUTE_TICKS,
+    Signatures,
+    SignatureStatus,
+    load_key,
+    signing_timestamp,
+)
 from gateway.links.transmitter import Identity, Transmitter
 from tests.gateway.links.boats import Autopilot
 
@@ -50,58 +56,58 @@ def signed(timestamp, system=1, key=KEY):
 
 
 def test_pymavlinks_signature_holds_and_the_wrong_key_does_not():
-    frame = signed(ticks(NOW))
-    assert Signatures(KEY).judge(frame, NOW) is Verdict.VALID
-    assert Signatures(bytes(32)).judge(frame, NOW) is Verdict.WRONG
+    frame = signed(signing_timestamp(NOW))
+    assert Signatures(KEY).check(frame, NOW) is SignatureStatus.VALID
+    assert Signatures(bytes(32)).check(frame, NOW) is SignatureStatus.WRONG
 
 
 def test_unsigned_frames_of_both_versions():
     boat = Autopilot()
     old = boat.frame(dialect.MAVLink_heartbeat_message(11, 3, 0, 0, 4, 3), version1=True)
-    assert Signatures(KEY).judge(boat.attitude(), NOW) is Verdict.UNSIGNED
-    assert Signatures(KEY).judge(old, NOW) is Verdict.UNSIGNED
+    assert Signatures(KEY).check(boat.attitude(), NOW) is SignatureStatus.UNSIGNED
+    assert Signatures(KEY).check(old, NOW) is SignatureStatus.UNSIGNED
 
 
 def test_any_changed_byte_breaks_it():
-    frame = signed(ticks(NOW))
+    frame = signed(signing_timestamp(NOW))
     for at in range(3, len(frame)):
         changed = frame[:at] + bytes([frame[at] ^ 0x10]) + frame[at + 1 :]
-        assert Signatures(KEY).judge(changed, NOW) is Verdict.WRONG
+        assert Signatures(KEY).check(changed, NOW) is SignatureStatus.WRONG
 
 
 def test_timestamps_of_a_stream_only_grow():
-    keeper, t = Signatures(KEY), ticks(NOW)
-    assert keeper.judge(signed(t), NOW) is Verdict.VALID
-    assert keeper.judge(signed(t), NOW) is Verdict.OLD
-    assert keeper.judge(signed(t - 1), NOW) is Verdict.OLD
-    assert keeper.judge(signed(t + 1), NOW) is Verdict.VALID
-    assert keeper.judge(signed(t, system=2), NOW) is Verdict.VALID
+    keeper, t = Signatures(KEY), signing_timestamp(NOW)
+    assert keeper.check(signed(t), NOW) is SignatureStatus.VALID
+    assert keeper.check(signed(t), NOW) is SignatureStatus.OLD
+    assert keeper.check(signed(t - 1), NOW) is SignatureStatus.OLD
+    assert keeper.check(signed(t + 1), NOW) is SignatureStatus.VALID
+    assert keeper.check(signed(t, system=2), NOW) is SignatureStatus.VALID
 
 
 def test_a_new_stream_may_be_a_minute_behind():
-    t = ticks(NOW)
-    assert Signatures(KEY).judge(signed(t - MINUTE), NOW) is Verdict.VALID
-    assert Signatures(KEY).judge(signed(t - MINUTE - 1), NOW) is Verdict.OLD
+    t = signing_timestamp(NOW)
+    assert Signatures(KEY).check(signed(t - MINUTE_TICKS), NOW) is SignatureStatus.VALID
+    assert Signatures(KEY).check(signed(t - MINUTE_TICKS - 1), NOW) is SignatureStatus.OLD
 
 
 def test_a_forged_frame_locks_nobody_out():
     """pymavlink moves the stream's time before it has verified the signature."""
-    keeper, t = Signatures(KEY), ticks(NOW)
-    forged = signed(t + 10 * MINUTE, key=bytes(32))
-    assert keeper.judge(forged, NOW) is Verdict.WRONG
-    assert keeper.judge(signed(t), NOW) is Verdict.VALID
+    keeper, t = Signatures(KEY), signing_timestamp(NOW)
+    forged = signed(t + 10 * MINUTE_TICKS, key=bytes(32))
+    assert keeper.check(forged, NOW) is SignatureStatus.WRONG
+    assert keeper.check(signed(t), NOW) is SignatureStatus.VALID
 
 
 def test_what_we_sign_pymavlink_accepts_and_time_never_stands():
     keeper, voice = Signatures(KEY), Transmitter(Identity(), KEY, link_id=3)
     boat = dialect.MAVLink(None)
     boat.signing.secret_key = KEY
-    boat.signing.timestamp = ticks(NOW) + 5
-    keeper.judge(signed(ticks(NOW) + 5), NOW)  # the boat is ahead of us
+    boat.signing.timestamp = signing_timestamp(NOW) + 5
+    keeper.check(signed(signing_timestamp(NOW) + 5), NOW)  # the boat is ahead of us
     for _ in range(3):
         stamp = keeper.next_timestamp(NOW)
         raw = voice.pack(dialect.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3), stamp)
         message = boat.decode(bytearray(raw))
         assert message.get_signed()
         assert message.get_link_id() == 3
-    assert boat.signing.timestamp > ticks(NOW) + 5
+    assert boat.signing.timestamp > signing_timestamp(NOW) + 5

@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from gateway.config import FoxgloveSettings
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import Rows
-from gateway.links.inbox import Kind, LinkEvent
+from gateway.links.inbox import LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan
 from gateway.recording import foxglove
 from gateway.recording.foxglove_server import STOP_S, FoxgloveServer, parse_address
@@ -71,7 +71,7 @@ def sail(deck: Deck, heard: Player) -> int:
     assert len(views) == 2
     wait(lambda: all(view and all(map(view._wanted, view._players.channels)) for view in views))
     from_ns = (deck.now_ns // STEP_NS + 1) * STEP_NS
-    deck.gateway.turn(LinkEvent(LINK, from_ns, Kind.LOST, "something happened"))
+    deck.gateway.turn(LinkEvent(LINK, from_ns, LinkEventKind.LOST, "something happened"))
     for second in range(int(SECONDS) + 1):
         since, until = at_ns(BEGIN_S + second), at_ns(BEGIN_S + second + 1)
         deck.hear(item for item in frames if since <= item.receive_time_ns < until)

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.config import FollowingSettings
 from gateway.errors import BadInput
-from gateway.links.inbox import Datagram, Kind, LinkEvent
+from gateway.links.inbox import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.recording.reader import TICK_LINK, Recording
 from gateway.simulated_boat.faults import Faults, Silence
@@ -157,7 +157,7 @@ def test_what_happens_to_a_link_is_an_event_of_every_boat_on_it(tmp_path: Path) 
     heard = datagrams(played(3.0))
     with Deck(out=tmp_path) as deck:
         deck.hear(heard)
-        event = LinkEvent("tcp:boat:5760", at_ns(3.1), Kind.LOST, "closed; trying again")
+        event = LinkEvent("tcp:boat:5760", at_ns(3.1), LinkEventKind.LOST, "closed; trying again")
         deck.gateway.turn(event)
     (lost,) = [m for m in deck.heard().messages("event") if m["kind"] == "link_lost"]
     assert lost["severity"] == "warning"

@@ -1,0 +1,86 @@
+"""The table of live sources: every form of a connection string, and one line for what is none."""
+
+import pytest
+
+from gateway.errors import BadInput
+from gateway.links import sources
+from gateway.links.serial_port import DEFAULT_BAUD, SerialTransport
+from gateway.links.sources import SOURCES, LinkSource, transport_of
+from gateway.links.tcp import TcpClientTransport, TcpServerTransport
+from gateway.links.transport import Endpoint
+from gateway.links.udp import UdpTransport
+from tests.conftest import ROOT
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "listens", "address"),
+    [
+        ("udpin:0.0.0.0:14550", UdpTransport, True, ("0.0.0.0", 14550)),
+        ("udp:127.0.0.1:14550", UdpTransport, True, ("127.0.0.1", 14550)),
+        ("udpout:boat.local:14551", UdpTransport, False, ("boat.local", 14551)),
+        ("udpin:[::1]:14550", UdpTransport, True, ("::1", 14550)),
+        ("tcp:10.0.0.2:5760", TcpClientTransport, False, ("10.0.0.2", 5760)),
+        ("tcpin:127.0.0.1:5770", TcpServerTransport, True, ("127.0.0.1", 5770)),
+        ("/dev/ttyUSB0", SerialTransport, False, ("/dev/ttyUSB0", DEFAULT_BAUD)),
+        ("/dev/ttyUSB0,57600", SerialTransport, False, ("/dev/ttyUSB0", 57600)),
+        ("serial:/dev/ttyACM0:921600", SerialTransport, False, ("/dev/ttyACM0", 921600)),
+        ("serial:/dev/ttyACM0,9600", SerialTransport, False, ("/dev/ttyACM0", 9600)),
+        ("serial:/dev/ttyACM0", SerialTransport, False, ("/dev/ttyACM0", DEFAULT_BAUD)),
+    ],
+)
+def test_every_form(text, kind, listens, address):
+    transport = transport_of(text)
+    assert type(transport) is kind
+    assert transport.listens is listens
+    assert transport.speaks_first is (kind is UdpTransport and not listens)
+    assert transport.fixed_peer == (None if listens else text)
+    found = (transport.device, transport.baud) if kind is SerialTransport else transport.address
+    assert found == address
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "14550", "udpin", "udpin:", "udpin:14550", "udpin:host:", "udpin:host:0", "udpin:host:x",
+     "udpin:host:65536", "udpin:host:-1", "udpin:host:１４", "mcast:14550", "serial:",
+     "serial:COM3", "COM3", "/dev/ttyUSB0,fast", "tcp::5760", "UDPIN:host:1"],
+)  # fmt: skip
+def test_a_wrong_one_lists_the_forms_that_exist(text):
+    with pytest.raises(BadInput) as caught:
+        transport_of(text)
+    line = str(caught.value)
+    assert f'"{text}"' in line
+    assert all(source.form in line for source in SOURCES)
+    assert "\n" not in line
+
+
+def test_a_plug_in_adds_a_kind_of_link(monkeypatch):
+    class Point:
+        def __init__(self, value):
+            self.load = lambda: value
+
+    class Loopback:
+        def __init__(self, endpoint: Endpoint) -> None:
+            if not endpoint.address:
+                raise ValueError("the name is missing")
+            self.address = endpoint.address
+
+    plugged = LinkSource("loop", "loop:NAME", "a queue within the process", Loopback)
+    points = [Point(plugged), Point("something else")]
+    monkeypatch.setattr(
+        sources, "entry_points", lambda group: points if group == "shadow.links" else []
+    )
+    sources.known_sources.cache_clear()
+    try:
+        assert transport_of("loop:a").address == "a"
+        assert isinstance(transport_of("udp:h:1"), UdpTransport)
+        with pytest.raises(BadInput, match=r"the name is missing; expected udpin.*, loop:NAME"):
+            transport_of("loop:")
+    finally:
+        sources.known_sources.cache_clear()
+
+
+def test_the_docs_describe_every_kind():
+    text = (ROOT / "docs" / "live.md").read_text()
+    for source in SOURCES:
+        form = "/dev/ttyUSB0,57600" if source.kind == "serial" else source.form
+        assert f"| `{form}` | {source.description}" in text
