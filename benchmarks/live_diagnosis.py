@@ -29,14 +29,15 @@ from benchmarks.hidden.sensors import Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
 from benchmarks.hidden.vessel_toml import vessel_toml
-from gateway.offline.replay import ReplayOptions, prepare
+from gateway.ingest.open import open_log
+from gateway.offline.replay import replay_input_of
 from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import Shadowing, ShadowPath, follower_of
 from gateway.shadow.topic_rows import Happening
 from gateway.vessel_file import load_vessel
 from sim.following.reference import Reference
 from sim.model import Model
-from sim.monitoring.live_second import velocity, velocity_spread
+from sim.monitoring.live_second import air_velocity, air_velocity_covariance
 
 SECONDS = 300.0
 PAIRS = (
@@ -112,20 +113,20 @@ def heard(case: Case, folder: Path, seconds: float) -> Heard:
     boat = FLEET[case.boat]
     _sail(log, boat, case, seconds)
     toml.write_text(vessel_toml(boat), encoding="utf-8")
-    material = prepare(log, ReplayOptions())
-    model, following = Model.of(load_vessel(toml)), material.settings.following
+    given = replay_input_of(open_log(log))
+    model, following = Model.of(load_vessel(toml)), given.settings.following
     path = ShadowPath(
         model, Reference(model, following.reference), follower_of(model, following.follower),
-        material.settings.filter, following.rate_hz,
+        given.settings.filter, following.rate_hz,
     )  # fmt: skip
-    _, out, _ = path.advance(path.start(), material.feed)
+    _, out, _ = path.advance(path.start(), given.feed)
     return _watched(ModelMonitor.of(model), out)
 
 
 def _watched(lookout: ModelMonitor, out: Shadowing) -> Heard:
     began = time.process_time()
     lookout, _, events = lookout.observe(out)
-    cost = (time.process_time() - began) / max(lookout.alarm.outlook.count, 1) * 1e3
+    cost = (time.process_time() - began) / max(lookout.alarm.estimate.count, 1) * 1e3
     return Heard(events, int(out.vehicle_time_ns[0]), lookout, cost)
 
 
@@ -148,16 +149,20 @@ def line(case: Case, found: Heard) -> str:
     wanted = {"current": "of current towards", "sets in": "of current towards", "wind": "of wind"}
     words = wanted.get(case.kind)
     told = _first(found, lambda h: words is not None and f"looks like {words}" in _bare(h.says))
-    outlook = found.lookout.alarm.outlook
+    outlook = found.lookout.alarm.estimate
     row = f"{case.kind:9}{case.boat:10}{case.pilot:11}{_s(wrong, case)}{_s(told, case)}"
     if words is None:
         row += f"{'':22}"
     else:
         belief = outlook.air if case.kind == "wind" else outlook.water
-        got = velocity(belief.outside) if case.kind == "wind" else belief.outside
-        spread = velocity_spread(belief.outside, belief.spread)
-        row += _off(got, spread if case.kind == "wind" else belief.spread, np.array(case.truth))
-    return f"{row}  {found.lookout.alarm.because.value:16}{len(found.events):3}{found.cost_ms:6.2f}"
+        got = air_velocity(belief.disturbance) if case.kind == "wind" else belief.disturbance
+        spread = air_velocity_covariance(belief.disturbance, belief.disturbance_covariance)
+        row += _off(
+            got,
+            spread if case.kind == "wind" else belief.disturbance_covariance,
+            np.array(case.truth),
+        )
+    return f"{row}  {found.lookout.alarm.cause.value:16}{len(found.events):3}{found.cost_ms:6.2f}"
 
 
 def _bare(says: str) -> str:

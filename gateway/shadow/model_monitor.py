@@ -16,18 +16,22 @@ from gateway.shadow.path import Shadowing
 from gateway.shadow.topic_rows import Happening
 from gateway.topics import HORIZONS_S
 from sim.model import Model
-from sim.monitoring.alarm import HORIZONS_S as WATCHED_S
-from sim.monitoring.alarm import Alarm, News, sentence
-from sim.monitoring.disturbances import Estimator
-from sim.monitoring.live_second import Moment, in_body, velocity, velocity_spread
+from sim.monitoring.alarm import WATCHED_HORIZONS_S, Alarm, ModelEvent, event_text
+from sim.monitoring.disturbances import DisturbanceEstimator
+from sim.monitoring.live_second import (
+    SecondMeans,
+    air_velocity,
+    air_velocity_covariance,
+    world_to_body,
+)
 from sim.state import Eta, Floats
 
 SECOND_S = 1.0
 GAP_S = 0.6  # between rows: what lies between was not seen
 FIRST_S = 30  # seconds before anything is published
-SEVERITY = {News.WRONG: "warning", News.EXPLAINED: "warning", News.RIGHT: "info"}
+SEVERITY = {ModelEvent.WRONG: "warning", ModelEvent.EXPLAINED: "warning", ModelEvent.RIGHT: "info"}
 COLUMNS = 20  # estimate, cos and sin of yaw, missing, its variance, commanded
-ERRORS = [3 * HORIZONS_S.index(s) + i for s in WATCHED_S for i in range(3)]
+ERRORS = [3 * HORIZONS_S.index(s) + i for s in WATCHED_HORIZONS_S for i in range(3)]
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,13 @@ class Second:
     commands: Floats = field(default_factory=lambda: np.zeros(0))
     errors: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
 
-    def moment(self, before: Floats) -> Moment:
+    def moment(self, before: Floats) -> SecondMeans:
         """The means; `before` (H 3,) are the errors known a second ago: the same are no news."""
         mean = self.total / self.count
         motion = mean[:9].copy()
         motion[Eta.YAW] = np.arctan2(mean[10], mean[9])
         news = (self.errors != before).reshape(-1, 3).any(axis=1, keepdims=True)
-        return Moment(
+        return SecondMeans(
             self.time, motion, self.variance, mean[11:14], np.sqrt(mean[14:17]), mean[17:20],
             self.commands, np.where(news, self.errors.reshape(-1, 3), np.nan),
         )  # fmt: skip
@@ -59,7 +63,7 @@ class Second:
 class ModelMonitor:
     """Everything remembered; `known` (H 3,) are the prediction errors of the last whole second."""
 
-    estimator: Estimator
+    estimator: DisturbanceEstimator
     alarm: Alarm
     second: Second = field(default_factory=Second)
     known: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
@@ -67,7 +71,7 @@ class ModelMonitor:
     @classmethod
     def of(cls, model: Model) -> "ModelMonitor":
         """Nothing seen yet."""
-        estimator = Estimator.of(model)
+        estimator = DisturbanceEstimator.of(model)
         return cls(estimator, Alarm.start(estimator))
 
     def observe(self, out: Shadowing) -> tuple["ModelMonitor", list[Rows], list[Happening]]:
@@ -113,38 +117,42 @@ class ModelMonitor:
         s = self.second
         fresh = replace(self, second=Second(), known=s.errors)
         if s.spoiled or not whole or not s.count:
-            return replace(fresh, alarm=self.alarm.broken()), [], []
+            return replace(fresh, alarm=self.alarm.after_gap()), [], []
         alarm, news = self.alarm.observe(self.estimator, moment := s.moment(self.known))
         fresh = replace(fresh, alarm=alarm)
         told = [] if news is None else [fresh._happened(out, k, news, self.alarm)]
         return fresh, fresh._published(out, k, moment), told
 
-    def _happened(self, out: Shadowing, k: int, news: News, before: Alarm) -> Happening:
-        since = (before if news is News.RIGHT else self.alarm).misfit.since
+    def _happened(self, out: Shadowing, k: int, news: ModelEvent, before: Alarm) -> Happening:
+        since = (before if news is ModelEvent.RIGHT else self.alarm).misfit.since
         vehicle = int(out.vehicle_time_ns[k])
         began = vehicle - round((float(out.time_s[k]) - since) * 1e9)
-        says = sentence(news, self.alarm, self.estimator.air, clock(began))
+        says = event_text(news, self.alarm, self.estimator.air, clock(began))
         receive = int(out.receive_time_ns[k])
         return Happening(vehicle, receive, news.value, SEVERITY[news], says)
 
-    def _published(self, out: Shadowing, k: int, moment: Moment) -> list[Rows]:
+    def _published(self, out: Shadowing, k: int, moment: SecondMeans) -> list[Rows]:
         """Both topics; the wind is withheld where the vessel has no areas for one."""
         alarm, air = self.alarm, self.estimator.air
-        if alarm.outlook.count < FIRST_S:
+        if alarm.estimate.count < FIRST_S:
             return []
         times = out.vehicle_time_ns[k : k + 1], out.receive_time_ns[k : k + 1]
-        water, blown = alarm.outlook.water, alarm.outlook.air
-        turn = np.array([in_body(e, -moment.yaw) for e in np.eye(2)]).T  # body to world
-        slope = turn @ air.push(blown.outside, moment)[1][:2]
-        force = air.world_force(blown.outside, moment)
+        water, blown = alarm.estimate.water, alarm.estimate.air
+        turn = np.array([world_to_body(e, -moment.yaw) for e in np.eye(2)]).T  # body to world
+        slope = turn @ air.force_and_slope(blown.disturbance, moment)[1][:2]
+        force = air.world_force(blown.disturbance, moment)
+        force_covariance = slope @ blown.disturbance_covariance @ slope.T
         values = np.concatenate([
-            water.outside, force, std(water.spread), std(slope @ blown.spread @ slope.T),
+            water.disturbance, force, std(water.disturbance_covariance), std(force_covariance),
             [alarm.misfit.level],
         ])  # fmt: skip
-        explains = {"explains": alarm.because.value}
+        explains = {"explains": alarm.cause.value}
         rows = [encode_rows("surroundings", *times, values[None], explains)]
         if air.has_areas:
-            wind = velocity(blown.outside), std(velocity_spread(blown.outside, blown.spread))
+            wind = (
+                air_velocity(blown.disturbance),
+                std(air_velocity_covariance(blown.disturbance, blown.disturbance_covariance)),
+            )
             rows.append(encode_rows("wind", *times, np.concatenate(wind)[None]))
         return rows
 

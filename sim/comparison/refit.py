@@ -43,7 +43,7 @@ from sim.vessel import AddedEffect, Vessel
 MIN_BLOCKS = 4  # two for each fold
 # The search; all chosen, not measured.
 FITTED_STARTS = 3  # the best starts of all effects, that are fitted
-HORIZONS_S = (2.0, 6.0)  # of the fits: the base is known, so runs need not begin short
+FIT_HORIZONS_S = (2.0, 6.0)  # of the fits: the base is known, so runs need not begin short
 FINER_MOMENTS = 4  # to either side of the best, between it and the neighbouring starts
 
 
@@ -194,7 +194,7 @@ def _at_starts(trial: Trial, vessel: Vessel, effect: Effect) -> list[Vessel]:
     starts = start_points(effect, Model.of(bare), [trial])
     # a slow swing: with a wrong direction no start is better than another
     if any(p.role is Role.PERIOD for p in effect.parameters):
-        return [_fit_from(trial, _with(vessel, name, s), HORIZONS_S[-1:]) for s in starts]
+        return [_fit_from(trial, _with(vessel, name, s), FIT_HORIZONS_S[-1:]) for s in starts]
     not_numbers = {p.name for p in effect.parameters if p.kind is not Kind.NUMBER}
     own_size = [{key: s[key] for key in not_numbers} for s in starts] if not_numbers else []
     return [_with(vessel, name, values) for values in (*starts, *own_size)]
@@ -220,7 +220,7 @@ def _error(trial: Trial, vessel: Vessel, ruler: Ruler) -> float:
         return np.inf
 
 
-def _fit_from(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = HORIZONS_S) -> Vessel:
+def _fit_from(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = FIT_HORIZONS_S) -> Vessel:
     """The parameters of the voyage that have a slope, fitted from where they are."""
     free = tuple(f"{a.effect.name}.{key}" for a in _of_voyage(vessel) for key in a.effect.fitted)
     if not free:

@@ -4,11 +4,12 @@
     Φ = Φ_k … Φ_2 Φ_1,     Ψ_i = Φ_k … Φ_i+1,     Q_i = (M⁻¹ Δτ_i δ)²
 
 e is the error of a free prediction, P₀ and R the covariance of the estimate at its start and end,
-Φ_i = exp(A_i t) the linearised model over one second, s a size below which nobody minds. Above its
-critical speed a hull is unstable on course: Φ grows there and so does the floor, and what comes of
-the start state is not put down to the model. Q is what a change of the commanded forces leaves when
-its moment is known to δ: servo outputs may come twice a second. z of a perfect model is about 1 or
-less, since errors of the estimate are taken as white. Its running mean goes through a hysteresis.
+Φ_i = exp(A_i t) the linearised model over one second, s a size below which errors do not matter.
+Above its critical speed a hull is unstable on course: Φ grows there and so does the floor, and what
+comes of the start state is not put down to the model. Q is what a change of the commanded forces
+leaves when its moment is known to δ: servo outputs may come twice a second. z of a perfect model is
+about 1 or less, since errors of the estimate are taken as white. Its running mean goes through a
+hysteresis.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,35 +17,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.monitoring.live_second import Balance, Moment
+from sim.monitoring.live_second import Balance, SecondMeans
 from sim.prediction.scales import MIN_SCALES
 from sim.state import Floats
 
-MINDED = 0.3 * MIN_SCALES  # m/s, m/s, rad/s
-MEAN_S = 20.0  # memory of the running means
-HIGH, LOW = 3.0, 1.5  # the model is wrong above, right again below
-PARTS = 8  # of a second
-TIMING_S = 0.2  # δ
-LARGEST = 12.0  # one z counts no more than this
+# Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,
+# a model called wrong 11 to 20 s after a current sets in.
+NEGLIGIBLE = 0.3 * MIN_SCALES  # s: m/s, m/s, rad/s
+MEMORY_S = 20.0  # of the running means
+WRONG_ABOVE, RIGHT_BELOW = 3.0, 1.5  # mean of z
+COMMAND_TIMING_S = 0.2  # δ
+MAX_Z = 12.0  # a single z counts no more than this
+SUBSTEPS = 8  # of a second, for its transition
 
 
-class Past(NamedTuple):
+class PastSecond(NamedTuple):
     """One second: variance (3,) of the estimate, Φ (3, 3), Q (3,)."""
 
     variance: Floats
     transition: Floats
-    kick: Floats
+    command_variance: Floats
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """What the last seconds' predictions say.
+    """How large the prediction errors of the last seconds are, beside what noise explains.
 
     level    running mean of z           z      of this second, NaN where nothing came due
     squares  (3,) running sum of e²      floors (3,) of its expected variance, first horizon;
              both over the same weights, so that their roots compare
     weight   of the two sums
-    wrong    between HIGH and LOW        since  when the level left LOW behind [s]
+    wrong    after the hysteresis        since  when the level last rose above `RIGHT_BELOW` [s]
     past     of the last seconds, oldest first
     commanded  (3,) a second ago, None at the start
     """
@@ -56,34 +59,34 @@ class Misfit:
     weight: float = 0.0
     wrong: bool = False
     since: float = np.inf
-    past: tuple["Past", ...] = ()
+    past: tuple[PastSecond, ...] = ()
     commanded: Floats | None = None
 
-    def observe(self, moment: Moment, balance: Balance, horizons: tuple[int, ...]) -> "Misfit":
+    def observe(self, second: SecondMeans, balance: Balance, horizons: tuple[int, ...]) -> "Misfit":
         """One more second, the balance there; errors (H, 3) came due over `horizons` (H,) [s]."""
-        before = moment.commanded if self.commanded is None else self.commanded
-        change = moment.commanded - before
-        kick = np.asarray(np.linalg.solve(balance.acceleration, change) * TIMING_S, float) ** 2
-        now = Past(moment.variance, transition(balance.rate), kick)
+        before = second.commanded if self.commanded is None else self.commanded
+        change = np.linalg.solve(balance.slope_nu_dot, second.commanded - before)
+        unknown = np.asarray(change * COMMAND_TIMING_S, float) ** 2
+        now = PastSecond(second.variance, transition(balance.system_matrix), unknown)
         past = (*self.past, now)[-max(horizons) - 1 :]
-        floors = [self._floor(past, moment, seconds) for seconds in horizons]
-        found = [
+        floors = [_floor(past, second, seconds) for seconds in horizons]
+        due = [
             (error, floor)
-            for error, floor in zip(moment.errors, floors, strict=True)
+            for error, floor in zip(second.errors, floors, strict=True)
             if floor is not None and bool(np.isfinite(error).all())
         ]
-        if not found:
-            return replace(self, z=np.nan, past=past, commanded=moment.commanded)
-        z = float(np.mean([np.mean(error**2 / floor) for error, floor in found]))
-        level = self.level + (min(z, LARGEST) - self.level) / MEAN_S
-        error, floor = found[0]
-        since = min(self.since, moment.time) if level > LOW or self.wrong else np.inf
+        if not due:
+            return replace(self, z=np.nan, past=past, commanded=second.commanded)
+        z = float(np.mean([np.mean(error**2 / floor) for error, floor in due]))
+        level = self.level + (min(z, MAX_Z) - self.level) / MEMORY_S
+        error, floor = due[0]
+        since = min(self.since, second.time) if level > RIGHT_BELOW or self.wrong else np.inf
         return Misfit(
             level, z,
-            self.squares + (error**2 - self.squares) / MEAN_S,
-            self.floors + (floor - self.floors) / MEAN_S,
-            self.weight + (1.0 - self.weight) / MEAN_S,
-            level > (LOW if self.wrong else HIGH), since, past, moment.commanded,
+            self.squares + (error**2 - self.squares) / MEMORY_S,
+            self.floors + (floor - self.floors) / MEMORY_S,
+            self.weight + (1.0 - self.weight) / MEMORY_S,
+            level > (RIGHT_BELOW if self.wrong else WRONG_ABOVE), since, past, second.commanded,
         )  # fmt: skip
 
     @property
@@ -92,24 +95,24 @@ class Misfit:
         mean = np.stack([self.squares, self.floors]) / max(self.weight, 1e-12)
         return np.asarray(np.sqrt(mean))
 
-    def broken(self) -> "Misfit":
-        """The estimate jumped or fell silent: predictions under way tell nothing."""
+    def after_gap(self) -> "Misfit":
+        """The estimate jumped or fell silent: predictions under way are dropped."""
         return replace(self, z=np.nan, past=(), commanded=None)
 
-    @staticmethod
-    def _floor(past: tuple[Past, ...], moment: Moment, seconds: int) -> Floats | None:
-        """Expected variance (3,) of the error over that horizon; None where it began too early."""
-        if len(past) <= seconds:
-            return None
-        phi, kicked = np.eye(3), np.zeros(3)
-        for second in reversed(past[-seconds:]):
-            kicked = kicked + phi**2 @ second.kick
-            phi = phi @ second.transition
-        return moment.variance + phi**2 @ past[-seconds - 1].variance + kicked + MINDED**2
+
+def _floor(past: tuple[PastSecond, ...], second: SecondMeans, seconds: int) -> Floats | None:
+    """Expected variance (3,) of the error over that horizon; None where it began too early."""
+    if len(past) <= seconds:
+        return None
+    phi, commands = np.eye(3), np.zeros(3)
+    for earlier in reversed(past[-seconds:]):
+        commands = commands + phi**2 @ earlier.command_variance
+        phi = phi @ earlier.transition
+    return second.variance + phi**2 @ past[-seconds - 1].variance + commands + NEGLIGIBLE**2
 
 
-def transition(rate: Floats) -> Floats:
+def transition(A: Floats) -> Floats:
     """exp(A · 1 s) (3, 3), by Cayley's form of an eighth: scipy's takes milliseconds."""
-    half = 0.5 * rate / PARTS
+    half = 0.5 * A / SUBSTEPS
     step = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)
-    return np.linalg.matrix_power(step, PARTS)
+    return np.linalg.matrix_power(step, SUBSTEPS)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sim.model import Model
-from sim.monitoring.live_second import Moment, in_body
+from sim.monitoring.live_second import SecondMeans, world_to_body
 from sim.state import Floats
 from sim.vessel import Vessel
 from tests.sim.voyages import WAM_V
@@ -18,7 +18,7 @@ NONE = np.full((2, 3), np.nan)
 def seconds(
     count: int, *, vessel: Vessel = WAM_V, stream: Floats | None = None, push: Floats | None = None,
     body: Floats | None = None, headings: int = 8, seed: int = 1, first: int = 0,
-) -> Iterator[Moment]:  # fmt: skip
+) -> Iterator[SecondMeans]:  # fmt: skip
     """A boat on legs of 20 s, its motion made up, its missing force what the causes say.
 
     stream (2,) [m/s] of the water, push (2,) [N] in the world, body (3,) [N, N, N m].
@@ -30,23 +30,23 @@ def seconds(
         yaw = 2.0 * np.pi * ((3 * leg) % headings) / 8.0
         u = 0.8 + 0.5 * (leg % 3) + 0.05 * rng.standard_normal()
         through = np.array([u, 0.05 * rng.standard_normal(), 0.02 * rng.standard_normal()])
-        nu = through + np.append(in_body(stream, yaw), 0.0)
+        nu = through + np.append(world_to_body(stream, yaw), 0.0)
         motion = np.concatenate([[0.0, 0.0, yaw], nu, 0.02 * rng.standard_normal(3)])
         command = np.array([[0.4, 0.4]])
         missing, commanded = forces(model, motion, stream, command)
         missing = missing + NOISE * rng.standard_normal(3)
         if push is not None:
-            missing[:2] += in_body(push, yaw)
+            missing[:2] += world_to_body(push, yaw)
         if body is not None:
             missing = missing + body
         variance = np.array([0.03, 0.03, 0.004]) ** 2
-        yield Moment(float(k), motion, variance, missing, STATED, commanded, command[0], NONE)
+        yield SecondMeans(float(k), motion, variance, missing, STATED, commanded, command[0], NONE)
 
 
 def forces(model: Model, motion: Floats, stream: Floats, command: Floats) -> tuple[Floats, Floats]:
     """What a current adds to the missing force: balance over ground less balance through water."""
     row, yaw, r = motion[None], motion[2], motion[5]
-    u_c, v_c = in_body(stream, yaw)
+    u_c, v_c = world_to_body(stream, yaw)
     wet = motion.copy()
     wet[3:] -= np.array([u_c, v_c, 0.0, r * v_c, -r * u_c, 0.0])
     over, commanded = model.missing_force(row, np.zeros(1), command, command)

@@ -1,5 +1,6 @@
 """Current and wind online: found, told apart by headings, silent where there is nothing."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +8,14 @@ import pytest
 
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
-from sim.monitoring.disturbances import OWN, Cause, DisturbanceFilter, Estimator, Outlook
-from sim.monitoring.live_second import Air, balance_at, velocity
+from sim.monitoring.disturbances import (
+    BOAT_ERRORS,
+    Cause,
+    DisturbanceEstimate,
+    DisturbanceEstimator,
+    DisturbanceFilter,
+)
+from sim.monitoring.live_second import SecondMeans, WindModel, air_velocity, balance_at
 from sim.vessel import AddedEffect
 from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.vessels import SHAPES
@@ -18,73 +25,75 @@ from tests.sim.voyages import WAM_V
 STREAM = np.array([0.1, -0.28])
 
 
-def after(estimator: Estimator, moments) -> Outlook:
-    outlook = estimator.start()
-    for moment in moments:
-        outlook, _ = estimator.observe(outlook, moment)
-    return outlook
+def after(estimator: DisturbanceEstimator, voyage: Iterable[SecondMeans]) -> DisturbanceEstimate:
+    estimate = estimator.start()
+    for second in voyage:
+        estimate, _ = estimator.observe(estimate, second)
+    return estimate
 
 
 @pytest.fixture(scope="module")
-def plain() -> Estimator:
-    return Estimator.of(Model.of(WAM_V))
+def plain() -> DisturbanceEstimator:
+    return DisturbanceEstimator.of(Model.of(WAM_V))
 
 
-def test_a_current_is_found_within_what_it_states(plain: Estimator) -> None:
-    outlook = after(plain, seconds(240, stream=STREAM))
-    assert outlook.because is Cause.CURRENT
-    off = outlook.water.outside - STREAM
+def test_a_current_is_found_within_what_it_states(plain: DisturbanceEstimator) -> None:
+    estimate = after(plain, seconds(240, stream=STREAM))
+    assert estimate.cause is Cause.CURRENT
+    off = estimate.water.disturbance - STREAM
     assert np.hypot(*off) < 0.06
-    assert off @ np.linalg.solve(outlook.water.spread, off) < 9.0
+    assert off @ np.linalg.solve(estimate.water.disturbance_covariance, off) < 9.0
 
 
-def test_the_more_is_seen_the_better_it_is_known(plain: Estimator) -> None:
+def test_the_more_is_seen_the_better_it_is_known(plain: DisturbanceEstimator) -> None:
     short, long = (after(plain, seconds(n, stream=STREAM)).water for n in (60, 300))
-    assert np.trace(long.spread) < np.trace(short.spread)
+    assert np.trace(long.disturbance_covariance) < np.trace(short.disturbance_covariance)
 
 
-def test_noise_alone_explains_nothing(plain: Estimator) -> None:
+def test_noise_alone_explains_nothing(plain: DisturbanceEstimator) -> None:
     for seed in range(6):
-        outlook = after(plain, seconds(200, seed=seed))
-        assert outlook.because is Cause.NOTHING
-        assert np.hypot(*outlook.water.outside) < 0.08
+        estimate = after(plain, seconds(200, seed=seed))
+        assert estimate.cause is Cause.NOTHING
+        assert np.hypot(*estimate.water.disturbance) < 0.08
 
 
-def test_what_stays_fixed_to_the_boat_is_not_put_down_to_the_world(plain: Estimator) -> None:
-    outlook = after(plain, seconds(240, body=np.array([-12.0, 8.0, 6.0])))
-    assert outlook.because is Cause.NOTHING
+def test_what_stays_fixed_to_the_boat_is_not_put_down_to_the_world(
+    plain: DisturbanceEstimator,
+) -> None:
+    estimate = after(plain, seconds(240, body=np.array([-12.0, 8.0, 6.0])))
+    assert estimate.cause is Cause.NOTHING
 
 
-def test_a_force_that_is_fixed_in_the_world_is_no_current(plain: Estimator) -> None:
+def test_a_force_that_is_fixed_in_the_world_is_no_current(plain: DisturbanceEstimator) -> None:
     push = np.array([-20.0, 14.0])
-    outlook = after(plain, seconds(300, push=push))
-    assert outlook.because is Cause.WIND
-    assert outlook.air.outside == pytest.approx(push, abs=5.0)
+    estimate = after(plain, seconds(300, push=push))
+    assert estimate.cause is Cause.WIND
+    assert estimate.air.disturbance == pytest.approx(push, abs=5.0)
 
 
-def test_on_one_heading_no_current_is_claimed(plain: Estimator) -> None:
-    outlook = after(plain, seconds(240, stream=STREAM, headings=1))
-    assert outlook.because in (Cause.NOTHING, Cause.EITHER)
-    assert np.sqrt(np.trace(outlook.water.spread)) > 0.06
+def test_on_one_heading_no_current_is_claimed(plain: DisturbanceEstimator) -> None:
+    estimate = after(plain, seconds(240, stream=STREAM, headings=1))
+    assert estimate.cause in (Cause.NOTHING, Cause.EITHER)
+    assert np.sqrt(np.trace(estimate.water.disturbance_covariance)) > 0.06
 
 
-def test_a_current_that_turns_is_followed(plain: Estimator) -> None:
-    outlook = after(plain, seconds(200, stream=STREAM))
-    for moment in seconds(600, stream=-STREAM, first=200):
-        outlook, _ = plain.observe(outlook, moment)
-    assert np.hypot(*(outlook.water.outside + STREAM)) < 0.15
+def test_a_current_that_turns_is_followed(plain: DisturbanceEstimator) -> None:
+    estimate = after(plain, seconds(200, stream=STREAM))
+    for second in seconds(600, stream=-STREAM, first=200):
+        estimate, _ = plain.observe(estimate, second)
+    assert np.hypot(*(estimate.water.disturbance + STREAM)) < 0.15
 
 
-def test_the_slope_of_a_current_is_that_of_the_balance(plain: Estimator) -> None:
-    moment = next(seconds(1, stream=STREAM))
-    moment = replace(moment, motion=moment.motion + np.array([0, 0, 1.0, 0, 0.2, 0.3, 0, 0, 0.1]))
+def test_the_slope_of_a_current_is_that_of_the_balance(plain: DisturbanceEstimator) -> None:
+    second = next(seconds(1, stream=STREAM))
+    second = replace(second, motion=second.motion + np.array([0, 0, 1.0, 0, 0.2, 0.3, 0, 0, 0.1]))
 
-    def outside(c: np.ndarray) -> np.ndarray:
-        return plain._water(moment, balance_at(plain.model, moment, c), c).outside
+    def force(c: np.ndarray) -> np.ndarray:
+        return plain._water(second, balance_at(plain.model, second, c), c).force
 
-    step, slope = 1e-4, plain._water(moment, balance_at(plain.model, moment, STREAM), STREAM).slope
+    step, slope = 1e-4, plain._water(second, balance_at(plain.model, second, STREAM), STREAM).slope
     for k, e in enumerate(step * np.eye(2)):
-        differences = (outside(STREAM + e) - outside(STREAM - e)) / (2.0 * step)
+        differences = (force(STREAM + e) - force(STREAM - e)) / (2.0 * step)
         assert differences == pytest.approx(slope[:, k], rel=0.01, abs=0.3)
 
 
@@ -92,11 +101,11 @@ def test_the_slope_of_a_current_is_that_of_the_balance(plain: Estimator) -> None
 def test_the_rate_is_that_of_the_model(vessel) -> None:
     """∂ν̇/∂ν by the balance agrees with what a short run does."""
     model, h = Model.of(vessel), 1e-2
-    moment = next(seconds(1))
+    second = next(seconds(1))
     na = model.actuator_count
-    moment = replace(moment, commands=np.zeros(na))
-    rate = balance_at(model, moment).rate
-    x0 = np.tile(moment.motion[:6], (7, 1))
+    second = replace(second, commands=np.zeros(na))
+    rate = balance_at(model, second).system_matrix
+    x0 = np.tile(second.motion[:6], (7, 1))
     x0[1:4, 3:] += 1e-3 * np.eye(3)
     x0[4:, 3:] -= 1e-3 * np.eye(3)
     _, reports = model.simulate(np.zeros((1, na)), h, x0)
@@ -107,21 +116,21 @@ def test_the_rate_is_that_of_the_model(vessel) -> None:
 
 def test_the_wind_is_that_of_the_catalogue() -> None:
     """What the air does is what a vessel with `steady_wind` no longer lacks."""
-    air, moment = Air.of(WINDY, 180.0), next(seconds(1))
+    air, second = WindModel.of(WINDY, 180.0), next(seconds(1))
     wind = np.array([-6.0, 5.0])
     g = np.hypot(*wind) * wind
-    assert velocity(g) == pytest.approx(wind)
+    assert air_velocity(g) == pytest.approx(wind)
     values = {"speed": float(np.hypot(*wind)), "direction": float(np.arctan2(-wind[1], -wind[0]))}
     blown = WINDY.with_effects(AddedEffect(STEADY_WIND, values))
-    lacks = [balance_at(Model.of(v), moment).still for v in (WINDY, blown)]
-    assert air.force(g, moment) == pytest.approx(lacks[0] - lacks[1], rel=1e-9)
+    lacks = [balance_at(Model.of(v), second).still_water for v in (WINDY, blown)]
+    assert air.force(g, second) == pytest.approx(lacks[0] - lacks[1], rel=1e-9)
 
 
-def test_a_belief_weighs_a_jolt_less() -> None:
-    belief = DisturbanceFilter.start(np.ones(OWN))
-    sight = Estimator.of(Model.of(WAM_V))._boat(next(seconds(1)))
+def test_a_filter_weighs_an_outlier_less() -> None:
+    start = DisturbanceFilter.start(np.ones(BOAT_ERRORS))
+    measured = DisturbanceEstimator.of(Model.of(WAM_V))._boat(next(seconds(1)))
     R = np.ones(3)
-    small = belief.updated(np.array([1.0, 0.0, 0.0]), R, sight, 1.0)
-    big = belief.updated(np.array([1e4, 0.0, 0.0]), R, sight, 1.0)
+    small = start.updated(np.array([1.0, 0.0, 0.0]), R, measured, 1.0)
+    big = start.updated(np.array([1e4, 0.0, 0.0]), R, measured, 1.0)
     assert np.abs(big.mean).max() < 1e4 * np.abs(small.mean).max()
     assert np.linalg.eigvalsh(big.covariance).min() > 0.0

@@ -1,0 +1,73 @@
+"""Prediction errors beside their floor: what the model is not to blame for, and single outliers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.monitoring.consistency import Misfit, transition
+from sim.monitoring.live_second import Balance
+from tests.sim.monitoring.live_seconds import seconds
+
+
+def linear(A: np.ndarray) -> Balance:
+    """A balance with that system matrix."""
+    mass = np.diag([126.0, 121.0, 70.0])
+    return Balance(np.zeros(3), np.zeros(3), -mass @ A, mass)
+
+
+SLOW = linear(-0.3 * np.eye(3))
+
+
+def test_an_unstable_hull_is_no_wrong_model() -> None:
+    """Where the start state's error grows, so does the floor."""
+    second = next(iter(seconds(1)))
+    fast = linear(np.diag([0.0, 0.5, 0.0]))
+    stable, unstable = Misfit(), Misfit()
+    for k in range(40):
+        off = np.tile([0.0, 0.12, 0.0], (2, 1))
+        now = replace(second, time=float(k), errors=off)
+        stable = stable.observe(now, SLOW, (5, 10))
+        unstable = unstable.observe(now, fast, (5, 10))
+    assert stable.level > 3.0 * unstable.level
+    assert not unstable.wrong
+
+
+def test_after_a_jump_nothing_counts_until_predictions_are_new() -> None:
+    second = replace(next(iter(seconds(1))), errors=np.ones((2, 3)))
+    misfit = Misfit()
+    for _ in range(4):
+        misfit = misfit.observe(second, SLOW, (5, 10))
+    assert misfit.level == 0.0
+    assert np.isnan(misfit.z)
+
+
+def test_a_command_whose_moment_is_not_known_is_no_wrong_model() -> None:
+    second = next(iter(seconds(1)))
+    levels = []
+    for changing in (True, False):
+        misfit = Misfit()
+        for k in range(60):
+            force = np.array([100.0 * (k % 2 and changing), 0.0, 0.0])
+            off = np.tile([0.14, 0.0, 0.0], (2, 1))
+            now = replace(second, time=float(k), errors=off, commanded=force)
+            misfit = misfit.observe(now, SLOW, (5, 10))
+        levels.append(misfit.level)
+    assert levels[0] < 0.3 * levels[1]
+
+
+def test_one_outlier_is_no_misfit() -> None:
+    second = next(iter(seconds(1)))
+    misfit = Misfit()
+    for k in range(60):
+        errors = np.full((2, 3), 100.0 if k in (30, 31) else 0.0)
+        misfit = misfit.observe(replace(second, time=float(k), errors=errors), SLOW, (5, 10))
+        assert not misfit.wrong
+
+
+def test_a_transition_is_that_of_the_linear_model() -> None:
+    A = np.array([[-0.4, 0.1, 0.0], [0.2, -0.8, 1.1], [0.0, 0.3, -2.5]])
+    x, h = np.array([1.0, -2.0, 0.5]), 1e-4
+    for _ in range(round(1.0 / h)):
+        x = x + h * A @ x
+    assert transition(A) @ np.array([1.0, -2.0, 0.5]) == pytest.approx(x, abs=0.02)
