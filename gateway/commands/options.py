@@ -1,7 +1,4 @@
-"""What commands are given, made into what pipelines take; and how a result is printed.
-
-Options and arguments that several commands take, each said in one way.
-"""
+"""Options that several commands share, what they stand for, and how a result is printed."""
 
 import sys
 from collections.abc import Callable
@@ -13,10 +10,11 @@ import orjson
 import typer
 
 from gateway.errors import BadInput
+from gateway.ingest.open import FORMATS, names_of
 
 
 def vessel_from(path: Path, effects: list[Path] | None) -> Any:
-    """A vessel file read, with effects of one's own known."""
+    """Read a vessel file; it may hold effects of the Python files."""
     from gateway.vessel_file import load_vessel
 
     return load_vessel(path, effects_from(effects))
@@ -32,28 +30,28 @@ def effects_from(files: list[Path] | None) -> list[Any]:
 def settings_from(
     config: Path | None, reference: str | None, publish: bool | None, recorded: Any = None
 ) -> Any:
-    """What the flags say, over the configuration file, over what a recording was made with."""
+    """Flags over the configuration: that of a recording where there is one, else the file's."""
     from gateway.config import load_settings
-    from sim.following.reference import Mode
+    from sim.following.reference import ReferenceMode
 
     settings = recorded or load_settings(config)
     if reference is not None:
-        if reference not in set(Mode):
-            raise BadInput(f"--reference {reference}: expected {', '.join(Mode)}")
-        following = replace(settings.following, reference=Mode(reference))
+        if reference not in set(ReferenceMode):
+            raise BadInput(f"--reference {reference}: expected {', '.join(ReferenceMode)}")
+        following = replace(settings.following, reference=ReferenceMode(reference))
         settings = replace(settings, following=following)
     if publish is not None:
         settings = replace(settings, zenoh=replace(settings.zenoh, publish=publish))
     return settings
 
 
-def tell_line(says: str) -> None:
-    """A line about work that goes on, on standard error."""
-    print(says, file=sys.stderr, flush=True)
+def print_progress(text: str) -> None:
+    """Print a line about long work on standard error."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:
-    """One of the two forms of a result, on standard output."""
+    """Print a result on standard output, as JSON or as text."""
     if json:
         options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
         sys.stdout.buffer.write(orjson.dumps(to_dict(), option=options))
@@ -63,18 +61,18 @@ def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None
 
 LogFile = Annotated[
     Path,
-    typer.Argument(
-        metavar="LOG", help="A .tlog, DataFlash .BIN, MCAP recording of ours, or mapped .csv."
-    ),
+    typer.Argument(metavar="LOG", help=f"A recording: {names_of(FORMATS)}."),
 ]
 LogFiles = Annotated[
     list[Path],
-    typer.Argument(
-        metavar="LOG", help="Recordings: .tlog, DataFlash .BIN, MCAP of ours, or mapped .csv."
-    ),
+    typer.Argument(metavar="LOG", help=f"Recordings, each {names_of(FORMATS)}."),
 ]
 VesselFile = Annotated[
     Path, typer.Option("--vessel", "-v", help="Model of the boat (TOML, see configs/vessels).")
+]
+VesselFiles = Annotated[
+    list[Path],
+    typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
 ]
 EffectFiles = Annotated[
     list[Path] | None, typer.Option("--effects", help="Python files with effects of your own.")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.errors import BadInput
-from gateway.ingest import csv, dataflash, mavlink, mcap
+from gateway.ingest import csv, dataflash, mavlink, mcap, ulog
 from gateway.ingest.format import HEAD, LogFormat, read_bytes
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 FORMATS: tuple[LogFormat, ...] = (  # in the order in which they are asked
     mcap.FORMAT,
     dataflash.FORMAT,
+    ulog.FORMAT,
     csv.FORMAT,
     mavlink.FORMAT,  # last: it takes everything but text
 )
@@ -33,6 +34,11 @@ def names_of(formats: Sequence[LogFormat]) -> str:
     """Formats in words, the most usual first: "a .tlog, an MCAP recording, … or a .csv table"."""
     names = [one.name for one in (formats[-1], *formats[:-1])]
     return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def suffixes() -> frozenset[str]:
+    """Small suffixes that files of the known formats have."""
+    return frozenset(suffix.lower() for one in known_formats() for suffix in one.suffixes)
 
 
 def open_log(path: str | Path, mapping: str | Path | None = None) -> "Log":

@@ -19,6 +19,12 @@ class OutputFunction(Enum):
     PASSTHROUGH = "passthrough"
 
 
+THRUST_FUNCTIONS = (
+    OutputFunction.THROTTLE,
+    OutputFunction.THROTTLE_LEFT,
+    OutputFunction.THROTTLE_RIGHT,
+    OutputFunction.MOTOR,
+)
 FUNCTIONS: Mapping[int, OutputFunction] = {  # SERVOn_FUNCTION
     70: OutputFunction.THROTTLE,
     73: OutputFunction.THROTTLE_LEFT,

@@ -184,7 +184,7 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
         lengths,
         decoded.clock,
         _unix_ahead(decoded),
-        {name: _source(choice) for name, choice in tidy.choices.items()},
+        {name: _source(choice, decoded) for name, choice in tidy.choices.items()},
         tuple(actuators(parameters)),
         len(parameters),
         good_for(boat, choices, _ever_armed(choices)),
@@ -200,8 +200,10 @@ def _wiring(
     return () if sides is None else says(swapped(choices, sides), sides)
 
 
-def _source(choice: Choice) -> SourceSurvey:
-    order = tuple(source for _, source in PRIORITY[choice.name])
+def _source(choice: Choice, decoded: BoatSamples) -> SourceSurvey:
+    """`preference` names the sources of this log where they stand for others."""
+    own = {(s.quantity, s.equivalent): s.source for s in reversed(decoded.samples)}
+    order = tuple(own.get(key, key[1]) for key in PRIORITY[choice.name])
     return SourceSurvey(choice.source, choice.rate_hz, choice.longest_gap_s, choice.why, order)
 
 

@@ -1,9 +1,8 @@
-"""The files that the page may see: those in the folders that were given, and nothing else.
+"""Access: which files the pages may read and write, and which browsers may see the pages.
 
-Who may see the pages: on this machine anybody, from elsewhere whoever has the token.
-
-The token stands in the address that is printed once; the first visit turns it into a cookie that
-scripts cannot read and pages of other sites cannot send.
+Files lie in the folders that were given, and nowhere else. On this machine everybody sees the
+pages; from elsewhere a token is needed. It stands in the address that is printed once; the first
+visit turns it into a cookie that scripts cannot read and pages of other sites cannot send.
 """
 
 import hmac
@@ -18,10 +17,13 @@ from bokeh.server.auth_provider import AuthProvider
 from tornado.web import RequestHandler
 
 from gateway.errors import BadInput
+from gateway.ingest.open import suffixes
 
-RECORDINGS = (".tlog", ".bin", ".mcap", ".csv")
-NAME = re.compile(r"[\w][\w .+-]{0,80}\.toml")
-TABLES = ("[dynamics]", "[hull]")
+FILE_NAME = re.compile(r"[\w][\w .+-]{0,80}\.toml")
+TABLES = ("[dynamics]", "[hull]")  # by which a vessel file is recognised
+LARGEST_VESSEL = 1_000_000  # bytes
+COOKIE = "shadow_studio"
+REFUSED = "Open the address that `shadow studio` printed: it ends in ?token=…"
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Folders:
 
     def recordings(self) -> list[Path]:
         """All recordings, by name."""
-        return self._files(lambda file: file.suffix.lower() in RECORDINGS)
+        return self._files(lambda file: file.suffix.lower() in suffixes())
 
     def vessels(self) -> list[Path]:
         """All vessel files, by name; also those saved."""
@@ -58,7 +60,7 @@ class Folders:
 
     def to_save(self, name: str) -> Path:
         """Where a vessel file of that name goes: never elsewhere, never over another one."""
-        if not NAME.fullmatch(name):
+        if not FILE_NAME.fullmatch(name):
             raise BadInput(f"{name!r}: give a plain name that ends in .toml")
         file = self.write / name
         if file.exists():
@@ -79,33 +81,33 @@ def _plain(file: Path, folder: Path) -> bool:
 
 
 def _is_vessel(file: Path) -> bool:
-    if file.suffix.lower() != ".toml" or file.stat().st_size > 1_000_000:
+    if file.suffix.lower() != ".toml" or file.stat().st_size > LARGEST_VESSEL:
         return False
     text = file.read_text(encoding="utf-8", errors="replace")
     return all(table in text for table in TABLES)
 
 
-COOKIE = "shadow_studio"
-REFUSED = "Open the address that `shadow studio` printed: it ends in ?token=…"
-
-
 def new_token() -> str:
-    """A secret that nobody guesses."""
+    """A secret that cannot be guessed."""
     return secrets.token_urlsafe(24)
 
 
-class Refusal(RequestHandler):  # type: ignore[misc]
-    """What those without a token see."""
+class RefusedHandler(RequestHandler):  # type: ignore[misc]
+    """The page for browsers without a token: one line, status 403."""
 
     def get(self) -> None:
-        """One line, status 403."""
+        """Answer a request."""
         self.set_status(403)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(REFUSED)
 
 
-class Guard(AuthProvider):  # type: ignore[misc]
-    """What Bokeh's server asks before it opens a page or a websocket."""
+class TokenAuth(AuthProvider):  # type: ignore[misc]
+    """What Bokeh's server asks before it opens a page or a websocket; nobody logs out."""
+
+    get_user_async = get_login_url = logout_url = logout_handler = None
+    login_url = "/refused"
+    login_handler = RefusedHandler
 
     def __init__(self, token: str) -> None:
         self._token = token
@@ -113,7 +115,7 @@ class Guard(AuthProvider):  # type: ignore[misc]
 
     @property
     def get_user(self) -> Callable[[Any], str | None]:
-        """Handler -> a name, or None for whoever has no token."""
+        """Handler -> a name, or None without the token."""
 
         def user(handler: Any) -> str | None:
             if self._is(handler.get_cookie(COOKIE)):
@@ -124,36 +126,6 @@ class Guard(AuthProvider):  # type: ignore[misc]
             return "guest"
 
         return user
-
-    @property
-    def get_user_async(self) -> None:
-        """Not needed."""
-        return None
-
-    @property
-    def login_url(self) -> str:
-        """Where those without a token are sent."""
-        return "/refused"
-
-    @property
-    def get_login_url(self) -> None:
-        """It is always the same."""
-        return None
-
-    @property
-    def login_handler(self) -> type[Refusal]:
-        """What is there."""
-        return Refusal
-
-    @property
-    def logout_url(self) -> None:
-        """There is no need to leave."""
-        return None
-
-    @property
-    def logout_handler(self) -> None:
-        """There is no need to leave."""
-        return None
 
     def _is(self, given: str | None) -> bool:
         return given is not None and hmac.compare_digest(given.encode(), self._token.encode())

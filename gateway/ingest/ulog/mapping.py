@@ -1,0 +1,189 @@
+"""uORB topics of PX4 -> quantities: those that PX4 itself sends as MAVLink messages.
+
+`equivalent` names that message: its errors and its rank among the sources hold for the topic too.
+PX4's world is NED and its body FRD, as here. Topics and fields changed over its versions; both the
+newer and the older names are read. Source: PX4-Autopilot, msg/*.msg and src/modules/mavlink/streams
+(v1.9 to v1.16).
+
+Where the log holds no pulses, the commands of motors and servos (−1 … 1, NaN: stopped) stand for
+them: 1100 … 1900 µs, motors 1 … 12 on channels 1 … 12, servos 1 … 8 on channels 13 … 20.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gateway.ingest.mapping import (
+    FIX_2D,
+    UNIX_FROM_US,
+    Column,
+    Counter,
+    Facts,
+    Rule,
+    euler,
+    known,
+    latitude_longitude,
+    only_where,
+    quaternion,
+    servo_pulses,
+)
+from gateway.samples import Quantity
+
+ARMED = 2  # vehicle_status.arming_state in all versions
+NEUTRAL_US, FULL_US = 1500.0, 400.0  # of a motor or servo that is told −1 … 1
+INSTANCE = "multi_id"  # column that numbers the instance of a topic
+OUTPUTS = "actuator_outputs"
+
+
+def attitude(m: Any) -> Facts:
+    """vehicle_attitude -> yaw, tilt; yaw rate where it is still in it (before v1.10)."""
+    roll, pitch, yaw = euler(*quaternion(m.q))
+    facts: Facts = ((Quantity.YAW, (yaw,)), (Quantity.TILT, (roll, pitch)))
+    return (*facts, (Quantity.YAW_RATE, (m.yawspeed,))) if hasattr(m, "yawspeed") else facts
+
+
+def angular_velocity(m: Any) -> Facts:
+    """vehicle_angular_velocity -> yaw rate, without the gyro's bias."""
+    return ((Quantity.YAW_RATE, (m.xyz[..., 2],)),)
+
+
+def acceleration(m: Any) -> Facts:
+    """vehicle_acceleration -> specific force."""
+    return ((Quantity.ACCELERATION, (m.xyz[..., 0], m.xyz[..., 1])),)
+
+
+def sensor_combined(m: Any) -> Facts:
+    """sensor_combined -> yaw rate with the gyro's bias still in it, specific force."""
+    force = m.accelerometer_m_s2
+    return (
+        (Quantity.YAW_RATE, (m.gyro_rad[..., 2],)),
+        (Quantity.ACCELERATION, (force[..., 0], force[..., 1])),
+    )
+
+
+def local_position(m: Any) -> Facts:
+    """vehicle_local_position -> position from the filter's origin, velocity over ground."""
+    placed, moving = np.asarray(m.xy_valid) != 0, np.asarray(m.v_xy_valid) != 0
+    return (
+        (Quantity.POSITION, (only_where(placed, m.x), only_where(placed, m.y))),
+        (Quantity.VELOCITY, (only_where(moving, m.vx), only_where(moving, m.vy))),
+    )
+
+
+def local_heading(m: Any) -> Facts:
+    """vehicle_local_position -> heading (until v1.10 called yaw)."""
+    return ((Quantity.YAW, (_either(m, "heading", "yaw"),)),)
+
+
+def local_origin(m: Any) -> Facts:
+    """vehicle_local_position -> origin of the filter's local frame, once it is known."""
+    placed = np.asarray(m.xy_global) != 0
+    return ((Quantity.ORIGIN, (only_where(placed, m.ref_lat), only_where(placed, m.ref_lon))),)
+
+
+def global_position(m: Any) -> Facts:
+    """vehicle_global_position -> position; velocity over ground too before v1.13."""
+    valid = np.asarray(getattr(m, "lat_lon_valid", 1)) != 0
+    place = only_where(valid, m.lat), only_where(valid, m.lon)
+    facts: Facts = ((Quantity.GLOBAL_POSITION, place),)
+    return (*facts, (Quantity.VELOCITY, (m.vel_n, m.vel_e))) if hasattr(m, "vel_n") else facts
+
+
+def gps(m: Any) -> Facts:
+    """vehicle_gps_position, sensor_gps -> fix, Unix time; with a fix, position and velocity."""
+    fixed = np.asarray(m.fix_type) >= FIX_2D
+    moving = fixed & (np.asarray(m.vel_ned_valid) != 0)
+    lat, lon = (
+        (m.latitude_deg, m.longitude_deg)
+        if hasattr(m, "latitude_deg")  # since v1.14
+        else latitude_longitude(m.lat, m.lon)
+    )
+    unix = np.asarray(m.time_utc_usec, dtype=np.float64)
+    return (
+        (Quantity.FIX, (m.fix_type,)),
+        (Quantity.GLOBAL_POSITION, (only_where(fixed, lat), only_where(fixed, lon))),
+        (Quantity.VELOCITY, (only_where(moving, m.vel_n_m_s), only_where(moving, m.vel_e_m_s))),
+        (Quantity.UNIX_TIME, (only_where(unix >= UNIX_FROM_US, unix) * 1e-6,)),
+    )
+
+
+def outputs(first: int) -> Callable[[Any], Facts]:
+    """One instance of actuator_outputs -> 16 channels; nothing where they never are pulses."""
+
+    def facts(m: Any) -> Facts:
+        return _where_any(servo_pulses(first, [m.output[..., i] for i in range(16)]))
+
+    return facts
+
+
+def controls(first: int, count: int) -> Callable[[Any], Facts]:
+    """actuator_motors, actuator_servos (−1 … 1) -> pulses of `count` channels."""
+
+    def facts(m: Any) -> Facts:
+        pulses = NEUTRAL_US + FULL_US * np.asarray(m.control, np.float64)
+        return _where_any(servo_pulses(first, [pulses[..., i] for i in range(count)]))
+
+    return facts
+
+
+def _where_any(facts: Facts) -> Facts:
+    """Pulses, or nothing where there never is one: another topic may hold them."""
+    ((_, channels),) = facts
+    return facts if np.isfinite(np.stack(channels)).any() else ()
+
+
+def status(m: Any) -> Facts:
+    """vehicle_status -> armed or not."""
+    return ((Quantity.ARMED, (np.asarray(m.arming_state) == ARMED,)),)
+
+
+def battery(m: Any) -> Facts:
+    """battery_status -> battery voltage [V]; 0 where it is not measured."""
+    return ((Quantity.VOLTAGE, (known(_either(m, "voltage_v", "voltage_filtered_v"), 0.0),)),)
+
+
+def wind(m: Any) -> Facts:
+    """wind, wind_estimate -> velocity of the air towards north, east."""
+    return ((Quantity.WIND, (m.windspeed_north, m.windspeed_east)),)
+
+
+def _either(m: Any, newer: str, older: str) -> Column:
+    return getattr(m, newer if hasattr(m, newer) else older)
+
+
+def _rule(
+    topic: str, facts: Callable[[Any], Facts], equivalent: str = "", part: str = "", **more: Any
+) -> Rule:
+    return Rule(
+        topic,
+        facts,
+        Counter.BOOT_US,
+        source=topic + part,
+        instance=(INSTANCE,),
+        field="timestamp",
+        equivalent=equivalent,
+        **more,
+    )
+
+
+RULES: tuple[Rule, ...] = (
+    _rule("vehicle_attitude", attitude, "ATTITUDE"),
+    _rule("vehicle_angular_velocity", angular_velocity, "ATTITUDE"),
+    _rule("vehicle_local_position", local_position, "LOCAL_POSITION_NED"),
+    _rule("vehicle_local_position", local_heading, "GLOBAL_POSITION_INT", "/heading"),
+    _rule("vehicle_local_position", local_origin, "GPS_GLOBAL_ORIGIN", "/origin"),
+    _rule("vehicle_global_position", global_position, "GLOBAL_POSITION_INT"),
+    _rule("vehicle_gps_position", gps, "GPS_RAW_INT"),
+    _rule("sensor_gps", gps, "GPS"),
+    _rule("sensor_combined", sensor_combined, "HIGHRES_IMU"),
+    _rule("vehicle_acceleration", acceleration),
+    _rule(OUTPUTS, outputs(1), "SERVO_OUTPUT_RAW", channels=(1, 16)),
+    _rule(OUTPUTS, outputs(17), "SERVO_OUTPUT_RAW", "/1", number=1, channels=(17, 32)),
+    _rule("actuator_motors", controls(1, 12), "ACTUATOR_OUTPUT_STATUS", channels=(1, 12)),
+    _rule("actuator_servos", controls(13, 8), "ACTUATOR_OUTPUT_STATUS", channels=(13, 20)),
+    _rule("vehicle_status", status, "HEARTBEAT"),
+    _rule("battery_status", battery, "BATTERY_STATUS"),
+    _rule("wind", wind, "WIND_COV"),
+    _rule("wind_estimate", wind, "WIND_COV"),
+)
