@@ -15,10 +15,8 @@ from gateway.ingest.log import Boat
 from gateway.ingest.mavlink.boats import from_heartbeat
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boat import LiveBoat, Spoken
-from gateway.shadow.path import ShadowPath, follower_of
+from gateway.shadow.path import ShadowPath
 from gateway.vessel_file import key_of
-from sim.following.reference import Reference
-from sim.model import Model
 from sim.vessel import Vessel
 
 MOST = 32  # boats: whoever invents system ids may not use up files and memory
@@ -140,15 +138,14 @@ class Fleet:
         return None
 
     def _path(self, plan: BoatPlan) -> ShadowPath:
-        model = Model.of(plan.vessel)
         following = self._settings.following
-        plant = model if plan.plant is None else Model.of(plan.plant)
-        return ShadowPath(
-            model,
-            Reference(model, following.reference),
-            follower_of(plant, following.follower),
+        return ShadowPath.of(
+            plan.vessel,
+            plan.plant,
             self._settings.filter,
-            following.rate_hz,
+            reference=following.reference,
+            follower=following.follower,
+            rate_hz=following.rate_hz,
         )
 
 

@@ -211,17 +211,16 @@ class Gateway:
         """A boat spoke for the first time: give it its keys and its recording."""
         outlet = self.outlets[boat.boat.system] = Outlet()
         self._tell(f"{boat.boat}: shadowed as {boat.name}")
-        vessel = dump_vessel(plan.vessel).encode()
         if self._session is not None:
-            status = self._status(boat)
-            bus = Bus(boat.name, model=vessel, status=status, session=self._session)
+            model, status = dump_vessel(plan.vessel).encode(), self._status(boat)
+            bus = Bus(boat.name, model=model, status=status, session=self._session)
             outlet.bus = self._scope.enter_context(bus)
         if self._foxglove is not None:
             outlet.view = self._foxglove.boat(boat.name, leading=plan is self._leading)
         if self.options.out is not None:
             folder, settings = self.options.out, self.options.settings
             try:
-                recording = start_recording(boat, folder, vessel, settings, self._scope)
+                recording = start_recording(boat, plan, folder, settings, self._scope)
             except ShadowError as error:
                 outlet.failure = str(error)
                 return

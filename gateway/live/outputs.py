@@ -5,10 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
-
-import orjson
 
 from gateway.bus import Bus
 from gateway.config import Settings, as_tables
@@ -16,11 +13,11 @@ from gateway.errors import ShadowError
 from gateway.json_rows import Rows
 from gateway.links.inbox import Datagram
 from gateway.live.boat import LiveBoat
-from gateway.live.relive import ABOUT, LIVE
-from gateway.recording.file import Attachment
+from gateway.live.boats import BoatPlan
 from gateway.recording.foxglove_server import BoatView
 from gateway.recording.recorder import Recorder
 from gateway.recording.thread import RecordingThread
+from gateway.shadow.recording_contents import attachments_of, metadata_of
 
 KEPT, KEPT_BYTES = 60_000, 64_000_000  # of what was heard before any boat was known
 
@@ -104,24 +101,13 @@ class Unclaimed:
 
 
 def start_recording(
-    boat: LiveBoat, folder: Path, vessel: bytes, settings: Settings, scope: ExitStack
+    boat: LiveBoat, plan: BoatPlan, folder: Path, settings: Settings, scope: ExitStack
 ) -> RecordingThread:
     """A recording of that boat, open until `scope` closes; ShadowError where it cannot begin."""
-    about = {
-        "gateway": version("shadow-gateway"),
-        "vessel": boat.name,
-        "boat": str(boat.boat),
-        "system": str(boat.boat.system),
-        LIVE: "yes",
-    }
-    config = orjson.dumps(as_tables(settings), option=orjson.OPT_INDENT_2)
     recorder = Recorder(
         unused(folder, f"{boat.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"),
-        attachments=[
-            Attachment("vessel.toml", "application/toml", vessel),
-            Attachment("config.json", "application/json", config),
-        ],
-        metadata={ABOUT: about},
+        attachments=attachments_of(plan.vessel, plan.plant, as_tables(settings)),
+        metadata=metadata_of(boat.name, boat.boat, live=True),
         settings=settings.recording,
         live=True,
     )

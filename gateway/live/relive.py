@@ -19,9 +19,7 @@ from gateway.links.inbox import Datagram, Frame
 from gateway.live.boats import BoatPlan, Fleet, Said
 from gateway.recording.reader import TICK_LINK, RawFrames, Recording
 from gateway.shadow.path import Shadowing
-
-LIVE = "live"  # metadata of a recording whose frames and ticks reproduce what ran
-ABOUT = "shadow"
+from gateway.shadow.recording_contents import LIVE, METADATA
 
 
 class Moment(NamedTuple):
@@ -43,14 +41,14 @@ class Relived(NamedTuple):
 
 def ran_live(recording: Recording) -> bool:
     """Was it made by `shadow live`?"""
-    return LIVE in recording.metadata.get(ABOUT, {})
+    return LIVE in recording.metadata.get(METADATA, {})
 
 
 def fleet_of(recording: Recording, plan: BoatPlan, settings: Settings) -> Fleet:
     """A fleet that shadows the boat of that recording, whoever else is heard in it."""
     if not ran_live(recording):
         raise BadInput(f"{recording.path}: not a recording of `shadow live`: replay it as a log")
-    system = int(recording.metadata[ABOUT]["system"])
+    system = int(recording.metadata[METADATA]["system"])
     return Fleet([replace(plan, system=system)], settings)
 
 

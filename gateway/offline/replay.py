@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import orjson
 
-from gateway.config import Settings, settings_of
+from gateway.config import Settings, as_tables, settings_of
 from gateway.errors import BadInput
 from gateway.ingest.earth import Origin
 from gateway.ingest.log import BoatSamples, Log, Statistics, choose_boat
@@ -25,23 +25,16 @@ from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.live.boats import BoatPlan
 from gateway.live.relive import fleet_of, ran_live, relived
-from gateway.offline.replay_outputs import (
-    LinkFrames,
-    ReplayStep,
-    open_outputs,
-    recording_metadata,
-    vessel_attachments,
-)
+from gateway.offline.replay_outputs import LinkFrames, ReplayStep, open_outputs
 from gateway.recording.reader import Recording
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
 from gateway.shadow.inputs import FilterInputs, feed_of, origin_of
 from gateway.shadow.model_monitor import ModelMonitor
-from gateway.shadow.path import Shadowing, ShadowPath, follower_of
+from gateway.shadow.path import Shadowing, ShadowPath
+from gateway.shadow.recording_contents import attachments_of, metadata_of
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import key_of
-from sim.following.reference import Reference
-from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -138,7 +131,15 @@ def replay(
     options = options or ReplayOptions()
     log = open_log(log_path, options.mapping)
     given = replay_input_of(log, options.system, options.settings)
-    path = _path_of(vessel, plant, given.settings)
+    following = given.settings.following
+    path = ShadowPath.of(
+        vessel,
+        plant,
+        given.settings.filter,
+        reference=following.reference,
+        follower=following.follower,
+        rate_hz=following.rate_hz,
+    )
     name, began, totals = options.name or key_of(vessel), time.monotonic(), ReplayTotals()
     ours = log.recording if isinstance(log, MavlinkLog) else None
     live = ours if ours is not None and ran_live(ours) else None
@@ -152,11 +153,11 @@ def replay(
     with ExitStack() as scope:
         outputs = open_outputs(
             scope,
+            name,
             file,
-            vessel_attachments(vessel, plant),
-            recording_metadata(name, log.path, given.decoded.boat, live is not None),
+            attachments_of(vessel, plant, as_tables(given.settings)),
+            metadata_of(name, given.decoded.boat, log=Path(log.path).name, live=live is not None),
             options.settings,
-            given.settings,
         )
         for step in steps:
             totals.add(step)
@@ -166,17 +167,6 @@ def replay(
     summary = totals.summary(given, time.monotonic() - began, outputs.files)
     note = ("an earlier recording of that name was replaced",) if replaced else ()
     return replace(summary, notes=(*summary.notes, *note))
-
-
-def _path_of(vessel: Vessel, plant: Vessel | None, settings: Settings) -> ShadowPath:
-    model, following = Model.of(vessel), settings.following
-    return ShadowPath(
-        model,
-        Reference(model, following.reference),
-        follower_of(model if plant is None else Model.of(plant), following.follower),
-        settings.filter,
-        following.rate_hz,
-    )
 
 
 def _recording_file(log: Log, options: ReplayOptions) -> Path | None:

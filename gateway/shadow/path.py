@@ -22,11 +22,12 @@ from gateway.estimation.settings import FilterSettings
 from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow.inputs import FilterInputs
 from gateway.topics import HORIZONS_S
-from sim.following.follower import Follower, Following
-from sim.following.reference import Reference, ReferenceState
-from sim.following.select import follower_for
+from sim.following.follower import Follower, FollowerOptions
+from sim.following.reference import Reference, ReferenceMode, ReferenceState
+from sim.following.stepwise import follower_for
 from sim.model import Model
 from sim.state import Floats
+from sim.vessel import Vessel
 
 PREDICTION_EVERY_S = 1.0  # a free prediction starts this often
 HORIZONS = np.array(HORIZONS_S, dtype=float)
@@ -62,7 +63,7 @@ class Watch:
         """Nothing seen yet."""
         slots = int(self.horizons[-1] / PREDICTION_EVERY_S) + 3
         return WatchState(
-            self.model.fresh_carry(),
+            self.model.initial_carry(),
             np.full((slots, self.model.state_size + 2), np.nan),
             np.full((len(self.horizons), 3), np.nan),
         )
@@ -83,7 +84,7 @@ class Watch:
         missing, commanded = self.model.missing_force(
             motion, times, commands, commands, carry=after.carry, **around
         )
-        spread = self.model.missing_spread(motion, covariance, times, commands, **around)
+        spread = self.model.missing_force_std(motion, covariance, times, commands, **around)
         errors = np.empty((len(times), len(self.horizons), 3))
         self.model.kernel.module.forecast(
             self.model.theta, after.bank, after.errors, self.horizons, PREDICTION_EVERY_S, times,
@@ -219,6 +220,28 @@ class ShadowPath:
         self._nothing = Shadowing.none(len(self.watch.horizons))
         self._commanded = lru_cache(maxsize=64)(self._commanded_by)
 
+    @classmethod
+    def of(
+        cls,
+        vessel: Vessel,
+        plant: Vessel | None,
+        settings: FilterSettings,
+        *,
+        reference: ReferenceMode,
+        follower: FollowerOptions,
+        rate_hz: float,
+    ) -> "ShadowPath":
+        """The path of a vessel whose shadow is that plant, by default the vessel itself."""
+        model = Model.of(vessel)
+        plant_model = model if plant is None else Model.of(plant)
+        return cls(
+            model,
+            Reference(model, reference),
+            follower_of(plant_model, follower),
+            settings,
+            rate_hz,
+        )
+
     def start(self) -> PathState:
         """Nothing seen yet."""
         return PathState(
@@ -272,7 +295,7 @@ class ShadowPath:
                 from_model,
                 followed.shadows,
                 followed.forces,
-                followed.bound,
+                followed.limited,
                 watched,
                 commands,
             ),
@@ -327,7 +350,7 @@ class ShadowPath:
         return replace(state, tape_times=tape_times[recent], tape_commands=tape[recent]), acting
 
 
-def follower_of(plant: Model, options: Following) -> Follower:
+def follower_of(plant: Model, options: FollowerOptions) -> Follower:
     """Follow with that plant; one line where its thrusters cannot, and limits are asked for."""
     try:
         return follower_for(plant, options)
