@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import Settings, ZenohSettings
 from gateway.ingest.open import open_log
-from gateway.offline.replay import Material, ReplayOptions, material_of, replay
+from gateway.offline.replay import ReplayInput, ReplayOptions, replay, replay_input_of
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
 from gateway.shadow.inputs import feed_of
@@ -30,7 +30,7 @@ from gateway.shadow.path import ShadowPath
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import load_vessel
 from sim.following.follower import VesselFollower
-from sim.following.reference import Mode, Reference
+from sim.following.reference import Reference, ReferenceMode
 from sim.model import Model
 
 VESSEL = Path(__file__).resolve().parent.parent / "configs" / "vessels" / "wam-v.toml"
@@ -104,7 +104,7 @@ def stages(log: Path) -> dict[str, float]:
     with watch.stage("read"):
         opened = open_log(log)
     with watch.stage("decode"):
-        given = material_of(opened, options)
+        given = replay_input_of(opened, settings=options.settings)
     with watch.stage("feed (of decode)"):
         refeed(given, options)
     path = path_of()
@@ -125,7 +125,7 @@ def stages(log: Path) -> dict[str, float]:
     return watch.spent
 
 
-def refeed(given: Material, options: ReplayOptions) -> None:
+def refeed(given: ReplayInput, options: ReplayOptions) -> None:
     """The feed once more, by itself."""
     from gateway.ingest.sources import choose
 
@@ -136,7 +136,7 @@ def refeed(given: Material, options: ReplayOptions) -> None:
 def path_of() -> ShadowPath:
     """The path that a replay takes by default."""
     model = Model.of(load_vessel(VESSEL))
-    return ShadowPath(model, Reference(model, Mode.MEASURED), VesselFollower.of(model))
+    return ShadowPath(model, Reference(model, ReferenceMode.MEASURED), VesselFollower.of(model))
 
 
 def quiet(out: Path | None) -> ReplayOptions:

@@ -72,10 +72,10 @@ def plain_rate(model: Model, commands: Floats) -> Floats:
     p = kernel.unpack(model.theta.tolist())
     x = kernel.state_from([0.0] * model.state_size)
     for k, row in enumerate(commands.tolist()):
-        inputs = kernel.held(row, np.nan, np.nan, np.nan, p)
+        inputs = kernel.held_inputs(row, np.nan, np.nan, np.nan, p)
         if k == 0:
-            x = kernel.at_rest(x, 0.0, inputs, p)
-        kernel.report_of(x, k * DT, inputs, p)
+            x = kernel.settle_memory(x, 0.0, inputs, p)
+        kernel.report_of_state(x, k * DT, inputs, p)
         x = kernel.advance(x, k * DT, inputs, DT, 1, p)
     return np.array(x, dtype=float)
 
@@ -86,12 +86,12 @@ def by_scipy(model: Model, commands: Floats, hold: int) -> Floats:
     p = kernel.unpack(model.theta)
     x = np.zeros(model.state_size)
     for k in range(0, len(commands), hold):
-        inputs = kernel.held(commands[k], np.nan, np.nan, np.nan, p)
+        inputs = kernel.held_inputs(commands[k], np.nan, np.nan, np.nan, p)
         if k == 0:
-            x = np.array(kernel.at_rest(tuple(x), 0.0, inputs, p), dtype=float)
+            x = np.array(kernel.settle_memory(tuple(x), 0.0, inputs, p), dtype=float)
 
         def rates(t: float, y: Floats, inputs: Any = inputs) -> Any:
-            return kernel.rates(tuple(y), t, inputs, p)
+            return kernel.state_rates(tuple(y), t, inputs, p)
 
         span = (0.0, hold * DT)
         x = solve_ivp(rates, span, x, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]

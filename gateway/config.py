@@ -42,8 +42,8 @@ from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.recording.foxglove_server import parse_address
 from gateway.recording.recorder import RecordingSettings
 from gateway.vessel_file import checked, explain
-from sim.following.follower import Following
-from sim.following.reference import Mode
+from sim.following.follower import FollowerOptions
+from sim.following.reference import ReferenceMode
 
 OPENSTREETMAP = "https://tile.openstreetmap.org/{Z}/{X}/{Y}.png"
 CREDIT = "© OpenStreetMap contributors, https://www.openstreetmap.org/copyright"
@@ -146,9 +146,9 @@ class FoxgloveSettings:
 class FollowingSettings:
     """Table `[following]`: what the shadow follows, how, and how often it goes out."""
 
-    reference: Mode = Mode.AUTO
+    reference: ReferenceMode = ReferenceMode.AUTO
     rate_hz: float = 50.0
-    follower: Following = field(default_factory=Following)
+    follower: FollowerOptions = field(default_factory=FollowerOptions)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz < float("inf"):
@@ -177,7 +177,7 @@ class Settings:
 
 for _table in (
     BoatSettings, LinkSettings, ZenohSettings, FoxgloveSettings, FollowingSettings, Settings,
-    FilterSettings, White, RecordingSettings, Following, StudioSettings,
+    FilterSettings, White, RecordingSettings, FollowerOptions, StudioSettings,
 ):  # fmt: skip
     with_config(ConfigDict(extra="forbid"))(_table)
 

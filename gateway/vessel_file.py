@@ -37,7 +37,7 @@ from sim.vessel import (
     Servo,
     Thruster,
     Vessel,
-    mistake_in,
+    curve_problem,
 )
 
 T = TypeVar("T")
@@ -71,7 +71,7 @@ def _curve(given: Any) -> str | Points:
         points = tuple((float(c), float(s)) for c, s in given)
     except (TypeError, ValueError):
         raise ValueError("expected linear, quadratic, a table or a thruster that has one") from None
-    wrong = mistake_in(points)
+    wrong = curve_problem(points)
     if wrong:
         raise ValueError(f"pairs of command and share of full thrust {wrong}")
     return points

@@ -66,7 +66,7 @@ def slipstream(u: float, thrust: float, blade: RudderParameters) -> float:
 
 @jitable
 def rudder_force(angle: float, flow: Flow, jet: float, blade: RudderParameters) -> Wrench:
-    """Blade at an angle [rad] in flow and jet [m/s] -> X, Y, N [N, N, N m]."""
+    """Rudder at an angle [rad] in flow and jet [m/s] -> X, Y, N [N, N, N m]."""
     u, v = flow.u + jet, flow.v + blade.x * flow.r
     attack = np.sin(angle + np.arctan2(v, u))
     lift_slope = 6.13 * blade.aspect / (blade.aspect + 2.25)

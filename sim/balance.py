@@ -5,8 +5,8 @@
 
 M symmetric 3×3 with added mass, C from M (so that it does no work), D = damping derivatives.
 τ holds thrusters, rudders and every effect that acts as a force. Simulation solves it for ν̇
-(it is linear in ν̇), the missing force evaluates it, the follower asks it for the force that a
-wanted ν̇ takes. Source: Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control,
+(it is linear in ν̇), the missing force evaluates it, the follower computes from it the force that
+a commanded ν̇ takes. Source: Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control,
 2nd ed. 2021, §6.7 and §10.3.
 """
 
@@ -65,7 +65,7 @@ def coriolis_force(M: Inertia, nu: Velocity) -> Wrench:
 
 @jitable
 def damping_force(body: Body, nu: Velocity) -> Wrench:
-    """D(ν) ν, the force that damping takes away -> X, Y, N [N, N, N m]."""
+    """D(ν) ν, the force of damping -> X, Y, N [N, N, N m]."""
     u, v, r = nu.u, nu.v, nu.r
     return Wrench(
         -(body.X_u + body.X_uu * np.abs(u)) * u,
@@ -77,7 +77,9 @@ def damping_force(body: Body, nu: Velocity) -> Wrench:
 
 
 @jitable
-def unbalanced(M: Inertia, body: Body, rel: Velocity, rel_dot: Velocity, tau: Wrench) -> Wrench:
+def balance_residual(
+    M: Inertia, body: Body, rel: Velocity, rel_dot: Velocity, tau: Wrench
+) -> Wrench:
     """The balance: M ν̇_rel + C(ν_rel) ν_rel + D(ν_rel) ν_rel − τ -> X, Y, N [N, N, N m]."""
     a = inertia_force(M, rel_dot)
     c = coriolis_force(M, rel)
@@ -104,5 +106,5 @@ def solve(M: Inertia, tau: Wrench) -> Velocity:
 
 @jitable
 def relative_velocity(flow: Flow) -> Velocity:
-    """The part of the flow that the hull feels -> u, v [m/s], r [rad/s]."""
+    """Velocity of the hull through the water -> u, v [m/s], r [rad/s]."""
     return Velocity(flow.u, flow.v, flow.r)

@@ -1,9 +1,10 @@
-"""The numbers of a vessel as the laws read them: hull, base dynamics, thrusters, blades.
+"""What the laws read and return: numbers of the vessel, its flow and inputs, its reported motion.
 
-Floats or arrays alike. What people write is `sim.vessel`; this is what the equations see.
+Floats or arrays alike. `sim.vessel` is the vessel as a file describes it; these are its equations'
+symbols.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Body(NamedTuple):
@@ -58,8 +59,18 @@ class RudderParameters(NamedTuple):
     aspect: float  # span² / area
 
 
+class HeldInputs(NamedTuple):
+    """What acts from outside during one step."""
+
+    actuation: tuple[Any, ...]  # static thrusts [N], then rudder angles [rad]
+    voltage: float  # V
+    wind_north: float  # m/s, velocity of the air
+    wind_east: float  # m/s
+    wind_known: float  # 1 where the wind was measured, else 0
+
+
 class Flow(NamedTuple):
-    """How the boat moves through water and world: what every law may look at."""
+    """How the boat moves through water and world."""
 
     u: float  # m/s through the water
     v: float  # m/s through the water
@@ -78,7 +89,7 @@ class Flow(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What the sensors report: the true motion, until sensor effects change it."""
+    """Motion as the sensors report it."""
 
     north: float  # m
     east: float  # m

@@ -1,7 +1,8 @@
-"""A vessel as something that can be run: parameters by name, and the compiled loops on arrays."""
+"""The model of a vessel: its parameters by name, and the compiled loops on arrays."""
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -18,17 +19,27 @@ from sim.kernel.arrays import air, floats
 from sim.kernel.cache import Kernel, kernel_for
 from sim.kernel.generator import Structure
 from sim.state import Floats
-from sim.vessel import AddedEffect, Thruster, Vessel, exponent_of, knots, shares, table_of
+from sim.vessel import (
+    AddedEffect,
+    Thruster,
+    Vessel,
+    curve_exponent,
+    knot_commands,
+    knot_shares,
+    table_owner,
+)
 
-LONGEST_STEP = 0.2  # s, of one Runge–Kutta step
-QUICKEST = 0.6  # of the time in which damping lets go: (h λ)⁵/120 is then 6e-4 of what fades
-STABLE = 2.0  # of the time of the fastest motion: Runge–Kutta steps grow beyond 2.78 of it
-SHORTEST_STEP = 0.025  # s: what is quicker still is no hull, and may run away
+# Length h of a Runge–Kutta step, against the rates λ [1/s] of the vessel
+MAX_STEP_S = 0.2
+ACCURATE_STEP = 0.6  # of h λ of damping at rest: the error (h λ)⁵/120 of a step is then 6e-4
+STABLE_STEP = 2.0  # of h λ of the fastest motion: Runge–Kutta steps are unstable beyond 2.78
+MIN_STABLE_STEP_S = 0.025  # a hull with faster motion than this allows is none, and may diverge
+MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
 
 @dataclass(frozen=True)
 class Model:
-    """The kernel of a vessel and its parameters: theta (P,), named."""
+    """A vessel, its kernel, and its parameters: names and values theta (P,)."""
 
     vessel: Vessel
     kernel: Kernel
@@ -37,10 +48,10 @@ class Model:
 
     @classmethod
     def of(cls, vessel: Vessel) -> "Model":
-        """Compose and compile; from the second time on it comes from the cache."""
-        numbers = _numbers(vessel)
-        theta = np.array(list(numbers.values()), dtype=float)
-        return cls(vessel, kernel_for(_structure(vessel)), tuple(numbers), theta)
+        """Compose and compile, or load from the cache."""
+        parameters = _parameters(vessel)
+        theta = np.array(list(parameters.values()), dtype=float)
+        return cls(vessel, kernel_for(_structure(vessel)), tuple(parameters), theta)
 
     @property
     def state_size(self) -> int:
@@ -58,8 +69,8 @@ class Model:
         laws = [(a.effect.delay, a.values) for a in self.vessel.effects]
         return float(sum(law(SimpleNamespace(**values)) for law, values in laws if law))
 
-    def replaced(self, **values: float) -> Floats:
-        """theta (P,) with some parameters changed, by name (dots as they are, via a dict)."""
+    def theta_with(self, **values: float) -> Floats:
+        """theta (P,) with some parameters changed, by name (`**{"left.x": 1.0}`)."""
         theta = self.theta.copy()
         for name, value in values.items():
             theta[self.names.index(name)] = value
@@ -78,7 +89,7 @@ class Model:
     ) -> tuple[Floats, Floats]:
         """Commands (T, na) or (B, T, na) held over dt -> states (B, T+1, nx), reports (B, T+1, 9).
 
-        x0 (nx,), (6,) or (B, …): missing memory starts at rest under the first command. theta
+        x0 (nx,), (6,) or (B, …): missing memory starts settled under the first command. theta
         (P,) or (B, P). voltage (T,) [V], wind (T, 2) [m/s]: not measured where left out.
         """
         table = np.asarray(commands, dtype=float)
@@ -105,8 +116,8 @@ class Model:
         start[:, : x0.shape[1]] = x0
         states = np.full((len(x0), horizon, self.state_size), np.nan)
         reports = np.full((len(x0), horizon, 9), np.nan)
-        longest = self.longest_step(theta, np.nan_to_num(x0[:, 3:6]))
-        substeps = max(int(np.ceil(inputs.dt / longest - 1e-9)), 1)
+        max_step = self.max_step(theta, np.nan_to_num(x0[:, 3:6]))
+        substeps = max(int(np.ceil(inputs.dt / max_step - 1e-9)), 1)
         rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
         rollout(
             floats(np.atleast_2d(self.theta if theta is None else theta)), start,
@@ -116,23 +127,23 @@ class Model:
         )  # fmt: skip
         return states, reports
 
-    def longest_step(self, theta: Floats | None, nu: Floats) -> float:
+    def max_step(self, theta: Floats | None, nu: Floats) -> float:
         """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel.
 
-        At velocities nu (B, 3) it is short enough to stay stable, too: damping rises with speed,
-        and so does the moment that turns a hull across its way (Munk).
+        At velocities nu (B, 3) it is also short enough to stay stable: damping rises with speed,
+        and so does the Munk moment.
         """
-        taus = self._time_constants
+        lags = self._time_constants
         rows = np.atleast_2d(self.theta if theta is None else theta)
-        fastest = float(np.min(rows[:, taus])) if taus else LONGEST_STEP
+        fastest_lag = float(np.min(rows[:, lags])) if lags else MAX_STEP_S
         d = self.vessel.dynamics
-        fading = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
-        stable = max(STABLE / self._quickest(rows, nu), SHORTEST_STEP)
-        return min(LONGEST_STEP, QUICKEST / fading, max(fastest, 1e-3), stable)
+        damping = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
+        stable = max(STABLE_STEP / self._fastest_rate(rows, nu), MIN_STABLE_STEP_S)
+        return min(MAX_STEP_S, ACCURATE_STEP / damping, max(fastest_lag, MIN_LAG_STEP_S), stable)
 
     @cached_property
     def _time_constants(self) -> list[int]:
-        """Places in theta of the time constants of first-order lags."""
+        """Columns of theta that are time constants of first-order lags."""
         lags = {
             f"{a.effect.name}.{p.name}"
             for a in self.vessel.effects
@@ -141,8 +152,8 @@ class Model:
         }
         return [i for i, name in enumerate(self.names) if re.sub(r"#\d+\.", ".", name) in lags]
 
-    def _quickest(self, rows: Floats, nu: Floats) -> float:
-        """The fastest rate [1/s] of the hull with any of theta (K, P) at velocities (B, 3)."""
+    def _fastest_rate(self, rows: Floats, nu: Floats) -> float:
+        """The fastest rate [1/s] of the hull, over theta (K, P) and velocities (B, 3)."""
         p = SimpleNamespace(**dict(zip(self.names, rows.T, strict=True)))
         u, v, r = np.abs(nu).max(axis=0)
         damping = np.maximum.reduce([
@@ -156,50 +167,50 @@ class Model:
         self,
         motion: Floats,
         times: Floats,
-        before: Floats,
-        around: Floats,
+        held: Floats,
+        commands: Floats,
         *,
         theta: Floats | None = None,
         voltage: Floats | None = None,
         wind: Floats | None = None,
         carry: Floats | None = None,
     ) -> tuple[Floats, Floats]:
-        """What the vessel would need on top of its commanded forces to move as measured.
+        """What the vessel would need beside its commanded forces to move as measured.
 
-        Reported motion (T, 9) at times (T,) [s]; commands (T, na) `before` hold over the interval
-        that ends at their row, `around` act at its instant -> missing force (T, 3) and
-        τ(commands) (T, 3) [N, N, N m]. Commands are taken as they stand: a command delay is the
-        caller's. `carry` (nx + 1,) goes on from an earlier call and is changed in place.
+        Reported motion (T, 9) at times (T,) [s]; commands (T, na): those `held` over the interval
+        that ends at their row, and those at its instant -> missing force (T, 3) and τ(commands)
+        (T, 3) [N, N, N m]. No command delay is applied: that is the caller's. `carry` (nx + 1,)
+        continues an earlier call and is changed in place.
         """
-        out, acting = np.empty((len(times), 3)), np.empty((len(times), 3))
+        out, commanded = np.empty((len(times), 3)), np.empty((len(times), 3))
         self.kernel.module.missing_force(
             floats(self.theta if theta is None else theta),
-            self.fresh_carry() if carry is None else carry,
-            floats(times), floats(motion), floats(before), floats(around),
-            *air(voltage, wind, len(times)), out, acting,
+            self.initial_carry() if carry is None else carry,
+            floats(times), floats(motion), floats(held), floats(commands),
+            *air(voltage, wind, len(times)), out, commanded,
         )  # fmt: skip
-        return out, acting
+        return out, commanded
 
-    def missing_spread(
+    def missing_force_std(
         self,
         motion: Floats,
         covariance: Floats,
         times: Floats,
-        around: Floats,
+        commands: Floats,
         *,
         voltage: Floats | None = None,
         wind: Floats | None = None,
     ) -> Floats:
         """Motion (T, 9) with covariance (T, 9, 9) -> std of the missing force (T, 3)."""
         out = np.empty((len(times), 3))
-        self.kernel.module.missing_spread(
-            self.theta, floats(times), floats(motion), floats(covariance), floats(around),
+        self.kernel.module.missing_force_std(
+            self.theta, floats(times), floats(motion), floats(covariance), floats(commands),
             *air(voltage, wind, len(times)), out,
         )  # fmt: skip
         return out
 
-    def fresh_carry(self) -> Floats:
-        """(nx + 1,) state and time before anything was seen."""
+    def initial_carry(self) -> Floats:
+        """(nx + 1,) state and time of `missing_force` before its first row."""
         return np.full(self.state_size + 1, np.nan)
 
     def true_states(self, motion: Floats, *, theta: Floats | None = None) -> Floats:
@@ -216,7 +227,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Runs:
-    """Which free runs, each (B,): input table, first row, length [steps], command delay [s]."""
+    """Free runs, each field (B,): input table, first row, length [steps], command delay [s]."""
 
     table: NDArray[np.int64]
     start: NDArray[np.int64]
@@ -258,7 +269,7 @@ class InputTable:
 
 
 def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:
-    """Effects in the order of the catalogue, a user's by name: a file may list them in any."""
+    """Effects in the order of the catalogue, then those of a user by name."""
     place = {effect.name: i for i, effect in enumerate(EFFECTS)}
     return sorted(added, key=lambda a: (place.get(a.effect.name, len(place)), a.effect.name))
 
@@ -280,39 +291,40 @@ def _structure(vessel: Vessel) -> Structure:
 
 
 def _tables(thrusters: Sequence[Thruster]) -> dict[str, Any]:
-    """Who follows whose table of thrust; nothing where all curves are powers."""
-    tables = tuple(table_of(thrusters, t) for t in thrusters)
-    own = tuple(() if isinstance(t.curve, str) else knots(t.curve) for t in thrusters)
+    """Owners and knots of the tables of thrust; nothing where all curves are powers."""
+    tables = tuple(table_owner(thrusters, t) for t in thrusters)
+    own = tuple(() if isinstance(t.curve, str) else knot_commands(t.curve) for t in thrusters)
     return {"tables": tables, "knots": own} if max(tables, default=-1) >= 0 else {}
 
 
-def _numbers(vessel: Vessel) -> dict[str, float]:
-    """All parameters by name, in the order in which the kernel unpacks them."""
+def _parameters(vessel: Vessel) -> dict[str, float]:
+    """All parameters by name, in the order of theta."""
     h, s = vessel.hull, vessel.sensors
     known = {
         "length": h.length, "beam": h.beam, "mass": h.mass, "area_front": h.wind_area[0],
         "area_side": h.wind_area[1], "antenna_x": s.antenna[0], "antenna_y": s.antenna[1],
     }  # fmt: skip
-    numbers = {
+    out = {
         field: known[field] if field in known else float(getattr(vessel.dynamics, field))
         for field in Body._fields
     }
+
+    def add(label: str, names: Iterable[str], values: Iterable[float]) -> None:
+        out.update({f"{label}.{n}": v for n, v in zip(names, values, strict=True)})
+
     for t in vessel.thrusters:
-        values = (*t.position, t.azimuth, *t.thrust, exponent_of(t))
-        numbers |= {
-            f"{t.name}.{k}": v for k, v in zip(ThrusterParameters._fields[1:], values, strict=True)
-        }
+        values = (*t.position, t.azimuth, *t.thrust, curve_exponent(t))
+        add(t.name, ThrusterParameters._fields[1:], values)
     for b in vessel.rudders:
-        values = (*b.position, *b.angle, b.area, b.aspect)
-        numbers |= {
-            f"{b.name}.{k}": v for k, v in zip(RudderParameters._fields[1:], values, strict=True)
-        }
+        add(b.name, RudderParameters._fields[1:], (*b.position, *b.angle, b.area, b.aspect))
     for t in vessel.thrusters:
         if not isinstance(t.curve, str):
-            numbers |= {f"{t.name}.{key}": share for key, share in shares(t.curve).items()}
-    seen: dict[str, int] = {}
+            shares = knot_shares(t.curve)
+            add(t.name, shares, shares.values())
+    counts: Counter[str] = Counter()
     for added in _in_order(vessel.effects):
-        seen[added.effect.name] = count = seen.get(added.effect.name, 0) + 1
-        label = added.effect.name + (f"#{count}" if count > 1 else "")
-        numbers |= {f"{label}.{p.name}": added.values[p.name] for p in added.effect.parameters}
-    return numbers
+        name, names = added.effect.name, [p.name for p in added.effect.parameters]
+        counts[name] += 1
+        label = f"{name}#{counts[name]}" if counts[name] > 1 else name
+        add(label, names, [added.values[n] for n in names])
+    return out

@@ -11,7 +11,7 @@ from sim.body import Body, Report
 from sim.jit import jitable
 from sim.state import to_body, to_world
 
-ROUNDING = 1e-13  # relative
+RELATIVE_ROUNDING = 1e-13  # of values that are equal but for rounding
 
 
 @jitable
@@ -33,10 +33,10 @@ def at_antenna(report: Report, body: Body) -> Report:
 
 
 @jitable
-def shifted(
+def corrected_vector(
     guess: Report, measured: Report, predicted: Report, yaw: float, i: int
 ) -> tuple[float, float]:
-    """Components i and i + 1, a vector, corrected in the world and seen again under `yaw`."""
+    """The vector of components i and i + 1, corrected in the world and turned back by `yaw`."""
     north, east = to_world(guess[i], guess[i + 1], guess.yaw)
     north_m, east_m = to_world(measured[i], measured[i + 1], measured.yaw)
     north_p, east_p = to_world(predicted[i], predicted[i + 1], predicted.yaw)
@@ -44,15 +44,15 @@ def shifted(
 
 
 @jitable
-def corrected(guess: Report, measured: Report, predicted: Report) -> Report:
+def inversion_step(guess: Report, measured: Report, predicted: Report) -> Report:
     """One step of the fixed-point iteration: guess + (measured − predicted).
 
-    Velocity and acceleration are compared in the world, where a compass that is off, by however
-    much, leaves them alone: what is left then goes down fast.
+    Velocity and acceleration are compared in the world, where an error of the compass, of any size,
+    does not change them: the iteration then converges fast.
     """
     yaw = guess.yaw + (measured.yaw - predicted.yaw)
-    u, v = shifted(guess, measured, predicted, yaw, 3)
-    u_dot, v_dot = shifted(guess, measured, predicted, yaw, 6)
+    u, v = corrected_vector(guess, measured, predicted, yaw, 3)
+    u_dot, v_dot = corrected_vector(guess, measured, predicted, yaw, 6)
     return Report(
         guess.north + (measured.north - predicted.north),
         guess.east + (measured.east - predicted.east),
@@ -67,9 +67,9 @@ def corrected(guess: Report, measured: Report, predicted: Report) -> Report:
 
 
 @jitable
-def agree(a: Report, b: Report) -> bool:
-    """True where two reports differ by no more than rounding (or one of them is not a number)."""
-    alike = True
+def reports_agree(a: Report, b: Report) -> bool:
+    """Whether two reports differ by no more than rounding (or one of them is not a number)."""
+    agree = True
     for i in range(len(a)):
-        alike = alike and not abs(a[i] - b[i]) > ROUNDING * (1.0 + abs(a[i]))
-    return alike
+        agree = agree and not abs(a[i] - b[i]) > RELATIVE_ROUNDING * (1.0 + abs(a[i]))
+    return agree

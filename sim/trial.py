@@ -1,4 +1,4 @@
-"""One stretch of a recording on a uniform time grid: what all offline inference reads."""
+"""One stretch of a recording on a uniform time grid: the input of all offline inference."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -59,7 +59,7 @@ class Trial:
     origin_deg: tuple[float, float] | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     rates_hz: Mapping[str, float] = field(default_factory=dict)
-    notices: tuple[str, ...] = ()  # what was wrong with the recording, a sentence each
+    notices: tuple[str, ...] = ()  # what was wrong with the recording, one sentence each
 
     @property
     def dt(self) -> float:

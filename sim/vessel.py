@@ -1,26 +1,21 @@
-"""Thrust against command as a table: knots of (command, share of full thrust), lines between them.
+"""The model of a boat: hull, dynamics, thrusters, rudders, sensors, effects. Frozen values.
+
+Thrust against command is a power, or a table of knots (command, share of full thrust) with straight
+lines between them:
 
     F = ahead · s(c) for c > 0,   F = −astern · s(c) for c < 0
     s rises from s(−1) = −1 through s(0) = 0 to s(1) = 1:   s(c) = Σ_k (s_k − s_{k−1}) ramp_k(c)
 
-Free but monotone: no form is assumed, only that more command never means less thrust. Several
-thrusters may share one table: the others name the thruster that has it. Knots count by their
-command in per cent (`left.curve_25`): the numbers that identification may free.
-
-The model of a boat: hull, dynamics, thrusters, rudders, sensors, effects. Frozen values.
+A table is free in form but monotone: more command never means less thrust. Several thrusters may
+share one: the others name the thruster that has it. Knots are named by their command in per cent
+(`left.curve_25`): the numbers that identification may free.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    pass
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 from sim.effects.effect import Effect, Need
 from sim.state import Floats
@@ -28,12 +23,12 @@ from sim.state import Floats
 Point = tuple[float, float]
 Points = tuple[Point, ...]
 CURVES = {"linear": 1.0, "quadratic": 2.0}  # name -> exponent of thrust against command
-FREED = (0.1, 0.25, 0.5, 0.75)  # knots, ahead and astern, of a curve that is to be identified
-KEY = "curve_"
+DEFAULT_KNOTS = (0.1, 0.25, 0.5, 0.75)  # ahead and astern, of a curve that is to be identified
+KNOT_PREFIX = "curve_"
 ENDS = ((-1.0, -1.0), (0.0, 0.0), (1.0, 1.0))
 
 
-def mistake_in(points: Sequence[Point]) -> str | None:
+def curve_problem(points: Sequence[Point]) -> str | None:
     """What is wrong with a table, or None."""
     commands, shares = [c for c, _ in points], [s for _, s in points]
     if not set(ENDS) <= set(points) or points[0] != ENDS[0] or points[-1] != ENDS[-1]:
@@ -47,51 +42,51 @@ def mistake_in(points: Sequence[Point]) -> str | None:
     return None if len(points) > len(ENDS) else "must have a knot between its ends"
 
 
-def knots(points: Points) -> tuple[float, ...]:
+def knot_commands(points: Points) -> tuple[float, ...]:
     """The commands whose shares are numbers of the model: all but −1, 0 and 1."""
     return tuple(c for c, _ in points if c not in (-1.0, 0.0, 1.0))
 
 
-def key_of(command: float) -> str:
+def knot_key(command: float) -> str:
     """0.25 -> "curve_25"."""
-    return f"{KEY}{round(100.0 * command)}"
+    return f"{KNOT_PREFIX}{round(100.0 * command)}"
 
 
-def shares(points: Points) -> dict[str, float]:
+def knot_shares(points: Points) -> dict[str, float]:
     """Key -> share of full thrust, knot by knot."""
-    return {key_of(c): s for c, s in points if c in knots(points)}
+    return {knot_key(c): s for c, s in points if c in knot_commands(points)}
 
 
-def outward(key: str, keys: Iterable[str]) -> str | None:
+def next_knot(key: str, keys: Iterable[str]) -> str | None:
     """The next knot away from zero on the same side; None: full thrust."""
-    own = int(key.removeprefix(KEY))
-    beyond = [c for c in (int(k.removeprefix(KEY)) for k in keys) if c / own > 1.0]
-    return key_of(min(beyond, key=abs) / 100.0) if beyond else None
+    own = int(key.removeprefix(KNOT_PREFIX))
+    beyond = [c for c in (int(k.removeprefix(KNOT_PREFIX)) for k in keys) if c / own > 1.0]
+    return knot_key(min(beyond, key=abs) / 100.0) if beyond else None
 
 
-def table_of(thrusters: Sequence["Thruster"], thruster: "Thruster") -> int:
-    """Which thruster has the table that this one follows; −1: its curve is a power."""
+def table_owner(thrusters: Sequence["Thruster"], thruster: "Thruster") -> int:
+    """Number of the thruster whose table this one follows; −1: its curve is a power."""
     for i, other in enumerate(thrusters):
         if not isinstance(other.curve, str) and other.name in (thruster.name, thruster.curve):
             return i
     return -1
 
 
-def exponent_of(thruster: "Thruster") -> float:
-    """Of a curve that is a power; 1 for one that is a table."""
+def curve_exponent(thruster: "Thruster") -> float:
+    """Exponent of a curve that is a power; 1 for a table."""
     return CURVES.get(thruster.curve, 1.0) if isinstance(thruster.curve, str) else 1.0
 
 
-def tabled(curve: str | Points) -> Points:
-    """A curve as a table that may be freed: one by name at the usual knots."""
+def as_table(curve: str | Points) -> Points:
+    """A curve as a table: a power is sampled at the default knots."""
     if not isinstance(curve, str):
         return curve
-    sides = [-c for c in reversed(FREED)], FREED
-    inner = [(c, float(np.sign(c) * abs(c) ** CURVES[curve])) for c in (*sides[0], 0.0, *sides[1])]
+    commands = (*(-c for c in reversed(DEFAULT_KNOTS)), 0.0, *DEFAULT_KNOTS)
+    inner = [(c, float(np.sign(c) * abs(c) ** CURVES[curve])) for c in commands]
     return (ENDS[0], *inner, ENDS[-1])
 
 
-def freed(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
+def with_free_curves(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
     """The same vessel with tables where a free curve is asked for.
 
     "left.curve" is that of one thruster, "curve" one table for all of them.
@@ -100,11 +95,11 @@ def freed(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
     if "curve" in asked and not any(not isinstance(t.curve, str) for t in vessel.thrusters):
         first, *others = vessel.thrusters
         shared = [replace(t, curve=first.name) for t in others]
-        return replace(vessel, thrusters=(replace(first, curve=tabled(first.curve)), *shared))
+        return replace(vessel, thrusters=(replace(first, curve=as_table(first.curve)), *shared))
     return replace(
         vessel,
         thrusters=tuple(
-            replace(t, curve=tabled(t.curve))
+            replace(t, curve=as_table(t.curve))
             if f"{t.name}.curve" in asked and t.curve in CURVES
             else t
             for t in vessel.thrusters
@@ -179,7 +174,7 @@ class Thruster:
 
 @dataclass(frozen=True)
 class Rudder:
-    """A blade at `position`, or (`motor`) the steering of that thruster."""
+    """A rudder at `position` [m, FRD], or (`motor`) the steering of that thruster."""
 
     name: str
     servo: Servo
@@ -187,8 +182,8 @@ class Rudder:
     angle: tuple[float, float]  # rad at command −1, +1; positive turns the bow to starboard ahead
     area: float = 0.0  # m²
     aspect: float = 1.5  # span² / area
-    wash: str | None = None  # the thruster whose slipstream the blade stands in
-    motor: str | None = None  # the thruster that turns instead of a blade
+    wash: str | None = None  # the thruster in whose slipstream it stands
+    motor: str | None = None  # the thruster that turns instead
 
 
 @dataclass(frozen=True)
@@ -220,7 +215,7 @@ class AddedEffect:
 
 @dataclass(frozen=True)
 class Vessel:
-    """Everything that is known of a boat."""
+    """The model of a boat."""
 
     name: str
     hull: Hull
@@ -233,12 +228,12 @@ class Vessel:
 
     def __post_init__(self) -> None:
         for added in self.effects:
-            name, lacking = added.effect.name, self.lacks(added.effect)
-            if lacking:
-                raise ValueError(f"effect {name} needs {lacking}: {self.name} has none")
+            name, needs = added.effect.name, self.unmet_needs(added.effect)
+            if needs:
+                raise ValueError(f"effect {name} needs {needs}: {self.name} has none")
 
-    def lacks(self, effect: Effect) -> str:
-        """What the vessel would need for that effect to act on it; nothing: an empty text."""
+    def unmet_needs(self, effect: Effect) -> str:
+        """What the vessel would need for that effect to act on it, in words; empty: nothing."""
         has = {
             Need.WIND_AREA: min(self.hull.wind_area) > 0.0,
             Need.PORT_THRUSTER: any(t.position[1] < 0.0 for t in self.thrusters),
@@ -273,5 +268,5 @@ class Vessel:
         return channels, pwm
 
     def with_effects(self, *added: AddedEffect) -> "Vessel":
-        """The same vessel with these effects on top of those it has."""
+        """The same vessel with these effects added."""
         return replace(self, effects=(*self.effects, *added))

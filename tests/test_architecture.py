@@ -24,7 +24,7 @@ CALLS = {"open", "input", "print", "exec", "eval"}
 KERNELS = {"os", "pathlib", "tempfile"}
 ALLOWED = {  # these keep kernels on disk: a compiler's cache, nothing that a result depends on
     "kernel/cache.py": KERNELS,
-    "kernel/generator.py": {"pathlib"},  # reads the loops' own source, which goes into every kernel
+    "kernel/sources.py": {"pathlib"},  # reads the project's own source, which a kernel is named by
 }
 
 

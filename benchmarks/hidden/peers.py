@@ -128,7 +128,7 @@ def terms_of(trial: Trial, vessel: Vessel) -> Terms:
     force = _force(trial, vessel)
     names, columns = [], []
     for effect in EFFECTS:
-        if vessel.lacks(effect):
+        if vessel.unmet_needs(effect):
             continue
         for column in _columns(trial, vessel, effect, force):
             names.append(effect.name)

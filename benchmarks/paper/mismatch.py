@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.following.follower import Following
+from sim.following.follower import FollowerOptions
 from sim.following.stepwise import PlantFollower
 from sim.model import Model
-from sim.plants.plant import Around, Motion
+from sim.plants.plant import PlantInputs, PlantMotion
 from sim.plants.vessel_plant import VesselPlant
 from sim.state import Floats, Velocity, Wrench
 from sim.vessel import Vessel
@@ -37,29 +37,29 @@ class Misjudged:
         """The name of what moves."""
         return self.true.name
 
-    def place(self, motion: Motion, around: Around) -> Any:
+    def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> Any:
         """A state with that pose and velocity."""
-        return self.true.place(motion, around)
+        return self.true.initial_state(motion, inputs)
 
-    def motion(self, state: Any) -> Motion:
+    def motion(self, state: Any) -> PlantMotion:
         """Pose and velocity of a state."""
         return self.true.motion(state)
 
-    def acceleration(self, state: Any, tau: Wrench, around: Around) -> Velocity:
+    def acceleration(self, state: Any, tau: Wrench, inputs: PlantInputs) -> Velocity:
         """ν̇ of what moves."""
-        return self.true.acceleration(state, tau, around)
+        return self.true.acceleration(state, tau, inputs)
 
-    def required(self, state: Any, nu_dot: Velocity, around: Around) -> Wrench:
+    def required_force(self, state: Any, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
         """The force that this ν̇ would take if the belief were true."""
-        return self.believed.required(state, nu_dot, around)
+        return self.believed.required_force(state, nu_dot, inputs)
 
-    def step(self, state: Any, tau: Wrench, around: Around, dt: float) -> Any:
+    def step(self, state: Any, tau: Wrench, inputs: PlantInputs, dt: float) -> Any:
         """The state dt [s] later."""
-        return self.true.step(state, tau, around, dt)
+        return self.true.step(state, tau, inputs, dt)
 
 
 def followed(
-    true: Vessel, believed: Vessel, reference: Floats, dt: float, options: Following | None = None
+    true: Vessel, believed: Vessel, reference: Floats, dt: float, options: FollowerOptions | None = None
 ) -> Floats:
     """Reference (T, 9) every dt [s] -> shadow (T, 9) of a plant that is not what is believed."""
     follower = PlantFollower.of(Misjudged.of(true, believed), options)

@@ -18,9 +18,10 @@ from benchmarks.paper.scoring import beside, scored
 from benchmarks.paper.voyage import clock_offset_s, logged, true_at
 from gateway.config import Settings
 from gateway.figures.figure_data import FigureData, SeriesRole
-from gateway.offline.replay import ReplayOptions, prepare
+from gateway.ingest.open import open_log
+from gateway.offline.replay import replay_input_of
 from gateway.shadow.path import Shadowing, ShadowPath, follower_of
-from sim.following.reference import Mode, Reference
+from sim.following.reference import Reference, ReferenceMode
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
@@ -54,15 +55,15 @@ def shadows(c: Campaign, folder: Path) -> Part:
 
 def shadowed(log: Path, vessel: Vessel, plant: Vessel, carried: Instruments) -> Shadowing:
     """A log through the live path with that plant."""
-    options = ReplayOptions(settings=Settings(filter=carried.live))
-    material, model = prepare(log, options), Model.of(vessel)
+    settings, model = Settings(filter=carried.live), Model.of(vessel)
+    given = replay_input_of(open_log(log), settings=settings)
     path = ShadowPath(
         model,
-        Reference(model, Mode.MEASURED),
-        follower_of(Model.of(plant), options.settings.following.follower),
-        material.settings.filter,
+        Reference(model, ReferenceMode.MEASURED),
+        follower_of(Model.of(plant), settings.following.follower),
+        given.settings.filter,
     )
-    return path.advance(path.start(), material.feed)[1]
+    return path.advance(path.start(), given.feed)[1]
 
 
 def _pictures(

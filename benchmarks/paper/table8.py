@@ -17,16 +17,16 @@ from benchmarks.paper.published import CHANNELS, TABLE_8, TABLE_8_LIMIT
 from benchmarks.paper.scoring import header, mark, off, row
 from benchmarks.paper.table7 import DT, driven
 from sim.effects import inertial_force
-from sim.following.follower import Axes, Following
+from sim.following.follower import Axes, FollowerOptions
 from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel
 
 Push = tuple[float, float]  # N, deg counter-clockwise from +X
 WAYS = {
-    "three axes, integral (default)": Following(),
-    "three axes, no integral": Following(integral=0.0),
-    "surge and yaw, integral": Following(axes=Axes.SURGE_YAW),
-    "surge and yaw, no integral": Following(axes=Axes.SURGE_YAW, integral=0.0),
+    "three axes, integral (default)": FollowerOptions(),
+    "three axes, no integral": FollowerOptions(integral=0.0),
+    "surge and yaw, integral": FollowerOptions(axes=Axes.SURGE_YAW),
+    "surge and yaw, no integral": FollowerOptions(axes=Axes.SURGE_YAW, integral=0.0),
 }
 DEFAULT = next(iter(WAYS))
 PICTURES = {"three_axes": list(WAYS)[:2], "surge_and_yaw": [DEFAULT, list(WAYS)[2]]}

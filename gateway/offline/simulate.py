@@ -18,18 +18,17 @@ from gateway.recording.recorder import Recorder
 from gateway.shadow.path import follower_of
 from gateway.shadow.topic_rows import MOTION_FIELDS
 from gateway.vessel_file import dump_vessel
-from sim.following.follower import Following
+from sim.following.follower import FollowerOptions
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
 
-SECOND = 1_000_000_000
-BLOCK = 500  # rows handed to the recorder at a time
-LONGEST_S = 86400.0
+BLOCK_ROWS = 500  # handed to the recorder at a time
+LONGEST_S = 86400.0  # of a table of commands: a longer one is probably not in seconds
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulationResult:
     """Motion of the vessel and of its follower (T, 9), force on the follower (T, 3)."""
 
     time: Floats
@@ -41,7 +40,7 @@ class Simulated:
 
 
 def read_commands(path: Path, vessel: Vessel) -> tuple[Floats, Floats]:
-    """A table of commands -> times (R,) [s], commands (R, actuators)."""
+    """A table of commands -> times (R,) from 0 [s], commands (R, actuators)."""
     names = [actuator.name for actuator in vessel.actuators]
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -85,8 +84,8 @@ def simulate(
     follow: Vessel | None,
     out: Path,
     rate_hz: float = 50.0,
-    options: Following | None = None,
-) -> Simulated:
+    options: FollowerOptions | None = None,
+) -> SimulationResult:
     """Run the vessel on a table of commands; record it, and the vessel that follows it."""
     times, values = read_commands(commands, vessel)
     model = Model.of(vessel)
@@ -97,24 +96,24 @@ def simulate(
     _, commanded = model.missing_force(motion, grid, held, held)
     followed = forces = None
     if follow is not None:
-        follower = follower_of(Model.of(follow), options or Following())
+        follower = follower_of(Model.of(follow), options or FollowerOptions())
         _, followed, forces, _ = follower.advance(follower.start(), grid, motion)
     recording = out / f"{commands.stem}-simulated.mcap"
-    result = Simulated(grid, motion, followed, forces, commanded, recording)
+    result = SimulationResult(grid, motion, followed, forces, commanded, recording)
     _record(result, [vessel] if follow is None else [vessel, follow])
     return result
 
 
-def _record(result: Simulated, vessels: Sequence[Vessel]) -> None:
+def _record(result: SimulationResult, vessels: Sequence[Vessel]) -> None:
     """The motion as the topics that a replay writes: the vessel is the reference."""
     files = [
         Attachment(name, "application/toml", dump_vessel(vessel).encode())
         for name, vessel in zip(("vessel.toml", "follower.toml"), vessels, strict=False)
     ]
-    now = np.round(result.time * SECOND).astype(np.int64)
+    now = np.round(result.time * 1e9).astype(np.int64)
     with Recorder(result.recording, attachments=files) as recorder:
-        for start in range(0, len(now), BLOCK):
-            part = slice(start, start + BLOCK)
+        for start in range(0, len(now), BLOCK_ROWS):
+            part = slice(start, start + BLOCK_ROWS)
             times = now[part], now[part]
             motions = [("reference", result.motion)]
             if result.follower is not None:

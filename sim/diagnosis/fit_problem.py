@@ -46,7 +46,7 @@ class SupersetModel:
         there = {added.effect.name for added in vessel.effects}
         within = tuple(
             e for e in effects
-            if e.name not in there and neutral(e) is not None and not vessel.lacks(e)
+            if e.name not in there and neutral(e) is not None and not vessel.unmet_needs(e)
         )  # fmt: skip
         added = [AddedEffect(e, neutral(e) or {}) for e in within]
         return cls(vessel, Model.of(vessel.with_effects(*added)), within)

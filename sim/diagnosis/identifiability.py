@@ -51,7 +51,7 @@ def refused(effects: Sequence[Effect], model: Model, trials: Sequence[Trial]) ->
     seen = seen_in(model, trials)
     out = []
     for effect in effects:
-        lacking = model.vessel.lacks(effect)
+        lacking = model.vessel.unmet_needs(effect)
         why = (
             f"it needs {lacking} in the vessel file" if lacking else _because(effect.shown_by, seen)
         )

@@ -259,10 +259,14 @@ class Effect:
         return tuple(p.name for p in self.parameters if p.kind in (Kind.NUMBER, Kind.CIRCLE))
 
     @property
+    def module(self) -> str:
+        """Name of the module that the laws stand in."""
+        return next(iter(self.laws.values())).__module__
+
+    @property
     def explanation(self) -> str:
         """The docstring of the effect's file: equation, symbols, validity, source."""
-        module = inspect.getmodule(next(iter(self.laws.values())))
-        return inspect.getdoc(module) or ""
+        return inspect.getdoc(inspect.getmodule(next(iter(self.laws.values())))) or ""
 
     @property
     def file(self) -> str:

@@ -62,7 +62,7 @@ class Seen:
 
 def seen(effect: Effect) -> Seen:
     """The run of the boat that the effect can act on."""
-    boat = STEERED if BOAT.lacks(effect) else BOAT
+    boat = STEERED if BOAT.unmet_needs(effect) else BOAT
     plain = _run(boat)
     time = np.asarray(DT * np.arange(len(plain)), np.float64)
     found = Seen(effect.name, values_of(effect, boat, 0), time, plain, plain, 0)

@@ -1,9 +1,9 @@
-"""Hand-over without a bump: how far the reference was from its new source dies away.
+"""Bumpless transfer: the offset between the reference and its new source decays.
 
     p(t) = (a + b t + c t²) e^(−t/T)    a = p₀,  b = ṗ₀ + a/T,  c = ½ p̈₀ + b/T − ½ a/T²
 
 for north, east and yaw in the world frame, so that pose, velocity and acceleration are continuous
-and stay one motion: η̇ = J(ψ) ν holds for the blend if it holds for the sources.
+and consistent: η̇ = J(ψ) ν holds for the blend if it holds for the sources.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from sim.jit import jitable
 from sim.state import to_body, to_world, wrap
 
 
-class Track(NamedTuple):
+class WorldMotion(NamedTuple):
     """A motion in the world frame: position, velocity and acceleration of north, east, yaw."""
 
     north: float
@@ -30,17 +30,17 @@ class Track(NamedTuple):
 
 
 @jitable
-def track_of(m: Report) -> Track:
+def to_world_motion(m: Report) -> WorldMotion:
     """Motion in body axes -> the same motion in the world frame [m, rad, s]."""
     north_dot, east_dot = to_world(m.u, m.v, m.yaw)
     north_ddot, east_ddot = to_world(m.u_dot - m.r * m.v, m.v_dot + m.r * m.u, m.yaw)
-    return Track(
+    return WorldMotion(
         m.north, m.east, m.yaw, north_dot, east_dot, m.r, north_ddot, east_ddot, m.r_dot
     )  # fmt: skip
 
 
 @jitable
-def motion_of(t: Track) -> Report:
+def to_body_motion(t: WorldMotion) -> Report:
     """Motion in the world frame -> the same motion in body axes [m, rad, s]."""
     u, v = to_body(t.north_dot, t.east_dot, t.yaw)
     forward, starboard = to_body(t.north_ddot, t.east_ddot, t.yaw)
@@ -49,9 +49,9 @@ def motion_of(t: Track) -> Report:
 
 
 @jitable
-def gap(a: Track, b: Track) -> Track:
+def offset_between(a: WorldMotion, b: WorldMotion) -> WorldMotion:
     """a − b, the shorter way round in yaw."""
-    return Track(
+    return WorldMotion(
         a.north - b.north,
         a.east - b.east,
         wrap(a.yaw - b.yaw),
@@ -65,24 +65,26 @@ def gap(a: Track, b: Track) -> Track:
 
 
 @jitable
-def fading(p: float, p_dot: float, p_ddot: float, t: float, T: float) -> tuple[float, float, float]:
-    """An offset and its derivatives at 0, t seconds later -> offset and its derivatives."""
+def decayed(
+    p: float, p_dot: float, p_ddot: float, t: float, T: float
+) -> tuple[float, float, float]:
+    """An offset and its two derivatives at 0 -> the same after t [s]."""
     a = p
     b = p_dot + a / T
     c = 0.5 * p_ddot + b / T - 0.5 * a / T**2
-    q, q_dot, left = a + (b + c * t) * t, b + 2.0 * c * t, np.exp(-t / T)
-    return q * left, (q_dot - q / T) * left, (2.0 * c - 2.0 * q_dot / T + q / T**2) * left
+    q, q_dot, decay = a + (b + c * t) * t, b + 2.0 * c * t, np.exp(-t / T)
+    return q * decay, (q_dot - q / T) * decay, (2.0 * c - 2.0 * q_dot / T + q / T**2) * decay
 
 
 @jitable
-def blended(source: Report, offset: Track, t: float, T: float) -> Report:
-    """The source plus what is left, after t [s], of an offset that fades with T [s]."""
-    s = track_of(source)
-    n = fading(offset.north, offset.north_dot, offset.north_ddot, t, T)
-    e = fading(offset.east, offset.east_dot, offset.east_ddot, t, T)
-    y = fading(offset.yaw, offset.yaw_dot, offset.yaw_ddot, t, T)
-    return motion_of(
-        Track(
+def blend(source: Report, offset: WorldMotion, t: float, T: float) -> Report:
+    """The source plus, after t [s], what an offset has decayed to with time constant T [s]."""
+    s = to_world_motion(source)
+    n = decayed(offset.north, offset.north_dot, offset.north_ddot, t, T)
+    e = decayed(offset.east, offset.east_dot, offset.east_ddot, t, T)
+    y = decayed(offset.yaw, offset.yaw_dot, offset.yaw_ddot, t, T)
+    return to_body_motion(
+        WorldMotion(
             s.north + n[0], s.east + e[0], s.yaw + y[0],
             s.north_dot + n[1], s.east_dot + e[1], s.yaw_dot + y[1],
             s.north_ddot + n[2], s.east_ddot + e[2], s.yaw_ddot + y[2],

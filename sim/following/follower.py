@@ -1,17 +1,13 @@
-"""What a user may choose about following (`[following]` of gateway.toml).
+"""The follower: makes a plant move as the reference does, by the law in `sim.following.law`.
 
-Which forces the thrusters of a vessel can give: allocation by pseudo-inverse, then clipping.
+`VesselFollower` drives a vessel in one compiled loop, `sim.following.stepwise` any plant. Both are
+pure: a state goes in, a new state comes out, and how rows are cut into chunks does not change a
+bit. The force may be limited to what the thrusters can give, by pseudo-inverse and clipping:
 
     τ = B F,   B columns (cos α, sin α, x sin α − y cos α),   F = clip(B⁺ τ, astern, ahead)
 
-What no thruster can give (sway of a boat with two thrusters astern) is left out. Source: Fossen,
-Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. 2021, §11.2.
-
-The follower: makes a plant move as the reference does, by the law in `sim.following.law`.
-
-`VesselFollower` drives a vessel in one compiled loop; `sim.following.stepwise` drives any plant.
-Both are pure: a state goes in, a new state comes out, and how rows are cut into chunks makes no
-difference, not in the last bit.
+What no thruster can give (sway of a boat with two thrusters astern) is then left out. Source:
+Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. 2021, §11.2.
 """
 
 from dataclasses import dataclass
@@ -29,25 +25,25 @@ from sim.vessel import Thruster, Vessel
 
 
 class Axes(StrEnum):
-    """Which axes are driven."""
+    """Which axes are controlled."""
 
     THREE = "three"
     SURGE_YAW = "surge_yaw"  # as in the paper: sway follows by coupling alone
 
 
-class Law(StrEnum):
-    """Which law gives the wanted acceleration."""
+class ControlLaw(StrEnum):
+    """Which law gives the commanded acceleration γ."""
 
     ERROR = "error"  # ν̇_ref + K e + K_i ∫e
     PRINTED = "printed"  # ν̇_ref + k_d ė, as the paper prints it: an error at the start stays
 
 
 @dataclass(frozen=True)
-class Following:
-    """Gains and options of the follower.
+class FollowerOptions:
+    """Gains and options of the follower (`[following]` of gateway.toml).
 
     rate K [1/s], integral K_i [1/s²], position and heading K_p of the slow outer loop [1/s];
-    limits: the plant's thrusters must be able to give the force.
+    limits: the force is limited to what the plant's thrusters can give.
     """
 
     rate: float = 10.0
@@ -55,12 +51,12 @@ class Following:
     position: float = 0.1
     heading: float = 0.2
     axes: Axes = Axes.THREE
-    law: Law = Law.ERROR
+    law: ControlLaw = ControlLaw.ERROR
     limits: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", Axes(self.axes))
-        object.__setattr__(self, "law", Law(self.law))
+        object.__setattr__(self, "law", ControlLaw(self.law))
         if not self.rate > 0.0:
             raise ValueError(f"following: rate must be above 0 1/s, not {self.rate}")
         for name in ("integral", "position", "heading"):
@@ -69,37 +65,37 @@ class Following:
 
     @property
     def gains(self) -> Gains:
-        """The numbers that the law reads."""
+        """The gains of the law."""
         sway = 1.0 if self.axes is Axes.THREE else 0.0
-        if self.law is Law.PRINTED:
+        if self.law is ControlLaw.PRINTED:
             return Gains.printed()._replace(sway=sway)
         return Gains(self.rate, self.integral, self.position, self.heading, sway)
 
 
-class Limits(NamedTuple):
-    """allocate (n, 3), effect (3, n) [-, -, m], low and high (n,) [N] of n thrusters."""
+class ThrustLimits(NamedTuple):
+    """Allocation B⁺ (n, 3), effectiveness B (3, n) [-, -, m], low, high (n,) [N] of n thrusters."""
 
-    allocate: Floats
-    effect: Floats
+    allocation: Floats
+    effectiveness: Floats
     low: Floats
     high: Floats
 
     @classmethod
-    def none(cls) -> "Limits":
-        """A virtual force, as large as it needs to be."""
+    def none(cls) -> "ThrustLimits":
+        """No limits: a virtual force."""
         return cls(np.zeros((0, 3)), np.zeros((3, 0)), np.zeros(0), np.zeros(0))
 
     @classmethod
-    def of(cls, vessel: Vessel) -> "Limits":
+    def of(cls, vessel: Vessel) -> "ThrustLimits":
         """The limits of a vessel's thrusters; ValueError where they alone cannot turn it."""
-        effect = np.array([_column(thruster) for thruster in vessel.thrusters]).T.reshape(3, -1)
-        if np.linalg.matrix_rank(effect[[Tau.X, Tau.N]]) < 2:
+        B = np.array([_column(thruster) for thruster in vessel.thrusters]).T.reshape(3, -1)
+        if np.linalg.matrix_rank(B[[Tau.X, Tau.N]]) < 2:
             raise ValueError(
                 f"following with limits needs thrusters that can push and turn the plant; "
                 f"those of {vessel.name} cannot: set limits = false"
             )
         low, high = np.array([thruster.thrust for thruster in vessel.thrusters], dtype=float).T
-        return cls(np.linalg.pinv(effect), np.ascontiguousarray(effect), low.copy(), high.copy())
+        return cls(np.linalg.pinv(B), np.ascontiguousarray(B), low.copy(), high.copy())
 
 
 def _column(t: Thruster) -> tuple[float, float, float]:
@@ -108,27 +104,26 @@ def _column(t: Thruster) -> tuple[float, float, float]:
     return forward, starboard, t.position[0] * starboard - t.position[1] * forward
 
 
-__all__ = ["Followed", "Follower", "FollowerState", "Following", "VesselFollower"]
-
-
 @dataclass(frozen=True)
 class FollowerState:
-    """What is carried from row to row (read-only), and the state of a plant of another kind."""
+    """The carried row (read-only), and the state of a plant that is not compiled."""
 
     carry: Floats
     plant: Any = None
 
 
-class Followed(NamedTuple):
-    """What came of some rows: the next state, the shadow, the force on it, whether limits bound.
+class FollowerResult(NamedTuple):
+    """The state after some rows, and the shadow at each.
 
-    shadows (K, 9) pose, velocity, acceleration; forces (K, 3) τ_c [N, N, N m]; bound (K,).
+    shadows  (K, 9)  pose, velocity, acceleration
+    forces   (K, 3)  τ_c [N, N, N m]
+    limited  (K,)    thrust limits bind
     """
 
     state: FollowerState
     shadows: Floats
     forces: Floats
-    bound: NDArray[np.bool_]
+    limited: NDArray[np.bool_]
 
 
 class Follower(Protocol):
@@ -139,7 +134,7 @@ class Follower(Protocol):
         ...
 
     def prepare(self) -> None:
-        """Do now what would hold up the first row."""
+        """Compile or load what the first row would otherwise wait for."""
         ...
 
     def advance(
@@ -150,7 +145,7 @@ class Follower(Protocol):
         jumps: NDArray[np.bool_] | None = None,
         voltage: Floats | None = None,
         wind: Floats | None = None,
-    ) -> Followed:
+    ) -> FollowerResult:
         """References (K, 9) at times (K,) [s] -> the shadow there.
 
         The plant starts at the first reference. `jumps` (K,) marks references that did not come
@@ -164,14 +159,15 @@ class VesselFollower:
     """Follows with a vessel as the plant, compiled."""
 
     model: Model
-    options: Following
-    limits: Limits
+    options: FollowerOptions
+    limits: ThrustLimits
 
     @classmethod
-    def of(cls, model: Model, options: Following | None = None) -> "VesselFollower":
-        """Follow with that vessel; ValueError where its thrusters cannot, and limits are asked."""
-        chosen = options or Following()
-        return cls(model, chosen, Limits.of(model.vessel) if chosen.limits else Limits.none())
+    def of(cls, model: Model, options: FollowerOptions | None = None) -> "VesselFollower":
+        """Follow with that vessel; ValueError where limits are asked for that it cannot keep."""
+        chosen = options or FollowerOptions()
+        limits = ThrustLimits.of(model.vessel) if chosen.limits else ThrustLimits.none()
+        return cls(model, chosen, limits)
 
     def start(self) -> FollowerState:
         """The state before the first reference."""
@@ -180,7 +176,7 @@ class VesselFollower:
         return FollowerState(frozen(carry))
 
     def prepare(self) -> None:
-        """Compile now rather than at the first row."""
+        """Compile the loop."""
         self.advance(self.start(), np.empty(0), np.empty((0, 9)))
 
     def advance(
@@ -191,14 +187,14 @@ class VesselFollower:
         jumps: NDArray[np.bool_] | None = None,
         voltage: Floats | None = None,
         wind: Floats | None = None,
-    ) -> Followed:
+    ) -> FollowerResult:
         """References (K, 9) at times (K,) [s] -> the shadow there, see `Follower`."""
         count, carry = len(times), state.carry.copy()
         shadows, forces = np.empty((count, 9)), np.empty((count, 3))
-        bound = np.zeros(count, np.bool_)
+        limited = np.zeros(count, np.bool_)
         self.model.kernel.module.follow(
             self.model.theta, carry, np.array(self.options.gains), floats(times),
             floats(references), flags(jumps, count), *air(voltage, wind, count),
-            *self.limits, shadows, forces, bound,
+            *self.limits, shadows, forces, limited,
         )  # fmt: skip
-        return Followed(FollowerState(frozen(carry)), shadows, forces, bound)
+        return FollowerResult(FollowerState(frozen(carry)), shadows, forces, limited)

@@ -1,7 +1,7 @@
-"""The model-following law: which force makes the plant move as the reference does.
+"""The model-following law: the force that makes the plant move as the reference does.
 
     e = ν_ref − ν_s,   γ = ν̇_ref + K e + K_i ∫e,   τ_c = M_s γ + C_s ν_s + D_s ν_s
-    outer loop:  ν_ref ← ν_ref + Jᵀ(ψ_s) K_p (η_ref − η_s)      slow, so that the map stays together
+    outer loop:  ν_ref ← ν_ref + Jᵀ(ψ_s) K_p (η_ref − η_s)      slow, keeps the positions together
 
 Source: Saldarriaga-Mesa et al., Robotics 14(9), 124 (2025), after Fossen 2021, §15.3. The paper
 prints k_d ė in γ; closing that loop gives (1 + k_d) ė = 0, an error that never decays. It is the
@@ -15,7 +15,7 @@ import numpy as np
 from sim.jit import jitable
 from sim.state import Pose, Velocity, to_body, wrap
 
-CORRECTION_LIMIT = 1.0  # m/s and rad/s: the outer loop never asks for more than this
+CORRECTION_LIMIT = 1.0  # m/s and rad/s, of the outer loop; chosen, not measured
 
 
 class Gains(NamedTuple):
@@ -34,24 +34,24 @@ class Gains(NamedTuple):
 
 
 @jitable
-def within(value: float, limit: float) -> float:
-    """The value, held between −limit and limit."""
+def clamp(value: float, limit: float) -> float:
+    """The value, limited to −limit … limit."""
     return np.minimum(np.maximum(value, -limit), limit)
 
 
 @jitable
-def reference_rate(eta_ref: Pose, nu_ref: Velocity, pose: Pose, gains: Gains) -> Velocity:
+def corrected_reference(eta_ref: Pose, nu_ref: Velocity, pose: Pose, gains: Gains) -> Velocity:
     """ν_ref with the outer loop's correction -> u, v [m/s], r [rad/s]."""
     forward, starboard = to_body(eta_ref.north - pose.north, eta_ref.east - pose.east, pose.yaw)
     return Velocity(
-        nu_ref.u + within(gains.position * forward, CORRECTION_LIMIT),
-        nu_ref.v + within(gains.position * starboard, CORRECTION_LIMIT),
-        nu_ref.r + within(gains.heading * wrap(eta_ref.yaw - pose.yaw), CORRECTION_LIMIT),
+        nu_ref.u + clamp(gains.position * forward, CORRECTION_LIMIT),
+        nu_ref.v + clamp(gains.position * starboard, CORRECTION_LIMIT),
+        nu_ref.r + clamp(gains.heading * wrap(eta_ref.yaw - pose.yaw), CORRECTION_LIMIT),
     )
 
 
 @jitable
-def wanted_acceleration(
+def commanded_acceleration(
     nu_ref: Velocity, nu_ref_dot: Velocity, nu: Velocity, integral: Velocity, gains: Gains
 ) -> Velocity:
     """γ = ν̇_ref + K e + K_i ∫e -> [m/s², m/s², rad/s²]."""

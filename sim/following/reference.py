@@ -1,11 +1,12 @@
-"""The reference ν_ref: measured, the vessel's own prediction, or whichever is to be had.
+"""The reference ν_ref: the estimate, the vessel's own prediction, or one after the other.
 
     measured   the estimate, as it is
     model      the vessel predicts from the boat's commands, from the first estimate on
     auto       the estimate while telemetry is fresh, the prediction while the link is down
 
-At a hand-over the reference goes on where it was, pose, velocity and acceleration, and what it was
-off fades within seconds (`sim.following.blend`). Pure, and the same whatever the chunks.
+At a hand-over the reference goes on where it was, pose, velocity and acceleration, and the offset
+decays within seconds (`sim.following.blend`). Pure: a state goes in, a new state comes out, and how
+rows are cut into chunks does not change a bit.
 """
 
 from dataclasses import dataclass
@@ -19,10 +20,10 @@ from sim.kernel.arrays import air, flags, floats, frozen
 from sim.model import Model
 from sim.state import Floats
 
-FADE = 1.0  # s: time constant of a hand-over
+FADE_S = 1.0  # time constant of a hand-over; chosen, not measured
 
 
-class Mode(StrEnum):
+class ReferenceMode(StrEnum):
     """Where the reference comes from."""
 
     MEASURED = "measured"
@@ -32,13 +33,13 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True)
 class ReferenceState:
-    """What is carried from row to row (read-only)."""
+    """The carried row (read-only)."""
 
     carry: Floats
 
 
-class Referred(NamedTuple):
-    """The next state, references (K, 9), and which of them are the model's (K,)."""
+class ReferenceResult(NamedTuple):
+    """The state after some rows, references (K, 9), and which of them are the model's (K,)."""
 
     state: ReferenceState
     references: Floats
@@ -50,15 +51,15 @@ class Reference:
     """Estimates and commands in, the reference out."""
 
     model: Model
-    mode: Mode = Mode.AUTO
-    fade: float = FADE
+    mode: ReferenceMode = ReferenceMode.AUTO
+    fade: float = FADE_S
 
     def start(self) -> ReferenceState:
         """The state before the first row."""
         return ReferenceState(frozen(np.full(self.model.state_size + 21, np.nan)))
 
     def prepare(self) -> None:
-        """Compile now rather than at the first row."""
+        """Compile the loop."""
         rows, commands = np.empty((0, 9)), np.empty((0, self.model.actuator_count))
         self.advance(self.start(), np.empty(0), rows, np.zeros(0, np.bool_), commands)
 
@@ -72,7 +73,7 @@ class Reference:
         voltage: Floats | None = None,
         wind: Floats | None = None,
         jumps: NDArray[np.bool_] | None = None,
-    ) -> Referred:
+    ) -> ReferenceResult:
         """Estimates (K, 9) at times (K,) [s] -> references (K, 9).
 
         fresh (K,): telemetry is up to date at that row. Commands (K, na) hold over the interval
@@ -80,19 +81,16 @@ class Reference:
         estimates that did not come about by motion; the model is set to them.
         """
         count, carry = len(times), state.carry.copy()
-        up, leaps = flags(fresh, count), flags(jumps, count)
-        modelled, anchored = self._roles(up)
+        from_model = self._from_model(flags(fresh, count))
         out = np.empty((count, 9))
-        self.model.kernel.module.refer(
-            self.model.theta, carry, self.fade, floats(times), floats(estimates), modelled,
-            anchored, leaps, floats(commands), *air(voltage, wind, count), out,
+        self.model.kernel.module.compute_reference(
+            self.model.theta, carry, self.fade, floats(times), floats(estimates), from_model,
+            ~from_model, flags(jumps, count), floats(commands), *air(voltage, wind, count), out,
         )  # fmt: skip
-        return Referred(ReferenceState(frozen(carry)), out, modelled)
+        return ReferenceResult(ReferenceState(frozen(carry)), out, from_model)
 
-    def _roles(self, fresh: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which rows the model gives, and on which it is set to the estimate: (K,), (K,)."""
-        if self.mode is Mode.MEASURED:
-            return np.zeros_like(fresh), np.ones_like(fresh)
-        if self.mode is Mode.MODEL:
-            return np.ones_like(fresh), np.zeros_like(fresh)
-        return ~fresh, fresh.copy()
+    def _from_model(self, fresh: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which rows the model gives (K,); at the others it is set to the estimate."""
+        if self.mode is ReferenceMode.AUTO:
+            return ~fresh
+        return np.full_like(fresh, self.mode is ReferenceMode.MODEL)

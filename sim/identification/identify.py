@@ -36,7 +36,7 @@ from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats
 from sim.tables import data_frame
 from sim.trial import Trial
-from sim.vessel import Vessel, freed
+from sim.vessel import Vessel, with_free_curves
 
 LEAST_S = 20.0  # of usable time
 EQUATIONS = {"regression": fit_by_regression, "instrumental": instrumental}
@@ -115,7 +115,7 @@ def identify(
     seconds = sum(float(t.usable.sum()) * t.dt for t in trials)
     if seconds < LEAST_S:
         raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {LEAST_S:.0f} s are needed")
-    before = Model.of(freed(vessel, settings.free))
+    before = Model.of(with_free_curves(vessel, settings.free))
     if settings.method in EQUATIONS:
         return _by_equations(trials, before, settings, others, seconds)
     unknowns = unknowns_of(before, len(trials), settings)

@@ -23,7 +23,7 @@ from sim.effects.effect import Parameter, Scope
 from sim.identification.settings import IdentifySettings
 from sim.model import Model
 from sim.state import Floats
-from sim.vessel import KEY, outward
+from sim.vessel import KNOT_PREFIX, next_knot
 
 OFFSETS = ("command_offset", "velocity_offset")  # s later than the other streams
 OFFSET_STD, OFFSET_LIMIT = 0.03, 0.06
@@ -182,7 +182,7 @@ class Unknowns:
     def _from_outside(self) -> list[int]:
         """Shares of others, those first that others are shares of."""
         of = [i for i, u in enumerate(self.each) if u.inward is not None]
-        return sorted(of, key=lambda i: -abs(int(self.each[i].name.rpartition(KEY)[2])))
+        return sorted(of, key=lambda i: -abs(int(self.each[i].name.rpartition(KNOT_PREFIX)[2])))
 
     def _pairs(self) -> list[int]:
         return [i for i, u in enumerate(self.each) if u.polar == 0]
@@ -196,7 +196,7 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
     for name in names:
         scope, parameter = limits.get(name, (Scope.BOAT, None))
         start = float(model.theta[model.names.index(name)])
-        if name.rpartition(".")[2].startswith(KEY):
+        if name.rpartition(".")[2].startswith(KNOT_PREFIX):
             one = _knot(model, name, start)
         else:
             one = _base(model, name, start) if parameter is None else _of(name, start, parameter)
@@ -234,7 +234,7 @@ def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
             whole = asked + "_"
         found = [n for n in known if n == asked or (whole and n.startswith(whole))]
         if asked == "curve":
-            found = [n for n in known if n.rpartition(".")[2].startswith(KEY)]
+            found = [n for n in known if n.rpartition(".")[2].startswith(KNOT_PREFIX)]
         if not found:
             raise UnknownNameError(f"no parameter {asked!r}: there are {', '.join(known)}")
         return found
@@ -298,8 +298,8 @@ def _base(model: Model, name: str, start: float) -> Unknown:
 def _knot(model: Model, name: str, start: float) -> Unknown:
     """A knot of a thrust curve: its share of the next one outward; any share is possible."""
     label, _, key = name.rpartition(".")
-    own = [n.rpartition(".")[2] for n in model.names if n.startswith(f"{label}.{KEY}")]
-    outer = outward(key, own) or ("-" if "-" in key else "") + "full"
+    own = [n.rpartition(".")[2] for n in model.names if n.startswith(f"{label}.{KNOT_PREFIX}")]
+    outer = next_knot(key, own) or ("-" if "-" in key else "") + "full"
     return Unknown(name, "", start, 0.0, 1.0, 0.3, NUDGE, 1.0, True, inward=f"{label}.{outer}")
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from sim.vessel import KEY, AddedEffect, Dynamics, Rudder, Thruster, Vessel, key_of
+from sim.vessel import KNOT_PREFIX, AddedEffect, Dynamics, Rudder, Thruster, Vessel, knot_key
 
 PLACES = {  # key of an actuator's number -> its field, and the place in it
     "x": ("position", 0), "y": ("position", 1), "astern": ("thrust", 0), "ahead": ("thrust", 1),
@@ -45,9 +45,9 @@ def _moved(actuator: Thruster | Rudder, values: Mapping[str, float]) -> dict[str
         label, _, key = name.rpartition(".")
         if label != actuator.name:
             continue
-        if key.startswith(KEY) and isinstance(actuator, Thruster):
+        if key.startswith(KNOT_PREFIX) and isinstance(actuator, Thruster):
             was = changed.get("curve", actuator.curve)
-            changed["curve"] = tuple((c, value if key_of(c) == key else s) for c, s in was)
+            changed["curve"] = tuple((c, value if knot_key(c) == key else s) for c, s in was)
         elif key in PLACES:
             field, place = PLACES[key]
             was = changed.get(field, getattr(actuator, field))

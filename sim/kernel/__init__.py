@@ -1,1 +1,1 @@
-"""kernel."""
+"""The compiled equations of motion of one vessel: text, compilation, and the loops around them."""

@@ -1,4 +1,4 @@
-"""Rows as the compiled loops take them: contiguous, writable, of one type.
+"""Arrays as the compiled loops take them: contiguous, writable, of one type.
 
 numba compiles anew for every other kind of array.
 """

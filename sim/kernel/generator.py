@@ -1,30 +1,25 @@
 """Source text of a kernel: the laws of one vessel composed into one Python module.
 
 The text is unrolled over thrusters, rudders and effects, has no branches and calls each law by
-name; `sim.kernel.signatures` says what each composed function means. Effects act in the order of
-the catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they
-stand in their files, with the imports that those files have.
+name; `sim.kernel.signatures` lists the composed functions. Effects act in the order of the
+catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they stand
+in their files, with the imports that those files have.
 """
 
 import ast
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 from typing import NamedTuple
 
 from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.effect import Effect
+from sim.kernel.sources import source_text
 
 LOOPS = ("sim.kernel.loops", "sim.following.loops", "sim.following.monitor_loops")
-COMPOSED = (
-    "sim.kernel.signatures",
-    "sim.jit",
-)  # the kernel itself stands for these
 MARK = "# -- the text from here on goes into the kernel --\n"
 
-HEADER = '''"""Kernel written by sim.kernel.cache for: {title}. Do not edit."""
+HEADER = '''"""Kernel written by sim.kernel.generator for: {title}. Do not edit."""
 
 from __future__ import annotations
 
@@ -36,24 +31,21 @@ from sim.actuators import (
     angle_of, ramp, rudder_force, slipstream, thrust_at, thrust_of, thruster_force,
 )
 from sim.balance import (
-    acceleration_through, base_inertia, damping_force, kinematics, relative_velocity, solve,
-    unbalanced, velocity_through,
+    acceleration_through, balance_residual, base_inertia, kinematics, relative_velocity, solve,
+    velocity_through,
 )
-from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
+from sim.body import Body, Flow, HeldInputs, Report, RudderParameters, ThrusterParameters
 from sim.sensing import at_antenna
 from sim.state import Pose, Velocity, Water, Wrench, add_water, add_wrench
 {imports}
 
 NX = {nx}
-
-
-class Inputs(NamedTuple):
-    acting: tuple[float, ...]
-    voltage: float
-    wind_north: float
-    wind_east: float
-    wind_known: float
 '''
+SURROUNDINGS = [
+    "water = water_at(time, Pose(x[0], x[1], x[2]), p)",
+    "flow = flow_at(x, time, inputs, water, p)",
+]
+ACTUATORS = "tau, commanded = actuator_wrench(x, flow, inputs, p)"
 
 
 class Structure(NamedTuple):
@@ -62,7 +54,7 @@ class Structure(NamedTuple):
     thrusters: int
     rudders: tuple[tuple[int, int], ...]  # per rudder: thruster it turns or −1, wash or −1
     effects: tuple[Effect, ...]
-    tables: tuple[int, ...] = ()  # per thruster: whose table of thrust it follows, or −1
+    tables: tuple[int, ...] = ()  # per thruster: the owner of its table of thrust, or −1
     knots: tuple[tuple[float, ...], ...] = ()  # per thruster: commands of its own table
 
     @property
@@ -83,6 +75,28 @@ class Structure(NamedTuple):
         """Length of a state."""
         return 6 + len(self.memories)
 
+    @property
+    def actuators(self) -> int:
+        """Columns of a command table (at least one)."""
+        return max(self.thrusters + len(self.rudders), 1)
+
+    @property
+    def table_owners(self) -> list[int]:
+        """Thrusters that have a table of their own."""
+        return [i for i, table in enumerate(self.tables) if table == i]
+
+    @property
+    def tuples(self) -> list[tuple[str, str, int]]:
+        """(field, type, count of parameters) of each part of `Numbers`, in the order of theta."""
+        thruster, rudder = len(ThrusterParameters._fields) - 1, len(RudderParameters._fields) - 1
+        return [
+            ("body", "Body", len(Body._fields)),
+            *((f"t{i}", "ThrusterParameters", thruster) for i in range(self.thrusters)),
+            *((f"r{i}", "RudderParameters", rudder) for i in range(len(self.rudders))),
+            *((f"k{i}", f"K{i}", len(self.knots[i])) for i in self.table_owners),
+            *((f"e{e}", f"P{e}", len(effect.parameters)) for e, effect in enumerate(self.effects)),
+        ]
+
     def acting(self, place: str) -> Iterator[int]:
         """Numbers of the effects that act there."""
         return (i for i, effect in enumerate(self.effects) if getattr(effect, place) is not None)
@@ -100,38 +114,29 @@ def _function(head: str, lines: Sequence[str]) -> str:
     return "\n\n@jit\ndef " + head + ":\n" + "\n".join("    " + line for line in lines) + "\n"
 
 
+def _class(name: str, members: Iterable[tuple[str, str]]) -> str:
+    return f"\n\nclass {name}(NamedTuple):\n" + "".join(f"    {m}: {kind}\n" for m, kind in members)
+
+
 def _unpack(s: Structure) -> str:
     """`unpack`: the vector of parameters into named tuples."""
-    names = [("body", "Body", len(Body._fields))]
-    names += [
-        (f"t{i}", "ThrusterParameters", len(ThrusterParameters._fields) - 1)
-        for i in range(s.thrusters)
-    ]
-    names += [
-        (f"r{i}", "RudderParameters", len(RudderParameters._fields) - 1)
-        for i in range(len(s.rudders))
-    ]
     text, at, parts = "", 0, []
-    for i in owners_of(s):
-        text += f"\n\nclass K{i}(NamedTuple):\n"
-        text += "".join(f"    at_{k}: float\n" for k in range(len(s.knots[i])))
-        names.append((f"k{i}", f"K{i}", len(s.knots[i])))
+    for i in s.table_owners:
+        text += _class(f"K{i}", [(f"at_{k}", "float") for k in range(len(s.knots[i]))])
     for e, effect in enumerate(s.effects):
-        names_of = [p.name for p in effect.parameters] or ["none"]
-        members = "".join(f"    {name}: float\n" for name in names_of)
-        text += f"\n\nclass P{e}(NamedTuple):\n{members}"
-        names.append((f"e{e}", f"P{e}", len(effect.parameters)))
-    for field, kind, count in names:
+        names = [p.name for p in effect.parameters] or ["none"]
+        text += _class(f"P{e}", [(name, "float") for name in names])
+    for field, kind, count in s.tuples:
         values = [f"theta[{k}]" for k in range(at, at + count)]
         if kind in ("ThrusterParameters", "RudderParameters"):
             values.insert(0, f"{field[1:]}.0")
         parts.append(f"{kind}({', '.join(values) or '0.0'})")
         at += count
-    text += "\n\nclass Numbers(NamedTuple):\n" + "".join(f"    {f}: {k}\n" for f, k, _ in names)
+    text += _class("Numbers", [(field, kind) for field, kind, _ in s.tuples])
     return text + _function("unpack(theta)", [f"return Numbers({', '.join(parts)})"])
 
 
-def _tuples(s: Structure) -> str:
+def _state(s: Structure) -> str:
     """Arithmetic on states, the delay of all commands and the age of reports."""
     n = s.nx
     delays = [f"delay_{e}(p.e{e})" for e in s.acting("delay")]
@@ -158,15 +163,10 @@ def _surroundings(s: Structure) -> str:
     )
 
 
-def owners_of(s: Structure) -> list[int]:
-    """Thrusters that have a table of their own."""
-    return [i for i, table in enumerate(s.tables) if table == i]
-
-
 def _share(command: str, numbers: str, knots: Sequence[float]) -> str:
     """Sum of ramps between the knots of a table, from (−1, −1) through (0, 0) to (1, 1)."""
-    known = {-1.0: "-1.0", 0.0: "0.0", 1.0: "1.0"}
-    values = known | {c: f"{numbers}.at_{k}" for k, c in enumerate(knots)}
+    ends = {-1.0: "-1.0", 0.0: "0.0", 1.0: "1.0"}
+    values = ends | {c: f"{numbers}.at_{k}" for k, c in enumerate(knots)}
     steps = [
         f"({values[b]} - {values[a]}) * ramp({command}, {a!r}, {b!r})"
         for a, b in pairwise(sorted(values))
@@ -174,13 +174,13 @@ def _share(command: str, numbers: str, knots: Sequence[float]) -> str:
     return " + ".join(["-1.0", *steps])
 
 
-def _actuated(s: Structure) -> str:
-    """`actuated`: what the commands come to before motion has a say."""
+def _static_actuation(s: Structure) -> str:
+    """`static_actuation`: thrusts and angles of the commands, as far as motion does not matter."""
     count = s.thrusters + len(s.rudders)
     lines, names = ["c = " + _tuple([f"row[{i}]" for i in range(max(count, 1))])], []
     for e in s.acting("wiring"):
-        heard = [f"wiring_{e}(c, {i}.0, p.e{e})" for i in range(count)]
-        lines.append("c = " + _tuple(heard or ["row[0]"]))
+        wired = [f"wiring_{e}(c, {i}.0, p.e{e})" for i in range(count)]
+        lines.append("c = " + _tuple(wired or ["row[0]"]))
     for i in range(s.thrusters):
         names.append(f"F{i}")
         lines.append(f"c{i} = c[{i}]")
@@ -195,26 +195,26 @@ def _actuated(s: Structure) -> str:
         names.append(f"d{i}")
         lines.append(f"d{i} = angle_of(c[{s.thrusters + i}], p.r{i})")
         lines += [f"d{i} = angle_{e}(d{i}, p.r{i}, p.e{e})" for e in s.acting("angle")]
-    return _function("actuated(row, p)", [*lines, "return " + _tuple(names or ["row[0]"])])
+    return _function("static_actuation(row, p)", [*lines, "return " + _tuple(names or ["row[0]"])])
 
 
-def _actuators(s: Structure) -> str:
-    """`actuators`: what acts and memory -> wrench, and the inputs of the memory's laws."""
-    lines, fed, turned = ["tau = Wrench(0.0, 0.0, 0.0)"], {}, {}
+def _actuator_wrench(s: Structure) -> str:
+    """`actuator_wrench`: the wrench, and the commanded thrusts and angles that memory follows."""
+    lines, commanded, turned = ["tau = Wrench(0.0, 0.0, 0.0)"], {}, {}
     for i, (motor, _) in enumerate(s.rudders):
-        lines.append(f"d{i} = inputs.acting[{s.thrusters + i}]")
+        lines.append(f"d{i} = inputs.actuation[{s.thrusters + i}]")
         for e in s.acting("angle_rate"):
             at = s.memory(e, "angle_rate", i)
-            fed[at] = f"d{i}_{e}"
+            commanded[at] = f"d{i}_{e}"
             lines += [f"d{i}_{e} = d{i}", f"d{i} = x[{at}]"]
         if motor >= 0:
             turned[motor] = f" - d{i}"
     for i in range(s.thrusters):
-        lines.append(f"F{i} = inputs.acting[{i}]")
+        lines.append(f"F{i} = inputs.actuation[{i}]")
         lines += [f"F{i} = thrust_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("thrust")]
         for e in s.acting("thrust_rate"):
             at = s.memory(e, "thrust_rate", i)
-            fed[at] = f"F{i}_{e}"
+            commanded[at] = f"F{i}_{e}"
             lines += [f"F{i}_{e} = F{i}", f"F{i} = x[{at}]"]
         lines.append(f"a{i} = p.t{i}.azimuth{turned.get(i, '')}")
         lines += [f"a{i} = turn_{e}(a{i}, p.t{i}, flow, p.e{e})" for e in s.acting("turn")]
@@ -223,38 +223,35 @@ def _actuators(s: Structure) -> str:
         if motor < 0:
             jet = f"slipstream(flow.u, F{wash}, p.r{i})" if wash >= 0 else "0.0"
             lines.append(f"tau = add_wrench(tau, rudder_force(d{i}, flow, {jet}, p.r{i}))")
-    wanted = [fed.get(6 + k, "0.0") for k in range(len(s.memories))]
+    inputs = [commanded.get(6 + k, "0.0") for k in range(len(s.memories))]
     return _function(
-        "actuators(x, flow, inputs, p)", [*lines, "return tau, " + _tuple([*wanted, "0.0"])]
+        "actuator_wrench(x, flow, inputs, p)", [*lines, "return tau, " + _tuple([*inputs, "0.0"])]
     )
 
 
 def _memory(s: Structure) -> str:
-    """`at_rest` and `memory_rates`: where memory starts and how it changes."""
-    rest, change = [], []
+    """`settle_memory` and `memory_rates`: where memory starts and how it changes."""
+    settled, change = [], []
     for k, (e, place, i) in enumerate(s.memories):
         if place == "rate":
-            rest.append(f"{s.effects[e].start!r} + 0.0 * x[0]")
+            settled.append(f"{s.effects[e].start!r} + 0.0 * x[0]")
             change.append(f"rate_{e}(flow, x[{6 + k}], p.e{e})")
         else:
             actuator = f"p.{'t' if place == 'thrust_rate' else 'r'}{i}"
-            rest.append(f"fed[{k}]")
-            change.append(f"{place}_{e}(fed[{k}], x[{6 + k}], {actuator}, p.e{e})")
+            settled.append(f"commanded[{k}]")
+            change.append(f"{place}_{e}(commanded[{k}], x[{6 + k}], {actuator}, p.e{e})")
     motion = [f"x[{i}]" for i in range(6)]
-    at_rest = [
-        "water = water_at(time, Pose(x[0], x[1], x[2]), p)",
-        "flow = flow_at(x, time, inputs, water, p)",
-    ]
-    for k in range(len(rest)):  # one memory may feed the next
-        keep = [f"x[{6 + j}]" if j != k else rest[j] for j in range(len(rest))]
-        at_rest += ["tau, fed = actuators(x, flow, inputs, p)", "x = " + _tuple(motion + keep)]
-    return _function("at_rest(x, time, inputs, p)", [*at_rest, "return x"]) + _function(
-        "memory_rates(x, flow, fed, p)", ["return " + _tuple([*change, "0.0"])]
+    lines = [*SURROUNDINGS]
+    for k in range(len(settled)):  # one memory may feed the next
+        memory = [f"x[{6 + j}]" if j != k else settled[j] for j in range(len(settled))]
+        lines += [ACTUATORS, "x = " + _tuple(motion + memory)]
+    return _function("settle_memory(x, time, inputs, p)", [*lines, "return x"]) + _function(
+        "memory_rates(x, flow, commanded, p)", ["return " + _tuple([*change, "0.0"])]
     )
 
 
 def _dynamics(s: Structure) -> str:
-    """The balance with all effects, and the three questions that are asked of it."""
+    """The balance with all effects, and what is computed from it: rates and wrenches."""
     balance = [
         "pose, nu = Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5])",
         "M = base_inertia(p.body)",
@@ -265,51 +262,48 @@ def _dynamics(s: Structure) -> str:
         balance.append(f"tau = add_wrench(tau, force_{e}(flow{own}, p.e{e}))")
     balance += [
         "rel_dot = acceleration_through(water, pose, nu, Velocity(u_dot, v_dot, r_dot))",
-        "return M, unbalanced(M, p.body, relative_velocity(flow), rel_dot, tau)",
+        "return M, balance_residual(M, p.body, relative_velocity(flow), rel_dot, tau)",
     ]
-    around = [
-        "water = water_at(time, Pose(x[0], x[1], x[2]), p)",
-        "flow = flow_at(x, time, inputs, water, p)",
-    ]
-    moved = [
+    solved = [
         "M, rest = balance(x, 0.0, 0.0, 0.0, water, flow, tau, p)",
         "nu_dot = solve(M, Wrench(-rest.X, -rest.Y, -rest.N))",
         "pose_dot = kinematics(Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5]))",
     ]
     six = ["pose_dot[0]", "pose_dot[1]", "pose_dot[2]", "nu_dot.u", "nu_dot.v", "nu_dot.r"]
-    rates = [f"more[{k}]" for k in range(len(s.memories))]
-    fluid = [  # actuators rest while a force moves the plant; an effect's own state does not
+    rates = [f"memory_dot[{k}]" for k in range(len(s.memories))]
+    fluid = [  # actuators keep their memory under a force; an effect's own state does not
         f"rate_{e}(flow, x[{6 + k}], p.e{e})" if place == "rate" else f"0.0 * x[{6 + k}]"
         for k, (e, place, _) in enumerate(s.memories)
     ]
-    asked = ["M, rest = balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)", "return rest"]
-    question = "(x, u_dot, v_dot, r_dot, time, inputs, p)"
-    acting = "tau, fed = actuators(x, flow, inputs, p)"
-    return (
-        _function("balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)", balance)
-        + _function(
-            "rates(x, time, inputs, p)",
-            [*around, acting, "more = memory_rates(x, flow, fed, p)", *moved,
-             "return " + _tuple(six + rates)],
-        )
-        + _function("pushed(x, time, inputs, tau, p)", [*around, *moved,
-                    "return " + _tuple(six + fluid)])
-        + _function("commanded(x, time, inputs, p)", [*around, acting, "return tau"])
-        + _function("missing" + question, [*around, acting, *asked])
-        + _function("required" + question, [*around, "tau = Wrench(0.0, 0.0, 0.0)", *asked])
-    )  # fmt: skip
+    residual = ["M, rest = balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)", "return rest"]
+    arguments = "(x, u_dot, v_dot, r_dot, time, inputs, p)"
+    memory_dot = "memory_dot = memory_rates(x, flow, commanded, p)"
+    no_actuators = "tau = Wrench(0.0, 0.0, 0.0)"
+    functions = {
+        "balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)": balance,
+        "state_rates(x, time, inputs, p)": [
+            *SURROUNDINGS, ACTUATORS, memory_dot, *solved, "return " + _tuple(six + rates)
+        ],
+        "state_rates_under_force(x, time, inputs, tau, p)": [
+            *SURROUNDINGS, *solved, "return " + _tuple(six + fluid)
+        ],
+        "commanded_wrench(x, time, inputs, p)": [*SURROUNDINGS, ACTUATORS, "return tau"],
+        "missing_wrench" + arguments: [*SURROUNDINGS, ACTUATORS, *residual],
+        "required_wrench" + arguments: [*SURROUNDINGS, no_actuators, *residual],
+    }  # fmt: skip
+    return "".join(_function(head, lines) for head, lines in functions.items())
 
 
 def _observe(s: Structure) -> str:
-    """`observe`: lever arm of the antenna, then sensor effects; `observe_now`: without the late."""
+    """`observe`: lever arm of the antenna, then sensor effects; `observe_undelayed`: none late."""
 
-    def told(which: Iterable[int]) -> list[str]:
-        laws = [f"report = observe_{e}(report, p.e{e})" for e in which]
+    def chain(effects: Iterable[int]) -> list[str]:
+        laws = [f"report = observe_{e}(report, p.e{e})" for e in effects]
         return ["report = at_antenna(report, p.body)", *laws, "return report"]
 
-    prompt = (e for e in s.acting("observe") if s.effects[e].latency is None)
-    return _function("observe(report, p)", told(s.acting("observe"))) + _function(
-        "observe_now(report, p)", told(prompt)
+    undelayed = (e for e in s.acting("observe") if s.effects[e].latency is None)
+    return _function("observe(report, p)", chain(s.acting("observe"))) + _function(
+        "observe_undelayed(report, p)", chain(undelayed)
     )
 
 
@@ -319,9 +313,9 @@ def kernel_text(s: Structure) -> str:
         ", ".join(effect.name for effect in s.effects) or "no effects"
     )
     imports = "\n".join(line for name in LOOPS for line in _loop(name).imports)
-    header = HEADER.format(title=title, nx=s.nx, imports=imports)
-    parts = [header, _unpack(s), _tuples(s), _surroundings(s)]
-    parts += [_actuated(s), _actuators(s), _memory(s), _dynamics(s), _observe(s)]
+    parts = [HEADER.format(title=title, nx=s.nx, imports=imports), _unpack(s), _state(s)]
+    parts += [_surroundings(s), _static_actuation(s), _actuator_wrench(s), _memory(s)]
+    parts += [_dynamics(s), _observe(s)]
     return "".join([*parts, *(_loop(name).text for name in LOOPS)])
 
 
@@ -332,22 +326,15 @@ class _Loop(NamedTuple):
     text: str
 
 
-def source_file(module: str) -> Path:
-    """File of a module of this package; ImportError where there is none."""
-    spec = find_spec(module)
-    if spec is None or spec.origin is None:
-        raise ImportError(f"no source of {module}")
-    return Path(spec.origin)
-
-
 @lru_cache
 def _loop(module: str) -> _Loop:
-    before, text = source_file(module).read_text(encoding="utf-8").split(MARK)
+    """A loop file; the kernel itself has what other loop files and `sim.jit` give there."""
+    before, text = source_text(module).split(MARK)
     imports = [
         ast.unparse(node)
         for node in ast.parse(before).body
         if isinstance(node, ast.ImportFrom)
         and str(node.module).startswith("sim.")
-        and node.module not in (*COMPOSED, *LOOPS)
+        and node.module not in ("sim.jit", *LOOPS)
     ]
     return _Loop(tuple(imports), "\n" + text)

@@ -1,53 +1,61 @@
-"""The loops around the composed laws. `sim.kernel.cache` copies this file's text into every kernel,
+"""The loops around the composed laws: steps of integration, inversion of the sensors, free runs.
 
-where `jit` compiles; in numpy mode `jit` leaves the functions as they are.
+`sim.kernel.generator` copies the text below the mark into every kernel, where `jit` and `entry`
+compile; in plain Python they leave the functions as they are.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.body import Report
+from sim.body import HeldInputs, Report
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
-from sim.kernel.signatures import (
-    NX,
-    Inputs,
-    Numbers,
-    State,
-    actuated,
-    at_rest,
-    axpy,
-    delay_of,
-    latency_of,
-    observe,
-    observe_now,
-    rates,
-    state_from,
-    unpack,
-)
-from sim.sensing import agree, corrected
+from sim.sensing import inversion_step, reports_agree
 from sim.state import Floats, to_body, to_world
+
+if TYPE_CHECKING:
+    from sim.kernel.signatures import (
+        NX,
+        Numbers,
+        State,
+        axpy,
+        delay_of,
+        latency_of,
+        observe,
+        observe_undelayed,
+        settle_memory,
+        state_from,
+        state_rates,
+        static_actuation,
+        unpack,
+    )
 
 # -- the text from here on goes into the kernel --
 
-INVERSIONS = 200  # at most: a receiver that is 0.3 s late takes 60 at 2 rad/s
+MAX_INVERSION_STEPS = 200  # a receiver that is 0.3 s late takes 60 at 2 rad/s
 
 
 @jit
-def step(x: State, k1: State, t: float, inputs: Inputs, h: float, p: Numbers) -> State:
+def rk4_step(x: State, k1: State, t: float, inputs: HeldInputs, h: float, p: Numbers) -> State:
     """One step of classical Runge–Kutta of fourth order from a state and its rates k1."""
-    k2 = rates(axpy(x, 0.5 * h, k1), t + 0.5 * h, inputs, p)
-    k3 = rates(axpy(x, 0.5 * h, k2), t + 0.5 * h, inputs, p)
-    k4 = rates(axpy(x, h, k3), t + h, inputs, p)
+    k2 = state_rates(axpy(x, 0.5 * h, k1), t + 0.5 * h, inputs, p)
+    k3 = state_rates(axpy(x, 0.5 * h, k2), t + 0.5 * h, inputs, p)
+    k4 = state_rates(axpy(x, h, k3), t + h, inputs, p)
     return axpy(axpy(axpy(axpy(x, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
 
 
 @jit
-def advance(x: State, time: float, inputs: Inputs, dt: float, substeps: int, p: Numbers) -> State:
+def advance(
+    x: State, time: float, inputs: HeldInputs, dt: float, substeps: int, p: Numbers
+) -> State:
     """One interval of held inputs in equal steps -> the next state."""
     h = dt / substeps
     for i in range(substeps):
-        x = step(x, rates(x, time + i * h, inputs, p), time + i * h, inputs, h, p)
+        x = rk4_step(x, state_rates(x, time + i * h, inputs, p), time + i * h, inputs, h, p)
     return x
 
 
@@ -59,28 +67,34 @@ def set_row(row: Floats, values: tuple[float, ...]) -> None:
 
 
 @jit
-def motion_of(x: State, k: State) -> Report:
+def report_from(row: Floats) -> Report:
+    """A row (9,) as a report."""
+    return Report(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8])
+
+
+@jit
+def motion_of_state(x: State, k: State) -> Report:
     """The true motion of a state and its rates."""
     return Report(x[0], x[1], x[2], x[3], x[4], x[5], k[3], k[4], k[5])
 
 
 @jit
-def report_of(x: State, time: float, inputs: Inputs, p: Numbers) -> Report:
+def report_of_state(x: State, time: float, inputs: HeldInputs, p: Numbers) -> Report:
     """What the sensors report of a state, accelerations included."""
-    return observe(motion_of(x, rates(x, time, inputs, p)), p)
+    return observe(motion_of_state(x, state_rates(x, time, inputs, p)), p)
 
 
 @jit
-def aged(rows: Floats, prompt: Floats, steps: float, dt: float) -> None:
-    """Position and velocity over ground in reports (K, 9) dt [s] apart become `steps` steps old.
+def apply_latency(rows: Floats, undelayed: Floats, steps: float, dt: float) -> None:
+    """Delay position and velocity over ground in reports (K, 9), dt [s] apart, by `steps` steps.
 
-    Heading, turning and accelerations have sensors of their own, which are not late. `prompt`
-    (>= K, 9) is the past: the same reports if nothing were late. Rows whose past is not known stay.
+    Heading, yaw rate and accelerations have sensors of their own, which are not late. `undelayed`
+    (>= K, 9) are the reports without delay. Rows before the first of them are left as they are.
     """
     for k in range(len(rows)):
         i = min(int(np.floor(k - steps)), len(rows) - 2)
         if i >= 0:
-            s, now, then = k - steps - i, prompt[i], prompt[i + 1]
+            s, now, then = k - steps - i, undelayed[i], undelayed[i + 1]
             north, east = to_world(now[3], now[4], now[2])
             north_next, east_next = to_world(then[3], then[4], then[2])
             rows[k, 0] = now[0] + s * (then[0] - now[0])
@@ -94,11 +108,11 @@ def aged(rows: Floats, prompt: Floats, steps: float, dt: float) -> None:
 def true_motion(measured: Report, p: Numbers) -> Report:
     """Reported motion -> the motion that the sensors would report so (inverse of `observe`)."""
     guess = measured
-    for _ in range(INVERSIONS):
+    for _ in range(MAX_INVERSION_STEPS):
         predicted = observe(guess, p)
-        if agree(measured, predicted):
+        if reports_agree(measured, predicted):
             break
-        guess = corrected(guess, measured, predicted)
+        guess = inversion_step(guess, measured, predicted)
     return guess
 
 
@@ -110,24 +124,24 @@ def integral_at(total: Floats, position: float, i: int) -> float:
 
 
 @jit
-def held(
+def held_inputs(
     row: Floats, voltage: float, wind_north: float, wind_east: float, p: Numbers
-) -> Inputs:  # fmt: skip
+) -> HeldInputs:
     """Inputs from a row of commands (na,); a wind of NaN was not measured."""
     if np.isfinite(wind_north + wind_east):
-        return Inputs(actuated(row, p), voltage, wind_north, wind_east, 1.0)
-    return Inputs(actuated(row, p), voltage, 0.0, 0.0, 0.0)
+        return HeldInputs(static_actuation(row, p), voltage, wind_north, wind_east, 1.0)
+    return HeldInputs(static_actuation(row, p), voltage, 0.0, 0.0, 0.0)
 
 
 @jit
 def inputs_at(
     total: Floats, position: float, voltage: float, wind_north: float, wind_east: float,
     row: Floats, p: Numbers,
-) -> Inputs:  # fmt: skip
+) -> HeldInputs:  # fmt: skip
     """Inputs over one step that begins at `position`: commands are the mean over the step."""
     for i in range(len(row)):
         row[i] = integral_at(total, position + 1.0, i) - integral_at(total, position, i)
-    return held(row, voltage, wind_north, wind_east, p)
+    return held_inputs(row, voltage, wind_north, wind_east, p)
 
 
 @entry
@@ -136,51 +150,48 @@ def rollout(
     steps: NDArray[np.int64], delay: Floats, total: Floats, voltage: Floats, wind: Floats,
     time: Floats, dt: float, substeps: int, states: Floats, reports: Floats,
 ) -> None:  # fmt: skip
-    """Run the model freely from each start.
+    """Simulate freely from each start.
 
     theta (B or 1, P), x0 (B, nx), table/start/steps/delay (B,), total (C, T+1, na) integrated
     commands, voltage (C, T), wind (C, T, 2), time (C, T) -> states (B, H+1, nx), reports
     (B, H+1, 9); rows beyond a run's steps, or after it diverged, are left as they are (NaN).
-    NaN in the memory part of x0 means: at rest under the first command.
+    NaN in the memory part of x0: it starts settled under the first command.
     """
     row, h = np.empty(total.shape[2]), dt / substeps
-    prompt = np.empty(reports.shape[1:])
+    undelayed = np.empty(reports.shape[1:])
     for b in range(len(x0)):
         p = unpack(theta[b % len(theta)])
         c = table[b]
-        shift, age, last = (delay[b] + delay_of(p)) / dt, latency_of(p) / dt, 0
+        late, latency, last = (delay[b] + delay_of(p)) / dt, latency_of(p) / dt, 0
         x = state_from(x0[b])
         for k in range(steps[b] + 1):
             j = min(start[b] + k, time.shape[1] - 1)
             t = time[c, start[b]] + k * dt
             inputs = inputs_at(
-                total[c], start[b] + k - shift, voltage[c, j], wind[c, j, 0], wind[c, j, 1], row, p
+                total[c], start[b] + k - late, voltage[c, j], wind[c, j, 0], wind[c, j, 1], row, p
             )
             if k == 0 and NX > 6 and not np.isfinite(x[NX - 1]):
-                x = at_rest(x, t, inputs, p)
+                x = settle_memory(x, t, inputs, p)
             for i in range(len(x)):
                 states[b, k, i] = x[i]
-            k1 = rates(x, t, inputs, p)
-            set_row(reports[b, k], observe(motion_of(x, k1), p))
-            if age != 0.0:
-                set_row(prompt[k], observe_now(motion_of(x, k1), p))
+            k1 = state_rates(x, t, inputs, p)
+            set_row(reports[b, k], observe(motion_of_state(x, k1), p))
+            if latency != 0.0:
+                set_row(undelayed[k], observe_undelayed(motion_of_state(x, k1), p))
             last = k
             if k < steps[b]:
-                x = step(x, k1, t, inputs, h, p)
+                x = rk4_step(x, k1, t, inputs, h, p)
                 for i in range(1, substeps):
-                    x = step(x, rates(x, t + i * h, inputs, p), t + i * h, inputs, h, p)
+                    x = rk4_step(x, state_rates(x, t + i * h, inputs, p), t + i * h, inputs, h, p)
             if not np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]) or abs(x[3]) > 1e3:
                 break
-        if age != 0.0:
-            aged(reports[b, : last + 1], prompt, age, dt)
+        if latency != 0.0:
+            apply_latency(reports[b, : last + 1], undelayed, latency, dt)
 
 
 @entry
 def true_states(theta: Floats, motion: Floats, out: Floats) -> None:
     """Reported motion (B, 9) -> true pose and velocity (B, 6), for each theta (B or 1, P)."""
     for b in range(len(motion)):
-        m = motion[b]
         p = unpack(theta[b % len(theta)])
-        true = true_motion(Report(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]), p)
-        out[b, 0], out[b, 1], out[b, 2] = true.north, true.east, true.yaw
-        out[b, 3], out[b, 4], out[b, 5] = true.u, true.v, true.r
+        set_row(out[b], true_motion(report_from(motion[b]), p)[:6])

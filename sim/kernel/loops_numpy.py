@@ -1,4 +1,4 @@
-"""Free runs of a batch in numpy, for kernels that numba cannot compile: loop over time only."""
+"""Free runs of a batch in numpy, for kernels that numba cannot compile: a loop over time alone."""
 
 from types import ModuleType
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.body import HeldInputs
 from sim.state import Floats
 
 
@@ -17,39 +18,40 @@ def rollout(
 ) -> None:  # fmt: skip
     """`rollout` of sim.kernel.loops on arrays over the batch: same arguments, same results."""
     p = kernel.unpack(np.resize(theta, (len(x0), theta.shape[1])).T)
-    shift = (delay + kernel.delay_of(p)) / dt
+    late = (delay + kernel.delay_of(p)) / dt
     x: Any = kernel.state_from(x0.T)
     h = dt / substeps
-    prompt = np.empty_like(reports)
+    undelayed = np.empty_like(reports)
     alive = np.ones(len(x0), bool)
     with np.errstate(all="ignore"):  # a run that diverges is cut off, as in the compiled loop
         for k in range(int(steps.max()) + 1):
             j = np.minimum(start + k, time.shape[1] - 1)
             t = time[table, start] + k * dt
-            row = _mean_commands(total, table, start + k - shift)
+            row = _mean_commands(total, table, start + k - late)
             air = wind[table, j]
             known = np.isfinite(air.sum(axis=1))
-            inputs = kernel.Inputs(
-                kernel.actuated(row.T, p), voltage[table, j], *np.nan_to_num(air).T, known * 1.0
-            )
+            actuation = kernel.static_actuation(row.T, p)
+            north, east = np.nan_to_num(air).T
+            inputs = HeldInputs(actuation, voltage[table, j], north, east, known * 1.0)
             if k == 0 and kernel.NX > 6:
-                rest = kernel.at_rest(x, t, inputs, p)
+                settled = kernel.settle_memory(x, t, inputs, p)
                 unset = ~np.isfinite(x0[:, -1])
-                x = tuple(np.where(unset, r, v) for r, v in zip(rest, x, strict=True))
+                x = tuple(np.where(unset, m, v) for m, v in zip(settled, x, strict=True))
             alive &= k <= steps
             states[alive, k] = np.stack(np.broadcast_arrays(*x), axis=-1)[alive]
-            k1 = kernel.rates(x, t, inputs, p)
-            motion = kernel.motion_of(x, k1)
-            for rows, told in ((reports, kernel.observe), (prompt, kernel.observe_now)):
-                said = np.stack(np.broadcast_arrays(*told(motion, p)), axis=-1)
-                rows[alive, k] = said[alive]
+            k1 = kernel.state_rates(x, t, inputs, p)
+            motion = kernel.motion_of_state(x, k1)
+            observed = ((reports, kernel.observe), (undelayed, kernel.observe_undelayed))
+            for rows, sensors in observed:
+                rows[alive, k] = np.stack(np.broadcast_arrays(*sensors(motion, p)), axis=-1)[alive]
             for i in range(substeps):
-                k1 = kernel.rates(x, t + i * h, inputs, p) if i else k1
-                x = kernel.step(x, k1, t + i * h, inputs, h, p)
+                k1 = kernel.state_rates(x, t + i * h, inputs, p) if i else k1
+                x = kernel.rk4_step(x, k1, t + i * h, inputs, h, p)
             alive &= np.isfinite(np.sum(x[:6], axis=0)) & (np.abs(x[3]) <= 1e3)
-    ages, count = np.broadcast_to(kernel.latency_of(p) / dt, len(x0)), np.isfinite(reports[..., 0])
-    for b in np.flatnonzero(ages):
-        kernel.aged(reports[b, : count[b].sum()], prompt[b], ages[b], dt)
+    latency = np.broadcast_to(kernel.latency_of(p) / dt, len(x0))
+    for b in np.flatnonzero(latency):
+        run = slice(np.isfinite(reports[b, :, 0]).sum())
+        kernel.apply_latency(reports[b, run], undelayed[b], latency[b], dt)
 
 
 def _mean_commands(total: Floats, table: NDArray[np.int64], position: Floats) -> Floats:

@@ -1,1 +1,1 @@
-"""What the follower drives: one plant per file, and one list of them all (`catalogue`)."""
+"""What the follower drives: one kind of plant per file, and one table of them all (`table`)."""

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, Protocol
 from sim.state import Pose, Velocity, Wrench
 
 
-class Around(NamedTuple):
-    """What surrounds the plant during a step."""
+class PlantInputs(NamedTuple):
+    """Time, and what acts on the plant from outside during a step."""
 
     time: float  # s
     voltage: float  # V, NaN where not measured
@@ -18,7 +18,7 @@ class Around(NamedTuple):
     wind_east: float  # m/s
 
 
-class Motion(NamedTuple):
+class PlantMotion(NamedTuple):
     """Pose and velocity over ground of the plant's body origin."""
 
     pose: Pose
@@ -30,25 +30,25 @@ class Plant(Protocol):
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Name of this plant in messages."""
         ...
 
-    def place(self, motion: Motion, around: Around) -> Any:
+    def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> Any:
         """A state with that pose and velocity, everything else at rest."""
         ...
 
-    def motion(self, state: Any) -> Motion:
+    def motion(self, state: Any) -> PlantMotion:
         """Pose [m, m, rad] and velocity [m/s, m/s, rad/s] of a state."""
         ...
 
-    def acceleration(self, state: Any, tau: Wrench, around: Around) -> Velocity:
+    def acceleration(self, state: Any, tau: Wrench, inputs: PlantInputs) -> Velocity:
         """ν̇ of a state under a force [N, N, N m] -> [m/s², m/s², rad/s²]."""
         ...
 
-    def required(self, state: Any, nu_dot: Velocity, around: Around) -> Wrench:
+    def required_force(self, state: Any, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
         """The force that this ν̇ takes: M ν̇ + C ν + D ν as well as it is known [N, N, N m]."""
         ...
 
-    def step(self, state: Any, tau: Wrench, around: Around, dt: float) -> Any:
+    def step(self, state: Any, tau: Wrench, inputs: PlantInputs, dt: float) -> Any:
         """The state dt [s] later under a constant force [N, N, N m]."""
         ...

@@ -8,13 +8,13 @@ import numpy as np
 from sim.kernel.cache import plain_kernel_for
 from sim.kernel.signatures import State
 from sim.model import Model
-from sim.plants.plant import Around, Motion
+from sim.plants.plant import PlantInputs, PlantMotion
 from sim.state import Pose, Velocity, Wrench
 
 
 @dataclass(frozen=True)
 class VesselPlant:
-    """The balance of a vessel under a force; its own thrusters rest."""
+    """The balance of a vessel under a force; its own thrusters give none."""
 
     model: Model
 
@@ -31,34 +31,32 @@ class VesselPlant:
     def _numbers(self) -> Any:
         return self._kernel.unpack(self.model.theta)
 
-    def _inputs(self, around: Around) -> Any:
-        still = np.zeros(self.model.actuator_count)
-        air = around.wind_north, around.wind_east
-        return self._kernel.held(still, around.voltage, *air, self._numbers)
+    def _held(self, inputs: PlantInputs) -> Any:
+        no_commands = np.zeros(self.model.actuator_count)
+        return self._kernel.held_inputs(no_commands, *inputs[1:], self._numbers)
 
-    def place(self, motion: Motion, around: Around) -> State:
-        """A state with that pose and velocity, memory at rest."""
-        memory = (0.0,) * (self.model.state_size - 6)
-        x = (*motion.pose, *motion.velocity, *memory)
-        at_rest = self._kernel.at_rest
-        return at_rest(x, around.time, self._inputs(around), self._numbers)  # type: ignore[no-any-return]
+    def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> State:
+        """A state with that pose and velocity, memory settled without commands."""
+        x = (*motion.pose, *motion.velocity, *(0.0,) * (self.model.state_size - 6))
+        return self._kernel.settle_memory(x, inputs.time, self._held(inputs), self._numbers)
 
-    def motion(self, state: State) -> Motion:
+    def motion(self, state: State) -> PlantMotion:
         """Pose [m, m, rad] and velocity [m/s, m/s, rad/s] of a state."""
-        return Motion(Pose(*state[:3]), Velocity(*state[3:6]))
+        return PlantMotion(Pose(*state[:3]), Velocity(*state[3:6]))
 
-    def acceleration(self, state: State, tau: Wrench, around: Around) -> Velocity:
+    def acceleration(self, state: State, tau: Wrench, inputs: PlantInputs) -> Velocity:
         """ν̇ under a force [N, N, N m] -> [m/s², m/s², rad/s²]."""
-        rates = self._kernel.pushed(state, around.time, self._inputs(around), tau, self._numbers)
+        rates = self._kernel.state_rates_under_force(
+            state, inputs.time, self._held(inputs), tau, self._numbers
+        )
         return Velocity(*rates[3:6])
 
-    def required(self, state: State, nu_dot: Velocity, around: Around) -> Wrench:
+    def required_force(self, state: State, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
         """The force that this ν̇ takes, from the balance [N, N, N m]."""
-        inputs = self._inputs(around)
-        force = self._kernel.required(state, *nu_dot, around.time, inputs, self._numbers)
-        return Wrench(*force)
+        held = self._held(inputs)
+        return self._kernel.required_wrench(state, *nu_dot, inputs.time, held, self._numbers)
 
-    def step(self, state: State, tau: Wrench, around: Around, dt: float) -> State:
+    def step(self, state: State, tau: Wrench, inputs: PlantInputs, dt: float) -> State:
         """One Runge–Kutta step under a constant force -> the state dt [s] later."""
-        inputs = self._inputs(around)
-        return self._kernel.push(state, around.time, inputs, tau, dt, self._numbers)  # type: ignore[no-any-return]
+        held = self._held(inputs)
+        return self._kernel.rk4_step_under_force(state, inputs.time, held, tau, dt, self._numbers)

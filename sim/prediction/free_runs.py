@@ -99,7 +99,7 @@ def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
         return memory
     commands = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
     before = np.vstack([commands[:1], commands[:-1]])
-    motion, carry, done = measured_motion(trial), model.fresh_carry(), 0
+    motion, carry, done = measured_motion(trial), model.initial_carry(), 0
     for i in np.argsort(rows):
         part = slice(done, int(rows[i]) + 1)
         if part.stop > part.start:

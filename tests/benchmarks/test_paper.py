@@ -21,7 +21,7 @@ from benchmarks.paper.table6 import JUDGED, compared, table_6
 from benchmarks.paper.table7 import DT, driven, table_7
 from benchmarks.paper.table8 import direction, disturbed, resultant
 from benchmarks.paper.voyage import motion_of, sailed
-from sim.following.follower import Axes, Following, VesselFollower
+from sim.following.follower import Axes, FollowerOptions, VesselFollower
 from sim.model import Model
 
 PAIRS = (iacquabot(), wam_v())
@@ -141,7 +141,7 @@ def test_table_7(campaign: Campaign) -> None:
 def test_only_three_axes_hold_against_a_side_force(campaign: Campaign) -> None:
     wam = wam_v().vessel
     reference = driven(campaign, iacquabot().vessel)
-    for way, holds in ((Following(), True), (Following(axes=Axes.SURGE_YAW), False)):
+    for way, holds in ((FollowerOptions(), True), (FollowerOptions(axes=Axes.SURGE_YAW), False)):
         shadow = followed(disturbed(wam, TABLE_8[1]), wam, reference, DT, way)
         worst = max(s.rmse for s in scored(reference[:, :6], shadow[:, :6]).values())
         assert (worst < 0.1) is holds

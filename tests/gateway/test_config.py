@@ -10,8 +10,8 @@ from gateway.errors import BadInput
 from gateway.estimation.settings import SOURCES
 from gateway.links.rate_requests import FULL_HZ, RADIO_HZ
 from gateway.recording.file import Compression
-from sim.following.follower import Law
-from sim.following.reference import Mode
+from sim.following.follower import ControlLaw
+from sim.following.reference import ReferenceMode
 
 EVERYTHING = """
 [[boats]]
@@ -85,10 +85,10 @@ def test_every_table_is_read(tmp_path: Path) -> None:
     assert found.filter.gyro_delay_s == 0.02
     assert (found.zenoh.publish, found.zenoh.bus().config_file) == (False, Path("zenoh.json5"))
     assert found.recording.compression is Compression.LZ4
-    assert found.following.reference is Mode.AUTO
+    assert found.following.reference is ReferenceMode.AUTO
     assert found.studio.tile(3, 4, 5) == "http://maps.local:8080/3/4/5.png"
     assert (found.studio.host, found.studio.attribution) == ("maps.local:8080", "our own survey")
-    assert found.following.follower.law is Law.PRINTED
+    assert found.following.follower.law is ControlLaw.PRINTED
 
 
 def test_what_a_file_leaves_out_stays_as_it_was(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def vessels(draw: st.DrawFn) -> Vessel:
         draw(st.builds(Sensors, point, point)),
         source=draw(word),
     )
-    fitting = st.sampled_from([effect for effect in EFFECTS if not bare.lacks(effect)])
+    fitting = st.sampled_from([effect for effect in EFFECTS if not bare.unmet_needs(effect)])
     effects = draw(st.lists(fitting, max_size=3))
     return bare.with_effects(
         *(AddedEffect(e, {p.name: draw(number) for p in e.parameters}) for e in effects)

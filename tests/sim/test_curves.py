@@ -10,7 +10,15 @@ from sim.identification.settings import IdentifySettings
 from sim.identification.vessel_update import updated_vessel
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
-from sim.vessel import exponent_of, freed, mistake_in, outward, shares, table_of, tabled
+from sim.vessel import (
+    as_table,
+    curve_exponent,
+    curve_problem,
+    knot_shares,
+    next_knot,
+    table_owner,
+    with_free_curves,
+)
 from tests.sim.vessels import WAMV
 
 DT = 0.1
@@ -27,7 +35,7 @@ def thrusts(vessel, commands):
     """Static thrust [N] of each thruster at commands (K,)."""
     kernel = plain_kernel_for(Model.of(vessel).kernel.structure).module
     p = kernel.unpack(Model.of(vessel).theta)
-    return np.array([kernel.actuated(np.array([c, c]), p) for c in commands])
+    return np.array([kernel.static_actuation(np.array([c, c]), p) for c in commands])
 
 
 def test_thrust_passes_through_the_knots_and_runs_straight_between_them():
@@ -70,21 +78,21 @@ def test_a_curve_that_is_freed_starts_as_it_was():
     for names in (("left.curve", "right.curve"), ("curve",)):
         c = np.array([-1, -0.75, -0.5, -0.25, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0])
         np.testing.assert_allclose(
-            thrusts(freed(quadratic, names), c), thrusts(quadratic, c), atol=1e-12
+            thrusts(with_free_curves(quadratic, names), c), thrusts(quadratic, c), atol=1e-12
         )
-    assert freed(quadratic, ("curve",)).thrusters[1].curve == "left"
-    assert freed(quadratic, ("m11",)) == quadratic
+    assert with_free_curves(quadratic, ("curve",)).thrusters[1].curve == "left"
+    assert with_free_curves(quadratic, ("m11",)) == quadratic
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_whatever_is_searched_a_curve_never_falls(seed):
-    vessel = freed(with_curves("quadratic", "linear"), ("curve", "left.curve"))
+    vessel = with_free_curves(with_curves("quadratic", "linear"), ("curve", "left.curve"))
     unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(("curve",), offsets=False))
     lower, upper = unknowns.bounds
     z = np.random.default_rng(seed).uniform(lower, upper)
     values = dict(zip((u.name for u in unknowns.each), unknowns.named(z), strict=True))
     curve = updated_vessel(vessel, values).thrusters[0].curve
-    assert mistake_in(curve) is None
+    assert curve_problem(curve) is None
     np.testing.assert_allclose(unknowns.solved(unknowns.named(z)), z, atol=1e-12)
 
 
@@ -92,14 +100,14 @@ def test_a_knot_beside_one_that_is_fixed_stays_below_it():
     vessel = with_curves(TABLE, "left")
     unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(("left.curve_10",), offsets=False))
     np.testing.assert_allclose(unknowns.named(np.array([1.0])), [0.6])
-    assert outward("curve_10", shares(TABLE)) == "curve_50"
-    assert outward("curve_-40", shares(TABLE)) is None
+    assert next_knot("curve_10", knot_shares(TABLE)) == "curve_50"
+    assert next_knot("curve_-40", knot_shares(TABLE)) is None
 
 
 def test_a_table_with_a_mistake_is_told():
     for wrong in (TABLE[1:], TABLE[:2] + TABLE[3:], (*TABLE[:3], (0.6, 0.9), *TABLE[4:])):
-        assert mistake_in(wrong)
-    assert mistake_in(TABLE) is None
-    assert table_of(WAMV.thrusters, WAMV.thrusters[0]) == -1
-    assert exponent_of(replace(WAMV.thrusters[0], curve="quadratic")) == 2.0
-    assert mistake_in(tabled("quadratic")) is None
+        assert curve_problem(wrong)
+    assert curve_problem(TABLE) is None
+    assert table_owner(WAMV.thrusters, WAMV.thrusters[0]) == -1
+    assert curve_exponent(replace(WAMV.thrusters[0], curve="quadratic")) == 2.0
+    assert curve_problem(as_table("quadratic")) is None

@@ -11,7 +11,7 @@ from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
 from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Need, Parameter, Scope
-from sim.following.reference import Mode, Reference
+from sim.following.reference import Reference, ReferenceMode
 from sim.kernel.cache import plain_kernel_for
 from sim.model import InputTable, Model, Runs
 from sim.state import Inertia, Pose, Water, Wrench
@@ -158,7 +158,7 @@ def test_leaving_an_effect_out_is_seen_everywhere(effect):
     for m in (model, without):
         late = acting(commands, m.delay)
         before = np.concatenate([late[:1], late[:-1]])
-        reference = Reference(m, Mode.MODEL)
+        reference = Reference(m, ReferenceMode.MODEL)
         ends.append(
             reference.advance(
                 reference.start(), times, reports, np.ones(len(times), bool), before, **air

@@ -69,8 +69,8 @@ def test_wind_needs_areas():
     bare = replace(WAMV, hull=Hull(4.9, 2.3, 180.0))
     with pytest.raises(ValueError, match=r"steady_wind needs hull\.wind_area.*WAM-V has none"):
         with_effect(bare, "steady_wind", speed=5.0, direction=0.0)
-    assert bare.lacks(named("steady_wind"))
-    assert not WAMV.lacks(named("steady_wind"))
+    assert bare.unmet_needs(named("steady_wind"))
+    assert not WAMV.unmet_needs(named("steady_wind"))
 
 
 def test_steering_effects_need_something_that_steers():

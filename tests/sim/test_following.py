@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.follower import Axes, Following, Law, VesselFollower
-from sim.following.select import follower_for
-from sim.following.stepwise import PlantFollower
+from sim.following.follower import Axes, ControlLaw, FollowerOptions, VesselFollower
+from sim.following.stepwise import PlantFollower, follower_for
 from sim.model import Model
+from sim.plants.table import PlantKind
 from sim.plants.vessel_plant import VesselPlant
 from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation
 
 DT = 0.02
-LOOSE = Following(integral=0.0, position=0.0, heading=0.0)
+LOOSE = FollowerOptions(integral=0.0, position=0.0, heading=0.0)
 
 
 def push(flow, p):
@@ -72,13 +72,13 @@ def test_an_error_of_1_mps_decays_at_the_rate(gain):
 
 def test_the_default_gains_decay_at_their_rate_too():
     # within the first time constant: later the outer loop and the integral are what is left of it
-    tau = 1.0 / Following().rate
-    _, rate = offset_decay(Following(), over=0.8 * tau, after=0.2 * tau)
-    assert rate == pytest.approx(Following().rate, rel=0.1)
+    tau = 1.0 / FollowerOptions().rate
+    _, rate = offset_decay(FollowerOptions(), over=0.8 * tau, after=0.2 * tau)
+    assert rate == pytest.approx(FollowerOptions().rate, rel=0.1)
 
 
 def test_the_printed_law_leaves_its_error_standing():
-    error, _ = offset_decay(Following(law=Law.PRINTED), over=1.0)
+    error, _ = offset_decay(FollowerOptions(law=ControlLaw.PRINTED), over=1.0)
     assert error[-1] == pytest.approx(error[1], rel=1e-3)
     assert error[-1] > 0.9
 
@@ -116,7 +116,7 @@ def under_side_force(axes):
     """Sway of the boat and of its shadow where a side force acts that no thruster explains."""
     boat = WAMV.with_effects(AddedEffect(PUSH, {"X": 0.0, "Y": 30.0, "N": 0.0}))
     _, reports = Model.of(boat).simulate(np.full((3000, 2), 0.3), DT)
-    follower = VesselFollower.of(Model.of(WAMV), Following(axes=axes))
+    follower = VesselFollower.of(Model.of(WAMV), FollowerOptions(axes=axes))
     shadows = follower.advance(follower.start(), DT * np.arange(3001), reports[0]).shadows
     return reports[0, -1], shadows[-1]
 
@@ -137,32 +137,34 @@ def test_surge_and_yaw_alone_do_not():
 def test_limits_bind_and_say_so():
     times, rows = steady(20.0, u=1.5)  # takes 121 of 180 N through the water, once up to speed
     rows[0, 3] = 0.0
-    follower = VesselFollower.of(Model.of(WAMV), Following(limits=True))
+    follower = VesselFollower.of(Model.of(WAMV), FollowerOptions(limits=True))
     followed = follower.advance(follower.start(), times, rows)
-    assert followed.bound[2]
+    assert followed.limited[2]
     assert followed.forces[:, 0].max() <= 180.0 + 1e-9
-    assert not followed.bound[-1]
+    assert not followed.limited[-1]
     free = VesselFollower.of(Model.of(WAMV))
-    assert not free.advance(free.start(), times, rows).bound.any()
+    assert not free.advance(free.start(), times, rows).limited.any()
 
 
 def test_what_limits_withhold_is_not_saved_up_for_later():
     """A minute at the limits, then a speed within them: no overshoot from a wound-up integral."""
     times, rows = steady(90.0, u=1.0)
     rows[:3000, 3] = 3.0
-    wound = Following(integral=1.0, position=0.0, limits=True)
+    wound = FollowerOptions(integral=1.0, position=0.0, limits=True)
     follower = VesselFollower.of(Model.of(WAMV), wound)
     followed = follower.advance(follower.start(), times, rows)
-    assert followed.bound[1000:3000].all()
+    assert followed.limited[1000:3000].all()
     np.testing.assert_allclose(followed.shadows[3500:, 3], 1.0, atol=0.05)
 
 
 def test_a_rudder_boat_cannot_be_limited_by_thrust_alone():
     with pytest.raises(ValueError, match="limits"):
-        VesselFollower.of(Model.of(RUDDER_BOAT), Following(limits=True))
+        VesselFollower.of(Model.of(RUDDER_BOAT), FollowerOptions(limits=True))
 
 
-@pytest.mark.parametrize("options", [Following(), Following(axes=Axes.SURGE_YAW, limits=True)])
+@pytest.mark.parametrize(
+    "options", [FollowerOptions(), FollowerOptions(axes=Axes.SURGE_YAW, limits=True)]
+)
 def test_any_plant_follows_as_the_compiled_one_does(options):
     model = Model.of(WAMV.with_effects(AddedEffect(PUSH, {"X": 1.0, "Y": 2.0, "N": 3.0})))
     times, rows = moving(IACQUABOT, 6.0)
@@ -180,8 +182,8 @@ def test_any_plant_follows_as_the_compiled_one_does(options):
     b = slow.advance(slow.start(), times, rows, jumps)
     np.testing.assert_allclose(a.shadows, b.shadows, rtol=0, atol=1e-9)
     np.testing.assert_allclose(a.forces, b.forces, rtol=0, atol=1e-7)
-    np.testing.assert_array_equal(a.bound, b.bound)
-    assert a.bound.any() == options.limits
+    np.testing.assert_array_equal(a.limited, b.limited)
+    assert a.limited.any() == options.limits
 
 
 @pytest.mark.parametrize("kind", [VesselFollower, PlantFollower])
@@ -229,16 +231,18 @@ def test_following_is_not_copying():
 
 def test_options_are_checked_where_they_are_made():
     with pytest.raises(ValueError, match="rate"):
-        Following(rate=0.0)
+        FollowerOptions(rate=0.0)
     with pytest.raises(ValueError, match="integral"):
-        Following(integral=-1.0)
+        FollowerOptions(integral=-1.0)
     with pytest.raises(ValueError, match="sideways"):
-        Following(axes="sideways")
+        FollowerOptions(axes="sideways")
 
 
-def test_the_list_of_plants_names_those_there_are():
+def test_a_kind_of_plant_is_built_from_the_model():
     model = Model.of(WAMV)
     assert isinstance(follower_for(model), VesselFollower)
-    assert isinstance(follower_for(model, kind="slow", more={"slow": VesselPlant}), PlantFollower)
-    with pytest.raises(KeyError, match="vessel"):
-        follower_for(model, kind="submarine")
+    slow = PlantKind("slow", "the same, step by step", VesselPlant)
+    follower = follower_for(model, FollowerOptions(limits=True), slow)
+    assert isinstance(follower, PlantFollower)
+    assert follower.plant == VesselPlant(model)
+    assert len(follower.limits.low) == len(WAMV.thrusters)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.effects import heading_offset, thruster_lag
-from sim.following.reference import Mode, Reference
+from sim.following.reference import Reference, ReferenceMode
 from sim.model import Model
 from tests.sim.vessels import WAMV, added, excitation
 
@@ -29,7 +29,7 @@ def outage(count, start, end):
 
 def test_measured_is_the_estimate_itself():
     times, rows, commands = voyage()
-    reference = Reference(Model.of(BOAT), Mode.MEASURED)
+    reference = Reference(Model.of(BOAT), ReferenceMode.MEASURED)
     _, out, from_model = reference.advance(
         reference.start(), times, rows, outage(len(times), 300, 500), commands
     )
@@ -41,7 +41,7 @@ def test_the_model_alone_reproduces_a_boat_that_is_as_the_model_says():
     times, rows, commands = voyage()
     blind = rows.copy()
     blind[1:] = 1e6  # only the first estimate may be looked at
-    reference = Reference(Model.of(BOAT), Mode.MODEL)
+    reference = Reference(Model.of(BOAT), ReferenceMode.MODEL)
     _, out, from_model = reference.advance(
         reference.start(), times, blind, np.ones(len(times), bool), commands
     )
@@ -125,7 +125,7 @@ def test_a_jump_ends_a_hand_over():
     np.testing.assert_array_equal(out[810:], rows[810:])
 
 
-@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize("mode", list(ReferenceMode))
 @pytest.mark.parametrize("size", [1, 13, 300])
 def test_chunks_make_no_difference(mode, size):
     times, rows, commands = voyage(10.0)
@@ -144,4 +144,4 @@ def test_chunks_make_no_difference(mode, size):
     np.testing.assert_array_equal(state.carry, whole.state.carry)
     np.testing.assert_array_equal(np.concatenate(modelled), whole.from_model)
     changes = np.count_nonzero(np.diff(whole.from_model))
-    assert changes == (4 if mode is Mode.AUTO else 0)
+    assert changes == (4 if mode is ReferenceMode.AUTO else 0)

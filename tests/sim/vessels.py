@@ -95,7 +95,7 @@ def added(effect: Effect) -> AddedEffect:
 
 def every_effect(vessel: Vessel) -> tuple[AddedEffect, ...]:
     """All of the catalogue that can act on the vessel, with values that make a difference."""
-    return tuple(added(effect) for effect in EFFECTS if not vessel.lacks(effect))
+    return tuple(added(effect) for effect in EFFECTS if not vessel.unmet_needs(effect))
 
 
 def excitation(vessel: Vessel, seconds: float, dt: float, seed: int = 7) -> np.ndarray:

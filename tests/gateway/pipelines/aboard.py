@@ -21,7 +21,7 @@ from gateway.simulated_boat.boat import PlayedBoat
 from gateway.simulated_boat.faults import Frame as OnWire
 from gateway.simulated_boat.program import program_of
 from gateway.simulated_boat.settings import FAST, PlayedSettings
-from sim.following.reference import Mode
+from sim.following.reference import ReferenceMode
 from sim.state import Floats
 from sim.vessel import Vessel
 from tests.sim.vessels import WAMV
@@ -30,7 +30,7 @@ UNIX_S = 1_700_000_000.0
 DELAY_S = 0.004  # on the way
 TURN_NS = 25_000_000  # the loop's longest sleep
 SETTINGS = Settings(
-    following=FollowingSettings(reference=Mode.AUTO),
+    following=FollowingSettings(reference=ReferenceMode.AUTO),
     zenoh=ZenohSettings(publish=False),
     recording=RecordingSettings(minimum_free_bytes=1),
 )

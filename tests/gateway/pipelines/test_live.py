@@ -14,7 +14,7 @@ from gateway.live.boats import BoatPlan, Fleet
 from gateway.recording.reader import TICK_LINK, Recording
 from gateway.simulated_boat.faults import Faults, Silence
 from gateway.simulated_boat.settings import THIN
-from sim.following.reference import Mode
+from sim.following.reference import ReferenceMode
 from sim.model import Model
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played
 from tests.sim.vessels import WAMV
@@ -145,7 +145,7 @@ def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
 
 
 def test_in_mode_model_the_measurement_is_only_the_beginning() -> None:
-    settings = replace(SETTINGS, following=FollowingSettings(reference=Mode.MODEL))
+    settings = replace(SETTINGS, following=FollowingSettings(reference=ReferenceMode.MODEL))
     with Deck(settings=settings) as deck:
         heard = deck.hear(datagrams(played(20.0))).heard()
     assert set(heard.column("shadow", "source")) == {"model"}

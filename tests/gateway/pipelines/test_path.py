@@ -15,8 +15,8 @@ from gateway.shadow.health import HealthMeter
 from gateway.shadow.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.follower import Following, VesselFollower
-from sim.following.reference import Mode, Reference
+from sim.following.follower import FollowerOptions, VesselFollower
+from sim.following.reference import Reference, ReferenceMode
 from sim.model import Model
 from sim.vessel import AddedEffect, Vessel
 from tests.gateway.ingest.scripted import local_position
@@ -44,9 +44,9 @@ def material(silent: Span = SILENT, noise: float = 1.0) -> ReplayInput:
     return replay_input_of(tlog_from_bytes(b"".join(frames(said))))
 
 
-def path_of(mode: Mode, vessel: Vessel = WAMV, plant: Vessel | None = None) -> ShadowPath:
+def path_of(mode: ReferenceMode, vessel: Vessel = WAMV, plant: Vessel | None = None) -> ShadowPath:
     model = Model.of(vessel)
-    follower = VesselFollower.of(Model.of(plant) if plant else model, Following())
+    follower = VesselFollower.of(Model.of(plant) if plant else model, FollowerOptions())
     return ShadowPath(model, Reference(model, mode), follower)
 
 
@@ -66,8 +66,8 @@ def outcome(path: ShadowPath, size: int) -> dict[str, list[bytes]]:
     return said
 
 
-@pytest.mark.parametrize("mode", Mode)
-def test_how_facts_are_cut_into_chunks_changes_no_bit(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", ReferenceMode)
+def test_how_facts_are_cut_into_chunks_changes_no_bit(mode: ReferenceMode) -> None:
     path = path_of(mode, WAMV.with_effects(LATE), IACQUABOT)
     whole = outcome(path, 10**6)
     assert all(whole.values())
@@ -75,7 +75,7 @@ def test_how_facts_are_cut_into_chunks_changes_no_bit(mode: Mode) -> None:
         assert outcome(path, size) == whole
 
 
-def shadowed(mode: Mode, given: ReplayInput | None = None, **more: Any) -> Shadowing:
+def shadowed(mode: ReferenceMode, given: ReplayInput | None = None, **more: Any) -> Shadowing:
     path = path_of(mode, **more)
     return path.advance(path.start(), (given or material()).feed)[1]
 
@@ -83,7 +83,7 @@ def shadowed(mode: Mode, given: ReplayInput | None = None, **more: Any) -> Shado
 @cache
 def truth() -> Shadowing:
     """The voyage as it was: complete, and without noise."""
-    return shadowed(Mode.MEASURED, material(NEVER, 0.0))
+    return shadowed(ReferenceMode.MEASURED, material(NEVER, 0.0))
 
 
 def true_nu(out: Shadowing) -> Any:
@@ -93,25 +93,25 @@ def true_nu(out: Shadowing) -> Any:
 
 
 def test_measured_means_that_the_reference_is_the_estimate() -> None:
-    out = shadowed(Mode.MEASURED)
+    out = shadowed(ReferenceMode.MEASURED)
     assert np.array_equal(out.reference, out.estimate)
     assert not out.from_model.any()
 
 
 def test_model_means_that_the_estimate_is_not_looked_at_again() -> None:
-    out = shadowed(Mode.MODEL, material(NEVER))
+    out = shadowed(ReferenceMode.MODEL, material(NEVER))
     assert out.from_model.all()
     late = out.time_s > 3.0
     off = np.abs(out.reference[:, 3:6] - true_nu(out))[late].max(axis=0)
     assert (off < [0.03, 0.04, 0.01]).all()  # the vessel is the one that made the voyage
     assert np.abs(out.reference - out.estimate)[late, 3:6].max() > 1e-3  # no copy
     heavier = replace(WAMV, dynamics=replace(WAMV.dynamics, m11=400.0))
-    other = shadowed(Mode.MODEL, material(NEVER), vessel=heavier)
+    other = shadowed(ReferenceMode.MODEL, material(NEVER), vessel=heavier)
     assert np.abs(other.reference[:, 3] - true_nu(other)[:, 0])[late].max() > 0.1
 
 
 def test_auto_hands_over_to_the_model_while_nothing_tells_the_motion() -> None:
-    out = shadowed(Mode.AUTO)
+    out = shadowed(ReferenceMode.AUTO)
     away = (out.time_s > SILENT[0] - 0.05 + STALE_S) & (out.time_s < SILENT[1] + 0.01)
     assert away.sum() > 30
     assert np.array_equal(out.from_model, away)
@@ -119,7 +119,7 @@ def test_auto_hands_over_to_the_model_while_nothing_tells_the_motion() -> None:
 
 
 def test_auto_predicts_where_a_held_estimate_is_far_off() -> None:
-    out = shadowed(Mode.AUTO)
+    out = shadowed(ReferenceMode.AUTO)
     settled = out.from_model & (out.time_s > SILENT[0] + STALE_S + 2.0)  # the hand-over has faded
     predicted = np.abs(out.reference[:, 3:6] - true_nu(out))[settled].max(axis=0)
     blind = np.abs(out.estimate[:, 3:6] - true_nu(out))[settled].max(axis=0)
@@ -127,7 +127,7 @@ def test_auto_predicts_where_a_held_estimate_is_far_off() -> None:
 
 
 def test_the_hand_over_goes_on_from_where_the_reference_was() -> None:
-    out = shadowed(Mode.AUTO)
+    out = shadowed(ReferenceMode.AUTO)
     dt = np.diff(out.time_s)[:, None]
     acceleration = np.abs(np.diff(out.reference[:, 3:6], axis=0)) / dt
     changes = np.flatnonzero(np.diff(out.from_model.astype(int)))
@@ -144,7 +144,7 @@ def test_heading_alone_does_not_make_an_estimate_fresh() -> None:
         (t, m) for t, m in said if t < 11.0 or m.get_type() != "LOCAL_POSITION_NED" or t > 14.0
     ]
     given = replay_input_of(tlog_from_bytes(b"".join(frames(heard))))
-    out = shadowed(Mode.AUTO, given)
+    out = shadowed(ReferenceMode.AUTO, given)
     assert out.from_model[(out.time_s > 7.1) & (out.time_s < 14.0)].all()
     assert out.fresh[out.time_s > 14.11].all()
 
@@ -153,14 +153,14 @@ def test_without_velocity_and_position_an_estimate_goes_stale_in_the_end() -> No
     said = voyage(16.0)
     heard = [(t, m) for t, m in said if t < 4.0 or m.get_type() != "LOCAL_POSITION_NED"]
     given = replay_input_of(tlog_from_bytes(b"".join(frames(heard))))
-    out = shadowed(Mode.AUTO, given)
+    out = shadowed(ReferenceMode.AUTO, given)
     assert out.fresh[out.time_s < 3.9 + LOST_S].all()
     assert not out.fresh[out.time_s > 4.1 + LOST_S].any()
 
 
 @pytest.mark.parametrize("plant", [None, IACQUABOT], ids=["itself", "another"])
 def test_the_shadow_follows_and_does_not_copy(plant: Vessel | None) -> None:
-    out = shadowed(Mode.MEASURED, material(NEVER), plant=plant)
+    out = shadowed(ReferenceMode.MEASURED, material(NEVER), plant=plant)
     off = (out.shadow - out.estimate)[out.time_s > 3.0, 3:6]
     assert (np.sqrt((off**2).mean(axis=0)) < [0.02, 0.02, 0.01]).all()
     assert (np.abs(off).max(axis=0) > 1e-6).all()
@@ -169,7 +169,7 @@ def test_the_shadow_follows_and_does_not_copy(plant: Vessel | None) -> None:
 
 
 def test_nothing_is_missing_from_the_right_model_but_noise() -> None:
-    out = shadowed(Mode.MEASURED)
+    out = shadowed(ReferenceMode.MEASURED)
     settled = out.fresh & (out.time_s > 3.0)
     share = np.abs(out.watched.missing) / out.watched.missing_std
     assert (np.median(share[settled], axis=0) < 1.0).all()
@@ -178,7 +178,7 @@ def test_nothing_is_missing_from_the_right_model_but_noise() -> None:
 
 def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:
     """A voyage with these flags on its first rows of each kind after the start -> what is told."""
-    given, path = material(NEVER), path_of(Mode.MEASURED)
+    given, path = material(NEVER), path_of(ReferenceMode.MEASURED)
     _, out, filtered = path.advance(path.start(), given.feed)
     raised = filtered.flags.copy()
     for flag in flags:
@@ -197,7 +197,7 @@ def test_a_sharp_turn_is_no_discontinuity() -> None:
 
 def test_a_restart_is_told_even_in_the_first_chunk_but_the_start_is_none() -> None:
     assert flagged(Flag.RESTART)[2] == ["started", "restart", "restart", "restart", "restart"]
-    given, path = material(NEVER), path_of(Mode.MEASURED)
+    given, path = material(NEVER), path_of(ReferenceMode.MEASURED)
     _, out, filtered = path.advance(path.start(), given.feed)
     flags = filtered.flags.copy()
     flags[0] |= int(Flag.RESTART)
@@ -209,7 +209,7 @@ def test_after_a_discontinuity_the_shadow_is_set_anew_and_says_so() -> None:
     said = voyage(12.0)
     moved = [(t, shifted(m) if t > 6.0 else m) for t, m in said]
     given = replay_input_of(tlog_from_bytes(b"".join(frames(moved))))
-    path = path_of(Mode.MEASURED)
+    path = path_of(ReferenceMode.MEASURED)
     _, out, filtered = path.advance(path.start(), given.feed)
     _, told = EventDetector().observe(given.feed, filtered, out)
     assert [h.kind for h in told].count("jump") == 1
@@ -231,14 +231,14 @@ def shifted(message: Any) -> Any:
 def test_rows_go_out_no_faster_than_asked() -> None:
     model = Model.of(WAMV)
     follower = VesselFollower.of(model)
-    slow = ShadowPath(model, Reference(model, Mode.MEASURED), follower, rate_hz=5.0)
+    slow = ShadowPath(model, Reference(model, ReferenceMode.MEASURED), follower, rate_hz=5.0)
     out = slow.advance(slow.start(), material().feed)[1]
     assert np.diff(out.time_s).min() >= 0.9 / 5.0
-    assert len(out) < 0.35 * len(shadowed(Mode.MEASURED))
+    assert len(out) < 0.35 * len(shadowed(ReferenceMode.MEASURED))
 
 
 def test_what_happened_is_told_once_each() -> None:
-    given, path = material(), path_of(Mode.AUTO)
+    given, path = material(), path_of(ReferenceMode.AUTO)
     _, out, filtered = path.advance(path.start(), given.feed)
     _, told = EventDetector().observe(given.feed, filtered, out)
     begun = told[0].receive_time_ns

@@ -18,13 +18,13 @@ from mcap.reader import make_reader
 from gateway.bus import BusSettings, open_session
 from gateway.config import Settings, ZenohSettings, as_tables
 from gateway.errors import BadInput
-from gateway.offline.replay import ReplayOptions, ReplaySummary, replay, told_apart
+from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log, replay
 from gateway.recording.reader import Recording
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
 from gateway.vessel_file import key_of, load_vessel
-from sim.following.follower import Following
-from sim.following.reference import Mode
+from sim.following.follower import FollowerOptions
+from sim.following.reference import ReferenceMode
 from sim.vessel import AddedEffect, Vessel
 from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat
@@ -36,7 +36,9 @@ UNHEARD = Settings(zenoh=ZenohSettings(publish=False))
 OTTER = ROOT / "configs" / "vessels" / "otter.toml"
 
 
-def options(out: Path | None, mode: Mode = Mode.AUTO, **more: Any) -> ReplayOptions:
+def options(
+    out: Path | None, mode: ReferenceMode = ReferenceMode.AUTO, **more: Any
+) -> ReplayOptions:
     following = replace(UNHEARD.following, reference=mode)
     return ReplayOptions(out, settings=replace(UNHEARD, following=following), **more)
 
@@ -157,11 +159,11 @@ def test_positions_stand_about_the_boats_own_origin(first: Path) -> None:
 
 def test_the_summary_tells_how_the_shadow_followed(tmp_path: Path) -> None:
     path = tlog(tmp_path / "whole.tlog", voyage(14.0))
-    summary = replay(path, WAMV, None, options(None, Mode.MEASURED))
+    summary = replay(path, WAMV, None, options(None, ReferenceMode.MEASURED))
     assert summary.recordings == ()
     assert summary.seconds == pytest.approx(13.9, abs=0.15)
     assert (summary.rmse[3:] < [0.03, 0.02, 0.01]).all()
-    other = replay(path, WAMV, IACQUABOT, options(None, Mode.MEASURED))
+    other = replay(path, WAMV, IACQUABOT, options(None, ReferenceMode.MEASURED))
     assert (other.rmse[3:] < [0.03, 0.02, 0.01]).all()
     assert not np.array_equal(other.rmse, summary.rmse)
 
@@ -195,7 +197,7 @@ def test_a_log_that_tells_no_velocity_is_refused_and_nothing_is_left(tmp_path: P
 
 
 def test_a_plant_that_cannot_be_limited_is_one_line(log: Path) -> None:
-    following = replace(UNHEARD.following, follower=Following(limits=True))
+    following = replace(UNHEARD.following, follower=FollowerOptions(limits=True))
     limited = ReplayOptions(settings=replace(UNHEARD, following=following))
     with pytest.raises(BadInput, match=r"^rudder boat: "):
         replay(log, WAMV, RUDDER_BOAT, limited)
@@ -220,7 +222,7 @@ def test_progress_ends_at_all_of_it(log: Path) -> None:
 
 def test_logs_of_one_name_get_recordings_of_their_own(tmp_path: Path) -> None:
     logs = [Path("a/x.tlog"), Path("b/x.BIN"), Path("y.tlog")]
-    assert [o.stem for o in told_apart(logs, ReplayOptions())] == ["x", "x-2", "y"]
+    assert [o.stem for o in options_by_log(logs, ReplayOptions())] == ["x", "x-2", "y"]
 
 
 def test_a_vessels_name_becomes_a_key() -> None:
@@ -264,7 +266,7 @@ def test_a_second_session_hears_what_is_recorded(tmp_path: Path) -> None:
 
 
 def otter(path: Path, out: Path | None = None) -> ReplaySummary:
-    return replay(path, load_vessel(OTTER), None, options(out, Mode.MEASURED))
+    return replay(path, load_vessel(OTTER), None, options(out, ReferenceMode.MEASURED))
 
 
 @pytest.mark.parametrize("name", ["otter_calm.tlog", "otter_calm.BIN"])
@@ -289,9 +291,9 @@ def vessel_of(name: str) -> Vessel:
 
 
 @pytest.mark.parametrize("name", ["boat_calm.tlog", "boat_gps.tlog", "boat_radio.tlog"])
-@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.MEASURED])
+@pytest.mark.parametrize("mode", [ReferenceMode.AUTO, ReferenceMode.MEASURED])
 def test_the_shadow_stays_finite_and_near_on_every_log(
-    shared_data: Path, name: str, mode: Mode
+    shared_data: Path, name: str, mode: ReferenceMode
 ) -> None:
     summary = replay(shared_data / "sitl" / name, vessel_of("blueboat"), None, options(None, mode))
     assert np.isfinite(summary.rmse).all()

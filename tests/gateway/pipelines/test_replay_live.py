@@ -6,7 +6,7 @@ from pathlib import Path
 from gateway.offline.replay import ReplayOptions, recorded_settings, replay
 from gateway.recording.reader import TICK_LINK, Recording
 from gateway.simulated_boat.faults import Faults, Silence
-from sim.following.follower import Following
+from sim.following.follower import FollowerOptions
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, datagrams, played
 from tests.sim.vessels import WAMV
 
@@ -38,7 +38,7 @@ def test_replay_reproduces_what_ran_live_and_can_be_replayed_again(tmp_path: Pat
 
 def test_another_plant_gain_gives_another_shadow(tmp_path: Path) -> None:
     path = recorded_live(tmp_path)
-    slack = replace(SETTINGS.following, follower=Following(rate=1.0))
+    slack = replace(SETTINGS.following, follower=FollowerOptions(rate=1.0))
     options = ReplayOptions(out=tmp_path / "slack", settings=replace(SETTINGS, following=slack))
     (again,) = replay(path, WAMV, options=options).recordings
     assert payloads(again, "measured") == payloads(path, "measured")

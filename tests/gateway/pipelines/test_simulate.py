@@ -12,7 +12,7 @@ from gateway.errors import BadInput
 from gateway.offline.simulate import read_commands, simulate
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
-from sim.following.follower import Following
+from sim.following.follower import FollowerOptions
 from sim.model import Model
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
@@ -122,6 +122,6 @@ def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
 
 
 def test_a_follower_that_cannot_be_limited_is_one_line(tmp_path: Path) -> None:
-    limited = Following(limits=True)
+    limited = FollowerOptions(limits=True)
     with pytest.raises(BadInput, match=r"^rudder boat: "):
         simulate(table(tmp_path), WAMV, RUDDER_BOAT, tmp_path / "out", options=limited)

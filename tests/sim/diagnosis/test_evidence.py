@@ -49,7 +49,7 @@ def sailed(vessel: Vessel, seconds: float = 150.0) -> Trial:
 
 
 def with_effect(effect: Effect) -> Vessel:
-    boat = RUDDER_BOAT if WAMV.lacks(effect) else WAMV
+    boat = RUDDER_BOAT if WAMV.unmet_needs(effect) else WAMV
     values = LATER.get(effect.name) or VALUES.get(effect.name) or added(effect).values
     return boat.with_effects(AddedEffect(effect, values))
 

@@ -1,0 +1,26 @@
+"""The one table of plants. A new kind is one new file and one line here."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from sim.model import Model
+from sim.plants.plant import Plant
+from sim.plants.vessel_plant import VesselPlant
+
+
+class PlantKind(NamedTuple):
+    """A kind of plant.
+
+    name         as the command line takes it
+    description  what it is, in one line
+    build        makes a plant from the model of a vessel
+    """
+
+    name: str
+    description: str
+    build: Callable[[Model], Plant]
+
+
+VESSEL = PlantKind("vessel", "the equations of a vessel file, moved by a force", VesselPlant)
+
+PLANTS: Mapping[str, PlantKind] = {kind.name: kind for kind in (VESSEL,)}

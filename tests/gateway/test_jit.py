@@ -1,0 +1,42 @@
+"""Machine code of the gateway's loops is kept under the fingerprint of all their sources."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+import gateway
+from gateway import jit
+from sim.kernel import sources
+from tests.sim.kernel.reachable import entries, modules_reached
+
+ROOT = Path(gateway.__file__).parent
+COMPILED = sorted(
+    ".".join(("gateway", *file.relative_to(ROOT).with_suffix("").parts))
+    for file in ROOT.rglob("*.py")
+    if "from gateway.jit import" in file.read_text(encoding="utf-8")
+)
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_every_function_that_is_reached_is_in_the_fingerprint(name, monkeypatch):
+    module = importlib.import_module(name)
+    own = [f for f in entries(module) if f.py_func.__module__ == name]
+    reached = modules_reached(own, {"sim", "gateway"})
+    assert own
+    assert name in reached
+    assert reached <= sources.sources_of(name)
+    before, read = jit._version(name), sources.source_text
+    assert all(f.py_func.__qualname__.endswith(before) for f in own)
+    for other in reached:
+        with monkeypatch.context() as patch:
+            jit._version.cache_clear()
+            patch.setattr(
+                sources, "source_text", lambda n, o=other: read(n) + "\nX = 1\n" * (n == o)
+            )
+            assert jit._version(name) != before, other
+    jit._version.cache_clear()
+
+
+def test_the_loops_of_the_gateway_are_found():
+    assert {"gateway.estimation.filter", "gateway.json_rows"} <= set(COMPILED)

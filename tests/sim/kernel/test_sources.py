@@ -1,0 +1,95 @@
+"""The fingerprint of a kernel covers every source that its machine code comes from."""
+
+import importlib
+import sys
+from dataclasses import replace
+
+import pytest
+
+from sim.effects import steady_wind
+from sim.kernel import cache, sources
+from sim.kernel.generator import kernel_text
+from sim.model import Model
+from sim.vessel import AddedEffect
+from tests.sim.kernel.reachable import entries, modules_reached
+from tests.sim.vessels import ANTENNA, RUDDER_BOAT, SHAPES, WAMV, added, every_effect
+
+ALL_AT_ONCE = [replace(v, sensors=ANTENNA).with_effects(*every_effect(v)) for v in SHAPES]
+
+
+def changed(monkeypatch, module):
+    """From now on the module's source is another one."""
+    read = sources.source_text
+    monkeypatch.setattr(
+        sources, "source_text", lambda name: read(name) + "\nX = 1\n" * (name == module)
+    )
+
+
+@pytest.mark.parametrize("vessel", [*ALL_AT_ONCE, WAMV, RUDDER_BOAT], ids=lambda v: v.name)
+def test_every_function_that_a_kernel_reaches_is_in_its_fingerprint(vessel, monkeypatch):
+    kernel = Model.of(vessel).kernel
+    reached = modules_reached(entries(kernel.module), {"sim"})
+    text = kernel_text(kernel.structure)
+    assert {"sim.state", "sim.balance", "sim.following.law"} <= reached
+    assert reached <= cache.kernel_sources(kernel.structure, text)
+    before = cache._fingerprint(kernel.structure, text)
+    for module in reached:
+        with monkeypatch.context() as patch:
+            changed(patch, module)
+            assert cache._fingerprint(kernel.structure, text) != before, module
+    assert cache._fingerprint(kernel.structure, text) == before
+
+
+def test_what_an_effects_file_imports_is_covered_with_its_constants():
+    wind = Model.of(WAMV.with_effects(added(steady_wind.EFFECT))).kernel
+    reached = modules_reached(entries(wind.module), {"sim"})
+    assert "sim.wind_loads" in reached
+    assert reached <= cache.kernel_sources(wind.structure, kernel_text(wind.structure))
+    plain = Model.of(WAMV).kernel.structure
+    assert "sim.wind_loads" not in cache.kernel_sources(plain, kernel_text(plain))
+
+
+LAW = """
+from sim.effects.effect import Effect, Parameter, Scope
+from .shapes import skeg
+EFFECT = Effect("keel", Scope.BOAT, (Parameter("k", "N s²", 0.0, 9.0, 1.0),), "slow", force=skeg)
+"""
+SHAPES_PY = """
+from sim.state import Wrench
+import lab.numbers
+def skeg(flow, p):
+    return Wrench(0.0, 0.0, -p.k * flow.u * flow.r * lab.numbers.HALF)
+"""
+
+
+def test_the_package_of_a_plug_in_is_covered_too(tmp_path, monkeypatch):
+    (tmp_path / "lab").mkdir()
+    files = {"__init__": "", "keel": LAW, "shapes": SHAPES_PY, "numbers": "HALF = 0.5\n"}
+    for name, text in files.items():
+        (tmp_path / "lab" / f"{name}.py").write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    keel = importlib.import_module("lab.keel").EFFECT
+    try:
+        structure = Model.of(WAMV.with_effects(AddedEffect(keel, {"k": 1.0}))).kernel.structure
+        found = cache.kernel_sources(structure, kernel_text(structure))
+        assert {"lab.shapes", "lab.numbers", "sim.state"} <= found
+        before = cache._fingerprint(structure, kernel_text(structure))
+        (tmp_path / "lab" / "numbers.py").write_text("HALF = 0.25\n", encoding="utf-8")
+        assert cache._fingerprint(structure, kernel_text(structure)) != before
+    finally:
+        for name in [name for name in sys.modules if name.partition(".")[0] == "lab"]:
+            del sys.modules[name]
+        sources._file.cache_clear()
+
+
+def test_imports_of_every_form_are_followed():
+    text = "import sim.state\nfrom sim import body\nfrom sim.effects import cubic_drag as c\n"
+    found = sources.dependencies(text + "def f():\n    from sim.jit import jitable\n")
+    assert {"sim.state", "sim.body", "sim.effects.cubic_drag", "sim.jit"} <= found
+    assert sources.dependencies("from .law import Gains", "sim.following.x") >= {
+        "sim.following.law"
+    }
+    assert sources.dependencies("import numpy, os.path\nfrom scipy import linalg") == set()
+    assert sources.sources_of("no.such.module") == set()
+    with pytest.raises(ImportError, match="no source of sim"):
+        sources.source_text("sim.nothing")
