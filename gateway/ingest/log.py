@@ -138,6 +138,11 @@ class BoatSamples:
         """All samples of a quantity, one per source."""
         return tuple(samples for samples in self.samples if samples.quantity == quantity)
 
+    def equivalent(self, message: str) -> str:
+        """The known message that a message of this log equals; itself where there is none."""
+        sources = (s for s in self.samples if s.source.partition("/")[0] == message)
+        return next((samples.equivalent for samples in sources), message)
+
 
 class Log(ABC):
     """A recording opened for reading; each format has one final class.

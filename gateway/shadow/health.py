@@ -48,11 +48,13 @@ class HealthMeter:
 
     @classmethod
     def of_log(cls, log: Log, decoded: BoatSamples) -> "HealthMeter":
-        """What a log tells of one boat."""
-        arrivals = {}
-        for name in log.counts():
-            table = log.table(name)
-            arrivals[name] = np.sort(table.receive_time_ns[table.sent_by(decoded.boat)])
+        """What a log tells of one boat; a message of another name counts as the one it equals."""
+        arrivals: dict[str, Ints] = {}
+        counts = log.counts()
+        for name in counts:
+            table, known = log.table(name), decoded.equivalent(name)
+            label = name if known in arrivals or known in counts else known
+            arrivals[label] = np.sort(table.receive_time_ns[table.sent_by(decoded.boat)])
         stamps = [np.stack([s.receive_time_ns, s.vehicle_time_ns], axis=1) for s in decoded.samples]
         both = np.concatenate(stamps) if stamps else np.zeros((0, 2), np.int64)
         return cls(arrivals, _losses(log, decoded), both[np.argsort(both[:, 0], kind="stable")])
