@@ -23,10 +23,10 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 
 WORK = {
-    "read": "from gateway.offline.diagnose import COARSE; "
-    "from gateway.offline.trials import load_trials; load_trials('{log}', None, COARSE)",
-    "diagnose": "from gateway.offline.diagnose import diagnosed; "
-    "print(diagnosed(['{log}'], '{vessel}').diagnosis.summary)",
+    "read": "from gateway.offline.diagnose import DIAGNOSIS_TRIALS; "
+    "from gateway.offline.trials import load_trials; load_trials('{log}', None, DIAGNOSIS_TRIALS)",
+    "diagnose": "from gateway.offline.diagnose import diagnose_logs; "
+    "print(diagnose_logs(['{log}'], '{vessel}').diagnosis.summary)",
 }
 
 

@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import blueboat
-from gateway.offline.diagnose import COARSE
-from gateway.offline.first_vessel import init_vessel
+from gateway.offline.diagnose import DIAGNOSIS_TRIALS
+from gateway.offline.initial_vessel import init_vessel
 from gateway.offline.trials import TrialOptions, load_trials
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import compare
@@ -53,7 +53,7 @@ def blueboat_ladder(folder: Path) -> None:
         trial
         for run in fit
         for trial in load_trials(
-            folder / f"fixed_00000{run.number}.csv", None, COARSE, blueboat.MAPPING
+            folder / f"fixed_00000{run.number}.csv", None, DIAGNOSIS_TRIALS, blueboat.MAPPING
         )
     ]
     found = diagnose(trials, plain)
@@ -75,7 +75,7 @@ def otter_ladder(log: Path) -> None:
         file = Path(folder) / "init.toml"
         init_vessel(log, file, None, SIZE, None, True)
         vessel = load_vessel(file)
-    (whole,) = load_trials(log, None, COARSE)
+    (whole,) = load_trials(log, None, DIAGNOSIS_TRIALS)
     seen = replace(whole, usable=whole.usable & (whole.time < SEEN_S))
     begun = time.perf_counter()
     found = diagnose([seen], vessel, DiagnoseSettings(prior=GUESSED))

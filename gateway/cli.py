@@ -18,7 +18,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from gateway.commands import live, missing, model, recordings, shown
+from gateway.commands import live, model, recordings, views
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message
 from sim.effects.effect import LawError
 
@@ -45,16 +45,16 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "simulate": live.simulate,
     "identify": model.identify,
     "compare": model.compare,
-    "diagnose": missing.diagnose,
-    "add": missing.add,
-    "report": shown.report,
-    "studio": shown.studio,
+    "diagnose": model.diagnose,
+    "add": model.add,
+    "report": views.report,
+    "studio": views.studio,
     "plan": model.plan,
-    "effects": missing.show_effects,
-    "config": shown.show_config,
+    "effects": model.show_effects,
+    "config": views.show_config,
     "repair": recordings.repair,
     "monitor": live.monitor,
-    "demo": shown.demo,
+    "demo": views.demo,
 }
 for name, command in COMMANDS.items():
     app.command(name)(command)

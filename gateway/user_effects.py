@@ -39,7 +39,7 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     return found
 
 
-def write_own(like: Effect, file: Path) -> None:
+def write_effect_copy(like: Effect, file: Path) -> None:
     """The file of an effect under the name of another, to be changed into one of one's own."""
     name = file.stem
     if not name.isidentifier() or file.suffix != ".py":

@@ -1,1 +1,1 @@
-"""Commands by groups; `gateway.cli` lists them. Their work is done in `gateway.pipelines`."""
+"""Commands by groups, listed in `gateway.cli`; `gateway.offline` and `gateway.live` do the work."""

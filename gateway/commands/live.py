@@ -1,4 +1,4 @@
-"""Commands for a boat that is there now, or played."""
+"""Commands for a boat that is there now, or simulated."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +16,8 @@ from gateway.commands.options import (
     VesselFile,
     ZenohName,
     effects_from,
+    print_progress,
     settings_from,
-    tell_line,
     vessel_from,
 )
 from gateway.errors import BadInput
@@ -76,7 +76,7 @@ def live(
     if not plans:
         raise BadInput("no model of the boat: give --vessel FILE, or [[boats]] in --config FILE")
     options = LiveOptions(links, out if record else None, silent, signing_key, settings)
-    run_until_stopped(plans, options, tell_line)
+    run_until_stopped(plans, options, print_progress)
 
 
 def simulate(
@@ -113,8 +113,8 @@ def simulate(
         from gateway.simulated_boat.session import play_until_stopped
 
         play_until_stopped(
-            boat, live, tell_line, program=commands or "mixed", system=system, fast=fast, seed=seed,
-            seconds=seconds,
+            boat, live, print_progress, program=commands or "mixed", system=system, fast=fast,
+            seed=seed, seconds=seconds,
         )  # fmt: skip
         return
     from gateway.offline.simulate import simulate as work

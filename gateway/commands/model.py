@@ -1,4 +1,4 @@
-"""Commands for the numbers of a model, and how well they do."""
+"""Commands for a vessel file: its numbers, how well they do, what it lacks, how to learn more."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +12,7 @@ from gateway.commands.options import (
     Mapping,
     System,
     VesselFile,
+    VesselFiles,
     effects_from,
     print_result,
     vessel_from,
@@ -60,27 +61,24 @@ def identify(
     json: AsJson = False,
 ) -> None:
     """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
-    from gateway.offline.identify import TimeSpan, identify_logs, identify_settings
-    from gateway.offline.usable import parse_exclusions
-    from gateway.terminal.console import status
+    from gateway.offline.identify import identify_logs, identify_settings
+    from gateway.offline.usable_time import TimeSpan, parse_exclusions
+    from gateway.terminal.console import status_line
     from gateway.terminal.identification import show_identification
 
     settings = identify_settings(free or (), fix or (), prior or (), method)
-    with status("identifying") as tell:
+    with status_line("identifying") as progress:
         found = identify_logs(
             logs, vessel, out, settings, span=TimeSpan(start, end), validate=validate or (),
             exclude=parse_exclusions(exclude or ()), pictures=pictures, system=system,
-            mapping=mapping, effects=effects_from(effects), tell=tell,
+            mapping=mapping, effects=effects_from(effects), progress=progress,
         )  # fmt: skip
     print_result(json, found.to_dict, lambda: show_identification(found, out, pictures))
 
 
 def compare(
     logs: LogFiles,
-    vessel: Annotated[
-        list[Path],
-        typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
-    ],
+    vessel: VesselFiles,
     horizon: Annotated[float, typer.Option(help="How long the model runs freely [s].")] = 10.0,
     refit: Annotated[
         str | None,
@@ -101,7 +99,7 @@ def compare(
     """How far is the model from the measurement, beside the noise floor, and where is it worst."""
     from gateway.offline.compare import as_json, compare_logs
     from gateway.terminal.comparison import show_comparisons
-    from gateway.terminal.console import status
+    from gateway.terminal.console import status_line
     from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
@@ -110,12 +108,109 @@ def compare(
         settings = CompareSettings(horizon=horizon)
     except ValueError as error:
         raise BadInput(f"--horizon: {error}") from None
-    with status("comparing") as tell:
+    with status_line("comparing") as progress:
         found = compare_logs(
             logs, vessel, settings, system=system, mapping=mapping, effects=effects_from(effects),
-            pictures=pictures, progress=tell, refit=refit is not None,
+            pictures=pictures, progress=progress, refit=refit is not None,
         )  # fmt: skip
     print_result(json, lambda: as_json(found), lambda: show_comparisons(found, pictures))
+
+
+def diagnose(
+    logs: LogFiles,
+    vessel: VesselFile,
+    improve: Annotated[
+        bool, typer.Option(help="Look on beside what was found, until nothing more is justified.")
+    ] = True,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG): ladder, ranking, evidence.")
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option("--save", help="The answer as JSON, for shadow add --from.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The better vessel file to write.")
+    ] = None,
+    prior: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SHARE",
+            help="How far off the base numbers may be; left out: 0.15 (15 %), or 1 where the file "
+            "says that they were guessed.",
+        ),
+    ] = None,
+    effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
+) -> None:
+    """Which physical effect is missing from the model, how sure that is, and what to do next."""
+    from gateway.offline.diagnose import check_folders, diagnose_logs, save_diagnosis
+    from gateway.terminal.console import status_line
+    from gateway.terminal.diagnosis import show_diagnosis
+
+    if prior is not None and not 0.0 < prior <= 10.0:
+        raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
+    check_folders(save, out)
+    own = effects_from(effects)
+    with status_line("diagnosing") as progress:
+        found = diagnose_logs(
+            logs, vessel, improve=improve, prior=prior, system=system, mapping=mapping,
+            effects=own, progress=progress,
+        )  # fmt: skip
+        save_diagnosis(found, save=save, out=out, pictures=pictures, effects=own, progress=progress)
+    print_result(json, found.to_dict, lambda: show_diagnosis(found, save, out, pictures))
+
+
+def add(
+    names: Annotated[list[str], typer.Argument(metavar="EFFECT", help="Effects, by name.")],
+    vessel: VesselFile,
+    source: Annotated[
+        Path, typer.Option("--from", help="What shadow diagnose --save wrote.", metavar="JSON")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
+    effects: EffectFiles = None,
+) -> None:
+    """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
+    from gateway.offline.add import add_effects
+    from gateway.offline.diagnose import check_folders
+    from gateway.terminal.diagnosis import show_addition
+
+    check_folders(out)
+    done = add_effects(names, vessel, source, out, effects_from(effects))
+    show_addition(done, names, vessel, out)
+
+
+def show_effects(
+    name: Annotated[str | None, typer.Argument(help="One effect, explained.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="With NAME: what it does, as .png or .svg.")
+    ] = None,
+    write: Annotated[
+        Path | None, typer.Option(help="With NAME: its file under another name, to make your own.")
+    ] = None,
+    effects: EffectFiles = None,
+) -> None:
+    """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
+    from gateway.terminal.effects import show_catalogue, show_effect, show_effect_file
+    from gateway.user_effects import known_effects, write_effect_copy
+
+    known = [*known_effects(), *effects_from(effects)]
+    if name is None and picture is not None:
+        raise BadInput("--picture: of which effect? shadow effects NAME --picture FILE.png")
+    if name is None and write is not None:
+        raise BadInput("--write: like which effect? shadow effects NAME --write FILE.py")
+    if name is None:
+        show_catalogue(known)
+        return
+    chosen = [effect for effect in known if effect.name == name]
+    if not chosen:
+        raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
+    if write is not None:
+        write_effect_copy(chosen[0], write)
+        show_effect_file(chosen[0], write)
+        return
+    show_effect(chosen[0], picture)
 
 
 def plan(

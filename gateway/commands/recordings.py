@@ -1,4 +1,4 @@
-"""Commands on recordings and on what a boat says of itself."""
+"""Commands on recordings: what is in them, a vessel file from one, their replay and repair."""
 
 from pathlib import Path
 from typing import Annotated
@@ -51,12 +51,12 @@ def init(
     force: Annotated[bool, typer.Option(help="Replace the file if it is there.")] = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
-    from gateway.offline.first_vessel import init_vessel
-    from gateway.terminal.recordings import show_first_vessel
+    from gateway.offline.initial_vessel import init_vessel
+    from gateway.terminal.recordings import show_initial_vessel
 
-    asked = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
-    given = {key: value for key, value in asked.items() if value is not None}
-    show_first_vessel(init_vessel(log, out, name, given, system, force), out)
+    size = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
+    given = {key: value for key, value in size.items() if value is not None}
+    show_initial_vessel(init_vessel(log, out, name, given, system, force), out)
 
 
 def replay(
@@ -77,7 +77,7 @@ def replay(
 ) -> None:
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.offline import replay as work
-    from gateway.terminal.console import progress
+    from gateway.terminal.console import progress_bar
     from gateway.terminal.runs import replays_dict, show_replay
 
     recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
@@ -91,8 +91,8 @@ def replay(
     )  # fmt: skip
     done = []
     for log, chosen in zip(logs, work.options_by_log(logs, options), strict=True):
-        with numerical_errors(log, vessel), progress(f"replaying {log.name}") as tell:
-            done.append(work.replay(log, boat, own, chosen, tell))
+        with numerical_errors(log, vessel), progress_bar(f"replaying {log.name}") as share_done:
+            done.append(work.replay(log, boat, own, chosen, share_done))
         if not json:
             show_replay(done[-1])
     print_result(json, lambda: replays_dict(done), lambda: None)

@@ -3,6 +3,8 @@
 The text of an SVG, for the report, is as narrow as a phone held upright can show.
 """
 
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import singledispatch
 from io import BytesIO, StringIO
@@ -51,6 +53,7 @@ RC_PARAMS = {
 COLOURS = LinearSegmentedColormap.from_list("little_to_much", COLOUR_SCALE)
 WIDTH, ROW, STRIP_ROW, NAMES_ROW, MAP_ROW = 10.0, 2.3, 1.35, 3.6, 5.0  # inches
 NARROW = 5.6  # inches: at 360 px of a phone, text of 9 points is still read
+UNSAFE = re.compile(r"[^\w.-]+")  # in the name of a file
 SVG_COLUMNS, SVG_POINTS = 500, 1500  # of a line, of a coloured track
 
 
@@ -66,6 +69,14 @@ def save_figure(figure: FigureData, path: str | Path) -> Path:
         draw_figure(figure).savefig(drawn, format=suffix[1:], dpi=130, metadata=undated)
     write_whole(file, drawn.getvalue(), "the picture", folders=True)
     return file
+
+
+def save_figures(figures: Mapping[str, FigureData], folder: str | Path) -> list[Path]:
+    """Write figures as NAME.png into a folder, with dashes for blanks and special characters."""
+    return [
+        save_figure(figure, Path(folder) / (UNSAFE.sub("-", name).strip("-").lower() + ".png"))
+        for name, figure in figures.items()
+    ]
 
 
 def svg_text(figure: FigureData) -> str:

@@ -1,13 +1,9 @@
-"""A diagnosis with what it was made from: as JSON, as a vessel file, as the next command lines.
+"""`shadow diagnose`: recordings and a vessel file -> what is missing from the vessel.
 
-Recordings and a vessel file -> what is missing from the vessel, kept as JSON, vessel, pictures.
-
-read → diagnose → diagnosis.json, the better vessel file, pictures
-
-What is kept of a diagnosis: its JSON, the better vessel file, its pictures.
+read → diagnose → diagnosis.json, the better vessel file, pictures, the next command lines
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -21,11 +17,10 @@ import orjson
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput, numerical_errors
 from gateway.figures.diagnosis import diagnosis_figures
-from gateway.figures.matplotlib_draw import save_figure
-from gateway.offline.add import DiagnosisFile, added
-from gateway.offline.compare import PICTURE, file_name
-from gateway.offline.trials import TrialOptions, usable_trials
-from gateway.offline.usable import notices_of
+from gateway.figures.matplotlib_draw import save_figures
+from gateway.offline.add import DiagnosisFile, add_from_diagnosis
+from gateway.offline.trials import TrialOptions, date_of, usable_trials
+from gateway.offline.usable_time import notices_of
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
@@ -36,15 +31,22 @@ from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
+from sim.state import Progress
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-ANYTHING = "always"  # the group of terms whose pattern serves where no other is declared
+# A diagnosis compares means over 0.4 s: a finer grid costs three times as much and tells no more.
+DIAGNOSIS_TRIALS = TrialOptions(rate_hz=5.0)
+GUESSED_PRIOR = (
+    1.0  # share by which base numbers that were guessed may be off; chosen, not measured
+)
+WORKERS = 2  # threads; the compiled kernels release the interpreter lock
+DEFAULT_PATTERN = "always"  # of `Effect.pattern_for`: the pattern where no other is declared
 
 
 @dataclass(frozen=True)
-class Diagnosed:
-    """The answer, the vessel as it was given, and the recordings."""
+class DiagnosisResult:
+    """The diagnosis, the vessel as it was given, and the recordings."""
 
     diagnosis: Diagnosis
     before: Vessel
@@ -55,13 +57,13 @@ class Diagnosed:
 
     @property
     def rivals(self) -> list[str]:
-        """All effects that take part in a confusion, the chosen ones first."""
+        """Effects that are confounded with one another, the chosen ones first."""
         tied = [c.effect for c in self.diagnosis.ranking if c.confounded_with]
         return tied if self.diagnosis.verdict is Verdict.CONFOUNDED else []
 
     @property
     def separations(self) -> dict[tuple[str, str], Separation]:
-        """What would tell these apart, pair by pair."""
+        """What would separate the rivals, pair by pair."""
         return separations(self.rivals)
 
     @property
@@ -70,7 +72,7 @@ class Diagnosed:
         return bool(self.diagnosis.effects) or self.diagnosis.base_changed
 
     @property
-    def of_voyages(self) -> list[str]:
+    def voyage_effects(self) -> list[str]:
         """Effects found that mean nothing on another day."""
         added = self.diagnosis.vessel.effects
         return [a.effect.name for a in added if a.effect.scope is Scope.VOYAGE]
@@ -78,9 +80,9 @@ class Diagnosed:
     def to_dict(self) -> dict[str, Any]:
         """What `shadow diagnose --json` prints and `shadow add --from` reads."""
         answer = self.diagnosis.to_dict()
-        rungs = (*self.diagnosis.ladder, *self.diagnosis.alternatives)
-        for rung, told in zip(rungs, answer["ladder"] + answer["alternatives"], strict=True):
-            told |= _first_recording(rung, self.trials) | self._own(rung)
+        steps = (*self.diagnosis.ladder, *self.diagnosis.alternatives)
+        for step, entry in zip(steps, answer["ladder"] + answer["alternatives"], strict=True):
+            entry |= _parameters_by_recording(step, self.trials) | self._own_parameters(step)
         if answer["next_manoeuvre"] is None and self.separations:
             answer["next_manoeuvre"] = next(iter(self.separations.values())).says
         return answer | {
@@ -90,24 +92,20 @@ class Diagnosed:
             "version": version("shadow-gateway"),
         } | ({"notices": list(self.notices)} if self.notices else {})  # fmt: skip
 
-    def _own(self, rung: LadderStep) -> dict[str, Any]:
+    def _own_parameters(self, step: LadderStep) -> dict[str, Any]:
         """Numbers of effects that the vessel had already, fitted along."""
-        had = {a.effect.name for a in self.before.effects}
-        own = {a.effect.name: dict(a.values) for a in rung.vessel.effects if a.effect.name in had}
+        names = {a.effect.name for a in self.before.effects}
+        own = {a.effect.name: dict(a.values) for a in step.vessel.effects if a.effect.name in names}
         return {"own_parameters": own} if own else {}
-
-    @property
-    def _excitations(self) -> list[str]:
-        """Manoeuvres of `shadow plan` that would tell more, the best first."""
-        said = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
-        return [*([said] if said in BY_NAME else []),
-                *(s.excitation for s in self.separations.values())]  # fmt: skip
 
     def next_steps(self, saved: str | None, out: str | None) -> list[str]:
         """Command lines to go on with, the likeliest first."""
         vessel, logs = quote(self.vessel_file), " ".join(map(quote, self.logs))
-        better = quote(out or _better(self.vessel_file))
-        plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in self._excitations]
+        better = quote(out or f"{Path(self.vessel_file).stem}-better.toml")
+        manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
+        excitations = [manoeuvre] if manoeuvre in BY_NAME else []
+        excitations += [s.excitation for s in self.separations.values()]
+        plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
         found, steps = self.diagnosis.effects, []
         if found and not out:
             if saved is None:
@@ -116,7 +114,7 @@ class Diagnosed:
             steps.append(f"shadow add {' '.join(found)} --vessel {vessel} --from {source} "
                          f"--out {better}")  # fmt: skip
         if found:
-            refit = " --refit voyage" if self.of_voyages else ""
+            refit = " --refit voyage" if self.voyage_effects else ""
             steps.append(f"shadow compare ANOTHER_LOG --vessel {vessel} --vessel {better}{refit}")
         elif self.diagnosis.base_changed and not out:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}")
@@ -128,59 +126,36 @@ class Diagnosed:
 
 
 def pattern_for(depends_on: str) -> str:
-    """Name of the effect whose file is the pattern for one that depends on this (one of `SAYS`)."""
-    found = {on: effect.name for effect in EFFECTS for on in effect.pattern_for}
-    return found.get(depends_on, found[ANYTHING])
+    """Name of the effect whose file is the pattern for one that depends on this variable."""
+    patterns = {on: effect.name for effect in EFFECTS for on in effect.pattern_for}
+    return patterns.get(depends_on, patterns[DEFAULT_PATTERN])
 
 
-def save_json(found: Mapping[str, Any], path: str | Path) -> None:
-    """Write diagnosis.json; one line where that cannot be."""
-    options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
-    write_whole(Path(path), orjson.dumps(found, option=options), "the diagnosis")
-
-
-def check_folders(*files: Path | None) -> None:
-    """Long work must not end at a folder that is not there."""
-    for file in files:
-        if file is not None and not file.resolve().parent.is_dir():
-            raise BadInput(f"{file}: no such folder: {file.resolve().parent}")
-
-
-def _first_recording(rung: LadderStep, trials: Sequence[Trial]) -> dict[str, Any]:
-    """Of a number that each recording has for itself, the vessel holds that of the first."""
-    kept: dict[str, dict[str, Any]] = {}
+def _parameters_by_recording(step: LadderStep, trials: Sequence[Trial]) -> dict[str, Any]:
+    """Parameters of a step; of those that each recording has for itself, the first one's apart."""
+    parameters: dict[str, dict[str, Any]] = {}
     others: dict[str, dict[str, Any]] = {}
-    for effect, numbers in rung.parameters.items():
-        for e in numbers:
+    for effect, estimates in step.parameters.items():
+        for e in estimates:
             key = e.name.rpartition(".")[2]
-            told = {"value": e.value, "ci95": list(e.ci95), "unit": e.unit}
+            entry = {"value": e.value, "ci95": list(e.ci95), "unit": e.unit}
             if e.trial in (None, trials[0].name):
                 doubt = {"doubt": e.doubt} if e.doubt else {}
-                kept.setdefault(effect, {}).setdefault(key, told | doubt)
+                parameters.setdefault(effect, {}).setdefault(key, entry | doubt)
             else:
-                others.setdefault(e.trial, {})[e.name] = told
-    return {"parameters": kept} | ({"parameters_of_recordings": others} if others else {})
+                others.setdefault(e.trial, {})[e.name] = entry
+    return {"parameters": parameters} | ({"parameters_of_recordings": others} if others else {})
 
 
 def _recording(trial: Trial) -> dict[str, Any]:
-    day = datetime.fromtimestamp(trial.start_time_ns * 1e-9, UTC).date().isoformat()
-    return {"name": trial.name, "date": day, "seconds": float(trial.usable.sum()) * trial.dt}
+    return {
+        "name": trial.name,
+        "date": date_of(trial),
+        "seconds": float(trial.usable.sum()) * trial.dt,
+    }
 
 
-def _better(vessel_file: str) -> str:
-    """boat.toml -> boat-better.toml, where the user is."""
-    return f"{Path(vessel_file).stem}-better.toml"
-
-
-Tell = Callable[[str], None]
-
-# Means over 0.4 s are compared: a finer grid costs three times as much and tells no more.
-COARSE = TrialOptions(rate_hz=5.0)
-WILD = 1.0  # share that base numbers which were guessed may be off by
-WORKERS = 2  # the compiled kernels leave the interpreter to others
-
-
-def diagnosed(
+def diagnose_logs(
     logs: Sequence[str | Path],
     vessel: str | Path,
     *,
@@ -191,33 +166,37 @@ def diagnosed(
     options: TrialOptions | None = None,
     mapping: str | Path | None = None,
     effects: Iterable[Effect] = (),
-    tell: Tell = lambda _: None,
-) -> Diagnosed:
-    """All recordings at once; `improve` climbs until nothing more is justified, else one step.
+    progress: Progress = lambda text: None,
+) -> DiagnosisResult:
+    """Diagnose all recordings at once; `improve` adds effects until no further one is justified.
 
-    `prior`: share that the base numbers may be off by; None: as much again where the vessel file
-    says that they were guessed, else that of the settings. The answer comes with what it was made
-    from: for pictures, files and command lines to go on.
+    `prior`: share by which the base numbers may be off; None: `GUESSED_PRIOR` where the vessel file
+    says that they were guessed, else that of the settings.
     """
     settings = settings or DiagnoseSettings(effects=known_effects())
     more = tuple(effects)
     settings = replace(settings, effects=(*settings.effects, *more))
     guessed = prior is None and read_vessel_file(vessel).guessed
     if prior is not None or guessed:
-        settings = replace(settings, prior=WILD if prior is None else prior)
+        settings = replace(settings, prior=GUESSED_PRIOR if prior is None else prior)
     if not improve:
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
-    trials, found = answered(
+    trials, diagnosis = diagnose_trials(
         logs, boat, settings, file=vessel, system=system, options=options, mapping=mapping,
-        tell=tell,
+        progress=progress,
     )  # fmt: skip
-    says = f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again"
-    notices = (*([f"{says} (--prior says else)"] if guessed else []), *notices_of(trials, boat))
-    return Diagnosed(found, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices)
+    notice = (
+        f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again "
+        "(--prior says else)"
+    )
+    notices = (*([notice] if guessed else []), *notices_of(trials, boat))
+    return DiagnosisResult(
+        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices
+    )
 
 
-def answered(
+def diagnose_trials(
     logs: Sequence[str | Path],
     boat: Vessel,
     settings: DiagnoseSettings,
@@ -226,48 +205,52 @@ def answered(
     system: int | None = None,
     options: TrialOptions | None = None,
     mapping: str | Path | None = None,
-    tell: Tell = lambda _: None,
+    progress: Progress = lambda text: None,
 ) -> tuple[list[Trial], Diagnosis]:
-    """Trials with usable time, and the answer; BadInput where there can be none.
+    """Trials with usable time, and their diagnosis; BadInput where there can be none.
 
     `file`: where the vessel was read from.
     """
     names = ", ".join(str(log) for log in logs)
-    trials = usable_trials(logs, system, options or COARSE, mapping, tell)
+    trials = usable_trials(logs, system, options or DIAGNOSIS_TRIALS, mapping, progress)
     try:
         with numerical_errors(names, file or boat.name), ThreadPoolExecutor(WORKERS) as pool:
-            return trials, diagnose(trials, boat, settings, tell, pool.map)
-    except NoUsableTimeError as problem:
-        raise BadInput(f"{names}: {problem}") from None
-    except DivergedError as problem:
-        raise BadInput(f"{file or names}: {problem}") from None
+            return trials, diagnose(trials, boat, settings, progress, pool.map)
+    except NoUsableTimeError as error:
+        raise BadInput(f"{names}: {error}") from None
+    except DivergedError as error:
+        raise BadInput(f"{file or names}: {error}") from None
 
 
-def kept(
-    found: Diagnosed,
+def check_folders(*files: Path | None) -> None:
+    """BadInput where the folder of a file is missing: before the work, not after it."""
+    for file in files:
+        if file is not None and not file.resolve().parent.is_dir():
+            raise BadInput(f"{file}: no such folder: {file.resolve().parent}")
+
+
+def save_diagnosis(
+    found: DiagnosisResult,
     *,
     save: Path | None = None,
     out: Path | None = None,
     pictures: Path | None = None,
     effects: Iterable[Effect] = (),
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda text: None,
 ) -> None:
-    """Write what was asked for; no vessel file where there is nothing better to write."""
+    """Write what is named; no vessel file where there is nothing better to write."""
     if save is not None:
         save_json(found.to_dict(), save)
     if pictures is not None:
-        tell("pictures")
-        save_pictures(found, pictures)
+        progress("pictures")
+        save_figures(diagnosis_figures(found.diagnosis, found.trials), pictures)
     if out is not None and found.improves:
-        told = DiagnosisFile.model_validate(found.to_dict())
-        names = found.diagnosis.effects
-        added(names, found.vessel_file, told, save or "the diagnosis", out, effects)
+        diagnosis = DiagnosisFile.model_validate(found.to_dict())
+        names, source = found.diagnosis.effects, save or "the diagnosis"
+        add_from_diagnosis(names, found.vessel_file, diagnosis, source, out, effects)
 
 
-def save_pictures(found: Diagnosed, folder: Path) -> list[Path]:
-    """All pictures into a folder."""
-    pictures = diagnosis_figures(found.diagnosis, found.trials)
-    return [
-        save_figure(figure, folder / f"{file_name(name)}{PICTURE}")
-        for name, figure in pictures.items()
-    ]
+def save_json(diagnosis: Mapping[str, Any], path: str | Path) -> None:
+    """Write diagnosis.json, whole or not at all."""
+    options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
+    write_whole(Path(path), orjson.dumps(diagnosis, option=options), "the diagnosis")

@@ -1,24 +1,33 @@
-"""Recordings and a vessel file -> a vessel file whose numbers were fitted, each with its origin.
+"""`shadow identify`: recordings and a vessel file -> fitted parameters, each with its origin.
 
-An identification -> its pictures in a folder.
+read → choose the time → identify → the new vessel file and its pictures
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput, numerical_errors
+from gateway.figures.figure_data import FigureData
 from gateway.figures.identification import identification_figures, parameter_changes
-from gateway.figures.matplotlib_draw import save_figure
-from gateway.offline.compare import file_name
-from gateway.offline.trials import TrialOptions, usable_trials
-from gateway.offline.usable import Exclusion, notices_of, without
-from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
+from gateway.figures.matplotlib_draw import save_figures
+from gateway.offline.trials import TrialOptions, date_of, usable_trials
+from gateway.offline.usable_time import (
+    Exclusion,
+    TimeSpan,
+    exclude_stretches,
+    limit_to_span,
+    notices_of,
+)
+from gateway.vessel_file import (
+    DynamicsTable,
+    Provenance,
+    dump_vessel,
+    load_vessel,
+    read_vessel_file,
+)
 from sim.effects.effect import Effect
 from sim.identification.identify import Identification, identify
 from sim.identification.intervals import Estimate
@@ -28,19 +37,11 @@ from sim.model import Model
 from sim.prediction.free_runs import DivergedError, predict
 from sim.prediction.scales import Ruler
 from sim.prediction.segments import NoUsableTimeError
+from sim.state import Progress
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-TABLES = (*BASE, "x_g", "Y_r", "N_v", "Y_uv", "Y_ur", "N_uv", "N_ur")  # of [dynamics]
 ADVICE = "leave out odd stretches with --exclude, hold numbers with --fix, or try another --method"
-
-
-@dataclass(frozen=True)
-class TimeSpan:
-    """From when to when [s after the first sample of each trial]; None: to its end."""
-
-    start: float | None = None
-    end: float | None = None
 
 
 def identify_logs(
@@ -57,31 +58,31 @@ def identify_logs(
     options: TrialOptions | None = None,
     mapping: str | Path | None = None,
     effects: Iterable[Effect] = (),
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda text: None,
 ) -> Identification:
     """Fit and validate; write the new vessel file to `out`, draw into the folder `pictures`."""
     known, names = tuple(effects), ", ".join(str(log) for log in logs)
     boat = load_vessel(vessel, known)
     if out is not None and not Path(out).resolve().parent.is_dir():
         raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
-    trials = usable_trials(logs, system, options, mapping, tell)
-    chosen = without([within(trial, span or TimeSpan()) for trial in trials], exclude)
-    others = usable_trials(validate, system, options, mapping, tell)
+    read = usable_trials(logs, system, options, mapping, progress)
+    trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
+    others = usable_trials(validate, system, options, mapping, progress)
     try:
         with numerical_errors(names, vessel, ADVICE):
-            found = identify(chosen, boat, settings, others, tell)
-    except (UnknownNameError, DivergedError) as problem:
-        raise BadInput(f"{vessel}: {problem}") from None
-    except NoUsableTimeError as problem:
-        raise BadInput(f"{names}: {problem}") from None
-    notices = (*notices_of((*chosen, *others), boat), *voyage_notices(found))
+            found = identify(trials, boat, settings, others, progress)
+    except (UnknownNameError, DivergedError) as error:
+        raise BadInput(f"{vessel}: {error}") from None
+    except NoUsableTimeError as error:
+        raise BadInput(f"{names}: {error}") from None
+    notices = (*notices_of((*trials, *others), boat), *voyage_notices(found))
     found = replace(found, notices=notices)
     if pictures is not None:
-        tell("pictures")
-        save_pictures(found, boat, chosen, others, pictures)
+        progress("pictures")
+        save_figures(_figures(found, boat, trials, others), pictures)
     if out is not None:
         old = read_vessel_file(vessel).provenance
-        text = dump_vessel(found.vessel, old | provenance(found.estimates, chosen))
+        text = dump_vessel(found.vessel, old | provenance(found.estimates, trials))
         write_whole(Path(out), text.encode(), "the vessel file")
     return found
 
@@ -89,27 +90,18 @@ def identify_logs(
 def identify_settings(
     free: Iterable[str], fix: Iterable[str], priors: Iterable[str], method: str
 ) -> IdentifySettings:
-    """What a command line asks for: the nine base parameters, and what is named."""
-    known = {}
+    """Settings from the options of a command line: the nine base parameters, and those named."""
+    shares = {}
     for text in priors:
         name, _, share = text.partition("=")
         try:
-            known[name] = float(share)
+            shares[name] = float(share)
         except ValueError:
             raise BadInput(f"--prior {text}: expected NAME=SHARE, as in m11=0.15") from None
     try:
-        return IdentifySettings((*BASE, *free), tuple(fix), known, method)
-    except ValueError as problem:
-        raise BadInput(str(problem)) from None
-
-
-def within(trial: Trial, span: TimeSpan) -> Trial:
-    """The same trial with only the span usable; one line where it holds nothing."""
-    start, end = span.start or 0.0, np.inf if span.end is None else span.end
-    if not start < end:
-        raise BadInput(f"--from {start:g} --to {end:g}: expected a span of time, from before to")
-    rows = (trial.time >= start) & (trial.time < end)
-    return replace(trial, usable=trial.usable & rows)
+        return IdentifySettings((*BASE, *free), tuple(fix), shares, method)
+    except ValueError as error:
+        raise BadInput(str(error)) from None
 
 
 def provenance(estimates: Sequence[Estimate], trials: Sequence[Trial]) -> dict[str, Provenance]:
@@ -118,21 +110,20 @@ def provenance(estimates: Sequence[Estimate], trials: Sequence[Trial]) -> dict[s
     Of a number that each recording has for itself, the file holds that of the first.
     """
     names = ", ".join(trial.name for trial in trials)
-    day = datetime.fromtimestamp(trials[0].start_time_ns * 1e-9, UTC).date().isoformat()
-    kept = [e for e in estimates if e.trial in (None, trials[0].name)]
     return {
-        _key(e): Provenance(
+        f"dynamics.{e.name}" if e.name in DynamicsTable.model_fields else e.name: Provenance(
             recording=e.trial or names,
-            date=day,
+            date=date_of(trials[0]),
             version=version("shadow-gateway"),
             ci95=e.ci95,
-            says="; ".join(filter(None, (e.doubt, *_elsewhere(e, estimates)))),
+            says="; ".join(filter(None, (e.doubt, *_on_other_recordings(e, estimates)))),
         )
-        for e in kept
+        for e in estimates
+        if e.trial in (None, trials[0].name)
     }
 
 
-def _elsewhere(one: Estimate, estimates: Sequence[Estimate]) -> list[str]:
+def _on_other_recordings(one: Estimate, estimates: Sequence[Estimate]) -> list[str]:
     """What the same number was on the other recordings."""
     return [
         f"{e.value:.4g} {e.unit} on {e.trial}"
@@ -142,37 +133,30 @@ def _elsewhere(one: Estimate, estimates: Sequence[Estimate]) -> list[str]:
 
 
 def voyage_notices(found: Identification) -> list[str]:
-    """A warning where the vessel can hold the numbers of one recording only."""
-    names = list(dict.fromkeys(e.trial for e in found.estimates if e.trial is not None))
+    """A notice where the vessel can hold the numbers of one recording only."""
+    own = [e for e in found.estimates if e.trial is not None]
+    names = list(dict.fromkeys(e.trial for e in own))
     if len(names) < 2:
         return []
-    numbers = dict.fromkeys(e.name for e in found.estimates if e.trial is not None)
+    numbers = dict.fromkeys(e.name for e in own)
     return [
         f"{', '.join(numbers)}: each recording has its own; the vessel holds those of {names[0]}, "
         "which mean nothing on another day"
     ]
 
 
-def _key(estimate: Estimate) -> str:
-    return f"dynamics.{estimate.name}" if estimate.name in TABLES else estimate.name
-
-
-def save_pictures(
-    found: Identification,
-    before: Vessel,
-    trials: Sequence[Trial],
-    others: Sequence[Trial],
-    folder: str | Path,
-) -> list[Path]:
+def _figures(
+    found: Identification, before: Vessel, trials: Sequence[Trial], others: Sequence[Trial]
+) -> dict[str, FigureData]:
     """Parameters, and of each recording velocities and track: measured, before and after."""
     name = found.vessel.name
-    pictures = {f"{name} parameters": parameter_changes(name, found.estimates)}
+    figures = {f"{name} parameters": parameter_changes(name, found.estimates)}
     first = Model.of(before)
     vessels = [*found.vessels, *(found.vessel for _ in others)]
     for trial, vessel in zip((*trials, *others), vessels, strict=True):
         ruler = Ruler.of(trial, first)
-        both, later = (first, Model.of(vessel)), found.command_offset
-        was, now = (predict(trial, model, ruler, later) for model in both)
+        models, later = (first, Model.of(vessel)), found.command_offset
+        was, now = (predict(trial, model, ruler, later) for model in models)
         drawn = identification_figures(trial, was, now, ruler.settings.horizon)
-        pictures |= {f"{trial.name} {name}": figure for name, figure in drawn.items()}
-    return [save_figure(p, Path(folder) / f"{file_name(name)}.png") for name, p in pictures.items()]
+        figures |= {f"{trial.name} {title}": figure for title, figure in drawn.items()}
+    return figures

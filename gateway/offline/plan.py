@@ -1,8 +1,6 @@
-"""What a plan is: sticks on a grid, what the autopilot gets of them, what the vessel does then.
+"""`shadow plan`: a manoeuvre for a vessel, tried on its model, written for the real boat.
 
-Which manoeuvre a recording asks for: by what it leaves open of the vessel.
-
-`shadow plan`: a manoeuvre for a vessel, tried on its model, written for the real boat.
+Without a name the manoeuvre is chosen by what a diagnosis of a recording leaves open.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -15,9 +13,9 @@ import numpy as np
 from gateway.errors import BadInput
 from gateway.figures.excitation import plan_motion, plan_track
 from gateway.figures.matplotlib_draw import save_figure
-from gateway.offline.diagnose import answered
+from gateway.offline.diagnose import diagnose_trials
 from gateway.offline.plan_export import (
-    Safety,
+    SafetyLimits,
     pulse_bounds,
     safety_for,
     write_commands,
@@ -34,9 +32,16 @@ from sim.excitation.step_response import StepResponses, step_responses
 from sim.model import Model
 from sim.vessel import Vessel
 
+DEFAULT = "mixed"
+SHORTEST_S, LONGEST_S = 5.0, 3600.0  # of a plan
+# All chosen, not measured.
+CLEAR = 0.8  # share of the radius that a plan may use: wind and current need the rest
+THROTTLE_STEP = 0.9  # the throttle is lowered by this factor until the plan keeps clear …
+LEAST_THROTTLE = 0.6  # … down to this share of what was asked for: less excites too little
+
 
 @dataclass(frozen=True)
-class Asked:
+class ManoeuvreRanking:
     """Manoeuvres by the information expected per second, and what it is expected of."""
 
     of: str
@@ -49,25 +54,6 @@ class Asked:
             for s in self.ranked
         ]
         return {"of": self.of, "ranked": rows}
-
-
-def asked_by(log: str | Path, vessel: Vessel) -> Asked:
-    """Diagnose the recording, then ask which manoeuvre would tell most of what stays open."""
-    _, found = answered([log], vessel, DiagnoseSettings(plan=True, effects=known_effects()))
-    tied = next((c for c in found.ranking if c.confounded_with), None)
-    if tied is None:
-        of = "the numbers of the vessel" + (
-            f" with {', '.join(found.effects)}" if found.effects else ""
-        )
-    else:
-        of = f"{tied.effect} against {' and '.join(tied.confounded_with)}"
-    return Asked(of, found.suggested)
-
-
-DEFAULT = "mixed"
-ROOM = 0.8  # of the radius: wind and current want the rest
-WEAKER, WEAKEST = 0.9, 0.6  # of the throttle that was asked for: less tells too little
-SHORTEST_S, LONGEST_S = 5.0, 3600.0
 
 
 @dataclass(frozen=True)
@@ -99,35 +85,35 @@ class PlanOptions:
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlanResult:
     """A plan, its bounds, how the vessel answers to steps, and what was written."""
 
     plan: Plan
-    safety: Safety
-    answers: StepResponses
-    asked_throttle: float
+    safety: SafetyLimits
+    step_responses: StepResponses
+    requested_throttle: float
     files: tuple[Path, ...]
-    asked: Asked | None = None
+    ranking: ManoeuvreRanking | None = None
 
     @property
-    def stays(self) -> bool:
+    def within_radius(self) -> bool:
         """Whether the prediction keeps within the circle."""
         return self.plan.reach <= self.safety.radius_m
 
     @property
-    def narrow(self) -> bool:
+    def close_to_edge(self) -> bool:
         """Whether it keeps within the circle, but with little room."""
-        return self.stays and self.plan.reach > ROOM * self.safety.radius_m
+        return self.within_radius and self.plan.reach > CLEAR * self.safety.radius_m
 
     @property
     def leaves_at(self) -> float | None:
         """When the prediction leaves the circle [s]."""
-        return None if self.stays else self._first_beyond(self.safety.radius_m)
+        return None if self.within_radius else self._first_beyond(self.safety.radius_m)
 
     @property
-    def near_until(self) -> float:
+    def clear_until(self) -> float:
         """How long a plan that comes too far keeps well within the circle [s]."""
-        return float(np.floor(self._first_beyond(ROOM * self.safety.radius_m)))
+        return float(np.floor(self._first_beyond(CLEAR * self.safety.radius_m)))
 
     def _first_beyond(self, distance_m: float) -> float:
         return float(self.plan.time[np.argmax(self.plan.distance > distance_m)])
@@ -141,58 +127,74 @@ class Planned:
             "vessel": plan.vessel.name,
             "seconds": plan.seconds,
             "limits": asdict(plan.limits),
-            "asked_throttle_limit": self.asked_throttle,
+            "asked_throttle_limit": self.requested_throttle,
             "reach_m": plan.reach,
-            "stays": self.stays,
+            "stays": self.within_radius,
             "leaves_at_s": self.leaves_at,
             "highest_speed_mps": float(plan.speed.max()),
             "safety": asdict(self.safety),
             "pulses_us": {str(c): list(ends) for c, ends in pulse_bounds(plan).items()},
-            "step_responses": self.answers.to_dict(),
+            "step_responses": self.step_responses.to_dict(),
             "files": [str(file) for file in self.files],
-            "asked": None if self.asked is None else self.asked.to_dict(),
+            "asked": None if self.ranking is None else self.ranking.to_dict(),
         }
 
 
 def make_plan(
     vessel: Vessel, options: PlanOptions, out: Path | None, log: Path | None = None
-) -> Planned:
+) -> PlanResult:
     """Choose, try on the model, weaken until it keeps within the radius, write."""
-    manoeuvre, asked = chosen(vessel, options.excitation, log)
+    manoeuvre, ranking = choose_manoeuvre(vessel, options.excitation, log)
     model = Model.of(vessel)
-    plan = _within(model, manoeuvre, options)
+    plan = _plan_within(model, manoeuvre, options)
     safety = safety_for(plan, options.radius_m, options.highest_speed_mps, options.lowest_voltage_v)
     files = _write(plan, safety, out) if out is not None else ()
-    return Planned(plan, safety, step_responses(model), options.throttle_limit, files, asked)
+    throttle = options.throttle_limit
+    return PlanResult(plan, safety, step_responses(model), throttle, files, ranking)
 
 
-def chosen(vessel: Vessel, name: str | None, log: Path | None) -> tuple[Manoeuvre, Asked | None]:
-    """The manoeuvre that was named; else the one that a recording asks for, else the default."""
+def choose_manoeuvre(
+    vessel: Vessel, name: str | None, log: Path | None
+) -> tuple[Manoeuvre, ManoeuvreRanking | None]:
+    """The manoeuvre that is named; else the best one after a recording, else the default."""
     if name is not None and name not in BY_NAME:
         raise BadInput(f"--excitation {name}: there are {', '.join(BY_NAME)}")
     if name is not None or log is None:
         return BY_NAME[name or DEFAULT], None
-    asked = asked_by(log, vessel)
-    return asked.ranked[0].manoeuvre, asked
+    ranking = rank_manoeuvres(log, vessel)
+    return ranking.ranked[0].manoeuvre, ranking
 
 
-def _within(model: Model, manoeuvre: Manoeuvre, options: PlanOptions) -> Plan:
+def rank_manoeuvres(log: str | Path, vessel: Vessel) -> ManoeuvreRanking:
+    """Diagnose a recording and rank manoeuvres by what they would add on what it leaves open."""
+    settings = DiagnoseSettings(plan=True, effects=known_effects())
+    _, diagnosis = diagnose_trials([log], vessel, settings)
+    tied = next((c for c in diagnosis.ranking if c.confounded_with), None)
+    if tied is not None:
+        of = f"{tied.effect} against {' and '.join(tied.confounded_with)}"
+    else:
+        effects = f" with {', '.join(diagnosis.effects)}" if diagnosis.effects else ""
+        of = f"the numbers of the vessel{effects}"
+    return ManoeuvreRanking(of, diagnosis.suggested)
+
+
+def _plan_within(model: Model, manoeuvre: Manoeuvre, options: PlanOptions) -> Plan:
     """As much throttle as keeps clear of the circle; where none does, what was asked for."""
     limits, tried = Limits(throttle=options.throttle_limit), list[Plan]()
-    while limits.throttle >= WEAKEST * options.throttle_limit:
+    while limits.throttle >= LEAST_THROTTLE * options.throttle_limit:
         tried.append(plan_of(manoeuvre, model, limits, options.seed, options.seconds))
         if not np.isfinite(tried[-1].reach):
             raise BadInput(
                 f"{model.vessel.name}: its predicted motion leaves all bounds: "
                 "check the signs of its damping and its effects"
             )
-        if tried[-1].reach <= ROOM * options.radius_m:
+        if tried[-1].reach <= CLEAR * options.radius_m:
             return tried[-1]
-        limits = replace(limits, throttle=WEAKER * limits.throttle)
+        limits = replace(limits, throttle=THROTTLE_STEP * limits.throttle)
     return tried[0]
 
 
-def _write(plan: Plan, safety: Safety, out: Path) -> tuple[Path, ...]:
+def _write(plan: Plan, safety: SafetyLimits, out: Path) -> tuple[Path, ...]:
     name = plan.manoeuvre.name
     return (
         write_script(plan, safety, version("shadow-gateway"), out / f"{name}.lua"),

@@ -1,32 +1,33 @@
-"""What ends a plan aboard, and the pulses it may not leave.
+"""A plan as files: a Lua script for ArduPilot Rover (boats too), tables of pulses and commands.
 
-A plan as a Lua script for ArduPilot Rover (boats too): `script.lua` with the numbers put in.
-
-A plan as tables: one with pulses for people and other autopilots, one for `shadow simulate`.
+The script ends a run at the safety limits, and sends no pulse outside the bounds of the plan.
 """
 
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from io import StringIO
 from pathlib import Path
 from string import Template
 
 import numpy as np
 
 from gateway.atomic_file import write_whole
-from gateway.errors import ShadowError
 from sim.excitation.plan import Plan
-from sim.vessel import Vessel
 
-SPEED_MARGIN = 1.3  # over the fastest predicted
-LEAST_SPEED_MPS = 1.0
-PULSE_SLACK_US = 25
-LATE_S = 5.0  # how much longer than planned it may take
+TEMPLATE = Path(__file__).with_name("script.lua")
+MILLI = 1000.0
+CORNERS_PER_LINE = 5
+# All chosen, not measured.
+SPEED_MARGIN = 1.3  # of the speed limit over the fastest predicted
+LEAST_SPEED_LIMIT_MPS = 1.0
+PULSE_MARGIN_US = 25  # beyond the pulses of the plan
+TIME_MARGIN_S = 5.0  # how much longer than planned a run may take
 
 
 @dataclass(frozen=True)
-class Safety:
-    """Bounds of a run; `lowest_voltage_v` None: the autopilot's own BATT_LOW_VOLT."""
+class SafetyLimits:
+    """What ends a run; `lowest_voltage_v` None: the autopilot's own BATT_LOW_VOLT."""
 
     radius_m: float
     highest_speed_mps: float
@@ -42,38 +43,28 @@ class Safety:
 
 def safety_for(
     plan: Plan, radius_m: float, speed_mps: float | None, voltage_v: float | None
-) -> Safety:
+) -> SafetyLimits:
     """The bounds for a plan: what was asked for, else a margin over what is predicted."""
-    expected = max(SPEED_MARGIN * float(plan.speed.max()), LEAST_SPEED_MPS)
+    expected = max(SPEED_MARGIN * float(plan.speed.max()), LEAST_SPEED_LIMIT_MPS)
     speed = round(expected, 2) if speed_mps is None else speed_mps
-    return Safety(radius_m, speed, plan.seconds + LATE_S, voltage_v)
+    return SafetyLimits(radius_m, speed, plan.seconds + TIME_MARGIN_S, voltage_v)
 
 
 def pulse_bounds(plan: Plan) -> dict[int, tuple[int, int]]:
-    """Channel -> lowest and highest pulse [µs] of the plan, neutral among them, with some slack."""
+    """Channel -> lowest and highest pulse [µs] of the plan, neutral included, with some margin."""
     channels, pulses = plan.vessel.pulses(plan.commands)
-    own = _ends(plan.vessel)
+    servos = [actuator.servo for actuator in plan.vessel.actuators]
+    travel = {s.channel: (round(s.pwm[0]), round(s.pwm[2])) for s in servos}
     return {
         channel: (
-            max(round(float(pulses[:, k].min())) - PULSE_SLACK_US, own[channel][0]),
-            min(round(float(pulses[:, k].max())) + PULSE_SLACK_US, own[channel][1]),
+            max(round(float(pulses[:, k].min())) - PULSE_MARGIN_US, travel[channel][0]),
+            min(round(float(pulses[:, k].max())) + PULSE_MARGIN_US, travel[channel][1]),
         )
         for k, channel in enumerate(channels)
     }
 
 
-def _ends(vessel: Vessel) -> dict[int, tuple[int, int]]:
-    """Channel -> the ends of its travel in the vessel file [µs]."""
-    servos = [actuator.servo for actuator in vessel.actuators]
-    return {s.channel: (round(s.pwm[0]), round(s.pwm[2])) for s in servos}
-
-
-TEMPLATE = Path(__file__).with_name("script.lua")
-MILLI = 1000.0
-PER_LINE = 5
-
-
-def script_text(plan: Plan, safety: Safety, version: str) -> str:
+def script_text(plan: Plan, safety: SafetyLimits, version: str) -> str:
     """The whole script."""
     bounds = pulse_bounds(plan)
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
@@ -95,7 +86,7 @@ def script_text(plan: Plan, safety: Safety, version: str) -> str:
     )
 
 
-def write_script(plan: Plan, safety: Safety, version: str, file: Path) -> Path:
+def write_script(plan: Plan, safety: SafetyLimits, version: str, file: Path) -> Path:
     """The script as a file."""
     text = script_text(plan, safety, version)
     write_whole(file, text.encode(), "the script", folders=True)
@@ -106,7 +97,7 @@ def _rows(plan: Plan) -> str:
     """Corners as whole numbers: ms, throttle and steer in thousandths, a few to a line."""
     table = np.column_stack([MILLI * plan.corner_time, MILLI * plan.corner_sticks])
     triples = [f"{t}, {a}, {b}" for t, a, b in np.rint(table).astype(int).tolist()]
-    lines = [triples[k : k + PER_LINE] for k in range(0, len(triples), PER_LINE)]
+    lines = [triples[k : k + CORNERS_PER_LINE] for k in range(0, len(triples), CORNERS_PER_LINE)]
     return "\n".join("  " + ", ".join(line) + "," for line in lines)
 
 
@@ -132,12 +123,9 @@ def write_commands(plan: Plan, file: Path) -> Path:
 
 
 def _write(file: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> Path:
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-    except OSError as error:
-        raise ShadowError(f"{file}: cannot write the table: {error.strerror}") from None
+    table = StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    write_whole(file, table.getvalue().encode(), "the table", folders=True)
     return file

@@ -1,6 +1,6 @@
 """`shadow report`: compare, diagnose where asked, and put it all into one HTML file.
 
-side by side → diagnose → side by side with what was found → pictures → page
+compare → diagnose → compare with what was found → figures → page
 """
 
 import math
@@ -27,15 +27,15 @@ from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecordin
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
 from gateway.figures.quantities import HEADING, velocity_texts
-from gateway.offline.compare import Compared, side_by_side, told_apart
-from gateway.offline.diagnose import Diagnosed, diagnosed
+from gateway.offline.compare import TrialComparison, compare_by_trial, distinct_vessels
+from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
 from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import ADEQUATE_FLOORS, Comparison
 from sim.effects.effect import Effect
+from sim.state import Progress
 from sim.vessel import Vessel
 
-Tell = Callable[[str], None]
-WORST = 5
+WORST = 5  # regimes that are named, of each vessel
 SECTIONS: tuple[tuple[str, Callable[..., FigureData], str], ...] = (
     ("Velocities", horizon_velocities,
      "Blue measured, orange the model, started anew from the measurement at every gap."),
@@ -48,7 +48,7 @@ SECTIONS: tuple[tuple[str, Callable[..., FigureData], str], ...] = (
 
 
 @dataclass(frozen=True)
-class Reported:
+class ReportFile:
     """Where the report is, how large, and what it says in a sentence."""
 
     path: Path
@@ -69,41 +69,47 @@ def make_report(
     system: int | None = None,
     mapping: str | Path | None = None,
     effects: Iterable[Effect] = (),
-    tell: Tell = lambda _: None,
-) -> Reported:
+    progress: Progress = lambda text: None,
+) -> ReportFile:
     """All recordings against all vessels, and with `diagnose` against what the first one lacks."""
-    own = tuple(effects)
-    chosen: list[Vessel] = told_apart(files, own)
-    answer = None
-    if diagnose:
-        answer = diagnosed(logs, files[0], system=system, mapping=mapping, effects=own, tell=tell)
-        if answer.diagnosis.effects:
-            chosen = told_apart([*chosen, _found(answer)])
-    found = side_by_side(logs, chosen, system=system, mapping=mapping, effects=own, tell=tell)
-    tell("pictures")
-    page = report_of(found, chosen, answer)
-    return write_report(page, out)
+    more = tuple(effects)
+    given: dict[str, Any] = {
+        "system": system,
+        "mapping": mapping,
+        "effects": more,
+        "progress": progress,
+    }
+    vessels: list[Vessel] = distinct_vessels(files, more)
+    answer = diagnose_logs(logs, files[0], **given) if diagnose else None
+    if answer is not None and answer.diagnosis.effects:
+        vessels = distinct_vessels([*vessels, _improved_vessel(answer)])
+    found = compare_by_trial(logs, vessels, **given)
+    progress("pictures")
+    return write_report(report_of(found, vessels, answer), out)
 
 
-def write_report(page: ReportPage, out: str | Path) -> Reported:
+def write_report(page: ReportPage, out: str | Path) -> ReportFile:
     """The page as a file, whole or not at all."""
     file, text = Path(out), render(page).encode()
     write_whole(file, text, "the report", folders=True)
-    return Reported(file, len(text), page.headline)
+    return ReportFile(file, len(text), page.headline)
 
 
 def report_of(
-    found: Sequence[Compared], chosen: Sequence[Vessel], answer: Diagnosed | None, boat: str = ""
+    found: Sequence[TrialComparison],
+    vessels: Sequence[Vessel],
+    answer: DiagnosisResult | None,
+    boat: str = "",
 ) -> ReportPage:
     """The whole page as values; `boat` where the vessels have other names than it."""
     names = ", ".join(one.trial.name for one in found)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return ReportPage(
-        title=f"{boat or chosen[0].name}: model against measurement",
+        title=f"{boat or vessels[0].name}: model against measurement",
         made=f"{names}. Made {now} by shadow-gateway {version('shadow-gateway')}.",
         headline=_headline(found, answer),
         recordings=tuple(_recording(one) for one in found),
-        vessel_files=tuple((v.name, dump_vessel(v)) for v in chosen),
+        vessel_files=tuple((v.name, dump_vessel(v)) for v in vessels),
         versions=_versions(),
         diagnosis=None if answer is None else answer.to_dict(),
         ladder=None if answer is None else _ladder(answer),
@@ -111,19 +117,19 @@ def report_of(
     )
 
 
-def _found(answer: Diagnosed) -> Vessel:
+def _improved_vessel(answer: DiagnosisResult) -> Vessel:
     vessel = answer.diagnosis.vessel
     added = " + ".join(answer.diagnosis.effects).replace("_", " ")
     return replace(vessel, name=f"{vessel.name} + {added}")
 
 
-def _headline(found: Sequence[Compared], answer: Diagnosed | None) -> str:
+def _headline(found: Sequence[TrialComparison], answer: DiagnosisResult | None) -> str:
     """One sentence: the diagnosis if there is one, else how far above the noise."""
     if answer is not None:
-        says = answer.diagnosis.summary
-        return says[0].upper() + says[1:] + ("" if says.endswith(".") else ".")
-    worst = max((one.comparisons[0] for one in found), key=_above)
-    times = _above(worst)
+        summary = answer.diagnosis.summary
+        return summary[0].upper() + summary[1:] + ("" if summary.endswith(".") else ".")
+    worst = max((one.comparisons[0] for one in found), key=_times_floor)
+    times = _times_floor(worst)
     if times <= ADEQUATE_FLOORS:
         return (
             f"{worst.vessel} is as good as these recordings can tell: its error of "
@@ -135,11 +141,11 @@ def _headline(found: Sequence[Compared], answer: Diagnosed | None) -> str:
     )
 
 
-def _above(c: Comparison) -> float:
+def _times_floor(c: Comparison) -> float:
     return c.nrmse / max(c.noise_floor_nrmse, 1e-9)
 
 
-def _recording(one: Compared) -> ReportRecording:
+def _recording(one: TrialComparison) -> ReportRecording:
     return ReportRecording(
         one.trial.name,
         one.comparisons[0].seconds,
@@ -171,7 +177,7 @@ def _cells(rmse: Any) -> tuple[str, ...]:
     return (*velocity_texts(rmse), f"{place:.2f}", f"{heading:.2f}")
 
 
-def _figures(one: Compared) -> list[ReportFigure]:
+def _figures(one: TrialComparison) -> list[ReportFigure]:
     """Of several vessels their errors side by side; then the sections of each."""
     several = len(one.comparisons) > 1
     out = []
@@ -186,14 +192,14 @@ def _figures(one: Compared) -> list[ReportFigure]:
     return out
 
 
-def _ladder(answer: Diagnosed) -> ReportFigure:
+def _ladder(answer: DiagnosisResult) -> ReportFigure:
     d = answer.diagnosis
     caption = "Each step is judged on time that its fit did not see."
     bars = ladder_bars([LadderBar.of(step) for step in d.ladder], d.floor)
     return ReportFigure("The ladder", caption, svg_text(bars))
 
 
-def _evidence(answer: Diagnosed) -> tuple[ReportFigure, ...]:
+def _evidence(answer: DiagnosisResult) -> tuple[ReportFigure, ...]:
     """The ranking, and the evidence for each effect found and its rivals."""
     d = answer.diagnosis
     ranked = [ReportFigure("Which effect", "", svg_text(ranking(d)))] if d.ranking else []

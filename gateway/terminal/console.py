@@ -41,7 +41,7 @@ def result_table(title: str, first: str, *numbers: str, unit: bool = False) -> T
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[float], None]]:
+def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
     """A bar while the block runs; call what it gives with the share done, 0 to 1."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
@@ -53,7 +53,7 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def status(what: str) -> Iterator[Callable[[str], None]]:
+def status_line(what: str) -> Iterator[Callable[[str], None]]:
     """A line that says what is being done; call what it gives with the next thing."""
     console = Console(stderr=True)
     if not console.is_terminal:

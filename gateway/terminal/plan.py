@@ -35,13 +35,13 @@ def show_plan(done: PlanResult) -> None:
         f"[bold]{plan.manoeuvre.name}[/bold] for {plan.vessel.name}: {plan.seconds:.0f} s, "
         f"throttle up to {100 * plan.limits.throttle:.0f} %"
     )
-    if done.asked is not None:
-        out.print(f"chosen to tell {done.asked.of}; per second, of most use:", markup=False)
-        for one in done.asked.ranked[:MOST]:
+    if done.ranking is not None:
+        out.print(f"chosen to tell {done.ranking.of}; per second, of most use:", markup=False)
+        for one in done.ranking.ranked[:MOST]:
             out.print(f"  {one.manoeuvre.name}, {one.seconds:.0f} s: {one.nats:.0f} nats")
     out.print(f"tells of {plan.manoeuvre.tells}", markup=False)
     out.print(_circle(done), markup=False)
-    out.print(step_response_table(plan.vessel, done.answers))
+    out.print(step_response_table(plan.vessel, done.step_responses))
     pulses = (
         f"{low}–{high} µs on {channel}" for channel, (low, high) in pulse_bounds(plan).items()
     )
@@ -59,21 +59,21 @@ def show_plan(done: PlanResult) -> None:
 def _circle(done: PlanResult) -> str:
     plan, radius = done.plan, done.safety.radius_m
     fast = f"predicted: at most {plan.speed.max():.1f} m/s, {plan.reach:.0f} m from the start"
-    if not done.stays:
+    if not done.within_radius:
         return (
             f"WARNING: {fast}: it leaves the circle of {radius:g} m after {done.leaves_at:.0f} s, "
-            f"where the script will stop. --seconds {done.near_until:.0f} keeps it in; or give "
+            f"where the script will stop. --seconds {done.clear_until:.0f} keeps it in; or give "
             "more --radius, or another --excitation"
         )
-    if done.narrow:
+    if done.close_to_edge:
         return (
             f"{fast}, within the circle of {radius:g} m but close to it: wind or current may carry "
-            f"it out, where the script will stop. --seconds {done.near_until:.0f} keeps it clear"
+            f"it out, where the script will stop. --seconds {done.clear_until:.0f} keeps it clear"
         )
-    if plan.limits.throttle < done.asked_throttle:
+    if plan.limits.throttle < done.requested_throttle:
         return (
             f"{fast}, in the circle of {radius:g} m: for that the throttle limit "
-            f"was lowered from {done.asked_throttle:g} to {plan.limits.throttle:.2f}; {UNKNOWN}"
+            f"was lowered from {done.requested_throttle:g} to {plan.limits.throttle:.2f}; {UNKNOWN}"
         )
     return f"{fast}, in the circle of {radius:g} m; {UNKNOWN}"
 

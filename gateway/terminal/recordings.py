@@ -71,7 +71,7 @@ def _show_messages(out: ResultConsole, found: Survey) -> None:
     out.print(table)
 
 
-def show_first_vessel(made: VesselFile, out: Path) -> None:
+def show_initial_vessel(made: VesselFile, out: Path) -> None:
     """Actuators found, numbers assumed, what to do next."""
     console = ResultConsole()
     table = Table("actuator", "channel", "pwm [µs]", title=f"{made.name}: outputs that move it")

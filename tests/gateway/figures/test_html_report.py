@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.figures.html_report import LARGEST, ReportFigure, ReportPage, ReportRecording, render
-from gateway.offline.compare import Compared
+from gateway.offline.compare import TrialComparison
 from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
 from sim.model import Model
@@ -41,7 +41,7 @@ def page():
     noise = np.square([0.05, 0.05, 0.005, 0.01, 0.01, 0.005, 0.02, 0.02, 0.01])
     trial = trial_of(*voyage(120.0, current=(0.0, 0.3)), 0.05, np.diag(noise))
     vessels = [WAM_V, replace(WAM_V, name="<script>alert(1)</script>")]
-    found = Compared(trial, tuple(compare(trial, [Model.of(v) for v in vessels])))
+    found = TrialComparison(trial, tuple(compare(trial, [Model.of(v) for v in vessels])))
     return report_of([found], vessels, None), found
 
 
@@ -73,7 +73,7 @@ def test_a_model_at_the_floor_is_called_good(page):
     _, found = page
     first = found.comparisons[0]
     good = replace(first, nrmse=first.noise_floor_nrmse)
-    headline = report_of([Compared(found.trial, (good,))], [WAM_V], None).headline
+    headline = report_of([TrialComparison(found.trial, (good,))], [WAM_V], None).headline
     assert "as good as these recordings can tell" in headline
 
 

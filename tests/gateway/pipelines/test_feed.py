@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.estimation.names import Kind
-from gateway.offline.replay import ReplayOptions, prepare
+from gateway.ingest.open import open_log
+from gateway.offline.replay import replay_input_of
 from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
 from tests.gateway.pipelines.sailing import Said, tlog, voyage
@@ -15,7 +16,7 @@ from tests.gateway.pipelines.sailing import Said, tlog, voyage
 def feed_of(script: Script, folder: Path) -> FilterInputs:
     path = folder / "scripted.tlog"
     path.write_bytes(bytes(script.raw))
-    return prepare(path, ReplayOptions()).feed
+    return replay_input_of(open_log(path)).feed
 
 
 def moving(script: Script, start: float, end: float) -> None:
@@ -54,8 +55,8 @@ def test_no_pulses_while_disarmed(tmp_path: Path) -> None:
 
 def test_what_comes_later_changes_nothing_before(tmp_path: Path) -> None:
     said = voyage(8.0)
-    whole = prepare(tlog(tmp_path / "whole.tlog", said), ReplayOptions()).feed
-    cut = prepare(tlog(tmp_path / "cut.tlog", said[: len(said) // 2]), ReplayOptions()).feed
+    whole = replay_input_of(open_log(tlog(tmp_path / "whole.tlog", said))).feed
+    cut = replay_input_of(open_log(tlog(tmp_path / "cut.tlog", said[: len(said) // 2]))).feed
     same = slice(0, len(cut))
     assert 100 < len(cut) < len(whole)
     assert whole.events.z[same] == pytest.approx(cut.events.z, abs=0.0)
@@ -104,7 +105,7 @@ def test_the_last_fact_of_each_message_completes_it(tmp_path: Path) -> None:
 
 def test_the_order_is_the_place_of_the_frame_in_the_log(tmp_path: Path) -> None:
     said: list[Said] = voyage(3.0)
-    feed = prepare(tlog(tmp_path / "a.tlog", said), ReplayOptions()).feed
+    feed = replay_input_of(open_log(tlog(tmp_path / "a.tlog", said))).feed
     motion = ("ATTITUDE", "LOCAL_POSITION_NED")
     places = [k for k, (_, message) in enumerate(said) if message.get_type() in motion]
     assert np.unique(feed.order).tolist() == places

@@ -14,7 +14,7 @@ from gateway.offline.identify import (
     provenance,
     voyage_notices,
 )
-from gateway.offline.usable import parse_exclusions
+from gateway.offline.usable_time import parse_exclusions
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.identification.identify import Identification
 from sim.identification.intervals import Estimate

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from gateway.errors import BadInput
-from gateway.offline.plan import ROOM, PlanOptions, make_plan
+from gateway.offline.plan import CLEAR, PlanOptions, make_plan
 from gateway.offline.simulate import simulate
 from gateway.terminal.plan import show_plan
 from gateway.vessel_file import load_vessel
@@ -71,32 +71,32 @@ def test_less_throttle_where_it_would_come_too_far(tmp_path):
     radius = far.plan.reach  # it would just stay inside, with no room at all
     near = make_plan(WAMV, PlanOptions("steps", radius_m=radius), None)
     assert near.plan.limits.throttle < 0.7
-    assert near.plan.reach <= ROOM * radius
+    assert near.plan.reach <= CLEAR * radius
 
 
 def test_a_plan_that_leaves_the_circle_says_when_and_how_long_it_may_be(tmp_path, capsys):
     done = planned(tmp_path, IACQUABOT, excitation="square", radius_m=30.0)
-    assert not done.stays
+    assert not done.within_radius
     assert done.plan.limits.throttle == 0.7  # less would not have helped
     before = done.plan.distance[done.plan.time < done.leaves_at]
     assert before.max() <= 30.0
     show_plan(done)
     says = " ".join(capsys.readouterr().out.split())
     assert "WARNING" in says
-    assert f"--seconds {done.near_until:.0f} " in says
-    options = PlanOptions("square", done.near_until, radius_m=30.0)
-    assert make_plan(IACQUABOT, options, None).stays
+    assert f"--seconds {done.clear_until:.0f} " in says
+    options = PlanOptions("square", done.clear_until, radius_m=30.0)
+    assert make_plan(IACQUABOT, options, None).within_radius
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
 def test_every_shipped_vessel_has_a_plan_and_answers_to_steps(path):
     done = make_plan(load_vessel(path), PlanOptions(), None)
-    assert done.answers.surge.settled
-    assert done.answers.yaw.settled
+    assert done.step_responses.surge.settled
+    assert done.step_responses.yaw.settled
     assert done.plan.manoeuvre.name == "mixed"
     told = json.loads(json.dumps(done.to_dict()))
-    assert told["step_responses"]["surge"]["rise"] == done.answers.surge.rise
-    assert told["stays"] == done.stays
+    assert told["step_responses"]["surge"]["rise"] == done.step_responses.surge.rise
+    assert told["stays"] == done.within_radius
 
 
 def test_what_is_predicted_is_what_the_script_plays(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.offline.usable import Exclusion, exclusions_of, without
+from gateway.offline.usable_time import Exclusion, exclude_stretches, parse_exclusions
 from tests.sim.voyages import WAM_V, simulated
 
 
@@ -19,18 +19,18 @@ from tests.sim.voyages import WAM_V, simulated
     ],
 )
 def test_what_a_command_line_says(text, means):
-    assert exclusions_of([text]) == (means,)
+    assert parse_exclusions([text]) == (means,)
 
 
 @pytest.mark.parametrize("text", ["", "10", "20:10", "ten:20", "voyage:10:ten", "5:5"])
 def test_nonsense_is_one_line(text):
     with pytest.raises(BadInput, match="expected FROM:TO"):
-        exclusions_of([text])
+        parse_exclusions([text])
 
 
 def test_only_the_stretch_is_left_out_and_it_is_told():
     trial = simulated(WAM_V, 60.0)
-    (cut,) = without([trial], exclusions_of(["10:20", "voyage:50:"]))
+    (cut,) = exclude_stretches([trial], parse_exclusions(["10:20", "voyage:50:"]))
     out = (trial.time >= 10.0) & (trial.time < 20.0) | (trial.time >= 50.0)
     np.testing.assert_array_equal(cut.usable, trial.usable & ~out)
     assert [(s.start, s.why) for s in cut.excluded] == [
@@ -41,4 +41,4 @@ def test_only_the_stretch_is_left_out_and_it_is_told():
 
 def test_a_recording_that_is_not_there_is_named():
     with pytest.raises(BadInput, match="no recording 'other'"):
-        without([simulated(WAM_V, 30.0)], exclusions_of(["other:1:2"]))
+        exclude_stretches([simulated(WAM_V, 30.0)], parse_exclusions(["other:1:2"]))

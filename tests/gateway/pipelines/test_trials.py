@@ -7,7 +7,7 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.ingest.open import open_log
-from gateway.offline import usable
+from gateway.offline import usable_time
 from gateway.offline.trials import TrialOptions, load_trials, trials_of
 from sim.state import Eta, Nu
 from sim.trial import Trial
@@ -73,14 +73,14 @@ def test_disarmed_means_no_pulse_and_a_listed_stretch() -> None:
     before = trial.time < 19.0
     assert not trial.usable[before].any()
     assert np.isnan(trial.pwm[before]).all()
-    stretch = next(s for s in trial.excluded if s.why == usable.DISARMED)
+    stretch = next(s for s in trial.excluded if s.why == usable_time.DISARMED)
     assert (stretch.start, stretch.end) == pytest.approx((0.0, 20.0), abs=0.2)
 
 
 def test_what_excludes_can_be_kept() -> None:
     script = Script()
     circle(script, 100.0, 0.0, 20.0, armed=False)
-    kept = TrialOptions(keep=(usable.DISARMED, usable.NO_COMMANDS))
+    kept = TrialOptions(keep=(usable_time.DISARMED, usable_time.NO_COMMANDS))
     assert one(script, kept).usable[20:-20].all()
     with pytest.raises(BadInput, match="nothing usable in it: disarmed"):
         trials_of(script.log())
@@ -93,7 +93,7 @@ def test_a_gap_of_telemetry_is_excluded_and_a_long_one_splits() -> None:
     circle(script, 100.0, 0.0, 20.0)
     circle(script, 125.0, 25.0, 20.0)
     trial = one(script)
-    gap = next(s for s in trial.excluded if s.why == usable.GAP)
+    gap = next(s for s in trial.excluded if s.why == usable_time.GAP)
     assert (gap.start, gap.end) == pytest.approx((19.9, 25.0), abs=0.21)
     circle(script, 245.0, 145.0, 20.0)
     assert [t.name for t in trials_of(script.log())] == ["scripted #1", "scripted #2"]
@@ -116,7 +116,7 @@ def test_lying_still_without_thrust_is_not_under_way() -> None:
         script.send(t - 100.0, attitude(t, yaw))
         script.send(t - 100.0, local_position(t))
         script.send(t - 100.0, servo(t, 1500, 0, 1500))
-    assert any(s.why == usable.IDLE and s.end - s.start > 20.0 for s in one(script).excluded)
+    assert any(s.why == usable_time.IDLE and s.end - s.start > 20.0 for s in one(script).excluded)
 
 
 def test_a_spin_that_a_coarse_grid_cannot_follow_is_left_out_of_it() -> None:
@@ -129,9 +129,9 @@ def test_a_spin_that_a_coarse_grid_cannot_follow_is_left_out_of_it() -> None:
         script.send(t - 100.0, local_position(t))
         script.send(t - 100.0, servo(t, 1700, 0, 1300))
     coarse, fine = (one(script, TrialOptions(rate_hz=hz)) for hz in (5.0, 10.0))
-    (spin,) = (s for s in coarse.excluded if s.why == usable.SPINNING)
+    (spin,) = (s for s in coarse.excluded if s.why == usable_time.SPINNING)
     assert (spin.start, spin.end) == pytest.approx((30.0, 35.0), abs=0.5)
-    assert not any(s.why == usable.SPINNING for s in fine.excluded)
+    assert not any(s.why == usable_time.SPINNING for s in fine.excluded)
 
 
 def test_without_a_fix_nothing_is_usable() -> None:
@@ -139,7 +139,7 @@ def test_without_a_fix_nothing_is_usable() -> None:
     for start, fix in ((0.0, 2), (20.0, 3)):
         script.send(start, gps(100.0 + start, fix))
         circle(script, 100.0 + start, start, 20.0)
-    stretches = [s for s in one(script).excluded if s.why == usable.NO_FIX]
+    stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
     assert [(s.start, s.end) for s in stretches] == [pytest.approx((0.0, 20.0), abs=0.2)]
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.offline.plan_export import Safety, pulse_bounds, safety_for, script_text
+from gateway.offline.plan_export import SafetyLimits, pulse_bounds, safety_for, script_text
 from sim.excitation.catalogue import MANOEUVRES
 from sim.excitation.legs import Steps
 from sim.excitation.manoeuvre import Limits
@@ -16,7 +16,7 @@ from tests.gateway.plan.autopilot import GUIDED, HOLD, MANUAL, Autopilot
 from tests.sim.vessels import RUDDER_BOAT, WAMV
 
 LIMITS = Limits(throttle=0.6, steer=0.5)
-SAFETY = Safety(radius_m=50.0, highest_speed_mps=2.0, time_out_s=65.0)
+SAFETY = SafetyLimits(radius_m=50.0, highest_speed_mps=2.0, time_out_s=65.0)
 
 
 @pytest.fixture(scope="module")

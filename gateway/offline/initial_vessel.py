@@ -1,7 +1,7 @@
-"""`shadow init`: a first vessel file from what a log's autopilot says of its outputs.
+"""`shadow init`: an initial vessel file from the autopilot's parameters in a log.
 
 Channels, functions, pulse limits and directions come from the parameters. Size, mass and thrust
-cannot be known from a log: they are asked for, and what follows from them is marked as a guess.
+cannot be known from a log: the user gives them, and what follows from them is marked as a guess.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
 from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
-from gateway.ingest.parameters import Actuator, OutputFunction, actuators
+from gateway.ingest.parameters import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.vessel_file import (
     GUESSED,
     Provenance,
@@ -23,15 +23,29 @@ from gateway.vessel_file import (
     explain,
     read_vessel_file,
 )
+from sim.identification.settings import BASE
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
-WATER = 1000.0  # kg/m³
-ASTERN = 0.75  # thrust astern against ahead of a usual propeller
+ASTERN = 0.75  # thrust astern over thrust ahead of a usual propeller; a rule of thumb
+_SIDES = {
+    OutputFunction.THROTTLE: 0.0,
+    OutputFunction.THROTTLE_LEFT: -1.0,
+    OutputFunction.THROTTLE_RIGHT: 1.0,
+}
+_NAMES = {
+    OutputFunction.THROTTLE: "main",
+    OutputFunction.THROTTLE_LEFT: "left",
+    OutputFunction.THROTTLE_RIGHT: "right",
+    OutputFunction.MOTOR: "motor",
+    OutputFunction.STEERING: "rudder",
+}
+# Ahead and to starboard of the middle: corners of motors 1 to 4.
+_CORNERS = {1: (1.0, 1.0), 2: (-1.0, -1.0), 3: (1.0, -1.0), 4: (-1.0, 1.0)}
 
 
 @dataclass(frozen=True)
 class BoatSize:
-    """What the owner knows: length, beam [m], mass [kg], thrust ahead of one motor [N]."""
+    """What an owner knows: length, beam [m], mass [kg], thrust ahead of one motor [N], m/s."""
 
     length: float = 1.5
     beam: float = 0.8
@@ -48,7 +62,10 @@ def init_vessel(
     system: int | None = None,
     force: bool = False,
 ) -> VesselFile:
-    """Write a first vessel file for the boat of a log -> what was written."""
+    """Write an initial vessel file for the boat of a log -> what was written.
+
+    `given` holds members of `BoatSize`; the others are assumed.
+    """
     for key, value in given.items():
         if not 0.0 < value < float("inf"):
             raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
@@ -62,7 +79,7 @@ def init_vessel(
             "them with the ground station, or copy a file from configs/vessels"
         )
     try:
-        vessel, provenance = first_vessel(
+        vessel, provenance = initial_vessel(
             name or log_path.stem, actuators(parameters), BoatSize(**given), frozenset(given)
         )
         text = dump_vessel(vessel, provenance)
@@ -74,15 +91,15 @@ def init_vessel(
     return read_vessel_file(out)
 
 
-def first_vessel(
+def initial_vessel(
     name: str, found: list[Actuator], size: BoatSize, given: frozenset[str] = frozenset()
 ) -> tuple[Vessel, dict[str, Provenance]]:
-    """A vessel with the log's actuators -> vessel, provenance. `given` names what was not guessed.
+    """Vessel with the log's actuators, and its provenance; `given` names what was not guessed.
 
     Added mass: slender body (Fossen 2021, §6.4.1, rules of thumb for small craft); damping: half
     linear, half quadratic of what full thrust balances at top speed.
     """
-    motors = [a for a in found if a.kind in _MOTORS]
+    motors = [a for a in found if a.kind in THRUST_FUNCTIONS]
     steering = [a for a in found if a.kind is OutputFunction.STEERING]
     if not motors:
         raise BadInput(
@@ -107,29 +124,8 @@ def first_vessel(
     return vessel, _provenance(vessel, given)
 
 
-_MOTORS = (
-    OutputFunction.THROTTLE,
-    OutputFunction.THROTTLE_LEFT,
-    OutputFunction.THROTTLE_RIGHT,
-    OutputFunction.MOTOR,
-)
-_SIDES = {
-    OutputFunction.THROTTLE: 0.0,
-    OutputFunction.THROTTLE_LEFT: -1.0,
-    OutputFunction.THROTTLE_RIGHT: 1.0,
-}
-_NAMES = {
-    OutputFunction.THROTTLE: "main",
-    OutputFunction.THROTTLE_LEFT: "left",
-    OutputFunction.THROTTLE_RIGHT: "right",
-    OutputFunction.MOTOR: "motor",
-    OutputFunction.STEERING: "rudder",
-}
-_OMNI = {1: (1.0, 1.0), 2: (-1.0, -1.0), 3: (1.0, -1.0), 4: (-1.0, 1.0)}  # corner of motors 1 … 4
-
-
 def _names(found: Sequence[Actuator]) -> list[str]:
-    """A name for each; where several outputs have one function, its channel tells them apart."""
+    """A name for each; with its channel where several outputs have one function."""
     plain = [_NAMES[a.kind] + (f"_{a.motor}" if a.motor else "") for a in found]
     return [
         name if plain.count(name) == 1 else f"{name}_{a.channel}"
@@ -138,9 +134,9 @@ def _names(found: Sequence[Actuator]) -> list[str]:
 
 
 def _thruster(a: Actuator, name: str, size: BoatSize) -> Thruster:
-    """Where a motor of that function usually stands."""
+    """A thruster where a motor of that function usually is."""
     if a.motor is not None:
-        ahead, side = _OMNI[a.motor]
+        ahead, side = _CORNERS[a.motor]
         position = (0.35 * size.length * ahead, 0.35 * size.beam * side)
     else:
         position = (-0.4 * size.length, 0.4 * size.beam * _SIDES[a.kind])
@@ -171,8 +167,7 @@ def _dynamics(size: BoatSize, thrust: float) -> Dynamics:
 
 def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
     guessed = Provenance(says=f"{GUESSED}: identify it")
-    marks = {f"dynamics.{name}": guessed for name in ("m11", "m22", "m33")}
-    marks |= {f"dynamics.{n}": guessed for n in ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")}
+    marks = {f"dynamics.{name}": guessed for name in BASE}
     for key in ("length", "beam", "mass"):
         if key not in given:
             marks[f"hull.{key}"] = Provenance(says="assumed: measure it")

@@ -1,4 +1,4 @@
-"""Commands that show everything at once: report, studio, demo, configuration."""
+"""Commands that show results together: report, studio, demo; and the configuration."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,19 +12,17 @@ from gateway.commands.options import (
     LogFiles,
     Mapping,
     System,
+    VesselFiles,
     effects_from,
+    print_progress,
     print_result,
     settings_from,
-    tell_line,
 )
 
 
 def report(
     logs: LogFiles,
-    vessel: Annotated[
-        list[Path],
-        typer.Option("--vessel", "-v", help="Model of the boat; several are held side by side."),
-    ],
+    vessel: VesselFiles,
     out: Annotated[Path, typer.Option("--out", help="The HTML file to write.")] = Path(
         "shadow-out/report.html"
     ),
@@ -38,13 +36,13 @@ def report(
 ) -> None:
     """One self-contained HTML file to mail: pictures, numbers, the vessel file, what is missing."""
     from gateway.offline.report import make_report
-    from gateway.terminal.console import status
+    from gateway.terminal.console import status_line
     from gateway.terminal.runs import show_report
 
-    with status("report") as tell:
+    with status_line("report") as progress:
         done = make_report(
             logs, vessel, out, diagnose=diagnose, system=system, mapping=mapping,
-            effects=effects_from(effects), tell=tell,
+            effects=effects_from(effects), progress=progress,
         )  # fmt: skip
     print_result(json, done.to_dict, lambda: show_report(done))
 
@@ -86,7 +84,7 @@ def studio(
             tuple(logs or ()), vessel, tuple(folder or ()), out, tuple(effects or ()), port,
             browser, expose, tuple(origin or ()), connect, settings_from(config, None, None).studio,
         ),
-        tell_line,
+        print_progress,
     )  # fmt: skip
 
 
