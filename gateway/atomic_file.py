@@ -7,9 +7,9 @@ from gateway.errors import ShadowError
 
 
 def write_whole(file: Path, content: bytes, what: str, folders: bool = False) -> None:
-    """One line that names `what` where it cannot be written; what stood there before stays.
+    """Write a file, or raise a ShadowError that names `what` and leave the old file as it was.
 
-    `folders`: make those that are not there yet.
+    `folders`: make the folders that are missing.
     """
     part = file.with_name(f".{file.name}.part")
     try:

@@ -1,10 +1,4 @@
-"""Table `[studio]` of gateway.toml: where map tiles come from, once somebody asks for them.
-
-tiles        address of a tile, with {Z}, {X} and {Y} where its numbers go (Web Mercator)
-attribution  whose map it is, in words; addresses in it become links
-deepest      zoom beyond which the source has no tiles
-
-gateway.toml → one typed, frozen object. Precedence: flag, then file, then default.
+"""gateway.toml → one typed, frozen object. Precedence: flag, then file, then default.
 
 [[boats]]                   which boats `shadow live` shadows where no --vessel is given
 system_id = 1               may be left out where there is one boat
@@ -21,7 +15,10 @@ ATTITUDE = 20.0
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
 [recording]  see gateway.recording.recorder
 [following]  reference, rate_hz, and the follower's options
-[studio]     tiles, attribution, deepest: see gateway.config
+[studio]                    the map, fetched once somebody switches it on
+tiles = "https://…"         address of a tile with {Z}, {X} and {Y} for its numbers (Web Mercator)
+attribution = "© …"         whose map it is; addresses in it become links
+deepest = 19                zoom beyond which the source has no tiles
 """
 
 import tomllib
@@ -41,7 +38,7 @@ from gateway.estimation.settings import FilterSettings, White
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.recording.foxglove_server import parse_address
 from gateway.recording.recorder import RecordingSettings
-from gateway.vessel_file import checked, explain
+from gateway.vessel_file import explain, validated
 from sim.following.follower import FollowerOptions
 from sim.following.reference import ReferenceMode
 
@@ -52,7 +49,7 @@ DEEPEST = 24
 
 @dataclass(frozen=True)
 class StudioSettings:
-    """Where a map comes from."""
+    """Table `[studio]`: where map tiles come from."""
 
     tiles: str = OPENSTREETMAP
     attribution: str = CREDIT
@@ -70,23 +67,20 @@ class StudioSettings:
 
     @property
     def host(self) -> str:
-        """Who is asked."""
+        """The server that tiles are fetched from."""
         return urlparse(self.tiles).netloc
 
     def tile(self, zoom: int, x: int, y: int) -> str:
         """Address of one tile."""
-        named = {"{Z}": zoom, "{X}": x, "{Y}": y}
-        address = self.tiles
-        for part, number in named.items():
-            address = address.replace(part, str(number))
-        return address
+        address = self.tiles.replace("{Z}", str(zoom))
+        return address.replace("{X}", str(x)).replace("{Y}", str(y))
 
 
-NOT_IN_NAMES = "/*$?#@"  # they mean something in keys of zenoh, and in paths
+NOT_IN_NAMES = "/*$?#@"  # special in keys of zenoh, and in paths
 
 
 def check_name(name: str, where: str) -> None:
-    """BadInput where it can be no name of a boat on zenoh."""
+    """BadInput where a boat cannot have that name on zenoh."""
     if not name or set(name) & set(NOT_IN_NAMES):
         raise BadInput(f"{where} {name!r}: must not be empty nor contain {' '.join(NOT_IN_NAMES)}")
 
@@ -109,7 +103,7 @@ class BoatSettings:
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """Table `[links]`: where MAVLink comes from, and how often boats are asked for what [Hz]."""
+    """Table `[links]`: where MAVLink comes from, and the rates that boats are asked for [Hz]."""
 
     endpoints: tuple[str, ...] = ()
     rates: Mapping[str, float] = field(default_factory=lambda: FULL_HZ)
@@ -123,11 +117,11 @@ class ZenohSettings:
     """Table `[zenoh]`: where the shadow is published."""
 
     publish: bool = True
-    endpoint: str = DEFAULT_ENDPOINT  # listen there, or join whoever does
+    endpoint: str = DEFAULT_ENDPOINT  # listen there, or join the router that does
     config_file: str | None = None  # a zenoh configuration file, passed through
 
     def bus(self) -> BusSettings:
-        """What the bus wants to know."""
+        """The settings of a bus."""
         return BusSettings(self.endpoint, Path(self.config_file) if self.config_file else None)
 
 
@@ -181,8 +175,8 @@ for _table in (
 ):  # fmt: skip
     with_config(ConfigDict(extra="forbid"))(_table)
 
-_CHECKED = TypeAdapter(Settings)
-HINTS = {  # what the keys and values of a table do not tell
+_SETTINGS = TypeAdapter(Settings)
+HINTS = {  # comments of `as_toml` below the heads of tables
     "[links.rates]": '# Hz; 0: not asked for. preset = "radio": what a pair at 57600 baud carries',
     "[foxglove]": '# address = "8765" or "HOST:PORT": a live WebSocket server',
 }
@@ -200,27 +194,27 @@ def load_settings(path: str | Path | None) -> Settings:
     except OSError as error:
         raise BadInput(f"{file}: cannot read the configuration: {error.strerror}") from None
     settings = settings_of(tables, str(file))
-    return replace(settings, boats=tuple(_beside(file, boat) for boat in settings.boats))
+    return replace(settings, boats=tuple(_relative_to(file, boat) for boat in settings.boats))
 
 
-def _beside(file: Path, boat: BoatSettings) -> BoatSettings:
-    """Vessel files are named as seen from the configuration."""
+def _relative_to(file: Path, boat: BoatSettings) -> BoatSettings:
+    """Vessel files are given relative to the configuration."""
     plant = None if boat.plant is None else str(file.parent / boat.plant)
     return replace(boat, vessel=str(file.parent / boat.vessel), plant=plant)
 
 
 def settings_of(tables: dict[str, Any], where: str) -> Settings:
-    """Tables over the defaults, checked; `where` they stand goes into the message."""
+    """Tables over the defaults, validated; `where` they come from goes into the message."""
     try:
-        return checked(_CHECKED, _over(as_tables(Settings()), _spelt_out(tables)))
+        return validated(_SETTINGS, _merged(as_tables(Settings()), _with_preset_rates(tables)))
     except ValidationError as error:
         raise BadInput(f"{where}: {explain(error)}") from None
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
 
 
-def _spelt_out(tables: dict[str, Any]) -> dict[str, Any]:
-    """`[links.rates] preset` -> the rates it stands for, under those that are given themselves."""
+def _with_preset_rates(tables: dict[str, Any]) -> dict[str, Any]:
+    """`[links.rates] preset` replaced by its rates; rates that are given go over them."""
     match tables:
         case {"links": {"rates": {"preset": preset, **own}, **links}}:
             if not isinstance(preset, str) or preset not in PRESETS:
@@ -229,12 +223,12 @@ def _spelt_out(tables: dict[str, Any]) -> dict[str, Any]:
     return tables
 
 
-def _over(defaults: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    """Tables over tables, key by key: one given number leaves its neighbours as they were."""
+def _merged(defaults: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """Tables over defaults, key by key: keys that are not given keep their defaults."""
     out = dict(defaults)
     for key, value in given.items():
         nested = isinstance(value, dict) and isinstance(out.get(key), dict)
-        out[key] = _over(out[key], value) if nested else value
+        out[key] = _merged(out[key], value) if nested else value
     return out
 
 
@@ -243,7 +237,7 @@ def as_tables(value: Any) -> Any:
     if is_dataclass(value):
         items = {f.name: getattr(value, f.name) for f in fields(value)}
         return {k: as_tables(v) for k, v in items.items() if v is not None}
-    if isinstance(value, dict) or hasattr(value, "items"):
+    if isinstance(value, Mapping):
         return {k: as_tables(v) for k, v in value.items()}
     if isinstance(value, tuple | list):
         return [as_tables(v) for v in value]
@@ -251,6 +245,6 @@ def as_tables(value: Any) -> Any:
 
 
 def as_toml(settings: Settings) -> str:
-    """The configuration as a file that can be read again, with hints where it needs them."""
+    """The configuration as a file that can be read again, with comments on what is not shown."""
     lines = tomli_w.dumps(as_tables(settings)).splitlines()
     return "\n".join([f"{line}\n{HINTS[line]}" if line in HINTS else line for line in lines]) + "\n"

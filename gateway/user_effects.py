@@ -25,7 +25,7 @@ def known_effects() -> tuple[Effect, ...]:
 
 
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
-    """All effects that a Python file defines at its top level, as it stands now."""
+    """All effects that a Python file defines at its top level; BadInput where it cannot be run."""
     file = Path(path)
     try:
         text = file.read_bytes().decode("utf-8")
@@ -40,7 +40,7 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
 
 
 def write_effect_copy(like: Effect, file: Path) -> None:
-    """The file of an effect under the name of another, to be changed into one of one's own."""
+    """Write the source of an effect under another name, as a pattern for an effect of one's own."""
     name = file.stem
     if not name.isidentifier() or file.suffix != ".py":
         raise BadInput(f"{file}: a Python file whose name is that of the new effect: keel.py")
@@ -63,13 +63,13 @@ def _module_of(file: Path, text: str) -> ModuleType:
         return sys.modules[name]
     module = ModuleType(name)
     module.__file__ = str(file)
-    # no time of change: `inspect` and tracebacks quote what was run, not what is there now
+    # None for its time of change: `inspect` and tracebacks then quote what was run
     linecache.cache[str(file)] = (len(text), None, text.splitlines(keepends=True), str(file))
     sys.modules[name] = module
     try:
         exec(compile(text, str(file), "exec"), module.__dict__)
-    except (Exception, SystemExit) as error:  # whatever a user's file does is one line for them
+    except (Exception, SystemExit) as error:  # whatever a user's file raises is one line
         del sys.modules[name]
-        says = " ".join(str(error).split())
-        raise BadInput(f"{file}: {type(error).__name__}: {says}") from None
+        message = " ".join(str(error).split())
+        raise BadInput(f"{file}: {type(error).__name__}: {message}") from None
     return module

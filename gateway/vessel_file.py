@@ -1,6 +1,6 @@
-"""Vessel files: TOML → checked → `sim.vessel.Vessel`, and back.
+"""Vessel files: TOML → validated tables → `sim.vessel.Vessel`, and back.
 
-The format is DESIGN §6. Every mistake is one line: file, key, what was expected.
+docs/vessel.md describes the format. Every mistake is one line: file, key, what was expected.
 """
 
 import json
@@ -82,13 +82,13 @@ Thrust = Annotated[Point, AfterValidator(_astern_ahead)]
 Curve = Annotated[Any, PlainValidator(_curve)]
 
 
-class Strict(BaseModel):
+class StrictTable(BaseModel):
     """Unknown keys are mistakes; numbers are finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class HullTable(Strict):
+class HullTable(StrictTable):
     """[hull]"""
 
     length: Positive
@@ -97,7 +97,7 @@ class HullTable(Strict):
     wind_area: Annotated[Point, Field(description="frontal, lateral [m²]")] = (0.0, 0.0)
 
 
-class DynamicsTable(Strict):
+class DynamicsTable(StrictTable):
     """[dynamics]"""
 
     m11: Positive
@@ -118,7 +118,7 @@ class DynamicsTable(Strict):
     N_ur: float = 0.0
 
 
-class ThrusterTable(Strict):
+class ThrusterTable(StrictTable):
     """[[thrusters]]"""
 
     name: str
@@ -131,7 +131,7 @@ class ThrusterTable(Strict):
     curve: Curve = "linear"
 
 
-class RudderTable(Strict):
+class RudderTable(StrictTable):
     """[[rudders]]"""
 
     name: str = "rudder"
@@ -146,17 +146,17 @@ class RudderTable(Strict):
     motor: str | None = None
 
 
-class SensorsTable(Strict):
+class SensorsTable(StrictTable):
     """[sensors]"""
 
     antenna: Point = (0.0, 0.0)
     imu: Point = (0.0, 0.0)
 
 
-GUESSED = "guessed from size"  # how a number that nobody measured says where it came from
+GUESSED = "guessed from size"  # provenance of a number that was never measured
 
 
-class Provenance(Strict):
+class Provenance(StrictTable):
     """[provenance."KEY"]: where a number came from."""
 
     recording: str = ""
@@ -166,7 +166,7 @@ class Provenance(Strict):
     says: str = ""
 
 
-class VesselFile(Strict):
+class VesselFile(StrictTable):
     """A vessel file as written."""
 
     name: str
@@ -181,16 +181,16 @@ class VesselFile(Strict):
 
     @property
     def guessed(self) -> bool:
-        """Whether any number of its dynamics was."""
+        """Whether any number of its dynamics was guessed."""
         marks = self.provenance.items()
         return any(k.startswith("dynamics.") and m.says.startswith(GUESSED) for k, m in marks)
 
 
-_CHECKED = TypeAdapter(VesselFile)
+_VESSEL_FILE = TypeAdapter(VesselFile)
 
 
 def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel:
-    """Read and check a vessel file, or a shipped vessel by its name (`otter`).
+    """The vessel of a vessel file, or a shipped vessel by its name (`otter`).
 
     `more_effects` are known beside the catalogue's.
     """
@@ -227,10 +227,10 @@ def _vessel(file: Path, read: VesselFile, known: dict[str, Effect]) -> Vessel:
 
 
 def read_vessel_file(path: str | Path) -> VesselFile:
-    """The checked tables of a vessel file; BadInput with one line where it is wrong."""
+    """The validated tables of a vessel file; BadInput with one line where it is wrong."""
     file = vessel_path(path)
     try:
-        return checked(_CHECKED, tomllib.loads(file.read_text(encoding="utf-8")))
+        return validated(_VESSEL_FILE, tomllib.loads(file.read_text(encoding="utf-8")))
     except ValidationError as error:
         raise BadInput(f"{file}: {explain(error)}") from None
     except tomllib.TOMLDecodeError as error:
@@ -242,10 +242,10 @@ def read_vessel_file(path: str | Path) -> VesselFile:
         raise BadInput(f"{file}: cannot read the vessel file: {error.strerror}{shipped}") from None
 
 
-def checked(kind: TypeAdapter[T], tables: Mapping[str, Any]) -> T:
-    """TOML tables as a checked object: a number in quotes or a bool for a number is a mistake.
+def validated(kind: TypeAdapter[T], tables: Mapping[str, Any]) -> T:
+    """TOML tables as a validated object: a number in quotes or a bool for a number is a mistake.
 
-    pydantic's strict rules for JSON are those of TOML too: there are no tuples and no enums in it.
+    pydantic's strict rules for JSON hold for TOML too: there are no tuples and no enums in either.
     """
     return kind.validate_json(json.dumps(tables, default=str), strict=True)
 
@@ -255,14 +255,14 @@ def explain(error: ValidationError) -> str:
     mistakes = error.errors()
     unknown = [_key(m["loc"]) for m in mistakes if m["type"] in _UNKNOWN]
     missing = [_key(m["loc"]) for m in mistakes if m["type"] == "missing"]
+    keys = {"unknown key": unknown, "missing key": missing}
     if unknown or missing:
-        said = [f"unknown key {', '.join(unknown)}"] if unknown else []
-        return "; ".join([*said, *([f"missing key {', '.join(missing)}"] if missing else [])])
-    what = mistakes[0]["msg"].removeprefix("Value error, ")
+        return "; ".join(f"{what} {', '.join(found)}" for what, found in keys.items() if found)
+    message = mistakes[0]["msg"].removeprefix("Value error, ")
     more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
     key, value = _key(mistakes[0]["loc"]), mistakes[0]["input"]
-    shown = "" if isinstance(value, dict) else f" = {value!r}"  # a whole table says nothing
-    return f"{key}{shown}: {what[0].lower()}{what[1:]}{more}"
+    shown = "" if isinstance(value, dict) else f" = {value!r}"  # a whole table is too long
+    return f"{key}{shown}: {message[0].lower()}{message[1:]}{more}"
 
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
@@ -362,6 +362,6 @@ def dump_vessel(vessel: Vessel, provenance: dict[str, Provenance] | None = None)
     return tomli_w.dumps(vessel_tables(vessel, provenance))
 
 
-def key_of(vessel: Vessel) -> str:
+def zenoh_key(vessel: Vessel) -> str:
     """The vessel's name as a key on zenoh: small letters, no blanks or special characters."""
     return "".join(c if c.isalnum() or c in "-_" else "-" for c in vessel.name.lower()).strip("-")

@@ -24,7 +24,7 @@ VESSEL = HERE.parent / "configs" / "vessels" / "demo_boat.toml"
 OTTER = "otter_piece.tlog"
 FIRST_BOOT_MS, LAST_BOOT_MS = 125_384, 265_384  # 75 s and 215 s after arming
 ATTITUDE = 30
-PREFACE = (22, 49, 148, 242, 253)  # parameters, origin, version, home, texts: kept from before
+PREFACE = (22, 49, 148, 242, 253)  # parameters, origin, version, home, texts: kept from the start
 
 
 def recipes() -> dict[str, Any]:
@@ -34,7 +34,7 @@ def recipes() -> dict[str, Any]:
 
 
 def make_voyage(name: str, into: Path) -> Path:
-    """One voyage by its recipe."""
+    """Write one voyage by its recipe."""
     recipe = recipes()[name]
     hidden = [Hidden(cause, values) for cause, values in recipe["hidden"].items()]
     boat, file = BOATS[recipe["boat"]], into / name
@@ -43,8 +43,8 @@ def make_voyage(name: str, into: Path) -> Path:
 
 
 def cut_otter(whole: Path, into: Path) -> Path:
-    """A piece of the Otter's log: frames as they are, with what was said once at its start."""
-    data, kept, inside = whole.read_bytes(), [], False
+    """Write a piece of the Otter's log: its frames as they are, and the log's PREFACE messages."""
+    data, pieces, inside = whole.read_bytes(), [], False
     for start, end, message in frames(data):
         if message == ATTITUDE:
             boot_ms = int.from_bytes(data[start + 18 : start + 22], "little")
@@ -52,9 +52,9 @@ def cut_otter(whole: Path, into: Path) -> Path:
             if boot_ms >= LAST_BOOT_MS:
                 break
         if inside or message in PREFACE:
-            kept.append(data[start:end])
+            pieces.append(data[start:end])
     file = into / OTTER
-    file.write_bytes(b"".join(kept))
+    file.write_bytes(b"".join(pieces))
     return file
 
 

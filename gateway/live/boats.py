@@ -16,7 +16,7 @@ from gateway.ingest.mavlink.boats import from_heartbeat
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boat import LiveBoat, Spoken
 from gateway.shadow.path import ShadowPath
-from gateway.vessel_file import key_of
+from gateway.vessel_file import zenoh_key
 from sim.vessel import Vessel
 
 MOST = 32  # boats: whoever invents system ids may not use up files and memory
@@ -34,7 +34,7 @@ class BoatPlan:
     @property
     def key(self) -> str:
         """Name on zenoh and of the recording."""
-        return self.name or key_of(self.vessel)
+        return self.name or zenoh_key(self.vessel)
 
 
 class Said(NamedTuple):

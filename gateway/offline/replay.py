@@ -34,7 +34,7 @@ from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import Shadowing, ShadowPath
 from gateway.shadow.recording_contents import attachments_of, metadata_of
 from gateway.shadow.topic_rows import event_rows, topic_rows
-from gateway.vessel_file import key_of
+from gateway.vessel_file import zenoh_key
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -140,7 +140,7 @@ def replay(
         follower=following.follower,
         rate_hz=following.rate_hz,
     )
-    name, began, totals = options.name or key_of(vessel), time.monotonic(), ReplayTotals()
+    name, began, totals = options.name or zenoh_key(vessel), time.monotonic(), ReplayTotals()
     ours = log.recording if isinstance(log, MavlinkLog) else None
     live = ours if ours is not None and ran_live(ours) else None
     if live is not None:

@@ -22,7 +22,7 @@ from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log,
 from gateway.recording.reader import Recording
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
-from gateway.vessel_file import key_of, load_vessel
+from gateway.vessel_file import zenoh_key, load_vessel
 from sim.following.follower import FollowerOptions
 from sim.following.reference import ReferenceMode
 from sim.vessel import AddedEffect, Vessel
@@ -226,7 +226,7 @@ def test_logs_of_one_name_get_recordings_of_their_own(tmp_path: Path) -> None:
 
 
 def test_a_vessels_name_becomes_a_key() -> None:
-    assert key_of(replace(WAMV, name="Sea Otter #2 (new)")) == "sea-otter--2--new"
+    assert zenoh_key(replace(WAMV, name="Sea Otter #2 (new)")) == "sea-otter--2--new"
 
 
 @contextmanager
