@@ -84,7 +84,7 @@ class DiagnosisResult:
         for step, entry in zip(steps, answer["ladder"] + answer["alternatives"], strict=True):
             entry |= _parameters_by_recording(step, self.trials) | self._own_parameters(step)
         if answer["next_manoeuvre"] is None and self.separations:
-            answer["next_manoeuvre"] = next(iter(self.separations.values())).says
+            answer["next_manoeuvre"] = next(iter(self.separations.values())).description
         return answer | {
             "vessel_file": self.vessel_file,
             "recordings": [_recording(trial) for trial in self.trials],

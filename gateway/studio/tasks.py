@@ -1,11 +1,13 @@
-"""What the studio's workers do, each in a process of its own; plain values go in and come out."""
+"""What the studio's workers do, each in a process of its own; plain values go in and come out.
 
-from collections.abc import Callable, Sequence
+A task's first argument, `send`, takes a line of progress or a part of the result.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
@@ -21,17 +23,26 @@ from gateway.figures.diagnosis import (
 )
 from gateway.figures.motion import horizon_velocities, measured_velocities, residuals, track
 from gateway.ingest.open import open_log
-from gateway.ingest.survey import survey
-from gateway.offline.add import DiagnosisFile, added
-from gateway.offline.compare import Compared, compared_trial, told_apart
-from gateway.offline.diagnose import Diagnosed, diagnosed
+from gateway.ingest.survey import Survey, survey
+from gateway.offline.add import DiagnosisFile, add_from_diagnosis
+from gateway.offline.compare import TrialComparison, compare_models, distinct_vessels
+from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
 from gateway.offline.report import report_of, write_report
 from gateway.offline.trials import load_trials
-from gateway.studio.views import Found, LadderView, Other, Row, TrialView, VesselView, Worst
+from gateway.studio.views import (
+    AlternativeView,
+    DiagnosisView,
+    LadderView,
+    RegimeView,
+    TimeRanges,
+    TrialView,
+    VesselView,
+)
+from gateway.studio.worker import Send
 from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
-from sim.comparison.regimes import regimes_of
+from sim.comparison.regimes import Regime, regimes_of
 from sim.comparison.where import Bin, bin_of
 from sim.diagnosis.answer import LadderStep
 from sim.effects.effect import Effect
@@ -40,21 +51,20 @@ from sim.state import Eta
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-Tell = Callable[[Any], None]  # a line of text, or a part of the result
-WORST = 6
-EXPLAINS = 0.95  # of the error without any effect: what lowers it by less is not worth a picture
+WORST = 6  # regimes that are named
+EXPLAINS = 0.95  # of the error without any effect: what lowers it by less is not worth a figure
 
-_last: dict[str, Diagnosed] = {}  # of this process: the report tells it
+_last: dict[str, DiagnosisResult] = {}  # of this process, for the report
 
 
 def trials_in(path: str) -> tuple[Trial, ...]:
-    """The trials of a recording; read again only when the file has changed."""
+    """The trials of a recording with usable time; read again only when the file has changed."""
     return _trials(path, Path(path).stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=12)
 def _trials(path: str, stamp: int) -> tuple[Trial, ...]:
-    return tuple(load_trials(path))
+    return tuple(trial for trial in load_trials(path) if trial.usable.any())
 
 
 def effects_in(files: Sequence[str]) -> tuple[Effect, ...]:
@@ -62,174 +72,153 @@ def effects_in(files: Sequence[str]) -> tuple[Effect, ...]:
     return tuple(effect for file in files for effect in load_effects(file))
 
 
-def vessel_of(text: str, own: Sequence[Effect]) -> Vessel:
+def vessel_of(text: str, effects: Sequence[Effect]) -> Vessel:
     """The text of a vessel file as a vessel."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / "vessel.toml"
         file.write_text(text, encoding="utf-8")
-        return load_vessel(file, own)
+        return load_vessel(file, effects)
 
 
-def look(tell: Tell, path: str) -> Row:
+def survey_recording(send: Send, path: str) -> Survey:
     """What is in a recording."""
-    found = survey(open_log(path))
-    rates = sorted(((n, m.rate_hz) for n, m in found.messages.items()), key=lambda r: -r[1])
-    return Row(
-        path, found.kind, found.statistics.size_bytes / 1e6, found.seconds,
-        tuple(f"{b.boat} {b.firmware}".strip() for b in found.boats),
-        tuple(says for b in found.boats for says in b.good_for),
-        tuple(n for b in found.boats for n in b.notices), tuple(rates[:8]),
-    )  # fmt: skip
+    return survey(open_log(path))
 
 
 def compare(
-    tell: Tell, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str]
+    send: Send, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str]
 ) -> tuple[TrialView, ...]:
-    """Every recording against (label, vessel file) each; measured motion is told at once."""
-    own = effects_in(files)
-    named = [_named(vessel_of(text, own), label) for label, text in vessels]
+    """Every recording against (label, vessel file) each; measured motion is sent at once."""
+    effects = effects_in(files)
+    named = [replace(vessel_of(text, effects), name=label) for label, text in vessels]
     models: list[Model] = []
     out: list[TrialView] = []
     for path in paths:
-        tell(f"reading {Path(path).name}")
+        send(f"reading {Path(path).name}")
         for trial in trials_in(path):
-            if not trial.usable.any():
-                continue
-            tell(bare(trial, path))
-            models = models or [Model.of(vessel) for vessel in told_apart(named)]
-            found = compared_trial(trial, models, None, tell)
+            send(measured_view(trial, path))
+            models = models or [Model.of(vessel) for vessel in distinct_vessels(named)]
+            found = compare_models(trial, models, None, send)
             out += [trial_view(one, path, models) for one in found]
     return tuple(out)
 
 
-def _named(vessel: Vessel, label: str) -> Vessel:
-    return replace(vessel, name=label)
-
-
-def bare(trial: Trial, path: str) -> TrialView:
+def measured_view(trial: Trial, path: str) -> TrialView:
     """A recording before anything was compared."""
     usable = float(trial.usable.sum()) * trial.dt
     return TrialView(
         trial.name, path, usable, trial.time, trial.eta[:, Eta.EAST], trial.eta[:, Eta.NORTH],
-        measured_velocities(trial), (), trial.notices,
-        trial.origin_deg,
+        measured_velocities(trial), (), trial.notices, trial.origin_deg,
     )  # fmt: skip
 
 
-def trial_view(one: Compared, path: str, models: Sequence[Model]) -> TrialView:
+def trial_view(one: TrialComparison, path: str, models: Sequence[Model]) -> TrialView:
     """A recording with all its vessels."""
-    spans = _Spans(one.trial, models[0])
-    vessels = tuple(_vessel_view(one.trial, c, spans) for c in one.comparisons)
+    regimes = {regime.by: regime for regime in regimes_of(one.trial, models[0])}
+    vessels = tuple(_vessel_view(one.trial, c, regimes) for c in one.comparisons)
     notices = tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices))
-    return replace(bare(one.trial, path), vessels=vessels, notices=notices)
+    return replace(measured_view(one.trial, path), vessels=vessels, notices=notices)
 
 
-def _vessel_view(trial: Trial, c: Comparison, spans: "_Spans") -> VesselView:
-    pictures = {
+def _vessel_view(trial: Trial, c: Comparison, regimes: dict[str, Regime]) -> VesselView:
+    figures = {
         "velocities": horizon_velocities(trial, c),
         "residuals": residuals(trial, c),
         "track": track(trial, c),
         "strips": error_strips(c),
         "forces": missing_force_by_regime(c),
     }
-    worst = tuple(Worst(b.sentence, spans.of(b)) for b in c.worst(WORST))
+    worst = tuple(
+        RegimeView(b.sentence, _times_in(b, trial, regimes[b.by])) for b in c.worst(WORST)
+    )
     return VesselView(
-        c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.noise_floor_nrmse, worst, pictures
+        c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.noise_floor_nrmse, worst, figures
     )
 
 
-class _Spans:
-    """Which stretches of a trial lie in a bin."""
-
-    def __init__(self, trial: Trial, model: Model) -> None:
-        self._trial = trial
-        self._regimes = {regime.by: regime for regime in regimes_of(trial, model)}
-
-    def of(self, one: Bin) -> tuple[tuple[float, float], ...]:
-        """From when to when [s], in order."""
-        regime = self._regimes[one.by]
-        k = int(np.argmin(np.abs(regime.edges[:-1] - one.start)))
-        inside = (bin_of(regime.value, regime.edges) == k) & self._trial.usable
-        steps = np.diff(np.concatenate([[0], inside.astype(np.int8), [0]]))
-        time, dt = self._trial.time, self._trial.dt
-        starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
-        return tuple(
-            (float(time[a]), float(time[b - 1]) + dt) for a, b in zip(starts, ends, strict=True)
-        )
+def _times_in(one: Bin, trial: Trial, regime: Regime) -> TimeRanges:
+    """Which stretches of a trial [s] lie in a bin, in order."""
+    k = int(np.argmin(np.abs(regime.edges[:-1] - one.start)))
+    inside = (bin_of(regime.value, regime.edges) == k) & trial.usable
+    steps = np.diff(np.concatenate([[0], inside.astype(np.int8), [0]]))
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return tuple(
+        (float(trial.time[a]), float(trial.time[b - 1]) + trial.dt)
+        for a, b in zip(starts, ends, strict=True)
+    )
 
 
-def diagnose(tell: Tell, paths: Sequence[str], text: str, files: Sequence[str]) -> Found:
+def diagnose(send: Send, paths: Sequence[str], text: str, files: Sequence[str]) -> DiagnosisView:
     """What is missing, and every vessel on the way to it."""
-    own = effects_in(files)
+    effects = effects_in(files)
     with TemporaryDirectory() as folder:
         given = Path(folder) / "vessel.toml"
         given.write_text(text, encoding="utf-8")
-        found = diagnosed(list(paths), given, effects=own, tell=tell)
-        rungs = _rungs(found, found.diagnosis.ladder, given, own)
-        others = _rungs(found, found.diagnosis.alternatives, given, own)
+        found = diagnose_logs(list(paths), given, effects=effects, progress=send)
+        steps = _ladder_views(found, found.diagnosis.ladder, given, effects)
+        others = _ladder_views(found, found.diagnosis.alternatives, given, effects)
     _last["diagnosis"] = found
-    tell("pictures")
+    send("pictures")
     d = found.diagnosis
-    proofs = evidence_of(d, found.trials)
-    return Found(
-        answer=found.to_dict(), logs=tuple(paths), floor=d.floor, rungs=rungs,
+    return DiagnosisView(
+        answer=found.to_dict(),
+        logs=tuple(paths),
+        floor=d.floor,
+        steps=steps,
         ranking=ranking(d) if d.ranking else None,
-        evidence={one.effect: evidence_figure(one) for one in proofs},
-        looks=_looks(own), separates=tuple(s.says for s in found.separations.values()),
-        others=_others(found, others),
-    )  # fmt: skip
+        evidence={one.effect: evidence_figure(one) for one in evidence_of(d, found.trials)},
+        looks={effect.name: effect.looks_like for effect in (*known_effects(), *effects)},
+        separations=tuple(s.description for s in found.separations.values()),
+        alternatives=_alternatives(found, others),
+    )
 
 
-def _rungs(
-    found: Diagnosed, rungs: Sequence[LadderStep], given: Path, own: Sequence[Effect]
+def _ladder_views(
+    found: DiagnosisResult, steps: Sequence[LadderStep], given: Path, effects: Sequence[Effect]
 ) -> tuple[LadderView, ...]:
-    """Each rung as a vessel file with the provenance of its numbers."""
-    told = DiagnosisFile.model_validate(found.to_dict())
+    """Each step with its vessel file, which holds the provenance of its numbers."""
+    diagnosis = DiagnosisFile.model_validate(found.to_dict())
     out = []
-    for rung in rungs:
-        file = given.with_name("rung.toml")
-        if rung.base == "plain":
-            text = given.read_text(encoding="utf-8")
-        else:
-            added(rung.effects, given, told, "the diagnosis", file, own)
-            text = file.read_text(encoding="utf-8")
-        out.append(LadderView(rung.effects, LadderBar.of(rung), text))
+    for step in steps:
+        file = given
+        if step.base != "plain":
+            file = given.with_name("step.toml")
+            add_from_diagnosis(step.effects, given, diagnosis, "the diagnosis", file, effects)
+        text = file.read_text(encoding="utf-8")
+        out.append(LadderView(step.effects, LadderBar.of(step), text))
     return tuple(out)
 
 
-def _others(found: Diagnosed, rungs: Sequence[LadderView]) -> tuple[Other, ...]:
-    """What was not chosen; with a picture where it is a rival, or explains something at least."""
+def _alternatives(
+    found: DiagnosisResult, views: Sequence[LadderView]
+) -> tuple[AlternativeView, ...]:
+    """What was not chosen; with evidence where it is a rival, or explains something at least."""
     d = found.diagnosis
     tied = rivals(d)
     least = EXPLAINS * d.ladder[1].heldout.nrmse
     out = []
-    for one, rung in zip(d.alternatives, rungs, strict=True):
-        effect, rival = one.effects[-1], any(one is t for t in tied)
+    for step, view in zip(d.alternatives, views, strict=True):
+        effect, rival = step.effects[-1], any(step is t for t in tied)
         proof = None
-        if rival or (one.heldout.nrmse < least and effect not in d.effects):
-            proof = evidence_on(one, effect, found.trials)
-        shown = None if proof is None else evidence_figure(proof)
-        out.append(Other(rung, rival, shown))
+        if rival or (step.heldout.nrmse < least and effect not in d.effects):
+            proof = evidence_on(step, effect, found.trials)
+        out.append(AlternativeView(view, rival, evidence_figure(proof) if proof else None))
     return tuple(out)
 
 
-def _looks(own: Sequence[Effect]) -> dict[str, str]:
-    return {effect.name: effect.looks_like for effect in (*known_effects(), *own)}
-
-
 def report(
-    tell: Tell, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str],
-    out: str, told: bool,
+    send: Send, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str],
+    out: str, diagnosed: bool,
 ) -> str:  # fmt: skip
-    """Write the report of what is on the page; `told`: with this process's last diagnosis."""
-    if told and "diagnosis" not in _last:
+    """Write the report of what is on the page; `diagnosed`: with this process's last diagnosis."""
+    if diagnosed and "diagnosis" not in _last:
         raise BadInput("the answer went with a job that was cancelled: diagnose again first")
-    own = effects_in(files)
-    read = [(label, vessel_of(text, own)) for label, text in vessels]
-    chosen = [_named(vessel, f"{vessel.name}, {label}") for label, vessel in read]
+    effects = effects_in(files)
+    read = [(label, vessel_of(text, effects)) for label, text in vessels]
+    chosen = [replace(vessel, name=f"{vessel.name}, {label}") for label, vessel in read]
     models = [Model.of(vessel) for vessel in chosen]
-    found = [one for path in paths for trial in trials_in(path) if trial.usable.any()
-             for one in compared_trial(trial, models, None, tell)]  # fmt: skip
-    tell("pictures")
-    page = report_of(found, chosen, _last["diagnosis"] if told else None, read[0][1].name)
+    found = [one for path in paths for trial in trials_in(path)
+             for one in compare_models(trial, models, None, send)]  # fmt: skip
+    send("pictures")
+    page = report_of(found, chosen, _last["diagnosis"] if diagnosed else None, read[0][1].name)
     return str(write_report(page, out).path)

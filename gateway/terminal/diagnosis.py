@@ -125,7 +125,7 @@ def _of_voyages(found: DiagnosisResult) -> list[str]:
 def _look_alikes(found: DiagnosisResult) -> list[str]:
     """Each pair that these data cannot tell apart, and what would."""
     separations = found.separations
-    out = [f"{a} or {b}? {separation.says}" for (a, b), separation in separations.items()]
+    out = [f"{a} or {b}? {separation.description}" for (a, b), separation in separations.items()]
     if found.diagnosis.next_manoeuvre:
         out.append(f"what would tell most: {found.diagnosis.next_manoeuvre}")
     separated = {name for pair in separations for name in pair}

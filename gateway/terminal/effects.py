@@ -105,7 +105,7 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
     for other in effect.mistaken_for:
         found = separation(effect.name, other)
         if found is not None:
-            out.bullets([f"{other}? {found.says}"])
+            out.bullets([f"{other}? {found.description}"])
     table = Table("parameter", "unit", "from", "to", "a fit starts at", "says")
     for p in effect.parameters:
         table.add_row(*_parameter(p))
@@ -144,7 +144,7 @@ def _flowing(text: str) -> str:
 
 
 def _parameter(p: Parameter) -> tuple[str, ...]:
-    return p.name, p.unit, f"{p.lower:.9g}", f"{p.upper:.9g}", f"{p.start:g}", p.says
+    return p.name, p.unit, f"{p.lower:.9g}", f"{p.upper:.9g}", f"{p.start:g}", p.description
 
 
 def _places(effect: Effect) -> str:

@@ -33,8 +33,8 @@ from sim.prediction.segments import (
     BLOCK_S,
     CompareSettings,
     NoUsableTimeError,
-    blocks,
-    usable_stretches,
+    longest_stretch,
+    time_blocks,
 )
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -65,7 +65,7 @@ class TwoFolds:
     @classmethod
     def of(cls, trial: Trial) -> "TwoFolds":
         """Every second block in each; TooShortError where there are fewer than four."""
-        cut = blocks(trial.usable, trial.dt)
+        cut = time_blocks(trial.usable, trial.dt)
         if len(cut) < MIN_BLOCKS:
             raise TooShortError(
                 f"{trial.name}: time for {len(cut)} of the {MIN_BLOCKS} blocks of {BLOCK_S:g} s "
@@ -110,7 +110,7 @@ class CrossFit:
 
     def free_run(self, scales: Floats) -> FreeRun:
         """One free run over the longest block, by the model that was not fitted on it."""
-        longest = max(usable_stretches(self.folds.trial.usable), key=len)
+        longest = longest_stretch(self.folds.trial)
         model = self.models[int(self.folds.fold[longest.start])]
         return free_run(self.folds.trial, model, scales)
 
@@ -222,7 +222,7 @@ def _error(trial: Trial, vessel: Vessel, ruler: Ruler) -> float:
 
 def _fit_from(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = FIT_HORIZONS_S) -> Vessel:
     """The parameters of the voyage that have a slope, fitted from where they are."""
-    free = tuple(f"{a.effect.name}.{key}" for a in _of_voyage(vessel) for key in a.effect.fitted)
+    free = tuple(f"{a.effect.name}.{key}" for a in _of_voyage(vessel) for key in a.effect.fit_parameters)
     if not free:
         return vessel
     settings = IdentifySettings(free=free, horizons=horizons)

@@ -128,7 +128,7 @@ def refitted(
 
 def _own(vessel: Vessel) -> list[str]:
     """Parameters of the effects that the vessel has already: fitted along with its base."""
-    return [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fitted]
+    return [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
 
 
 def _suggested(

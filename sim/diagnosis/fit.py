@@ -124,7 +124,7 @@ def unknowns_for(
     wide: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:
     """What is looked for with these effects in the vessel; they give where its effects start."""
-    free = [f"{a.effect.name}.{key}" for a in added for key in a.effect.fitted]
+    free = [f"{a.effect.name}.{key}" for a in added for key in a.effect.fit_parameters]
     model = wide.with_added(added)
     found = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
     return replace(found, each=tuple(_within_reason(u) for u in found.each))
@@ -158,7 +158,7 @@ def as_given(unknowns: Unknowns, z: Floats) -> Floats | None:
     A base that stood in for what is missing may have ended where no effect finds its way back.
     """
     base = np.array([u.name in BASE for u in unknowns.each])
-    if not np.any(base & (np.abs(unknowns.prior(z)) > FAR)):
+    if not np.any(base & (np.abs(unknowns.prior_residuals(z)) > FAR)):
         return None
     return np.where(base, unknowns.start, z)
 
@@ -229,7 +229,7 @@ def _profile(fit: Fit, name: str) -> tuple[Floats, Floats, Floats]:
         unknowns = replace(fit.unknowns, model=_moved(fit, name, t))
         r = residuals_of(unknowns, fit.ground.seen_by(unknowns, fit.z), fit.z[None])[0]
         step = fit.steps(r)[0]
-        left, pull = r + fit.slope @ step, fit.unknowns.prior(fit.z + step)
+        left, pull = r + fit.slope @ step, fit.unknowns.prior_residuals(fit.z + step)
         cost.append(0.5 * (fit.weight @ left**2 + pull @ pull))
         z.append(np.clip(fit.z + step, *fit.unknowns.bounds))
     return times, np.array(cost) - min(cost), np.array(z)

@@ -10,31 +10,26 @@ actuators, as many digits in `order` as there are actuators. Source: ArduPilot d
 motor and servo configuration (checks of order and direction).
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
 
-MOST = 9  # actuators: one decimal digit each
+MAX_ACTUATORS = 9  # one decimal digit each
 
 
-class Parameters(NamedTuple):
-    order: float
-    reversed: float
-
-
-def wiring(commands: tuple[float, ...], place: float, p: Parameters) -> float:
+def wiring(commands: tuple[float, ...], place: float, p: Any) -> float:
     """All commands -> the one that the actuator at `place` (0, 1, …) gets [−1 … 1]."""
     digit = np.floor(p.order / 10.0 ** (len(commands) - 1 - place)) % 10.0
     source = digit - 1.0 + (digit == 0.0) * (place + 1.0)
-    heard = 0.0 * place
+    command = 0.0 * place
     for i in range(len(commands)):
-        heard = heard + (source == i) * commands[i]
+        command = command + (source == i) * commands[i]
     turned = 0.0 * p.reversed
-    for k in range(MOST):
+    for k in range(MAX_ACTUATORS):
         turned = turned + (np.floor(p.reversed / 10.0**k) % 10.0 == place + 1.0)
-    return heard * (1.0 - 2.0 * np.minimum(turned, 1.0))
+    return command * (1.0 - 2.0 * np.minimum(turned, 1.0))
 
 
 def wirings(vessel: Any, _: object = None) -> list[Values]:
@@ -49,7 +44,7 @@ def wirings(vessel: Any, _: object = None) -> list[Values]:
 
 
 def _mirrored(vessel: Any) -> str:
-    """Each thruster hears what was meant for the one on the other side."""
+    """The order in which each thruster gets the command of the one on the other side."""
     place = [np.array(t.position) for t in vessel.thrusters]
     digits = []
     for p in place:
@@ -64,15 +59,31 @@ EFFECT = Effect(
     scope=Scope.BOAT,
     wiring=wiring,
     parameters=(
-        Parameter("order", "-", lower=0.0, upper=987654321.0, start=0.0, scale=1.0,
-                  kind=Kind.CHOICE, neutral=0.0,
-                  says="one digit per actuator: whose command it gets; 0: its own, all of them"),
-        Parameter("reversed", "-", lower=0.0, upper=123456789.0, start=0.0, scale=1.0,
-                  kind=Kind.CHOICE, neutral=0.0,
-                  says="digits: the actuators that run the wrong way round; 0: none"),
+        Parameter(
+            "order",
+            "-",
+            lower=0.0,
+            upper=987654321.0,
+            start=0.0,
+            scale=1.0,
+            kind=Kind.CHOICE,
+            neutral=0.0,
+            description="one digit per actuator: whose command it gets; 0: its own, all of them",
+        ),
+        Parameter(
+            "reversed",
+            "-",
+            lower=0.0,
+            upper=123456789.0,
+            start=0.0,
+            scale=1.0,
+            kind=Kind.CHOICE,
+            neutral=0.0,
+            description="digits: the actuators that run the wrong way round; 0: none",
+        ),
     ),
     looks_like="turns to the wrong side, or goes astern, or turns when it should go straight on",
     evidence=EvidenceAxis(ForceAxis.YAW, "helm"),
     search=wirings,
     example={"order": 21.0, "reversed": 0.0},
-)  # fmt: skip
+)

@@ -9,7 +9,7 @@ the propeller pushes no more. Source: Fossen, Handbook of Marine Craft Hydrodyna
 ch. 9 (K_T falls linearly with the advance number).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +17,7 @@ from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
-class Parameters(NamedTuple):
-    per_mps: float
-
-
-def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust and velocity through the water -> thrust [N]."""
     inflow = flow.u * np.cos(drive.azimuth) + flow.v * np.sin(drive.azimuth)
     left = np.maximum(1.0 - p.per_mps * np.maximum(inflow, 0.0), 0.0)

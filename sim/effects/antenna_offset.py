@@ -7,19 +7,14 @@ Source: Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigati
 2013, ch. 14 (lever arms).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import to_world
 
 
-class Parameters(NamedTuple):
-    x: float
-    y: float
-
-
-def observe(report: Report, p: Parameters) -> Report:
+def observe(report: Report, p: Any) -> Report:
     """Motion where the antenna should be -> motion where it is."""
     north, east = to_world(p.x, p.y, report.yaw)
     return Report(

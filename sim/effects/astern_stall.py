@@ -9,7 +9,7 @@ Source: Carlton, Marine Propellers and Propulsion, 4th ed. 2018, ch. 6 (four qua
 breaks down between ahead and astern).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,7 @@ from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
 
 
-class Parameters(NamedTuple):
-    per_mps: float
-    above: float
-
-
-def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust and velocity through the water -> thrust [N]."""
     inflow = flow.u * np.cos(drive.azimuth) + flow.v * np.sin(drive.azimuth)
     left = np.maximum(1.0 - p.per_mps * np.maximum(inflow - p.above, 0.0), 0.0)

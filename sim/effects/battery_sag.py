@@ -9,7 +9,7 @@ the sag relative to the mean. Source: Fossen, Handbook of Marine Craft Hydrodyna
 ch. 9 (thrust ∝ n², n ∝ armature voltage).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +17,7 @@ from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 
 
-class Parameters(NamedTuple):
-    nominal: float
-
-
-def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust and voltage (NaN: not measured) -> thrust [N]."""
     known = 1.0 * np.isfinite(flow.voltage)
     ratio = np.fmax(flow.voltage, 0.0) / p.nominal  # fmax: NaN becomes 0

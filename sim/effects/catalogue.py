@@ -1,74 +1,21 @@
-"""The one list of all effects, in the order in which they act. A new one: one file, one line."""
+"""The one list of all effects, in the order in which they act. A new one: one file, one word."""
 
 from collections.abc import Iterable
+from importlib import import_module
 
-from sim.effects import (
-    actuator_wiring,
-    advance_loss,
-    antenna_offset,
-    astern_stall,
-    battery_sag,
-    cg_offset,
-    command_delay,
-    compass_deviation,
-    cross_damping,
-    cubic_drag,
-    drag_growth,
-    heading_offset,
-    hull_lift,
-    inertial_force,
-    payload_change,
-    reverse_loss,
-    steady_current,
-    steady_wind,
-    steering_lag,
-    steering_offset,
-    thrust_curve,
-    thruster_deadband,
-    thruster_fault,
-    thruster_imbalance,
-    thruster_lag,
-    thruster_misalignment,
-    towed_load,
-    varying_current,
-    velocity_latency,
-    wave_motion,
-    yaw_rate_bias,
-)
 from sim.effects.effect import Effect, Symptom
 
-EFFECTS: tuple[Effect, ...] = (
-    steady_current.EFFECT,
-    varying_current.EFFECT,
-    steady_wind.EFFECT,
-    inertial_force.EFFECT,
-    wave_motion.EFFECT,
-    cross_damping.EFFECT,
-    hull_lift.EFFECT,
-    cg_offset.EFFECT,
-    cubic_drag.EFFECT,
-    drag_growth.EFFECT,
-    payload_change.EFFECT,
-    towed_load.EFFECT,
-    actuator_wiring.EFFECT,
-    thruster_deadband.EFFECT,
-    thrust_curve.EFFECT,
-    reverse_loss.EFFECT,
-    thruster_imbalance.EFFECT,
-    thruster_fault.EFFECT,
-    battery_sag.EFFECT,
-    advance_loss.EFFECT,
-    astern_stall.EFFECT,
-    thruster_lag.EFFECT,
-    command_delay.EFFECT,
-    thruster_misalignment.EFFECT,
-    steering_offset.EFFECT,
-    steering_lag.EFFECT,
-    antenna_offset.EFFECT,
-    velocity_latency.EFFECT,
-    compass_deviation.EFFECT,
-    heading_offset.EFFECT,
-    yaw_rate_bias.EFFECT,
+NAMES = """
+    steady_current varying_current steady_wind inertial_force wave_motion
+    cross_damping hull_lift cg_offset cubic_drag drag_growth payload_change towed_load
+    actuator_wiring thruster_deadband thrust_curve reverse_loss thruster_imbalance thruster_fault
+    battery_sag advance_loss astern_stall thruster_lag command_delay thruster_misalignment
+    steering_offset steering_lag
+    antenna_offset velocity_latency compass_deviation heading_offset yaw_rate_bias
+"""
+
+EFFECTS: tuple[Effect, ...] = tuple(
+    import_module(f"sim.effects.{name}").EFFECT for name in NAMES.split()
 )
 
 

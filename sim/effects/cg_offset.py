@@ -8,24 +8,27 @@ Valid for: offsets along the keel. Source: Fossen, Handbook of Marine Craft Hydr
 2021, ch. 3 (rigid-body mass matrix about the origin).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.effect import (
+    TURN_SLOW_AND_FAST,
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+    Separation,
+)
 from sim.state import Inertia
 
 
-class Parameters(NamedTuple):
-    x_g: float
-
-
-def inertia(M: Inertia, flow: Flow, p: Parameters) -> Inertia:
+def inertia(M: Inertia, flow: Flow, p: Any) -> Inertia:
     """Mass matrix -> with the coupling of sway and yaw [kg, kg m, kg m²]."""
     m23 = M.m23 + flow.body.mass * p.x_g
     return Inertia(M.m11, M.m12, M.m13, M.m22, m23, M.m33)
 
 
-TURNS_ON_THE_SPOT = Separation("turn on the spot, then the same turns at speed", "spin")
 SPINS_BOTH_WAYS = Separation("spin on the spot to the left and to the right, and go astern", "spin")
 
 EFFECT = Effect(
@@ -44,8 +47,8 @@ EFFECT = Effect(
     ),
     evidence=EvidenceAxis(ForceAxis.YAW, "turn_rate"),
     separated={
-        "cross_damping": TURNS_ON_THE_SPOT,
-        "antenna_offset": TURNS_ON_THE_SPOT,
+        "cross_damping": TURN_SLOW_AND_FAST,
+        "antenna_offset": TURN_SLOW_AND_FAST,
         "heading_offset": Separation(
             "long straight runs, ahead and astern: an offset of the heading shows there", "steps"
         ),

@@ -6,16 +6,12 @@ Valid for: slow buses, radio links, filters in speed controllers; one delay for 
 and Murray, Feedback Systems, 2nd ed. 2021, (time delays).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown, Symptom
 
 
-class Parameters(NamedTuple):
-    delay: float
-
-
-def delay(p: Parameters) -> float:
+def delay(p: Any) -> float:
     """How much later all commands act [s]."""
     return p.delay
 

@@ -8,7 +8,7 @@ for: permanent magnetism, small angles. Source: Bowditch, American Practical Nav
 chapters on compasses (semicircular deviation, coefficients B and C).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +17,7 @@ from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import to_body
 
 
-class Parameters(NamedTuple):
-    b: float
-    c: float
-
-
-def observe(report: Report, p: Parameters) -> Report:
+def observe(report: Report, p: Any) -> Report:
     """True motion -> motion as a compass that deviates reports it."""
     sine, cosine = np.sin(report.yaw), np.cos(report.yaw)
     d = p.b * sine + p.c * cosine
@@ -58,6 +53,6 @@ EFFECT = Effect(
     separated={
         "heading_offset": Separation(
             "full circles: a deviation changes with the heading, an offset does not", "circles"
-        ),
+        )
     },
 )

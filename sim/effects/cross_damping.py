@@ -7,19 +7,22 @@ stern has the more grip. Valid for: small drift angles, low speed. Source: Fosse
 Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (linear damping, off-diagonal terms).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.effect import (
+    TURN_SLOW_AND_FAST,
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+    Separation,
+)
 from sim.state import Wrench
 
 
-class Parameters(NamedTuple):
-    Y_r: float
-    N_v: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water -> X, Y, N [N, N, N m]."""
     return Wrench(0.0, p.Y_r * flow.r, p.N_v * flow.v)
 
@@ -39,7 +42,7 @@ EFFECT = Effect(
         "antenna_offset": Separation(
             "spin on the spot: an antenna moves although no force acts on the boat", "spin"
         ),
-        "hull_lift": Separation("turn on the spot, then the same turns at speed", "spin"),
+        "hull_lift": TURN_SLOW_AND_FAST,
     },
     pattern_for=("always",),
 )

@@ -6,25 +6,17 @@ Valid for: displacement speeds. Source: Fossen, Handbook of Marine Craft Hydrody
 2nd ed. 2021, §6.4 (third-order damping of Abkowitz's expansion).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.effect import COAST_DOWN, Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
 
 
-class Parameters(NamedTuple):
-    X_uuu: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water, scalars or arrays -> X, Y, N [N, N, N m]."""
     return Wrench(p.X_uuu * flow.u**3, 0.0, 0.0)
 
-
-COAST = Separation(
-    "accelerate to full speed, then coast to a stop: without thrust only drag is left", "steps"
-)
 
 EFFECT = Effect(
     name="cubic_drag",
@@ -36,9 +28,6 @@ EFFECT = Effect(
     looks_like="too fast at full throttle, right at low speed",
     mistaken_for=("thrust_curve", "advance_loss"),
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
-    separated={
-        "thrust_curve": COAST,
-        "advance_loss": COAST,
-    },
+    separated={"thrust_curve": COAST_DOWN, "advance_loss": COAST_DOWN},
     pattern_for=("speed",),
 )

@@ -7,7 +7,7 @@ for: growth by a small factor; drag in sway and yaw hardly changes. Source: Moll
 Hudson, Ship Resistance and Propulsion, 2nd ed. 2017, ch. 3 (fouling), taken as linear in time.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,7 @@ from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
 
 
-class Parameters(NamedTuple):
-    rate: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water and time -> X, Y, N [N, N, N m]."""
     damping = (flow.body.X_u + flow.body.X_uu * np.abs(flow.u)) * flow.u
     return Wrench(p.rate * np.maximum(flow.time, 0.0) * damping, 0.0, 0.0)
@@ -41,6 +37,6 @@ EFFECT = Effect(
     separated={
         "payload_change": Separation(
             "the same run at the beginning and at the end, with a coast to a stop in each", "steps"
-        ),
+        )
     },
 )

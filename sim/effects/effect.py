@@ -21,9 +21,9 @@ all others at every stage of a step. An effect acts in one or more places:
                                          `observe` stands for it where nothing earlier is known
     rate(flow, state, p), start          a state of its own; `force` is then force(flow, state, p)
 
-Everything else that the rest of the software needs to know of an effect is declared beside its
-laws, in the same file: against what its evidence is drawn, where a search for its parameters
-begins, which manoeuvre tells it from another effect, what an example of it looks like.
+Everything else that the software needs to know of an effect is declared beside its laws, in the
+same file: what its evidence is drawn against, where a search for its parameters begins, which
+manoeuvre tells it from another effect, which values show it.
 """
 
 import inspect
@@ -119,11 +119,18 @@ class EvidenceAxis(NamedTuple):
 class Separation(NamedTuple):
     """What tells two effects apart: what to do, and the excitation that comes nearest to it."""
 
-    says: str
+    description: str
     excitation: str
 
 
-class Remainder(NamedTuple):
+# separations that several effects declare
+COAST_DOWN = Separation(
+    "accelerate to full speed, then coast to a stop: without thrust only drag is left", "steps"
+)
+TURN_SLOW_AND_FAST = Separation("turn on the spot, then the same turns at speed", "spin")
+
+
+class ResidualForce(NamedTuple):
     """What a model leaves of a recording, usable rows: time (T,), place and force (T, 2) [s, m, N].
 
     Place and horizontal missing force are north and east; the force has no mean.
@@ -141,13 +148,16 @@ THIRDS = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)  # rad
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect: unit, bounds, where a fit starts and how far a step is.
+    """One number of an effect: unit, bounds, and how it is searched for.
 
+    start      where a fit begins
+    scale      size of a change that matters; left out: a tenth of the range
     neutral    with all parameters that have one there, the effect does nothing
+    role       what it means beyond being a number: a period, a time constant
     starts     where a search begins; none: `start`, on both sides of a symmetric zero, the four
                quarters of a circle, moments along the recording, a choice among the thrusters
-    direction  the angle that this magnitude belongs to, the next parameter: the two are fitted as
-               north and east parts
+    direction  name of the angle that this magnitude belongs to, the next parameter: the two are
+               fitted as north and east parts
     """
 
     name: str
@@ -155,8 +165,8 @@ class Parameter:
     lower: float
     upper: float
     start: float
-    scale: float = 0.0  # size of a change that matters; 0: a tenth of the range
-    says: str = ""
+    scale: float = 0.0
+    description: str = ""
     kind: Kind = Kind.NUMBER
     neutral: float | None = None
     role: Role | None = None
@@ -170,6 +180,22 @@ class Parameter:
             )
         if self.scale == 0.0:
             object.__setattr__(self, "scale", 0.1 * (self.upper - self.lower))
+
+
+def circular_parameter(
+    name: str, description: str, scale: float = 0.1, starts: tuple[float, ...] = ()
+) -> Parameter:
+    """An angle [rad] all around; bounds beyond one turn, so that no search stops at them."""
+    return Parameter(
+        name, "rad", lower=-7.0, upper=7.0, start=0.0, scale=scale, description=description,
+        kind=Kind.CIRCLE, starts=starts,
+    )  # fmt: skip
+
+
+TIME_OF_CHANGE = Parameter(
+    "time", "s", lower=0.0, upper=1e5, start=60.0, scale=5.0, description="after the first sample",
+    kind=Kind.MOMENT,
+)  # fmt: skip
 
 
 LAWS = (
@@ -190,17 +216,20 @@ def _source_of(laws: Sequence[Law]) -> str:
 class Effect:
     """One physical cause: where it acts, its parameters, and what it looks like in the data.
 
-    needs    what a vessel must have for it; shown_by: what a recording must hold to tell it
-    general_of  the simpler effect that this one can always stand in for: that one is believed first
-    partial  nature does more of the same that one such effect does not follow: a sea has many waves
-    evidence    what its evidence is drawn against; None: found from the data
-    separated   other effect -> what tells the two apart; one of a pair declares it
-    explains    what a fit of the base notices where this effect is missing
-    search      (vessel, remainder) -> where a search begins, if its parameters' own starts do not
-                serve; `remainder()` gives what the model leaves of the longest recording
-    example     values that show it, if no number can be made stronger step by step
-    pattern_for  what an error may depend on (`sim.diagnosis.force_terms.SAYS`): this file is then
-                the pattern for an effect of one's own
+    needs         what a vessel must have for it
+    looks_like    in the data, in plain words
+    mistaken_for  effects that look alike
+    shown_by      what a recording must hold to tell it
+    general_of    the simpler effect that this one can always stand in for: that one comes first
+    partial       one such effect follows only part of what nature does: a sea has many waves
+    evidence      what its evidence is drawn against; None: found from the data
+    separated     other effect -> what tells the two apart; one of a pair declares it
+    explains      what a fit of the base notices where this effect is missing
+    search        (vessel, residual) -> where a search begins, if its parameters' own starts do not
+                  serve; `residual()` is what the model leaves of the longest recording
+    example       values that show it, if no number can be made stronger step by step
+    pattern_for   what an error may depend on (`sim.diagnosis.force_terms`): this file is then
+                  proposed as the pattern for an effect of one's own
     """
 
     name: str
@@ -215,7 +244,7 @@ class Effect:
     evidence: EvidenceAxis | None = None
     separated: Mapping[str, Separation] = field(default_factory=dict, compare=False)
     explains: tuple[Symptom, ...] = ()
-    search: Callable[[Any, Callable[[], Remainder]], Sequence[Values]] | None = None
+    search: Callable[[Any, Callable[[], ResidualForce]], Sequence[Values]] | None = None
     example: Values | None = field(default=None, compare=False)
     pattern_for: tuple[str, ...] = ()
     wiring: Law | None = None
@@ -254,8 +283,8 @@ class Effect:
         }
 
     @property
-    def fitted(self) -> tuple[str, ...]:
-        """Names of the parameters that a fit moves: those of which a small step tells something."""
+    def fit_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that a fit moves: those where a small step changes a little."""
         return tuple(p.name for p in self.parameters if p.kind in (Kind.NUMBER, Kind.CIRCLE))
 
     @property

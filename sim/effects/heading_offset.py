@@ -7,18 +7,14 @@ the boat seems to crab. Valid for: any heading. Source: Groves, Principles of GN
 Multisensor Integrated Navigation Systems, 2nd ed. 2013, §6.1.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
 from sim.state import to_body
 
 
-class Parameters(NamedTuple):
-    angle: float
-
-
-def observe(report: Report, p: Parameters) -> Report:
+def observe(report: Report, p: Any) -> Report:
     """True motion -> motion as a turned compass reports it."""
     u, v = to_body(report.u, report.v, p.angle)
     u_dot, v_dot = to_body(report.u_dot, report.v_dot, p.angle)

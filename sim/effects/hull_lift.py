@@ -8,21 +8,14 @@ Ship Propulsion Losses Related to Automatic Steering and Prime Mover Control, 19
 of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 6 (terms in u v and u r).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
 
 
-class Parameters(NamedTuple):
-    Y_uv: float
-    Y_ur: float
-    N_uv: float
-    N_ur: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water -> X, Y, N [N, N, N m]."""
     u, v, r = flow.u, flow.v, flow.r
     return Wrench(0.0, u * (p.Y_uv * v + p.Y_ur * r), u * (p.N_uv * v + p.N_ur * r))

@@ -7,21 +7,24 @@ pulls or pushes evenly, such as wind on a slow boat. Source: Saldarriaga-Mesa et
 2025, 14(9), 124, Table 8 (disturbances of current and wind).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+    Shown,
+    circular_parameter,
+)
 from sim.state import Wrench, to_body
 
 
-class Parameters(NamedTuple):
-    force: float
-    direction: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Heading -> X, Y, N [N, N, N m]."""
     X, Y = to_body(p.force * np.cos(p.direction), p.force * np.sin(p.direction), flow.yaw)
     return Wrench(X, Y, 0.0)
@@ -42,16 +45,7 @@ EFFECT = Effect(
             neutral=0.0,
             direction="direction",
         ),
-        Parameter(
-            "direction",
-            "rad",
-            lower=-7.0,
-            upper=7.0,
-            start=0.0,
-            scale=0.1,
-            kind=Kind.CIRCLE,
-            says="towards, clockwise from north",
-        ),
+        circular_parameter("direction", "towards, clockwise from north"),
     ),
     looks_like="a missing force of one size and one direction in the world, at any speed and on "
     "any heading",

@@ -6,17 +6,13 @@ Valid for: propellers made for going ahead, at any speed. Source: Fossen, Handbo
 Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficients differ ahead and astern).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 
 
-class Parameters(NamedTuple):
-    factor: float
-
-
-def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
     return F * (1.0 + (F < 0.0) * (p.factor - 1.0))
 
@@ -36,6 +32,6 @@ EFFECT = Effect(
     separated={
         "astern_stall": Separation(
             "astern from rest, and astern while still running ahead", "reversals"
-        ),
+        )
     },
 )

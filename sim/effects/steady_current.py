@@ -7,7 +7,7 @@ Valid for: uniform, irrotational currents. Source: Fossen, Handbook of Marine Cr
 2nd ed. 2021, §10.3.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,21 +15,16 @@ from sim.effects.effect import (
     Effect,
     EvidenceAxis,
     ForceAxis,
-    Kind,
     Parameter,
     Scope,
     Separation,
     Shown,
+    circular_parameter,
 )
 from sim.state import Pose, Water
 
 
-class Parameters(NamedTuple):
-    speed: float
-    direction: float
-
-
-def water(time: float, pose: Pose, p: Parameters) -> Water:
+def water(time: float, pose: Pose, p: Any) -> Water:
     """Anywhere, at any time -> velocity [m/s] and acceleration [m/s²] of the water."""
     return Water(p.speed * np.cos(p.direction), p.speed * np.sin(p.direction), 0.0, 0.0)
 
@@ -51,16 +46,7 @@ EFFECT = Effect(
             neutral=0.0,
             direction="direction",
         ),
-        Parameter(
-            "direction",
-            "rad",
-            lower=-7.0,
-            upper=7.0,
-            start=0.0,
-            scale=0.1,
-            kind=Kind.CIRCLE,
-            says="towards, clockwise from north",
-        ),
+        circular_parameter("direction", "towards, clockwise from north"),
     ),
     looks_like="a velocity offset that stays fixed in the world while the boat turns, "
     "whatever its speed",
@@ -88,8 +74,5 @@ EFFECT = Effect(
             "full circles, ahead and astern: a deviation keeps its sign astern", "circles"
         ),
     },
-    pattern_for=(
-        "place",
-        "flow",
-    ),
+    pattern_for=("place", "flow"),
 )

@@ -13,7 +13,7 @@ left is a force (`inertial_force`). Source: Fossen, Handbook of Marine Craft Hyd
 2nd ed. 2021, §10.1 (wind coefficients of symmetrical craft).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,23 +23,18 @@ from sim.effects.effect import (
     Effect,
     EvidenceAxis,
     ForceAxis,
-    Kind,
     Need,
     Parameter,
     Scope,
     Separation,
     Shown,
+    circular_parameter,
 )
 from sim.state import Wrench, to_body
 from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y
 
 
-class Parameters(NamedTuple):
-    speed: float
-    direction: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Velocity over ground and of the air -> X, Y, N [N, N, N m]."""
     assumed = (flow.wind_known - 1.0) * p.speed  # it blows from there: hence the sign
     north = flow.wind_known * flow.wind_north + assumed * np.cos(p.direction)
@@ -68,17 +63,7 @@ EFFECT = Effect(
         Parameter(
             "speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5, direction="direction"
         ),
-        Parameter(
-            "direction",
-            "rad",
-            lower=-7.0,
-            upper=7.0,
-            start=0.0,
-            scale=0.1,
-            starts=QUARTERS,
-            kind=Kind.CIRCLE,
-            says="from, clockwise from north",
-        ),
+        circular_parameter("direction", "from, clockwise from north", starts=QUARTERS),
     ),
     looks_like="pushed away from one side of the world, most when lying across it, and turned on "
     "quartering headings; a boat with stopped motors drifts that way",

@@ -6,7 +6,7 @@ Valid for: servos and steering gear away from their limit of rate. Source: Fosse
 Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (steering machine dynamics, linearised).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import RudderParameters
 from sim.effects.effect import (
@@ -22,11 +22,7 @@ from sim.effects.effect import (
 )
 
 
-class Parameters(NamedTuple):
-    tau: float
-
-
-def angle_rate(angle: float, state: float, blade: RudderParameters, p: Parameters) -> float:
+def angle_rate(angle: float, state: float, blade: RudderParameters, p: Any) -> float:
     """Commanded and acting angle [rad] -> rate of the acting angle [rad/s]."""
     return (angle - state) / p.tau
 
@@ -49,8 +45,5 @@ EFFECT = Effect(
     mistaken_for=("thruster_lag", "command_delay"),
     shown_by=(Shown.COMMANDS,),
     evidence=EvidenceAxis(ForceAxis.YAW, "helm_change"),
-    separated={
-        "thruster_lag": STEPS_ONE_BY_ONE,
-        "command_delay": STEPS_ONE_BY_ONE,
-    },
+    separated={"thruster_lag": STEPS_ONE_BY_ONE, "command_delay": STEPS_ONE_BY_ONE},
 )

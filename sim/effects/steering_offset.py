@@ -7,17 +7,13 @@ slipped. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, (
 integral action against it).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import RudderParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 
 
-class Parameters(NamedTuple):
-    angle: float
-
-
-def angle(δ: float, blade: RudderParameters, p: Parameters) -> float:
+def angle(δ: float, blade: RudderParameters, p: Any) -> float:
     """Angle -> angle [rad]."""
     return δ + p.angle
 
@@ -37,8 +33,5 @@ EFFECT = Effect(
     looks_like="turns to one side with the rudder amidships, the more the faster it goes",
     mistaken_for=("thruster_imbalance", "thruster_misalignment"),
     evidence=EvidenceAxis(ForceAxis.YAW, "surge"),
-    separated={
-        "thruster_imbalance": TWO_THROTTLES,
-        "thruster_misalignment": TWO_THROTTLES,
-    },
+    separated={"thruster_imbalance": TWO_THROTTLES, "thruster_misalignment": TWO_THROTTLES},
 )

@@ -8,7 +8,7 @@ the same ahead and astern. Source: Fossen, Handbook of Marine Craft Hydrodynamic
 9 (thrust ∝ n |n|).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,7 @@ from sim.body import ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
-class Parameters(NamedTuple):
-    exponent: float
-
-
-def command(c: float, drive: ThrusterParameters, p: Parameters) -> float:
+def command(c: float, drive: ThrusterParameters, p: Any) -> float:
     """Command -> command that the curve of the vessel file takes [−1 … 1]."""
     return np.sign(c) * np.abs(c) ** p.exponent
 

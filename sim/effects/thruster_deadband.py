@@ -7,7 +7,7 @@ controllers with a dead zone around neutral. Source: Tao and Kokotović, Adaptiv
 with Actuator and Sensor Nonlinearities, 1996 (dead-zones).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +15,7 @@ from sim.body import ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 
 
-class Parameters(NamedTuple):
-    width: float
-
-
-def command(c: float, drive: ThrusterParameters, p: Parameters) -> float:
+def command(c: float, drive: ThrusterParameters, p: Any) -> float:
     """Command -> command that turns the propeller [−1 … 1]."""
     return np.sign(c) * np.maximum(np.abs(c) - p.width, 0.0) / (1.0 - p.width)
 
@@ -37,6 +33,6 @@ EFFECT = Effect(
     separated={
         "thrust_curve": Separation(
             "a slow ramp of the throttle through neutral and up to full", "ramp"
-        ),
+        )
     },
 )

@@ -8,10 +8,11 @@ Blanke, Kinnaert, Lunze and Staroswiecki, Diagnosis and Fault-Tolerant Control, 
 of effectiveness of an actuator).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import (
+    TIME_OF_CHANGE,
     Effect,
     EvidenceAxis,
     ForceAxis,
@@ -23,13 +24,7 @@ from sim.effects.effect import (
 )
 
 
-class Parameters(NamedTuple):
-    thruster: float
-    gain: float
-    time: float
-
-
-def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
     hit = 1.0 * (drive.number + 1.0 == p.thruster) * (flow.time >= p.time)
     return F * (1.0 + hit * (p.gain - 1.0))
@@ -54,19 +49,10 @@ EFFECT = Effect(
             start=1.0,
             scale=1.0,
             kind=Kind.CHOICE,
-            says="1, 2, … in the order of the vessel file",
+            description="1, 2, … in the order of the vessel file",
         ),
         Parameter("gain", "-", lower=0.0, upper=2.0, start=0.5, scale=0.05, neutral=1.0),
-        Parameter(
-            "time",
-            "s",
-            lower=0.0,
-            upper=1e5,
-            start=60.0,
-            scale=5.0,
-            kind=Kind.MOMENT,
-            says="after the first sample",
-        ),
+        TIME_OF_CHANGE,
     ),
     looks_like="right up to one moment; from then on it pulls to one side and is slower",
     mistaken_for=("payload_change", "drag_growth", "battery_sag"),

@@ -6,17 +6,13 @@ Valid for: a damaged propeller, a worn motor, weed on one side; ahead and astern
 Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficient matrix).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 
 
-class Parameters(NamedTuple):
-    port_gain: float
-
-
-def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
     return F * (1.0 + (drive.y < 0.0) * (p.port_gain - 1.0))
 
@@ -36,6 +32,6 @@ EFFECT = Effect(
     separated={
         "thruster_misalignment": Separation(
             "spin on the spot to the left and to the right, and go astern", "reversals"
-        ),
+        )
     },
 )

@@ -6,7 +6,7 @@ Valid for: fixed-pitch propellers on speed-controlled motors. Source: Fossen, Ha
 Craft Hydrodynamics, 2nd ed. 2021, §9.3 (propeller shaft dynamics, linearised).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import ThrusterParameters
 from sim.effects.effect import (
@@ -22,11 +22,7 @@ from sim.effects.effect import (
 )
 
 
-class Parameters(NamedTuple):
-    tau: float
-
-
-def thrust_rate(thrust: float, state: float, drive: ThrusterParameters, p: Parameters) -> float:
+def thrust_rate(thrust: float, state: float, drive: ThrusterParameters, p: Any) -> float:
     """Commanded and acting thrust [N] -> rate of the acting thrust [N/s]."""
     return (thrust - state) / p.tau
 
@@ -37,7 +33,7 @@ EFFECT = Effect(
     thrust_rate=thrust_rate,
     parameters=(
         Parameter(
-            "tau", unit="s", lower=0.02, upper=5.0, start=0.3, scale=0.05, role=Role.TIME_CONSTANT
+            "tau", "s", lower=0.02, upper=5.0, start=0.3, scale=0.05, role=Role.TIME_CONSTANT
         ),
     ),
     looks_like="the boat answers late to every change of throttle, and right once it is steady",
@@ -47,7 +43,7 @@ EFFECT = Effect(
     separated={
         "command_delay": Separation(
             "steps and quick swings: a lag rounds them, a delay only moves them", "chirp"
-        ),
+        )
     },
     explains=(Symptom.LATE_COMMANDS,),
 )

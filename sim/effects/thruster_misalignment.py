@@ -7,17 +7,13 @@ askew alike. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 202
 configuration matrix).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
-class Parameters(NamedTuple):
-    angle: float
-
-
-def turn(azimuth: float, drive: ThrusterParameters, flow: Flow, p: Parameters) -> float:
+def turn(azimuth: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Direction of a thruster -> direction [rad]."""
     return azimuth + p.angle
 

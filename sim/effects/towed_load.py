@@ -8,21 +8,16 @@ behind the stern also holds an unstable hull on its course. Source: Hoerner, Flu
 1965, ch. 3 (bodies in cross flow: drag ∝ V²).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.effect import COAST_DOWN, Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
 
 
-class Parameters(NamedTuple):
-    drag: float
-    x: float
-
-
-def force(flow: Flow, p: Parameters) -> Wrench:
+def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water -> X, Y, N [N, N, N m]."""
     u, v = flow.u, flow.v + p.x * flow.r
     pull = -p.drag * np.sqrt(u * u + v * v)
@@ -42,16 +37,11 @@ EFFECT = Effect(
             upper=20.0,
             start=-1.0,
             scale=0.2,
-            says="ahead of the origin; start a fit on both sides",
+            description="ahead of the origin; start a fit on both sides",
         ),
     ),
     looks_like="too slow at speed, and swinging less (or more) behind the point that is held",
     mistaken_for=("advance_loss",),
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
-    separated={
-        "advance_loss": Separation(
-            "accelerate to full speed, then coast to a stop: without thrust only drag is left",
-            "steps",
-        ),
-    },
+    separated={"advance_loss": COAST_DOWN},
 )

@@ -8,7 +8,7 @@ cannot be told from a steady current. Source: Fossen, Handbook of Marine Craft H
 2nd ed. 2021, §10.3; Pugh and Woodworth, Sea-Level Science, 2014, ch. 4 (harmonics of the tide).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,23 +17,16 @@ from sim.effects.effect import (
     Effect,
     EvidenceAxis,
     ForceAxis,
-    Kind,
     Parameter,
     Role,
     Scope,
     Shown,
+    circular_parameter,
 )
 from sim.state import Pose, Water
 
 
-class Parameters(NamedTuple):
-    speed: float
-    direction: float
-    period: float
-    phase: float
-
-
-def water(time: float, pose: Pose, p: Parameters) -> Water:
+def water(time: float, pose: Pose, p: Any) -> Water:
     """Time [s] -> velocity [m/s] and acceleration [m/s²] of the water."""
     omega = 2.0 * np.pi / p.period
     flow = p.speed * np.sin(omega * time + p.phase)
@@ -56,32 +49,13 @@ EFFECT = Effect(
             scale=0.05,
             neutral=0.0,
             direction="direction",
-            says="at its strongest",
+            description="at its strongest",
         ),
-        Parameter(
-            "direction",
-            "rad",
-            lower=-7.0,
-            upper=7.0,
-            start=0.0,
-            scale=0.1,
-            kind=Kind.CIRCLE,
-            says="towards, clockwise from north",
-        ),
+        circular_parameter("direction", "towards, clockwise from north"),
         Parameter(
             "period", "s", lower=20.0, upper=90000.0, start=300.0, scale=30.0, role=Role.PERIOD
         ),
-        Parameter(
-            "phase",
-            "rad",
-            lower=-7.0,
-            upper=7.0,
-            start=0.0,
-            scale=0.2,
-            kind=Kind.CIRCLE,
-            starts=THIRDS,
-            says="at the first sample",
-        ),
+        circular_parameter("phase", "at the first sample", scale=0.2, starts=THIRDS),
     ),
     looks_like="a velocity offset along one line in the world that swings from one side to the "
     "other as time goes by",

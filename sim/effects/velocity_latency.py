@@ -10,7 +10,7 @@ Multisensor Integrated Navigation Systems, 2nd ed. 2013, ch. 14 (synchronisation
 inertial data).
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import (
@@ -26,16 +26,12 @@ from sim.effects.effect import (
 from sim.state import to_world
 
 
-class Parameters(NamedTuple):
-    delay: float
-
-
-def latency(p: Parameters) -> float:
+def latency(p: Any) -> float:
     """Age of reported position and velocity over ground [s]."""
     return p.delay
 
 
-def observe(report: Report, p: Parameters) -> Report:
+def observe(report: Report, p: Any) -> Report:
     """Motion now -> with position and velocity as they were."""
     back = p.delay * (report.u_dot - report.r * report.v)
     right = p.delay * (report.v_dot + report.r * report.u)
@@ -66,14 +62,8 @@ EFFECT = Effect(
     looks_like="speed and place come late while turn rate and heading come in time; in a turn the "
     "boat seems to slip outwards",
     mistaken_for=("thruster_lag", "command_delay"),
-    shown_by=(
-        Shown.COMMANDS,
-        Shown.VELOCITY,
-    ),
+    shown_by=(Shown.COMMANDS, Shown.VELOCITY),
     evidence=EvidenceAxis(ForceAxis.SURGE, "acceleration"),
-    separated={
-        "thruster_lag": QUICK_TURNS,
-        "command_delay": QUICK_TURNS,
-    },
+    separated={"thruster_lag": QUICK_TURNS, "command_delay": QUICK_TURNS},
     explains=(Symptom.LATE_VELOCITY,),
 )

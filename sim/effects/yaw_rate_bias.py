@@ -6,17 +6,13 @@ Valid for: hours of a MEMS gyro in even temperature; heading is not touched. Sou
 Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. 2013, §4.4.1.
 """
 
-from typing import NamedTuple
+from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 
 
-class Parameters(NamedTuple):
-    bias: float
-
-
-def observe(report: Report, p: Parameters) -> Report:
+def observe(report: Report, p: Any) -> Report:
     """True motion -> motion as a biased gyro reports it."""
     return Report(
         report.north,

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from sim.effects.effect import QUARTERS, Effect, Kind, Parameter, Remainder, Role, Values
+from sim.effects.effect import QUARTERS, Effect, Kind, Parameter, ResidualForce, Role, Values
 from sim.model import Model
 from sim.prediction.missing_force import missing_force_only
 from sim.state import Eta
@@ -37,14 +37,14 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
     return [dict(zip(names, point, strict=True)) for point in product(*values)]
 
 
-def remainder(model: Model, trial: Trial) -> Remainder:
+def remainder(model: Model, trial: Trial) -> ResidualForce:
     """What a model leaves of a trial's usable rows: horizontal missing force without its mean."""
     found, yaw = missing_force_only(trial, model), trial.eta[:, Eta.YAW]
     c, s = np.cos(yaw), np.sin(yaw)
     world = np.stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]], 1)
     use = trial.usable
     world = (world - world[use].mean(axis=0))[use]
-    return Remainder(trial.time[use], trial.eta[use, : Eta.YAW], world)
+    return ResidualForce(trial.time[use], trial.eta[use, : Eta.YAW], world)
 
 
 def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Sequence[float]:

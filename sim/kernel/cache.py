@@ -11,6 +11,7 @@ A law outside numba's subset runs in numpy instead, with a warning.
 import importlib.util
 import os
 import platform
+import re
 import sys
 import tempfile
 import warnings
@@ -135,7 +136,8 @@ def _compilation_problem(kernel: ModuleType, s: Structure) -> str | None:
 
 def _reason(message: str) -> str:
     """The line of numba's message that names the problem, and the place in the source."""
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", message)  # numba writes in colour where colorama is there
+    lines = [line.strip() for line in plain.splitlines() if line.strip()]
     problems = [line for line in lines if not line.startswith("Failed in nopython mode")]
     places = [line.rstrip(":") for line in lines if line.startswith("File ")]
     return ", ".join([*problems[:1], *places[:1]]) or "unknown reason"

@@ -1,6 +1,7 @@
 """Laws over every effect of the catalogue, alone and all together."""
 
 import inspect
+from collections import namedtuple
 from dataclasses import replace
 
 import numba
@@ -99,6 +100,11 @@ def arguments(rng, count):
     }  # fmt: skip
 
 
+def parameters_of(values):
+    """The parameters as a law takes them."""
+    return namedtuple("Parameters", values)(**values)
+
+
 def at(value, k):
     """Row k of arrays, however deep in tuples."""
     if isinstance(value, tuple):
@@ -113,8 +119,7 @@ def test_one_law_serves_arrays_and_compiled_scalars(effect):
     given = arguments(np.random.default_rng(5), count)
     for place, law in effect.laws.items():
         names = list(inspect.signature(law).parameters)
-        module = inspect.getmodule(law)
-        p = module.Parameters(*(values[q.name] for q in effect.parameters))
+        p = parameters_of(values)
         whole = law(*(p if n == "p" else given[n] for n in names))
         compiled = numba.njit(error_model="numpy")(law)
         parts = whole if isinstance(whole, tuple) else (whole,)
