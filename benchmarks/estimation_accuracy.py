@@ -19,8 +19,8 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from gateway.estimation.events import Events, join, make_events
-from gateway.estimation.filter import Estimator, Rows
-from gateway.estimation.names import STATES, Flag, Kind, State
+from gateway.estimation.filter import Estimator, FilterRows
+from gateway.estimation.names import STATES, Flag, MeasurementKind, State
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from gateway.ingest.log import Log, Table
@@ -61,10 +61,10 @@ def telemetry(attitude: Table, local: Table, settings: FilterSettings) -> Events
     yaw, rate = columns(attitude, "yaw", "yawspeed")
     north, east, vn, ve = columns(local, "x", "y", "vx", "vy")
     readings = (
-        (Kind.YAW, attitude, yaw),
-        (Kind.YAW_RATE, attitude, rate),
-        (Kind.VELOCITY, local, np.column_stack([vn, ve])),
-        (Kind.POSITION, local, np.column_stack([north, east])),
+        (MeasurementKind.YAW, attitude, yaw),
+        (MeasurementKind.YAW_RATE, attitude, rate),
+        (MeasurementKind.VELOCITY, local, np.column_stack([vn, ve])),
+        (MeasurementKind.POSITION, local, np.column_stack([north, east])),
     )
     parts = [
         make_events(kind, boot_s(table), z, settings.white_std(kind, table.name))
@@ -132,10 +132,10 @@ def accuracy(name: str, settings: FilterSettings) -> Events:
     return v.events
 
 
-def health(events: Events, rows: Rows) -> str:
+def health(events: Events, rows: FilterRows) -> str:
     """NIS per component, outliers and jumps by kind."""
     says = []
-    for kind in (Kind.YAW, Kind.YAW_RATE, Kind.VELOCITY, Kind.POSITION):
+    for kind in (MeasurementKind.YAW, MeasurementKind.YAW_RATE, MeasurementKind.VELOCITY, MeasurementKind.POSITION):
         mine = events.kind == kind
         used = mine & (rows.used > 0)
         nis = rows.nis[used].sum() / max(rows.used[used].sum(), 1)
@@ -174,7 +174,7 @@ def speed(events: Events, settings: FilterSettings) -> None:
 def main() -> None:
     if not SHARED.is_dir():
         raise SystemExit(f"no logs at {SHARED}: set SHADOW_SHARED")
-    settings = FilterSettings().told_by({"INS_GYRO_FILTER": 4.0})  # as both logs say
+    settings = FilterSettings().with_parameters({"INS_GYRO_FILTER": 4.0})  # as both logs say
     for name in ("otter_calm", "boat_calm"):
         events = accuracy(name, settings)
     speed(events, settings)

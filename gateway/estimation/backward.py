@@ -1,9 +1,9 @@
-"""The way back of a fixed-interval smoother: what the future says about the past.
+"""Backward pass of a fixed-interval smoother.
 
 Bryson and Frazier's form of the Rauch-Tung-Striebel smoother, modified by Bierman: it carries the
 information of the future as λ (13,) and Λ (13, 13) and needs no inverse of a covariance:
 
-    over a reading      λ ← λ − Hᵀ (S⁻¹ y + Kᵀ λ)    Λ ← (I − K H)ᵀ Λ (I − K H) + Hᵀ S⁻¹ H
+    over a measurement  λ ← λ − Hᵀ (S⁻¹ y + Kᵀ λ)    Λ ← (I − K H)ᵀ Λ (I − K H) + Hᵀ S⁻¹ H
     over a prediction   λ ← Fᵀ λ                      Λ ← Fᵀ Λ F
     smoothed            x − P λ                       P − P Λ P
 
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.estimation.measurement import Work, symmetrise
+from gateway.estimation.measurement import Workspace, symmetrise
 from gateway.estimation.motion import COLUMNS, ROWS
 from gateway.estimation.names import STATES, State
 from gateway.jit import compiled
@@ -24,7 +24,7 @@ from sim.trial import MOTION
 
 
 class Trace(NamedTuple):
-    """What the forward pass leaves of each of its n steps.
+    """What the forward pass keeps of each of its n steps.
 
     x (n, 13), P (n, 13, 13) after the step; F (n, 13, 13), H (n, 2, 13), K (n, 13, 2),
     S_inv (n, 2, 2), y (n, 2), components used (n,), valid (n,)
@@ -57,8 +57,10 @@ def new_trace(size: int) -> Trace:
 
 
 @compiled
-def keep(trace: Trace, n: int, x: Floats, P: Floats, used: int, valid: int, work: Work) -> None:
-    """Writes down step n."""
+def store_step(
+    trace: Trace, n: int, x: Floats, P: Floats, used: int, valid: int, work: Workspace
+) -> None:
+    """Keeps step n."""
     trace.x[n] = x
     trace.P[n] = P
     trace.F[n] = work.F
@@ -71,7 +73,7 @@ def keep(trace: Trace, n: int, x: Floats, P: Floats, used: int, valid: int, work
 
 
 @compiled
-def smoothed(
+def smoothed_motion(
     x: Floats, P: Floats, lam: Floats, Lam: Floats, A: Floats, mean: Floats, cov: Floats
 ) -> None:
     """Filtered x, P and the future's λ, Λ -> motion (9,), covariance (9, 9); A (13, 13) scratch."""
@@ -92,8 +94,8 @@ def smoothed(
 
 
 @compiled
-def back_over_reading(trace: Trace, n: int, lam: Floats, Lam: Floats, work: Work) -> None:
-    """λ (13,), Λ (13, 13) before the reading of step n, in place."""
+def backward_update(trace: Trace, n: int, lam: Floats, Lam: Floats, work: Workspace) -> None:
+    """λ (13,), Λ (13, 13) before the measurement of step n, in place."""
     H, K, S_inv, y, W = trace.H[n], trace.K[n], trace.S_inv[n], trace.y[n], work.PH
     m = trace.used[n]
     for a in range(m):
@@ -127,7 +129,7 @@ def back_over_reading(trace: Trace, n: int, lam: Floats, Lam: Floats, work: Work
 
 
 @compiled
-def lower_times(F: Floats, x: Floats) -> None:
+def transpose_times(F: Floats, x: Floats) -> None:
     """x (13,) becomes Fᵀ x in place, last column first: F is that of `motion.transition`."""
     for i in range(State.U_DOT, STATES):
         x[i] *= F[i, i]
@@ -136,11 +138,11 @@ def lower_times(F: Floats, x: Floats) -> None:
 
 
 @compiled
-def back_over_prediction(F: Floats, lam: Floats, Lam: Floats) -> None:
+def backward_prediction(F: Floats, lam: Floats, Lam: Floats) -> None:
     """λ (13,), Λ (13, 13) before a prediction with transition F, in place."""
-    lower_times(F, lam)
+    transpose_times(F, lam)
     for k in range(STATES):
-        lower_times(F, Lam[k, :])
+        transpose_times(F, Lam[k, :])
     for k in range(STATES):
-        lower_times(F, Lam[:, k])
+        transpose_times(F, Lam[:, k])
     symmetrise(Lam)

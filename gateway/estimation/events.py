@@ -1,7 +1,4 @@
-"""What the filter is fed: readings in order of receipt, as columns.
-
-Events and grid in one line of steps, in order of the boat's time, cut where telemetry rests.
-"""
+"""Measurements as columns: in order of receipt for the filter, of time for the smoother."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,27 +7,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimation.names import KINDS, Kind
+from gateway.estimation.names import KINDS, MeasurementKind
 from gateway.estimation.settings import FilterSettings
 from gateway.samples import Quantity, Samples
 from sim.state import Floats, Ints
 
 KIND_OF = {
-    Quantity.YAW: Kind.YAW,
-    Quantity.YAW_RATE: Kind.YAW_RATE,
-    Quantity.VELOCITY: Kind.VELOCITY,
-    Quantity.POSITION: Kind.POSITION,
-    Quantity.BODY_VELOCITY: Kind.BODY_VELOCITY,
-    Quantity.ACCELERATION: Kind.ACCELERATION,
+    Quantity.YAW: MeasurementKind.YAW,
+    Quantity.YAW_RATE: MeasurementKind.YAW_RATE,
+    Quantity.VELOCITY: MeasurementKind.VELOCITY,
+    Quantity.POSITION: MeasurementKind.POSITION,
+    Quantity.BODY_VELOCITY: MeasurementKind.BODY_VELOCITY,
+    Quantity.ACCELERATION: MeasurementKind.ACCELERATION,
 }
 
 
 @dataclass(frozen=True)
 class Events:
-    """K readings in order of receipt.
+    """K measurements in order of receipt.
 
     time_s  (K,)    the boat's clock, seconds after an epoch fixed for the session
-    kind    (K,)    `Kind`
+    kind    (K,)    `MeasurementKind`
     z       (K, 2)  values in the unit of the kind; the second is unused where there is one
     std     (K, 2)  of the white part of their errors
     """
@@ -53,8 +50,8 @@ class Events:
         return Events(self.time_s[part], self.kind[part], self.z[part], self.std[part])
 
 
-def make_events(kind: Kind, time_s: Floats, z: Floats, std: float) -> Events:
-    """Readings of one kind: times (K,) [s], values (K,) or (K, 1) or (K, 2), one std."""
+def make_events(kind: MeasurementKind, time_s: Floats, z: Floats, std: float) -> Events:
+    """Measurements of one kind: times (K,) [s], values (K,) or (K, 1) or (K, 2), one std."""
     count = len(time_s)
     values = np.zeros((count, 2))
     columns = np.asarray(z, float)
@@ -69,8 +66,8 @@ def make_events(kind: Kind, time_s: Floats, z: Floats, std: float) -> Events:
 
 
 def ticks(time_s: Floats) -> Events:
-    """Moments (K,) [s] at which only a prediction is wanted."""
-    return make_events(Kind.TICK, time_s, np.zeros(len(time_s)), 1.0)
+    """Times (K,) [s] at which only a prediction is wanted."""
+    return make_events(MeasurementKind.TICK, time_s, np.zeros(len(time_s)), 1.0)
 
 
 def join(parts: Sequence[Events]) -> Events:
@@ -84,14 +81,16 @@ def join(parts: Sequence[Events]) -> Events:
 
 
 def from_samples(columns: Sequence[Samples], settings: FilterSettings, epoch_ns: int) -> Events:
-    """Columns of a log -> events in the order of the log. Quantities the filter has no use for
-    are left out; the caller chooses one source per quantity."""
+    """Columns of a log -> events in the order of the log, without quantities that are not measured.
+
+    The caller chooses one source per quantity.
+    """
     chosen = [samples for samples in columns if samples.quantity in KIND_OF and len(samples)]
     if not chosen:
         return ticks(np.zeros(0))
     parts = [_from_one(samples, settings, epoch_ns) for samples in chosen]
     order = np.concatenate([samples.order for samples in chosen])
-    # Stable: of the facts in one message, yaw stands before what depends on it.
+    # of the facts in one message, yaw stands before what depends on it
     kinds = np.concatenate([part.kind for part in parts])
     return join(parts)[np.lexsort((kinds, order))]
 
@@ -120,7 +119,7 @@ class Timeline(NamedTuple):
         return Timeline._make(column[part] for column in self)
 
 
-def segments(events: Events, grid: Floats, settings: FilterSettings) -> Iterator[Timeline]:
+def timelines(events: Events, grid: Floats, settings: FilterSettings) -> Iterator[Timeline]:
     """The stretches without a gap longer than the filter bridges, each with its grid points."""
     usable = np.isfinite(events.time_s) & (events.kind >= 0) & (events.kind < KINDS)
     events = events[usable]

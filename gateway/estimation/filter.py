@@ -1,17 +1,15 @@
-"""The filter's loop over events in order of receipt: the one that runs live and in replay.
+"""The extended Kalman filter over events in order of receipt, live and in replay.
 
-What the filter's covariance leaves out: a heading that is off by a slowly changing angle e.
+Its state is a value, and a pure function of the ordered events: it does not matter how they are cut
+into chunks. Live gives chunks of a few events, replay whole arrays, to the same compiled loop.
+
+The covariance of the filter leaves out a heading that is off by a slowly changing angle e:
 
     ψ + e    (u + e v, v − e u)    (u̇ + e v̇, v̇ − e u̇)         [rad, m/s, m/s²]
 
-are what the filter sees where ψ, (u, v), (u̇, v̇) are true. Nothing tells e from motion, so it is
-no state: linearised filters believe that they learn such an angle, and turn a good sway into a
-bad one. Its variance is added to what is reported.
-
-The filter as its users see it: events in, rows out, and a state that is a value.
-
-The state is a pure function of the ordered events: it does not matter how they are cut into
-chunks. Live gives chunks of a few events, replay whole arrays, to the same compiled loop.
+are estimated where ψ, (u, v), (u̇, v̇) are true. e is not observable, so it is no state: a linearised
+filter would seem to learn it, and turn a good sway into a bad one. Its variance is added to what is
+reported.
 """
 
 from dataclasses import dataclass
@@ -24,15 +22,15 @@ from gateway.estimation.history import (
     COUNT,
     REFUSED_RUN,
     History,
-    copied,
+    copy_of,
     insert,
+    insertion_number,
     new_history,
-    place,
     restart,
 )
-from gateway.estimation.measurement import Work, new_work
+from gateway.estimation.measurement import Workspace, new_workspace
 from gateway.estimation.names import KINDS, Flag, State
-from gateway.estimation.settings import FilterSettings, Model
+from gateway.estimation.settings import FilterModel, FilterSettings
 from gateway.estimation.step import valid
 from gateway.jit import compiled
 from sim.state import Floats, Ints
@@ -42,44 +40,52 @@ LATE, REFUSED, RESTART = int(Flag.LATE), int(Flag.REFUSED), int(Flag.RESTART)
 
 
 @compiled
-def admit(history: History, time: float, kind: int, model: Model) -> tuple[int, int]:
-    """Decides about an event by its time -> its number among the kept (−1: refused), flags."""
+def admit(history: History, time: float, kind: int, model: FilterModel) -> tuple[int, int]:
+    """Admits an event by its time -> its number among those kept (−1: refused), flags."""
     if not np.isfinite(time) or kind < 0 or kind >= KINDS:
         return -1, REFUSED
     count = history.counts[COUNT]
     newest = history.time[(count - 1) % len(history.time)]
     step = time - newest if np.isfinite(newest) else 0.0
-    if np.abs(step) > model.gap:
+    if np.abs(step) > model.gap_s:
         restart(history, model)
         return 1, RESTART
-    number = place(history, time, kind) if -step <= model.max_late else -1
+    number = insertion_number(history, time, kind) if -step <= model.max_late_s else -1
     if number > 0:
         history.counts[REFUSED_RUN] = 0
         return number, LATE if step < 0.0 else 0
     history.counts[REFUSED_RUN] += 1
-    if history.counts[REFUSED_RUN] >= model.refused_run:
+    if history.counts[REFUSED_RUN] >= model.refused_in_a_row:
         restart(history, model)
         return 1, RESTART
     return -1, REFUSED
 
 
 @compiled
-def report(history: History, model: Model, motion: Floats, std: Floats, covariance: Floats) -> int:
+def write_estimate(
+    history: History, model: FilterModel, motion: Floats, std: Floats, covariance: Floats
+) -> int:
     """The newest state into motion (9,), std (9,), covariance (9, 9) or (0, 0); Flag.VALID or 0."""
     here = (history.counts[COUNT] - 1) % len(history.time)
     x, P = history.x[here], history.P[here]
     for i in range(MOTION):
         motion[i] = x[i]
-        std[i] = np.sqrt(P[i, i] + (model.heading_sigma * heading_slope(i, x)) ** 2)
+        std[i] = np.sqrt(P[i, i] + (model.heading_error_rad * heading_slope(i, x)) ** 2)
     if len(covariance):
         covariance[:] = P[:MOTION, :MOTION]
-        add_heading_error(x, model.heading_sigma, covariance)
-    return valid(history.book[here])
+        add_heading_error(x, model.heading_error_rad, covariance)
+    return valid(history.gates[here])
 
 
 @compiled
-def one(
-    history: History, time: float, kind: int, z: Floats, std: Floats, model: Model, work: Work
+def process_event(
+    history: History,
+    time: float,
+    kind: int,
+    z: Floats,
+    std: Floats,
+    model: FilterModel,
+    work: Workspace,
 ) -> tuple[float, int, int]:
     """One event as received -> NIS, components used, flags."""
     number, flags = admit(history, time, kind, model)
@@ -90,13 +96,13 @@ def one(
 
 
 @compiled
-def run(
+def process_events(
     history: History,
     time: Floats,
     kind: Ints,
     z: Floats,
     std: Floats,
-    model: Model,
+    model: FilterModel,
     out_time: Floats,
     out_motion: Floats,
     out_std: Floats,
@@ -106,10 +112,10 @@ def run(
     out_flags: NDArray[np.uint8],
 ) -> None:
     """K events through the filter, in place; one row of output per event."""
-    work = new_work()
+    work = new_workspace()
     for k in range(len(time)):
-        nis, used, flags = one(history, time[k], kind[k], z[k], std[k], model, work)
-        flags |= report(history, model, out_motion[k], out_std[k], out_covariance[k])
+        nis, used, flags = process_event(history, time[k], kind[k], z[k], std[k], model, work)
+        flags |= write_estimate(history, model, out_motion[k], out_std[k], out_covariance[k])
         out_time[k] = history.time[(history.counts[COUNT] - 1) % len(history.time)]
         out_nis[k], out_used[k], out_flags[k] = nis, used, flags
 
@@ -140,14 +146,14 @@ def add_heading_error(x: Floats, sigma: float, covariance: Floats) -> None:
 
 @dataclass(frozen=True)
 class FilterState:
-    """All that the filter remembers. Never changed: `advance` returns a new one."""
+    """The state of the filter. Never changed: `advance` returns a new one."""
 
     history: History
 
 
 @dataclass(frozen=True)
-class Rows:
-    """What the filter says after each event.
+class FilterRows:
+    """The estimate after each event.
 
     time_s      (K,)       of the estimate: of the newest event so far, not of a late one
     motion      (K, 9)     eta, nu, nu_dot, columns as in `State`
@@ -179,7 +185,7 @@ class Estimator:
 
     def __init__(self, settings: FilterSettings | None = None) -> None:
         self.settings = settings or FilterSettings()
-        self._model = self.settings.model()
+        self._model = self.settings.kernel_model()
 
     def start(self) -> FilterState:
         """The state before the first event."""
@@ -187,14 +193,14 @@ class Estimator:
 
     def advance(
         self, state: FilterState, events: Events, covariance: bool = False, spend: bool = False
-    ) -> tuple[FilterState, Rows]:
+    ) -> tuple[FilterState, FilterRows]:
         """Takes K events in the order of their receipt -> the state after them, K rows.
 
-        `spend`: the caller has no more use for `state`, its memory (0.4 MB) becomes the new one's.
+        `spend`: `state` is not used again, its memory (0.4 MB) becomes the new one's.
         """
-        history = state.history if spend else copied(state.history)
+        history = state.history if spend else copy_of(state.history)
         rows = _empty_rows(len(events), MOTION if covariance else 0)
-        run(
+        process_events(
             history,
             events.time_s,
             events.kind,
@@ -212,8 +218,8 @@ class Estimator:
         return FilterState(history), rows
 
 
-def _empty_rows(count: int, size: int) -> Rows:
-    return Rows(
+def _empty_rows(count: int, size: int) -> FilterRows:
+    return FilterRows(
         np.empty(count),
         np.empty((count, MOTION)),
         np.empty((count, MOTION)),

@@ -1,4 +1,4 @@
-"""What each kind of event would read in a given state, and how that depends on the state.
+"""Measurement models h(x) of the filter, and the update by one or two components in Joseph's form.
 
     yaw: ψ    rate: r − d ṙ    position: (N, E) + e_p
     velocity: R(ψ) (u, v) + e_v    body velocity: (u, v) + e_v
@@ -7,50 +7,50 @@
 Units rad, rad/s, m, m/s, m/s²; the e are the coloured errors of the sensors, d is the delay of
 the gyro's low-pass filter.
 
-The measurement update of a Kalman filter for one or two components, in Joseph's form.
+    y = z − h(x)    S = H P Hᵀ + R    K = P Hᵀ S⁻¹
+    x ← x + K y     P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ      R diagonal
 
-    S = H P Hᵀ + R    K = P Hᵀ S⁻¹    x += K y    P = (I − K H) P (I − K H)ᵀ + K R Kᵀ
-
-R is diagonal: its one or two variances.
+Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001, §5.2 and §10.3.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from gateway.estimation.names import STATES, Kind, State
+from gateway.estimation.names import STATES, MeasurementKind, State
 from gateway.jit import compiled
 from sim.state import Floats, wrap
 
 
 @compiled
-def observe(kind: int, x: Floats, z: Floats, gyro_delay: float, H: Floats, y: Floats) -> int:
-    """State (13,), reading (2,) -> Jacobian H (2, 13), innovation y (2,); how many components."""
+def linearise(kind: int, x: Floats, z: Floats, gyro_delay: float, H: Floats, y: Floats) -> int:
+    """State (13,), measurement (2,) -> Jacobian H (2, 13), innovation y (2,); its components."""
     H[:] = 0.0
     y[:] = 0.0
-    if kind == Kind.YAW:
+    if kind == MeasurementKind.YAW:
         H[0, State.YAW] = 1.0
         y[0] = wrap(z[0] - x[State.YAW])
         return 1
-    if kind == Kind.YAW_RATE:
+    if kind == MeasurementKind.YAW_RATE:
         H[0, State.R], H[0, State.R_DOT] = 1.0, -gyro_delay
         y[0] = z[0] - x[State.R] + gyro_delay * x[State.R_DOT]
         return 1
-    if kind == Kind.VELOCITY:
+    if kind == MeasurementKind.VELOCITY:
         return _velocity(x, z, H, y)
-    if kind == Kind.POSITION:
+    if kind == MeasurementKind.POSITION:
         H[0, State.NORTH] = H[0, State.POSITION_ERROR_NORTH] = 1.0
         H[1, State.EAST] = H[1, State.POSITION_ERROR_EAST] = 1.0
         y[0] = z[0] - x[State.NORTH] - x[State.POSITION_ERROR_NORTH]
         y[1] = z[1] - x[State.EAST] - x[State.POSITION_ERROR_EAST]
         return 2
-    if kind == Kind.BODY_VELOCITY:
+    if kind == MeasurementKind.BODY_VELOCITY:
         H[0, State.U] = H[0, State.VELOCITY_ERROR_FIRST] = 1.0
         H[1, State.V] = H[1, State.VELOCITY_ERROR_SECOND] = 1.0
         y[0] = z[0] - x[State.U] - x[State.VELOCITY_ERROR_FIRST]
         y[1] = z[1] - x[State.V] - x[State.VELOCITY_ERROR_SECOND]
         return 2
-    if kind == Kind.ACCELERATION:
+    if kind == MeasurementKind.ACCELERATION:
         return _acceleration(x, z, H, y)
     return 0
 
@@ -71,7 +71,7 @@ def _velocity(x: Floats, z: Floats, H: Floats, y: Floats) -> int:
 
 @compiled
 def _acceleration(x: Floats, z: Floats, H: Floats, y: Floats) -> int:
-    """Acceleration of the sensor's place, forward and starboard [m/s²]."""
+    """Acceleration at the sensor, forward and starboard [m/s²]."""
     u, v, r = x[State.U], x[State.V], x[State.R]
     H[0, State.U_DOT], H[0, State.V], H[0, State.R] = 1.0, -r, -v
     H[1, State.V_DOT], H[1, State.U], H[1, State.R] = 1.0, r, u
@@ -80,8 +80,8 @@ def _acceleration(x: Floats, z: Floats, H: Floats, y: Floats) -> int:
     return 2
 
 
-class Work(NamedTuple):
-    """Scratch of one step, reused so that the loop allocates nothing; also what it leaves behind.
+class Workspace(NamedTuple):
+    """Scratch of one step, reused so that the loop allocates nothing, and its results.
 
     F (13, 13) transition, H (2, 13), y (2,), S_inv (2, 2), K (13, 2) of the last update
     """
@@ -98,9 +98,9 @@ class Work(NamedTuple):
 
 
 @compiled
-def new_work() -> Work:
+def new_workspace() -> Workspace:
     """Scratch for one thread."""
-    return Work(
+    return Workspace(
         np.eye(STATES),
         np.zeros((3, 3)),
         np.zeros((2, STATES)),
@@ -114,7 +114,7 @@ def new_work() -> Work:
 
 
 @compiled
-def times_rows(P: Floats, H: Floats, m: int, out: Floats) -> None:
+def times_transpose(P: Floats, H: Floats, m: int, out: Floats) -> None:
     """P (13, 13), H (2, 13) -> P Hᵀ (13, m)."""
     for i in range(STATES):
         for a in range(m):
@@ -125,9 +125,9 @@ def times_rows(P: Floats, H: Floats, m: int, out: Floats) -> None:
 
 
 @compiled
-def weigh(P: Floats, m: int, work: Work) -> float:
-    """Covariance and the innovation in `work` -> its NIS; leaves S⁻¹ and P Hᵀ in `work`."""
-    times_rows(P, work.H, m, work.PH)
+def innovation_covariance(P: Floats, m: int, work: Workspace) -> float:
+    """Covariance and the innovation y in `work` -> NIS yᵀ S⁻¹ y; S⁻¹ and P Hᵀ go into `work`."""
+    times_transpose(P, work.H, m, work.PH)
     s00, s01, s11 = work.R[0], 0.0, work.R[1]
     for j in range(STATES):
         s00 += work.H[0, j] * work.PH[j, 0]
@@ -146,8 +146,8 @@ def weigh(P: Floats, m: int, work: Work) -> float:
 
 
 @compiled
-def update(x: Floats, P: Floats, m: int, work: Work) -> None:
-    """State (13,) and covariance (13, 13) take in the innovation that `weigh` left, in place."""
+def update(x: Floats, P: Floats, m: int, work: Workspace) -> None:
+    """State (13,) and covariance (13, 13) updated by the innovation in `work`, in place."""
     K, PH, A = work.K, work.PH, work.A
     for i in range(STATES):
         for a in range(m):
@@ -160,7 +160,7 @@ def update(x: Floats, P: Floats, m: int, work: Work) -> None:
             A[i, j] = P[i, j] - K[i, 0] * PH[j, 0]
             if m == 2:
                 A[i, j] -= K[i, 1] * PH[j, 1]
-    times_rows(A, work.H, m, PH)
+    times_transpose(A, work.H, m, PH)
     for i in range(STATES):
         for j in range(STATES):
             P[i, j] = A[i, j] - (PH[i, 0] - K[i, 0] * work.R[0]) * K[j, 0]

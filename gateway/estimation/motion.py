@@ -1,4 +1,4 @@
-"""How boat and sensor errors move between events: one prediction step.
+"""Process model of boat and sensor errors: one prediction step of the filter.
 
     north' = u cos ψ − v sin ψ    east' = u sin ψ + v cos ψ    ψ' = r      [m/s, rad/s]
     u' = a,  a' = −a/τ + w        for surge, sway and yaw alike            [m/s², rad/s²]
@@ -12,7 +12,7 @@ Electronic Systems 6(4), 1970.
 import numpy as np
 
 from gateway.estimation.names import STATES, State
-from gateway.estimation.settings import Model
+from gateway.estimation.settings import FilterModel
 from gateway.jit import compiled
 from sim.state import Floats
 
@@ -54,12 +54,12 @@ def axis_noise(dt: float, sigma: float, tau: float, Q: Floats) -> None:
 
 
 @compiled
-def transition(x: Floats, dt: float, model: Model, F: Floats) -> None:
+def transition(x: Floats, dt: float, model: FilterModel, F: Floats) -> None:
     """State (13,) moves on by dt [s] in place; its Jacobian goes into F (13, 13)."""
     F[:] = 0.0
-    surge_d, surge_v, surge_a = axis_response(dt, model.surge_tau)
-    sway_d, sway_v, sway_a = axis_response(dt, model.sway_tau)
-    yaw_d, yaw_v, yaw_a = axis_response(dt, model.yaw_tau)
+    surge_d, surge_v, surge_a = axis_response(dt, model.surge_tau_s)
+    sway_d, sway_v, sway_a = axis_response(dt, model.sway_tau_s)
+    yaw_d, yaw_v, yaw_a = axis_response(dt, model.yaw_tau_s)
     half, eighth = 0.5 * dt, 0.125 * dt * dt
     middle = x[State.YAW] + half * x[State.R] + eighth * x[State.R_DOT]
     c, s = np.cos(middle), np.sin(middle)
@@ -100,9 +100,10 @@ def _position_row(F: Floats, row: int, per_yaw: float, half: float, eighth: floa
 
 
 @compiled
-def _error_rows(F: Floats, dt: float, model: Model) -> None:
+def _error_rows(F: Floats, dt: float, model: FilterModel) -> None:
     """Decay of the coloured errors."""
-    position, velocity = np.exp(-dt / model.position_tau), np.exp(-dt / model.velocity_tau)
+    position = np.exp(-dt / model.position_error_tau_s)
+    velocity = np.exp(-dt / model.velocity_error_tau_s)
     F[State.POSITION_ERROR_NORTH, State.POSITION_ERROR_NORTH] = position
     F[State.POSITION_ERROR_EAST, State.POSITION_ERROR_EAST] = position
     F[State.VELOCITY_ERROR_FIRST, State.VELOCITY_ERROR_FIRST] = velocity
@@ -110,22 +111,24 @@ def _error_rows(F: Floats, dt: float, model: Model) -> None:
 
 
 @compiled
-def add_noise(P: Floats, yaw: float, dt: float, model: Model, Q: Floats) -> None:
+def add_noise(P: Floats, yaw: float, dt: float, model: FilterModel, Q: Floats) -> None:
     """Process noise of a step dt [s] at that yaw [rad] added to P (13, 13); Q (3, 3) is scratch."""
     c, s = np.cos(yaw), np.sin(yaw)
-    axis_noise(dt, model.surge_sigma, model.surge_tau, Q)
+    axis_noise(dt, model.surge_acceleration_mps2, model.surge_tau_s, Q)
     _add_axis(P, Q, c, s, State.U, State.U_DOT)
-    axis_noise(dt, model.sway_sigma, model.sway_tau, Q)
+    axis_noise(dt, model.sway_acceleration_mps2, model.sway_tau_s, Q)
     _add_axis(P, Q, -s, c, State.V, State.V_DOT)
-    axis_noise(dt, model.yaw_sigma, model.yaw_tau, Q)
+    axis_noise(dt, model.yaw_acceleration_radps2, model.yaw_tau_s, Q)
     chain = (State.YAW, State.R, State.R_DOT)
     for i in range(3):
         for j in range(3):
             P[chain[i], chain[j]] += Q[i, j]
-    _add_error_noise(P, State.POSITION_ERROR_NORTH, model.position_sigma, dt / model.position_tau)
-    _add_error_noise(P, State.POSITION_ERROR_EAST, model.position_sigma, dt / model.position_tau)
-    _add_error_noise(P, State.VELOCITY_ERROR_FIRST, model.velocity_sigma, dt / model.velocity_tau)
-    _add_error_noise(P, State.VELOCITY_ERROR_SECOND, model.velocity_sigma, dt / model.velocity_tau)
+    sigma, steps = model.position_error_m, dt / model.position_error_tau_s
+    _add_error_noise(P, State.POSITION_ERROR_NORTH, sigma, steps)
+    _add_error_noise(P, State.POSITION_ERROR_EAST, sigma, steps)
+    sigma, steps = model.velocity_error_mps, dt / model.velocity_error_tau_s
+    _add_error_noise(P, State.VELOCITY_ERROR_FIRST, sigma, steps)
+    _add_error_noise(P, State.VELOCITY_ERROR_SECOND, sigma, steps)
 
 
 @compiled
@@ -176,7 +179,14 @@ def _upper_times(F: Floats, x: Floats) -> None:
 
 @compiled
 def predict_about(
-    x: Floats, P: Floats, at: Floats, dt: float, model: Model, F: Floats, Q: Floats, moved: Floats
+    x: Floats,
+    P: Floats,
+    at: Floats,
+    dt: float,
+    model: FilterModel,
+    F: Floats,
+    Q: Floats,
+    moved: Floats,
 ) -> None:
     """As `predict`, but linearised at another state (13,); `moved` (13,) is scratch."""
     yaw = at[State.YAW] + 0.5 * dt * at[State.R] + 0.125 * dt * dt * at[State.R_DOT]
@@ -190,7 +200,7 @@ def predict_about(
 
 
 @compiled
-def predict(x: Floats, P: Floats, dt: float, model: Model, F: Floats, Q: Floats) -> None:
+def predict(x: Floats, P: Floats, dt: float, model: FilterModel, F: Floats, Q: Floats) -> None:
     """State (13,) and covariance (13, 13) move on by one step dt [s] in place; F, Q: scratch."""
     yaw = x[State.YAW] + 0.5 * dt * x[State.R] + 0.125 * dt * dt * x[State.R_DOT]
     transition(x, dt, model, F)

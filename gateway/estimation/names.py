@@ -1,4 +1,4 @@
-"""Names of what the filter estimates, what it is told, and what it says about each event."""
+"""Indices of the state and of what is kept per measurement; kinds of measurements; flags."""
 
 from enum import IntEnum, IntFlag
 
@@ -27,10 +27,10 @@ STATES = len(State)
 assert State.R_DOT + 1 == MOTION
 
 
-class Kind(IntEnum):
-    """What an event brings."""
+class MeasurementKind(IntEnum):
+    """What an event measures."""
 
-    TICK = 0  # nothing: predict only
+    TICK = 0  # nothing: prediction only
     YAW = 1  # rad
     YAW_RATE = 2  # rad/s
     VELOCITY = 3  # north, east over ground [m/s]
@@ -39,7 +39,7 @@ class Kind(IntEnum):
     ACCELERATION = 6  # forward, starboard [m/s²], free of gravity
 
 
-KINDS = len(Kind)
+KINDS = len(MeasurementKind)
 
 
 class Flag(IntFlag):
@@ -55,12 +55,12 @@ class Flag(IntFlag):
     RESTART = 128  # everything forgotten: a long gap, or the boat's clock stepped
 
 
-class Record(IntEnum):
-    """What the filter remembers for each kind of event."""
+class GateRecord(IntEnum):
+    """What is kept about the gate of each kind of measurement."""
 
     SEEN = 0  # 1.0 once a measurement was used
-    GATED_RUN = 1  # gated in a row
+    GATED_RUN = 1  # number gated in a row
     GATED_SINCE = 2  # time of the first of them [s]
 
 
-RECORDS = len(Record)
+GATE_RECORDS = len(GateRecord)

@@ -1,12 +1,11 @@
 """Motion from a whole recording: forward with the filter's own step, and back.
 
 Memory stays bounded over hours: the forward pass keeps its state once per chunk of steps, and the
-way back goes through one chunk after another, running each forward again.
+backward pass goes through one chunk after another, running each forward again.
 
-In an outage the filter's own idea of the yaw is soon so bad that nothing linearised at it is true.
-So all is done twice: the second pass is linearised along the path that the first has found (an
-iterated smoother: B. M. Bell, The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal
-on Optimization 4(3), 1994).
+In an outage the filter's yaw is soon so bad that nothing linearised at it is true. So all is done
+twice: the second pass is linearised along the path of the first (an iterated smoother: B. M. Bell,
+The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal on Optimization 4(3), 1994).
 """
 
 from dataclasses import dataclass
@@ -16,19 +15,19 @@ from numpy.typing import NDArray
 
 from gateway.estimation.backward import (
     Trace,
-    back_over_prediction,
-    back_over_reading,
-    keep,
+    backward_prediction,
+    backward_update,
     new_trace,
-    smoothed,
+    smoothed_motion,
+    store_step,
 )
-from gateway.estimation.events import NO_GRID, Events, Timeline, segments
+from gateway.estimation.events import NO_GRID, Events, Timeline, timelines
 from gateway.estimation.filter import add_heading_error
-from gateway.estimation.measurement import new_work
+from gateway.estimation.measurement import new_workspace
 from gateway.estimation.motion import predict, predict_about
-from gateway.estimation.names import KINDS, RECORDS, STATES, Flag
-from gateway.estimation.settings import FilterSettings, Model
-from gateway.estimation.step import begin, take_in, valid
+from gateway.estimation.names import GATE_RECORDS, KINDS, STATES, Flag
+from gateway.estimation.settings import FilterModel, FilterSettings
+from gateway.estimation.step import initialise, update_gated, valid
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
@@ -65,12 +64,12 @@ def smooth(
 ) -> SmoothedMotion:
     """Events in any order, ascending grid times (T,) [s] -> motion on that grid."""
     settings = settings or FilterSettings()
-    model = settings.model()
+    model = settings.kernel_model()
     mean = np.zeros((len(grid_times), MOTION))
     covariance = np.zeros((len(grid_times), MOTION, MOTION))
     known = np.zeros(len(grid_times), np.bool_)
     gated = 0
-    for line in segments(events, np.asarray(grid_times, np.float64), settings):
+    for line in timelines(events, np.asarray(grid_times, np.float64), settings):
         path = np.full((len(line.time), STATES), np.nan)
         for _ in range(PASSES):
             outliers = _smooth_segment(line, model, path, mean, covariance, known)
@@ -83,7 +82,7 @@ def smooth(
 
 def _smooth_segment(
     line: Timeline,
-    model: Model,
+    model: FilterModel,
     path: Floats,
     mean: Floats,
     covariance: Floats,
@@ -95,20 +94,20 @@ def _smooth_segment(
     """
     starts = range(0, len(line.time), CHUNK)
     x, P = np.zeros((len(starts) + 1, STATES)), np.zeros((len(starts) + 1, STATES, STATES))
-    book = np.zeros((len(starts) + 1, KINDS, RECORDS))
-    begin(x[0], P[0], book[0], model)
+    gates = np.zeros((len(starts) + 1, KINDS, GATE_RECORDS))
+    initialise(x[0], P[0], gates[0], model)
     trace = new_trace(min(CHUNK, len(line.time)))
     gated = 0
     before = path.copy()
     for n, start in enumerate(starts):
-        x[n + 1], P[n + 1], book[n + 1] = x[n], P[n], book[n]
+        x[n + 1], P[n + 1], gates[n + 1] = x[n], P[n], gates[n]
         part = line.cut(slice(start, start + CHUNK))
-        gated += forward(part, model, before, start, x[n + 1], P[n + 1], book[n + 1], trace)
+        gated += forward(part, model, before, start, x[n + 1], P[n + 1], gates[n + 1], trace)
     lam, Lam = np.zeros(STATES), np.zeros((STATES, STATES))
     for n in range(len(starts) - 1, -1, -1):
         part = line.cut(slice(starts[n], starts[n] + CHUNK))
         if n < len(starts) - 1:  # the trace of the last chunk is there already
-            forward(part, model, before, starts[n], x[n], P[n], book[n], trace)
+            forward(part, model, before, starts[n], x[n], P[n], gates[n], trace)
         here = path[starts[n] : starts[n] + CHUNK]
         backward(part.grid, model, trace, lam, Lam, here, mean, covariance, known)
     return gated
@@ -117,42 +116,42 @@ def _smooth_segment(
 @compiled
 def forward(
     line: Timeline,
-    model: Model,
+    model: FilterModel,
     path: Floats,
     start: int,
     x: Floats,
     P: Floats,
-    book: Floats,
+    gates: Floats,
     trace: Trace,
 ) -> int:
     """The filter over n steps, in place, leaving its trace; how many events were gated.
 
     The first of them is step `start` of the path (…, 13) to linearise along, NaN: along itself.
     """
-    work = new_work()
+    work = new_workspace()
     moved = np.zeros(STATES)
     gated = 0
     for n in range(len(line.time)):
-        span = line.span[n] if book[:, 0].any() else 0.0
+        span = line.span[n] if gates[:, 0].any() else 0.0
         along = not np.isnan(path[start + n, 0])
         if span <= 0.0:
-            stay(work.F)
+            set_identity(work.F)
         elif along:
             at = path[start + n - 1]
             predict_about(x, P, at, span, model, work.F, work.Q, moved)
         else:
             predict(x, P, span, model, work.F, work.Q)
         at = path[start + n] if along else x
-        _, used, flags = take_in(
-            x, P, book, line.time[n], line.kind[n], line.z[n], line.std[n], at, model, work
+        _, used, flags = update_gated(
+            x, P, gates, line.time[n], line.kind[n], line.z[n], line.std[n], at, model, work
         )
         gated += 1 if flags & GATED else 0
-        keep(trace, n, x, P, used, valid(book), work)
+        store_step(trace, n, x, P, used, valid(gates), work)
     return gated
 
 
 @compiled
-def stay(F: Floats) -> None:
+def set_identity(F: Floats) -> None:
     """The transition F (13, 13) over no time."""
     F[:] = 0.0
     for i in range(STATES):
@@ -162,7 +161,7 @@ def stay(F: Floats) -> None:
 @compiled
 def backward(
     grid: Ints,
-    model: Model,
+    model: FilterModel,
     trace: Trace,
     lam: Floats,
     Lam: Floats,
@@ -172,23 +171,25 @@ def backward(
     known: NDArray[np.bool_],
 ) -> None:
     """Back over n steps, λ and Λ in place, filling the path (n, 13) and the grid's rows."""
-    work = new_work()
+    work = new_workspace()
     for n in range(len(grid) - 1, -1, -1):
         path[n] = trace.x[n] - trace.P[n] @ lam
         row = grid[n]
         if row != NO_GRID:
-            smoothed(trace.x[n], trace.P[n], lam, Lam, work.A, mean[row], covariance[row])
-            add_heading_error(mean[row], model.heading_sigma, covariance[row])
+            smoothed_motion(trace.x[n], trace.P[n], lam, Lam, work.A, mean[row], covariance[row])
+            add_heading_error(mean[row], model.heading_error_rad, covariance[row])
             known[row] = trace.valid[n] != 0
         if trace.used[n] > 0:
-            back_over_reading(trace, n, lam, Lam, work)
-        back_over_prediction(trace.F[n], lam, Lam)
+            backward_update(trace, n, lam, Lam, work)
+        backward_prediction(trace.F[n], lam, Lam)
 
 
-def _fill_unknown(mean: Floats, covariance: Floats, known: NDArray[np.bool_], model: Model) -> None:
-    """Holds the nearest known motion where there is none, with the std of not knowing."""
-    x, P, book = np.zeros(STATES), np.zeros((STATES, STATES)), np.zeros((KINDS, RECORDS))
-    begin(x, P, book, model)
+def _fill_unknown(
+    mean: Floats, covariance: Floats, known: NDArray[np.bool_], model: FilterModel
+) -> None:
+    """Holds the nearest known motion where there is none, with the std before any measurement."""
+    x, P, gates = np.zeros(STATES), np.zeros((STATES, STATES)), np.zeros((KINDS, GATE_RECORDS))
+    initialise(x, P, gates, model)
     rows = np.flatnonzero(known)
     missing = np.flatnonzero(~known)
     covariance[missing] = P[:MOTION, :MOTION]

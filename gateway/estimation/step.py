@@ -1,75 +1,77 @@
-"""What one event does to the filter: predict to its time, gate it, take it in.
+"""One event of the filter: prediction to its time, gate, measurement update.
 
-A reading that fails the gate again and again, for long enough, is a discontinuity of its source
-(a yaw reset, a lane switch, a shifted origin) and not motion: the states it reads are opened up by
-added noise, and the reading taken in. A gyro has no discontinuities: when a few of its readings in
-a row fail, the boat has begun to turn faster than was assumed, and the turn is taken in.
+A measurement that fails the gate again and again, for long enough, is a discontinuity of its
+source (a yaw reset, a lane switch, a shifted origin) and not motion: noise is added to the states
+that it measures, and it is used. A gyro has no discontinuities: when a few of its measurements in a
+row fail, the boat has begun to turn faster than was assumed, and they are used.
 """
 
 import numpy as np
 
-from gateway.estimation.measurement import Work, observe, update, weigh
+from gateway.estimation.measurement import Workspace, innovation_covariance, linearise, update
 from gateway.estimation.motion import predict
-from gateway.estimation.names import STATES, Flag, Kind, Record, State
-from gateway.estimation.settings import Model
+from gateway.estimation.names import STATES, Flag, GateRecord, MeasurementKind, State
+from gateway.estimation.settings import FilterModel
 from gateway.jit import compiled
 from sim.state import Floats, wrap
 
-LOST_YAW = 0.5  # rad: with a worse heading nothing that turns with it can be used
-JUMP_POSITION = 1e3  # m: how far the states open up after a discontinuity
+# Chosen, not measured: what follows is far beyond the motion of a boat.
+LOST_YAW = 0.5  # rad, std of a heading with which nothing that turns with it can be used
+JUMP_POSITION = 1e3  # m, std that is added after a discontinuity
 JUMP_SPEED = 5.0  # m/s
 JUMP_YAW = 3.0  # rad
 JUMP_YAW_RATE = 2.0  # rad/s
 TURN_RUN = 2  # gated yaw rates in a row that are a turn
 
-# No boat reads more than this: rad, rad/s, m/s, m, m/s, m/s² by kind.
-ABSURD = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0, 200.0])
+# Largest credible measurement by kind [rad, rad/s, m/s, m, m/s, m/s²]
+IMPLAUSIBLE = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0, 200.0])
 
 USED, GATED, WAITING = int(Flag.USED), int(Flag.GATED), int(Flag.WAITING)
 VALID, JUMP = int(Flag.VALID), int(Flag.JUMP)
 
 
 @compiled
-def begin(x: Floats, P: Floats, book: Floats, model: Model) -> None:
-    """State (13,), covariance (13, 13), book (7, 3) become those of a filter that knows nothing."""
+def initialise(x: Floats, P: Floats, gates: Floats, model: FilterModel) -> None:
+    """State (13,), covariance (13, 13), gates (7, 3) become those before any measurement."""
     x[:] = 0.0
     P[:] = 0.0
-    book[:] = 0.0
-    P[State.NORTH, State.NORTH] = P[State.EAST, State.EAST] = model.prior_position**2
+    gates[:] = 0.0
+    P[State.NORTH, State.NORTH] = P[State.EAST, State.EAST] = model.prior_position_m**2
     P[State.YAW, State.YAW] = np.pi**2
-    P[State.U, State.U] = P[State.V, State.V] = model.prior_speed**2
-    P[State.R, State.R] = model.prior_yaw_rate**2
-    P[State.U_DOT, State.U_DOT] = model.surge_sigma**2
-    P[State.V_DOT, State.V_DOT] = model.sway_sigma**2
-    P[State.R_DOT, State.R_DOT] = model.yaw_sigma**2
-    P[State.POSITION_ERROR_NORTH, State.POSITION_ERROR_NORTH] = model.position_sigma**2
-    P[State.POSITION_ERROR_EAST, State.POSITION_ERROR_EAST] = model.position_sigma**2
-    P[State.VELOCITY_ERROR_FIRST, State.VELOCITY_ERROR_FIRST] = model.velocity_sigma**2
-    P[State.VELOCITY_ERROR_SECOND, State.VELOCITY_ERROR_SECOND] = model.velocity_sigma**2
+    P[State.U, State.U] = P[State.V, State.V] = model.prior_speed_mps**2
+    P[State.R, State.R] = model.prior_yaw_rate_radps**2
+    P[State.U_DOT, State.U_DOT] = model.surge_acceleration_mps2**2
+    P[State.V_DOT, State.V_DOT] = model.sway_acceleration_mps2**2
+    P[State.R_DOT, State.R_DOT] = model.yaw_acceleration_radps2**2
+    P[State.POSITION_ERROR_NORTH, State.POSITION_ERROR_NORTH] = model.position_error_m**2
+    P[State.POSITION_ERROR_EAST, State.POSITION_ERROR_EAST] = model.position_error_m**2
+    P[State.VELOCITY_ERROR_FIRST, State.VELOCITY_ERROR_FIRST] = model.velocity_error_mps**2
+    P[State.VELOCITY_ERROR_SECOND, State.VELOCITY_ERROR_SECOND] = model.velocity_error_mps**2
 
 
 @compiled
-def valid(book: Floats) -> int:
+def valid(gates: Floats) -> int:
     """Flag.VALID once yaw and velocity or position are known, else 0."""
-    moving = book[Kind.VELOCITY, Record.SEEN] + book[Kind.BODY_VELOCITY, Record.SEEN]
-    if book[Kind.YAW, Record.SEEN] > 0.0 and moving + book[Kind.POSITION, Record.SEEN] > 0.0:
+    seen = gates[:, GateRecord.SEEN]
+    moving = seen[MeasurementKind.VELOCITY] + seen[MeasurementKind.BODY_VELOCITY]
+    if seen[MeasurementKind.YAW] > 0.0 and moving + seen[MeasurementKind.POSITION] > 0.0:
         return VALID
     return 0
 
 
 @compiled
-def advance_to(x: Floats, P: Floats, span: float, model: Model, work: Work) -> None:
+def predict_over(x: Floats, P: Floats, span: float, model: FilterModel, work: Workspace) -> None:
     """Predicts over span [s] in steps short enough for the linearisation."""
-    steps = int(np.ceil(span / model.max_step - 1e-9))
+    steps = int(np.ceil(span / model.max_step_s - 1e-9))
     for _ in range(steps):
         predict(x, P, span / steps, model, work.F, work.Q)
 
 
 @compiled
-def absurd(kind: int, z: Floats, std: Floats, m: int) -> bool:
-    """Whether a reading (2,) of m components or its std is no number or beyond any boat."""
+def implausible(kind: int, z: Floats, std: Floats, m: int) -> bool:
+    """Whether a measurement (2,) of m components or its std is no number or beyond any boat."""
     for a in range(m):
-        if not (np.isfinite(z[a]) and np.abs(z[a]) <= ABSURD[kind]):
+        if not (np.isfinite(z[a]) and np.abs(z[a]) <= IMPLAUSIBLE[kind]):
             return True
         if not (np.isfinite(std[a]) and std[a] > 0.0):
             return True
@@ -77,14 +79,14 @@ def absurd(kind: int, z: Floats, std: Floats, m: int) -> bool:
 
 
 @compiled
-def open_up(kind: int, since: float, P: Floats) -> None:
-    """Adds the noise of a discontinuity, gated for `since` [s], to the states that a kind reads."""
-    if kind == Kind.YAW:
+def inflate_covariance(kind: int, since: float, P: Floats) -> None:
+    """Adds the noise of a discontinuity, gated for `since` [s], to the states that are measured."""
+    if kind == MeasurementKind.YAW:
         P[State.YAW, State.YAW] += JUMP_YAW**2
-    elif kind == Kind.YAW_RATE:
+    elif kind == MeasurementKind.YAW_RATE:
         P[State.R, State.R] += JUMP_YAW_RATE**2
         P[State.YAW, State.YAW] += (JUMP_YAW_RATE * since) ** 2
-    elif kind == Kind.POSITION:
+    elif kind == MeasurementKind.POSITION:
         P[State.NORTH, State.NORTH] += JUMP_POSITION**2
         P[State.EAST, State.EAST] += JUMP_POSITION**2
     else:
@@ -93,19 +95,19 @@ def open_up(kind: int, since: float, P: Floats) -> None:
 
 
 @compiled
-def persists(kind: int, record: Floats, time: float, model: Model) -> bool:
+def is_discontinuity(kind: int, record: Floats, time: float, model: FilterModel) -> bool:
     """Counts one more outlier of a kind; whether it is a discontinuity by now."""
-    if record[Record.GATED_RUN] == 0.0:
-        record[Record.GATED_SINCE] = time
-    record[Record.GATED_RUN] += 1.0
-    if kind == Kind.YAW_RATE:
-        return bool(record[Record.GATED_RUN] >= TURN_RUN)
-    long_enough = time - record[Record.GATED_SINCE] >= model.gated_for
-    return bool(long_enough and record[Record.GATED_RUN] >= model.gated_run)
+    if record[GateRecord.GATED_RUN] == 0.0:
+        record[GateRecord.GATED_SINCE] = time
+    record[GateRecord.GATED_RUN] += 1.0
+    if kind == MeasurementKind.YAW_RATE:
+        return bool(record[GateRecord.GATED_RUN] >= TURN_RUN)
+    long_enough = time - record[GateRecord.GATED_SINCE] >= model.gated_for_s
+    return bool(long_enough and record[GateRecord.GATED_RUN] >= model.gated_in_a_row)
 
 
 @compiled
-def shift(x: Floats, at: Floats, m: int, work: Work) -> None:
+def move_innovation(x: Floats, at: Floats, m: int, work: Workspace) -> None:
     """The innovation in `work`, taken at another state (13,), becomes that at x (13,)."""
     for a in range(m):
         for i in range(STATES):
@@ -113,45 +115,46 @@ def shift(x: Floats, at: Floats, m: int, work: Work) -> None:
 
 
 @compiled
-def take_in(
+def update_gated(
     x: Floats,
     P: Floats,
-    book: Floats,
+    gates: Floats,
     time: float,
     kind: int,
     z: Floats,
     std: Floats,
     at: Floats,
-    model: Model,
-    work: Work,
+    model: FilterModel,
+    work: Workspace,
 ) -> tuple[float, int, int]:
-    """Gates and uses one reading at its time -> NIS, components used (0: none), flags.
+    """Gates and uses one measurement at its time -> NIS, components used (0: none), flags.
 
     `at` is the state (13,) to linearise at: x itself, or one that is known better.
     """
-    m = observe(kind, at, z, model.gyro_delay, work.H, work.y)
+    m = linearise(kind, at, z, model.gyro_delay_s, work.H, work.y)
     if m == 0:
         return 0.0, 0, 0
-    shift(x, at, m, work)
-    if absurd(kind, z, std, m):
+    move_innovation(x, at, m, work)
+    if implausible(kind, z, std, m):
         return 0.0, 0, GATED
-    if kind == Kind.YAW and book[kind, Record.SEEN] == 0.0:
+    if kind == MeasurementKind.YAW and gates[kind, GateRecord.SEEN] == 0.0:
         x[State.YAW] = wrap(z[0])
         work.y[0] = 0.0
-    elif kind != Kind.YAW and (
-        book[Kind.YAW, Record.SEEN] == 0.0 or P[State.YAW, State.YAW] > LOST_YAW**2
+    elif kind != MeasurementKind.YAW and (
+        gates[MeasurementKind.YAW, GateRecord.SEEN] == 0.0 or P[State.YAW, State.YAW] > LOST_YAW**2
     ):
         return 0.0, 0, WAITING
     work.R[0], work.R[1] = std[0] * std[0], std[1] * std[1]
-    nis = weigh(P, m, work)
+    nis = innovation_covariance(P, m, work)
     flags = USED
-    if nis > (model.gate_one if m == 1 else model.gate_two) and book[kind, Record.SEEN] > 0.0:
-        if not persists(kind, book[kind], time, model):
+    gate = model.gate_one if m == 1 else model.gate_two
+    if nis > gate and gates[kind, GateRecord.SEEN] > 0.0:
+        if not is_discontinuity(kind, gates[kind], time, model):
             return nis, 0, GATED
-        open_up(kind, time - book[kind, Record.GATED_SINCE], P)
-        weigh(P, m, work)
+        inflate_covariance(kind, time - gates[kind, GateRecord.GATED_SINCE], P)
+        innovation_covariance(P, m, work)
         flags |= JUMP
-    book[kind, Record.SEEN] = 1.0
-    book[kind, Record.GATED_RUN] = 0.0
+    gates[kind, GateRecord.SEEN] = 1.0
+    gates[kind, GateRecord.GATED_RUN] = 0.0
     update(x, P, m, work)
     return nis, m, flags

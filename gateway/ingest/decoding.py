@@ -17,6 +17,9 @@ from gateway.ingest.mapping import Rule, counter_us, instance_of
 from gateway.samples import Quantity, Samples
 from sim.state import Ints
 
+# a field that the log's own definition lacks, or gives another type or shape
+UNREADABLE = (AttributeError, IndexError, TypeError, ValueError)
+
 
 @dataclass(frozen=True)
 class _RuleRows:
@@ -41,9 +44,15 @@ def decode_tables(
     clock = BoatClock(streams=max(len(parts), 1))
     vehicle, verdict, sessions = _stamped(clock, parts)
     samples: list[Samples] = []
+    notices: dict[str, None] = {}
     for part, times, worth in zip(parts, vehicle, verdict, strict=True):
-        samples += _samples(part, times, (worth == Verdict.FRESH) | (worth == Verdict.LATE))
-    return BoatSamples(boat, tuple(samples), clock.report(), sessions)
+        good = (worth == Verdict.FRESH) | (worth == Verdict.LATE)
+        try:
+            samples += _samples(part, times, good)
+        except UNREADABLE:
+            name = part.rule.message
+            notices[f"{name} cannot be read: its fields are not those that {name} has"] = None
+    return BoatSamples(boat, tuple(samples), clock.report(), sessions, notices=tuple(notices))
 
 
 def _rows(table: Table, rule: Rule, boat: Boat, instances: Mapping[str, int]) -> _RuleRows:

@@ -126,6 +126,7 @@ class BoatSamples:
 
     sessions  ((from, to), …)  vehicle time [ns] of the first and last message of each boot
     tabular   all sources lie on the rows of one table: values may be held or smoothed
+    notices   messages that could not be read, a sentence each
     """
 
     boat: Boat
@@ -133,6 +134,7 @@ class BoatSamples:
     clock: ClockReport
     sessions: tuple[tuple[int, int], ...]
     tabular: bool = False
+    notices: tuple[str, ...] = ()
 
     def of(self, quantity: Quantity) -> tuple[Samples, ...]:
         """All samples of a quantity, one per source."""

@@ -3,12 +3,12 @@
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 from gateway.samples import CHANNELS
 
 
-class OutputFunction(Enum):
+class OutputFunction(StrEnum):
     """What an output channel moves."""
 
     THROTTLE = "throttle"

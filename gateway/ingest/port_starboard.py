@@ -1,13 +1,14 @@
 """Port and starboard, from a recording alone: do the two throttles turn the boat as they are named?
 
-Which output is which side is said by SERVOn_FUNCTION (73 left, 74 right) or by the names of a
-table's columns (left, port; right, starboard). Which way a motor turns ahead is taken from the
-parameters, or else found: of the four ways, those that drive the boat as fast as it went. All of
-them must agree that it turned the other way.
+Which output is which side follows from SERVOn_FUNCTION (73 left, 74 right) or from the names of a
+table's columns (left, port; right, starboard). The direction of a motor is taken from the
+parameters, or else found: of the four combinations, those that drive the boat as fast as it went.
+All of them must agree that it turned the other way.
 """
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,72 +19,88 @@ from gateway.samples import Quantity, Samples
 from sim.identification.wiring import MIN_MOTION_STD, CommandResponse, command_response
 from sim.state import Floats, Nu
 
-GRID_S = 0.2
 PORT = re.compile(r"left|port|lft|babord|backbord", re.IGNORECASE)
 STARBOARD = re.compile(r"right|starboard|stbd|stb|rgt|tribord|steuerbord", re.IGNORECASE)
-HALF_US = 400.0  # from neutral to full, where nobody says more
+GRID_S = 0.2  # s, of the comparison
+MAX_ROWS = 5_000_000  # of that grid, 12 days: a longer span is a damaged time
+HALF_US = 400.0  # µs from neutral to full, where no parameter tells
+NEUTRAL_US, NEAR_NEUTRAL_US = 1500.0, 50.0  # where the neutral pulse is looked for
+NEAR = 0.2  # of a correlation: closer than that, either direction may be true
 
-NEAR = 0.2  # of a correlation: then either way may be
-Ways = tuple[int, int]
-BOTH: tuple[Ways, ...] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-Side = tuple[int, float, int]  # channel, neutral pulse [µs], +1 or −1 ahead, 0 not known
+Directions = tuple[int, int]  # +1: a higher pulse drives ahead, −1: astern
+COMBINATIONS: tuple[Directions, ...] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
-def sides_of(log: Log, found: Sequence[Actuator]) -> tuple[Side, Side] | None:
-    """The throttle to port and the one to starboard, as they are called; None: not one of each."""
-    left = [a for a in found if a.kind is OutputFunction.THROTTLE_LEFT]
-    right = [a for a in found if a.kind is OutputFunction.THROTTLE_RIGHT]
+class Throttle(NamedTuple):
+    """The output channel of one side, its neutral pulse [µs] or NaN, its direction or 0."""
+
+    channel: int
+    neutral_us: float = np.nan
+    direction: int = 0
+
+
+def swap_notices(
+    log: Log, choices: Mapping[str, Choice], actuators: Sequence[Actuator]
+) -> tuple[str, ...]:
+    """One sentence where the boat turns away from the side that it is steered to."""
+    pair = throttle_pair(log, actuators)
+    response = None if pair is None else steering_response(choices, pair)
+    if pair is None or response is None or response.sign >= 0:
+        return ()
+    return (
+        f"port and starboard commands look swapped (channels {pair[0].channel} and "
+        f"{pair[1].channel}): the boat turns away from the side that it is steered to, correlation "
+        f"of turn rate with port minus starboard {response.correlation:.2f}; exchange their "
+        "channels in the vessel file",
+    )
+
+
+def throttle_pair(log: Log, actuators: Sequence[Actuator]) -> tuple[Throttle, Throttle] | None:
+    """The throttle named port and the one named starboard; None: not exactly one of each."""
+    left = [a for a in actuators if a.kind is OutputFunction.THROTTLE_LEFT]
+    right = [a for a in actuators if a.kind is OutputFunction.THROTTLE_RIGHT]
     if len(left) == len(right) == 1:
-        a, b = left[0], right[0]
-        return (a.channel, a.pwm[1], _way(a)), (b.channel, b.pwm[1], _way(b))
-    named = log.channel_names()
-    left_of = [n for n, column in named.items() if PORT.search(column)]
-    right_of = [n for n, column in named.items() if STARBOARD.search(column)]
-    if len(left_of) == len(right_of) == 1 and left_of != right_of:
-        return (left_of[0], np.nan, 0), (right_of[0], np.nan, 0)
+        port, starboard = (
+            Throttle(a.channel, a.pwm[1], -1 if a.reversed else 1) for a in (left[0], right[0])
+        )
+        return port, starboard
+    names = log.channel_names()
+    port_channels = [n for n, name in names.items() if PORT.search(name)]
+    starboard_channels = [n for n, name in names.items() if STARBOARD.search(name)]
+    if len(port_channels) == len(starboard_channels) == 1 and port_channels != starboard_channels:
+        return Throttle(port_channels[0]), Throttle(starboard_channels[0])
     return None
 
 
-def swapped(choices: Mapping[str, Choice], sides: tuple[Side, Side]) -> CommandResponse | None:
-    """How the boat turned by the difference of its throttles; None: it was not told."""
+def steering_response(
+    choices: Mapping[str, Choice], pair: tuple[Throttle, Throttle]
+) -> CommandResponse | None:
+    """How the boat turned by the difference of its throttles; None: it cannot be told."""
     if "commands" not in choices or "yaw" not in choices:
         return None
     time = _grid(choices)
     if len(time) < 10:
         return None
-    commands = [_throttle(choices["commands"].samples, side, time) for side in sides]
-    heading = choices["yaw"].samples
-    r = _turn_rate(choices, heading, time)
+    commands = [_command(choices["commands"].samples, throttle, time) for throttle in pair]
+    r = _turn_rate(choices, time)
     speed = _speed(choices, time)
-    ways = _ways(commands, [side[2] for side in sides], speed)
-    if not ways:
+    possible = _possible_directions(commands, [throttle.direction for throttle in pair], speed)
+    responses = [_turn_response(commands, directions, r) for directions in possible]
+    clear = [response for response in responses if response is not None]
+    if not clear or len(clear) < len(responses):
         return None
-    told = [_turned(commands, way, r) for way in ways]
-    return None if None in told else min((a for a in told if a), key=lambda a: abs(a.correlation))
+    return min(clear, key=lambda response: abs(response.correlation))
 
 
-def _turned(commands: Sequence[Floats], ways: Ways, r: Floats) -> CommandResponse | None:
+def _turn_response(
+    commands: Sequence[Floats], directions: Directions, r: Floats
+) -> CommandResponse | None:
     """Turn rate (T,) against port minus starboard."""
-    difference = 0.5 * (ways[0] * commands[0] - ways[1] * commands[1])
+    difference = 0.5 * (directions[0] * commands[0] - directions[1] * commands[1])
     rows = np.isfinite(difference) & np.isfinite(r)
     return command_response(
         np.nan_to_num(difference), np.nan_to_num(r), rows, GRID_S, MIN_MOTION_STD[Nu.R]
     )
-
-
-def says(found: CommandResponse | None, sides: tuple[Side, Side]) -> tuple[str, ...]:
-    """One sentence where the boat turns the other way."""
-    if found is None or found.sign >= 0:
-        return ()
-    return (
-        f"port and starboard commands look swapped (channels {sides[0][0]} and {sides[1][0]}): the "
-        "boat turns away from the side that it is steered to, correlation of turn rate with port "
-        f"minus starboard {found.correlation:.2f}; exchange their channels in the vessel file",
-    )
-
-
-def _way(a: Actuator) -> int:
-    return -1 if a.reversed else 1
 
 
 def _seconds(samples: Samples) -> Floats:
@@ -94,6 +111,7 @@ def _grid(choices: Mapping[str, Choice]) -> Floats:
     """Moments [s] with heading and commands."""
     spans = [_seconds(choices[name].samples) for name in ("yaw", "commands")]
     start, end = max(s.min() for s in spans), min(s.max() for s in spans)
+    end = start if end - start > MAX_ROWS * GRID_S else end
     return np.arange(start, end, GRID_S, dtype=np.float64)
 
 
@@ -103,30 +121,31 @@ def _at(samples: Samples, values: Floats, time: Floats) -> Floats:
     return np.interp(time, _seconds(samples)[order], values[order])
 
 
-def _throttle(samples: Samples, side: Side, time: Floats) -> Floats:
+def _command(samples: Samples, throttle: Throttle, time: Floats) -> Floats:
     """One side's pulses as commands (T,) in about −1 … 1; NaN without a pulse."""
-    channel, neutral, _ = side
-    pulse = samples.values[:, channel - 1]
+    pulse = samples.values[:, throttle.channel - 1]
     alive = np.isfinite(pulse) & (pulse > 0) & (pulse < 65535)
     if not alive.any():
         return np.full(len(time), np.nan)
-    middle = neutral if np.isfinite(neutral) else _middle(pulse[alive])
+    known = np.isfinite(throttle.neutral_us)
+    neutral = throttle.neutral_us if known else _usual_neutral(pulse[alive])
     held = np.searchsorted(_seconds(samples), time, side="right") - 1
-    command = np.where(alive, (pulse - middle) / HALF_US, np.nan)
+    command = np.where(alive, (pulse - neutral) / HALF_US, np.nan)
     return np.asarray(np.clip(command[np.maximum(held, 0)], -1.0, 1.0))
 
 
-def _middle(pulse: Floats) -> float:
-    """Neutral of a channel that nobody speaks of: its most usual pulse near the middle."""
-    near = pulse[np.abs(pulse - 1500.0) < 50.0]
-    return float(np.median(near)) if len(near) else 1500.0
+def _usual_neutral(pulse: Floats) -> float:
+    """Neutral of a channel without parameters: its median pulse near the middle [µs]."""
+    near = pulse[np.abs(pulse - NEUTRAL_US) < NEAR_NEUTRAL_US]
+    return float(np.median(near)) if len(near) else NEUTRAL_US
 
 
-def _turn_rate(choices: Mapping[str, Choice], heading: Samples, time: Floats) -> Floats:
+def _turn_rate(choices: Mapping[str, Choice], time: Floats) -> Floats:
     """Turn rate (T,) [rad/s]: reported, or from the heading."""
     if "yaw rate" in choices:
         rate = choices["yaw rate"].samples
         return _at(rate, rate.values[:, 0], time)
+    heading = choices["yaw"].samples
     order = np.argsort(heading.vehicle_time_ns, kind="stable")
     turned = np.unwrap(heading.values[order, 0])
     return np.gradient(np.interp(time, _seconds(heading)[order], turned), GRID_S)
@@ -145,20 +164,22 @@ def _speed(choices: Mapping[str, Choice], time: Floats) -> Floats | None:
     return c * north + s * east
 
 
-def _ways(commands: Sequence[Floats], known: Sequence[int], speed: Floats | None) -> list[Ways]:
-    """+1 or −1 of either throttle ahead, as said or as the boat went: all that may be."""
+def _possible_directions(
+    commands: Sequence[Floats], known: Sequence[int], speed: Floats | None
+) -> list[Directions]:
+    """The directions of both throttles, as the parameters tell or as the boat went."""
     if 0 not in known:
         return [(known[0], known[1])]
-    tried: list[tuple[float, Ways]] = []
     if speed is None:
         return []
-    for ways in BOTH:
-        both = 0.5 * (ways[0] * commands[0] + ways[1] * commands[1])
+    tried: list[tuple[float, Directions]] = []
+    for directions in COMBINATIONS:
+        both = 0.5 * (directions[0] * commands[0] + directions[1] * commands[1])
         rows = np.isfinite(both) & np.isfinite(speed)
-        found = command_response(
+        response = command_response(
             np.nan_to_num(both), np.nan_to_num(speed), rows, GRID_S, MIN_MOTION_STD[Nu.U]
         )
-        if found is not None and found.sign > 0:
-            tried.append((found.correlation, ways))
+        if response is not None and response.sign > 0:
+            tried.append((response.correlation, directions))
     best = max((correlation for correlation, _ in tried), default=0.0)
-    return [ways for correlation, ways in tried if correlation > best - NEAR]
+    return [directions for correlation, directions in tried if correlation > best - NEAR]

@@ -1,28 +1,26 @@
-"""Errors and accelerations of a source that nothing is known about, from its values alone.
+"""How good a source is, from its values alone: errors, smoothing, gravity.
 
-    std of the fourth difference of white errors = √70 σ
+**White errors.** The standard deviation of the fourth difference of white errors is √70 σ. Motion
+of a boat has hardly any fourth difference over a few tenths of a second; its hardest accelerations
+are second differences over a little longer.
 
-Motion of a boat has hardly any fourth difference over a few tenths of a second. Its hardest
-accelerations are second differences over a little longer.
-
-Rates that were smoothed towards both sides: found by the values they are the rates of.
+**Rates that were smoothed towards both sides** are found by the values that they are the rates of:
 
     B(f) = S(reported, differentiated) / S(reported, reported)
 
-Both are means over `STEP_S`; S are their cross- and power spectrum. Where nothing was done to the
-reported rate B = 1, errors of its own make B smaller, and those of the values leave it. A filter
-that only looks back, a first-order lag 1/(1 + j2πfτ) or a delay, leaves Re B at 1 or below it: what
-it takes in size it takes in phase. A window that looks both ways takes in size alone: Re B rises
-above 1, also if the two are some hundredths of a second apart, B e^{j2πfs}. Such a rate shows
-motion before its cause: an actuator's lag found from it is too short, or negative.
+Both are means over `STEP_S`; S are their cross- and power spectrum. Without smoothing B = 1; errors
+of the reported rate make B smaller, those of the values leave it. A filter that only looks back, a
+first-order lag 1/(1 + j2πfτ) or a delay, leaves Re B at 1 or below: what it takes in size it takes
+in phase. A window that looks both ways takes in size alone: Re B rises above 1, also if the two are
+some hundredths of a second apart, B e^{j2πfs}. Such a rate shows motion before its cause: an
+actuator's lag found from it is too short, or negative.
 
-Accelerations that hold gravity: they do not agree with the change of speed.
+**Accelerations that hold gravity** do not agree with the change of speed:
 
     a = u̇ − r v + g sin θ      reported ahead      (to starboard: v̇ + r u − g sin φ)
 
-A bow that rises by 10° under full throttle adds 1.7 m/s². Compared are means over a second or two:
-slope and mean of what is reported against what the speed did. Source: Fossen 2021, §14.4 (what an
-accelerometer measures).
+A bow that rises by 10° under full throttle adds 1.7 m/s². Compared are means over a second or two.
+Source: Fossen 2021, §14.4 (what an accelerometer measures).
 """
 
 from itertools import pairwise
@@ -33,13 +31,15 @@ from numpy.typing import NDArray
 
 from sim.state import Floats
 
-CLIP = 4.0  # medians: a jump is no noise
-SAFE = 2.0  # errors are not quite white
-SPAN_S = 0.4  # of a second difference
-HARD = 0.99  # of the accelerations are below the hardest, which are two standard deviations
+# Thresholds are chosen, not measured. With those of the smoothing the rates of the lake's tables
+# are found, and lagged, late or noisy ones are not: tests/gateway/ingest/test_traps.py.
+CLIP = 4.0  # medians of a fourth difference: a jump is no noise
+SAFE = 2.0  # factor on σ: errors are not quite white
+SPAN_S = 0.4  # s, of a second difference
+HARD = 0.99  # share of accelerations below the hardest, which are two standard deviations
 
 
-def white_std(values: Floats, smallest: float) -> float:
+def estimated_white_std(values: Floats, smallest: float) -> float:
     """Values (K, n) -> σ, not below `smallest` nor a step of their resolution over √12."""
     if len(values) < 10:
         return smallest
@@ -75,41 +75,42 @@ SPREAD = 0.02  # of Re B, that all have: few pieces may agree by chance
 
 
 class Smoothing(NamedTuple):
-    """Whether a rate was smoothed to both sides, and the frequency [Hz] that it lacks from on."""
+    """Whether a rate was smoothed to both sides, and the frequency [Hz] from which on it shows."""
 
     found: bool
     from_hz: float
 
     @property
     def window_s(self) -> float:
-        """About how long a window takes that away."""
+        """About the length of a window that takes that away [s]."""
         return 1.0 / self.from_hz
 
 
-NOTHING = Smoothing(False, np.inf)
+NOT_SMOOTHED = Smoothing(False, np.inf)
 
 
 def smoothing(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoothing:
-    """Values (K, n) at times (K,), rates (L, n) at (L,) [s], ascending, one frame -> what was done.
+    """Values (K, n) at times (K,), rates (L, n) at (L,) [s], ascending, one frame -> smoothing.
 
-    The lowest band counts that B shows it in.
+    Its frequency is that of the lowest band in which B shows it.
     """
     edges = np.arange(max(time[0], rate_time[0]), min(time[-1], rate_time[-1]), STEP_S)
     columns = range(x.shape[1])
     if len(edges) <= PIECE:
-        return NOTHING
+        return NOT_SMOOTHED
     moved = np.stack([np.interp(edges, time, x[:, i]) for i in columns], axis=1)
     total = np.stack([_integral(rate_time, rate[:, i], edges) for i in columns], axis=1)
-    true, said = (_spectra(np.diff(path, axis=0) / STEP_S) for path in (moved, total))
+    true, reported = (_spectra(np.diff(path, axis=0) / STEP_S) for path in (moved, total))
     if len(true) < FEWEST:
-        return NOTHING
+        return NOT_SMOOTHED
     frequency = np.asarray(np.fft.rfftfreq(PIECE, STEP_S), np.float64)
-    cross, own = (np.conj(said) * true).sum(axis=1), (np.abs(said) ** 2).sum(axis=1)
+    cross = (np.conj(reported) * true).sum(axis=1)
+    own = (np.abs(reported) ** 2).sum(axis=1)
     for low, high in pairwise(BANDS_HZ):
         inside = (frequency >= low) & (frequency < high)
         if all(_above(cross, own, frequency, inside, apart) for apart in (-APART_S, 0.0, APART_S)):
             return Smoothing(True, low)
-    return NOTHING
+    return NOT_SMOOTHED
 
 
 def _spectra(rows: Floats) -> Complex:
@@ -162,7 +163,7 @@ class Agreement(NamedTuple):
         return abs(self.slope - 1.0) <= SLOPE and abs(self.bias) <= BIAS
 
 
-def agreement(time: Floats, reported: Floats, expected: Floats) -> Agreement | None:
+def acceleration_agreement(time: Floats, reported: Floats, expected: Floats) -> Agreement | None:
     """Accelerations (K,) [m/s²] on a grid (K,) [s] -> agreement; None: nothing moves."""
     rows = max(round(MEAN_S / float(np.median(np.diff(time)))), 1)
     count = len(time) // rows * rows

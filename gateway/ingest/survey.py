@@ -1,7 +1,4 @@
-"""What a recording can teach, and what it cannot, in sentences with the reason in them.
-
-What is in a recording: all that `shadow info` shows, as one frozen value.
-"""
+"""What is in a recording, and what cannot be learnt from it: all that `shadow info` shows."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -12,73 +9,13 @@ import numpy as np
 from gateway.ingest.clock import ClockReport
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, choose_boat
 from gateway.ingest.parameters import Actuator, actuators
-from gateway.ingest.port_starboard import says, sides_of, swapped
+from gateway.ingest.port_starboard import swap_notices
 from gateway.ingest.sources import PRIORITY, Choice, choose
-from gateway.ingest.table_repair import tidied
+from gateway.ingest.table_repair import repair_table
 from gateway.samples import Quantity
 
-FAST_HZ = 5.0  # below, effects that act within a fraction of a second cannot be told
+FAST_HZ = 5.0  # slower commands or motion hide effects that act within a fraction of a second
 NOT_FLOATING = ("copter", "rotor", "wing", "plane", "vtol", "submarine", "helicopter", "airship")
-
-
-def good_for(boat: Boat, choices: Mapping[str, Choice], ever_armed: bool | None) -> tuple[str, ...]:
-    """One sentence per limit; a single "everything" sentence where there is none."""
-    said = [
-        *_vehicle(boat),
-        *_motion(choices),
-        *_commands(choices, ever_armed),
-        *_surroundings(choices),
-    ]
-    return tuple(said) or ("motion and commands are complete and fast: all effects can be told",)
-
-
-def _vehicle(boat: Boat) -> list[str]:
-    if any(word in boat.type for word in NOT_FLOATING):
-        return [f"the vehicle says that it is a {boat.type}: no model of a boat fits it"]
-    return []
-
-
-def _motion(choices: Mapping[str, Choice]) -> list[str]:
-    said = []
-    if "yaw" not in choices:
-        said.append("no heading: surge cannot be told from sway, nothing can be identified")
-    if "yaw rate" not in choices:
-        said.append("no yaw rate: it follows from the heading alone, its noise is larger")
-    moving = choices.get("velocity") or choices.get("position")
-    if moving is None:
-        said.append("no velocity and no position: nothing can be identified")
-    elif moving.rate_hz < FAST_HZ:
-        said.append(
-            f"{moving.name} at {moving.rate_hz:.1f} Hz: accelerations are smoothed over about "
-            f"{2.0 / max(moving.rate_hz, 0.1):.1f} s, quick manoeuvres teach little"
-        )
-    if "velocity" in choices and choices["velocity"].source == "VFR_HUD":
-        said.append("velocity from VFR_HUD has no direction: sway and going astern are unknown")
-    return said
-
-
-def _commands(choices: Mapping[str, Choice], ever_armed: bool | None) -> list[str]:
-    if "commands" not in choices:
-        return ["no servo outputs: the motion can be shown, but no model be identified or compared"]
-    said = []
-    if ever_armed is False:
-        said.append("never armed: nothing to identify")
-    rate = choices["commands"].rate_hz
-    if rate < FAST_HZ:
-        said.append(
-            f"commands at {rate:.1f} Hz: thruster lag, command delay and velocity latency cannot "
-            f"be told from it ({FAST_HZ:.0f} Hz needed)"
-        )
-    return said
-
-
-def _surroundings(choices: Mapping[str, Choice]) -> list[str]:
-    said = []
-    if "voltage" not in choices:
-        said.append("no battery voltage: a sagging battery cannot be told from a weak motor")
-    if "wind" not in choices:
-        said.append("no measured wind: wind can only be inferred, and is easily taken for current")
-    return said
 
 
 @dataclass(frozen=True)
@@ -131,11 +68,7 @@ class Survey:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dicts, lists, strings and numbers: what `--json` prints."""
-        plain: dict[str, Any] = asdict(self)
-        for number, one in enumerate(self.boats):
-            for place, actuator in enumerate(one.actuators):
-                plain["boats"][number]["actuators"][place]["kind"] = actuator.kind.value
-        return plain
+        return asdict(self)
 
 
 def survey(log: Log, system: int | None = None) -> Survey:
@@ -174,8 +107,9 @@ def _message(times: np.ndarray[Any, np.dtype[np.int64]]) -> MessageSurvey:
 def _boat(log: Log, boat: Boat) -> BoatSurvey:
     decoded = log.decode(boat)
     choices = choose(decoded.samples)
-    tidy = tidied(choices, decoded.of(Quantity.ACCELERATION))
+    repaired = repair_table(decoded, choices)
     parameters = log.parameters(boat)
+    outputs = actuators(parameters)
     lengths = tuple((end - start) * 1e-9 for start, end in decoded.sessions)
     return BoatSurvey(
         boat,
@@ -184,20 +118,12 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
         lengths,
         decoded.clock,
         _unix_ahead(decoded),
-        {name: _source(choice, decoded) for name, choice in tidy.choices.items()},
-        tuple(actuators(parameters)),
+        {name: _source(choice, decoded) for name, choice in repaired.choices.items()},
+        tuple(outputs),
         len(parameters),
-        good_for(boat, choices, _ever_armed(choices)),
-        (*_wiring(log, choices, parameters), *tidy.notices),
+        _limits(boat, choices, _ever_armed(choices)),
+        (*swap_notices(log, choices, outputs), *repaired.notices),
     )
-
-
-def _wiring(
-    log: Log, choices: Mapping[str, Choice], parameters: Mapping[str, float]
-) -> tuple[str, ...]:
-    """A sentence where port and starboard look swapped."""
-    sides = sides_of(log, actuators(parameters))
-    return () if sides is None else says(swapped(choices, sides), sides)
 
 
 def _source(choice: Choice, decoded: BoatSamples) -> SourceSurvey:
@@ -208,15 +134,61 @@ def _source(choice: Choice, decoded: BoatSamples) -> SourceSurvey:
 
 
 def _unix_ahead(decoded: BoatSamples) -> float | None:
-    told = decoded.of(Quantity.UNIX_TIME)
-    if not told:
+    clocks = decoded.of(Quantity.UNIX_TIME)
+    if not clocks:
         return None
-    return float(np.median(told[0].values[:, 0] - told[0].vehicle_time_ns * 1e-9))
+    return float(np.median(clocks[0].values[:, 0] - clocks[0].vehicle_time_ns * 1e-9))
 
 
 def _ever_armed(choices: Mapping[str, Choice]) -> bool | None:
-    """None where the log says nothing about it. Logs that tell changes only had one of each."""
+    """None where the log does not tell. A log of changes alone has seen both states."""
     if "armed" not in choices:
         return None
     armed = choices["armed"]
     return bool((armed.samples.values > 0.0).any()) or armed.samples.on_change
+
+
+def _limits(boat: Boat, choices: Mapping[str, Choice], ever_armed: bool | None) -> tuple[str, ...]:
+    """What the recording cannot teach, a sentence each with its reason; one sentence if nothing."""
+    found = [*_motion_limits(choices), *_command_limits(choices, ever_armed)]
+    if any(word in boat.type for word in NOT_FLOATING):
+        found.insert(0, f"the vehicle says that it is a {boat.type}: no model of a boat fits it")
+    if "voltage" not in choices:
+        found.append("no battery voltage: a sagging battery cannot be told from a weak motor")
+    if "wind" not in choices:
+        found.append("no measured wind: wind can only be inferred, and is easily taken for current")
+    return tuple(found) or ("motion and commands are complete and fast: all effects can be told",)
+
+
+def _motion_limits(choices: Mapping[str, Choice]) -> list[str]:
+    found = []
+    if "yaw" not in choices:
+        found.append("no heading: surge cannot be told from sway, nothing can be identified")
+    if "yaw rate" not in choices:
+        found.append("no yaw rate: it follows from the heading alone, its noise is larger")
+    moving = choices.get("velocity") or choices.get("position")
+    if moving is None:
+        found.append("no velocity and no position: nothing can be identified")
+    elif moving.rate_hz < FAST_HZ:
+        found.append(
+            f"{moving.name} at {moving.rate_hz:.1f} Hz: accelerations are smoothed over about "
+            f"{2.0 / max(moving.rate_hz, 0.1):.1f} s, quick manoeuvres teach little"
+        )
+    if "velocity" in choices and choices["velocity"].source == "VFR_HUD":
+        found.append("velocity from VFR_HUD has no direction: sway and going astern are unknown")
+    return found
+
+
+def _command_limits(choices: Mapping[str, Choice], ever_armed: bool | None) -> list[str]:
+    if "commands" not in choices:
+        return ["no servo outputs: the motion can be shown, but no model be identified or compared"]
+    found = []
+    if ever_armed is False:
+        found.append("never armed: nothing to identify")
+    rate = choices["commands"].rate_hz
+    if rate < FAST_HZ:
+        found.append(
+            f"commands at {rate:.1f} Hz: thruster lag, command delay and velocity latency cannot "
+            f"be told from it ({FAST_HZ:.0f} Hz needed)"
+        )
+    return found

@@ -1,7 +1,7 @@
-"""What a table says of the motion, as far as it can be trusted, and what could not, in words.
+"""Sources of a table that can be trusted, and a sentence for each thing that was wrong.
 
 Held values go back to their own times; rates that were smoothed towards both sides give way to the
-positions and headings that they came from; accelerations are looked at and never used.
+positions and headings that they were made from; accelerations are compared and never used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,104 +9,113 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.estimation.settings import FilterSettings, White
-from gateway.ingest.csv.log import SOURCE
+from gateway.estimation.settings import FilterSettings, WhiteNoise
 from gateway.ingest.earth import Origin, to_local
+from gateway.ingest.log import BoatSamples
 from gateway.ingest.source_quality import (
-    NOTHING,
+    NOT_SMOOTHED,
     Smoothing,
+    acceleration_agreement,
     acceleration_std,
-    agreement,
+    estimated_white_std,
     smoothing,
-    white_std,
 )
 from gateway.ingest.sources import Choice, intervals, rate_hz
-from gateway.ingest.zero_order_hold import retimed
+from gateway.ingest.zero_order_hold import undo_hold
 from gateway.samples import Quantity, Samples
 from sim.state import Floats
 
-HELD = ("position", "velocity", "yaw", "yaw rate")
+MAY_BE_HELD = ("position", "velocity", "yaw", "yaw rate")
+MADE_FROM = {"velocity": "positions", "yaw rate": "headings"}  # a rate -> what it is the rate of
+UNUSED = "accelerations are not used: motion follows from positions, headings and rates"
+# smallest errors of a column [rad, m]: below them its values are a simulation's
+LEAST_YAW_RAD, LEAST_POSITION_M = 0.001, 0.003
 
 
 @dataclass(frozen=True)
-class Tidied:
+class RepairedTable:
     """The sources to use, and one sentence for each thing that was wrong."""
 
     choices: Mapping[str, Choice]
     notices: tuple[str, ...]
 
 
-def tidied(choices: Mapping[str, Choice], accelerations: Sequence[Samples] = ()) -> Tidied:
+def repair_table(decoded: BoatSamples, choices: Mapping[str, Choice]) -> RepairedTable:
     """The sources of a table -> those that hold; a log of messages comes back as it is."""
-    if "yaw" not in choices or choices["yaw"].source != SOURCE:
-        return Tidied(choices, ())
-    out, said = dict(choices), list[str]()
-    for name in HELD:
+    if not decoded.tabular or "yaw" not in choices:
+        return RepairedTable(choices, decoded.notices)
+    out, notices = dict(choices), list(decoded.notices)
+    for name in MAY_BE_HELD:
         if name in out:
-            out[name], says = _own_times(out[name])
-            said += says
-    wide = _smoothings(out)
-    said += _gravity(out, accelerations)
-    if any(found.found for found in wide.values()):
+            out[name], about = _at_own_times(out[name])
+            notices += about
+    rates = _smoothings(out)
+    notices += _about_accelerations(out, decoded.of(Quantity.ACCELERATION))
+    if any(rate.found for rate in rates.values()):
         left_out = [n for n in ("velocity", "yaw rate") if n in out and _replaceable(n, out)]
-        said.append(_says(wide, left_out))
+        notices.append(_about_smoothing(rates, left_out))
         out = {name: choice for name, choice in out.items() if name not in left_out}
-    return Tidied(out, tuple(said))
+    return RepairedTable(out, tuple(notices))
 
 
-def settings_for(choices: Mapping[str, Choice], settings: FilterSettings) -> FilterSettings:
-    """The same with errors of a table's columns as rough as they are, and motion as hard.
+def settings_for(
+    decoded: BoatSamples, choices: Mapping[str, Choice], settings: FilterSettings
+) -> FilterSettings:
+    """For a table: the same with errors as rough as its columns, and accelerations as hard.
 
     Positions that stand in for velocities must not wander more from fix to fix than they do.
     """
-    if "yaw" not in choices or choices["yaw"].source != SOURCE or SOURCE in settings.sources:
+    if not decoded.tabular or "yaw" not in choices:
         return settings
-    std = dict(vars(White()))
+    source = choices["yaw"].samples.equivalent
+    if source in settings.sources:
+        return settings
     heading = choices["yaw"].samples
-    turned = np.unwrap(heading.values, axis=0)
-    std["yaw_rad"] = white_std(turned, 0.001)
-    at = _seconds(heading, int(heading.vehicle_time_ns[0]))
-    turns = max(acceleration_std(at, turned), settings.yaw_acceleration_radps2)
-    sources = {**settings.sources, SOURCE: White(**std)}
+    start_ns, turned = int(heading.vehicle_time_ns[0]), np.unwrap(heading.values, axis=0)
+    noise = WhiteNoise(yaw_rad=estimated_white_std(turned, LEAST_YAW_RAD))
+    turns = acceleration_std(_seconds(heading, start_ns), turned)
+    settings = replace(
+        settings,
+        sources={**settings.sources, source: noise},
+        yaw_acceleration_radps2=max(turns, settings.yaw_acceleration_radps2),
+    )
     if "position" not in choices or "velocity" in choices:
-        return replace(settings, sources=sources, yaw_acceleration_radps2=turns)
+        return settings
     place = choices["position"]
-    path, when = _metres(place.samples), _seconds(place.samples, int(heading.vehicle_time_ns[0]))
-    white = white_std(path, 0.003)
-    sources[SOURCE] = replace(sources[SOURCE], position_m=white)
+    path = _metres(place.samples)
+    white = estimated_white_std(path, LEAST_POSITION_M)
     wander = 2.0 * settings.position_error_m**2 / (max(place.rate_hz, 0.1) * white**2)
-    hard = acceleration_std(when, path)
+    hard = acceleration_std(_seconds(place.samples, start_ns), path)
     return replace(
         settings,
-        sources=sources,
-        yaw_acceleration_radps2=turns,
+        sources={**settings.sources, source: replace(noise, position_m=white)},
         surge_acceleration_mps2=max(hard, settings.surge_acceleration_mps2),
         sway_acceleration_mps2=max(0.5 * hard, settings.sway_acceleration_mps2),
         position_error_tau_s=max(wander, settings.position_error_tau_s),
     )
 
 
-def _own_times(choice: Choice) -> tuple[Choice, list[str]]:
+def _at_own_times(choice: Choice) -> tuple[Choice, list[str]]:
     """Held values at their own times."""
-    found = retimed(choice.samples)
-    if found is None:
+    samples = undo_hold(choice.samples)
+    if samples is None:
         return choice, []
-    rate = rate_hz(found)
-    says = (
+    rate = rate_hz(samples)
+    notice = (
         f"{choice.name} comes at {rate:.1f} Hz and is repeated on rows of {choice.rate_hz:.0f} Hz: "
         "each value is taken once, at its own time"
     )
-    longest = float(intervals(found).max())
-    return replace(choice, samples=found, rate_hz=rate, longest_gap_s=longest), [says]
+    longest = float(intervals(samples).max())
+    return replace(choice, samples=samples, rate_hz=rate, longest_gap_s=longest), [notice]
 
 
 def _replaceable(name: str, choices: Mapping[str, Choice]) -> bool:
-    """There is something else that tells it."""
+    """The motion follows from another source too."""
     return name == "yaw rate" or "position" in choices
 
 
 def _smoothings(choices: Mapping[str, Choice]) -> dict[str, Smoothing]:
-    """Rate -> what was done to it, where there is something to hold it against."""
+    """Rate -> how it was smoothed, where there is something to compare it with."""
     yaw = choices["yaw"].samples
     start = int(yaw.vehicle_time_ns[0])
     heading = np.unwrap(yaw.values[:, 0])
@@ -114,19 +123,19 @@ def _smoothings(choices: Mapping[str, Choice]) -> dict[str, Smoothing]:
     out = {}
     if "yaw rate" in choices:
         rate = choices["yaw rate"].samples
-        out["yaw rate"] = _ordered(at, heading[:, None], _seconds(rate, start), rate.values)
+        out["yaw rate"] = _if_ascending(at, heading[:, None], _seconds(rate, start), rate.values)
     if "velocity" in choices and "position" in choices:
         velocity, place = choices["velocity"].samples, choices["position"].samples
         when = _seconds(velocity, start)
         over_ground = _over_ground(velocity, np.interp(when, at, heading))
-        out["velocity"] = _ordered(_seconds(place, start), _metres(place), when, over_ground)
+        out["velocity"] = _if_ascending(_seconds(place, start), _metres(place), when, over_ground)
     return out
 
 
-def _ordered(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoothing:
-    """Nothing is said of a table whose clock runs backwards."""
+def _if_ascending(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoothing:
+    """A table whose clock runs backwards shows no smoothing."""
     if np.any(np.diff(time) <= 0.0) or np.any(np.diff(rate_time) <= 0.0):
-        return NOTHING
+        return NOT_SMOOTHED
     return smoothing(time, x, rate_time, rate)
 
 
@@ -150,36 +159,38 @@ def _over_ground(velocity: Samples, yaw: Floats) -> Floats:
     return np.stack([c * u - s * v, s * u + c * v], axis=1)
 
 
-def _gravity(choices: Mapping[str, Choice], accelerations: Sequence[Samples]) -> list[str]:
+def _about_accelerations(
+    choices: Mapping[str, Choice], accelerations: Sequence[Samples]
+) -> list[str]:
     """A sentence about accelerations, which are not used either way."""
     if not accelerations:
         return []
-    means = "accelerations are not used: motion follows from positions, headings and rates"
     moving = choices.get("velocity")
     if moving is None or moving.samples.quantity is not Quantity.BODY_VELOCITY:
-        return [means]
+        return [UNUSED]
     start = int(moving.samples.vehicle_time_ns[0])
     time, (u, v) = _seconds(moving.samples, start), moving.samples.values.T
+    if len(time) < 3 or np.any(np.diff(time) <= 0.0):
+        return [UNUSED]
     yaw = choices["yaw"].samples
     turned = np.interp(time, _seconds(yaw, start), np.unwrap(yaw.values[:, 0]))
     r = np.gradient(turned, time)
     reported = np.interp(time, _seconds(accelerations[0], start), accelerations[0].values[:, 0])
-    found = agreement(time, reported, np.gradient(u, time) - r * v)
-    if found is None or found.good:
-        return [means]
+    agreement = acceleration_agreement(time, reported, np.gradient(u, time) - r * v)
+    if agreement is None or agreement.good:
+        return [UNUSED]
     return [
-        f"surge acceleration holds gravity: it reads {found.slope:.1f} m/s² where the speed "
-        f"changes by 1.0 m/s² and is {found.bias:+.2f} m/s² off in the mean; {means}"
+        f"surge acceleration holds gravity: it reads {agreement.slope:.1f} m/s² where the speed "
+        f"changes by 1.0 m/s² and is {agreement.bias:+.2f} m/s² off in the mean; {UNUSED}"
     ]
 
 
-def _says(wide: Mapping[str, Smoothing], left_out: Sequence[str]) -> str:
-    names = [name for name, found in wide.items() if found.found]
-    window = max(wide[name].window_s for name in names)
+def _about_smoothing(rates: Mapping[str, Smoothing], left_out: Sequence[str]) -> str:
+    names = [name for name, rate in rates.items() if rate.found]
+    window = max(rates[name].window_s for name in names)
     verb = "is" if len(names) == 1 else "are"
-    instead = {"velocity": "positions", "yaw rate": "headings"}
     how = (
-        f"{' and '.join(instead[n] for n in left_out)} are taken instead of "
+        f"{' and '.join(MADE_FROM[n] for n in left_out)} are taken instead of "
         f"{' and '.join(left_out)}"
         if left_out
         else "there is nothing to take instead: lags found from it are too short"

@@ -149,7 +149,7 @@ class LiveBoat:
         if self._hearing.parameters != self._parameters:
             self._parameters = self._hearing.parameters
             self._path = copy(self._path)  # it is shared with other boats
-            self._path.estimator = Estimator(self._settings.told_by(self._parameters))
+            self._path.estimator = Estimator(self._settings.with_parameters(self._parameters))
 
     def _vehicle_time(self, now_ns: int) -> int:
         """The boat's time at a moment on the receiver's clock, as far as that is known."""

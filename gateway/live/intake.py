@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gateway.estimation.events import KIND_OF, Events
-from gateway.estimation.names import Kind
+from gateway.estimation.names import MeasurementKind
 from gateway.estimation.settings import FilterSettings
 from gateway.ingest.clock import BoatClock
 from gateway.ingest.clock_step import S, Verdict
@@ -177,7 +177,7 @@ class MessageIntake:
         self._order = 0  # of the message
         self._around = Around()
         self._whereabouts = Whereabouts()
-        self._white: dict[tuple[Kind, str], float] = {}
+        self._white: dict[tuple[MeasurementKind, str], float] = {}
 
     @property
     def reboots(self) -> int:
@@ -212,7 +212,7 @@ class MessageIntake:
         """A moment without any fact, on the receiver's and the boat's clock."""
         epoch = vehicle_time_ns if self._epoch_ns is None else self._epoch_ns
         time = np.array([(vehicle_time_ns - epoch) * 1e-9])
-        events = Events(time, np.array([int(Kind.TICK)]), np.zeros((1, 2)), np.ones((1, 2)))
+        events = Events(time, np.array([int(MeasurementKind.TICK)]), np.zeros((1, 2)), np.ones((1, 2)))
         return self._with(events, np.array([vehicle_time_ns]), np.array([moment_ns]))
 
     def _about_motion(self, m: Measurement) -> Measurement | None:
@@ -280,7 +280,7 @@ class MessageIntake:
         time_s = np.asarray((vehicle - self._epoch_ns) * 1e-9, np.float64)
         return self._with(Events(time_s, np.array(kinds, np.int64), z, std), vehicle, receive)
 
-    def _white_std(self, kind: Kind, source: str) -> float:
+    def _white_std(self, kind: MeasurementKind, source: str) -> float:
         key = kind, source
         if key not in self._white:
             self._white[key] = self.settings.white_std(kind, source)

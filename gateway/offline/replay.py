@@ -89,7 +89,7 @@ def replay_input_of(
 ) -> ReplayInput:
     """Decode a log and choose its sources; BadInput where heading or velocity is missing."""
     settings, boat = settings or Settings(), choose_boat(log, system)
-    settings = replace(settings, filter=settings.filter.told_by(log.parameters(boat)))
+    settings = replace(settings, filter=settings.filter.with_parameters(log.parameters(boat)))
     decoded = log.decode(boat)
     choices = choose(decoded.samples)
     for needed in ("yaw", "velocity"):

@@ -20,7 +20,7 @@ from gateway.ingest.earth import Origin
 from gateway.ingest.log import Log, choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import Choice, choose
-from gateway.ingest.table_repair import settings_for, tidied
+from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
 from gateway.offline.usable_time import Bools
 from gateway.samples import Quantity
@@ -135,13 +135,13 @@ def source_of(log: Log, system: int | None, options: TrialOptions) -> "TrialSour
     """Decode a log and choose its sources; BadInput where something needed is missing."""
     boat = choose_boat(log, system)
     decoded = log.decode(boat)
-    tidy = tidied(choose(decoded.samples), decoded.of(Quantity.ACCELERATION))
-    choices = tidy.choices
+    table = repair_table(decoded, choose(decoded.samples))
+    choices = table.choices
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
     parameters = log.parameters(boat)
-    settings = settings_for(choices, options.settings.told_by(parameters))
+    settings = settings_for(decoded, choices, options.settings.with_parameters(parameters))
     return TrialSource(
         epoch_ns,
         decoded.sessions,
@@ -151,7 +151,7 @@ def source_of(log: Log, system: int | None, options: TrialOptions) -> "TrialSour
         held(decoded, choices, epoch_ns),
         parameters,
         settings,
-        tidy.notices,
+        table.notices,
     )
 
 

@@ -14,7 +14,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimation.filter import Rows
+from gateway.estimation.filter import FilterRows
 from gateway.estimation.names import Flag
 from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import BROKEN, Shadowing, discontinuous
@@ -114,7 +114,7 @@ class EventDetector:
     bound: bool = False
 
     def observe(
-        self, feed: FilterInputs, rows: Rows, out: Shadowing
+        self, feed: FilterInputs, rows: FilterRows, out: Shadowing
     ) -> tuple["EventDetector", list[Happening]]:
         """A chunk of the path -> how things stand now, and what happened, in order."""
         told: list[Happening] = []
@@ -141,7 +141,7 @@ class EventDetector:
         return [_at(out, int(k), *words[bool(now[k])]) for k in changed]
 
 
-def _breaks(feed: FilterInputs, rows: Rows, first: int) -> list[Happening]:
+def _breaks(feed: FilterInputs, rows: FilterRows, first: int) -> list[Happening]:
     """Jumps and restarts; before the first estimate there is nothing to interrupt."""
     return [
         Happening(int(feed.vehicle_time_ns[k]), int(feed.receive_time_ns[k]), *words)

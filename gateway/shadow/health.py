@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gateway.estimation.filter import Rows
+from gateway.estimation.filter import FilterRows
 from gateway.estimation.names import Flag
 from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.frames import LATE
@@ -59,7 +59,7 @@ class HealthMeter:
         both = np.concatenate(stamps) if stamps else np.zeros((0, 2), np.int64)
         return cls(arrivals, _losses(log, decoded), both[np.argsort(both[:, 0], kind="stable")])
 
-    def advance(self, receive_time_ns: Ints, rows: Rows) -> Messages:
+    def advance(self, receive_time_ns: Ints, rows: FilterRows) -> Messages:
         """What the filter said of facts received then -> one row for each second now over."""
         seconds = receive_time_ns // SECOND
         edges = np.flatnonzero(np.diff(seconds, prepend=-1, append=-1)).tolist()
@@ -80,7 +80,7 @@ class HealthMeter:
             self.second = second
         return later and not first
 
-    def _count(self, rows: Rows, mine: slice) -> None:
+    def _count(self, rows: FilterRows, mine: slice) -> None:
         for nis in rows.nis[mine][rows.used[mine] > 0].tolist():
             self.nis += nis
         self.used += int(rows.used[mine].sum())
@@ -205,7 +205,7 @@ class LiveHealth:
         if lost := known.heard(sequence, receive_ns):
             self.lost.append((receive_ns, lost))
 
-    def filtered(self, rows: Rows, receive_ns: int, vehicle_ns: int) -> None:
+    def filtered(self, rows: FilterRows, receive_ns: int, vehicle_ns: int) -> None:
         """What the filter said of a datagram's facts."""
         for nis, used, flags in zip(
             rows.nis.tolist(), rows.used.tolist(), rows.flags.tolist(), strict=True

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
-from gateway.estimation.filter import Estimator, FilterState, Rows
-from gateway.estimation.names import Flag, Kind
+from gateway.estimation.filter import Estimator, FilterRows, FilterState
+from gateway.estimation.names import Flag, MeasurementKind
 from gateway.estimation.settings import FilterSettings
 from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow.inputs import FilterInputs
@@ -117,7 +117,7 @@ class News(NamedTuple):
         """A fact of that kind was used."""
         return News(
             time,
-            time if kind == Kind.YAW else self.heading,
+            time if kind == MeasurementKind.YAW else self.heading,
             time if kind in MOTION else self.motion,
             time if time - self.last > STALE_S else self.back,
         )
@@ -130,15 +130,15 @@ class News(NamedTuple):
 
 NOTHING = News()
 USED, VALID, BROKEN = int(Flag.USED), int(Flag.VALID), int(Flag.JUMP | Flag.RESTART)
-MOTION = (Kind.VELOCITY, Kind.BODY_VELOCITY, Kind.POSITION)
+MOTION = (MeasurementKind.VELOCITY, MeasurementKind.BODY_VELOCITY, MeasurementKind.POSITION)
 
 
-def discontinuous(feed: FilterInputs, rows: Rows) -> NDArray[np.bool_]:
+def discontinuous(feed: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
     """Where heading, velocity or position jumped (K,). A turn rate that does is a sharp turn."""
-    return np.asarray(rows.has(Flag.JUMP) & (feed.events.kind != Kind.YAW_RATE))
+    return np.asarray(rows.has(Flag.JUMP) & (feed.events.kind != MeasurementKind.YAW_RATE))
 
 
-def _broken(feed: FilterInputs, rows: Rows) -> list[bool]:
+def _broken(feed: FilterInputs, rows: FilterRows) -> list[bool]:
     """Where motion did not lead to the row, or the filter began anew; empty: nowhere."""
     if not (rows.flags & BROKEN).any():
         return []
@@ -255,7 +255,7 @@ class ShadowPath:
 
     def advance(
         self, state: PathState, feed: FilterInputs, spend: bool = False
-    ) -> tuple[PathState, Shadowing, Rows]:
+    ) -> tuple[PathState, Shadowing, FilterRows]:
         """Take in K facts -> the state after them, the rows that go out, the filter's rows.
 
         `spend`: the caller has no more use for `state`, see `Estimator.advance`.
@@ -303,7 +303,7 @@ class ShadowPath:
         )
 
     def _choose(
-        self, state: PathState, feed: FilterInputs, rows: Rows
+        self, state: PathState, feed: FilterInputs, rows: FilterRows
     ) -> tuple[PathState, NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
         """Which rows go out: valid, at the end of a message, not faster than the rate asked for.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.estimation.events import Events, join, make_events
-from gateway.estimation.names import Kind
+from gateway.estimation.names import MeasurementKind
 from gateway.estimation.settings import FilterSettings
 
 STEP = 0.01  # s
@@ -85,8 +85,10 @@ def telemetry(
 
     motion = truth.at(fast)
     heading = motion[:, 2] + s.heading_error_rad * rng.standard_normal()
-    heading += white(Kind.YAW, "ATTITUDE", len(fast))
-    rate = truth.at(fast - s.gyro_delay_s)[:, 5] + white(Kind.YAW_RATE, "ATTITUDE", len(fast))
+    heading += white(MeasurementKind.YAW, "ATTITUDE", len(fast))
+    rate = truth.at(fast - s.gyro_delay_s)[:, 5] + white(
+        MeasurementKind.YAW_RATE, "ATTITUDE", len(fast)
+    )
     motion = truth.at(slow)
     yaw, u, v = motion[:, 2], motion[:, 3], motion[:, 4]
     velocity = np.c_[np.cos(yaw) * u - np.sin(yaw) * v, np.sin(yaw) * u + np.cos(yaw) * v]
@@ -94,16 +96,30 @@ def telemetry(
     for axis in range(2):
         velocity[:, axis] += coloured(s.velocity_error_mps, s.velocity_error_tau_s, slow)
         place[:, axis] += coloured(s.position_error_m, s.position_error_tau_s, slow)
-    velocity += white(Kind.VELOCITY, "LOCAL_POSITION_NED", velocity.shape)
-    place += white(Kind.POSITION, "LOCAL_POSITION_NED", place.shape)
+    velocity += white(MeasurementKind.VELOCITY, "LOCAL_POSITION_NED", velocity.shape)
+    place += white(MeasurementKind.POSITION, "LOCAL_POSITION_NED", place.shape)
     attitude, local = "ATTITUDE", "LOCAL_POSITION_NED"
     wrapped = (heading + np.pi) % (2 * np.pi) - np.pi
     events = join(
         [
-            make_events(Kind.YAW, fast, wrapped, s.white_std(Kind.YAW, attitude)),
-            make_events(Kind.YAW_RATE, fast, rate, s.white_std(Kind.YAW_RATE, attitude)),
-            make_events(Kind.VELOCITY, slow, velocity, s.white_std(Kind.VELOCITY, local)),
-            make_events(Kind.POSITION, slow, place, s.white_std(Kind.POSITION, local)),
+            make_events(
+                MeasurementKind.YAW, fast, wrapped, s.white_std(MeasurementKind.YAW, attitude)
+            ),
+            make_events(
+                MeasurementKind.YAW_RATE,
+                fast,
+                rate,
+                s.white_std(MeasurementKind.YAW_RATE, attitude),
+            ),
+            make_events(
+                MeasurementKind.VELOCITY,
+                slow,
+                velocity,
+                s.white_std(MeasurementKind.VELOCITY, local),
+            ),
+            make_events(
+                MeasurementKind.POSITION, slow, place, s.white_std(MeasurementKind.POSITION, local)
+            ),
         ]
     )
     return events[np.argsort(events.time_s, kind="stable")]

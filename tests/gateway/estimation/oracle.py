@@ -7,7 +7,7 @@ from filterpy.kalman import ExtendedKalmanFilter, rts_smoother
 from scipy.linalg import block_diag, expm
 
 from gateway.estimation.events import Events, join, make_events, ticks
-from gateway.estimation.names import STATES, Kind
+from gateway.estimation.names import STATES, MeasurementKind
 from gateway.estimation.settings import FilterSettings
 
 
@@ -69,12 +69,12 @@ def reading(kind, x, s):
     n, e, psi, u, v, r, a, b, r_dot, pn, pe, v1, v2 = x
     c, si = np.cos(psi), np.sin(psi)
     return {
-        Kind.YAW: lambda: np.array([psi]),
-        Kind.YAW_RATE: lambda: np.array([r - s.gyro_delay_s * r_dot]),
-        Kind.VELOCITY: lambda: np.array([c * u - si * v + v1, si * u + c * v + v2]),
-        Kind.POSITION: lambda: np.array([n + pn, e + pe]),
-        Kind.BODY_VELOCITY: lambda: np.array([u + v1, v + v2]),
-        Kind.ACCELERATION: lambda: np.array([a - r * v, b + r * u]),
+        MeasurementKind.YAW: lambda: np.array([psi]),
+        MeasurementKind.YAW_RATE: lambda: np.array([r - s.gyro_delay_s * r_dot]),
+        MeasurementKind.VELOCITY: lambda: np.array([c * u - si * v + v1, si * u + c * v + v2]),
+        MeasurementKind.POSITION: lambda: np.array([n + pn, e + pe]),
+        MeasurementKind.BODY_VELOCITY: lambda: np.array([u + v1, v + v2]),
+        MeasurementKind.ACCELERATION: lambda: np.array([a - r * v, b + r * u]),
     }[kind]()
 
 
@@ -131,7 +131,7 @@ def run(events: Events, s: FilterSettings, along=None) -> Run:
         moved = after - ekf.F @ before
         ekf.x = after
         nis = 0.0
-        if kind != Kind.TICK:
+        if kind != MeasurementKind.TICK:
             measure(ekf, kind, events.z[k], events.std[k], ekf.x if along is None else along[k], s)
             nis = ekf.y @ ekf.SI @ ekf.y
         out.append((ekf.x.copy(), ekf.P.copy(), ekf.F.copy(), ekf.Q.copy(), moved, nis))
@@ -140,7 +140,7 @@ def run(events: Events, s: FilterSettings, along=None) -> Run:
 
 def measure(ekf, kind, z, std, at, s):
     """One update linearised at a state (13,)."""
-    m = 1 if kind in (Kind.YAW, Kind.YAW_RATE) else 2
+    m = 1 if kind in (MeasurementKind.YAW, MeasurementKind.YAW_RATE) else 2
     ekf.dim_z = m
     H = jacobian(lambda x: reading(kind, x, s), at)
     ekf.update(
@@ -163,7 +163,7 @@ def smoothed(run: Run):
 
 def residual(kind, a, b):
     difference = a - b
-    return (difference + np.pi) % (2 * np.pi) - np.pi if kind == Kind.YAW else difference
+    return (difference + np.pi) % (2 * np.pi) - np.pi if kind == MeasurementKind.YAW else difference
 
 
 def with_heading_error(x, P, s):
@@ -189,11 +189,11 @@ def random_events(rng: np.random.Generator, count: int, body: bool = False) -> E
     choice = rng.integers(0, 6, count)
     choice[0] = 1
     kinds = (
-        (Kind.YAW, wrapped, 0.02),
-        (Kind.YAW_RATE, np.full(count, 0.3), 0.01),
-        (Kind.BODY_VELOCITY if body else Kind.VELOCITY, velocity, 0.05),
-        (Kind.POSITION, position, 0.2),
-        (Kind.ACCELERATION, a, 0.3),
+        (MeasurementKind.YAW, wrapped, 0.02),
+        (MeasurementKind.YAW_RATE, np.full(count, 0.3), 0.01),
+        (MeasurementKind.BODY_VELOCITY if body else MeasurementKind.VELOCITY, velocity, 0.05),
+        (MeasurementKind.POSITION, position, 0.2),
+        (MeasurementKind.ACCELERATION, a, 0.3),
     )
     parts = [ticks(time[choice == 0])]
     for n, (kind, z, std) in enumerate(kinds, start=1):

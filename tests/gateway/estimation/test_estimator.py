@@ -7,7 +7,7 @@ import pytest
 
 from gateway.estimation.events import Events, join, make_events, ticks
 from gateway.estimation.filter import Estimator
-from gateway.estimation.names import Flag, Kind, State
+from gateway.estimation.names import Flag, MeasurementKind, State
 from gateway.estimation.settings import FilterSettings
 from tests.gateway.estimation.boat import telemetry, weaving_boat
 
@@ -72,7 +72,9 @@ def test_late_events_end_where_ordered_ones_do():
 def test_too_late_is_refused_and_changes_nothing():
     _, events = voyage()
     state, before = ESTIMATOR.advance(ESTIMATOR.start(), events[:1000])
-    old = make_events(Kind.YAW, np.array([before.time_s[-1] - 1.01]), np.array([2.0]), 0.01)
+    old = make_events(
+        MeasurementKind.YAW, np.array([before.time_s[-1] - 1.01]), np.array([2.0]), 0.01
+    )
     state, rows = ESTIMATOR.advance(state, old)
     assert rows.flags[0] == Flag.REFUSED | Flag.VALID
     np.testing.assert_array_equal(rows.motion[0], before.motion[-1])
@@ -84,22 +86,22 @@ def test_late_beyond_the_history_is_refused():
     _, events = voyage()
     state, rows = estimator.advance(estimator.start(), events[:1000])
     assert not rows.has(Flag.REFUSED).any()
-    late = make_events(Kind.YAW, rows.time_s[-1:] - 0.5, np.array([2.0]), 0.01)
+    late = make_events(MeasurementKind.YAW, rows.time_s[-1:] - 0.5, np.array([2.0]), 0.01)
     assert estimator.advance(state, late)[1].has(Flag.REFUSED).all()
 
 
 def test_not_valid_before_yaw_and_velocity_or_position():
     _, events = voyage()
-    without_yaw = events[events.kind != Kind.YAW]
+    without_yaw = events[events.kind != MeasurementKind.YAW]
     rows = run(without_yaw[:200])
     assert rows.has(Flag.WAITING).all()
     assert not rows.has(Flag.VALID).any()
-    assert not run(events[events.kind <= Kind.YAW_RATE][:200]).has(Flag.VALID).any()
+    assert not run(events[events.kind <= MeasurementKind.YAW_RATE][:200]).has(Flag.VALID).any()
     assert run(events[:200]).has(Flag.VALID)[10:].all()
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30])
-@pytest.mark.parametrize("kind", list(Kind)[1:])
+@pytest.mark.parametrize("kind", list(MeasurementKind)[1:])
 def test_no_number_is_gated(kind, value):
     _, events = voyage()
     for head in (0, 1000):  # as the first word of all, and on the way
@@ -113,14 +115,14 @@ def test_no_number_is_gated(kind, value):
 @pytest.mark.parametrize("std", [np.nan, 0.0, -1.0])
 def test_a_reading_without_uncertainty_is_gated(std):
     _, events = voyage()
-    bad = make_events(Kind.YAW, np.array([0.0]), np.array([0.3]), std)
+    bad = make_events(MeasurementKind.YAW, np.array([0.0]), np.array([0.3]), std)
     assert run(join([bad, events])).flags[0] == Flag.GATED
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf])
 def test_no_time_is_refused(time):
     _, events = voyage()
-    bad = make_events(Kind.YAW, np.array([time]), np.array([0.3]), 0.1)
+    bad = make_events(MeasurementKind.YAW, np.array([time]), np.array([0.3]), 0.1)
     rows = run(join([events[:500], bad, events[500:]]))
     assert rows.has(Flag.REFUSED).sum() == 1
     np.testing.assert_array_equal(rows.motion[-1], run(events).motion[-1])
@@ -129,8 +131,8 @@ def test_no_time_is_refused(time):
 @pytest.mark.parametrize(
     ("kind", "by", "where"),
     [
-        (Kind.YAW, [0.5, 0.0], State.YAW),
-        (Kind.POSITION, [40.0, -30.0], State.NORTH),
+        (MeasurementKind.YAW, [0.5, 0.0], State.YAW),
+        (MeasurementKind.POSITION, [40.0, -30.0], State.NORTH),
     ],
 )
 def test_a_discontinuity_is_not_motion(kind, by, where):
@@ -144,13 +146,13 @@ def test_a_discontinuity_is_not_motion(kind, by, where):
     assert error[-1, where] == pytest.approx(by[0], abs=6 * rows.std[late][-1, where])
     # Neither speed nor turn rate takes part in the jump.
     assert np.abs(error[:, State.R]).max() < 0.1
-    if kind == Kind.POSITION:
+    if kind == MeasurementKind.POSITION:
         assert np.abs(error[:, State.U]).max() < 0.3
 
 
 def test_a_spike_is_gated_and_leaves_no_trace():
     _, events = voyage()
-    yaw = np.flatnonzero(events.kind == Kind.YAW)[500:509]
+    yaw = np.flatnonzero(events.kind == MeasurementKind.YAW)[500:509]
     z = events.z.copy()
     z[yaw] += 0.7
     rows = run(dataclasses.replace(events, z=z))
@@ -166,10 +168,10 @@ def test_in_an_outage_uncertainty_grows_and_stays_true():
     events = join([events[~gap], moments])
     events = events[np.argsort(events.time_s, kind="stable")]
     rows = run(events)
-    silent = rows.std[events.kind == Kind.TICK]
+    silent = rows.std[events.kind == MeasurementKind.TICK]
     assert (np.diff(silent[:, : State.U_DOT], axis=0) > 0).all()
     error = np.abs(rows.motion - truth.at(rows.time_s))
-    assert (error[events.kind == Kind.TICK] < 3 * silent).all()
+    assert (error[events.kind == MeasurementKind.TICK] < 3 * silent).all()
     after = rows.time_s > 23.0
     assert np.abs(error[after, State.U]).max() < 0.3
     assert not rows.has(Flag.RESTART).any()
@@ -200,8 +202,8 @@ def test_yaw_runs_on_through_half_a_turn():
     wrapped = (yaw + np.pi) % (2 * np.pi) - np.pi
     events = join(
         [
-            make_events(Kind.YAW, time, wrapped, 0.01),
-            make_events(Kind.VELOCITY, time, np.zeros((len(time), 2)), 0.01),
+            make_events(MeasurementKind.YAW, time, wrapped, 0.01),
+            make_events(MeasurementKind.VELOCITY, time, np.zeros((len(time), 2)), 0.01),
         ]
     )
     rows = run(events[np.argsort(events.time_s, kind="stable")])
@@ -225,9 +227,9 @@ def test_a_turn_sharper_than_assumed_is_motion():
     yaw = np.concatenate([[0.0], np.cumsum(rate[:-1] * 0.02)])
     events = join(
         [
-            make_events(Kind.YAW, time, (yaw + np.pi) % (2 * np.pi) - np.pi, 0.001),
-            make_events(Kind.YAW_RATE, time, rate, 0.006),
-            make_events(Kind.VELOCITY, time, np.zeros((len(time), 2)), 0.02),
+            make_events(MeasurementKind.YAW, time, (yaw + np.pi) % (2 * np.pi) - np.pi, 0.001),
+            make_events(MeasurementKind.YAW_RATE, time, rate, 0.006),
+            make_events(MeasurementKind.VELOCITY, time, np.zeros((len(time), 2)), 0.02),
         ]
     )
     rows = run(events[np.lexsort((events.kind, events.time_s))])

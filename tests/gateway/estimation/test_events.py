@@ -5,8 +5,8 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.estimation.events import from_samples
-from gateway.estimation.names import Kind
-from gateway.estimation.settings import FIELD_OF_KIND, FilterSettings, White, gyro_delay_s
+from gateway.estimation.names import MeasurementKind
+from gateway.estimation.settings import FIELD_OF_KIND, FilterSettings, WhiteNoise, gyro_delay_s
 from gateway.samples import Quantity, Samples
 
 EPOCH = 1_700_000_000_000_000_000
@@ -26,11 +26,19 @@ def test_samples_become_events_in_the_order_of_the_log():
         samples(Quantity.VOLTAGE, "SYS_STATUS", [1], [[12.0]]),
     ]
     events = from_samples(columns, FilterSettings(), EPOCH)
-    expected = [Kind.YAW, Kind.YAW_RATE, Kind.VELOCITY, Kind.YAW, Kind.YAW_RATE]
+    expected = [
+        MeasurementKind.YAW,
+        MeasurementKind.YAW_RATE,
+        MeasurementKind.VELOCITY,
+        MeasurementKind.YAW,
+        MeasurementKind.YAW_RATE,
+    ]
     assert events.kind.tolist() == expected
     np.testing.assert_allclose(events.time_s, [0.0, 0.0, 0.01, 0.02, 0.02])
     assert events.z[2].tolist() == [3.0, 4.0]
-    assert events.std[2, 0] == FilterSettings().white_std(Kind.VELOCITY, "LOCAL_POSITION_NED")
+    assert events.std[2, 0] == FilterSettings().white_std(
+        MeasurementKind.VELOCITY, "LOCAL_POSITION_NED"
+    )
 
 
 def test_no_samples_are_no_events():
@@ -38,8 +46,11 @@ def test_no_samples_are_no_events():
 
 
 def test_every_kind_has_a_std_and_an_unknown_source_the_default():
-    assert set(FIELD_OF_KIND) == set(Kind) - {Kind.TICK}
-    assert FilterSettings().white_std(Kind.POSITION, "NEW_MESSAGE") == White().position_m
+    assert set(FIELD_OF_KIND) == set(MeasurementKind) - {MeasurementKind.TICK}
+    assert (
+        FilterSettings().white_std(MeasurementKind.POSITION, "NEW_MESSAGE")
+        == WhiteNoise().position_m
+    )
 
 
 @pytest.mark.parametrize(
@@ -60,9 +71,9 @@ def test_settings_refuse_what_cannot_be(wrong):
 
 def test_delay_of_the_gyro_filter():
     assert gyro_delay_s(4.0) == pytest.approx(0.0563, abs=1e-4)
-    told = FilterSettings().told_by({"INS_GYRO_FILTER": 4.0})
+    told = FilterSettings().with_parameters({"INS_GYRO_FILTER": 4.0})
     assert told.gyro_delay_s == gyro_delay_s(4.0)
     chosen = FilterSettings(gyro_delay_s=0.01)
-    assert chosen.told_by({"INS_GYRO_FILTER": 4.0}) is chosen
+    assert chosen.with_parameters({"INS_GYRO_FILTER": 4.0}) is chosen
     assert gyro_delay_s(0.0) == 0.0
-    assert FilterSettings(gyro_delay_s=0.0).model().gyro_delay == 0.0
+    assert FilterSettings(gyro_delay_s=0.0).kernel_model().gyro_delay_s == 0.0

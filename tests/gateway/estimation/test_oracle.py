@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.estimation.filter import Estimator
-from gateway.estimation.names import Flag, Kind
+from gateway.estimation.names import Flag, MeasurementKind
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from tests.gateway.estimation import oracle
@@ -14,7 +14,7 @@ SETTINGS = FilterSettings(prior_position_m=30.0, gate_probability=1 - 1e-15, vel
 
 def started(events):
     """The events from the first yaw on: before it the filter does not move."""
-    return events[np.argmax(events.kind == Kind.YAW) :]
+    return events[np.argmax(events.kind == MeasurementKind.YAW) :]
 
 
 @pytest.mark.parametrize("body", [False, True])
@@ -24,7 +24,12 @@ def test_filter_agrees_with_filterpy(body):
     estimator = Estimator(SETTINGS)
     _, rows = estimator.advance(estimator.start(), events, covariance=True)
     assert not rows.has(Flag.GATED).any()
-    assert set(events.kind) >= {Kind.TICK, Kind.YAW, Kind.YAW_RATE, Kind.POSITION}
+    assert set(events.kind) >= {
+        MeasurementKind.TICK,
+        MeasurementKind.YAW,
+        MeasurementKind.YAW_RATE,
+        MeasurementKind.POSITION,
+    }
     np.testing.assert_allclose(rows.motion, expected.x[:, :9], rtol=1e-9, atol=1e-9)
     P = oracle.with_heading_error(expected.x[:, :9], expected.P[:, :9, :9], SETTINGS)
     np.testing.assert_allclose(rows.covariance, P, rtol=1e-9, atol=1e-9)
@@ -39,7 +44,7 @@ def test_smoother_agrees_with_filterpy(passes, monkeypatch):
         x, P = oracle.smoothed(oracle.run(events, SETTINGS, along=x))
 
     monkeypatch.setattr("gateway.estimation.smoother.PASSES", passes)
-    at = np.flatnonzero(events.kind == Kind.TICK)
+    at = np.flatnonzero(events.kind == MeasurementKind.TICK)
     result = smooth(events, events.time_s[at], SETTINGS)
     known = result.known
     assert known.mean() > 0.9

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.estimation.events import join, make_events, ticks
-from gateway.estimation.names import Kind, State
+from gateway.estimation.names import MeasurementKind, State
 from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from tests.gateway.estimation.boat import telemetry, weaving_boat
@@ -72,7 +72,7 @@ def test_the_grid_does_not_change_the_result():
 
 def test_outliers_are_left_out():
     _, events = voyage(seconds=10.0)
-    hit = np.flatnonzero(events.kind == Kind.VELOCITY)[100:103]
+    hit = np.flatnonzero(events.kind == MeasurementKind.VELOCITY)[100:103]
     z = events.z.copy()
     z[hit] += 20.0
     grid = np.arange(1.0, 9.0, 0.1)
@@ -86,7 +86,7 @@ def test_outliers_are_left_out():
 def test_a_discontinuity_is_not_motion():
     truth, events = voyage()
     z = events.z.copy()
-    z[(events.kind == Kind.POSITION) & (events.time_s > 20.0)] += [50.0, -20.0]
+    z[(events.kind == MeasurementKind.POSITION) & (events.time_s > 20.0)] += [50.0, -20.0]
     grid = np.arange(5.0, 35.0, 0.1)
     result = smooth(dataclasses.replace(events, z=z), grid, SETTINGS)
     assert np.abs(result.nu - truth.at(grid)[:, 3:6]).max() < 0.3
@@ -113,6 +113,8 @@ def test_a_long_silence_is_not_invented():
 def test_nothing_known_is_said_so():
     result = smooth(ticks(np.zeros(0)), np.arange(3.0), SETTINGS)
     assert not result.known.any()
-    result = smooth(make_events(Kind.YAW, np.arange(3.0), np.zeros(3), 0.1), np.arange(3.0))
+    result = smooth(
+        make_events(MeasurementKind.YAW, np.arange(3.0), np.zeros(3), 0.1), np.arange(3.0)
+    )
     assert not result.known.any()
     assert np.isfinite(motion(result)).all()

@@ -10,8 +10,8 @@ from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.ingest.survey import survey
-from gateway.ingest.table_repair import tidied
-from gateway.ingest.zero_order_hold import beat, new_rows, retimed
+from gateway.ingest.table_repair import repair_table
+from gateway.ingest.zero_order_hold import changed_rows, hold_period, undo_hold
 from gateway.offline.compare import compare_logs
 from gateway.offline.trials import load_trials
 from gateway.samples import Quantity
@@ -27,7 +27,7 @@ def tidy(folder: Path, traps: Traps):
     """The sources that are left."""
     log = CsvLog.open(written(folder, traps)[0])
     decoded = log.decode(choose_boat(log, None))
-    return tidied(choose(decoded.samples), decoded.of(Quantity.ACCELERATION))
+    return repair_table(decoded, choose(decoded.samples))
 
 
 def test_an_honest_table_is_taken_as_it_is(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_held_fixes_go_back_to_their_own_times(tmp_path: Path) -> None:
     path, made = written(tmp_path, Traps(held=True))
     log = CsvLog.open(path)
     (place,) = [s for s in log.samples() if s.quantity is Quantity.GLOBAL_POSITION]
-    found = retimed(place)
+    found = undo_hold(place)
     assert found is not None
     time = found.vehicle_time_ns * 1e-9
     steps = np.diff(time)
@@ -84,7 +84,7 @@ def test_a_boat_at_rest_has_fixes_and_a_silent_receiver_has_none(tmp_path: Path)
     still[600:650] = place.values[600]  # the boat lies still, then goes on from there
     after = {}
     for name, values in (("silent", silent), ("still", still)):
-        found = retimed(type(place)(**{**vars(place), "values": values}))
+        found = undo_hold(type(place)(**{**vars(place), "values": values}))
         assert found is not None
         time = found.vehicle_time_ns * 1e-9
         after[name] = float(np.diff(time[(time > 58.0) & (time < 67.0)]).max())
@@ -96,9 +96,9 @@ def test_what_changes_in_every_row_is_not_held(tmp_path: Path) -> None:
     path, _ = written(tmp_path, Traps())
     for samples in CsvLog.open(path).samples():
         if samples.quantity in (Quantity.YAW, Quantity.YAW_RATE):
-            assert retimed(samples) is None
+            assert undo_hold(samples) is None
             time = samples.vehicle_time_ns * 1e-9
-            assert beat(time, new_rows(samples.values)) is None
+            assert hold_period(time, changed_rows(samples.values)) is None
 
 
 def test_gravity_in_an_acceleration_is_told(tmp_path: Path) -> None:

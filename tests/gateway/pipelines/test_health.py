@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.estimation.filter import Estimator, Rows
+from gateway.estimation.filter import Estimator, FilterRows
 from gateway.estimation.names import Flag
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import replay_input_of
@@ -85,10 +85,10 @@ def test_everything_that_the_boat_says_counts_as_life() -> None:
     assert row["rate_hz"] == quiet["rate_hz"] + len(parameters()) / WINDOW_S
 
 
-def rows_of(nis: list[float], flags: int = 0) -> Rows:
+def rows_of(nis: list[float], flags: int = 0) -> FilterRows:
     """What the filter says, made up."""
     count = len(nis)
-    return Rows(
+    return FilterRows(
         np.zeros(count), np.zeros((count, 9)), np.zeros((count, 9)), np.zeros((count, 0, 0)),
         np.array(nis), np.ones(count, np.int8), np.full(count, flags, np.uint8),
     )  # fmt: skip

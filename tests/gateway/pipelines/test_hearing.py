@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.estimation.names import Kind
+from gateway.estimation.names import MeasurementKind
 from gateway.estimation.settings import FilterSettings, gyro_delay_s
 from gateway.ingest.earth import to_degrees
 from gateway.ingest.log import Boat
@@ -72,7 +72,7 @@ def heartbeat(armed: bool) -> Any:
 def test_facts_of_one_message_stand_in_order_and_only_the_last_completes_it() -> None:
     feed = Boatswain().hear(0.0, attitude(0.0))
     assert feed is not None
-    assert feed.events.kind.tolist() == [Kind.YAW, Kind.YAW_RATE]
+    assert feed.events.kind.tolist() == [MeasurementKind.YAW, MeasurementKind.YAW_RATE]
     assert feed.complete.tolist() == [False, True]
     assert feed.events.z[:, 0] == pytest.approx([0.1, 0.2])
     assert (feed.receive_time_ns - feed.vehicle_time_ns).tolist() == [0, 0]  # the first sets it
@@ -86,7 +86,7 @@ def test_a_worse_source_is_heard_only_while_the_better_one_is_silent() -> None:
     assert boat.hear(patience, place(patience)) is None
     late = boat.hear(patience + 0.2, place(patience + 0.2))
     assert late is not None
-    assert late.events.kind.tolist() == [Kind.VELOCITY, Kind.POSITION]
+    assert late.events.kind.tolist() == [MeasurementKind.VELOCITY, MeasurementKind.POSITION]
     assert boat.hear(patience + 0.3, local(patience + 0.3)) is not None
     assert boat.hear(patience + 0.4, place(patience + 0.4)) is None
 

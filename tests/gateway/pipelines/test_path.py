@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.estimation.names import Flag, Kind
+from gateway.estimation.names import Flag, MeasurementKind
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import ReplayInput, replay_input_of
 from gateway.shadow.events import EventDetector
@@ -191,7 +191,7 @@ def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:
 def test_a_sharp_turn_is_no_discontinuity() -> None:
     feed, rows, told = flagged(Flag.JUMP)
     kinds = set(feed.events.kind[discontinuous(feed, rows)].tolist())
-    assert kinds == {Kind.YAW, Kind.VELOCITY, Kind.POSITION}
+    assert kinds == {MeasurementKind.YAW, MeasurementKind.VELOCITY, MeasurementKind.POSITION}
     assert told == ["started", "jump", "jump", "jump"]
 
 
