@@ -110,7 +110,7 @@ def simulate(
     """Commands in, motion out, as a recording; with --live as a boat to try live mode on."""
     boat = vessel_from(vessel, effects)
     if live is not None:
-        from gateway.simulated_boat.session import play_until_stopped
+        from gateway.simulated_boat.play import play_until_stopped
 
         play_until_stopped(
             boat, live, print_progress, program=commands or "mixed", system=system, fast=fast,

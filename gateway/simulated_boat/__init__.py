@@ -1,1 +1,1 @@
-"""simulated_boat."""
+"""A vessel as a MAVLink boat without a boat: for `shadow simulate --live`, tests and benchmarks."""

@@ -1,11 +1,10 @@
-"""A played boat: seconds in, MAVLink frames out; pure, the same for the same seed.
+"""A simulated boat: seconds in, MAVLink frames out; pure, the same for the same seed.
 
-    program → hull → sensors → streams → frames → wire
+    program → hull → sensors → streams → frames → link with faults
 
 It moves in ticks of the autopilot's loop, so it does not matter how time is cut into calls.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,87 +13,95 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.earth import Origin
 from gateway.simulated_boat.command_responder import CommandResponder
-from gateway.simulated_boat.faults import Frame, Wire
-from gateway.simulated_boat.hull import ENDURANCE_S, Hull, Pilot
+from gateway.simulated_boat.faults import FaultyLink, TimedFrame
+from gateway.simulated_boat.hull import ENDURANCE_S, ActuatorOutputs, SimulatedHull
 from gateway.simulated_boat.program import Program, program_of
-from gateway.simulated_boat.sensors import Sensors, SensorState
-from gateway.simulated_boat.settings import PlayedSettings
-from gateway.simulated_boat.streams import SLACK, Speaker, Streams, due, moved_on, spoiled, started
+from gateway.simulated_boat.sensors import SensorModel, SensorState
+from gateway.simulated_boat.settings import SimulatedBoatSettings
+from gateway.simulated_boat.streams import (
+    TOLERANCE_S,
+    FramePacker,
+    Streams,
+    after_sending,
+    due_messages,
+    start_streams,
+    with_invalid_field,
+)
 from gateway.simulated_boat.telemetry import (
     BANNER,
     CHANNELS,
+    BoatSnapshot,
     Message,
-    Moment,
+    messages_named,
     parameter_messages,
     parameters,
-    said,
 )
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
 
-STATION = 255  # system id of the ground station beside
-LONGEST_QUEUE = 1000  # of answers; what is asked for beyond is not answered
+STATION_SYSTEM = 255  # system id of a ground station on the same link
+MAX_QUEUE = 1000  # answers that wait; what is requested beyond is not answered
 ANSWERS_PER_TICK = 4  # a link is not flooded with parameters
 
 
 @dataclass(frozen=True)
 class BoatState:
-    """Everything that a played boat remembers."""
+    """Everything that a simulated boat remembers."""
 
-    tick: int  # the next one to be played
+    tick: int  # the next one
     hull: Floats  # (nx,)
-    past: tuple[Pilot, ...]  # outputs that may still act late
+    past: tuple[ActuatorOutputs, ...]  # those that may still act late
     sensors: SensorState
-    used_as: float
-    zero_s: float  # when the boat's clock was zero [s since play began]
-    speaks_s: float  # from when on it speaks
+    used_as: float  # charge drawn from the battery [A s]
+    zero_s: float  # when the boat's clock was zero [s since the start]
+    sends_s: float  # from when on it sends
     reboots: int
     local: tuple[float, float]  # where the local frame starts [m]
     streams: Streams
     queue: tuple[Message, ...]  # answers that wait for their turn
     frames: int  # sent since boot
     station_frames: int
-    waiting: tuple[Frame, ...]  # on the wire
-    dice: Any  # state of the generator of sensor errors …
-    luck: Any  # … and of faults: they do not change what the boat says
+    waiting: tuple[TimedFrame, ...]  # on the link
+    sensor_rng: Any  # state of the random generator of sensor errors …
+    fault_rng: Any  # … and of faults: they do not change what the boat sends
 
 
-class PlayedBoat:
-    """A vessel under a program, with an autopilot that tells of it."""
+class SimulatedBoat:
+    """A vessel under a program, with an autopilot that reports it."""
 
     def __init__(
         self,
         vessel: Vessel,
-        settings: PlayedSettings | None = None,
+        settings: SimulatedBoatSettings | None = None,
         seed: int = 0,
         program: Program | None = None,
     ) -> None:
-        self.settings = s = settings or PlayedSettings()
+        self.settings = s = settings or SimulatedBoatSettings()
         self.dt, self._seed = 1.0 / s.loop_hz, seed
-        self._pilots = program or program_of(vessel, seed=seed)
-        self._hull = Hull(Model.of(vessel), self._pilots, self.dt, s.battery_v)
-        self._sensors = Sensors(self.dt, s.noise, s.gyro_filter_hz)
+        program = program or program_of(vessel, seed=seed)
+        self._hull = SimulatedHull(Model.of(vessel), program, self.dt, s.battery_v)
+        self._sensors = SensorModel(self.dt, s.noise, s.gyro_filter_hz)
         values = parameters(vessel, s.system_id, s.gyro_filter_hz)
-        self._office = CommandResponder(s.system_id, s.rates, tuple(parameter_messages(values)))
-        self._boat = Speaker(s.system_id, 1, s.signing_key, s.unix_s)
-        self._station = Speaker(STATION, 190, None, s.unix_s)
-        self._wire, self._origin = Wire(s.faults), Origin(*s.origin_deg)
+        self._responder = CommandResponder(s.system_id, s.rates, tuple(parameter_messages(values)))
+        self._packer = FramePacker(s.system_id, 1, s.signing_key, s.unix_s)
+        self._station_packer = FramePacker(STATION_SYSTEM, 190, None, s.unix_s)
+        self._link, self._origin = FaultyLink(s.faults), Origin(*s.origin_deg)
         self._channels = [actuator.servo.channel for actuator in vessel.actuators]
 
     def start(self) -> BoatState:
         """At rest, before the first tick."""
-        dice = Generator(PCG64(self._seed))
+        sensor_rng = Generator(PCG64(self._seed))
         s = self.settings
-        return self._booted(
+        return self._boot(
             BoatState(
                 tick=0,
                 hull=self._hull.start(s.start),
-                past=(self._hull.pilot(0.0, False),) * self._hull.remembered,
-                sensors=self._sensors.start(dice),
+                past=(self._hull.outputs_at(0.0, False),) * self._hull.remembered,
+                sensors=self._sensors.start(sensor_rng),
                 used_as=0.0,
                 zero_s=-s.boot_s,
-                speaks_s=0.0,
+                sends_s=0.0,
                 reboots=0,
                 local=(0.0, 0.0),
                 streams={},
@@ -102,56 +109,59 @@ class PlayedBoat:
                 frames=0,
                 station_frames=0,
                 waiting=(),
-                dice=dice.bit_generator.state,
-                luck=PCG64((self._seed, 1)).state,
+                sensor_rng=sensor_rng.bit_generator.state,
+                fault_rng=PCG64((self._seed, 1)).state,
             )
         )
 
-    def advance(self, state: BoatState, until_s: float) -> tuple[BoatState, list[Frame]]:
-        """Play on to that moment [s since play began] -> state, frames that arrive by then."""
-        dice, luck = _generator(state.dice), _generator(state.luck)
-        arrived: list[Frame] = []
-        while state.tick * self.dt <= until_s + SLACK:
+    def advance(self, state: BoatState, until_s: float) -> tuple[BoatState, list[TimedFrame]]:
+        """Go on to that moment [s since the start] -> state, frames that arrive by then."""
+        sensor_rng, fault_rng = _generator(state.sensor_rng), _generator(state.fault_rng)
+        arrived: list[TimedFrame] = []
+        while state.tick * self.dt <= until_s + TOLERANCE_S:
             now = state.tick * self.dt
-            state, sent = self._tick(state, now, dice, luck)
-            waiting, got = self._wire.carry(state.waiting, sent, now, luck)
+            state, sent = self._tick(state, now, sensor_rng, fault_rng)
+            waiting, arrivals = self._link.deliver(state.waiting, sent, now, fault_rng)
             state = replace(state, waiting=waiting)
-            arrived += got
-        waiting, got = self._wire.carry(state.waiting, (), until_s, luck)
+            arrived += arrivals
+        waiting, arrivals = self._link.deliver(state.waiting, (), until_s, fault_rng)
         after = replace(
-            state, waiting=waiting, dice=dice.bit_generator.state, luck=luck.bit_generator.state
+            state,
+            waiting=waiting,
+            sensor_rng=sensor_rng.bit_generator.state,
+            fault_rng=fault_rng.bit_generator.state,
         )
-        return after, arrived + got
+        return after, arrived + arrivals
 
     def next_s(self, state: BoatState) -> float:
-        """When there is something to do next [s since play began]."""
+        """When there is something to do next [s since the start]."""
         return min([state.tick * self.dt, *(frame.time_s for frame in state.waiting[:1])])
 
-    def hear(self, state: BoatState, message: Message) -> BoatState:
-        """Somebody spoke to the boat; it answers with the next frames."""
+    def receive(self, state: BoatState, message: Message) -> BoatState:
+        """A message reached the boat; it answers with the next frames."""
         now = state.tick * self.dt
-        if now < state.speaks_s:
+        if now < state.sends_s:
             return state
-        answer = self._office.answer(state.streams, message, now)
-        queue = (*state.queue, *answer.messages)[:LONGEST_QUEUE]
-        return replace(state, streams=answer.streams, queue=queue)
+        response = self._responder.answer(state.streams, message, now)
+        queue = (*state.queue, *response.messages)[:MAX_QUEUE]
+        return replace(state, streams=response.streams, queue=queue)
 
     def _tick(
-        self, state: BoatState, now: float, dice: Generator, luck: Generator
-    ) -> tuple[BoatState, list[Frame]]:
+        self, state: BoatState, now: float, sensor_rng: Generator, fault_rng: Generator
+    ) -> tuple[BoatState, list[TimedFrame]]:
         """One turn of the autopilot's loop."""
-        state = self._rebooted(state, now)
+        state = self._reboot_if_due(state, now)
         armed = self._armed(state, now)
-        past = (*state.past, self._hull.pilot(now, armed))[-self._hull.remembered :]
+        past = (*state.past, self._hull.outputs_at(now, armed))[-self._hull.remembered :]
         hull, truth = self._hull.step(state.hull, state.tick, past, state.used_as)
-        sensors, sensed = self._sensors.read(state.sensors, truth, dice)
+        sensors, sensed = self._sensors.read(state.sensors, truth, sensor_rng)
         used_as = state.used_as + truth.amperes * self.dt
-        moment = Moment(
+        snapshot = BoatSnapshot(
             boot_us=round((now - state.zero_s) * 1e6),
             unix_us=round((self.settings.unix_s + now) * 1e6),
             armed=armed,
             sensed=sensed,
-            pulses=self._outputs(past[-1]),
+            pulses=self._pulses_by_channel(past[-1]),
             throttle=past[-1].effort,
             amperes=truth.amperes,
             used_as=used_as,
@@ -162,68 +172,71 @@ class PlayedBoat:
         state = replace(
             state, tick=state.tick + 1, hull=hull, past=past, sensors=sensors, used_as=used_as
         )
-        return self._spoken(state, moment, now, luck)
+        return self._transmit(state, snapshot, now, fault_rng)
 
-    def _spoken(
-        self, state: BoatState, moment: Moment, now: float, luck: Generator
-    ) -> tuple[BoatState, list[Frame]]:
-        """What the boat and the station beside it say at this moment."""
-        frames = list(self._heard_beside(state, now))
+    def _transmit(
+        self, state: BoatState, snapshot: BoatSnapshot, now: float, fault_rng: Generator
+    ) -> tuple[BoatState, list[TimedFrame]]:
+        """The frames that the boat and the ground station beside it send at this moment."""
+        frames = self._station_frames(state, now)
         station = state.station_frames + len(frames)
-        if now + SLACK < state.speaks_s:
+        if now + TOLERANCE_S < state.sends_s:
             return replace(state, station_frames=station), frames
-        names = due(state.streams, now)
-        streamed = [message for name in names for message in said(name, moment)]
+        names = due_messages(state.streams, now)
+        streamed = [message for name in names for message in messages_named(name, snapshot)]
         messages = [
-            *(self._perhaps_spoiled(message, luck) for message in streamed),
+            *(self._perhaps_invalid(message, fault_rng) for message in streamed),
             *state.queue[:ANSWERS_PER_TICK],
         ]
-        boot_s = moment.boot_us * 1e-6
+        boot_s, system = snapshot.boot_us * 1e-6, self.settings.system_id
         frames += [
-            Frame(now, boot_s, self.settings.system_id, self._boat.frame(m, state.frames + i))
+            TimedFrame(now, boot_s, system, self._packer.frame(m, state.frames + i))
             for i, m in enumerate(messages)
         ]
         return replace(
             state,
-            streams=moved_on(state.streams, names, now),
+            streams=after_sending(state.streams, names, now),
             queue=state.queue[ANSWERS_PER_TICK:],
             frames=state.frames + len(messages),
             station_frames=station,
         ), frames
 
-    def _perhaps_spoiled(self, message: Message, luck: Generator) -> Message:
+    def _perhaps_invalid(self, message: Message, rng: Generator) -> Message:
         share = self.settings.faults.nonsense
-        if not share or message.get_type() == "HEARTBEAT" or luck.random() >= share:
+        if not share or message.get_type() == "HEARTBEAT" or rng.random() >= share:
             return message
-        return spoiled(message, luck)
+        return with_invalid_field(message, rng)
 
-    def _heard_beside(self, state: BoatState, now: float) -> Iterator[Frame]:
-        if self.settings.station and (state.tick - 1) % round(self.settings.loop_hz) == 0:
-            beat = mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
-            )
-            yield Frame(now, now, STATION, self._station.frame(beat, state.station_frames))
+    def _station_frames(self, state: BoatState, now: float) -> list[TimedFrame]:
+        """The heartbeat of a ground station, once a second."""
+        if not self.settings.station or (state.tick - 1) % round(self.settings.loop_hz):
+            return []
+        beat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+        )
+        raw = self._station_packer.frame(beat, state.station_frames)
+        return [TimedFrame(now, now, STATION_SYSTEM, raw)]
 
     def _armed(self, state: BoatState, now: float) -> bool:
         begin, end = self.settings.armed
-        return begin <= now < end and now + SLACK >= state.speaks_s
+        return begin <= now < end and now + TOLERANCE_S >= state.sends_s
 
-    def _outputs(self, pilot: Pilot) -> tuple[int, ...]:
-        outputs = [0] * CHANNELS
-        for channel, pulse in zip(self._channels, pilot.pulses, strict=True):
-            outputs[channel - 1] = pulse
-        return tuple(outputs)
+    def _pulses_by_channel(self, outputs: ActuatorOutputs) -> tuple[int, ...]:
+        pulses = [0] * CHANNELS
+        for channel, pulse in zip(self._channels, outputs.pulses, strict=True):
+            pulses[channel - 1] = pulse
+        return tuple(pulses)
 
-    def _rebooted(self, state: BoatState, now: float) -> BoatState:
+    def _reboot_if_due(self, state: BoatState, now: float) -> BoatState:
         """The same state, or that of an autopilot that has just restarted."""
         ahead = self.settings.faults.reboots[state.reboots :]
-        if not ahead or now + SLACK < ahead[0].at_s:
+        if not ahead or now + TOLERANCE_S < ahead[0].at_s:
             return state
-        return self._booted(
+        return self._boot(
             replace(
                 state,
                 zero_s=now,
-                speaks_s=now + ahead[0].down_s,
+                sends_s=now + ahead[0].down_s,
                 reboots=state.reboots + 1,
                 local=(float(state.hull[0]), float(state.hull[1])),
                 queue=(),
@@ -231,12 +244,12 @@ class PlayedBoat:
             )
         )
 
-    def _booted(self, state: BoatState) -> BoatState:
-        """Streams at their default rates, and the words that an autopilot starts with."""
+    def _boot(self, state: BoatState) -> BoatState:
+        """Streams at their default rates; banner and parameters wait to be sent."""
         banner = mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, BANNER.encode())
-        told = self._office.parameters if self.settings.parameters else ()
-        streams = started(self.settings.rates, state.speaks_s)
-        return replace(state, streams=streams, queue=(banner, *told))
+        parameters = self._responder.parameters if self.settings.parameters else ()
+        streams = start_streams(self.settings.rates, state.sends_s)
+        return replace(state, streams=streams, queue=(banner, *parameters))
 
 
 def _generator(state: Any) -> Generator:

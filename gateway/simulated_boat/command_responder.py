@@ -1,6 +1,6 @@
-"""What the autopilot answers: requests for rates, messages, parameters. Pure.
+"""The autopilot's answers to requests for rates, messages and parameters. Pure.
 
-It refuses every other command: a played boat takes no orders.
+Every other command is refused: a simulated boat is not steered over the link.
 """
 
 import math
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.simulated_boat.settings import Rates
-from gateway.simulated_boat.streams import Streams, asked, once
+from gateway.simulated_boat.streams import Streams, with_interval, with_one_message
 from gateway.simulated_boat.telemetry import BY_ID, Message
 
 ACCEPTED, DENIED, UNSUPPORTED = (
@@ -30,8 +30,8 @@ GROUPS: Mapping[int, tuple[str, ...]] = {  # REQUEST_DATA_STREAM, as ArduPilot g
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a request changes: the streams from now on, and messages to send."""
+class Response:
+    """The streams from now on, and messages to send."""
 
     streams: Streams
     messages: tuple[Message, ...] = ()
@@ -39,88 +39,94 @@ class Answer:
 
 @dataclass(frozen=True)
 class CommandResponder:
-    """Where requests to one boat are dealt with."""
+    """Answers the requests to one boat."""
 
     system_id: int
     rates: Rates
     parameters: tuple[Message, ...]
 
-    def answer(self, streams: Streams, request: Message, now: float) -> Answer:
-        """Any message that was heard -> what follows; nothing where it is not for this boat."""
-        deal = _DESKS.get(request.get_type())
-        if deal is None or request.target_system not in (0, self.system_id):
-            return Answer(streams)
+    def answer(self, streams: Streams, request: Message, now: float) -> Response:
+        """Any message received -> response; nothing changes where it is not for this boat."""
+        handler = _HANDLERS.get(request.get_type())
+        if handler is None or request.target_system not in (0, self.system_id):
+            return Response(streams)
         if request.target_component not in (0, mavlink.MAV_COMP_ID_AUTOPILOT1):
-            return Answer(streams)
-        return deal(self, streams, request, now)
+            return Response(streams)
+        return handler(self, streams, request, now)
 
-    def command(self, streams: Streams, request: Message, now: float) -> Answer:
+    def command(self, streams: Streams, request: Message, now: float) -> Response:
         """COMMAND_LONG, COMMAND_INT: done or not, it is acknowledged."""
-        result, after = self._obeyed(streams, request, now)
+        result, after = self._execute(streams, request, now)
         ack = mavlink.MAVLink_command_ack_message(
             request.command, result, 0, 0, request.get_srcSystem(), request.get_srcComponent()
         )
-        return Answer(after.streams, (ack, *after.messages))
+        return Response(after.streams, (ack, *after.messages))
 
-    def _obeyed(self, streams: Streams, request: Message, now: float) -> tuple[int, Answer]:
-        same = Answer(streams)
+    def _execute(self, streams: Streams, request: Message, now: float) -> tuple[int, Response]:
+        same = Response(streams)
         if request.command == mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
-            return ACCEPTED, Answer(once(streams, "AUTOPILOT_VERSION", now))
-        name = _named(request.param1)
+            return ACCEPTED, Response(with_one_message(streams, "AUTOPILOT_VERSION", now))
+        name = _message_name(request.param1)
         if request.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             if name is None or not math.isfinite(request.param2):
                 return DENIED, same
-            return ACCEPTED, Answer(asked(streams, name, self._interval(name, request.param2), now))
+            return ACCEPTED, Response(
+                with_interval(streams, name, self._interval(name, request.param2), now)
+            )
         if request.command == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL and name is not None:
-            told = streams[name].interval * 1e6 if name in streams else -1.0
+            interval_us = round(streams[name].interval * 1e6 if name in streams else -1.0)
             number = int(request.param1)
-            return ACCEPTED, Answer(
-                streams, (mavlink.MAVLink_message_interval_message(number, round(told)),)
+            return ACCEPTED, Response(
+                streams, (mavlink.MAVLink_message_interval_message(number, interval_us),)
             )
         if request.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
-            return (DENIED, same) if name is None else (ACCEPTED, Answer(once(streams, name, now)))
+            return (
+                (DENIED, same)
+                if name is None
+                else (ACCEPTED, Response(with_one_message(streams, name, now)))
+            )
         return UNSUPPORTED, same
 
     def _interval(self, name: str, wanted_us: float) -> float:
-        """Asked for: −1 off, 0 the default -> [s], 0 for off."""
+        """Requested interval [µs], −1 off, 0 the default -> [s], 0 for off."""
         if wanted_us == 0.0:
             return 1.0 / self.rates[name] if name in self.rates else 0.0
         return max(wanted_us, 0.0) * 1e-6
 
-    def list_parameters(self, streams: Streams, request: Message, now: float) -> Answer:
+    def list_parameters(self, streams: Streams, request: Message, now: float) -> Response:
         """PARAM_REQUEST_LIST."""
-        return Answer(streams, self.parameters)
+        return Response(streams, self.parameters)
 
-    def read_parameter(self, streams: Streams, request: Message, now: float) -> Answer:
+    def read_parameter(self, streams: Streams, request: Message, now: float) -> Response:
         """PARAM_REQUEST_READ by index, or by name where the index is −1."""
-        wanted = _name(request)
+        index, name = request.param_index, _parameter_name(request)
         found = [
             m for i, m in enumerate(self.parameters)
-            if i == request.param_index or (request.param_index < 0 and _name(m) == wanted)
+            if i == index or (index < 0 and _parameter_name(m) == name)
         ]  # fmt: skip
-        return Answer(streams, tuple(found))
+        return Response(streams, tuple(found))
 
-    def data_stream(self, streams: Streams, request: Message, now: float) -> Answer:
+    def data_stream(self, streams: Streams, request: Message, now: float) -> Response:
         """REQUEST_DATA_STREAM: a whole group at one rate."""
         rate = request.req_message_rate if request.start_stop else 0
         groups = GROUPS if request.req_stream_id == 0 else [request.req_stream_id]
         for name in (name for group in groups for name in GROUPS.get(group, ())):
-            streams = asked(streams, name, 1.0 / rate if rate else 0.0, now)
-        return Answer(streams)
+            streams = with_interval(streams, name, 1.0 / rate if rate else 0.0, now)
+        return Response(streams)
 
 
-def _named(number: float) -> str | None:
-    """Message id as a command's float -> name, where the boat can send it."""
+def _message_name(number: float) -> str | None:
+    """Message id as a command's float -> its name; None where the boat cannot send it."""
     return BY_ID.get(int(number)) if math.isfinite(number) else None
 
 
-def _name(message: Message) -> str:
+def _parameter_name(message: Message) -> str:
     raw = message.param_id
     text = raw.decode(errors="replace") if isinstance(raw, bytes) else str(raw)
     return text.rstrip("\0")
 
 
-_DESKS: Mapping[str, Callable[[CommandResponder, Streams, Message, float], Answer]] = {
+_HANDLERS: Mapping[str, Callable[[CommandResponder, Streams, Message, float], Response]] = {
     "COMMAND_LONG": CommandResponder.command,
     "COMMAND_INT": CommandResponder.command,
     "PARAM_REQUEST_LIST": CommandResponder.list_parameters,

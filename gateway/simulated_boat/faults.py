@@ -1,6 +1,6 @@
-"""What can go wrong with a boat and its link, as values. Times are seconds since play began.
+"""Faults of a boat and its link, and the link that has them. Times are seconds since the start.
 
-Between boat and listener: frames get lost, doubled, late, held back. Pure.
+Between boat and listener frames are lost, doubled, late or held back. Pure.
 """
 
 from collections.abc import Iterable, Iterator
@@ -11,13 +11,16 @@ from numpy.random import Generator
 
 from gateway.errors import BadInput
 
+LATE_FROM_S, LATE_TO_S = 0.02, 0.25  # delay of a frame that others overtake
+DUPLICATE_WITHIN_S = 0.1
+
 
 @dataclass(frozen=True)
 class Reboot:
     """The autopilot restarts: clock to zero, rates forgotten, a new local origin."""
 
     at_s: float
-    down_s: float = 2.0  # no word for so long
+    down_s: float = 2.0  # nothing is sent for so long
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Burst:
             raise BadInput(f"factor of a burst = {self.factor}: expected 1 or more")
 
     def arrival(self, time_s: float) -> float:
-        """When a frame sent at that moment comes out [s]."""
+        """When a frame sent at that moment arrives [s]."""
         if not self.from_s <= time_s < self.to_s:
             return time_s
         return self.to_s - (self.to_s - time_s) / self.factor
@@ -53,7 +56,7 @@ class Burst:
 
 @dataclass(frozen=True)
 class Faults:
-    """All that goes wrong; nothing by default. Shares are of all frames, 0 … 1."""
+    """All faults; none by default. Shares are of all frames, 0 … 1."""
 
     reboots: tuple[Reboot, ...] = ()
     silences: tuple[Silence, ...] = ()
@@ -73,12 +76,8 @@ class Faults:
             raise BadInput("reboots are listed in the order in which they happen")
 
 
-LATE_FROM, LATE_TO = 0.02, 0.25  # s, of a frame that others overtake
-TWICE_WITHIN = 0.1  # s
-
-
-class Frame(NamedTuple):
-    """One MAVLink frame: when it arrives [s since play began], the boat's clock, its sender."""
+class TimedFrame(NamedTuple):
+    """One MAVLink frame: its arrival [s since the start], the boat's clock, its sender."""
 
     time_s: float
     boot_s: float
@@ -87,28 +86,29 @@ class Frame(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Wire:
+class FaultyLink:
     """A link with faults. Its state: the frames on their way, by time of arrival."""
 
     faults: Faults
 
-    def carry(
+    def deliver(
         self,
-        waiting: tuple[Frame, ...],
-        sent: Iterable[Frame],
+        waiting: tuple[TimedFrame, ...],
+        sent: Iterable[TimedFrame],
         until_s: float,
-        luck: Generator,
-    ) -> tuple[tuple[Frame, ...], list[Frame]]:
+        rng: Generator,
+    ) -> tuple[tuple[TimedFrame, ...], list[TimedFrame]]:
         """Frames on their way and new ones -> those still on their way, those that arrive."""
-        moved = [copy for frame in sent for copy in self._fate(frame, luck)]
-        frames = sorted([*waiting, *moved], key=lambda frame: frame.time_s)
+        delayed = [copy for frame in sent for copy in self._arrivals(frame, rng)]
+        frames = sorted([*waiting, *delayed], key=lambda frame: frame.time_s)
         arrived = sum(frame.time_s <= until_s for frame in frames)
         return tuple(frames[arrived:]), frames[:arrived]
 
-    def _fate(self, frame: Frame, luck: Generator) -> Iterator[Frame]:
+    def _arrivals(self, frame: TimedFrame, rng: Generator) -> Iterator[TimedFrame]:
+        """None, one or two copies of a frame, with their times of arrival."""
         f, time = self.faults, frame.time_s
         lost, doubled, late = (
-            (luck.random(3) < (f.loss, f.duplicates, f.reordered)).tolist()
+            (rng.random(3) < (f.loss, f.duplicates, f.reordered)).tolist()
             if f.loss or f.duplicates or f.reordered
             else (False, False, False)
         )
@@ -116,7 +116,7 @@ class Wire:
             return
         for burst in f.bursts:
             time = burst.arrival(time)
-        time += luck.uniform(LATE_FROM, LATE_TO) if late else 0.0
+        time += rng.uniform(LATE_FROM_S, LATE_TO_S) if late else 0.0
         yield frame._replace(time_s=time)
         if doubled:
-            yield frame._replace(time_s=time + luck.uniform(0.0, TWICE_WITHIN))
+            yield frame._replace(time_s=time + rng.uniform(0.0, DUPLICATE_WITHIN_S))

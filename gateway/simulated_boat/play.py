@@ -1,146 +1,234 @@
-"""Play boats in real time on a port: frames go out when they are due, requests are answered.
+"""`shadow simulate --live`: vessels as MAVLink boats on a port, in real time.
 
-The only place of this package with a clock. Pace is kept against the start, so it does not drift;
-what a stalled machine could not send in time is lost, as on a real link. After a long sleep of
-the machine the boats go on from where they were.
+Frames go out when they are due, requests are answered. Only this file has a clock. Pace is kept
+against the start, so it does not drift; what a stalled machine could not send in time is lost, as
+on a real link. After a long sleep of the machine the boats go on from where they were.
 """
 
+import signal
 import time
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.errors import ShadowError
-from gateway.simulated_boat.boat import BoatState, PlayedBoat
-from gateway.simulated_boat.port import Heard, Port, open_port
+from gateway.errors import BadInput, ShadowError
+from gateway.links.transport import Arrival, Peer
+from gateway.simulated_boat.boat import BoatState, SimulatedBoat
+from gateway.simulated_boat.port import BoatPort, boat_transport
+from gateway.simulated_boat.program import program_of
+from gateway.simulated_boat.settings import FAST, THIN, SimulatedBoatSettings
 from gateway.simulated_boat.telemetry import Message
+from sim.state import Progress
+from sim.vessel import Vessel
 
-STALE_S = 0.5  # frames older than this are not sent any more
-ASLEEP_S = 10.0  # behind by more: time stood still
-WARM_UP_S = 0.1  # of play, before the clock starts: everything compiled is loaded
+MAX_AGE_S = 0.5  # older frames are not sent any more
+ASLEEP_S = 10.0  # behind by more: the machine was asleep
+WARM_UP_S = 0.1  # simulated before the clock starts: everything compiled is loaded
+NOTICE_S = 2.0  # without a listener for so long, the user is told
+ABREAST_M = 30.0  # between boats that start together
 
 Clock = Callable[[], float]
 
 
 @dataclass
-class Played:
-    """What has been played so far; told to whoever wants to show it."""
+class PlayStatus:
+    """What has been played so far."""
 
     seconds: float = 0.0
-    frames: int = 0
+    frames: int = 0  # sent
     stale: int = 0  # frames that came too late to be sent
-    heard: int = 0  # messages from the other side
+    received: int = 0  # messages from the other side
     lateness_s: float = 0.0  # the worst
-    alone: str | None = None  # why nobody hears it
+    no_listener: str | None = None  # why nothing that is sent can be received
+
+
+class PlayLoop:
+    """Boats on one port. They share it, and each has its own moment within a tick."""
+
+    def __init__(self, boats: Sequence[SimulatedBoat], port: BoatPort) -> None:
+        self._boats, self._port = boats, port
+        self._parsers: dict[Peer, Any] = {}
+        self._states = [boat.start() for boat in boats]
+        self._shifts = [i / len(boats) * boat.dt for i, boat in enumerate(boats)]
+        self.status = PlayStatus()
+
+    def turn(self, now: float) -> None:
+        """Receive, move on, send."""
+        self.status.seconds = now
+        self.status.lateness_s = max(self.status.lateness_s, now - self.next_s())
+        for message in self._messages(self._port.receive()):
+            self.status.received += 1
+            for i, boat in enumerate(self._boats):
+                self._states[i] = boat.receive(self._states[i], message)
+        self.status.no_listener = self._port.no_listener
+        for i, boat in enumerate(self._boats):
+            self._states[i] = self._advance(boat, self._states[i], now - self._shifts[i])
+
+    def next_s(self) -> float:
+        """When the next turn is due [s since the start]."""
+        return min(
+            boat.next_s(state) + shift
+            for boat, state, shift in zip(self._boats, self._states, self._shifts, strict=True)
+        )
+
+    def _advance(self, boat: SimulatedBoat, state: BoatState, now: float) -> BoatState:
+        state, frames = boat.advance(state, now)
+        for frame in frames:
+            if now - frame.time_s > MAX_AGE_S:
+                self.status.stale += 1
+                continue
+            self._port.send(frame.data)
+            self.status.frames += 1
+        return state
+
+    def _messages(self, arrivals: Sequence[Arrival]) -> list[Message]:
+        """The messages in what several peers sent; anything else is passed over."""
+        return [
+            message
+            for arrival in arrivals
+            for message in self._parser(arrival.peer).parse_buffer(arrival.data) or ()
+            if message.get_type() != "BAD_DATA"
+        ]
+
+    def _parser(self, peer: Peer) -> Any:
+        if peer not in self._parsers:
+            self._parsers[peer] = mavlink.MAVLink(None)
+            self._parsers[peer].robust_parsing = True
+        return self._parsers[peer]
 
 
 def play(
-    boats: Sequence[PlayedBoat],
+    boats: Sequence[SimulatedBoat],
     endpoint: str,
     stop: Event,
     *,
     seconds: float = float("inf"),
     clock: Clock = time.monotonic,
-    tell: Callable[[Played], None] = lambda played: None,
-) -> Played:
-    """Play until `stop` is set or that long has passed; `tell` is called each turn."""
+    each_turn: Callable[[PlayStatus], None] = lambda status: None,
+) -> PlayStatus:
+    """Play until `stop` is set or that long has passed."""
     for boat in boats:
         boat.advance(boat.start(), WARM_UP_S)
-    with open_port(endpoint) as port:
-        stage = Stage(boats, port)
+    with BoatPort(endpoint) as port:
+        loop = PlayLoop(boats, port)
         begun = clock()
         while not stop.is_set() and clock() - begun < seconds:
-            behind = clock() - begun - stage.next_s()
+            behind = clock() - begun - loop.next_s()
             begun += behind if behind > ASLEEP_S else 0.0
-            stage.turn(clock() - begun)
-            tell(stage.played)
-            stop.wait(max(0.0, stage.next_s() - (clock() - begun)))
-        return stage.played
+            loop.turn(clock() - begun)
+            each_turn(loop.status)
+            stop.wait(max(0.0, loop.next_s() - (clock() - begun)))
+        return loop.status
 
 
 @contextmanager
-def playing(boats: Sequence[PlayedBoat], endpoint: str) -> Iterator[Played]:
+def playing(boats: Sequence[SimulatedBoat], endpoint: str) -> Iterator[PlayStatus]:
     """Boats that play in a thread of their own while inside."""
-    stop, shared, failed = Event(), Played(), []
+    stop, shared, errors = Event(), PlayStatus(), list[ShadowError]()
 
     def work() -> None:
         try:
-            play(boats, endpoint, stop, tell=lambda played: vars(shared).update(vars(played)))
+            play(boats, endpoint, stop, each_turn=lambda now: vars(shared).update(vars(now)))
         except ShadowError as error:
-            failed.append(error)
+            errors.append(error)
 
-    thread = Thread(target=work, name="played boats", daemon=True)
+    thread = Thread(target=work, name="simulated boats", daemon=True)
     thread.start()
     try:
         yield shared
     finally:
         stop.set()
         thread.join()
-        if failed:
-            raise failed[0]
+        if errors:
+            raise errors[0]
 
 
-class Stage:
-    """Boats on one port. They share it, and each has its own moment within a tick."""
+class ListenerNotice:
+    """Reports when nobody listens for a while, and when somebody does; once each."""
 
-    def __init__(self, boats: Sequence[PlayedBoat], port: Port) -> None:
-        self._boats, self._port, self._ears = boats, port, Ears()
-        self._states = [boat.start() for boat in boats]
-        self._shifts = [i / len(boats) * boat.dt for i, boat in enumerate(boats)]
-        self.played = Played()
+    def __init__(self, endpoint: str, progress: Progress) -> None:
+        self._endpoint, self._progress = endpoint, progress
+        self._since_s = 0.0
+        self._reported = False
 
-    def turn(self, now: float) -> None:
-        """Hear, move on, speak."""
-        self.played.seconds = now
-        self.played.lateness_s = max(self.played.lateness_s, now - self.next_s())
-        for message in self._ears.messages(self._port.heard()):
-            self.played.heard += 1
-            for i, boat in enumerate(self._boats):
-                self._states[i] = boat.hear(self._states[i], message)
-        self.played.alone = self._port.alone
-        for i, boat in enumerate(self._boats):
-            self._states[i] = self._spoken(boat, self._states[i], now - self._shifts[i])
+    def note(self, status: PlayStatus) -> None:
+        """Report what has changed; called each turn."""
+        if status.no_listener is None:
+            if self._reported:
+                self._progress(f"{self._endpoint}: connected")
+            self._since_s, self._reported = status.seconds, False
+        elif not self._reported and status.seconds - self._since_s >= NOTICE_S:
+            self._progress(f"{self._endpoint}: {status.no_listener}")
+            self._reported = True
 
-    def next_s(self) -> float:
-        """When the next turn is due [s since play began]."""
-        return min(
-            boat.next_s(state) + shift
-            for boat, state, shift in zip(self._boats, self._states, self._shifts, strict=True)
+
+def simulate_live(
+    vessels: Sequence[Vessel],
+    endpoint: str,
+    stop: Event,
+    *,
+    system: int = 1,
+    program: str | Path = "mixed",
+    fast: bool = False,
+    noise: float = 1.0,
+    station: bool = False,
+    seed: int = 0,
+    seconds: float = float("inf"),
+    each_turn: Callable[[PlayStatus], None] = lambda status: None,
+) -> PlayStatus:
+    """Play vessels side by side, with ids from `system` on, until `stop` is set.
+
+    `program` is one of `gateway.simulated_boat.program.PROGRAMS` or a CSV of commands; `fast`
+    starts with high rates instead of a telemetry radio's.
+    """
+    if not vessels:
+        raise BadInput("no vessel to play: give one or more with --vessel")
+    boat_transport(endpoint)  # before anything is compiled
+    now = time.time()
+    boats = [
+        SimulatedBoat(
+            vessel,
+            SimulatedBoatSettings(
+                system_id=system + i,
+                rates=FAST if fast else THIN,
+                noise=noise,
+                unix_s=now,
+                start=(0.0, ABREAST_M * i, 0.0),
+                station=station and i == 0,
+            ),
+            seed + i,
+            program_of(vessel, program, seed + i),
         )
-
-    def _spoken(self, boat: PlayedBoat, state: BoatState, now: float) -> BoatState:
-        state, frames = boat.advance(state, now)
-        for frame in frames:
-            if now - frame.time_s > STALE_S:
-                self.played.stale += 1
-                continue
-            self._port.send(frame.data)
-            self.played.frames += 1
-        return state
+        for i, vessel in enumerate(vessels)
+    ]
+    return play(boats, endpoint, stop, seconds=seconds, each_turn=each_turn)
 
 
-class Ears:
-    """Bytes of several speakers -> messages."""
-
-    def __init__(self) -> None:
-        self._parsers: dict[Hashable, Any] = {}
-
-    def messages(self, heard: Sequence[Heard]) -> list[Message]:
-        """Everything understood; what is no MAVLink is passed over."""
-        return [
-            message
-            for speaker, data in heard
-            for message in self._parser(speaker).parse_buffer(data) or ()
-            if message.get_type() != "BAD_DATA"
-        ]
-
-    def _parser(self, speaker: Hashable) -> Any:
-        if speaker not in self._parsers:
-            parser = mavlink.MAVLink(None)
-            parser.robust_parsing = True
-            self._parsers[speaker] = parser
-        return self._parsers[speaker]
+def play_until_stopped(
+    vessel: Vessel,
+    endpoint: str,
+    progress: Progress,
+    *,
+    program: str,
+    system: int,
+    fast: bool,
+    seed: int,
+    seconds: float,
+) -> None:
+    """Play a program over and over until SIGINT, SIGTERM, or that long has passed."""
+    stop = Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    progress(f"playing {vessel.name} as system {system} on {endpoint}; Ctrl-C ends")
+    status = simulate_live(
+        [vessel], endpoint, stop, system=system, program=program, fast=fast, seed=seed,
+        seconds=seconds, each_turn=ListenerNotice(endpoint, progress).note,
+    )  # fmt: skip
+    progress(
+        f"played {status.seconds:.0f} s, {status.frames} frames, heard {status.received} messages"
+    )

@@ -1,7 +1,7 @@
-"""What the pilot does: a table of commands that repeats, a pure function of time.
+"""The commands of a simulated boat: a table that repeats, a pure function of time.
 
-Built-in programs are the manoeuvres of `sim.excitation`; a table of a user's own (CSV) speaks to
-each actuator by its name.
+Built-in programs are the manoeuvres of `sim.excitation`; a table of a user's own (CSV) names each
+actuator.
 """
 
 from collections.abc import Mapping
@@ -12,10 +12,9 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.offline.simulate import read_commands
-from sim.excitation.catalogue import BY_NAME
+from sim.excitation.catalogue import BY_NAME, Mixed
 from sim.excitation.manoeuvre import Manoeuvre
-from sim.excitation.oscillations import Mixed
-from sim.excitation.sticks import commands_of
+from sim.excitation.sticks import manoeuvre_commands
 from sim.excitation.turns import Circles, Spin
 from sim.state import Floats
 from sim.vessel import Vessel
@@ -41,7 +40,7 @@ class Program:
 def program_of(vessel: Vessel, wanted: str | Path = "mixed", seed: int = 0) -> Program:
     """A built-in program by its name, else a CSV of commands."""
     if str(wanted) in PROGRAMS:
-        return _played(commands_of(PROGRAMS[str(wanted)], vessel, STEP_S, seed))
+        return _program(manoeuvre_commands(PROGRAMS[str(wanted)], vessel, STEP_S, seed))
     path = Path(wanted)
     if not path.exists():
         raise BadInput(f"{wanted}: neither a table of commands nor one of {', '.join(PROGRAMS)}")
@@ -49,7 +48,7 @@ def program_of(vessel: Vessel, wanted: str | Path = "mixed", seed: int = 0) -> P
     return Program(times[:-1], rows[:-1], float(times[-1]))
 
 
-def _played(commands: Floats) -> Program:
+def _program(commands: Floats) -> Program:
     """Commands (T, na) on a grid -> the rows that differ from the one before."""
     new = np.append(True, np.any(np.diff(commands, axis=0) != 0.0, axis=1))
     starts = STEP_S * np.flatnonzero(new).astype(float)

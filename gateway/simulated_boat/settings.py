@@ -1,4 +1,4 @@
-"""What a user or a test may choose about a played boat."""
+"""What a user or a test may choose about a simulated boat."""
 
 import math
 from collections.abc import Mapping
@@ -8,36 +8,36 @@ from gateway.errors import BadInput
 from gateway.simulated_boat.faults import Faults
 from gateway.simulated_boat.telemetry import MESSAGES
 
-Rates = Mapping[str, float]  # message -> Hz; what is not there is not sent unless asked for
+Rates = Mapping[str, float]  # message -> Hz; what is not there is not sent unless requested
 
 THIN: Rates = {  # what a telemetry radio leaves room for
     "HEARTBEAT": 1.0, "ATTITUDE": 4.0, "LOCAL_POSITION_NED": 3.0, "GLOBAL_POSITION_INT": 3.0,
     "GPS_RAW_INT": 2.0, "SERVO_OUTPUT_RAW": 2.0, "RAW_IMU": 2.0, "VFR_HUD": 4.0,
     "SYS_STATUS": 2.0, "BATTERY_STATUS": 0.5, "SYSTEM_TIME": 1.0, "GPS_GLOBAL_ORIGIN": 0.1,
 }  # fmt: skip
-FAST: Rates = {  # a companion computer that asked for more
+FAST: Rates = {  # of a companion computer that requested more
     **THIN, "ATTITUDE": 50.0, "LOCAL_POSITION_NED": 25.0, "SERVO_OUTPUT_RAW": 25.0,
     "RAW_IMU": 25.0, "GLOBAL_POSITION_INT": 10.0, "GPS_RAW_INT": 5.0,
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
-class PlayedSettings:
-    """A boat's address, clocks, place, sensors and manners. Times are seconds since play began."""
+class SimulatedBoatSettings:
+    """Address, clocks, place, sensors and link of a boat. Times are seconds since the start."""
 
     system_id: int = 1
     rates: Rates = field(default_factory=lambda: THIN)
     noise: float = 1.0  # factor on every sensor error; 0: perfect sensors
     gyro_filter_hz: float = 4.0  # INS_GYRO_FILTER; 0: none
     loop_hz: float = 50.0  # of the autopilot: no message comes more often
-    boot_s: float = 30.0  # the boat's clock when play begins
-    unix_s: float = 1_700_000_000.0  # Unix time when play begins
-    origin_deg: tuple[float, float] = (63.44, 10.40)  # of the local frame when play begins
+    boot_s: float = 30.0  # the boat's clock at the start
+    unix_s: float = 1_700_000_000.0  # Unix time at the start
+    origin_deg: tuple[float, float] = (63.44, 10.40)  # of the local frame at the start
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)  # north, east [m], yaw [rad]
     battery_v: float = 14.8  # nominal
     armed: tuple[float, float] = (0.0, math.inf)  # from, to
-    parameters: bool = True  # somebody asks for all parameters after each boot
-    station: bool = False  # a ground station speaks on the same link
+    parameters: bool = True  # all parameters are sent after each boot, as if requested
+    station: bool = False  # a ground station sends on the same link
     signing_key: bytes | None = None  # 32 bytes: every frame is signed with it
     faults: Faults = field(default_factory=Faults)
 

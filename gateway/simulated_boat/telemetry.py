@@ -1,8 +1,7 @@
-"""Which message carries what, in the units and with the fields that ArduPilot fills.
+"""Messages and parameters of the simulated boat, with the units and fields that ArduPilot fills.
 
-`MESSAGES` is the one table of what a played boat can send on a stream or on request.
-
-The parameters that such a boat's autopilot would have: enough for `shadow init`.
+`MESSAGES` is the one table of what it can send on a stream or on request. The parameters are those
+that `shadow init` reads.
 """
 
 import math
@@ -12,7 +11,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.earth import Origin, metres_per_degree
-from gateway.simulated_boat.sensors import GPS_AGE, GRAVITY, Columns
+from gateway.simulated_boat.sensors import GPS_AGE, GRAVITY, SensedValues
 from sim.vessel import Servo, Thruster, Vessel
 
 Message = Any
@@ -28,23 +27,23 @@ CAPABILITIES = (
 )
 
 
-class Moment(NamedTuple):
-    """All that an autopilot could say at one moment."""
+class BoatSnapshot(NamedTuple):
+    """Everything that an autopilot can report at one moment."""
 
     boot_us: int
     unix_us: int
     armed: bool
-    sensed: Columns
+    sensed: SensedValues
     pulses: tuple[int, ...]  # of channels 1 … 32 [µs], 0 where nothing is connected
     throttle: float  # 0 … 1
     amperes: float
     used_as: float
     remaining: float  # 1 full … 0 empty
-    local: tuple[float, float]  # where the local frame starts [m from the origin of play]
-    origin: Origin  # of play
+    local: tuple[float, float]  # where the local frame starts [m from the origin of the run]
+    origin: Origin  # of the run
 
 
-def heartbeat(m: Moment) -> Message:
+def heartbeat(m: BoatSnapshot) -> Message:
     mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if m.armed else 0
     return mavlink.MAVLink_heartbeat_message(
@@ -53,20 +52,20 @@ def heartbeat(m: Moment) -> Message:
     )  # fmt: skip
 
 
-def attitude(m: Moment) -> Message:
+def attitude(m: BoatSnapshot) -> Message:
     s = m.sensed
     yaw = math.remainder(s.yaw, 2.0 * math.pi)
     return mavlink.MAVLink_attitude_message(_boot_ms(m), s.roll, s.pitch, yaw, 0.0, 0.0, s.yaw_rate)
 
 
-def local_position_ned(m: Moment) -> Message:
+def local_position_ned(m: BoatSnapshot) -> Message:
     s = m.sensed
     return mavlink.MAVLink_local_position_ned_message(
         _boot_ms(m), s.north - m.local[0], s.east - m.local[1], 0.0, s.north_mps, s.east_mps, 0.0
     )
 
 
-def global_position_int(m: Moment) -> Message:
+def global_position_int(m: BoatSnapshot) -> Message:
     s = m.sensed
     velocity = (round(s.north_mps * 100.0), round(s.east_mps * 100.0), 0)
     heading = round(math.degrees(s.yaw) * 100.0) % 36000
@@ -75,7 +74,7 @@ def global_position_int(m: Moment) -> Message:
     )
 
 
-def gps_raw_int(m: Moment) -> Message:
+def gps_raw_int(m: BoatSnapshot) -> Message:
     s = m.sensed
     speed = math.hypot(s.gps_north_mps, s.gps_east_mps)
     course = round(math.degrees(math.atan2(s.gps_east_mps, s.gps_north_mps)) * 100.0) % 36000
@@ -86,15 +85,15 @@ def gps_raw_int(m: Moment) -> Message:
     )  # fmt: skip
 
 
-def servo_output_raw(m: Moment) -> Message:
+def servo_output_raw(m: BoatSnapshot) -> Message:
     return _servo(m, 0)
 
 
-def servo_output_raw_second(m: Moment) -> Message:
+def servo_output_raw_second(m: BoatSnapshot) -> Message:
     return _servo(m, 1)
 
 
-def raw_imu(m: Moment) -> Message:
+def raw_imu(m: BoatSnapshot) -> Message:
     s = m.sensed
     milli_g = [round(f / GRAVITY * 1000.0) for f in (s.forward, s.starboard, -GRAVITY)]
     field = [round(400.0 * math.cos(s.yaw)), round(-400.0 * math.sin(s.yaw)), 300]  # mgauss
@@ -103,7 +102,7 @@ def raw_imu(m: Moment) -> Message:
     )
 
 
-def vfr_hud(m: Moment) -> Message:
+def vfr_hud(m: BoatSnapshot) -> Message:
     s = m.sensed
     speed = math.hypot(s.north_mps, s.east_mps)
     heading = round(math.degrees(s.yaw)) % 360
@@ -112,14 +111,14 @@ def vfr_hud(m: Moment) -> Message:
     )
 
 
-def sys_status(m: Moment) -> Message:
+def sys_status(m: BoatSnapshot) -> Message:
     return mavlink.MAVLink_sys_status_message(
         SENSORS, SENSORS, SENSORS, 180, round(m.sensed.volts * 1000.0), round(m.amperes * 100.0),
         round(m.remaining * 100.0), 0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
 
-def battery_status(m: Moment) -> Message:
+def battery_status(m: BoatSnapshot) -> Message:
     cells = [round(m.sensed.volts * 1000.0)] + [65535] * 9  # ArduPilot: the whole pack as one
     return mavlink.MAVLink_battery_status_message(
         0, 0, 1, 32767, cells, round(m.amperes * 100.0), round(m.used_as / 3.6), -1,
@@ -127,16 +126,16 @@ def battery_status(m: Moment) -> Message:
     )  # fmt: skip
 
 
-def system_time(m: Moment) -> Message:
+def system_time(m: BoatSnapshot) -> Message:
     return mavlink.MAVLink_system_time_message(m.unix_us, _boot_ms(m))
 
 
-def gps_global_origin(m: Moment) -> Message:
+def gps_global_origin(m: BoatSnapshot) -> Message:
     lat, lon = degrees_e7(m.origin, *m.local)
     return mavlink.MAVLink_gps_global_origin_message(lat, lon, 0, m.boot_us)
 
 
-def autopilot_version(m: Moment) -> Message:
+def autopilot_version(m: BoatSnapshot) -> Message:
     major, minor, patch = FIRMWARE
     release = mavlink.FIRMWARE_VERSION_TYPE_OFFICIAL
     version = major << 24 | minor << 16 | patch << 8 | release
@@ -146,12 +145,12 @@ def autopilot_version(m: Moment) -> Message:
     )
 
 
-def _servo(m: Moment, port: int) -> Message:
+def _servo(m: BoatSnapshot, port: int) -> Message:
     outputs = m.pulses[16 * port : 16 * port + 16]
     return mavlink.MAVLink_servo_output_raw_message(m.boot_us & 0xFFFFFFFF, port, *outputs)
 
 
-def _boot_ms(m: Moment) -> int:
+def _boot_ms(m: BoatSnapshot) -> int:
     return m.boot_us // 1000 & 0xFFFFFFFF
 
 
@@ -162,7 +161,7 @@ def degrees_e7(origin: Origin, north: float, east: float) -> tuple[int, int]:
     return round(lat * 1e7), round(lon * 1e7)
 
 
-MESSAGES: Mapping[str, tuple[Callable[[Moment], Message], ...]] = {
+MESSAGES: Mapping[str, tuple[Callable[[BoatSnapshot], Message], ...]] = {
     "HEARTBEAT": (heartbeat,),
     "ATTITUDE": (attitude,),
     "LOCAL_POSITION_NED": (local_position_ned,),
@@ -182,8 +181,8 @@ BY_ID: Mapping[int, str] = {
 }
 
 
-def said(name: str, m: Moment) -> list[Message]:
-    """The message of that name at that moment; outputs 17 to 32 only where there are any."""
+def messages_named(name: str, m: BoatSnapshot) -> list[Message]:
+    """The message of that name; outputs 17 to 32 only where there are any."""
     first, *more = MESSAGES[name]
     return [first(m), *(build(m) for build in more if any(m.pulses[16:]))]
 
@@ -193,7 +192,7 @@ CORNERS = {(1, 1): 0, (-1, -1): 1, (1, -1): 2, (-1, 1): 3}  # ahead?, starboard?
 
 
 def parameters(vessel: Vessel, system_id: int, gyro_filter_hz: float) -> dict[str, float]:
-    """Name -> value, in the order in which they are listed."""
+    """Name -> value of all parameters, in the order in which they are listed."""
     values = {
         "SYSID_THISMAV": float(system_id),
         "FRAME_CLASS": 2.0,  # boat

@@ -17,10 +17,10 @@ from gateway.live.boat import LiveBoat
 from gateway.live.boats import BoatPlan
 from gateway.live.gateway import Gateway, LiveOptions
 from gateway.recording.recorder import RecordingSettings
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.faults import Frame as OnWire
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.faults import TimedFrame as OnWire
 from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, PlayedSettings
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from sim.following.reference import ReferenceMode
 from sim.state import Floats
 from sim.vessel import Vessel
@@ -41,14 +41,14 @@ def played(
     seconds: float, vessel: Vessel = WAMV, program: str = "mixed", seed: int = 0, **settings: Any
 ) -> list[OnWire]:
     """What arrives from a boat that is played for so long."""
-    given = PlayedSettings(**{"rates": FAST, **settings})
-    boat = PlayedBoat(vessel, given, seed, program_of(vessel, program, seed))
+    given = SimulatedBoatSettings(**{"rates": FAST, **settings})
+    boat = SimulatedBoat(vessel, given, seed, program_of(vessel, program, seed))
     return boat.advance(boat.start(), seconds)[1]
 
 
 def truth(seconds: float, **settings: Any) -> Floats:
     """(K, 3): where that boat really is, time [s since play began], north, east [m]."""
-    boat = PlayedBoat(WAMV, PlayedSettings(**{"rates": FAST, **settings}), 0)
+    boat = SimulatedBoat(WAMV, SimulatedBoatSettings(**{"rates": FAST, **settings}), 0)
     state, rows = boat.start(), list[tuple[float, float, float]]()
     for time in np.arange(0.0, seconds, 0.1).tolist():
         state = boat.advance(state, time)[0]

@@ -17,8 +17,8 @@ import zenoh
 
 from gateway.live.boats import BoatPlan
 from gateway.live.gateway import Gateway, LiveOptions
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.settings import FAST, PlayedSettings
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from gateway.vessel_file import dump_vessel
 from tests.conftest import ROOT
 from tests.gateway.pipelines.aboard import SETTINGS, Heard, Listener
@@ -43,9 +43,9 @@ def wait(condition: Callable[[], Any], patience_s: float = PATIENCE_S) -> Any:
     return value
 
 
-def boat(**settings: Any) -> PlayedBoat:
+def boat(**settings: Any) -> SimulatedBoat:
     """One to play in real time, fast from the start."""
-    return PlayedBoat(WAMV, PlayedSettings(**{"rates": FAST, "unix_s": time.time(), **settings}))
+    return SimulatedBoat(WAMV, SimulatedBoatSettings(**{"rates": FAST, "unix_s": time.time(), **settings}))
 
 
 @contextmanager

@@ -21,11 +21,11 @@ from gateway.live import outputs
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder, open_new
 from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
-from gateway.simulated_boat.settings import PlayedSettings
+from gateway.simulated_boat.settings import SimulatedBoatSettings
 from tests.gateway.pipelines.aboard import Deck, Heard, datagrams, played, truth
 
 SECONDS = 30.0
-HOME = Origin(*PlayedSettings().origin_deg)
+HOME = Origin(*SimulatedBoatSettings().origin_deg)
 
 
 def shadowed(frames: Any, **around: Any) -> Heard:

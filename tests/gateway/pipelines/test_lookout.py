@@ -11,10 +11,10 @@ import pytest
 
 from gateway.shadow.model_monitor import FIRST_S, ModelMonitor, clock
 from gateway.shadow.path import Shadowing, Watched
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.faults import Frame
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.faults import TimedFrame
 from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, PlayedSettings
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from gateway.topics import TOPICS
 from sim.effects.catalogue import EFFECTS
 from sim.model import Model
@@ -107,12 +107,12 @@ def test_a_clock_shows_the_time_of_day() -> None:
     assert clock(1_700_000_000 * 10**9) == "22:13:20 UTC"
 
 
-def frames(*legs: tuple[Any, float]) -> list[Frame]:
+def frames(*legs: tuple[Any, float]) -> list[TimedFrame]:
     """Vessels that take over from each other; each plays until its time."""
     boats = [
-        PlayedBoat(v, PlayedSettings(rates=FAST), 0, program_of(WAMV, "steps", 0)) for v, _ in legs
+        SimulatedBoat(v, SimulatedBoatSettings(rates=FAST), 0, program_of(WAMV, "steps", 0)) for v, _ in legs
     ]
-    state, out = boats[0].start(), list[Frame]()
+    state, out = boats[0].start(), list[TimedFrame]()
     for boat, (_, until_s) in zip(boats, legs, strict=True):
         state, arrived = boat.advance(state, until_s)
         out += arrived

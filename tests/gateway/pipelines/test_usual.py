@@ -7,10 +7,10 @@ import pytest
 
 from gateway.shadow.events import BLOCK_S, NEEDED, REMEMBERED, UsualRange
 from gateway.shadow.path import Shadowing, Watched
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.faults import Frame
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.faults import TimedFrame
 from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, PlayedSettings
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect
 from tests.gateway.pipelines.aboard import Deck, datagrams
@@ -81,17 +81,17 @@ def test_how_rows_are_cut_into_chunks_makes_no_difference() -> None:
     assert told == kinds(missing)
 
 
-def one_after_another(*legs: tuple[PlayedBoat, float]) -> list[Frame]:
+def one_after_another(*legs: tuple[SimulatedBoat, float]) -> list[TimedFrame]:
     """Boats that take over from each other where the last one was; each plays until its time."""
-    state, frames = legs[0][0].start(), list[Frame]()
+    state, frames = legs[0][0].start(), list[TimedFrame]()
     for boat, until_s in legs:
         state, arrived = boat.advance(state, until_s)
         frames += arrived
     return frames
 
 
-def boat(vessel: Any, program: str) -> PlayedBoat:
-    return PlayedBoat(vessel, PlayedSettings(rates=FAST), 0, program_of(WAMV, program, 0))
+def boat(vessel: Any, program: str) -> SimulatedBoat:
+    return SimulatedBoat(vessel, SimulatedBoatSettings(rates=FAST), 0, program_of(WAMV, program, 0))
 
 
 def test_the_true_vessel_lacks_nothing_and_an_effect_is_noticed_while_it_lasts() -> None:

@@ -6,29 +6,29 @@ import numpy as np
 import pytest
 from numpy.random import PCG64, Generator
 
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.hull import Truth
-from gateway.simulated_boat.sensors import GRAVITY, TABLE, Columns, Sensors
-from gateway.simulated_boat.settings import FAST, PlayedSettings
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.hull import TrueState
+from gateway.simulated_boat.sensors import GRAVITY, TABLE, SensedValues, SensorModel
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from sim.body import Report
-from sim.vessel import Sensors as Sensing
-from tests.gateway.played.hearing import boat, frames_of, named
+from sim.vessel import Sensors
+from tests.gateway.simulated_boat.frames import frames_of, messages_named, simulated_boat
 from tests.sim.vessels import WAMV
 
-REST = Truth(Report(*[0.0] * 9), 0.0, 0.0, 14.0, 0.0)
-MOVING = Truth(Report(5.0, -3.0, 0.5, 1.0, 0.2, 0.1, 0.3, 0.0, 0.0), 0.4, -0.1, 14.0, 0.0)
-NORTH, ROLL = Columns._fields.index("north"), Columns._fields.index("roll")
+REST = TrueState(Report(*[0.0] * 9), 0.0, 0.0, 14.0, 0.0)
+MOVING = TrueState(Report(5.0, -3.0, 0.5, 1.0, 0.2, 0.1, 0.3, 0.0, 0.0), 0.4, -0.1, 14.0, 0.0)
+NORTH, ROLL = SensedValues._fields.index("north"), SensedValues._fields.index("roll")
 
 
 def readings(count, dt=0.02, seed=0):
     """Slow errors and readings (count, n) of a boat that lies still."""
-    sensors, dice = Sensors(dt, 1.0, 0.0), Generator(PCG64(seed))
-    state, slow, said = sensors.start(dice), [], []
+    sensors, rng = SensorModel(dt, 1.0, 0.0), Generator(PCG64(seed))
+    state, slow, sensed = sensors.start(rng), [], []
     for _ in range(count):
-        state, columns = sensors.read(state, REST, dice)
-        slow.append(state.wander)
-        said.append(columns)
-    return np.array(slow), np.array(said)
+        state, values = sensors.read(state, REST, rng)
+        slow.append(state.slow)
+        sensed.append(values)
+    return np.array(slow), np.array(sensed)
 
 
 def test_slow_errors_are_as_large_as_their_table_says_from_the_start():
@@ -43,14 +43,14 @@ def test_slow_errors_wander_at_their_own_pace():
 
 
 def test_white_noise_comes_on_top():
-    slow, said = readings(4000)
-    white = (said - slow)[:, [NORTH, ROLL]]
+    slow, sensed = readings(4000)
+    white = (sensed - slow)[:, [NORTH, ROLL]]
     assert np.std(white, axis=0) == pytest.approx(TABLE[[NORTH, ROLL], 2], rel=0.05)
 
 
 def test_perfect_sensors_say_the_truth():
-    sensors, dice = Sensors(0.02, 0.0, 0.0), Generator(PCG64(0))
-    _, s = sensors.read(sensors.start(dice), MOVING, dice)
+    sensors, rng = SensorModel(0.02, 0.0, 0.0), Generator(PCG64(0))
+    _, s = sensors.read(sensors.start(rng), MOVING, rng)
     c, n = np.cos(0.5), np.sin(0.5)
     assert (s.north, s.east, s.yaw, s.yaw_rate) == (5.0, -3.0, 0.5, 0.1)
     assert (s.north_mps, s.east_mps) == pytest.approx((c - 0.2 * n, n + 0.2 * c))
@@ -60,8 +60,8 @@ def test_perfect_sensors_say_the_truth():
 
 
 def test_a_hull_that_heels_feels_gravity():
-    sensors, dice = Sensors(0.02, 1.0, 0.0), Generator(PCG64(1))
-    felt = [sensors.read(sensors.start(dice), REST, dice)[1] for _ in range(2000)]
+    sensors, rng = SensorModel(0.02, 1.0, 0.0), Generator(PCG64(1))
+    felt = [sensors.read(sensors.start(rng), REST, rng)[1] for _ in range(2000)]
     lean = np.array([(s.roll, s.pitch, s.starboard, s.forward) for s in felt])
     assert np.polyfit(lean[:, 0], lean[:, 2], 1)[0] == pytest.approx(-GRAVITY, rel=0.1)
     assert np.polyfit(lean[:, 1], lean[:, 3], 1)[0] == pytest.approx(GRAVITY, rel=0.1)
@@ -70,10 +70,10 @@ def test_a_hull_that_heels_feels_gravity():
 def test_the_imu_feels_acceleration_and_turn():
     """Specific force is the change of velocity in the world, seen in the body."""
     rates = dict.fromkeys(("HEARTBEAT", *FAST), 50.0)
-    frames = frames_of(boat(rates=rates, noise=0.0, gyro_filter_hz=0.0), 100.0)
-    yaw = np.array([m.yaw for m in named(frames, "ATTITUDE")])
-    v = np.array([(m.vx, m.vy) for m in named(frames, "LOCAL_POSITION_NED")])
-    felt = np.array([(m.xacc, m.yacc) for m in named(frames, "RAW_IMU")]) * 1e-3 * GRAVITY
+    frames = frames_of(simulated_boat(rates=rates, noise=0.0, gyro_filter_hz=0.0), 100.0)
+    yaw = np.array([m.yaw for m in messages_named(frames, "ATTITUDE")])
+    v = np.array([(m.vx, m.vy) for m in messages_named(frames, "LOCAL_POSITION_NED")])
+    felt = np.array([(m.xacc, m.yacc) for m in messages_named(frames, "RAW_IMU")]) * 1e-3 * GRAVITY
     newton = np.gradient(v, 0.02, axis=0)
     c, s = np.cos(yaw), np.sin(yaw)
     body = np.stack([c * newton[:, 0] + s * newton[:, 1], c * newton[:, 1] - s * newton[:, 0]], 1)
@@ -85,10 +85,10 @@ def test_an_imu_ahead_of_the_origin_feels_the_turn_pull_it_forward():
     """Centripetal acceleration −r² x, tangential ṙ x."""
 
     def felt(x):
-        vessel = replace(WAMV, sensors=Sensing(imu=(x, 0.0)))
-        settings = PlayedSettings(rates=FAST, noise=0.0, gyro_filter_hz=0.0)
-        frames = frames_of(PlayedBoat(vessel, settings), 90.0)
-        imu = named(frames, "RAW_IMU")
+        vessel = replace(WAMV, sensors=Sensors(imu=(x, 0.0)))
+        settings = SimulatedBoatSettings(rates=FAST, noise=0.0, gyro_filter_hz=0.0)
+        frames = frames_of(SimulatedBoat(vessel, settings), 90.0)
+        imu = messages_named(frames, "RAW_IMU")
         rate = np.array([m.zgyro for m in imu]) * 1e-3
         return rate, np.array([(m.xacc, m.yacc) for m in imu]) * 1e-3 * GRAVITY
 

@@ -1,4 +1,4 @@
-"""A played boat through ingest and replay: its own model explains it, another does not."""
+"""A simulated boat through ingest and replay: its own model explains it, another does not."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,14 +9,14 @@ import pytest
 from gateway.config import Settings, ZenohSettings
 from gateway.ingest.log import choose_boat
 from gateway.ingest.parameters import actuators
-from gateway.offline.first_vessel import init_vessel
+from gateway.offline.initial_vessel import init_vessel
 from gateway.offline.replay import ReplayOptions, replay
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.settings import FAST, THIN, PlayedSettings
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.settings import FAST, THIN, SimulatedBoatSettings
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect, Servo
-from tests.gateway.played.hearing import frames_of, log_of, records
+from tests.gateway.simulated_boat.frames import frames_of, log_of, records
 from tests.sim.vessels import VALUES
 
 VESSELS = Path(__file__).resolve().parents[3] / "configs/vessels"
@@ -27,9 +27,9 @@ QUIET = ReplayOptions(settings=Settings(zenoh=ZenohSettings(publish=False)))
 
 def missing(folder, truth, model, seconds=60.0, **settings):
     """Missing force of the model on a voyage of the truth: root mean square (3,) [N, N, N m]."""
-    player = PlayedBoat(truth, PlayedSettings(**{"rates": FAST, **settings}))
-    path = folder / "played.tlog"
-    path.write_bytes(records(frames_of(player, seconds)))
+    boat = SimulatedBoat(truth, SimulatedBoatSettings(**{"rates": FAST, **settings}))
+    path = folder / "simulated.tlog"
+    path.write_bytes(records(frames_of(boat, seconds)))
     return replay(path, model, options=QUIET).missing
 
 
@@ -52,8 +52,8 @@ def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, na
 @pytest.mark.parametrize("path", sorted(VESSELS.glob("*.toml")), ids=lambda p: p.stem)
 def test_a_first_vessel_comes_from_what_the_boat_says_of_its_outputs(tmp_path, path):
     vessel = load_vessel(path)
-    log = tmp_path / "played.tlog"
-    log.write_bytes(records(frames_of(PlayedBoat(vessel), 5.0)))
+    log = tmp_path / "simulated.tlog"
+    log.write_bytes(records(frames_of(SimulatedBoat(vessel), 5.0)))
     init_vessel(log, tmp_path / "first.toml", None, {})
     first = load_vessel(tmp_path / "first.toml")
     assert {a.servo for a in first.thrusters} == {a.servo for a in vessel.thrusters}
@@ -64,7 +64,7 @@ def test_odd_servos_are_told_as_they_are():
     odd = Servo(9, (1000.0, 1480.0, 1950.0), reversed=True)
     left, right = BOAT.thrusters
     vessel = replace(BOAT, thrusters=(replace(left, servo=odd), right))
-    log = log_of(frames_of(PlayedBoat(vessel), 5.0))
+    log = log_of(frames_of(SimulatedBoat(vessel), 5.0))
     found = actuators(log.parameters(choose_boat(log)))
     assert {(a.channel, a.pwm, a.reversed) for a in found} == {
         (9, (1000.0, 1480.0, 1950.0), True),
@@ -73,11 +73,11 @@ def test_odd_servos_are_told_as_they_are():
 
 
 def test_sides_are_told_apart(tmp_path):
-    log = log_of(frames_of(PlayedBoat(BOAT), 5.0))
+    log = log_of(frames_of(SimulatedBoat(BOAT), 5.0))
     kinds = [a.kind.value for a in actuators(log.parameters(choose_boat(log)))]
     assert kinds == ["throttle left", "throttle right"]
 
 
 def test_the_firmware_says_that_it_is_no_real_boat():
-    log = log_of(frames_of(PlayedBoat(BOAT), 5.0))
+    log = log_of(frames_of(SimulatedBoat(BOAT), 5.0))
     assert "played" in log.firmware(choose_boat(log))

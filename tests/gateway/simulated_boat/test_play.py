@@ -8,12 +8,11 @@ from threading import Event, Thread
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.errors import BadInput, ShadowError
-from gateway.simulated_boat.play import Stage, play, playing
-from gateway.simulated_boat.port import TcpPort, UdpPort, open_port, parse_endpoint
-from gateway.simulated_boat.session import simulate_live
+from gateway.errors import BadInput
+from gateway.links.transport import Arrival
+from gateway.simulated_boat.play import PlayLoop, play, playing, simulate_live
 from gateway.simulated_boat.settings import FAST
-from tests.gateway.played.hearing import boat
+from tests.gateway.simulated_boat.frames import simulated_boat
 from tests.sim.vessels import WAMV
 
 HOST = "127.0.0.1"
@@ -60,12 +59,15 @@ def acknowledged(message):
     return message.get_type() == "COMMAND_ACK" and message.result == 0
 
 
-def speaks(system):
+def from_system(system):
     return lambda message: message.get_srcSystem() == system
 
 
 def test_udp_out_and_a_request_over_the_same_link():
-    with closing(udp()) as plug, playing([boat()], f"udpout:{HOST}:{plug.getsockname()[1]}"):
+    with (
+        closing(udp()) as plug,
+        playing([simulated_boat()], f"udpout:{HOST}:{plug.getsockname()[1]}"),
+    ):
         _, boat_side = plug.recvfrom(65536)
         listener = Listener(plug)
         listener.ask(lambda data: plug.sendto(data, boat_side))
@@ -73,9 +75,9 @@ def test_udp_out_and_a_request_over_the_same_link():
         listener.until(lambda m: m.get_type() == "ATTITUDE")
 
 
-def test_udp_in_speaks_to_whoever_has_spoken():
+def test_udp_in_sends_to_those_it_received_from():
     number = free_port()
-    with closing(udp()) as plug, playing([boat()], f"udpin:{HOST}:{number}"):
+    with closing(udp()) as plug, playing([simulated_boat()], f"udpin:{HOST}:{number}"):
         listener = Listener(plug)
         plug.settimeout(0.1)
         for _ in range(50):
@@ -90,7 +92,7 @@ def test_udp_in_speaks_to_whoever_has_spoken():
 
 def test_tcp_in_serves_and_survives_a_listener_that_leaves():
     number = free_port()
-    with playing([boat()], f"tcpin:{HOST}:{number}"):
+    with playing([simulated_boat()], f"tcpin:{HOST}:{number}"):
         for _ in range(2):
             with closing(_call(number)) as plug:
                 listener = Listener(plug)
@@ -111,7 +113,7 @@ def _call(number):
 
 def test_tcp_calls_until_somebody_is_there():
     number = free_port()
-    with playing([boat()], f"tcp:{HOST}:{number}") as played:
+    with playing([simulated_boat()], f"tcp:{HOST}:{number}") as played:
         _wait(lambda: played.seconds > 0.05)  # the first call found nobody
         with closing(socket.create_server((HOST, number))) as server:
             server.settimeout(LONG)
@@ -128,16 +130,16 @@ def _wait(condition):
 
 
 def test_several_boats_share_a_port():
-    boats = [boat(system_id=1), boat(system_id=7)]
+    boats = [simulated_boat(system_id=1), simulated_boat(system_id=7)]
     with closing(udp()) as plug, playing(boats, f"udpout:{HOST}:{plug.getsockname()[1]}"):
         listener = Listener(plug)
-        listener.until(speaks(1))
-        listener.until(speaks(7))
+        listener.until(from_system(1))
+        listener.until(from_system(7))
 
 
 def test_stopping_ends_play_at_once():
     stop = Event()
-    thread = Thread(target=play, args=([boat()], f"udpout:{HOST}:9", stop))
+    thread = Thread(target=play, args=([simulated_boat()], f"udpout:{HOST}:9", stop))
     thread.start()
     stop.set()
     thread.join(LONG)
@@ -145,9 +147,9 @@ def test_stopping_ends_play_at_once():
 
 
 class Box:
-    """A port that keeps what is sent, and says what it is told to say."""
+    """A port that keeps what is sent, and receives what a test puts in."""
 
-    alone = None
+    no_listener = None
 
     def __init__(self):
         self.sent, self.inbox = [], []
@@ -155,28 +157,27 @@ class Box:
     def send(self, data):
         self.sent.append(data)
 
-    def heard(self):
-        said, self.inbox = self.inbox, []
-        return said
-
-    def close(self):
-        pass
+    def receive(self):
+        arrivals, self.inbox = self.inbox, []
+        return [Arrival(data, peer, 0) for peer, data in arrivals]
 
 
 def test_pace_is_kept_against_the_start():
     """Turns that come late do not move those after them."""
-    stage = Stage([boat(rates=FAST)], Box())
+    loop = PlayLoop([simulated_boat(rates=FAST)], Box())
     for late in (0.0, 0.011, 0.005, 0.3, 0.0):
-        due = stage.next_s()
+        due = loop.next_s()
         assert due * 50.0 == pytest.approx(round(due * 50.0))
-        stage.turn(due + late)
+        loop.turn(due + late)
 
 
-def test_boats_on_one_port_do_not_speak_in_chorus():
+def test_boats_on_one_port_send_at_different_moments():
     box, sent = Box(), []
-    stage = Stage([boat(system_id=1, rates=FAST), boat(system_id=2, rates=FAST)], box)
+    loop = PlayLoop(
+        [simulated_boat(system_id=1, rates=FAST), simulated_boat(system_id=2, rates=FAST)], box
+    )
     for _ in range(8):
-        stage.turn(stage.next_s())
+        loop.turn(loop.next_s())
         sent.append({data[5] for data in box.sent})
         box.sent.clear()
     assert sent == [{1}, {2}] * 4
@@ -184,79 +185,54 @@ def test_boats_on_one_port_do_not_speak_in_chorus():
 
 def test_after_a_stall_old_frames_are_not_sent():
     box = Box()
-    stage = Stage([boat(rates=FAST)], box)
-    stage.turn(0.0)
+    loop = PlayLoop([simulated_boat(rates=FAST)], box)
+    loop.turn(0.0)
     sent = len(box.sent)
-    stage.turn(60.0)
+    loop.turn(60.0)
     assert len(box.sent) - sent < 150
-    assert stage.played.stale > 8000
+    assert loop.status.stale > 8000
 
 
 def test_boats_go_on_where_they_were_after_the_machine_has_slept():
     times = iter([0.0, 0.0, 0.0, 0.0, 0.0, 3600.0, *[3600.0 + k * 0.001 for k in range(200)]])
-    played = play([boat()], f"udpout:{HOST}:9", Event(), seconds=0.1, clock=lambda: next(times))
+    played = play(
+        [simulated_boat()], f"udpout:{HOST}:9", Event(), seconds=0.1, clock=lambda: next(times)
+    )
     assert played.stale == 0
     assert played.seconds < 0.2
 
 
-def test_two_boats_with_one_system_id_both_speak():
+def test_two_boats_with_one_system_id_both_send():
     box = Box()
-    stage = Stage([boat(seed=1), boat(seed=2)], box)
+    loop = PlayLoop([simulated_boat(seed=1), simulated_boat(seed=2)], box)
     for k in range(6):
-        stage.turn(k * 0.2)
+        loop.turn(k * 0.2)
     numbers = [data[4] for data in box.sent]
     assert len(numbers) > len(set(numbers)) > 10
 
 
 def test_rubbish_on_the_port_is_passed_over():
     box = Box()
-    stage = Stage([boat()], box)
-    stage.turn(0.0)
+    loop = PlayLoop([simulated_boat()], box)
+    loop.turn(0.0)
     question = mavlink.MAVLink_param_request_read_message(1, 1, b"FRAME_CLASS", -1)
     packed = question.pack(mavlink.MAVLink(None, 200, 190))
     box.inbox = [("a", b"GET / HTTP/1.1\r\n\r\n"), ("b", bytes(300)), ("c", packed[:9])]
-    stage.turn(0.1)
+    loop.turn(0.1)
     box.inbox = [("c", packed[9:])]
-    stage.turn(0.2)
-    assert stage.played.heard == 1
-
-
-def test_a_slow_listener_is_hung_up_on():
-    """Its unread bytes are bounded; the boat does not wait for it."""
-    server = TcpPort(listen=(HOST, 0))
-    with closing(server), closing(socket.create_connection(server.address)) as plug:
-        plug.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        _wait(lambda: server.heard() == [] and len(server._peers) == 1)
-        for _ in range(10_000):
-            server.send(bytes(1000))
-        assert not server._peers
-
-
-def test_a_port_that_is_taken_is_one_line():
-    taken = UdpPort((), bind=(HOST, 0))
-    with (
-        closing(taken),
-        pytest.raises(ShadowError, match="cannot open"),
-        open_port(f"udpin:{HOST}:{taken.address[1]}"),
-    ):
-        pass
-
-
-@pytest.mark.parametrize("endpoint", ["udp:a:1", "udpout:14550", "udpout:h:x", "tcp::1", "", "tcp"])
-def test_an_endpoint_that_is_none_says_how_one_looks(endpoint):
-    with pytest.raises(BadInput, match=r"udpout:127\.0\.0\.1:14550"):
-        parse_endpoint(endpoint)
+    loop.turn(0.2)
+    assert loop.status.received == 1
 
 
 def test_what_the_command_calls(tmp_path):
     with closing(udp()) as plug:
         endpoint = f"udpout:{HOST}:{plug.getsockname()[1]}"
-        told = []
-        played = simulate_live([WAMV, WAMV], endpoint, Event(), seconds=0.3, tell=told.append)
+        turns = []
+        played = simulate_live([WAMV, WAMV], endpoint, Event(), seconds=0.3, each_turn=turns.append)
         assert played.frames > 10
-        assert told[-1] is played
+        assert turns[-1] is played
         listener = Listener(plug)
-        listener.until(speaks(1))
-        listener.until(speaks(2))
+        listener.until(from_system(1))
+        listener.until(from_system(2))
     with pytest.raises(BadInput, match="--vessel"):
         simulate_live([], endpoint, Event())

@@ -6,18 +6,18 @@ import pytest
 from gateway.errors import BadInput
 from gateway.simulated_boat.faults import Burst, Faults, Silence
 from gateway.simulated_boat.settings import FAST
-from tests.gateway.played.hearing import boat, decoded, frames_of, log_of
+from tests.gateway.simulated_boat.frames import decoded, frames_of, log_of, simulated_boat
 
 SECONDS = 30.0
 
 
-def played(**faults):
-    return frames_of(boat(rates=FAST, faults=Faults(**faults)), SECONDS)
+def frames_with(**faults):
+    return frames_of(simulated_boat(rates=FAST, faults=Faults(**faults)), SECONDS)
 
 
 @pytest.fixture(scope="module")
 def clean():
-    return played()
+    return frames_with()
 
 
 def test_without_faults_nothing_is_lost_doubled_or_late(clean):
@@ -27,19 +27,19 @@ def test_without_faults_nothing_is_lost_doubled_or_late(clean):
 
 
 def test_loss_takes_its_share(clean):
-    got = played(loss=0.3)
+    got = frames_with(loss=0.3)
     assert len(got) / len(clean) == pytest.approx(0.7, abs=0.03)
     assert {f.data for f in got} <= {f.data for f in clean}
 
 
 def test_duplicates_come_twice_byte_for_byte(clean):
-    got = played(duplicates=0.3)
+    got = frames_with(duplicates=0.3)
     assert len(got) / len(clean) == pytest.approx(1.3, abs=0.03)
     assert {f.data for f in got} == {f.data for f in clean}
 
 
 def test_reordered_frames_all_come_some_after_later_ones(clean):
-    got = played(reordered=0.3)
+    got = frames_with(reordered=0.3)
     here, there = [f.boot_s for f in got], [f.boot_s for f in clean]
     assert len(got) == pytest.approx(len(clean), abs=30)  # the last are still on their way
     assert np.mean(np.diff(here) < 0.0) > 0.1
@@ -49,12 +49,12 @@ def test_reordered_frames_all_come_some_after_later_ones(clean):
 
 
 def test_silence_is_a_hole_and_the_clock_goes_on(clean):
-    got = played(silences=(Silence(5.0, 8.0),))
+    got = frames_with(silences=(Silence(5.0, 8.0),))
     assert [f for f in clean if not 5.0 <= f.time_s < 8.0] == got
 
 
 def test_a_burst_holds_frames_back_and_delivers_them_faster(clean):
-    got = played(bursts=(Burst(10.0, 20.0, factor=10.0),))
+    got = frames_with(bursts=(Burst(10.0, 20.0, factor=10.0),))
     assert [f.data for f in got] == [f.data for f in clean]
     assert not [f for f in got if 10.0 <= f.time_s < 18.9]
     rate = sum(19.0 <= f.time_s < 20.0 for f in got) / sum(5.0 <= f.time_s < 6.0 for f in got)
@@ -62,7 +62,7 @@ def test_a_burst_holds_frames_back_and_delivers_them_faster(clean):
 
 
 def test_nonsense_spoils_fields_not_frames(clean):
-    got = played(nonsense=0.3)
+    got = frames_with(nonsense=0.3)
     messages = decoded(got)
     assert len(got) == len(clean)
     spoilt = sum(f.data != g.data for f, g in zip(got, clean, strict=True))

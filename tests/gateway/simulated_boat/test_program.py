@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.simulated_boat.boat import PlayedBoat
+from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.program import PROGRAMS, program_of
-from gateway.simulated_boat.settings import PlayedSettings
+from gateway.simulated_boat.settings import SimulatedBoatSettings
 from gateway.vessel_file import load_vessel
 from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
 
@@ -47,10 +47,10 @@ def test_random_depends_on_the_seed_alone():
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
 def test_every_shipped_vessel_turns_both_ways_and_keeps_near(path):
-    player = PlayedBoat(load_vessel(path), PlayedSettings(rates={"HEARTBEAT": 1.0}))
-    state, turned = player.start(), []
+    boat = SimulatedBoat(load_vessel(path), SimulatedBoatSettings(rates={"HEARTBEAT": 1.0}))
+    state, turned = boat.start(), []
     for second in range(200):
-        state, _ = player.advance(state, float(second))
+        state, _ = boat.advance(state, float(second))
         turned.append(state.hull[5])
     assert min(turned) < -0.02
     assert max(turned) > 0.02

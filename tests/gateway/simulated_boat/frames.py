@@ -1,4 +1,4 @@
-"""Listening to a played boat: frames decoded, or written down as a telemetry log."""
+"""The frames of a simulated boat: decoded, or as a telemetry log."""
 
 import struct
 from collections.abc import Sequence
@@ -7,24 +7,24 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
-from gateway.simulated_boat.boat import PlayedBoat
-from gateway.simulated_boat.faults import Frame
-from gateway.simulated_boat.settings import PlayedSettings
+from gateway.simulated_boat.boat import SimulatedBoat
+from gateway.simulated_boat.faults import TimedFrame
+from gateway.simulated_boat.settings import SimulatedBoatSettings
 from tests.sim.vessels import WAMV
 
 UNIX_S = 1_700_000_000.0
 DELAY_S = 0.004  # on the way
 
 
-def boat(seed: int = 0, **settings: Any) -> PlayedBoat:
-    return PlayedBoat(WAMV, PlayedSettings(**settings), seed)
+def simulated_boat(seed: int = 0, **settings: Any) -> SimulatedBoat:
+    return SimulatedBoat(WAMV, SimulatedBoatSettings(**settings), seed)
 
 
-def frames_of(player: PlayedBoat, seconds: float) -> list[Frame]:
-    return player.advance(player.start(), seconds)[1]
+def frames_of(boat: SimulatedBoat, seconds: float) -> list[TimedFrame]:
+    return boat.advance(boat.start(), seconds)[1]
 
 
-def decoded(frames: Sequence[Frame]) -> list[Any]:
+def decoded(frames: Sequence[TimedFrame]) -> list[Any]:
     """Each frame through pymavlink's own strict parser."""
     parser = mavlink.MAVLink(None)
     messages = []
@@ -34,11 +34,11 @@ def decoded(frames: Sequence[Frame]) -> list[Any]:
     return messages
 
 
-def named(frames: Sequence[Frame], name: str) -> list[Any]:
+def messages_named(frames: Sequence[TimedFrame], name: str) -> list[Any]:
     return [message for message in decoded(frames) if message.get_type() == name]
 
 
-def records(frames: Sequence[Frame]) -> bytes:
+def records(frames: Sequence[TimedFrame]) -> bytes:
     """The frames as a .tlog."""
     stamps = [round((UNIX_S + frame.time_s + DELAY_S) * 1e6) for frame in frames]
     return b"".join(
@@ -46,5 +46,5 @@ def records(frames: Sequence[Frame]) -> bytes:
     )
 
 
-def log_of(frames: Sequence[Frame]) -> MavlinkLog:
-    return tlog_from_bytes(records(frames), "played.tlog")
+def log_of(frames: Sequence[TimedFrame]) -> MavlinkLog:
+    return tlog_from_bytes(records(frames), "simulated.tlog")
