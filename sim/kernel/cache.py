@@ -15,7 +15,8 @@ import re
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -125,10 +126,24 @@ def _empty_runs(s: Structure, count: int) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
+@contextmanager
+def _one_process_at_a_time(file: Path) -> Iterator[None]:
+    """Several processes that want the same kernel compile it once; the others load the result."""
+    try:
+        import fcntl
+    except ImportError:  # no POSIX: each compiles for itself
+        yield
+        return
+    with file.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 def _compilation_problem(kernel: ModuleType, s: Structure) -> str | None:
     """Compile the dynamics once -> None, or what numba could not do, and where."""
     try:
-        kernel.rollout(*_empty_runs(s, 1))
+        with _one_process_at_a_time(Path(str(kernel.__file__))):
+            kernel.rollout(*_empty_runs(s, 1))
     except numba.core.errors.NumbaError as error:
         return _reason(str(error))
     return None
