@@ -30,7 +30,7 @@ import orjson
 from benchmarks.live_latency import Percentiles, free_port, one_run, program
 from benchmarks.replay import VESSEL, voyage
 from gateway.bus import Bus, BusSettings, open_session
-from gateway.topics import TOPICS, Kind
+from gateway.topics import TOPICS, FieldType
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/studio.md"
@@ -139,8 +139,8 @@ def hour() -> Hour:
 
 def message(topic: str, t: float, boat: int) -> dict[str, object]:
     """A boat on a circle of its own."""
-    kinds = {Kind.NUMBER: 0.1, Kind.INTEGER: 0, Kind.STRING: "measured"}
-    values: dict[str, object] = {f.name: kinds[f.kind] for f in TOPICS[topic].all_fields}
+    kinds = {FieldType.NUMBER: 0.1, FieldType.INTEGER: 0, FieldType.STRING: "measured"}
+    values: dict[str, object] = {f.name: kinds[f.type] for f in TOPICS[topic].all_fields}
     now = time.time_ns()
     values |= {"vehicle_time_ns": now, "receive_time_ns": now}
     if "east_m" in values:

@@ -17,7 +17,7 @@ import orjson
 from numpy.typing import NDArray
 
 from gateway.jit import compiled
-from gateway.topics import TIMES, TOPICS, Field, Kind, Topic
+from gateway.topics import TIMES, TOPICS, Field, FieldType, Topic
 
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
@@ -156,9 +156,9 @@ def _plan(topic: str) -> _Plan:
     return _Plan(
         names,
         frozenset(names),
-        tuple(field.name for field in fields if field.kind is Kind.NUMBER),
-        tuple(field.name for field in fields if field.kind is Kind.INTEGER),
-        tuple(field for field in fields if field.kind is Kind.STRING),
+        tuple(field.name for field in fields if field.type is FieldType.NUMBER),
+        tuple(field.name for field in fields if field.type is FieldType.INTEGER),
+        tuple(field for field in fields if field.type is FieldType.STRING),
     )
 
 

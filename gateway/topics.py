@@ -1,12 +1,9 @@
 """The one table of topics: bus, recorder, page and docs derive from it.
 
 A message is one flat JSON object. It is withheld until it can be complete: no null, no NaN, ever.
-`python -m gateway.topics` prints the table as docs/topics.md holds it.
 
-JSON Schemas of all topics as files, made from the table of topics.
-
-`python -m gateway.topics docs/schemas` writes one file per topic; it is what a recording holds
-and what every payload on zenoh obeys.
+`python -m gateway.topics` prints the table as docs/topics.md holds it; with a folder as argument it
+writes the JSON Schema of each topic there, as docs/schemas holds them.
 """
 
 import sys
@@ -18,7 +15,7 @@ from pathlib import Path
 import orjson
 
 
-class Kind(Enum):
+class FieldType(Enum):
     """Type of a field, as JSON Schema names it."""
 
     NUMBER = "number"
@@ -38,26 +35,27 @@ class Field:
 
     name: str
     unit: str
-    says: str
-    kind: Kind = Kind.NUMBER
+    description: str
+    type: FieldType = FieldType.NUMBER
     choices: tuple[str, ...] = ()
 
     def json_schema(self) -> dict[str, object]:
         """The field as a JSON Schema."""
         unit = f" [{self.unit}]" if self.unit else ""
-        schema: dict[str, object] = {"type": self.kind.value, "description": f"{self.says}{unit}"}
+        text = f"{self.description}{unit}"
+        schema: dict[str, object] = {"type": self.type.value, "description": text}
         if self.choices:
             schema["enum"] = list(self.choices)
         return schema
 
 
 TIMES = (
-    Field("vehicle_time_ns", "ns", "Unix time on the boat's clock", Kind.INTEGER),
+    Field("vehicle_time_ns", "ns", "Unix time on the boat's clock", FieldType.INTEGER),
     Field(
         "receive_time_ns",
         "ns",
         "Unix time at which the datagram that caused this was received",
-        Kind.INTEGER,
+        FieldType.INTEGER,
     ),
 )
 
@@ -68,14 +66,14 @@ class Topic:
 
     name: str
     schema: str
-    says: str
+    description: str
     rate: str
     fields: tuple[Field, ...]
     recorded: bool = True
     overflow: Overflow = Overflow.DROP
 
     def __post_init__(self) -> None:
-        order = [list(Kind).index(field.kind) for field in self.fields]
+        order = [list(FieldType).index(field.type) for field in self.fields]
         if order != sorted(order):
             raise ValueError(f"topic {self.name}: fields must be numbers, integers, then strings")
 
@@ -89,16 +87,16 @@ class Topic:
         """The zenoh encoding of every put."""
         return f"application/json;{self.schema}"
 
-    def names(self, kind: Kind) -> tuple[str, ...]:
-        """Names of the fields of one kind, the two times left out."""
-        return tuple(field.name for field in self.fields if field.kind is kind)
+    def names(self, type_: FieldType) -> tuple[str, ...]:
+        """Names of the fields of one type, the two times left out."""
+        return tuple(field.name for field in self.fields if field.type is type_)
 
     def json_schema(self) -> dict[str, object]:
         """The message as a JSON Schema: all members required, none beside them."""
         return {
             "$schema": "https://json-schema.org/draft/2020-12/schema",
             "title": self.schema,
-            "description": self.says,
+            "description": self.description,
             "type": "object",
             "properties": {field.name: field.json_schema() for field in self.all_fields},
             "required": [field.name for field in self.all_fields],
@@ -144,15 +142,15 @@ RATED = {
 def _motion() -> tuple[Field, ...]:
     values = [Field(*row) for row in MOTION]
     stds = [Field(f"{name}_std", unit, f"standard deviation of {name}") for name, unit, _ in MOTION]
-    says = "measured while telemetry is fresh, model while the vessel's model stands in"
-    return (*values, *stds, Field("source", "", says, Kind.STRING, SOURCES))
+    text = "measured while telemetry is fresh, model while the vessel's model stands in"
+    return (*values, *stds, Field("source", "", text, FieldType.STRING, SOURCES))
 
 
 def _position() -> tuple[Field, ...]:
     return tuple(
-        Field(f"{who}_{name}", unit, f"{says} of the {who}")
-        for who in ("boat", "shadow")
-        for name, unit, says in (
+        Field(f"{body}_{name}", unit, f"{text} of the {body}")
+        for body in ("boat", "shadow")
+        for name, unit, text in (
             ("latitude_deg", "°", "WGS 84 latitude"),
             ("longitude_deg", "°", "WGS 84 longitude"),
             ("yaw_rad", "rad", "heading, clockwise from true north,"),
@@ -162,19 +160,19 @@ def _position() -> tuple[Field, ...]:
 
 def _control() -> tuple[Field, ...]:
     control = (
-        Field(name, unit, f"{says} that the follower asks for") for name, unit, says in FORCE
+        Field(name, unit, f"{text} that the follower asks for") for name, unit, text in FORCE
     )
     command = (
-        Field(f"command_{name}", unit, f"{says} of the boat's commanded actuators")
-        for name, unit, says in FORCE
+        Field(f"command_{name}", unit, f"{text} of the boat's commanded actuators")
+        for name, unit, text in FORCE
     )
     return (*control, *command)
 
 
 def _residual() -> tuple[Field, ...]:
     force = [
-        Field(f"missing_{name}", unit, f"missing {says}: what the vessel's model lacks")
-        for name, unit, says in FORCE
+        Field(f"missing_{name}", unit, f"missing {text}: what the vessel's model lacks")
+        for name, unit, text in FORCE
     ]
     stds = [
         Field(f"missing_{name}_std", unit, f"standard deviation of missing_{name}")
@@ -191,8 +189,8 @@ def _residual() -> tuple[Field, ...]:
 def _pairs(*rows: tuple[str, str, str]) -> tuple[Field, ...]:
     """Values north and east, then their standard deviations."""
     values = [
-        Field(f"{what}_{axis}_{unit}", _UNITS[unit], f"{says}, {axis}")
-        for what, unit, says in rows
+        Field(f"{what}_{axis}_{unit}", _UNITS[unit], f"{text}, {axis}")
+        for what, unit, text in rows
         for axis in ("north", "east")
     ]
     stds = [Field(f"{v.name}_std", v.unit, f"standard deviation of {v.name}") for v in values]
@@ -209,8 +207,8 @@ def _surroundings() -> tuple[Field, ...]:
         ("force", "n", "force of the air on the boat as it lies, if that is what is missing"),
     )
     misfit = "squared prediction errors over what noise explains, running mean; about 1 or less"
-    says = "what would explain what the model lacks, as far as headings and speeds so far tell"
-    explains = Field("explains", "", says, Kind.STRING, EXPLANATIONS)
+    text = "what would explain what the model lacks, as far as headings and speeds so far tell"
+    explains = Field("explains", "", text, FieldType.STRING, EXPLANATIONS)
     return (*outside, Field("misfit", "", f"{misfit}: the model is right"), explains)
 
 
@@ -237,13 +235,13 @@ def _health() -> tuple[Field, ...]:
         ("recorder_backlog", "messages now waiting to be recorded"),
         ("recorder_drops", "messages since start that were not recorded"),
     )
-    return (*numbers, *(Field(name, "", says, Kind.INTEGER) for name, says in counts))
+    return (*numbers, *(Field(name, "", text, FieldType.INTEGER) for name, text in counts))
 
 
 EVENT = (
-    Field("kind", "", "what happened, one word for programs", Kind.STRING),
-    Field("severity", "", "how bad it is", Kind.STRING, SEVERITIES),
-    Field("says", "", "what happened, a sentence for people", Kind.STRING),
+    Field("kind", "", "what happened, one word for programs", FieldType.STRING),
+    Field("severity", "", "how bad it is", FieldType.STRING, SEVERITIES),
+    Field("says", "", "what happened, a sentence for people", FieldType.STRING),
 )
 
 _ALL = (
@@ -291,7 +289,7 @@ def _markdown(topic: Topic) -> list[str]:
     lines = [
         f"## `{topic.name}`",
         "",
-        f"{topic.says}. Schema `{topic.schema}`, encoding `{topic.encoding}`.",
+        f"{topic.description}. Schema `{topic.schema}`, encoding `{topic.encoding}`.",
         f"Rate: {topic.rate}. {'Recorded' if topic.recorded else 'Not recorded'}; "
         f"a subscriber that is too slow: {topic.overflow.value}.",
         "",
@@ -299,10 +297,8 @@ def _markdown(topic: Topic) -> list[str]:
         "|---|---|---|---|",
     ]
     for field in topic.all_fields:
-        kind = field.kind.value
-        if field.choices:
-            kind = " / ".join(f"`{choice}`" for choice in field.choices)
-        lines.append(f"| `{field.name}` | {kind} | {field.unit} | {field.says} |")
+        values = " / ".join(f"`{choice}`" for choice in field.choices) or field.type.value
+        lines.append(f"| `{field.name}` | {values} | {field.unit} | {field.description} |")
     return [*lines, ""]
 
 
@@ -322,12 +318,8 @@ def markdown() -> str:
     return "\n".join([*head, *(line for topic in TOPICS.values() for line in _markdown(topic))])
 
 
-if __name__ == "__main__":
-    print(markdown(), end="")
-
-
 def schema_files() -> Mapping[str, bytes]:
-    """File name -> its text."""
+    """File name -> JSON Schema text."""
     options = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
     return {
         f"{name}.json": orjson.dumps(topic.json_schema(), option=options)
@@ -347,4 +339,7 @@ def write_schemas(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_schemas(Path(sys.argv[1]))
+    if len(sys.argv) > 1:
+        write_schemas(Path(sys.argv[1]))
+    else:
+        print(markdown(), end="")

@@ -6,13 +6,14 @@ from typing import Any
 
 import orjson
 
-from gateway.topics import TOPICS, Field, Kind
+from gateway.topics import TOPICS, Field, FieldType
 
 Message = Mapping[str, Any]
-TYPES: Mapping[Kind, tuple[type, ...]] = {
-    Kind.NUMBER: (float, int),
-    Kind.INTEGER: (int,),
-    Kind.STRING: (str,),
+LINK_SILENT_S, HIGH_LOSS, HIGH_NIS = 1.0, 0.05, 3.0  # health is marked from there on; not measured
+TYPES: Mapping[FieldType, tuple[type, ...]] = {
+    FieldType.NUMBER: (float, int),
+    FieldType.INTEGER: (int,),
+    FieldType.STRING: (str,),
 }
 
 
@@ -43,6 +44,10 @@ class VesselStatus:
     def messages(self) -> dict[str, Message]:
         """The latest message of every topic."""
         return {topic: one.message for topic, one in self.latest.items()}
+
+    def motion(self) -> Message | None:
+        """How it moves as measured; while the link is down, how its shadow does."""
+        return self.message("measured") or self.message("shadow")
 
     def age_s(self) -> float | None:
         """Time since the last new message; None where there was none."""
@@ -78,7 +83,7 @@ def decode(topic: str, payload: bytes) -> Message | None:
 
 
 def _fits(value: Any, field: Field) -> bool:
-    return isinstance(value, TYPES[field.kind]) and not isinstance(value, bool)
+    return isinstance(value, TYPES[field.type]) and not isinstance(value, bool)
 
 
 def printable(text: str) -> str:

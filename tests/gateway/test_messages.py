@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gateway.json_rows import Value, encode, encode_rows
-from gateway.topics import TOPICS, Kind
+from gateway.topics import TOPICS, FieldType
 
 VEHICLE, RECEIVED = 1_700_000_000_123_456_789, 1_700_000_000_200_000_001
-COLUMNAR = [name for name, topic in TOPICS.items() if not topic.names(Kind.INTEGER)]
+COLUMNAR = [name for name, topic in TOPICS.items() if not topic.names(FieldType.INTEGER)]
 
 
 def sample_row(topic: str) -> dict[str, Value]:
     """A complete message of any topic."""
-    values: dict[Kind, Value] = {Kind.NUMBER: -0.125, Kind.INTEGER: 7}
+    values: dict[FieldType, Value] = {FieldType.NUMBER: -0.125, FieldType.INTEGER: 7}
     row: dict[str, Value] = {}
     for field in TOPICS[topic].fields:
         text = field.choices[0] if field.choices else 'said "so" – ünïcode\n'
-        row[field.name] = values.get(field.kind, text)
+        row[field.name] = values.get(field.type, text)
     return {"vehicle_time_ns": VEHICLE, "receive_time_ns": RECEIVED, **row}
 
 
@@ -49,9 +49,9 @@ def test_a_message_is_accepted_by_its_schema_and_reads_back(topic: str) -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("topic", [name for name in TOPICS if TOPICS[name].names(Kind.NUMBER)])
+@pytest.mark.parametrize("topic", [name for name in TOPICS if TOPICS[name].names(FieldType.NUMBER)])
 def test_a_message_with_a_number_that_is_not_finite_is_withheld(topic: str, bad: float) -> None:
-    for name in TOPICS[topic].names(Kind.NUMBER):
+    for name in TOPICS[topic].names(FieldType.NUMBER):
         assert encode(topic, {**sample_row(topic), name: bad}) is None
 
 
@@ -76,7 +76,7 @@ def test_numpy_scalars_are_numbers_too() -> None:
 
 
 def columns(topic: str, values: list[list[float]]) -> NDArray[np.float64]:
-    width = len(TOPICS[topic].names(Kind.NUMBER))
+    width = len(TOPICS[topic].names(FieldType.NUMBER))
     return np.array(values, float).reshape(len(values), width)
 
 
@@ -85,7 +85,7 @@ def columns(topic: str, values: list[list[float]]) -> NDArray[np.float64]:
 @given(data=st.data())
 def test_columns_and_single_messages_give_the_same_bytes(topic: str, data: st.DataObject) -> None:
     entry = TOPICS[topic]
-    numbers = entry.names(Kind.NUMBER)
+    numbers = entry.names(FieldType.NUMBER)
     one = st.lists(st.floats(width=64), min_size=len(numbers), max_size=len(numbers))
     values = columns(topic, data.draw(st.lists(one, max_size=12)))
     K = len(values)
@@ -95,7 +95,7 @@ def test_columns_and_single_messages_give_the_same_bytes(topic: str, data: st.Da
             st.lists(st.sampled_from(field.choices or ("a", 'b"')), min_size=K, max_size=K)
         )
         for field in entry.fields
-        if field.kind is Kind.STRING
+        if field.type is FieldType.STRING
     }
     rows = encode_rows(topic, times, times - 9, values, strings)
     single = [

@@ -10,16 +10,16 @@ from mcap.reader import make_reader
 
 from gateway.json_rows import encode
 from gateway.recording.recorder import Recorder
-from gateway.topics import TOPICS, Kind, schema_files, write_schemas
+from gateway.topics import TOPICS, FieldType, schema_files, write_schemas
 from tests.conftest import ROOT
 
 FOLDER = ROOT / "docs" / "schemas"
-VALUES = {Kind.NUMBER: 0.5, Kind.INTEGER: 1_700_000_000_000_000_000, Kind.STRING: "text"}
+VALUES = {FieldType.NUMBER: 0.5, FieldType.INTEGER: 1_700_000_000_000_000_000, FieldType.STRING: "text"}
 
 
 def some_message(topic: str) -> bytes:
     """A message of any topic."""
-    row = {f.name: f.choices[0] if f.choices else VALUES[f.kind] for f in TOPICS[topic].all_fields}
+    row = {f.name: f.choices[0] if f.choices else VALUES[f.type] for f in TOPICS[topic].all_fields}
     payload = encode(topic, row)
     assert payload is not None
     return payload

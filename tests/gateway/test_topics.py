@@ -3,7 +3,7 @@
 import jsonschema
 import pytest
 
-from gateway.topics import RATED, TOPICS, Field, Kind, Overflow, Topic, markdown
+from gateway.topics import RATED, TOPICS, Field, FieldType, Overflow, Topic, markdown
 from tests.conftest import ROOT
 
 
@@ -53,6 +53,6 @@ def test_no_message_is_counted_in_two_rates() -> None:
 
 
 def test_strings_before_numbers_are_refused() -> None:
-    fields = (Field("a", "", "text", Kind.STRING), Field("b", "", "number"))
+    fields = (Field("a", "", "text", FieldType.STRING), Field("b", "", "number"))
     with pytest.raises(ValueError, match="numbers, integers, then strings"):
         Topic("x", "X", "", "", fields)

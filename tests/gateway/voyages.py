@@ -8,7 +8,7 @@ import numpy as np
 from gateway.json_rows import Rows, encode, encode_rows
 from gateway.recording.file import Attachment
 from gateway.recording.recorder import Recorder
-from gateway.topics import TOPICS, Kind
+from gateway.topics import TOPICS, FieldType
 
 START = 1_700_000_000_000_000_000
 STEP = 20_000_000
@@ -24,9 +24,9 @@ def times(rows: int, first: int = 0) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def rows_of(topic: str, rows: int, first: int = 0) -> Rows:
     """Some messages of a topic without integers."""
-    width = len(TOPICS[topic].names(Kind.NUMBER))
+    width = len(TOPICS[topic].names(FieldType.NUMBER))
     values = np.random.default_rng(first).normal(size=(rows, width))
-    strings = dict.fromkeys(TOPICS[topic].names(Kind.STRING), "measured")
+    strings = dict.fromkeys(TOPICS[topic].names(FieldType.STRING), "measured")
     vehicle = times(rows, first)
     return encode_rows(topic, vehicle, vehicle + LATE, values, strings)
 
