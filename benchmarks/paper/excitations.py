@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator as Dice
 
 from benchmarks.hidden.pilots import TICK
-from sim.excitation.manoeuvre import held
+from sim.excitation.manoeuvre import held_sticks
 from sim.state import Floats
 
 Family = Callable[[float, Dice], Floats]
@@ -55,14 +55,14 @@ LEVELS = (
 
 def constant(seconds: float, dice: Dice) -> Floats:
     """One pair of commands after another, each held."""
-    return held(clock(seconds), [(seconds / len(LEVELS), *level) for level in LEVELS])
+    return held_sticks(clock(seconds), [(seconds / len(LEVELS), *level) for level in LEVELS])
 
 
 def random(seconds: float, dice: Dice) -> Floats:
     """New commands every one to five seconds."""
     lasts = dice.uniform(1.0, 5.0, round(seconds) + 1)
     levels = dice.uniform(-0.8, 1.0, (len(lasts), 2))
-    return held(clock(seconds), [(s, *both) for s, both in zip(lasts, levels, strict=True)])
+    return held_sticks(clock(seconds), [(s, *both) for s, both in zip(lasts, levels, strict=True)])
 
 
 def joystick(seconds: float, dice: Dice) -> Floats:

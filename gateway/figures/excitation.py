@@ -5,7 +5,7 @@ import numpy as np
 from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.motion import MotionSeries, track_line, velocity_panels
 from gateway.figures.quantities import SURGE, TIME, YAW_RATE
-from sim.excitation.effect_example import Seen
+from sim.excitation.effect_example import EffectExample
 from sim.excitation.manoeuvre import Stick
 from sim.excitation.plan import Plan
 from sim.state import Floats
@@ -24,7 +24,7 @@ def plan_motion(plan: Plan) -> FigureData:
         panel(SURGE, plan.motion[:, 3], *model),
         panel(YAW_RATE, plan.motion[:, 5], *model),
     )
-    return FigureData(_title(plan), panels, shared_x=True, caption=plan.manoeuvre.tells)
+    return FigureData(_title(plan), panels, shared_x=True, caption=plan.manoeuvre.reveals)
 
 
 def plan_track(plan: Plan, radius_m: float) -> FigureData:
@@ -47,7 +47,7 @@ def _label(plan: Plan) -> str:
     return f"{plan.vessel.name}, predicted"
 
 
-def effect_example(example: Seen, looks_like: str = "") -> FigureData:
+def effect_example_figure(example: EffectExample, looks_like: str = "") -> FigureData:
     """u, v, r of the same run of a small boat, plain and with the effect.
 
     Ahead, a turn to either side, full ahead, astern, coast, slowly ahead.
@@ -61,7 +61,7 @@ def effect_example(example: Seen, looks_like: str = "") -> FigureData:
     return FigureData(title, panels, shared_x=True, caption=looks_like)
 
 
-def effect_with_values(example: Seen) -> str:
+def effect_with_values(example: EffectExample) -> str:
     """The effect with its numbers: `thruster_lag (tau 0.8)`."""
     values = ", ".join(f"{name} {value:.3g}" for name, value in example.values.items())
     return f"{example.effect} ({values})"

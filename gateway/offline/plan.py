@@ -26,7 +26,7 @@ from gateway.user_effects import known_effects
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.diagnosis.next_experiment import Suggested
 from sim.excitation.catalogue import BY_NAME
-from sim.excitation.manoeuvre import Limits, Manoeuvre
+from sim.excitation.manoeuvre import Manoeuvre, StickLimits
 from sim.excitation.plan import Plan, plan_of
 from sim.excitation.step_response import StepResponses, step_responses
 from sim.model import Model
@@ -123,7 +123,7 @@ class PlanResult:
         plan = self.plan
         return {
             "excitation": plan.manoeuvre.name,
-            "tells": plan.manoeuvre.tells,
+            "tells": plan.manoeuvre.reveals,
             "vessel": plan.vessel.name,
             "seconds": plan.seconds,
             "limits": asdict(plan.limits),
@@ -180,7 +180,7 @@ def rank_manoeuvres(log: str | Path, vessel: Vessel) -> ManoeuvreRanking:
 
 def _plan_within(model: Model, manoeuvre: Manoeuvre, options: PlanOptions) -> Plan:
     """As much throttle as keeps clear of the circle; where none does, what was asked for."""
-    limits, tried = Limits(throttle=options.throttle_limit), list[Plan]()
+    limits, tried = StickLimits(throttle=options.throttle_limit), list[Plan]()
     while limits.throttle >= LEAST_THROTTLE * options.throttle_limit:
         tried.append(plan_of(manoeuvre, model, limits, options.seed, options.seconds))
         if not np.isfinite(tried[-1].reach):

@@ -12,15 +12,15 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gateway.figures.excitation import effect_example, effect_with_values
+from gateway.figures.excitation import effect_example_figure, effect_with_values
 from gateway.figures.figure_data import SeriesRole
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.quantities import VELOCITIES
 from gateway.figures.style import COLOUR
 from gateway.terminal.console import ResultConsole
 from sim.diagnosis.next_experiment import separation
-from sim.effects.effect import Effect, Parameter
-from sim.excitation.effect_example import seen
+from sim.effects.effect import Effect
+from sim.excitation.effect_example import run_example
 from sim.state import Floats
 
 BRAILLE = 0x2800  # code of the letter without dots
@@ -108,7 +108,8 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
             out.bullets([f"{other}? {found.description}"])
     table = Table("parameter", "unit", "from", "to", "a fit starts at", "says")
     for p in effect.parameters:
-        table.add_row(*_parameter(p))
+        bounds = (f"{p.lower:.9g}", f"{p.upper:.9g}")
+        table.add_row(p.name, p.unit, *bounds, f"{p.start:g}", p.description)
     if effect.needs:
         out.print(f"[bold]Needs[/bold]: {escape(', '.join(n.value for n in effect.needs))}")
     if effect.shown_by:
@@ -123,7 +124,7 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
 
 def _show_example(effect: Effect, out: ResultConsole, picture: Path | None) -> None:
     """The channel that shows it most, plain and with the effect; all three as a file."""
-    example = seen(effect)
+    example = run_example(effect)
     axis = VELOCITIES[example.channel]
     styles = ((example.plain, WITHOUT), (example.changed, WITH))
     curves = [(values[:, example.channel] * axis.factor, style) for values, style in styles]
@@ -134,17 +135,15 @@ def _show_example(effect: Effect, out: ResultConsole, picture: Path | None) -> N
     label = effect_with_values(example)
     out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {label}\n", highlight=False)
     if picture is not None:
-        out.print(f"picture: {save_figure(effect_example(example, effect.looks_like), picture)}")
+        out.print(
+            f"picture: {save_figure(effect_example_figure(example, effect.looks_like), picture)}"
+        )
 
 
 def _flowing(text: str) -> str:
     """Paragraphs as one line each, which the console wraps; indented lines (equations) stay."""
     parts = (part.strip("\n") for part in text.split("\n\n"))
     return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in parts)
-
-
-def _parameter(p: Parameter) -> tuple[str, ...]:
-    return p.name, p.unit, f"{p.lower:.9g}", f"{p.upper:.9g}", f"{p.start:g}", p.description
 
 
 def _places(effect: Effect) -> str:

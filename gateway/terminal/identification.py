@@ -7,7 +7,7 @@ from rich.table import Table
 
 from gateway.figures.quantities import DEGREES
 from gateway.terminal.console import ResultConsole, result_table
-from sim.excitation.step_response import STEER, THROTTLE, Response, StepResponses
+from sim.excitation.step_response import STEER, THROTTLE, StepResponse, StepResponses
 from sim.identification.identify import Identification
 from sim.identification.validation import Validation
 from sim.prediction.scores import Scores
@@ -18,7 +18,9 @@ CHANNELS = {  # of the scores, in SI units
 }  # fmt: skip
 
 
-def show_identification(found: Identification, out: Path | None, pictures: Path | None = None) -> None:
+def show_identification(
+    found: Identification, out: Path | None, pictures: Path | None = None
+) -> None:
     """Parameters, doubts, validation, and where file and pictures went."""
     console = ResultConsole()
     console.notices(found.notices)
@@ -28,7 +30,7 @@ def show_identification(found: Identification, out: Path | None, pictures: Path 
     if found.nuisances:
         fitted = ", ".join(f"{e.name} {e.value:.3g} {e.unit}" for e in found.nuisances)
         console.print(f"Fitted along: {fitted}")
-    console.print(step_response_table(found.vessel, found.answers))
+    console.print(step_response_table(found.vessel, found.step_responses))
     if found.validation:
         console.print(_validation(found))
     console.notices(found.unconfirmed)
@@ -61,7 +63,7 @@ def step_response_table(vessel: Vessel, responses: StepResponses) -> Table:
     return table
 
 
-def _times(one: Response) -> tuple[str, ...]:
+def _times(one: StepResponse) -> tuple[str, ...]:
     if not one.settled:
         return ("does not come to rest", "–", "–", "–")
     times = (one.rise, one.settling_5, one.settling_2)

@@ -18,7 +18,7 @@ def show_manoeuvres(known: Sequence[Manoeuvre]) -> None:
     """One line each."""
     table = Table("excitation", "seconds", "what it tells of")
     for manoeuvre in known:
-        table.add_row(manoeuvre.name, f"{manoeuvre.seconds:.0f}", manoeuvre.tells)
+        table.add_row(manoeuvre.name, f"{manoeuvre.seconds:.0f}", manoeuvre.reveals)
     out = ResultConsole()
     out.print(table)
     out.print(
@@ -39,15 +39,17 @@ def show_plan(done: PlanResult) -> None:
         out.print(f"chosen to tell {done.ranking.of}; per second, of most use:", markup=False)
         for one in done.ranking.ranked[:MOST]:
             out.print(f"  {one.manoeuvre.name}, {one.seconds:.0f} s: {one.nats:.0f} nats")
-    out.print(f"tells of {plan.manoeuvre.tells}", markup=False)
+    out.print(f"tells of {plan.manoeuvre.reveals}", markup=False)
     out.print(_circle(done), markup=False)
     out.print(step_response_table(plan.vessel, done.step_responses))
     pulses = (
         f"{low}–{high} µs on {channel}" for channel, (low, high) in pulse_bounds(plan).items()
     )
+    volts = done.safety.lowest_voltage_v
+    battery = "BATT_LOW_VOLT" if volts is None else f"{volts:g} V"
     out.print(
         f"the script stops, in Hold, beyond {done.safety.radius_m:g} m or "
-        f"{done.safety.highest_speed_mps:g} m/s, {_battery(done)}, outside {', '.join(pulses)}, "
+        f"{done.safety.highest_speed_mps:g} m/s, below {battery}, outside {', '.join(pulses)}, "
         "and when you move a stick, the switch or the mode",
         markup=False,
     )
@@ -76,8 +78,3 @@ def _circle(done: PlanResult) -> str:
             f"was lowered from {done.requested_throttle:g} to {plan.limits.throttle:.2f}; {UNKNOWN}"
         )
     return f"{fast}, in the circle of {radius:g} m; {UNKNOWN}"
-
-
-def _battery(done: PlanResult) -> str:
-    volts = done.safety.lowest_voltage_v
-    return "below BATT_LOW_VOLT" if volts is None else f"below {volts:g} V"

@@ -28,15 +28,15 @@ from sim.diagnosis.thresholds import RELIEF
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Separation
 from sim.excitation.catalogue import MANOEUVRES
-from sim.excitation.manoeuvre import Limits, Manoeuvre
-from sim.excitation.sticks import commands_of
+from sim.excitation.manoeuvre import Manoeuvre, StickLimits
+from sim.excitation.sticks import manoeuvre_commands
 from sim.identification.shooting import jacobian_of, residuals_of
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial
 
 LONGEST = 240.0  # s of a manoeuvre that are looked at
-GENTLE = Limits(throttle=0.7)  # nobody runs full ahead to settle a question
+GENTLE = StickLimits(throttle=0.7)  # nobody runs full ahead to settle a question
 STEPS = 2
 
 
@@ -51,7 +51,7 @@ class Suggested:
     @property
     def says(self) -> str:
         """In words."""
-        return f"{self.manoeuvre.name}, {self.seconds:.0f} s: {self.manoeuvre.tells}"
+        return f"{self.manoeuvre.name}, {self.seconds:.0f} s: {self.manoeuvre.reveals}"
 
 
 def separating(best: Fit, rivals: Sequence[Fit]) -> list[Suggested]:
@@ -85,9 +85,9 @@ def _ordered(best: Fit, nats: Callable[[Trial], float]) -> list[Suggested]:
 
 def sailed(model: Model, manoeuvre: Manoeuvre, like: Trial) -> Trial:
     """The voyage that a model makes of a manoeuvre, with sensors as in another trial."""
-    suited = manoeuvre.suited(model.vessel, GENTLE)
+    suited = manoeuvre.adapted_to(model.vessel, GENTLE)
     seconds = min(suited.seconds, LONGEST)
-    commands = commands_of(suited, model.vessel, like.dt, 1, GENTLE, seconds)
+    commands = manoeuvre_commands(suited, model.vessel, like.dt, 1, GENTLE, seconds)
     known = like.voltage[like.usable & np.isfinite(like.voltage)]
     volts = np.full(len(commands), known.mean() if len(known) else np.nan)
     _, reports = model.simulate(commands, like.dt, voltage=volts)

@@ -1,1 +1,1 @@
-"""Excitations: what to do with throttle and helm so that a boat shows its parameters."""
+"""Excitations: throttle and helm over time that make a boat show its parameters."""

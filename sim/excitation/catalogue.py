@@ -1,10 +1,45 @@
-"""The list of all manoeuvres: one line each."""
+"""The list of all manoeuvres, one line each; the first is several of them in one."""
 
-from sim.excitation.joystick import Joystick
-from sim.excitation.legs import Constant, Ramp, Reversals, Square, Steps, Still
-from sim.excitation.manoeuvre import Manoeuvre
-from sim.excitation.oscillations import Chirp, Mixed, Random, Sinusoid
+from dataclasses import dataclass, replace
+from typing import ClassVar, final
+
+import numpy as np
+from numpy.random import Generator
+
+from sim.excitation.legs import Constant, MotorsOff, Ramp, Reversals, Square, Steps
+from sim.excitation.manoeuvre import Manoeuvre, StickLimits
+from sim.excitation.oscillations import Chirp, Sinusoid
+from sim.excitation.stochastic import Joystick, Random
 from sim.excitation.turns import Circles, Spin, Zigzag
+from sim.state import Floats
+from sim.vessel import Vessel
+
+
+@final
+@dataclass(frozen=True)
+class Mixed(Manoeuvre):
+    """Manoeuvres one after the other (the paper's mixed excitation)."""
+
+    name: ClassVar = "mixed"
+    reveals: ClassVar = "all base parameters in one go; begin with this one"
+    parts: tuple[Manoeuvre, ...] = (Steps(), Zigzag(), Circles(), Spin(), Chirp(), Random())
+
+    @property
+    def seconds(self) -> float:
+        return sum(part.seconds for part in self.parts)
+
+    def sticks(self, time: Floats, rng: Generator) -> Floats:
+        out, start = np.zeros((len(time), 2)), 0.0
+        for part in self.parts:
+            into = time - start
+            inside = (into >= 0.0) & (into < part.seconds)
+            out[inside] = part.sticks(into[inside], rng)  # also where empty: it draws all the same
+            start += part.seconds
+        return out
+
+    def adapted_to(self, vessel: Vessel, limits: StickLimits) -> Manoeuvre:
+        return replace(self, parts=tuple(part.adapted_to(vessel, limits) for part in self.parts))
+
 
 MANOEUVRES: tuple[Manoeuvre, ...] = (
     Mixed(),
@@ -15,7 +50,7 @@ MANOEUVRES: tuple[Manoeuvre, ...] = (
     Chirp(),
     Circles(),
     Spin(),
-    Still(),
+    MotorsOff(),
     Sinusoid(),
     Square(),
     Constant(),

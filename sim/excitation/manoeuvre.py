@@ -1,32 +1,25 @@
-"""How far and how fast the sticks may move: amplitude and slew rate, and neutral at both ends.
-
-What a manoeuvre is: throttle and helm as a function of time, and what it tells.
+"""What a manoeuvre is: throttle and helm as a function of time, their limits, and few points of it.
 
 Sticks are (throttle, steer) in [−1, 1]: ahead and to starboard are positive. A manoeuvre draws its
-dice in an order that does not depend on the time grid: finer sampling is the same manoeuvre.
-
-A curve with fewer points (Ramer 1972, Douglas and Peucker 1973, distance along the value axis).
-
-An autopilot's script has kilobytes for a plan, not a row for every tenth of a second.
+random numbers in an order that does not depend on the time grid: finer sampling is the same
+manoeuvre.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
 from sim.state import Floats
-
-if TYPE_CHECKING:
-    from sim.vessel import Vessel
+from sim.vessel import Vessel
 
 
 @dataclass(frozen=True)
-class Limits:
+class StickLimits:
     """Largest throttle and steer (0, 1], fastest change [1/s]: ArduRover's throttle, a hand."""
 
     throttle: float = 1.0
@@ -53,7 +46,7 @@ class Limits:
         return np.array([self.throttle_rate, self.steer_rate])
 
 
-def slewed(wanted: Floats, rates: Floats, dt: float) -> Floats:
+def slew_limited(wanted: Floats, rates: Floats, dt: float) -> Floats:
     """Sticks (T, n) on a grid of dt [s] -> the same no faster than `rates` (n,) [1/s].
 
     The first row and the one after the last are neutral.
@@ -61,12 +54,12 @@ def slewed(wanted: Floats, rates: Floats, dt: float) -> Floats:
     if not len(wanted):
         return wanted.copy()
     step = np.asarray(rates) * dt
-    left = np.arange(len(wanted), 0, -1)[:, None] * step  # how far one may be from neutral
-    columns = np.clip(wanted, -left, left).T.tolist()
-    return np.array([_chase(column, s) for column, s in zip(columns, step, strict=True)]).T
+    reach = np.arange(len(wanted), 0, -1)[:, None] * step  # from which neutral is reached in time
+    columns = np.clip(wanted, -reach, reach).T.tolist()
+    return np.array([_follow(column, s) for column, s in zip(columns, step, strict=True)]).T
 
 
-def _chase(wanted: list[float], step: float) -> list[float]:
+def _follow(wanted: list[float], step: float) -> list[float]:
     """Follow from 0 with at most `step` a row."""
     out, now = [0.0], 0.0
     for value in wanted[1:]:
@@ -89,23 +82,39 @@ class Manoeuvre(ABC):
     """One family of excitations; its options are the fields of the final class."""
 
     name: ClassVar[str]
-    tells: ClassVar[str]  # which parameter or effect shows in it, in one line
+    reveals: ClassVar[str]  # which parameter or effect shows in it, in one line
 
     @property
     @abstractmethod
     def seconds(self) -> float:
-        """How long it takes [s]; played for longer it begins again."""
+        """Duration [s]; played for longer it begins again."""
 
     @abstractmethod
-    def sticks(self, time: Floats, dice: Generator) -> Floats:
+    def sticks(self, time: Floats, rng: Generator) -> Floats:
         """Times (T,) in [0, seconds) [s] -> throttle and steer (T, 2) in [−1, 1]."""
 
-    def suited(self, vessel: "Vessel", limits: Limits) -> "Manoeuvre":
+    def adapted_to(self, vessel: Vessel, limits: StickLimits) -> "Manoeuvre":
         """The same manoeuvre with options that suit a vessel under those limits."""
         return self
 
 
-def held(time: Floats, legs: Sequence[Leg]) -> Floats:
+class LegManoeuvre(Manoeuvre):
+    """A manoeuvre of sticks held, leg after leg."""
+
+    @property
+    @abstractmethod
+    def legs(self) -> Sequence[Leg]:
+        """Seconds, throttle, steer."""
+
+    @property
+    def seconds(self) -> float:
+        return float(sum(seconds for seconds, _, _ in self.legs))
+
+    def sticks(self, time: Floats, rng: Generator) -> Floats:
+        return held_sticks(time, self.legs)
+
+
+def held_sticks(time: Floats, legs: Sequence[Leg]) -> Floats:
     """Legs one after the other, at times (T,) [s] -> throttle and steer (T, 2)."""
     seconds, *sticks = np.array(legs, dtype=float).T
     ends = np.cumsum(seconds)
@@ -113,13 +122,12 @@ def held(time: Floats, legs: Sequence[Leg]) -> Floats:
     return np.stack(sticks, axis=-1)[np.minimum(row, len(ends) - 1)]
 
 
-def lasting(legs: Sequence[Leg]) -> float:
-    """How long legs take [s]."""
-    return float(sum(seconds for seconds, _, _ in legs))
+def corner_rows(time: Floats, values: Floats, tolerance: float) -> list[int]:
+    """Rows of (T,), (T, n) whose polyline is off by no more than the tolerance.
 
-
-def corners(time: Floats, values: Floats, tolerance: float) -> list[int]:
-    """Rows of (T,), (T, n) whose straight connection is off by no more than the tolerance."""
+    A script aboard has kilobytes for a plan, not a row for every tenth of a second. Source: Ramer
+    1972, Douglas and Peucker 1973, with the distance along the value axis.
+    """
     kept, todo = {0, len(time) - 1}, [(0, len(time) - 1)]
     while todo:
         first, last = todo.pop()
@@ -137,6 +145,6 @@ def corners(time: Floats, values: Floats, tolerance: float) -> list[int]:
     return sorted(kept)
 
 
-def connected(time: Floats, at: Floats, values: Floats) -> Floats:
+def polyline(time: Floats, at: Floats, values: Floats) -> Floats:
     """Straight lines through values (K, n) at times (K,), read at times (T,) -> (T, n)."""
     return np.stack([np.interp(time, at, column) for column in values.T], axis=-1)

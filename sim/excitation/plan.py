@@ -1,17 +1,17 @@
-"""What a plan is: sticks on a grid, what the autopilot gets of them, what the vessel does then."""
+"""A plan: sticks on a grid, the polyline that the autopilot plays, and the predicted motion."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from sim.excitation.manoeuvre import Limits, Manoeuvre, connected, corners
-from sim.excitation.sticks import mixed, sticks_of
+from sim.excitation.manoeuvre import Manoeuvre, StickLimits, corner_rows, polyline
+from sim.excitation.sticks import manoeuvre_sticks, mix_sticks
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel
 
 DT = 0.1  # s
-TOLERANCE = 0.01  # of full travel: how far a script's straight lines may be from the manoeuvre
+TOLERANCE = 0.01  # of full travel, between the polyline and the manoeuvre
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Plan:
 
     manoeuvre: Manoeuvre
     vessel: Vessel
-    limits: Limits
+    limits: StickLimits
     seed: int
     corner_time: Floats
     corner_sticks: Floats
@@ -31,40 +31,43 @@ class Plan:
 
     @property
     def seconds(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return float(self.time[-1])
 
     @property
     def distance(self) -> Floats:
-        """How far from the start the vessel is (T,) [m]."""
-        gone = self.motion[:, :2] - self.motion[0, :2]
-        return np.hypot(gone[:, 0], gone[:, 1])
+        """Distance from the start (T,) [m]."""
+        return np.hypot(*(self.motion[:, :2] - self.motion[0, :2]).T)
 
     @property
     def reach(self) -> float:
-        """The furthest it goes from the start [m]."""
+        """Largest distance from the start [m]."""
         return float(self.distance.max())
 
     @property
     def speed(self) -> Floats:
-        """Over ground (T,) [m/s]."""
+        """Speed over ground (T,) [m/s]."""
         return np.hypot(self.motion[:, 3], self.motion[:, 4])
 
 
 def plan_of(
     manoeuvre: Manoeuvre,
     model: Model,
-    limits: Limits,
+    limits: StickLimits,
     seed: int = 0,
     seconds: float | None = None,
 ) -> Plan:
-    """Sticks as the script will play them, and the motion they make: nothing is left out."""
+    """The sticks as the script will play them, and the motion that they make."""
     vessel = model.vessel
-    wanted = np.vstack([sticks_of(manoeuvre, vessel, DT, seed, limits, seconds), np.zeros(2)])
+    wanted = np.vstack(
+        [manoeuvre_sticks(manoeuvre, vessel, DT, seed, limits, seconds), np.zeros(2)]
+    )
     time = DT * np.arange(len(wanted), dtype=float)
-    kept = corners(time, wanted, TOLERANCE)
-    places: Floats = np.round(wanted[kept], 3).astype(float)
-    sticks = connected(time, time[kept], places)
-    commands = mixed(vessel, sticks)
+    kept = corner_rows(time, wanted, TOLERANCE)
+    corners: Floats = np.round(wanted[kept], 3).astype(float)
+    sticks = polyline(time, time[kept], corners)
+    commands = mix_sticks(vessel, sticks)
     motion = model.simulate(commands, DT)[1][0, :-1]
-    return Plan(manoeuvre, vessel, limits, seed, time[kept], places, time, sticks, commands, motion)
+    return Plan(
+        manoeuvre, vessel, limits, seed, time[kept], corners, time, sticks, commands, motion
+    )

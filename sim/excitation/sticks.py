@@ -1,4 +1,4 @@
-"""From throttle and helm to the actuators of a vessel.
+"""From throttle and helm to the actuators of a vessel, and a manoeuvre on a time grid.
 
     thruster   c = throttle · cos α + steer · lever / longest lever
                lever = x sin α − y cos α  [m], the yaw moment per newton
@@ -6,38 +6,36 @@
 
 Where there are rudders they steer alone. A thruster across the boat (bow thruster) has no share of
 the throttle; one that makes no yaw moment has none of the helm. This is how an autopilot with skid
-steering mixes: with throttle and steer together above full travel it keeps the helm and gives
-throttle away, and so does `within_travel`.
-
-A manoeuvre for a vessel: sticks and commands on a time grid, within limits, by a seed.
+steering mixes: with throttle and steer together above full travel it keeps the helm and reduces the
+throttle, as does `within_travel`.
 """
 
 import numpy as np
 
-from sim.excitation.manoeuvre import Limits, Manoeuvre, Stick, slewed
+from sim.excitation.manoeuvre import Manoeuvre, Stick, StickLimits, slew_limited
 from sim.state import Floats
 from sim.vessel import Rudder, Thruster, Vessel
 
-BLADE = 2.0  # a blade wants more helm than a difference of thrust
+RUDDER_HELM_GAIN = 2.0  # a rudder needs more helm than a difference of thrust; chosen
 
 
-def shares(vessel: Vessel) -> Floats:
+def mixing_matrix(vessel: Vessel) -> Floats:
     """Each actuator's share of throttle and of steer (actuators, 2)."""
     return np.array([_share(vessel, actuator) for actuator in vessel.actuators])
 
 
-def mixed(vessel: Vessel, sticks: Floats) -> Floats:
+def mix_sticks(vessel: Vessel, sticks: Floats) -> Floats:
     """Throttle and steer (..., 2) -> commands (..., actuators) in [−1, 1]."""
-    return np.clip(sticks @ shares(vessel).T, -1.0, 1.0)
+    return np.clip(sticks @ mixing_matrix(vessel).T, -1.0, 1.0)
 
 
 def helm_gain(vessel: Vessel) -> float:
-    """How much more helm the vessel wants than one that steers by thrust."""
-    return BLADE if vessel.rudders else 1.0
+    """How much more helm the vessel needs than one that steers by thrust."""
+    return RUDDER_HELM_GAIN if vessel.rudders else 1.0
 
 
 def within_travel(vessel: Vessel, sticks: Floats) -> Floats:
-    """Sticks (T, 2) whose thrusters all stay within full travel: the helm goes first."""
+    """Sticks (T, 2) with which all thrusters stay within full travel: the helm has priority."""
     out = np.clip(sticks, -1.0, 1.0)
     if not vessel.rudders:
         room = 1.0 - np.abs(out[:, Stick.STEER])
@@ -58,39 +56,39 @@ def _lever(thruster: Thruster) -> float:
     return float(x * np.sin(thruster.azimuth) - y * np.cos(thruster.azimuth))
 
 
-FULL = Limits()
+FULL = StickLimits()
 
 
-def sticks_of(
+def manoeuvre_sticks(
     manoeuvre: Manoeuvre,
     vessel: Vessel,
     dt: float,
     seed: int = 0,
-    limits: Limits = FULL,
+    limits: StickLimits = FULL,
     seconds: float | None = None,
 ) -> Floats:
     """Throttle and steer (T, 2) on a grid of dt [s], from neutral to neutral.
 
-    `seconds` cuts the manoeuvre short, or begins it again. Amplitudes are scaled to the limits,
+    `seconds` cuts the manoeuvre short, or repeats it. Amplitudes are scaled to the limits,
     not clipped: the shape stays.
     """
-    suited = manoeuvre.suited(vessel, limits)
-    count = max(round((suited.seconds if seconds is None else seconds) / dt), 1)
-    time = dt * np.arange(count, dtype=float) % suited.seconds
-    wanted = suited.sticks(time, np.random.default_rng(seed)) * limits.largest
+    adapted = manoeuvre.adapted_to(vessel, limits)
+    count = max(round((adapted.seconds if seconds is None else seconds) / dt), 1)
+    time = dt * np.arange(count, dtype=float) % adapted.seconds
+    wanted = adapted.sticks(time, np.random.default_rng(seed)) * limits.largest
     wanted[:, Stick.STEER] = np.clip(
         helm_gain(vessel) * wanted[:, Stick.STEER], -limits.steer, limits.steer
     )
-    return slewed(within_travel(vessel, wanted), limits.rates, dt)
+    return slew_limited(within_travel(vessel, wanted), limits.rates, dt)
 
 
-def commands_of(
+def manoeuvre_commands(
     manoeuvre: Manoeuvre,
     vessel: Vessel,
     dt: float,
     seed: int = 0,
-    limits: Limits = FULL,
+    limits: StickLimits = FULL,
     seconds: float | None = None,
 ) -> Floats:
     """Commands (T, actuators) in [−1, 1] on a grid of dt [s]."""
-    return mixed(vessel, sticks_of(manoeuvre, vessel, dt, seed, limits, seconds))
+    return mix_sticks(vessel, manoeuvre_sticks(manoeuvre, vessel, dt, seed, limits, seconds))

@@ -1,113 +1,89 @@
-"""How long a vessel takes to turn once round.
-
-Full circles either way at two speeds. How long a circle takes depends on the vessel.
-
-Helm from side to side at two speeds (after Kempf's zigzag, open loop).
-
-On the spot to starboard and to port, coasting after each.
-"""
+"""Manoeuvres of turning: full circles, zigzag, on the spot."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
-from numpy.random import Generator
 
-from sim.excitation.manoeuvre import Leg, Limits, Manoeuvre, held, lasting
-from sim.excitation.sticks import helm_gain, mixed, within_travel
+from sim.excitation.manoeuvre import Leg, LegManoeuvre, Manoeuvre, StickLimits
+from sim.excitation.sticks import helm_gain, mix_sticks, within_travel
 from sim.model import Model
-from sim.state import Eta, Floats
+from sim.state import Eta
 from sim.vessel import Vessel
 
-if TYPE_CHECKING:
-    from sim.vessel import Vessel
-
 DT = 0.1  # s
-LONGEST, SHORTEST = 120.0, 8.0  # s
+MIN_TURN_S, MAX_TURN_S = 8.0, 120.0  # of a circle: beyond, a boat is taken not to come round
+STEERAGE_THROTTLE = 0.2  # of a spin with a rudder, which turns nothing without a flow
 
 
-def seconds_of_a_turn(vessel: Vessel, limits: Limits, throttle: float, steer: float) -> float:
-    """Sticks held -> when the bow has been round [s]: the slower of the two ways to begin.
+def full_turn_seconds(vessel: Vessel, limits: StickLimits, throttle: float, steer: float) -> float:
+    """Duration [s] of a full turn with sticks held: the slower of two starts.
 
-    From rest, and out of a steady turn to the other side; slew is allowed for. Two minutes at most.
+    From rest, and out of a steady turn to the other side; slew is allowed for.
     """
     helm = min(helm_gain(vessel) * steer * limits.steer, limits.steer)
-    ahead, count = throttle * limits.throttle, round(LONGEST / DT)
+    ahead, count = throttle * limits.throttle, round(MAX_TURN_S / DT)
     other, turn = within_travel(vessel, np.array([[ahead, -helm], [ahead, helm]]))
     before = np.stack([np.zeros(2), other])  # (2, 2): one row per run
     sticks = np.concatenate([np.repeat(row[:, None], count, axis=1)
                              for row in (before, np.stack([turn, turn]))], axis=1)  # fmt: skip
-    yaw = Model.of(vessel).simulate(mixed(vessel, sticks), DT)[0][:, count:, Eta.YAW]
-    round_it = np.abs(yaw - yaw[:, :1]) >= 2.0 * np.pi
-    steps = np.where(round_it.any(axis=1), round_it.argmax(axis=1), count)
-    eased = max(2.0 * helm / limits.steer_rate, ahead / limits.throttle_rate)
-    return min(max(float(steps.max()) * DT + eased, SHORTEST), LONGEST)
+    yaw = Model.of(vessel).simulate(mix_sticks(vessel, sticks), DT)[0][:, count:, Eta.YAW]
+    turned = np.abs(yaw - yaw[:, :1]) >= 2.0 * np.pi
+    steps = np.where(turned.any(axis=1), turned.argmax(axis=1), count)
+    slew = max(2.0 * helm / limits.steer_rate, ahead / limits.throttle_rate)
+    return min(max(float(steps.max()) * DT + slew, MIN_TURN_S), MAX_TURN_S)
 
 
 @final
 @dataclass(frozen=True)
-class Circles(Manoeuvre):
-    """`holds` [s] of a circle at each speed, to starboard and then to port."""
+class Circles(LegManoeuvre):
+    """Full circles to starboard and to port at each speed, `holds` [s] as the vessel needs."""
 
     name: ClassVar = "circles"
-    tells: ClassVar = "current, wind, heading offset, compass deviation: every heading, two speeds"
+    reveals: ClassVar = (
+        "current, wind, heading offset, compass deviation: every heading, two speeds"
+    )
     speeds: tuple[float, ...] = (0.4, 0.7)
     helm: float = 0.3
     holds: tuple[float, ...] = (20.0, 20.0)
 
     @property
     def legs(self) -> list[Leg]:
-        """Seconds, throttle, steer."""
         pairs = list(zip(self.speeds, self.holds, strict=True))
         return [(hold, speed, side * self.helm) for speed, hold in pairs for side in (1, -1)]
 
-    @property
-    def seconds(self) -> float:
-        return lasting(self.legs)
-
-    def sticks(self, time: Floats, dice: Generator) -> Floats:
-        return held(time, self.legs)
-
-    def suited(self, vessel: "Vessel", limits: Limits) -> Manoeuvre:
-        holds = (seconds_of_a_turn(vessel, limits, speed, self.helm) for speed in self.speeds)
+    def adapted_to(self, vessel: Vessel, limits: StickLimits) -> Manoeuvre:
+        holds = (full_turn_seconds(vessel, limits, speed, self.helm) for speed in self.speeds)
         return replace(self, holds=tuple(holds))
 
 
 @final
 @dataclass(frozen=True)
-class Zigzag(Manoeuvre):
-    """The helm lies over for `hold` [s], on the first and last side for half a swing."""
+class Zigzag(LegManoeuvre):
+    """Helm from side to side at two speeds (after Kempf's zigzag, open loop).
+
+    It lies over for twice `hold` [s], on the first and the last side for half of that.
+    """
 
     name: ClassVar = "zigzag"
-    tells: ClassVar = "yaw and sway: m33, m22, N_r, Y_v, cross damping; steering lag and offset"
+    reveals: ClassVar = "yaw and sway: m33, m22, N_r, Y_v, cross damping; steering lag and offset"
     speeds: tuple[float, ...] = (0.5, 0.8)
     helm: float = 0.35
     hold: float = 5.0
 
     @property
     def legs(self) -> list[Leg]:
-        """Seconds, throttle, steer."""
         sides = (1, -1, -1, 1, 1, -1)
         return [(self.hold, speed, side * self.helm) for speed in self.speeds for side in sides]
-
-    @property
-    def seconds(self) -> float:
-        return lasting(self.legs)
-
-    def sticks(self, time: Floats, dice: Generator) -> Floats:
-        return held(time, self.legs)
-
-
-CREEPING = 0.2  # throttle: a blade turns nothing without a flow
 
 
 @final
 @dataclass(frozen=True)
-class Spin(Manoeuvre):
-    """Helm hard over for `hold` [s], all neutral for `coast` [s]; no throttle unless it must."""
+class Spin(LegManoeuvre):
+    """On the spot to starboard and to port: helm for `hold` [s], neutral for `coast` [s]."""
 
     name: ClassVar = "spin"
-    tells: ClassVar = (
+    reveals: ClassVar = (
         "yaw alone: m33, N_r, N_rr; left against right: imbalance, misalignment; "
         "sway with it: cross damping, centre of gravity, antenna"
     )
@@ -118,17 +94,9 @@ class Spin(Manoeuvre):
 
     @property
     def legs(self) -> list[Leg]:
-        """Seconds, throttle, steer."""
         coast = (self.coast, 0.0, 0.0)
         return [leg for side in (1, -1)
                 for leg in ((self.hold, self.throttle, side * self.helm), coast)]  # fmt: skip
 
-    @property
-    def seconds(self) -> float:
-        return lasting(self.legs)
-
-    def sticks(self, time: Floats, dice: Generator) -> Floats:
-        return held(time, self.legs)
-
-    def suited(self, vessel: "Vessel", limits: Limits) -> Manoeuvre:
-        return replace(self, throttle=CREEPING) if vessel.rudders else self
+    def adapted_to(self, vessel: Vessel, limits: StickLimits) -> Manoeuvre:
+        return replace(self, throttle=STEERAGE_THROTTLE) if vessel.rudders else self

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.excitation.step_response import response, responses, step_responses
+from sim.excitation.step_response import responses_to, step_response, step_responses
 from sim.model import Model
 from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
 
@@ -15,7 +15,7 @@ TIME = np.arange(0.0, 60.0, 0.05)
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (-3.0, 2.0), (0.001, 5.0)])
 def test_a_first_order_lag(gain, offset):
     tau = 4.0
-    found = response(TIME, offset + gain * (1.0 - np.exp(-TIME / tau)))
+    found = step_response(TIME, offset + gain * (1.0 - np.exp(-TIME / tau)))
     assert found.rise == pytest.approx(tau * np.log(9.0), rel=1e-3)
     assert found.settling_2 == pytest.approx(tau * np.log(50.0), rel=1e-3)
     assert found.settling_5 == pytest.approx(tau * np.log(20.0), rel=1e-3)
@@ -30,7 +30,7 @@ def test_a_swinging_response_settles_after_its_last_swing_out():
     signal = 1.0 - swing * (
         np.cos(damped * TIME) + damping * omega / damped * np.sin(damped * TIME)
     )
-    found = response(TIME, signal)
+    found = step_response(TIME, signal)
     assert found.overshoot == pytest.approx(
         np.exp(-np.pi * damping / np.sqrt(1 - damping**2)), rel=1e-3
     )
@@ -40,10 +40,10 @@ def test_a_swinging_response_settles_after_its_last_swing_out():
 
 
 def test_what_is_not_at_rest_has_no_times():
-    assert not response(TIME, TIME).settled
-    assert not response(TIME, 1.0 - np.exp(-TIME / 30.0)).settled
-    assert not response(TIME, np.zeros_like(TIME)).settled
-    assert not response(TIME, np.full_like(TIME, np.nan)).settled
+    assert not step_response(TIME, TIME).settled
+    assert not step_response(TIME, 1.0 - np.exp(-TIME / 30.0)).settled
+    assert not step_response(TIME, np.zeros_like(TIME)).settled
+    assert not step_response(TIME, np.full_like(TIME, np.nan)).settled
 
 
 def test_each_step_of_a_table_has_its_response():
@@ -52,7 +52,7 @@ def test_each_step_of_a_table_has_its_response():
     for k in range(1, len(TIME)):
         held = command[k - 1]
         signal[k] = held + (signal[k - 1] - held) * np.exp(-0.05 / tau)
-    up, down = responses(TIME, signal, command)
+    up, down = responses_to(command, TIME, signal)
     assert (up.start, down.start) == pytest.approx((10.0, 40.0))
     assert up.rise == pytest.approx(tau * np.log(9.0), rel=0.02)
     assert down.rise == pytest.approx(tau * np.log(9.0), rel=0.02)
@@ -60,7 +60,7 @@ def test_each_step_of_a_table_has_its_response():
 
 
 def test_a_ramp_is_no_step():
-    assert responses(TIME, TIME, TIME) == []
+    assert responses_to(TIME, TIME, TIME) == []
 
 
 def test_a_linear_boat_answers_as_its_time_constants_say():

@@ -5,15 +5,15 @@ import pytest
 
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Kind
-from sim.excitation.effect_example import SMALLEST, seen
+from sim.excitation.effect_example import MIN_SIZE, run_example
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 def test_every_effect_is_seen_where_the_picture_looks(effect):
-    run = seen(effect)
+    run = run_example(effect)
     assert np.isfinite(run.changed).all()
     off = (run.changed - run.plain)[:, run.channel]
-    size = max(run.plain[:, run.channel].std(), SMALLEST[run.channel])
+    size = max(run.plain[:, run.channel].std(), MIN_SIZE[run.channel])
     assert np.sqrt(np.mean(off**2)) > 0.1 * size
     for p in effect.parameters:
         if p.kind is not Kind.CHOICE:
@@ -21,5 +21,5 @@ def test_every_effect_is_seen_where_the_picture_looks(effect):
 
 
 def test_the_plain_boat_is_the_same_for_all():
-    one, two = (seen(effect) for effect in EFFECTS[:2])
+    one, two = (run_example(effect) for effect in EFFECTS[:2])
     np.testing.assert_array_equal(one.plain, two.plain)
