@@ -1,136 +1,35 @@
-"""Columns of numbers to rows of JSON text, many times faster than one call a row.
+"""Rows of a topic to JSON text: single messages, and columns of many.
 
-orjson writes all numbers of a block in one call; a compiled loop then weaves the keys between
-them. The text of each number is orjson's own: the shortest that reads back to the same value.
+msgspec takes 1.2 µs for a row of 18 numbers, whether one comes at a time or a chunk of hundreds.
+orjson takes 1.9 µs; a compiled loop that wove keys into orjson's text of whole columns took 1.3 µs
+in large chunks and 15 µs for a single row (numpy columns included, one core of a laptop).
 
-Rows of a topic to JSON text: one message for a live link, columns of them for a recording.
+Both libraries write the shortest text that reads back as the same number. They differ from 1e16 on,
+which msgspec writes as 1e16 and orjson as 1e+16: such rows go through orjson, so that every message
+of a recording is written in one way.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cache, lru_cache
-from itertools import pairwise
+from functools import cache
+from itertools import starmap
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from gateway.jit import compiled
-from gateway.topics import TIMES, TOPICS, Field, FieldType, Topic
-
-Bytes = NDArray[np.uint8]
-Integers = NDArray[np.int64]
-
-OPEN, CLOSE, COMMA = ord("["), ord("]"), ord(",")
-
-
-@compiled
-def _copy_token(text: Bytes, at: int, out: Bytes, end: int) -> tuple[int, int]:
-    """Append the next number of a JSON array to `out` -> position in text, end of `out`."""
-    while text[at] == OPEN or text[at] == CLOSE or text[at] == COMMA:
-        at += 1
-    while text[at] != CLOSE and text[at] != COMMA:
-        out[end] = text[at]
-        at += 1
-        end += 1
-    return at, end
-
-
-@compiled
-def _copy_piece(pieces: Bytes, edges: Integers, which: int, out: Bytes, end: int) -> int:
-    """Append piece number `which` of a joined text to `out` -> end of `out`."""
-    for i in range(edges[which], edges[which + 1]):
-        out[end] = pieces[i]
-        end += 1
-    return end
-
-
-@compiled
-def _weave(
-    integers: Bytes,
-    numbers: Bytes,
-    keys: Bytes,
-    key_edges: Integers,
-    tails: Bytes,
-    tail_edges: Integers,
-    tail_of_row: Integers,
-    whole: int,
-    out: Bytes,
-) -> Integers:
-    """Write every row into `out` -> (K + 1,) where each row starts and ends.
-
-    The first `whole` keys of a row take their value from `integers`, the others from `numbers`.
-    """
-    rows = len(tail_of_row)
-    edges = np.zeros(rows + 1, np.int64)
-    in_integers, in_numbers, end = 0, 0, 0
-    for row in range(rows):
-        for key in range(len(key_edges) - 1):
-            end = _copy_piece(keys, key_edges, key, out, end)
-            if key < whole:
-                in_integers, end = _copy_token(integers, in_integers, out, end)
-            else:
-                in_numbers, end = _copy_token(numbers, in_numbers, out, end)
-        end = _copy_piece(tails, tail_edges, tail_of_row[row], out, end)
-        edges[row + 1] = end
-    return edges
-
-
-def _joined(pieces: Sequence[bytes]) -> tuple[Bytes, Integers]:
-    """Pieces of text -> one text, and where each starts and ends."""
-    edges = np.cumsum([0, *(len(piece) for piece in pieces)])
-    return np.frombuffer(b"".join(pieces), np.uint8), edges.astype(np.int64)
-
-
-def _text(array: NDArray[Any]) -> Bytes:
-    """A two-dimensional array -> its JSON text."""
-    packed = np.ascontiguousarray(array)
-    return np.frombuffer(orjson.dumps(packed, option=orjson.OPT_SERIALIZE_NUMPY), np.uint8)
-
-
-def json_rows(
-    names: Sequence[str],
-    integers: Integers,
-    numbers: NDArray[np.float64],
-    tails: Sequence[bytes],
-    tail_of_row: Integers,
-) -> list[bytes]:
-    """Integers (K, I) and finite numbers (K, F) -> K JSON objects with the keys `names` (I + F).
-
-    `tails[tail_of_row[k]]` closes row k: `}`, or further members as `,"key":"value"}`.
-    """
-    if len(numbers) == 0:
-        return []
-    quoted = [orjson.dumps(name) + b":" for name in names]
-    keys = [b"{" + quoted[0], *(b"," + name for name in quoted[1:])]
-    key_text, key_edges = _joined(keys)
-    tail_text, tail_edges = _joined(tails)
-    integer_text, number_text = _text(integers), _text(numbers)
-    longest_tail = max(len(tail) for tail in tails)
-    room = len(integer_text) + len(number_text) + len(numbers) * (len(key_text) + longest_tail)
-    out = np.empty(room, np.uint8)
-    edges = _weave(
-        integer_text,
-        number_text,
-        key_text,
-        key_edges,
-        tail_text,
-        tail_edges,
-        tail_of_row,
-        integers.shape[1],
-        out,
-    )
-    text = out[: edges[-1]].tobytes()
-    return [text[start:end] for start, end in pairwise(edges.tolist())]
-
+from gateway.topics import TIMES, TOPICS, Field, FieldType
 
 Value = float | int | str
 Text = str | Sequence[str]
-FEW = 8  # rows up to which a call per row beats columns: a live link gives one at a time
+EXPONENT_FROM = 1e16  # numbers from here on are written with an exponent
+
+_encode = msgspec.json.Encoder().encode
 
 
-class Rows(NamedTuple):
+class TopicRows(NamedTuple):
     """Encoded messages of one topic with their two times (K,) [ns]."""
 
     topic: str
@@ -139,31 +38,31 @@ class Rows(NamedTuple):
     payloads: list[bytes]
 
 
-class _Plan(NamedTuple):
-    """What `encode` needs of a topic, looked up once."""
+class _Layout(NamedTuple):
+    """The members of a topic's messages; `message` makes an object of them that msgspec encodes."""
 
     names: tuple[str, ...]
-    known: frozenset[str]
     numbers: tuple[str, ...]
     integers: tuple[str, ...]
     strings: tuple[Field, ...]
+    message: type[msgspec.Struct]
 
 
 @cache
-def _plan(topic: str) -> _Plan:
+def _layout(topic: str) -> _Layout:
     fields = TOPICS[topic].all_fields
     names = tuple(field.name for field in fields)
-    return _Plan(
+    return _Layout(
         names,
-        frozenset(names),
         tuple(field.name for field in fields if field.type is FieldType.NUMBER),
         tuple(field.name for field in fields if field.type is FieldType.INTEGER),
         tuple(field for field in fields if field.type is FieldType.STRING),
+        msgspec.defstruct(topic, names, gc=False),
     )
 
 
-def _refuse_text(topic: str, field: Field, value: Value) -> None:
-    """Raise where a string is none, or none of those allowed."""
+def _check_text(topic: str, field: Field, value: Value) -> None:
+    """Raise ValueError where a string is none, or none of those allowed."""
     if not isinstance(value, str) or (field.choices and value not in field.choices):
         allowed = f"one of {', '.join(field.choices)}" if field.choices else "a string"
         raise ValueError(f"topic {topic}: {field.name} is {value!r}, expected {allowed}")
@@ -174,58 +73,37 @@ def encode(topic: str, row: Mapping[str, Value]) -> bytes | None:
 
     A field that is missing, unknown or of another type raises ValueError: the caller's mistake.
     """
-    plan = _plan(topic)
-    if row.keys() != plan.known:
-        odd = ", ".join(sorted(row.keys() ^ plan.known))
+    layout = _layout(topic)
+    if row.keys() != set(layout.names):
+        odd = ", ".join(sorted(row.keys() ^ set(layout.names)))
         raise ValueError(f"topic {topic}: missing or unknown fields: {odd}")
-    for name in plan.integers:
+    for name in layout.integers:
         if not isinstance(row[name], int | np.integer):
             raise ValueError(f"topic {topic}: {name} is {row[name]!r}, expected an integer")
-    for field in plan.strings:
-        _refuse_text(topic, field, row[field.name])
-    if not all([math.isfinite(row[name]) for name in plan.numbers]):  # type: ignore[arg-type]  # noqa: C419
+    for field in layout.strings:
+        _check_text(topic, field, row[field.name])
+    if not all(math.isfinite(row[name]) for name in layout.numbers):  # type: ignore[arg-type]
         return None
-    message = {name: row[name] for name in plan.names}
+    message = {name: row[name] for name in layout.names}
     return orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
-@lru_cache(maxsize=256)
-def _tail(topic: str, values: tuple[str, ...]) -> bytes:
-    """The string members that close a row: `,"source":"measured"}`."""
-    fields = _plan(topic).strings
-    for field, value in zip(fields, values, strict=True):
-        _refuse_text(topic, field, value)
-    members = [
-        b"," + orjson.dumps(field.name) + b":" + orjson.dumps(value)
-        for field, value in zip(fields, values, strict=True)
-    ]
-    return b"".join(members) + b"}"
-
-
-def _tails(
-    topic: Topic, strings: Mapping[str, Text], rows: int
-) -> tuple[list[bytes], NDArray[np.int64]]:
-    """The closing texts that occur, and which of them each row has: (rows,)."""
-    names = [field.name for field in _plan(topic.name).strings]
+def _string_columns(topic: str, strings: Mapping[str, Text], rows: int) -> list[Sequence[str]]:
+    """The string members of all rows, each (rows,), in the topic's order."""
+    fields = _layout(topic).strings
+    names = [field.name for field in fields]
     if strings.keys() != set(names):
-        raise ValueError(f"topic {topic.name}: strings {sorted(strings)}, expected {names}")
-    if all([isinstance(text, str) for text in strings.values()]):  # noqa: C419
-        only = _tail(topic.name, tuple([str(strings[name]) for name in names]))
-        return [only], np.zeros(rows, np.int64)
-    columns = [[text] * rows if isinstance(text := strings[name], str) else text for name in names]
-    combinations = list(zip(*columns, strict=True))
-    if len(combinations) != rows:
-        raise ValueError(f"topic {topic.name}: {len(combinations)} strings for {rows} rows")
-    distinct = {combination: i for i, combination in enumerate(dict.fromkeys(combinations))}
-    tails = [_tail(topic.name, combination) for combination in distinct]
-    return tails, np.array([distinct[combination] for combination in combinations], np.int64)
-
-
-def _line(
-    names: Sequence[str], times: Sequence[int], values: Sequence[float], tail: bytes
-) -> bytes:
-    """One message: the same bytes as `json_rows` gives."""
-    return orjson.dumps(dict(zip(names, [*times, *values], strict=True)))[:-1] + tail
+        raise ValueError(f"topic {topic}: strings {sorted(strings)}, expected {names}")
+    columns = []
+    for field in fields:
+        given = strings[field.name]
+        column = [given] * rows if isinstance(given, str) else given
+        if len(column) != rows:
+            raise ValueError(f"topic {topic}: {len(column)} strings for {rows} rows")
+        for value in set(column):
+            _check_text(topic, field, value)
+        columns.append(column)
+    return columns
 
 
 def encode_rows(
@@ -234,27 +112,29 @@ def encode_rows(
     receive_time_ns: NDArray[np.int64],
     values: NDArray[np.float64],
     strings: Mapping[str, Text] | None = None,
-) -> Rows:
+) -> TopicRows:
     """Many messages of a topic without integer fields: times (K,), numbers (K, F) -> the encoded.
 
     Columns of `values` are the topic's numbers in their order; a string field is one value for
     all rows or K of them. Rows with a number that is not finite are withheld: left out.
     """
-    plan = _plan(topic)
-    if len(plan.integers) > len(TIMES) or values.shape[1:] != (len(plan.numbers),):
-        raise ValueError(f"topic {topic}: values {values.shape}, expected (K, {len(plan.numbers)})")
-    tails, tail_of_row = _tails(TOPICS[topic], strings or {}, len(values))
-    complete = np.isfinite(values)
-    if not complete.all():
-        whole = complete.all(axis=1)
-        vehicle_time_ns, receive_time_ns = vehicle_time_ns[whole], receive_time_ns[whole]
-        values, tail_of_row = values[whole], tail_of_row[whole]
-    names = plan.names[: len(TIMES) + len(plan.numbers)]
-    if len(values) > FEW:
-        times = np.column_stack([vehicle_time_ns, receive_time_ns])
-        payloads = json_rows(names, times, values, tails, tail_of_row)
+    layout = _layout(topic)
+    if len(layout.integers) > len(TIMES) or values.shape[1:] != (len(layout.numbers),):
+        shape = f"(K, {len(layout.numbers)})"
+        raise ValueError(f"topic {topic}: values {values.shape}, expected {shape}")
+    columns = _string_columns(topic, strings or {}, len(values))
+    finite = np.isfinite(values)
+    if not finite.all():
+        complete = np.flatnonzero(finite.all(axis=1))
+        vehicle_time_ns, receive_time_ns = vehicle_time_ns[complete], receive_time_ns[complete]
+        values = values[complete]
+        columns = [[column[k] for k in complete.tolist()] for column in columns]
+    members: Any = zip(
+        vehicle_time_ns.tolist(), receive_time_ns.tolist(), *values.T.tolist(), *columns,
+        strict=True,
+    )  # fmt: skip
+    if values.size and np.abs(values).max() >= EXPONENT_FROM:
+        payloads = [orjson.dumps(dict(zip(layout.names, row, strict=True))) for row in members]
     else:
-        both = zip(vehicle_time_ns.tolist(), receive_time_ns.tolist(), strict=True)
-        rows = zip(both, values.tolist(), tail_of_row, strict=True)
-        payloads = [_line(names, time, row, tails[tail]) for time, row, tail in rows]
-    return Rows(topic, vehicle_time_ns, receive_time_ns, payloads)
+        payloads = list(map(_encode, starmap(layout.message, members)))
+    return TopicRows(topic, vehicle_time_ns, receive_time_ns, payloads)

@@ -13,7 +13,7 @@ import numpy as np
 
 from gateway.estimation.filter import Estimator
 from gateway.ingest.log import Boat
-from gateway.json_rows import Rows, encode
+from gateway.json_rows import TopicRows, encode
 from gateway.live.intake import MessageIntake
 from gateway.shadow.events import EventDetector, UsualRange
 from gateway.shadow.health import SECOND, LiveHealth
@@ -28,7 +28,7 @@ BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S,
 class Spoken(NamedTuple):
     """Messages that go out; with the last of an estimate, the rows of the path behind them."""
 
-    rows: list[Rows]
+    rows: list[TopicRows]
     out: Shadowing | None = None
 
 
@@ -94,7 +94,7 @@ class LiveBoat:
         silent = now_ns - self._newest.receive_time_ns
         return SILENCE_NS <= silent <= BLIND_NS and now_ns - self._ticked_ns >= TICK_NS
 
-    def status(self, now_ns: int, backlog: int, drops: int) -> list[Rows]:
+    def status(self, now_ns: int, backlog: int, drops: int) -> list[TopicRows]:
         """The health topic, once a second."""
         second = now_ns // SECOND
         if 0 <= self._reported_s - second <= 1:  # receipts of two links may change places
@@ -104,9 +104,9 @@ class LiveBoat:
         payload = encode("health", row)
         assert payload is not None
         times = np.array([row["vehicle_time_ns"]], np.int64), np.array([now_ns], np.int64)
-        return [Rows("health", *times, [payload]), *self._rest(now_ns)]
+        return [TopicRows("health", *times, [payload]), *self._rest(now_ns)]
 
-    def say(self, kind: str, severity: str, says: str, now_ns: int) -> list[Rows]:
+    def say(self, kind: str, severity: str, says: str, now_ns: int) -> list[TopicRows]:
         """An event of the gateway's own, at a moment on the receiver's clock."""
         vehicle = self._vehicle_time(now_ns)
         return [event_rows([Happening(vehicle, now_ns, kind, severity, says)])]
@@ -116,7 +116,7 @@ class LiveBoat:
         """System and component id."""
         return self.boat.system, self.boat.component
 
-    def _rebooted(self, now_ns: int) -> list[Rows]:
+    def _rebooted(self, now_ns: int) -> list[TopicRows]:
         """Its clock, its frame numbers and its local frame start anew, and so does the filter."""
         self.reboots = self._hearing.reboots
         self.health.rebooted()
@@ -157,7 +157,7 @@ class LiveBoat:
             return now_ns
         return self._newest.vehicle_time_ns + now_ns - self._newest.receive_time_ns
 
-    def _rest(self, now_ns: int) -> list[Rows]:
+    def _rest(self, now_ns: int) -> list[TopicRows]:
         """Said once when the silence has become too long to run on."""
         if self._newest is None or now_ns - self._newest.receive_time_ns <= BLIND_NS:
             return []

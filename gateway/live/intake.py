@@ -23,7 +23,7 @@ from gateway.estimation.events import KIND_OF, Events
 from gateway.estimation.names import MeasurementKind
 from gateway.estimation.settings import FilterSettings
 from gateway.ingest.clock import BoatClock
-from gateway.ingest.clock_step import S, Verdict
+from gateway.ingest.clock_step import StampStatus
 from gateway.ingest.earth import Origin, to_degrees, to_local
 from gateway.ingest.log import Boat
 from gateway.ingest.mapping import Rule, counter_us, instance_of, merge_pulses
@@ -57,10 +57,10 @@ class BoatDecoder:
         return tuple(found)
 
     def _facts(self, message: Any, rule: Rule, receive: int) -> list[Measurement]:
-        vehicle, verdict = self.clock.stamp(
+        vehicle, status = self.clock.stamp(
             STREAM[rule.source], rule.counter, counter_us(message, rule), receive
         )
-        if verdict in (Verdict.DUPLICATE, Verdict.UNPLACED):
+        if status in (StampStatus.DUPLICATE, StampStatus.UNPLACED):
             return []
         facts = [(q, tuple(float(value) for value in values)) for q, values in rule.facts(message)]
         return [
@@ -182,7 +182,7 @@ class MessageIntake:
     @property
     def reboots(self) -> int:
         """How often the autopilot booted again."""
-        return int(self.decoder.clock.state[S.REBOOTS])
+        return self.decoder.clock.reboots
 
     @property
     def origin(self) -> Origin | None:
@@ -212,7 +212,9 @@ class MessageIntake:
         """A moment without any fact, on the receiver's and the boat's clock."""
         epoch = vehicle_time_ns if self._epoch_ns is None else self._epoch_ns
         time = np.array([(vehicle_time_ns - epoch) * 1e-9])
-        events = Events(time, np.array([int(MeasurementKind.TICK)]), np.zeros((1, 2)), np.ones((1, 2)))
+        events = Events(
+            time, np.array([int(MeasurementKind.TICK)]), np.zeros((1, 2)), np.ones((1, 2))
+        )
         return self._with(events, np.array([vehicle_time_ns]), np.array([moment_ns]))
 
     def _about_motion(self, m: Measurement) -> Measurement | None:

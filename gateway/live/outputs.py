@@ -10,7 +10,7 @@ from pathlib import Path
 from gateway.bus import Bus
 from gateway.config import Settings, as_tables
 from gateway.errors import ShadowError
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram
 from gateway.live.boat import LiveBoat
 from gateway.live.boats import BoatPlan
@@ -32,24 +32,24 @@ class Outlet:
     failure: str | None = None  # not told yet
     _told: bool = False
 
-    def publish(self, rows: Sequence[Rows]) -> None:
+    def publish(self, rows: Sequence[TopicRows]) -> None:
         """To whoever listens."""
         if self.bus is not None:
             for part in rows:
                 for payload in part.payloads:
                     self.bus.publish(part.topic, payload)
 
-    def record(self, rows: Sequence[Rows]) -> None:
+    def record(self, rows: Sequence[TopicRows]) -> None:
         """To disk."""
         if self.recording is not None:
             self.recording.rows(rows)
 
-    def show(self, rows: Sequence[Rows]) -> None:
+    def show(self, rows: Sequence[TopicRows]) -> None:
         """To players."""
         if self.view is not None:
             self.view.show(rows)
 
-    def send(self, rows: Sequence[Rows]) -> None:
+    def send(self, rows: Sequence[TopicRows]) -> None:
         """To all of them."""
         self.publish(rows)
         self.record(rows)

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import Settings
 from gateway.errors import BadInput
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boats import BoatPlan, Fleet, Said
 from gateway.recording.reader import TICK_LINK, RawFrames, Recording
@@ -34,7 +34,7 @@ class Moment(NamedTuple):
 class Relived(NamedTuple):
     """What one input led to: messages, rows of the path, and the frames that it was made of."""
 
-    rows: list[Rows]
+    rows: list[TopicRows]
     outs: list[Shadowing]
     frames: slice
 
@@ -68,7 +68,7 @@ def relived(fleet: Fleet, path: Path) -> Iterator[Relived]:
     frames, decoder = raw.frames(), dialect.MAVLink(None)
     for moment in moments(raw):
         part = slice(moment.start, moment.end)
-        rows, outs = list[Rows](), list[Shadowing]()
+        rows, outs = list[TopicRows](), list[Shadowing]()
         for said in _said(fleet, moment, frames[part], decoder):
             rows += [*said.spoken.rows, *said.boat.status(moment.receive_time_ns, 0, 0)]
             outs += [] if said.spoken.out is None else [said.spoken.out]

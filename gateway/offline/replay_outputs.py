@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.bus import Bus
 from gateway.config import Settings
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.recording.file import Attachment
 from gateway.recording.recorder import Recorder
 from gateway.shadow.path import Shadowing
@@ -29,7 +29,7 @@ class ReplayStep(NamedTuple):
     """Rows of the path and messages that some inputs led to; `raw` makes the inputs' frames."""
 
     outs: list[Shadowing]
-    rows: list[Rows]
+    rows: list[TopicRows]
     raw: Callable[[], LinkFrames]
 
 

@@ -18,7 +18,7 @@ from typing import Any, Self
 import orjson
 
 from gateway.errors import BadInput, ShadowError
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.recording import foxglove
 from gateway.recording.file import JSON, JSON_SCHEMA
 from gateway.recording.foxglove import PlayerRows
@@ -64,7 +64,7 @@ class BoatView:
         }
         self._players = PlayerRows(rate_hz, known)
 
-    def show(self, rows: Sequence[Rows]) -> None:
+    def show(self, rows: Sequence[TopicRows]) -> None:
         """To those who have subscribed; nothing is made for nobody."""
         for part in rows:
             self._log(self._topics[part.topic], part.receive_time_ns.tolist, part.payloads)

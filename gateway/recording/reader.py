@@ -16,7 +16,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput, ShadowError
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.recording.blocks import Block, Spans, read_blocks, read_content, read_spans
 from gateway.recording.file import LINK, RAW, Attachment
 
@@ -92,7 +92,7 @@ class Recording:
                 counts[topic] = counts.get(topic, 0) + count
         return counts
 
-    def rows(self, topic: str) -> Iterator[Rows]:
+    def rows(self, topic: str) -> Iterator[TopicRows]:
         """Messages of one topic as they were recorded, block by block."""
         for block in self.blocks():
             chosen = _chosen(block, topic)
@@ -100,7 +100,7 @@ class Recording:
                 pairs = zip(block.start[chosen].tolist(), block.end[chosen].tolist(), strict=True)
                 payloads = [block.data[start:end] for start, end in pairs]
                 times = block.publish_time_ns[chosen], block.log_time_ns[chosen]
-                yield Rows(topic, *times, payloads)
+                yield TopicRows(topic, *times, payloads)
 
     def columns(self, topic: str) -> dict[str, NDArray[Any]]:
         """All messages of one topic, field by field: name -> (K,); empty where there are none."""

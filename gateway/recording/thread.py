@@ -15,7 +15,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from gateway.errors import ShadowError
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.recording.reader import TICK_LINK
 from gateway.recording.recorder import Recorder
 
@@ -34,7 +34,7 @@ class Raw(NamedTuple):
     frames: list[bytes]
 
 
-Item = Raw | Rows
+Item = Raw | TopicRows
 
 
 class RecordingThread:
@@ -90,7 +90,7 @@ class RecordingThread:
         """A moment at which the loop ran on without telemetry: part of its inputs."""
         self.raw(TICK_LINK, now_ns, (b"",))
 
-    def rows(self, rows: Sequence[Rows]) -> None:
+    def rows(self, rows: Sequence[TopicRows]) -> None:
         """Messages of topics."""
         for part in rows:
             if part.payloads:
@@ -117,7 +117,7 @@ class RecordingThread:
             self._guarded(self._recorder.finish if ended else self._recorder.flush_if_due)
 
     def _write(self, item: Item) -> None:
-        if isinstance(item, Rows):
+        if isinstance(item, TopicRows):
             self._recorder.write_rows(*item)
         else:
             self._recorder.write_raw(item.frames, item.receive_time_ns, link=item.link)
@@ -136,9 +136,9 @@ class RecordingThread:
 
 def merged(items: Iterable[Item]) -> Iterator[Item]:
     """The same in fewer calls: raw frames in their order first, then topic by topic."""
-    raws, topics = list[Raw](), dict[str, list[Rows]]()
+    raws, topics = list[Raw](), dict[str, list[TopicRows]]()
     for item in items:
-        if isinstance(item, Rows):
+        if isinstance(item, TopicRows):
             topics.setdefault(item.topic, []).append(item)
         else:
             raws.append(item)
@@ -150,7 +150,7 @@ def merged(items: Iterable[Item]) -> Iterator[Item]:
             [frame for part in together for frame in part.frames],
         )
     for topic, rows in topics.items():
-        yield Rows(
+        yield TopicRows(
             topic,
             np.concatenate([part.vehicle_time_ns for part in rows]),
             np.concatenate([part.receive_time_ns for part in rows]),
@@ -159,4 +159,4 @@ def merged(items: Iterable[Item]) -> Iterator[Item]:
 
 
 def _size(item: Item) -> int:
-    return len(item.payloads) if isinstance(item, Rows) else len(item.frames)
+    return len(item.payloads) if isinstance(item, TopicRows) else len(item.frames)

@@ -14,8 +14,7 @@ from gateway.estimation.names import Flag
 from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.frames import LATE
 from gateway.ingest.mavlink.log import MavlinkLog
-from gateway.json_rows import Rows as Messages
-from gateway.json_rows import encode
+from gateway.json_rows import TopicRows, encode
 from gateway.topics import RATED
 from sim.state import Ints
 
@@ -59,7 +58,7 @@ class HealthMeter:
         both = np.concatenate(stamps) if stamps else np.zeros((0, 2), np.int64)
         return cls(arrivals, _losses(log, decoded), both[np.argsort(both[:, 0], kind="stable")])
 
-    def advance(self, receive_time_ns: Ints, rows: FilterRows) -> Messages:
+    def advance(self, receive_time_ns: Ints, rows: FilterRows) -> TopicRows:
         """What the filter said of facts received then -> one row for each second now over."""
         seconds = receive_time_ns // SECOND
         edges = np.flatnonzero(np.diff(seconds, prepend=-1, append=-1)).tolist()
@@ -71,7 +70,7 @@ class HealthMeter:
                 self.nis, self.used = 0.0, 0
             self._count(rows, slice(start, end))
         times = np.array([time for time, _ in out], np.int64)
-        return Messages("health", times - self._offset_ns(times), times, [row for _, row in out])
+        return TopicRows("health", times - self._offset_ns(times), times, [row for _, row in out])
 
     def _over(self, second: int) -> bool:
         """Is the second before this one over? A clock set back by long starts anew."""

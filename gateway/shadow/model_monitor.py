@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from gateway.json_rows import Rows, encode_rows
+from gateway.json_rows import TopicRows, encode_rows
 from gateway.shadow.path import Shadowing
 from gateway.shadow.topic_rows import Happening
 from gateway.topics import HORIZONS_S
@@ -74,9 +74,9 @@ class ModelMonitor:
         estimator = DisturbanceEstimator.of(model)
         return cls(estimator, Alarm.start(estimator))
 
-    def observe(self, out: Shadowing) -> tuple["ModelMonitor", list[Rows], list[Happening]]:
+    def observe(self, out: Shadowing) -> tuple["ModelMonitor", list[TopicRows], list[Happening]]:
         """A chunk of the path -> what is known after it, what is published and said."""
-        now, rows, told = self, list[Rows](), list[Happening]()
+        now, rows, told = self, list[TopicRows](), list[Happening]()
         if not len(out):
             return now, rows, told
         first, times, table, bad = 0, out.time_s.tolist(), _table(out), _spoilt(out)
@@ -112,7 +112,7 @@ class ModelMonitor:
 
     def _closed(
         self, out: Shadowing, k: int, whole: bool
-    ) -> tuple["ModelMonitor", list[Rows], list[Happening]]:
+    ) -> tuple["ModelMonitor", list[TopicRows], list[Happening]]:
         """The second ends before row k; it counts where nothing in it is missing."""
         s = self.second
         fresh = replace(self, second=Second(), known=s.errors)
@@ -131,7 +131,7 @@ class ModelMonitor:
         receive = int(out.receive_time_ns[k])
         return Happening(vehicle, receive, news.value, SEVERITY[news], says)
 
-    def _published(self, out: Shadowing, k: int, moment: SecondMeans) -> list[Rows]:
+    def _published(self, out: Shadowing, k: int, moment: SecondMeans) -> list[TopicRows]:
         """Both topics; the wind is withheld where the vessel has no areas for one."""
         alarm, air = self.alarm, self.estimator.air
         if alarm.estimate.count < FIRST_S:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.ingest.earth import Origin, to_degrees
-from gateway.json_rows import Rows, encode_rows
+from gateway.json_rows import TopicRows, encode_rows
 from gateway.shadow.path import Shadowing
 from sim.state import Floats
 
@@ -25,7 +25,7 @@ class Happening:
     says: str
 
 
-def topic_rows(out: Shadowing, origin: Origin | None) -> Iterator[Rows]:
+def topic_rows(out: Shadowing, origin: Origin | None) -> Iterator[TopicRows]:
     """All topics that follow from the path's rows; what is not complete is withheld.
 
     One by one, the shadow first: each can go out while the next is being made.
@@ -57,7 +57,7 @@ def _source(out: Shadowing) -> str | list[str]:
     return np.where(out.from_model, "model", "measured").tolist()
 
 
-def _measured(out: Shadowing) -> Rows:
+def _measured(out: Shadowing) -> TopicRows:
     """The estimate where it rests on what the boat says."""
     vehicle, receive, fields = out.vehicle_time_ns, out.receive_time_ns, (out.estimate, out.std)
     if not out.fresh.all():
@@ -71,7 +71,7 @@ def _positions(out: Shadowing, origin: Origin) -> Floats:
     return np.hstack([boat, out.estimate[:, 2:3], shadow, out.shadow[:, 2:3]])
 
 
-def event_rows(happenings: Sequence[Happening]) -> Rows:
+def event_rows(happenings: Sequence[Happening]) -> TopicRows:
     """Events as messages."""
     return encode_rows(
         "event",

@@ -39,4 +39,4 @@ def test_every_function_that_is_reached_is_in_the_fingerprint(name, monkeypatch)
 
 
 def test_the_loops_of_the_gateway_are_found():
-    assert {"gateway.estimation.filter", "gateway.json_rows"} <= set(COMPILED)
+    assert {"gateway.estimation.filter", "gateway.recording.blocks"} <= set(COMPILED)

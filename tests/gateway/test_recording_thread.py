@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ShadowError
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.recording import thread as thread_module
 from gateway.recording.reader import TICK_LINK, Recording
 from gateway.recording.recorder import Recorder, RecordingSettings, open_new
@@ -25,11 +25,13 @@ def recorder(path: Path, **more: Any) -> Recorder:
     return Recorder(path, settings=SETTINGS, live=True, **more)
 
 
-def row(k: int) -> Rows:
+def row(k: int) -> TopicRows:
     """The k-th message of a topic."""
     rows = rows_of("control", 1)
     time_ns = np.array([START + k])
-    return Rows("control", time_ns, time_ns, [rows.payloads[0].replace(b"0", str(k % 10).encode())])
+    return TopicRows(
+        "control", time_ns, time_ns, [rows.payloads[0].replace(b"0", str(k % 10).encode())]
+    )
 
 
 def test_what_was_put_is_written_in_order(tmp_path: Path) -> None:
@@ -62,7 +64,7 @@ def test_merging_keeps_every_message_and_the_order_of_frames_over_links() -> Non
     assert raws == [
         Raw("a", [1, 2], [b"1", b"2"]), Raw(TICK_LINK, [3], [b""]), Raw("a", [4], [b"4"]),
     ]  # fmt: skip
-    topics = {item.topic: item for item in together if isinstance(item, Rows)}
+    topics = {item.topic: item for item in together if isinstance(item, TopicRows)}
     assert topics["control"].receive_time_ns.tolist() == [START + k for k in (1, 2, 3)]
     assert len(topics["event"].payloads) == 1
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.json_rows import Rows, encode, encode_rows
+from gateway.json_rows import TopicRows, encode, encode_rows
 from gateway.recording.file import Attachment
 from gateway.recording.recorder import Recorder
 from gateway.topics import TOPICS, FieldType
@@ -22,7 +22,7 @@ def times(rows: int, first: int = 0) -> np.ndarray[Any, np.dtype[np.int64]]:
     return START + (first + np.arange(rows)) * STEP
 
 
-def rows_of(topic: str, rows: int, first: int = 0) -> Rows:
+def rows_of(topic: str, rows: int, first: int = 0) -> TopicRows:
     """Some messages of a topic without integers."""
     width = len(TOPICS[topic].names(FieldType.NUMBER))
     values = np.random.default_rng(first).normal(size=(rows, width))
@@ -31,13 +31,13 @@ def rows_of(topic: str, rows: int, first: int = 0) -> Rows:
     return encode_rows(topic, vehicle, vehicle + LATE, values, strings)
 
 
-def event(severity: str = "warning") -> Rows:
+def event(severity: str = "warning") -> TopicRows:
     """One event."""
     row = {"kind": "test", "severity": severity, "says": "something happened"}
     stamp = {"vehicle_time_ns": START, "receive_time_ns": START + LATE}
     payload = encode("event", {**stamp, **row})
     assert payload is not None
-    return Rows("event", np.array([START]), np.array([START + LATE]), [payload])
+    return TopicRows("event", np.array([START]), np.array([START + LATE]), [payload])
 
 
 def frames_of(count: int, seed: int = 0) -> list[bytes]:

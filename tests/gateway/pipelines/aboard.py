@@ -11,7 +11,7 @@ import orjson
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import FollowingSettings, Settings, ZenohSettings
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boat import LiveBoat
 from gateway.live.boats import BoatPlan
@@ -79,7 +79,7 @@ class Heard:
 
     payloads: dict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
 
-    def add(self, rows: Iterable[Rows]) -> None:
+    def add(self, rows: Iterable[TopicRows]) -> None:
         for part in rows:
             self.payloads[part.topic] += part.payloads
 

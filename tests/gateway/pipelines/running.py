@@ -45,7 +45,9 @@ def wait(condition: Callable[[], Any], patience_s: float = PATIENCE_S) -> Any:
 
 def boat(**settings: Any) -> SimulatedBoat:
     """One to play in real time, fast from the start."""
-    return SimulatedBoat(WAMV, SimulatedBoatSettings(**{"rates": FAST, "unix_s": time.time(), **settings}))
+    return SimulatedBoat(
+        WAMV, SimulatedBoatSettings(**{"rates": FAST, "unix_s": time.time(), **settings})
+    )
 
 
 @contextmanager

@@ -91,7 +91,9 @@ def test_ticks_bridge_a_silence_and_know_the_commands_that_came_meanwhile(tmp_pa
 def test_ticks_end_where_it_makes_no_sense_to_run_on(tmp_path: Path) -> None:
     script = Script()
     silence(script, 100.0)
-    times = (feed := feed_of(script, tmp_path)).events.time_s[feed.events.kind == MeasurementKind.TICK]
+    times = (feed := feed_of(script, tmp_path)).events.time_s[
+        feed.events.kind == MeasurementKind.TICK
+    ]
     assert times[-1] == pytest.approx(0.9 + BLIND_S, abs=2.0 * TICK_S)
 
 
@@ -100,7 +102,10 @@ def test_the_last_fact_of_each_message_completes_it(tmp_path: Path) -> None:
     moving(script, 0.0, 1.0)
     feed = feed_of(script, tmp_path)
     assert feed.complete.sum() == 20
-    assert feed.events.kind[feed.complete].tolist() == [MeasurementKind.YAW_RATE, MeasurementKind.POSITION] * 10
+    assert (
+        feed.events.kind[feed.complete].tolist()
+        == [MeasurementKind.YAW_RATE, MeasurementKind.POSITION] * 10
+    )
 
 
 def test_the_order_is_the_place_of_the_frame_in_the_log(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 
 from gateway.config import FoxgloveSettings
 from gateway.errors import BadInput, ShadowError
-from gateway.json_rows import Rows
+from gateway.json_rows import TopicRows
 from gateway.links.inbox import LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan
 from gateway.recording import foxglove
@@ -216,7 +216,9 @@ def test_a_client_that_does_not_read_holds_nobody_up() -> None:
             wait(health.has_sinks)
             health.log(b"{}", log_time=1)
             wait(lambda: os.waitpid(hanging.pid, os.WUNTRACED | os.WNOHANG)[0])
-            rows = Rows("health", np.zeros(1000, np.int64), np.arange(1000), [b"x" * 600] * 1000)
+            rows = TopicRows(
+                "health", np.zeros(1000, np.int64), np.arange(1000), [b"x" * 600] * 1000
+            )
             worst = 0.0
             for _ in range(50):
                 begun = time.monotonic()

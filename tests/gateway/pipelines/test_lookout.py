@@ -110,7 +110,8 @@ def test_a_clock_shows_the_time_of_day() -> None:
 def frames(*legs: tuple[Any, float]) -> list[TimedFrame]:
     """Vessels that take over from each other; each plays until its time."""
     boats = [
-        SimulatedBoat(v, SimulatedBoatSettings(rates=FAST), 0, program_of(WAMV, "steps", 0)) for v, _ in legs
+        SimulatedBoat(v, SimulatedBoatSettings(rates=FAST), 0, program_of(WAMV, "steps", 0))
+        for v, _ in legs
     ]
     state, out = boats[0].start(), list[TimedFrame]()
     for boat, (_, until_s) in zip(boats, legs, strict=True):
