@@ -67,7 +67,7 @@ def runs_in(folder: Path) -> list[Run]:
 
 def _said(file: Path, trial: Trial) -> Floats:
     """The table's surge, sway and yaw rate on the trial's grid (T, 3)."""
-    log = CsvLog.open(file, MAPPING)
+    log = CsvLog.from_bytes(file.read_bytes(), str(file), MAPPING)
     columns = {s.quantity: s for s in log.samples()}
     at = trial.start_time_ns * 1e-9 + trial.time
     body, rate = columns[Quantity.BODY_VELOCITY], columns[Quantity.YAW_RATE]

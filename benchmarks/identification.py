@@ -77,7 +77,7 @@ def ideal(true: Model, trial: Trial) -> Floats:
     """Standard deviations (9,) at the truth with known noise of the sensors."""
     unknowns = unknowns_of(true, 1, LONG)
     H = information(unknowns, trial, unknowns.start, SENSORS, LONG)
-    return np.sqrt(np.diag(np.linalg.inv(H + unknowns.assumptions)))
+    return np.sqrt(np.diag(np.linalg.inv(H + unknowns.assumed_information)))
 
 
 def table(cases: Sequence[Case], method: str) -> list[str]:

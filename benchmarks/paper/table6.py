@@ -20,7 +20,7 @@ from sim.identification.settings import BASE
 from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.prediction.inputs import input_table, measured_motion, runs_from
-from sim.prediction.segments import usable_stretches
+from sim.prediction.segments import longest_stretch
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -78,7 +78,7 @@ def compared(study: Study) -> dict[str, Scores]:
 def alone(study: Study, vessel: Vessel) -> Run:
     """A vessel left alone from the first usable sample to the last."""
     trial, model = study.validation, Model.of(vessel)
-    rows = max(usable_stretches(trial.usable), key=len)
+    rows = longest_stretch(trial)
     first, motion = np.array([rows.start]), measured_motion(trial)
     runs = runs_from(first, np.array([len(rows) - 1]), command_offset(study))
     _, said = model.run(model.true_states(motion[first]), runs, input_table(model, trial))

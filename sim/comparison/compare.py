@@ -82,7 +82,7 @@ class Comparison:
             "vessel": self.vessel,
             "horizon_s": self.ruler.settings.horizon,
             "cut_short": self.ruler.cut_short,
-            **{k: dict(getattr(self.scores, k)) for k in ("rmse", "mae", "r2", "fit_percent")},
+            **self.scores.to_dict(),
             "nrmse": self.nrmse,
             "noise_floor_nrmse": self.noise_floor_nrmse,
             "free_run": self.free_run.to_dict(),

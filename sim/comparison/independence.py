@@ -22,14 +22,9 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from sim.model import Model
-from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import (
-    delayed_commands,
-    input_table,
-    measured_motion,
-    runs_from,
-    vessel_commands,
-)
+from sim.prediction.free_runs import free_reports
+from sim.prediction.inputs import commands_around
+from sim.prediction.missing_force import forces_along
 from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -191,9 +186,7 @@ def _std(series: list[Floats]) -> float:
 
 def _errors(trial: Trial, model: Model, rows: Ints, stride: int) -> Floats:
     """Missing force over one step from rows (K,): M (ν − ν̂) / h, (K, 3)."""
-    x0 = np.hstack([model.true_states(measured_motion(trial)[rows]), memory_at(model, trial, rows)])
-    runs = runs_from(rows, np.full(len(rows), stride))
-    _, reports = model.run(x0, runs, input_table(model, trial))
+    reports = free_reports(trial, model, rows, np.full(len(rows), stride))
     d = model.vessel.dynamics
     mass = np.array([d.m11, d.m22, d.m33])
     return (trial.nu[rows + stride] - reports[:, stride, 3:6]) * mass / (stride * trial.dt)
@@ -201,9 +194,5 @@ def _errors(trial: Trial, model: Model, rows: Ints, stride: int) -> Floats:
 
 def _forces(trial: Trial, model: Model, rows: Ints, stride: int) -> Floats:
     """τ(commands) of the model, means over the steps from rows (K,): (K, 3)."""
-    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
-    before = np.vstack([after[:1], after[:-1]])
-    _, acting = model.missing_force(
-        measured_motion(trial), trial.time, before, after, voltage=trial.voltage, wind=trial.wind
-    )
+    _, acting = forces_along(trial, model, *commands_around(model, trial))
     return np.mean([acting[rows + j] for j in range(stride)], axis=0)

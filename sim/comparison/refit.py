@@ -21,7 +21,7 @@ from sim.effects.effect import Effect, Kind, Role, Scope
 from sim.identification.identify import fitted_model
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import fit_by_shooting
+from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.identification.starts import MOMENT_STARTS, start_points
 from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
@@ -227,7 +227,7 @@ def _fit_from(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = FIT_HO
         return vessel
     settings = IdentifySettings(free=free, horizons=horizons)
     unknowns = unknowns_of(Model.of(vessel), 1, settings)
-    fit = fit_by_shooting(unknowns, [trial], [trial.usable], settings)
+    fit = fit_by_shooting(FitInputs(unknowns, [trial], settings))
     return updated_vessel(vessel, _voyage_values(fitted_model(unknowns, fit.z).vessel))
 
 

@@ -35,7 +35,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.shooting import fit_by_shooting
+from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
@@ -118,9 +118,7 @@ def refitted(
     """The base fitted without any new effect: by shooting first, then on the common ground."""
     how = settings.identify(plain.vessel)
     how = replace(how, free=(*how.free, *_own(plain.vessel)))
-    shot = fit_by_shooting(
-        unknowns_of(plain, len(trials), how), trials, [t.usable for t in trials], how
-    )
+    shot = fit_by_shooting(FitInputs(unknowns_of(plain, len(trials), how), trials, how))
     unknowns = unknowns_for(wide, [], len(trials), how)
     ground = FitProblem.of(plain.vessel, trials, unknowns, shot.z, shot.noise, how, BLOCK)
     return fitted([], unknowns, ground, shot.z)

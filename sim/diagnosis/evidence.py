@@ -16,7 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.comparison.where import bin_of
+from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis
+from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.prediction.inputs import vessel_commands
 from sim.prediction.missing_force import missing_force_only
@@ -107,6 +109,13 @@ class Evidence:
     low: Floats
     high: Floats
     curve: Floats
+
+    @property
+    def explained_share(self) -> float:
+        """Share of the variation of the points about zero that the curve takes away."""
+        total = float(np.sum(self.mean**2))
+        left = float(np.sum((self.mean - self.curve) ** 2))
+        return max(1.0 - left / total, 0.0) if total > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -225,3 +234,44 @@ def _mean(force: Floats, block: Floats, seconds: float) -> tuple[float, float]:
     many = max(len(count) - 1, 1)
     spread = float(np.sum((count / count.sum() * off) ** 2)) * len(count) / many
     return float(force.mean()), 2.0 * float(np.sqrt(max(spread, least)))
+
+
+def evidence_of(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Evidence]:
+    """For each effect that was found, from the best vessel with the numbers of each recording."""
+    best = diagnosis.ladder[-1]
+    found = [evidence_on(best, name, trials) for name in best.effects]
+    return [one for one in found if one is not None]
+
+
+def evidence_of_rivals(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Evidence]:
+    """For what these data cannot tell from the effects found, with its own fitted numbers."""
+    found = [evidence_on(step, step.effects[-1], trials) for step in rivals(diagnosis)]
+    return [one for one in found if one is not None]
+
+
+def rivals(diagnosis: Diagnosis) -> list[LadderStep]:
+    """The alternatives that do as well as what was chosen, each effect once."""
+    tied = {row.effect for row in diagnosis.ranking if row.confounded_with}
+    out = {
+        step.effects[-1]: step for step in diagnosis.alternatives
+        if len(step.effects) > 1 or step.effects[-1] in tied
+    }  # fmt: skip
+    return [step for effect, step in out.items() if effect not in diagnosis.effects]
+
+
+def evidence_on(step: LadderStep, effect: str, trials: Sequence[Trial]) -> Evidence | None:
+    """For one effect of a step's vessel; None where there is too little time to show it."""
+    vessels = [_vessel_on(step, trial, trials[0]) for trial in trials]
+    added = next(a.effect for a in step.vessel.effects if a.effect.name == effect)
+    return evidence(trials, vessels, added)
+
+
+def _vessel_on(step: LadderStep, trial: Trial, first: Trial) -> Vessel:
+    """The vessel of a step with the values fitted for one recording alone."""
+    if trial is first:
+        return step.vessel
+    own = {
+        e.name: e.value for numbers in step.parameters.values() for e in numbers
+        if e.trial == trial.name
+    }  # fmt: skip
+    return updated_vessel(step.vessel, own)

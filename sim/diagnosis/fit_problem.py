@@ -16,14 +16,9 @@ from numpy.typing import NDArray
 from sim.effects.effect import Effect
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
-from sim.identification.runs import RunRows
+from sim.identification.runs import RunSet, TrialTrack
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import (
-    RunSet,
-    TrialTrack,
-    build_run_set,
-    trial_tracks,
-)
+from sim.identification.shooting import FitInputs, build_run_set
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
 from sim.prediction.segments import GUARD_S
@@ -120,7 +115,7 @@ class FitProblem:
         `voyages`: the motion that runs start from, where it is not the measured one.
         """
         if voyages is None:
-            voyages = tuple(trial_tracks(trials, [t.usable for t in trials]))
+            voyages = tuple(FitInputs(unknowns, trials, settings).tracks())
         windows = tuple(
             build_run_set(v, unknowns, z, n, settings.horizons[-1], settings)
             for v, n in zip(voyages, noise, strict=True)
@@ -191,10 +186,9 @@ def _laid_out(
 
 def _every(window: RunSet, step: int) -> RunSet:
     """Every so many of its runs."""
-    rows = RunRows(window.rows.first[::step], window.rows.size[::step])
     return replace(
-        window, rows=rows, within=window.within[::step], memory=window.memory[::step],
-        basis=window.basis[::step],
+        window, rows=window.rows.every(step), within=window.within[::step],
+        memory=window.memory[::step], basis=window.basis[::step],
         whitener=None if window.whitener is None else window.whitener[::step],
     )  # fmt: skip
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis.fit import Fit
-from sim.identification.shooting import RunSet, simulate_runs
+from sim.identification.runs import RunSet, simulate_runs
 from sim.model import Model
 from sim.prediction.inputs import vessel_commands
 from sim.prediction.missing_force import missing_force_only

@@ -136,7 +136,7 @@ class HeldOutScorer:
             return np.zeros(0), np.zeros(0)
         squares, labels = [], []
         for k, model in enumerate(models):
-            mine = ruler if fold is None else ruler.only(fold[ruler.segments.rows] == k)
+            mine = ruler if fold is None else ruler.subset(fold[ruler.segments.rows] == k)
             if not len(mine.segments.rows):
                 continue
             segment, _, error = predict(self.trials[trial], model, mine).predicted_rows()

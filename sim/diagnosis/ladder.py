@@ -23,7 +23,7 @@ from sim.diagnosis.heldout import Gain, HeldOutScorer, gain, unseen
 from sim.diagnosis.ranking import BLOCK, Ranked, Ranking, rank, renewed
 from sim.diagnosis.screening import Each, Tell
 from sim.effects.effect import Effect
-from sim.identification.shooting import fit_by_shooting, residuals_of
+from sim.identification.shooting import FitInputs, fit_by_shooting, residuals_of
 from sim.model import Model
 from sim.vessel import AddedEffect
 
@@ -205,7 +205,7 @@ def polished(fit: Fit) -> Fit:
     ground, unknowns = fit.ground, fit.unknowns
     trials, settings = ground.trials, ground.settings
     last = replace(settings, horizons=settings.horizons[-1:])
-    shot = fit_by_shooting(unknowns, trials, [t.usable for t in trials], last, fit.z)
+    shot = fit_by_shooting(FitInputs(unknowns, trials, last), fit.z)
     own = FitProblem.of(
         ground.vessel, trials, unknowns, shot.z, shot.noise, settings, BLOCK, shot.tracks
     )

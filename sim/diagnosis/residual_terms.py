@@ -12,7 +12,7 @@ thing that is looked for as a slow error of the sensors, and forgives it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,16 +26,10 @@ from sim.identification.noise import (
     Noise,
     RunErrors,
     estimate_noise,
-    project_out_starts,
-    timing_whitener,
 )
+from sim.identification.runs import RunSet, errors_and_sensitivity, run_errors
 from sim.identification.search import robust_weights, stacked_jacobian
-from sim.identification.shooting import (
-    RunSet,
-    errors_and_sensitivity,
-    projected_residuals,
-    run_errors,
-)
+from sim.identification.shooting import projected_residuals, whitened_run_set
 from sim.state import Floats
 
 RIDGE = 3.0  # in whitened rows: how much a term must say before it is listened to
@@ -107,14 +101,11 @@ class _Trial:
     @property
     def step(self) -> float:
         """Seconds from mean to mean."""
-        return self.window.every * self.window.source.trial.dt
+        return self.window.mean_s
 
     def under(self, noise: Noise) -> RunSet:
         """The window with another noise."""
-        _, basis, _ = project_out_starts(self.errors, noise)
-        return replace(
-            self.window, noise=noise, basis=basis, whitener=timing_whitener(self.errors, noise)[0]
-        )
+        return whitened_run_set(self.window, self.errors, noise)
 
     def noise_without(self, gone: Floats) -> Noise:
         """The noise that makes what is left most likely once (S, n, 3) is explained."""

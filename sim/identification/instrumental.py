@@ -1,4 +1,4 @@
-"""Refined instrumental variables: least squares whose noise cannot pull, as a cross-check.
+"""Refined instrumental variables: least squares that noise does not bias, and a cross-check by it.
 
     Φ(ν̇, ν) δ = τ + e        Z = Φ(ν̇_s, ν_s)        δ = (Zᵀ W Φ)⁻¹ Zᵀ W τ
 
@@ -10,11 +10,10 @@ leave out one block of time at a time. Sources: Young, Recursive Estimation and 
 Analysis, 2nd ed. 2011, ch. 7; Janot, Vandanjon and Gautier, IEEE Transactions on Control Systems
 Technology 22(1), 2014 (the same regressor form, for robots).
 
-Shooting beside instrumental variables: two ways to the same numbers, with other weaknesses.
-
-Shooting trusts the model over seconds, instruments trust it for what it is told only. Where their
-intervals lie apart, something is in the data that the model lacks, and neither number holds. Nine
-comparisons are made: intervals are widened so that all nine hold in 95 of 100 cases (Bonferroni).
+The cross-check compares these nine with those of shooting. Shooting trusts the model over seconds,
+instruments trust it for what it is told only. Where their intervals lie apart, something is in the
+data that the model lacks, and neither number holds. Intervals are widened so that all nine
+comparisons hold in 95 of 100 cases (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -29,29 +28,42 @@ from scipy.stats import t as student
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
 from sim.identification.intervals import Estimate
-from sim.identification.parameters import UNITS
-from sim.identification.regression import DELTA_SIGN, Regression, interval_forces, regressor
+from sim.identification.regression import DELTA_SIGN, Regression, base_values, regressor
 from sim.identification.settings import BASE
 from sim.model import Model
-from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import input_table, measured_motion, runs_from
+from sim.prediction.free_runs import free_reports
+from sim.prediction.inputs import commands_around
+from sim.prediction.missing_force import forces_along
 from sim.prediction.scales import scales_of
 from sim.prediction.segments import BLOCK_S, NoUsableTimeError, usable_stretches
 from sim.state import Floats
 from sim.trial import Trial
 
-FORGOTTEN = 4.0  # s, until a start's error no longer counts
-RUN = 12.0  # s
-MEAN = 0.4  # s: what is faster, a smoother has rounded
-TIMES = 4  # estimates, each on instruments of the one before
-SETTLED = 0.02  # standard deviations
-FEWEST = 3  # blocks
+# Chosen, not measured:
+FORGOTTEN_S = 4.0  # after which a start's error no longer counts
+RUN_S = 12.0
+MEAN_S = 0.4  # rows are compared in means over so long: what is faster, a smoother has rounded
+ROUNDS = 4  # estimates, each on instruments of the one before
+SETTLED_STD = 0.02  # standard deviations: a smaller change ends the rounds
+MIN_BLOCKS = 3
+SHORTEST_BLOCK_S = 5.0  # blocks shrink towards six in a trial, but not below
+LARGEST_SCALES = 3.0  # beyond the largest motion: an instrument there has left the track
+MAX_CONDITION = 1e15  # of Zᵀ W Φ: beyond it the parameters are not determined
+MAX_RHO = 0.9  # of the noise from mean to mean
+MIN_INERTIA = 0.1  # of the vessel's own: an instrument's model needs a positive one
+MIN_DISAGREEMENT = 0.03  # of the value: a smaller difference is none
+WIDER = float(norm.ppf(1.0 - 0.025 / len(BASE)) / norm.ppf(0.975))  # Bonferroni
 TOO_LITTLE = "instrumental variables need three blocks of 5 s, each 4 s after a gap, with motion"
-FAR = 3.0  # scales: an instrument of a run that left the track
+LOOK_AT = {
+    "m": f"how late and how slowly the motors answer ({explaining(Symptom.LATE_COMMANDS)})",
+    "X": "thrust against command, wind and current",
+    "Y": "current, heading offset and what pushes sideways",
+    "N": "thrust that is not the same on both sides, and moments of wind",
+}
 
 
-class Rows(NamedTuple):
-    """One stretch in means: Φ and Z (M, 3, 10), τ (M, 3), block (M,)."""
+class RegressionRows(NamedTuple):
+    """Means of one stretch: Φ and Z (M, 3, 10), τ (M, 3), block (M,)."""
 
     phi: Floats
     tau: Floats
@@ -59,46 +71,47 @@ class Rows(NamedTuple):
     block: NDArray[np.int64]
 
 
-def instrumental(trials: Sequence[Trial], model: Model, block: float = BLOCK_S) -> Regression:
-    """The nine parameters from all usable rows, started from those of the model."""
-    value, std, count, early = _value(model), np.zeros(len(BASE)), 0, True
-    for _ in range(TIMES):
+def fit_by_instruments(trials: Sequence[Trial], model: Model) -> Regression:
+    """The nine parameters from all usable rows, started from those of the model.
+
+    NoUsableTimeError where the rows do not determine all nine.
+    """
+    value, std, count, early = base_values(model), np.zeros(len(BASE)), 0, True
+    for _ in range(ROUNDS):
         before, now = value, _with(model, value)
-        rows = [r for i, t in enumerate(trials) for r in _rows(t, now, block, i, early)]
+        rows = [r for i, t in enumerate(trials) for r in _rows(t, now, i, early)]
         if not rows:
             raise NoUsableTimeError(TOO_LITTLE)
-        delta, std, count = _solved(rows)
-        value, early = delta[: len(BASE)] * DELTA_SIGN, bool(delta[-1] > 0.0)
+        try:
+            delta, std, count = _solved(rows)
+        except np.linalg.LinAlgError:  # one block alone determines a parameter
+            raise NoUsableTimeError(TOO_LITTLE) from None
         if not np.isfinite(std).all():
             raise NoUsableTimeError(TOO_LITTLE)
-        if np.all(np.abs(value - before) < SETTLED * std):
+        value, early = delta[: len(BASE)] * DELTA_SIGN, bool(delta[-1] > 0.0)
+        if np.all(np.abs(value - before) < SETTLED_STD * std):
             break
-    half = std * float(student.ppf(0.975, count - 1))
-    return Regression(value, std, value - half, value + half, tuple(UNITS[n] for n in BASE))
-
-
-def _value(model: Model) -> Floats:
-    return model.theta[[model.names.index(name) for name in BASE]]
+    return Regression.of(value, std, float(student.ppf(0.975, count - 1)))
 
 
 def _with(model: Model, value: Floats) -> Model:
     """The model with these nine, each with a sign that a vessel can have."""
-    inertia = DELTA_SIGN > 0.0
-    kept = np.where(inertia, np.maximum(value, 0.1 * _value(model)), np.minimum(value, 0.0))
+    inertia = np.maximum(value, MIN_INERTIA * base_values(model))
+    kept = np.where(DELTA_SIGN > 0.0, inertia, np.minimum(value, 0.0))
     theta = model.theta.copy()
     theta[[model.names.index(name) for name in BASE]] = kept
     return replace(model, theta=theta)
 
 
-def _rows(trial: Trial, model: Model, block: float, number: int, early: bool) -> list[Rows]:
+def _rows(trial: Trial, model: Model, number: int, early: bool) -> list[RegressionRows]:
     """The stretches of one trial, with instruments of this model."""
-    sim, known = _simulated(trial, model)
-    tau = interval_forces(trial, model)
-    later = _rate(tau, trial.dt, early)[..., None]
-    phi = np.concatenate([_over_intervals(trial.nu, trial.dt), later], axis=2)
-    z = np.concatenate([_over_intervals(sim, trial.dt), later], axis=2)
-    every = max(round(MEAN / trial.dt), 1)
-    width = max(min(block, float(trial.usable.sum()) * trial.dt / 6.0), 5.0)
+    simulated, known = _simulated(trial, model)
+    _, tau = forces_along(trial, model, *commands_around(model, trial))
+    late = _late_force(tau, trial.dt, early)[..., None]
+    phi = np.concatenate([_over_intervals(trial.nu, trial.dt), late], axis=2)
+    z = np.concatenate([_over_intervals(simulated, trial.dt), late], axis=2)
+    every = max(round(MEAN_S / trial.dt), 1)
+    width = max(min(BLOCK_S, float(trial.usable.sum()) * trial.dt / 6.0), SHORTEST_BLOCK_S)
     out = []
     whole = known & np.append(known[1:], False)
     for stretch in usable_stretches(trial.usable & whole):
@@ -109,30 +122,28 @@ def _rows(trial: Trial, model: Model, block: float, number: int, early: bool) ->
         time = trial.time[rows].reshape(-1, every)[:, 0]
         label = number * 10**6 + (time // width).astype(np.int64)
         means = [x[rows].reshape(-1, every, *x.shape[1:]).mean(axis=1) for x in (phi, tau, z)]
-        out.append(Rows(means[0], means[1], means[2], label))
+        out.append(RegressionRows(means[0], means[1], means[2], label))
     return out
 
 
-def _rate(tau: Floats, dt: float, early: bool) -> Floats:
-    """−τ̇ (T, 3): towards the next interval if the boat moves before it is told to, as it does
-
-    where commands hold from message to message; else from the one before.
-    """
+def _late_force(tau: Floats, dt: float, early: bool) -> Floats:
+    """−τ̇ (T, 3): towards the next interval where the boat moves before a command is recorded, as
+    with commands that hold from message to message (`early`); else from the one before."""
     change = np.diff(tau, axis=0) / dt
     none = np.zeros((1, tau.shape[1]))
     return -np.vstack([change, none] if early else [none, change])
 
 
 def _over_intervals(nu: Floats, dt: float) -> Floats:
-    """ν (T, 3) at the rows -> Φ (T, 3, 9) over the interval after each: no ν̇ but ν's change."""
+    """ν (T, 3) at the rows -> Φ (T, 3, 9) over the interval after each, with ν's change for ν̇."""
     after = np.vstack([nu[1:], nu[-1:]])
     return regressor(0.5 * (nu + after), (after - nu) / dt)
 
 
 def _simulated(trial: Trial, model: Model) -> tuple[Floats, NDArray[np.bool_]]:
-    """ν_s (T, 3) of free runs, each row from one that has forgotten its start; where so."""
+    """ν_s (T, 3) of free runs that have forgotten their starts, and the rows (T,) that have one."""
     out, known = np.zeros((len(trial), 3)), np.zeros(len(trial), np.bool_)
-    skip, length = (round(s / trial.dt) for s in (FORGOTTEN, RUN))
+    skip, length = (round(s / trial.dt) for s in (FORGOTTEN_S, RUN_S))
     pairs = [
         (row, min(row + length, stretch.stop) - 1 - row)
         for stretch in usable_stretches(trial.usable)
@@ -141,13 +152,10 @@ def _simulated(trial: Trial, model: Model) -> tuple[Floats, NDArray[np.bool_]]:
     first, steps = np.array(pairs, np.int64).reshape(-1, 2).T
     if not len(first):
         return out, known
-    x0 = np.hstack(
-        [model.true_states(measured_motion(trial)[first]), memory_at(model, trial, first)]
-    )
-    _, reports = model.run(x0, runs_from(first, steps), input_table(model, trial))
-    limit = FAR * scales_of(trial) + np.abs(trial.nu[trial.usable]).max(axis=0)
-    for row, n, said in zip(first, steps, reports[..., 3:6], strict=True):
-        part = said[skip : n + 1]
+    reports = free_reports(trial, model, first, steps)
+    limit = LARGEST_SCALES * scales_of(trial) + np.abs(trial.nu[trial.usable]).max(axis=0)
+    for row, n, nu in zip(first, steps, reports[..., 3:6], strict=True):
+        part = nu[skip : n + 1]
         near = np.all(np.abs(np.nan_to_num(part, nan=np.inf)) <= limit, axis=1)
         near = np.logical_and.accumulate(near)
         at = slice(row + skip, row + n + 1)
@@ -155,21 +163,23 @@ def _simulated(trial: Trial, model: Model) -> tuple[Floats, NDArray[np.bool_]]:
     return out, known
 
 
-def _solved(rows: Sequence[Rows]) -> tuple[Floats, Floats, int]:
+def _solved(rows: Sequence[RegressionRows]) -> tuple[Floats, Floats, int]:
     """δ (10,), standard deviations of nine from blocks left out, and how many blocks."""
     delta, rho, sigma = _sums(rows, np.zeros(3), np.ones(3))[0], np.zeros(3), np.ones(3)
     for _ in range(2):
         rho, sigma = _noise(rows, delta)
         delta, A, b = _sums(rows, rho, sigma)
     count = len(A)
-    if count < FEWEST or np.linalg.cond(A.sum(axis=0)) > 1e15:
+    if count < MIN_BLOCKS or not np.linalg.cond(A.sum(axis=0)) <= MAX_CONDITION:
         return delta, np.full(len(BASE), np.inf), count
     without = np.linalg.solve(A.sum(axis=0) - A, (b.sum(axis=0) - b)[..., None])[..., 0]
     spread = np.sqrt((count - 1) * np.var(without, axis=0))
     return delta, spread[: len(BASE)], count
 
 
-def _sums(rows: Sequence[Rows], rho: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
+def _sums(
+    rows: Sequence[RegressionRows], rho: Floats, sigma: Floats
+) -> tuple[Floats, Floats, Floats]:
     """δ (10,), and Zᵀ W Φ (G, 10, 10), Zᵀ W τ (G, 10) of each block."""
     each: dict[int, tuple[Floats, Floats]] = {}
     for r in rows:
@@ -191,24 +201,16 @@ def _white(x: Floats, rho: Floats, sigma: Floats) -> Floats:
     return out
 
 
-def _noise(rows: Sequence[Rows], delta: Floats) -> tuple[Floats, Floats]:
+def _noise(rows: Sequence[RegressionRows], delta: Floats) -> tuple[Floats, Floats]:
     """ρ (3,) from mean to mean and σ (3,) of the innovations of τ − Φ δ."""
     error = [r.tau - r.phi @ delta for r in rows]
     now = np.concatenate([e[1:] for e in error])
+    if not len(now):  # no stretch has two means
+        return np.zeros(3), np.ones(3)
     before = np.concatenate([e[:-1] for e in error])
     rho = np.sum(now * before, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
-    rho = np.clip(rho, -0.9, 0.9)
+    rho = np.clip(rho, -MAX_RHO, MAX_RHO)
     return rho, np.maximum(np.std(now - rho * before, axis=0), 1e-9)
-
-
-WIDER = float(norm.ppf(1.0 - 0.025 / len(BASE)) / norm.ppf(0.975))
-SMALLEST = 0.03  # of the value: below it both are good enough
-LOOK = {
-    "m": f"how late and how slowly the motors answer ({explaining(Symptom.LATE_COMMANDS)})",
-    "X": "thrust against command, wind and current",
-    "Y": "current, heading offset and what pushes sideways",
-    "N": "thrust that is not the same on both sides, and moments of wind",
-}
 
 
 def cross_check_by_instruments(
@@ -216,25 +218,25 @@ def cross_check_by_instruments(
 ) -> tuple[str, ...]:
     """A sentence for each base parameter whose two intervals lie apart; none where all agree.
 
-    `model` holds the numbers found. Vessels with effects are not compared: their forces are not
+    `model` holds the fitted parameters. Vessels with effects are not compared: their forces are not
     linear in the nine.
     """
-    told = {e.name: e for e in estimates if e.name in BASE and e.identifiable}
-    if model.vessel.effects or len(estimates) != len(BASE) or not told:
+    fitted = {e.name: e for e in estimates if e.name in BASE and e.identifiable}
+    if model.vessel.effects or len(estimates) != len(BASE) or not fitted:
         return ()
     try:
-        other = instrumental(trials, model)
+        other = fit_by_instruments(trials, model)
     except NoUsableTimeError:
         return ()
     out = []
     for i, name in enumerate(BASE):
-        if name not in told:
+        if name not in fitted:
             continue
-        e, low, high = told[name], float(other.low[i]), float(other.high[i])
+        e, low, high = fitted[name], float(other.low[i]), float(other.high[i])
         reach = WIDER * 0.5 * (e.ci95[1] - e.ci95[0] + high - low)
-        if abs(e.value - other.value[i]) > max(reach, SMALLEST * abs(e.value)):
+        if abs(e.value - other.value[i]) > max(reach, MIN_DISAGREEMENT * abs(e.value)):
             out.append(
                 f"{name}: instrumental variables say {low:.4g} … {high:.4g} {e.unit}, which lies "
-                f"outside {e.ci95[0]:.4g} … {e.ci95[1]:.4g}: look at {LOOK[name[0]]}"
+                f"outside {e.ci95[0]:.4g} … {e.ci95[1]:.4g}: look at {LOOK_AT[name[0]]}"
             )
     return tuple(out)

@@ -1,4 +1,4 @@
-"""How sure the parameters are: from blocks of time, never from the count of samples.
+"""How uncertain the parameters are: from blocks of time, never from the count of samples.
 
     cov = (G − 1)/G Σ_g (δ_g − δ̄)(δ_g − δ̄)ᵀ,     δ_g = −(H − H_g)⁻¹ s_g
 
@@ -7,7 +7,8 @@ cluster-robust covariance, CR3: Bell and McCaffrey, Survey Methodology 28, 2002)
 the residuals' correlation within a block. Few blocks make it uncertain itself: no standard
 deviation goes below that of the noise model, and Student's t with G − 1 degrees serves for 1.96.
 
-What is told of a parameter: value, interval, and every doubt in words.
+Where H or H − H_g is singular, a direction that no residual and no prior determines gets a very
+large standard deviation: the parameters in it are reported as not identifiable.
 """
 
 from collections.abc import Sequence
@@ -22,19 +23,27 @@ from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
 from sim.identification.parameters import MASSES, OFFSETS, ROUNDING, Unknowns
 from sim.identification.shooting import FitResult
-from sim.state import Floats
+from sim.state import Floats, Ints
 
-LENGTHS = (1.0, 2.0, 3.0)  # of a block: what wanders slowly shows in the longer ones alone
-FEWEST = 6  # blocks: on short recordings they shrink towards so many
-SHORTEST = 5.0  # s
-DOUBTED = 0.1  # of the information of what is only assumed
+# Chosen, not measured:
+LENGTHS = (1.0, 2.0, 3.0)  # blocks: errors that wander slowly show in the longer ones alone
+MIN_BLOCKS = 6  # on short recordings blocks shrink towards so many
+SHORTEST_BLOCK_S = 5.0
+ASSUMED_SHARE = 0.1  # of the assumed information that counts in a standard deviation
+UNDETERMINED_SHARE = 0.75  # of a large change in half an interval: the data do not determine it
+AT_LIMIT = 1e-3  # scales from a bound that a parameter stands at
+TRADE_SHARE = 0.35  # of the largest component: a parameter takes part in a trade-off
+MIN_EIGENVALUE = 1e-12  # of the largest, of a scaled information matrix that is singular
+UNKNOWN_STD = 1e6  # scales: standard deviation of a parameter that nothing determines
+DIFFERENCE_STEP = 1e-5  # scales, of the derivatives of named parameters by z
+NUISANCE = (*OFFSETS, ROUNDING)
 
 
 class Uncertainty(NamedTuple):
     """How far off z may be.
 
-    information  (n, n) of the data and of what is known beforehand
-    covariance   (n, n), with what is assumed taken for almost nothing
+    information  (n, n) of the data and of the priors that were given
+    covariance   (n, n), with what is only assumed taken for almost nothing
     factor       standard deviations in half a 95 % interval
     """
 
@@ -43,53 +52,70 @@ class Uncertainty(NamedTuple):
     factor: float
 
 
-def uncertainty_of(unknowns: Unknowns, shot: FitResult, block: float) -> Uncertainty:
-    """From the residuals block by block; of short and longer blocks those that doubt more."""
-    weighted = shot.jacobian * shot.weight[:, None]
-    told = weighted.T @ shot.jacobian + unknowns.evidence
-    model = np.linalg.inv(told + DOUBTED * unknowns.assumptions)
-    H = told + unknowns.assumptions
+def uncertainty_of(unknowns: Unknowns, fit: FitResult, block: float) -> Uncertainty:
+    """From the residuals block by block, the larger of those of short and longer blocks [s]."""
+    scale = np.array([u.scale for u in unknowns.each])
+    weighted = fit.jacobian * fit.weight[:, None]
+    information = weighted.T @ fit.jacobian + unknowns.prior_information
+    model = _inverse(information + ASSUMED_SHARE * unknowns.assumed_information, scale)
+    H = information + unknowns.assumed_information
     widen, factor = np.ones(len(H)), float(student.ppf(0.975, 2))
     for length in block * np.array(LENGTHS):
-        number = _blocks(shot, length)
+        number = _blocks(fit, length)
         count = int(number.max()) + 1
         if count < 3:
             break
         t = float(student.ppf(0.975, count - 1))
         factor = t if length == block else factor
-        robust = np.diag(_jackknifed(H, weighted, shot, number)) / np.diag(model)
+        robust = np.diag(_jackknifed(H, weighted, fit, number, scale)) / np.diag(model)
         widen = np.maximum(widen, np.sqrt(robust) * t / factor)
-    return Uncertainty(told, model * np.outer(widen, widen), factor)
+    return Uncertainty(information, model * np.outer(widen, widen), factor)
 
 
-def _jackknifed(
-    H: Floats, weighted: Floats, shot: FitResult, number: np.ndarray[tuple[int], np.dtype[np.int64]]
-) -> Floats:
+def _jackknifed(H: Floats, weighted: Floats, fit: FitResult, number: Ints, scale: Floats) -> Floats:
     """Covariance (n, n) from leaving out each block in turn."""
     blocks = [number == g for g in range(int(number.max()) + 1)]
-    each = np.stack([weighted[g].T @ shot.jacobian[g] for g in blocks])
-    score = np.stack([weighted[g].T @ shot.residual[g] for g in blocks])
-    moved = np.linalg.solve(H - each, score[..., None])[..., 0]
+    each = np.stack([weighted[g].T @ fit.jacobian[g] for g in blocks])
+    score = np.stack([weighted[g].T @ fit.residual[g] for g in blocks])
+    try:
+        moved = np.linalg.solve(H - each, score[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        left = zip(H - each, score, strict=True)
+        moved = np.stack([_regular_inverse(own, scale) @ s for own, s in left])
     moved -= moved.mean(axis=0)
     return np.asarray((len(blocks) - 1) / len(blocks) * moved.T @ moved)
 
 
-def _blocks(shot: FitResult, length: float) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _inverse(information: Floats, scale: Floats) -> Floats:
+    """Covariance (n, n) of an information matrix; that of `_regular_inverse` where singular."""
+    try:
+        covariance = np.linalg.inv(information)
+    except np.linalg.LinAlgError:
+        return _regular_inverse(information, scale)
+    if np.isfinite(covariance).all() and np.all(np.diag(covariance) > 0.0):
+        return np.asarray(covariance)
+    return _regular_inverse(information, scale)
+
+
+def _regular_inverse(information: Floats, scale: Floats) -> Floats:
+    """Inverse (n, n) whose undetermined directions have very large, finite variances."""
+    regular = information + np.diag((UNKNOWN_STD * scale) ** -2.0)
+    size = 1.0 / np.sqrt(np.maximum(np.diag(regular), (UNKNOWN_STD * scale) ** -2.0))
+    value, vector = np.linalg.eigh(regular * np.outer(size, size))
+    value = np.maximum(value, MIN_EIGENVALUE * max(value[-1], 1.0))
+    return np.asarray((vector / value) @ vector.T * np.outer(size, size))
+
+
+def _blocks(fit: FitResult, length: float) -> Ints:
     """Number of the block of time of each residual: (N,)."""
-    total = sum(
-        float(np.ptp(shot.time[shot.trial_number == v])) for v in np.unique(shot.trial_number)
-    )
-    width = max(min(length, total / FEWEST), SHORTEST)
-    label = shot.trial_number * 1e6 + np.floor(shot.time / width)
+    trials = np.unique(fit.trial_number)
+    total = sum(float(np.ptp(fit.time[fit.trial_number == k])) for k in trials)
+    width = max(min(length, total / MIN_BLOCKS), SHORTEST_BLOCK_S)
+    label = fit.trial_number * 1e6 + np.floor(fit.time / width)
     return np.asarray(np.unique(label, return_inverse=True)[1], np.int64)
 
 
-TOLD_LITTLE = 0.75  # of the parameter's size in half an interval: the data say little
-AT_LIMIT = 1e-3  # of the scale
-SHARES = 0.35  # of the largest part: a parameter takes part in a combination
-NUISANCE = (*OFFSETS, ROUNDING)
-
-TOO_LATE = {OFFSETS[0]: Symptom.LATE_COMMANDS, OFFSETS[1]: Symptom.LATE_VELOCITY}
+OFFSET_SYMPTOMS = {OFFSETS[0]: Symptom.LATE_COMMANDS, OFFSETS[1]: Symptom.LATE_VELOCITY}
 EXCITES = {
     "m11": "steps of the throttle and coasting to a stop",
     "X_u": "steady runs at several speeds, slow ones among them, and coasting to a stop",
@@ -108,7 +134,7 @@ EXCITES = {
 
 @dataclass(frozen=True)
 class Estimate:
-    """One number: before, now, and its 95 % interval; `doubt` is empty where there is none."""
+    """One parameter: before, now, and its 95 % interval; `doubt`: empty where there is none."""
 
     name: str
     unit: str
@@ -120,7 +146,7 @@ class Estimate:
     doubt: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON: without what does not apply."""
+        """For JSON; `doubt` only where there is one."""
         out: dict[str, Any] = {
             "value": self.value, "ci95": list(self.ci95), "unit": self.unit,
             "before": self.before, "identifiable": self.identifiable,
@@ -129,106 +155,110 @@ class Estimate:
 
 
 def estimates_of(
-    unknowns: Unknowns, z: Floats, spread: Uncertainty, trials: Sequence[str]
+    unknowns: Unknowns, z: Floats, uncertainty: Uncertainty, trials: Sequence[str]
 ) -> tuple[Estimate, ...]:
-    """All numbers by their names, nuisances too."""
-    value, before = unknowns.named(z), unknowns.named(unknowns.start)
-    half = spread.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, spread)))
-    vague = spread.factor * np.sqrt(np.diag(spread.covariance)) > TOLD_LITTLE * _sizes(unknowns, z)
-    scaled = {n for names in _traded(unknowns, z, spread) if _scaled(names) for n in names}
+    """All parameters by their names, nuisances too."""
+    value, before = unknowns.to_named(z), unknowns.to_named(unknowns.start)
+    half = uncertainty.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, uncertainty)))
+    large = UNDETERMINED_SHARE * _large_changes(unknowns, z)
+    vague = uncertainty.factor * np.sqrt(np.diag(uncertainty.covariance)) > large
+    traded = _traded(unknowns, z, uncertainty)
+    scaled = {n for names in traded if _is_thrust_per_mass(names) for n in names}
     out = []
     for i, u in enumerate(unknowns.each):
-        nuisance = u.name in NUISANCE
+        known = u.name in NUISANCE or not vague[i]
         out.append(
             Estimate(
                 u.name, u.unit, float(before[i]), float(value[i]),
                 (float(value[i] - half[i]), float(value[i] + half[i])),
-                bool(nuisance or not vague[i]),
+                bool(known),
                 None if u.trial is None else trials[u.trial],
-                _doubt(unknowns, i, z, bool(vague[i]) and not nuisance, u.name in scaled),
+                _doubt(unknowns, i, z, not known, u.name in scaled),
             )
         )  # fmt: skip
     return tuple(out)
 
 
-def undetermined(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> NDArray[np.bool_]:
-    """Which numbers the data do not tell even if all others were known: (n,)."""
-    alone = spread.factor / np.sqrt(np.maximum(np.diag(spread.information), 1e-300))
+def undetermined(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> NDArray[np.bool_]:
+    """Parameters that the data do not determine even if all others were known: (n,)."""
+    information = np.maximum(np.diag(uncertainty.information), 1e-300)
+    alone = uncertainty.factor / np.sqrt(information)
     nuisance = np.array([u.name in NUISANCE for u in unknowns.each])
-    return np.asarray((alone > TOLD_LITTLE * _sizes(unknowns, z)) & ~nuisance)
+    large = UNDETERMINED_SHARE * _large_changes(unknowns, z)
+    return np.asarray((alone > large) & ~nuisance)
 
 
-def _sizes(unknowns: Unknowns, z: Floats) -> Floats:
-    """What counts as a large change of each (n,): its size, or what was known before."""
+def _large_changes(unknowns: Unknowns, z: Floats) -> Floats:
+    """Uncertainties (n,) so large that nothing is known: a parameter's size, or its prior."""
     assumed = np.array([u.assumed for u in unknowns.each])
-    size = np.array([u.size for u in unknowns.each])
-    return np.where(assumed, np.maximum(size, np.abs(z)), [u.prior for u in unknowns.each])
+    large = np.array([u.large_change for u in unknowns.each])
+    large = np.where(assumed, np.maximum(large, np.abs(z)), large)
+    scale = np.array([u.scale for u in unknowns.each])
+    return np.where(np.isfinite(large), large, np.maximum(scale, np.abs(z)))
 
 
-def _named_covariance(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> Floats:
-    """Covariance of the numbers by their names, where z holds north and east parts."""
-    step = 1e-5 * np.array([u.scale for u in unknowns.each])
-    moved = unknowns.named(z + np.diag(step)) - unknowns.named(z - np.diag(step))
+def _named_covariance(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> Floats:
+    """Covariance of the named parameters, where z holds north and east parts."""
+    step = DIFFERENCE_STEP * np.array([u.scale for u in unknowns.each])
+    moved = unknowns.to_named(z + np.diag(step)) - unknowns.to_named(z - np.diag(step))
     J = (np.remainder(moved + np.pi, 2.0 * np.pi) - np.pi).T / (2.0 * step)
-    return np.asarray(J @ spread.covariance @ J.T)
+    return np.asarray(J @ uncertainty.covariance @ J.T)
 
 
 def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> str:
-    """Limits that were hit, and what would tell a number that these data do not.
+    """Bounds that were hit, and what would determine a parameter that these data do not.
 
     `scaled`: it is known but for the scale that thrust and masses share.
     """
     u = unknowns.each[i]
     lower, upper = unknowns.bounds
-    said = []
+    doubts = []
     for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
         if abs(z[i] - limit) < AT_LIMIT * u.scale:
-            said.append(f"stands at its {name} limit, {limit:g} {u.unit}{_too_late(u.name)}")
+            symptom = OFFSET_SYMPTOMS.get(u.name)
+            cause = f": {symptom.value} ({explaining(symptom)})" if symptom else ""
+            doubts.append(f"stands at its {name} limit, {limit:g} {u.unit}{cause}")
     if vague and scaled:
-        said.append("not identifiable: known only as a share of thrust; fix the thrust, or a mass")
+        doubts.append(
+            "not identifiable: known only as a share of thrust; fix the thrust, or a mass"
+        )
     elif vague:
         manoeuvre = EXCITES.get(u.name.rpartition(".")[2])
-        said.append(
+        doubts.append(
             "not identifiable from these data"
             + (f"; would be told by {manoeuvre}" if manoeuvre else "")
         )
-    return "; ".join(said)
+    return "; ".join(doubts)
 
 
-def _too_late(name: str) -> str:
-    """What an offset in time at its limit means; empty for other numbers."""
-    symptom = TOO_LATE.get(name)
-    return f": {symptom.value} ({explaining(symptom)})" if symptom else ""
-
-
-def trade_offs(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> tuple[str, ...]:
-    """Directions that the data hardly tell: the parameters that trade against each other."""
-    return tuple(_says(names) for names in _traded(unknowns, z, spread))
-
-
-def _traded(unknowns: Unknowns, z: Floats, spread: Uncertainty) -> list[list[str]]:
-    """Names of the parameters in each of these directions, two or more."""
-    size = _sizes(unknowns, z)
-    value, vector = np.linalg.eigh(spread.information * np.outer(size, size))
+def trade_offs(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> tuple[str, ...]:
+    """A sentence for each direction that the data hardly determine: parameters that trade."""
     out = []
-    for k in np.flatnonzero(value < (spread.factor / TOLD_LITTLE) ** 2):
+    for names in _traded(unknowns, z, uncertainty):
+        listed = ", ".join(names)
+        out.append(
+            f"thrust and mass cannot be told apart by motion alone ({listed}): "
+            "fix the thrust, or a mass"
+            if _is_thrust_per_mass(names)
+            else f"these trade against each other in these data: {listed}"
+        )
+    return tuple(out)
+
+
+def _traded(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> list[list[str]]:
+    """Names of the parameters in each of these directions, two or more."""
+    size = _large_changes(unknowns, z)
+    value, vector = np.linalg.eigh(uncertainty.information * np.outer(size, size))
+    out = []
+    for k in np.flatnonzero(value < (uncertainty.factor / UNDETERMINED_SHARE) ** 2):
         part = np.abs(vector[:, k])
-        names = [unknowns.each[i].name for i in np.argsort(-part) if part[i] > SHARES * part.max()]
+        least = TRADE_SHARE * part.max()
+        names = [unknowns.each[i].name for i in np.argsort(-part) if part[i] > least]
         out.append([n for n in names if n not in NUISANCE])
     return [names for names in out if len(names) > 1]
 
 
-def _scaled(names: Sequence[str]) -> bool:
+def _is_thrust_per_mass(names: Sequence[str]) -> bool:
     """Whether it is the scale that thrust and masses share."""
     keys = {n.rpartition(".")[2] for n in names}
     return bool(keys & {"ahead", "astern"} and keys & {*MASSES, "X_u", "X_uu", "N_r"})
-
-
-def _says(names: Sequence[str]) -> str:
-    listed = ", ".join(names)
-    if _scaled(names):
-        return (
-            f"thrust and mass cannot be told apart by motion alone ({listed}): "
-            "fix the thrust, or a mass"
-        )
-    return f"these trade against each other in these data: {listed}"

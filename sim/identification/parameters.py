@@ -1,14 +1,14 @@
-"""The numbers that are looked for: by name, with bounds, scale and prior, and back into a model.
+"""The parameters that a fit estimates: by name, with bounds, scale and prior, and as one vector z.
 
-A number that holds on one voyage only (a current, a fault) is looked for once per trial. A speed
-or force with a direction is looked for by its north and east parts: around zero a direction means
-nothing, and a search would not find its way. A knot of a thrust curve is looked for as its share of
+A parameter that holds on one voyage only (a current, a fault) is estimated once per trial. A speed
+or force with a direction is estimated by its north and east parts: around zero a direction means
+nothing, and a search would not find its way. A knot of a thrust curve is estimated as its share of
 the next knot outward, from 0 to 1: so a curve never falls.
 
-Three numbers of no interest are looked for along: how much later than the other streams commands
-and velocities are, and how much rounder the motion is than the model's, because commands are held
-from message to message and a smoother cannot follow a corner. 20 ms look like a cause otherwise,
-and what is rounded costs the inertia one per cent.
+Three nuisance parameters are estimated along: how much later than the other streams commands and
+velocities are, and how much rounder the motion is than the model's, because commands are held from
+message to message and a smoother cannot follow a corner. 20 ms look like a cause otherwise, and
+what is rounded costs the inertia one per cent.
 """
 
 from collections.abc import Sequence
@@ -25,15 +25,17 @@ from sim.model import Model
 from sim.state import Floats
 from sim.vessel import KNOT_PREFIX, next_knot
 
-OFFSETS = ("command_offset", "velocity_offset")  # s later than the other streams
-OFFSET_STD, OFFSET_LIMIT = 0.03, 0.06
-ROUNDING = "rounding"  # s², by which the motion's second derivative is added to it
-ROUNDING_STD, ROUNDING_LIMIT = 0.001, 0.004
-NUDGE = 1e-5  # of the scale: a coarse step would pass curvature off for information
-ASSUMED = 3.0  # sizes that a number of a first vessel file may be off by
-HELD = 1e-4  # of the scale
+OFFSETS = ("command_offset", "velocity_offset")  # [s] later than the other streams
+ROUNDING = "rounding"  # [s²] by which the motion's second derivative is added to it
 MASSES = ("m11", "m22", "m33")
-STEEPEST = 1.5  # rad, that a blade or motor turns
+# Chosen, not measured:
+OFFSET_STD_S, OFFSET_LIMIT_S, OFFSET_STEP_S = 0.03, 0.06, 2e-3  # prior, bounds, difference step
+ROUNDING_STD_S2, ROUNDING_LIMIT_S2, ROUNDING_STEP_S2 = 0.001, 0.004, 1e-4
+BASE_STEP = 1e-5  # scales, of differences: a coarse step would pass curvature off for information
+EFFECT_STEP = 0.05  # scales, of differences of an effect's parameters
+ASSUMED_STD = 3.0  # scales that a number of a first vessel file may be off by
+FIXED_STD = 1e-4  # scales: prior of a parameter that is held at its start
+MAX_TURN_RAD = 1.5  # that a blade or motor turns
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
     "Y_vv": "N s²/m²", "N_r": "N m s", "N_rr": "N m s²", "x_g": "m", "Y_r": "N s", "N_v": "N s",
@@ -50,13 +52,13 @@ class UnknownNameError(ValueError):
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number: where it starts, how far it may go, how large a change matters.
+    """One parameter: start, bounds, scale (a change that matters), step of its differences.
 
-    prior   standard deviation of what is known beforehand
-    assumed nobody said so: the prior is there to keep what the data do not tell, and is no evidence
-    trial   the only trial that it belongs to; None: all
-    polar   it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
-    inward  it is looked for as its share of the number of this name
+    prior      standard deviation of what is known beforehand
+    assumed    the prior was not given: it keeps what the data do not determine, and is no evidence
+    trial      the only trial that it belongs to; None: all
+    polar      it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
+    share_of   name of the parameter that it is estimated as a share of
     direction  the parameter of the same effect that is the angle of this magnitude
     """
 
@@ -71,18 +73,18 @@ class Unknown:
     assumed: bool = False
     trial: int | None = None
     polar: int | None = None
-    inward: str | None = None
+    share_of: str | None = None
     direction: str = ""
 
     @property
-    def size(self) -> float:
-        """A change so large that it says nothing was known."""
-        return self.prior / ASSUMED if self.assumed else self.prior
+    def large_change(self) -> float:
+        """An uncertainty so large that nothing is known of the parameter."""
+        return self.prior / ASSUMED_STD if self.assumed else self.prior
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All of them, as one vector z (n,); `model` gives what is not looked for."""
+    """All of them, as one vector z (n,); `model` gives what is not estimated."""
 
     model: Model
     each: tuple[Unknown, ...]
@@ -91,18 +93,18 @@ class Unknowns:
         return len(self.each)
 
     def column(self, name: str) -> int | None:
-        """Where a name stands in z."""
+        """Column of a name in z; None where it is not estimated."""
         names = [u.name for u in self.each]
         return names.index(name) if name in names else None
 
-    def of_trial(self, trial: int) -> list[int]:
+    def columns_of_trial(self, trial: int) -> list[int]:
         """Columns of z that act on a trial."""
         return [i for i, u in enumerate(self.each) if u.trial in (None, trial)]
 
     @property
     def start(self) -> Floats:
         """z (n,) of the vessel as it is."""
-        return self.solved(np.array([u.start for u in self.each]))
+        return self.from_named(np.array([u.start for u in self.each]))
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -110,68 +112,64 @@ class Unknowns:
         lower = np.array([u.lower if u.polar is None else -u.upper for u in self.each])
         return lower, np.array([u.upper for u in self.each])
 
-    def named(self, z: Floats) -> Floats:
-        """z (..., n) -> the numbers by their names (..., n)."""
+    def to_named(self, z: Floats) -> Floats:
+        """z (..., n) -> values of the named parameters (..., n)."""
         out = np.array(z, dtype=float)
         for i in self._pairs():
             out[..., i] = np.hypot(z[..., i], z[..., i + 1])
             out[..., i + 1] = np.arctan2(z[..., i + 1], z[..., i])
-        for i in self._from_outside:
-            out[..., i] *= self._outer(i, out)
+        for i in self._shares:
+            out[..., i] *= self._whole(i, out)
         return out
 
-    def solved(self, values: Floats) -> Floats:
-        """The numbers by their names (n,) -> z (n,)."""
+    def from_named(self, values: Floats) -> Floats:
+        """Values of the named parameters (n,) -> z (n,)."""
         z = np.array(values, dtype=float)
         for i in self._pairs():
             z[i] = values[i] * np.cos(values[i + 1])
             z[i + 1] = values[i] * np.sin(values[i + 1])
-        for i in self._from_outside:
-            outer = float(self._outer(i, values))
-            z[i] = values[i] / outer if outer != 0.0 else 0.5
+        for i in self._shares:
+            whole = float(self._whole(i, values))
+            z[i] = values[i] / whole if whole != 0.0 else 0.5
         return z
 
     def theta(self, z: Floats, trial: int) -> Floats:
         """z (K, n) -> the model's parameters (K, P) on a trial."""
         theta = np.tile(self.model.theta, (len(z), 1))
-        values = self.named(z)
-        for i in self.of_trial(trial):
+        values = self.to_named(z)
+        for i in self.columns_of_trial(trial):
             if self.each[i].name in self.model.names:
                 theta[:, self.model.names.index(self.each[i].name)] = values[:, i]
         return theta
 
     def offset(self, z: Floats, name: str) -> Floats:
-        """z (K, n) -> one of `OFFSETS` (K,) [s]; zero where it is not looked for."""
+        """z (K, n) -> one of `OFFSETS` (K,) [s]; zero where it is not estimated."""
         i = self.column(name)
         return np.zeros(len(z)) if i is None else np.asarray(z[:, i])
 
     @property
-    def evidence(self) -> Floats:
-        """Information (n, n) of what is known beforehand, without what is only assumed."""
+    def prior_information(self) -> Floats:
+        """Information (n, n) of the priors that were given."""
         return np.diag([0.0 if u.assumed else u.prior**-2.0 for u in self.each])
 
     @property
-    def assumptions(self) -> Floats:
-        """Information (n, n) of what is only assumed."""
+    def assumed_information(self) -> Floats:
+        """Information (n, n) of the priors that are only assumed."""
         return np.diag([u.prior**-2.0 if u.assumed else 0.0 for u in self.each])
 
-    def held(self, which: NDArray[np.bool_]) -> "Unknowns":
+    def fixed(self, which: NDArray[np.bool_]) -> "Unknowns":
         """The same with some of them (n,) held where they start."""
-        return replace(
-            self,
-            each=tuple(
-                replace(u, prior=HELD * u.scale) if hold else u
-                for u, hold in zip(self.each, which, strict=True)
-            ),
-        )
+        pairs = zip(self.each, which, strict=True)
+        each = (replace(u, prior=FIXED_STD * u.scale) if fix else u for u, fix in pairs)
+        return replace(self, each=tuple(each))
 
-    def prior(self, z: Floats) -> Floats:
+    def prior_residuals(self, z: Floats) -> Floats:
         """z (..., n) -> residuals of the priors (..., n); zero where nothing is known."""
         return (z - self.start) / np.array([u.prior for u in self.each])
 
-    def _outer(self, i: int, values: Floats) -> Floats:
-        """The number (...) that unknown i is a share of."""
-        name = str(self.each[i].inward)
+    def _whole(self, i: int, values: Floats) -> Floats:
+        """The value (...) that unknown i is a share of."""
+        name = str(self.each[i].share_of)
         at = self.column(name)
         if at is not None:
             return np.asarray(values[..., at])
@@ -179,65 +177,59 @@ class Unknowns:
         return np.full(values.shape[:-1], known.get(name, -1.0 if name.endswith(".-full") else 1.0))
 
     @cached_property
-    def _from_outside(self) -> list[int]:
-        """Shares of others, those first that others are shares of."""
-        of = [i for i, u in enumerate(self.each) if u.inward is not None]
-        return sorted(of, key=lambda i: -abs(int(self.each[i].name.rpartition(KNOT_PREFIX)[2])))
+    def _shares(self) -> list[int]:
+        """Unknowns that are shares of others, those first that others are shares of."""
+        shares = [i for i, u in enumerate(self.each) if u.share_of is not None]
+        return sorted(shares, key=lambda i: -abs(int(self.each[i].name.rpartition(KNOT_PREFIX)[2])))
 
     def _pairs(self) -> list[int]:
         return [i for i, u in enumerate(self.each) if u.polar == 0]
 
 
 def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknowns:
-    """What the settings ask for; UnknownNameError where the vessel has no such number."""
-    names = _chosen(model, settings)
-    limits = _effect_parameters(model)
+    """What the settings ask for; UnknownNameError where the vessel has no such parameter."""
+    effects = _effect_parameters(model)
     each: list[Unknown] = []
-    for name in names:
-        scope, parameter = limits.get(name, (Scope.BOAT, None))
+    for name in _chosen(model, settings):
+        scope, parameter = effects.get(name, (Scope.BOAT, None))
         start = float(model.theta[model.names.index(name)])
-        if name.rpartition(".")[2].startswith(KNOT_PREFIX):
+        if parameter is not None:
+            one = _effect_unknown(name, start, parameter)
+        elif name.rpartition(".")[2].startswith(KNOT_PREFIX):
             one = _knot(model, name, start)
         else:
-            one = _base(model, name, start) if parameter is None else _of(name, start, parameter)
+            one = _base(model, name, start)
         prior = settings.priors.get(name)
-        one = (
-            one
-            if prior is None
-            else replace(one, prior=prior * max(abs(start), 1e-9), assumed=False)
-        )
+        if prior is not None:
+            one = replace(one, prior=prior * max(abs(start), 1e-9), assumed=False)
         where = range(trials) if scope is Scope.VOYAGE else [None]
         each += [replace(one, trial=trial) for trial in where]
     if settings.offsets:
-        each += [
-            Unknown(name, "s", 0.0, -OFFSET_LIMIT, OFFSET_LIMIT, OFFSET_STD, 2e-3, OFFSET_STD)
-            for name in OFFSETS
-        ]
-        each.append(
-            Unknown(
-                ROUNDING, "s²", 0.0, -ROUNDING_LIMIT, ROUNDING_LIMIT, ROUNDING_STD, 1e-4,
-                ROUNDING_STD,
-            )
-        )  # fmt: skip
+        for name in OFFSETS:
+            each.append(_nuisance(name, "s", OFFSET_LIMIT_S, OFFSET_STEP_S, OFFSET_STD_S))
+        each.append(_nuisance(ROUNDING, "s²", ROUNDING_LIMIT_S2, ROUNDING_STEP_S2, ROUNDING_STD_S2))
     return Unknowns(model, _paired(sorted(each, key=lambda u: -1 if u.trial is None else u.trial)))
 
 
 def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
-    """Names in the order of the model; `effect.*` stands for all that begin so, `left.curve` for
-    all knots of a curve, `curve` for those of all curves."""
+    """Names in the order of the model.
+
+    `effect.*` stands for all that begin so, `left.curve` for all knots of a curve, `curve` for
+    those of all curves.
+    """
     named = {f"{t.name}.exponent" for t in model.vessel.thrusters}  # a file has it by a name
     known = [n for n in model.names if n not in named]
 
     def matching(asked: str) -> list[str]:
-        whole = asked[:-1] if asked.endswith(".*") else None
+        prefix = asked[:-1] if asked.endswith(".*") else None
         if asked.endswith(".curve"):
-            whole = asked + "_"
-        found = [n for n in known if n == asked or (whole and n.startswith(whole))]
+            prefix = asked + "_"
+        names = [n for n in known if n == asked or (prefix and n.startswith(prefix))]
         if asked == "curve":
-            found = [n for n in known if n.rpartition(".")[2].startswith(KNOT_PREFIX)]
-        if not found:
+            names = [n for n in known if n.rpartition(".")[2].startswith(KNOT_PREFIX)]
+        if not names:
             raise UnknownNameError(f"no parameter {asked!r}: there are {', '.join(known)}")
-        return found
+        return names
 
     free = {n for asked in settings.free for n in matching(asked)}
     fixed = {n for asked in settings.fix for n in matching(asked)}
@@ -262,21 +254,25 @@ def _effect_parameters(model: Model) -> dict[str, tuple[Scope, Parameter]]:
     return out
 
 
-def _of(name: str, start: float, p: Parameter) -> Unknown:
-    """A parameter of an effect; a start on a limit would be stuck there."""
-    inside = min(max(start, p.lower), p.upper)
-    wide = 0.5 * (p.upper - p.lower)
+def _nuisance(name: str, unit: str, limit: float, step: float, std: float) -> Unknown:
+    return Unknown(name, unit, 0.0, -limit, limit, std, step, std)
+
+
+def _effect_unknown(name: str, start: float, p: Parameter) -> Unknown:
+    """A parameter of an effect, started within its bounds."""
+    if not (p.lower < p.upper and 0.0 < p.scale < np.inf):
+        raise UnknownNameError(f"{name} cannot be fitted between {p.lower:g} and {p.upper:g}")
     return Unknown(
-        name, p.unit, inside, p.lower, p.upper, p.scale, 0.05 * p.scale, wide, True,
-        direction=p.direction,
+        name, p.unit, min(max(start, p.lower), p.upper), p.lower, p.upper, p.scale,
+        EFFECT_STEP * p.scale, 0.5 * (p.upper - p.lower), True, direction=p.direction,
     )  # fmt: skip
 
 
 def _base(model: Model, name: str, start: float) -> Unknown:
-    """A number of the vessel file, with limits that physics and the file's format set.
+    """A number of the vessel file, with bounds that physics and the file's format set.
 
-    It is assumed to be right to within a few times its size: what the data do not tell stays as it
-    was, and what they do tell hardly notices.
+    It is assumed to be right to within a few times its scale: what the data do not determine stays
+    as it was, and what they do determine is hardly moved by that.
     """
     scale = max(abs(start), typical(model, name))
     key = name.rpartition(".")[2]
@@ -288,11 +284,12 @@ def _base(model: Model, name: str, start: float) -> Unknown:
     elif key == "area":
         lower = 0.0
     elif key in ("angle_low", "angle_high"):
-        lower, upper = (-STEEPEST, 0.0) if start < 0.0 else (0.0, STEEPEST)
+        lower, upper = (-MAX_TURN_RAD, 0.0) if start < 0.0 else (0.0, MAX_TURN_RAD)
     start = min(max(start, lower), upper)
     return Unknown(
-        name, UNITS.get(key, ""), start, lower, upper, scale, NUDGE * scale, ASSUMED * scale, True
-    )
+        name, UNITS.get(key, ""), start, lower, upper, scale, BASE_STEP * scale,
+        ASSUMED_STD * scale, True,
+    )  # fmt: skip
 
 
 def _knot(model: Model, name: str, start: float) -> Unknown:
@@ -300,11 +297,13 @@ def _knot(model: Model, name: str, start: float) -> Unknown:
     label, _, key = name.rpartition(".")
     own = [n.rpartition(".")[2] for n in model.names if n.startswith(f"{label}.{KNOT_PREFIX}")]
     outer = next_knot(key, own) or ("-" if "-" in key else "") + "full"
-    return Unknown(name, "", start, 0.0, 1.0, 0.3, NUDGE, 1.0, True, inward=f"{label}.{outer}")
+    return Unknown(
+        name, "", start, 0.0, 1.0, 0.3, BASE_STEP, 1.0, True, share_of=f"{label}.{outer}"
+    )
 
 
 def typical(model: Model, name: str) -> float:
-    """A size that a number of the vessel file might have, where the file says zero."""
+    """A plausible size of a number of the vessel file, for where the file has zero."""
     m11, m22, m33, length = (
         model.theta[model.names.index(n)] for n in ("m11", "m22", "m33", "length")
     )
@@ -319,7 +318,7 @@ def typical(model: Model, name: str) -> float:
 
 
 def _paired(each: Sequence[Unknown]) -> tuple[Unknown, ...]:
-    """Magnitudes that stand before their direction, marked: both are solved as north and east."""
+    """Magnitudes before their direction are marked: both are estimated as north and east parts."""
     out = list(each)
     for i, (a, b) in enumerate(pairwise(out)):
         label = a.name.partition(".")[0]

@@ -7,10 +7,13 @@
     Y:  v̇ δ2 + u r δ1 + v δ6 + |v|v δ7
     N:  ṙ δ3 + u v (δ2 − δ1) + r δ8 + |r|r δ9
 
-The printed regressor leaves out the Munk moment u v (δ2 − δ1), although the paper's C(ν) holds
-it; the consistent one is the default. Both ν and ν̇ are measured with errors, which pulls δ
-towards zero, and residuals are autocorrelated, which makes the textbook interval too narrow:
-this is the peer, not the method. Source: Saldarriaga-Mesa et al., Robotics 2025, 14(9), 124.
+The printed regressor leaves out the Munk moment u v (δ2 − δ1), although the paper's C(ν) contains
+it; the consistent one is the default. Both ν and ν̇ are measured with errors, which biases δ
+towards zero, and residuals are autocorrelated, which makes the textbook interval too narrow: it is
+offered for comparison. Source: Saldarriaga-Mesa et al., Robotics 2025, 14(9), 124.
+
+A parameter that the rows do not determine (a boat that never turned) has an infinite standard
+deviation and keeps the value of the vessel file.
 """
 
 from collections.abc import Sequence
@@ -22,11 +25,14 @@ from scipy.stats import t as student
 from sim.identification.parameters import UNITS
 from sim.identification.settings import BASE
 from sim.model import Model
-from sim.prediction.inputs import delayed_commands, vessel_commands
+from sim.prediction.inputs import commands_around
+from sim.prediction.missing_force import forces_along
+from sim.prediction.segments import NotFiniteError
 from sim.state import Floats, Nu
 from sim.trial import Trial
 
-INERTIA = 3  # the first three of BASE are δ itself, the others −δ
+DELTA_SIGN = np.where(np.arange(len(BASE)) < 3, 1.0, -1.0)  # inertia is δ, damping −δ
+MAX_RANK_ERROR = 1e-6  # of the diagonal of Φ⁺Φ, which is 1 for a parameter that is determined
 
 
 @dataclass(frozen=True)
@@ -39,13 +45,16 @@ class Regression:
     high: Floats
     units: tuple[str, ...]
 
+    @classmethod
+    def of(cls, value: Floats, std: Floats, factor: float) -> "Regression":
+        """`factor`: standard deviations in half an interval."""
+        units = tuple(UNITS[name] for name in BASE)
+        return cls(value, std, value - std * factor, value + std * factor, units)
+
     @property
     def delta(self) -> Floats:
         """δ1 … δ9 as the paper prints them."""
         return self.value * DELTA_SIGN
-
-
-DELTA_SIGN = np.where(np.arange(len(BASE)) < INERTIA, 1.0, -1.0)
 
 
 def regressor(nu: Floats, nu_dot: Floats, printed: bool = False) -> Floats:
@@ -62,13 +71,16 @@ def regressor(nu: Floats, nu_dot: Floats, printed: bool = False) -> Floats:
     return phi
 
 
-def least_squares(phi: Floats, tau: Floats) -> tuple[Floats, Floats]:
-    """Φ (T, 3, 9), τ (T, 3) -> δ (9,) and its textbook standard deviation (9,)."""
+def ordinary_least_squares(phi: Floats, tau: Floats) -> tuple[Floats, Floats]:
+    """Φ (T, 3, 9), τ (T, 3) -> δ (9,) and its textbook standard deviation (9,), inf where free."""
     A, b = phi.reshape(-1, phi.shape[-1]), tau.reshape(-1)
-    delta = np.linalg.pinv(A) @ b
+    inverse = np.linalg.pinv(A)
+    delta = inverse @ b
     freedom = max(len(b) - len(delta), 1)
     variance = float(np.sum((b - A @ delta) ** 2)) / freedom
-    return delta, np.sqrt(variance * np.diag(np.linalg.pinv(A.T @ A)))
+    std = np.sqrt(variance * np.diag(np.linalg.pinv(A.T @ A)))
+    determined = np.abs(np.einsum("im,mi->i", inverse, A) - 1.0) < MAX_RANK_ERROR
+    return delta, np.where(determined, std, np.inf)
 
 
 def fit_by_regression(trials: Sequence[Trial], model: Model, printed: bool = False) -> Regression:
@@ -78,28 +90,20 @@ def fit_by_regression(trials: Sequence[Trial], model: Model, printed: bool = Fal
         rows = trial.usable
         phi.append(regressor(trial.nu[rows], trial.nu_dot[rows], printed))
         tau.append(command_forces(trial, model)[rows])
-    delta, std = least_squares(np.concatenate(phi), np.concatenate(tau))
-    value = delta * DELTA_SIGN
-    half = std * float(student.ppf(0.975, max(3 * sum(map(len, phi)) - len(BASE), 1)))
-    return Regression(value, std, value - half, value + half, tuple(UNITS[n] for n in BASE))
+        if not np.isfinite(tau[-1]).all():
+            raise NotFiniteError(f"{trial.name}: commanded forces are not finite")
+    delta, std = ordinary_least_squares(np.concatenate(phi), np.concatenate(tau))
+    degrees = max(3 * sum(map(len, phi)) - len(BASE), 1)
+    value = np.where(np.isfinite(std), delta * DELTA_SIGN, base_values(model))
+    return Regression.of(value, std, float(student.ppf(0.975, degrees)))
+
+
+def base_values(model: Model) -> Floats:
+    """The nine parameters (9,) of `BASE` of a model."""
+    return model.theta[[model.names.index(name) for name in BASE]]
 
 
 def command_forces(trial: Trial, model: Model) -> Floats:
     """τ(commands) (T, 3) at the rows of the trial: between the commands before and after."""
-    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
-    before = np.vstack([after[:1], after[:-1]])
-    return _forces(trial, model, before, 0.5 * (before + after))
-
-
-def interval_forces(trial: Trial, model: Model) -> Floats:
-    """τ(commands) (T, 3) over the interval after each row."""
-    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
-    return _forces(trial, model, np.vstack([after[:1], after[:-1]]), after)
-
-
-def _forces(trial: Trial, model: Model, before: Floats, around: Floats) -> Floats:
-    motion = np.concatenate([trial.eta, trial.nu, trial.nu_dot], axis=1)
-    _, tau = model.missing_force(
-        motion, trial.time, before, around, voltage=trial.voltage, wind=trial.wind
-    )
-    return tau
+    before, after = commands_around(model, trial)
+    return forces_along(trial, model, before, 0.5 * (before + after))[1]

@@ -1,47 +1,32 @@
-"""Usable time cut into free runs that share no row, each no longer than its start allows.
+"""Usable time as free runs that share no row, and the errors of a model over them.
 
-An error of the start grows on a hull that is unstable on course. Where it would grow beyond a
-limit the run is halved, and halved again: no time is lost, and no run leaves the track.
-
-What nobody said: when, between two messages, a command changed.
-
-    x_{j+1} = F_j x_j + Σ_k M⁻¹ Δτ_k δ_k,     δ_k ~ N(0, σ²) [s]
-
-Commands hold from message to message, so a change of force Δτ that was in fact δ earlier gives the
-boat a jolt M⁻¹ Δτ δ that the model does not have, and the boat carries it on: by F over a step.
-At 25 messages a second that is ten times what a gyro errs by. It is no error of the model: the
-covariance of x is part of what the motion may be off by. (Process noise from the input: Åström,
-Introduction to Stochastic Control Theory, 1970, ch. 3.)
-
-Commands that can be shifted by part of a row without becoming rounder.
-
-    c'_k = c_k − κ (c_{k+1} − 2 c_k + c_{k−1}),     κ = ½ f (1 − f)
-
-A shift by the share f of a row takes f of one mean and 1 − f of its neighbour: it spreads each
-change by √(f (1 − f)) rows. Taken for the boat's own sluggishness that makes a hull turn in a
-third of a per cent too quickly. κ takes the second moment of that spread out again.
+An error of the start grows on a hull that is unstable on course. Where it would grow beyond a limit
+the run is halved, and halved again: no time is lost, and no run leaves the track. Errors are
+compared in means over several rows; they are bounded, and finite whatever the parameters.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.model import InputTable, Model
-from sim.prediction.inputs import (
-    delayed_commands,
-    input_table,
-    measured_motion,
-    runs_from,
-    vessel_commands,
-)
+from sim.identification.command_timing import sharpened_commands
+from sim.identification.noise import Noise, RunErrors
+from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
+from sim.model import Model, Runs
+from sim.prediction.free_runs import memory_at
+from sim.prediction.inputs import input_table, measured_motion
+from sim.prediction.scales import scales_of
 from sim.prediction.segments import usable_stretches
+from sim.prediction.transition import VELOCITY_STEP, shifted_velocities
 from sim.state import Floats, Ints
 from sim.trial import Trial
 
-SHORTEST = 3  # means in a run: fewer say little beside its start
-START_STEP = np.array([1e-3, 1e-3, 1e-3])  # m/s, m/s, rad/s
+# Chosen, not measured:
+MIN_MEANS = 3  # means in a run: three numbers are spent on its start
+LARGEST_ERROR_SCALES = 100.0  # an error beyond this counts as this: the run left the track
+NU = slice(3, 6)  # of a report
 
 
 class RunRows(NamedTuple):
@@ -50,149 +35,170 @@ class RunRows(NamedTuple):
     first: Ints
     size: Ints
 
+    @classmethod
+    def of(
+        cls,
+        trial: Trial,
+        usable: NDArray[np.bool_],
+        model: Model,
+        length: float,
+        growth: float,
+        every: int,
+    ) -> "RunRows":
+        """Runs of `length` [s], shorter where a start's error would grow by more than `growth`.
 
-def run_rows_of(
-    trial: Trial,
-    usable: NDArray[np.bool_],
-    model: Model,
-    length: float,
-    growth: float,
-    every: int,
-) -> RunRows:
-    """Tiles of `length` [s], shorter where a start's error would grow by more than `growth`.
+        All hold a multiple of `every` rows.
+        """
+        runs = cls.divided(usable, max(round(length / trial.dt / every), MIN_MEANS), every)
+        while True:
+            long = runs.size >= 2 * MIN_MEANS * every
+            long &= start_error_growth(trial, model, runs) > growth
+            if not long.any():
+                return runs
+            runs = runs.halved(long, every)
 
-    All hold a multiple of `every` rows.
-    """
-    tiles = divided(usable, max(round(length / trial.dt / every), SHORTEST), every)
-    while True:
-        long = (start_error_growth(trial, model, tiles) > growth) & (
-            tiles.size >= 2 * SHORTEST * every
-        )
-        if not long.any():
-            return tiles
-        tiles = halved(tiles, long, every)
+    @classmethod
+    def divided(cls, usable: NDArray[np.bool_], means: int, every: int) -> "RunRows":
+        """Stretches into runs of about `means` times `every` rows; a short rest is left out."""
+        first: list[int] = []
+        size: list[int] = []
+        for stretch in usable_stretches(usable):
+            room = len(stretch) // every
+            if room < MIN_MEANS:
+                continue
+            edges = np.linspace(0, room, max(round(room / means), 1) + 1)
+            whole = stretch.start + every * np.round(edges).astype(int)
+            first += whole[:-1].tolist()
+            size += np.diff(whole).tolist()
+        return cls(np.array(first, np.int64), np.array(size, np.int64))
 
+    def halved(self, which: NDArray[np.bool_], every: int) -> "RunRows":
+        """The same time with some runs in two."""
+        half = self.size // (2 * every) * every
+        first = np.concatenate([self.first, (self.first + half)[which]])
+        size = np.concatenate([np.where(which, half, self.size), (self.size - half)[which]])
+        order = np.argsort(first)
+        return RunRows(first[order], size[order])
 
-def divided(usable: NDArray[np.bool_], means: int, every: int) -> RunRows:
-    """Stretches into tiles of about `means` times `every` rows; a rest too short is left out."""
-    first: list[int] = []
-    count: list[int] = []
-    for stretch in usable_stretches(usable):
-        room = len(stretch) // every
-        if room < SHORTEST:
-            continue
-        edges = np.linspace(0, room, max(round(room / means), 1) + 1)
-        whole = stretch.start + every * np.round(edges).astype(int)
-        first += whole[:-1].tolist()
-        count += np.diff(whole).tolist()
-    return RunRows(np.array(first, np.int64), np.array(count, np.int64))
-
-
-def halved(tiles: RunRows, which: NDArray[np.bool_], every: int) -> RunRows:
-    """The same time with some tiles in two."""
-    half = tiles.size // (2 * every) * every
-    first = np.concatenate([tiles.first, (tiles.first + half)[which]])
-    count = np.concatenate([np.where(which, half, tiles.size), (tiles.size - half)[which]])
-    order = np.argsort(first)
-    return RunRows(first[order], count[order])
+    def every(self, step: int) -> "RunRows":
+        """Every so many of the runs."""
+        return RunRows(self.first[::step], self.size[::step])
 
 
-def start_error_growth(trial: Trial, model: Model, tiles: RunRows) -> Floats:
-    """How much an error of the start has grown at most, channel by channel's own size: (S,)."""
-    motion = np.repeat(measured_motion(trial)[tiles.first], 4, axis=0)
-    for i in range(3):
-        motion[i + 1 :: 4, 3 + i] += START_STEP[i]
-    runs = runs_from(np.repeat(tiles.first, 4), np.repeat(tiles.size - 1, 4))
-    _, reports = model.run(model.true_states(motion), runs, input_table(model, trial))
-    nu = reports[..., 3:6].reshape(len(tiles.first), 4, -1, 3)
-    gain = np.abs(nu[:, 1:] - nu[:, :1]) / START_STEP[None, :, None, None]
-    within = np.arange(nu.shape[2]) < tiles.size[:, None]
+def start_error_growth(trial: Trial, model: Model, runs: RunRows) -> Floats:
+    """Largest growth of an error of u, v, r over each run: (S,); inf where a run diverges."""
+    if not len(runs.first):
+        return np.zeros(0)
+    motion = measured_motion(trial)
+    nu = shifted_velocities(model, trial, motion, runs.first, runs.size - 1)
+    gain = np.abs(nu[:, 1:] - nu[:, :1]) / VELOCITY_STEP[None, :, None, None]
+    within = np.arange(nu.shape[2]) < runs.size[:, None]
     lost = within & ~np.isfinite(nu).all(axis=(1, 3))
     gain = np.where(within[:, None, :, None], gain, 0.0)
     return np.where(lost.any(axis=1), np.inf, np.nan_to_num(gain, nan=0.0).max(axis=(1, 2, 3)))
 
 
-def thinned(tiles: RunRows, rows: int) -> RunRows:
-    """Every so many of the tiles, so that about `rows` rows are left."""
-    step = max(round(int(tiles.size.sum()) / rows), 1)
-    return RunRows(tiles.first[::step], tiles.size[::step])
+@dataclass(frozen=True)
+class TrialTrack:
+    """A trial, which of its rows count (T,), and the motion that runs start from.
 
-
-NU = slice(3, 6)
-SLOWEST = 0.5  # Hz
-
-
-def command_timing_covariance(
-    trial: Trial, model: Model, tiles: RunRows, every: int, means: int, track: Floats
-) -> Floats | None:
-    """Covariance (S, 3n, 3n) of n means of u, v, r in each run: a message interval's, uniform.
-
-    None where nobody knows how often commands were told.
+    track  (T, 9) as reported; velocities are those of the model, once a fit has moved the starts
     """
-    if "commands" not in trial.rates_hz:
-        return None
-    rows = tiles.first[:, None] + every * np.arange(means)
-    last = len(trial) - every - 1
-    step = _carried(trial, model, np.minimum(rows, last), every, track)
-    each = _kicks(trial, model) / np.sqrt(12.0)
-    within = np.minimum(rows[..., None] + np.arange(every), len(trial) - 1)
-    kick = np.einsum("sjki,sjkl->sjil", each[within], each[within])
-    return _summed(step, kick).reshape(len(rows), 3 * means, 3 * means)
+
+    number: int
+    trial: Trial
+    usable: NDArray[np.bool_]
+    track: Floats
 
 
-def _summed(step: Floats, kick: Floats) -> Floats:
-    """F (S, n, 3, 3), Σ q qᵀ (S, n, 3, 3) of each mean -> covariance (S, n, 3, n, 3)."""
-    S, n = kick.shape[:2]
-    out = np.zeros((S, n, 3, n, 3))
-    now = 0.5 * kick[:, 0]
-    out[:, 0, :, 0] = now
-    for j in range(1, n):
-        F, new = step[:, j - 1], 0.5 * (kick[:, j - 1] + kick[:, j])
-        before = np.einsum("sab,sbic->saic", F, out[:, j - 1, :, :j])
-        out[:, j, :, :j] = before
-        out[:, :j, :, j] = np.moveaxis(before, (1, 2, 3), (3, 1, 2))
-        now = F @ now @ np.swapaxes(F, 1, 2) + new
-        out[:, j, :, j] = now
-    return out
+@dataclass(frozen=True)
+class RunSet:
+    """The runs of one trial, with all that does not change while the parameters do.
+
+    Rows are compared in means of `every`; n of them in the longest run.
+
+    within  (S, n) means that count, as 0 and 1
+    memory  (S, nx − 6) of actuators and effects at the starts
+    basis   (S, n, 3, 3) of what a start explains in the whitened residuals
+    timing_covariance  (S, 3n, 3n) that command timing may add; whitener (S, 3n, 3n) of it
+    kappa   sharpening of commands that are shifted by part of a row
+    """
+
+    source: TrialTrack
+    model: Model
+    rows: RunRows
+    every: int
+    within: Floats
+    memory: Floats
+    noise: Noise
+    basis: Floats
+    timing_covariance: Floats | None = None
+    whitener: Floats | None = None
+    kappa: float = 0.0
+
+    @classmethod
+    def bare(
+        cls, source: TrialTrack, model: Model, rows: RunRows, every: int, noise: Noise
+    ) -> "RunSet":
+        """Before any whitening."""
+        means = rows.size // every
+        within = (np.arange(int(means.max(initial=1))) < means[:, None]).astype(float)
+        memory = memory_at(model, source.trial, rows.first)
+        return cls(source, model, rows, every, within, memory, noise, np.zeros(0))
+
+    @property
+    def mean_s(self) -> float:
+        """Seconds from mean to mean."""
+        return self.every * self.source.trial.dt
 
 
-def _carried(trial: Trial, model: Model, rows: Floats, every: int, track: Floats) -> Floats:
-    """∂ velocity after `every` rows / ∂ velocity at rows (S, n): (S, n, 3, 3)."""
-    flat = rows.reshape(-1)
-    motion = np.repeat(track[flat], 4, axis=0)
-    for i in range(3):
-        motion[i + 1 :: 4, 3 + i] += START_STEP[i]
-    runs = runs_from(np.repeat(flat, 4), np.full(len(motion), every, np.int64))
-    _, reports = model.run(model.true_states(motion), runs, input_table(model, trial))
-    nu = reports[:, every, NU].reshape(len(flat), 4, 3)
-    F = np.swapaxes((nu[:, 1:] - nu[:, :1]) / START_STEP[:, None], 1, 2)
-    return np.clip(np.nan_to_num(F), -2.0, 2.0).reshape(*rows.shape, 3, 3)
-
-
-def _kicks(trial: Trial, model: Model) -> Floats:
-    """M⁻¹ Δτ T: change of velocity (T, 3) if a row's commands had come a message earlier."""
-    commands = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
-    before = np.vstack([commands[:1], commands[:-1]])
-    _, tau = model.missing_force(
-        measured_motion(trial), trial.time, before, commands, voltage=trial.voltage, wind=trial.wind
+def simulate_runs(
+    run_set: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
+) -> Floats:
+    """Parameters z (K, n), starts moved by `nudge` (K, S, 3) -> reports (K, S, rows, 9)."""
+    K, rows = len(z), run_set.rows.first
+    theta = unknowns.theta(z, run_set.source.number)
+    start = np.repeat(run_set.source.track[rows], K, axis=0)
+    if nudge is not None:
+        start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
+    x0 = np.hstack(
+        [run_set.model.true_states(start, theta=theta), np.repeat(run_set.memory, K, axis=0)]
     )
-    mass = model.theta[[model.names.index(name) for name in ("m11", "m22", "m33")]]
-    interval = 1.0 / max(trial.rates_hz["commands"], SLOWEST)
-    change = np.diff(tau, axis=0, prepend=tau[:1])
-    return np.nan_to_num(change) / mass * interval
+    runs = Runs(
+        table=np.zeros(len(start), np.int64),
+        start=np.repeat(rows, K),
+        steps=np.repeat(run_set.rows.size - 1, K),
+        delay=np.tile(unknowns.offset(z, OFFSETS[0]), len(rows)),
+    )
+    inputs = sharpened_commands(input_table(run_set.model, run_set.source.trial), run_set.kappa)
+    _, reports = run_set.model.run(x0, runs, inputs, theta=theta)
+    return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
 
 
-def sharpening_factor(shift: float, dt: float) -> float:
-    """κ of a shift [s]."""
-    share = shift / dt % 1.0
-    return 0.5 * share * (1.0 - share)
+def run_errors(
+    run_set: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
+) -> Floats:
+    """The same -> means of measured − model over `every` rows: (K, S, n, 3)."""
+    rows = run_set.rows.first
+    if not len(rows):
+        return np.zeros((len(z), *run_set.within.shape, 3))
+    reported = simulate_runs(run_set, unknowns, z, nudge)
+    nu = reported[..., NU].copy()
+    nu[..., :2] -= unknowns.offset(z, OFFSETS[1])[:, None, None, None] * reported[..., 6:8]
+    trial = run_set.source.trial
+    jerk = np.gradient(reported[..., 6:9], trial.dt, axis=2)
+    nu += unknowns.offset(z, ROUNDING)[:, None, None, None] * np.nan_to_num(jerk)
+    at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
+    limit = LARGEST_ERROR_SCALES * scales_of(trial)
+    error = np.clip(np.nan_to_num(trial.nu[at] - nu, nan=np.inf), -limit, limit)
+    means = error.reshape(len(z), len(rows), -1, run_set.every, 3).mean(axis=3)
+    return np.asarray(means * run_set.within[..., None])
 
 
-def sharpened_commands(inputs: InputTable, kappa: float) -> InputTable:
-    """The same inputs with commands that make up for the spread."""
-    commands = np.diff(inputs.total, axis=1)
-    bend = np.zeros_like(commands)
-    bend[:, 1:-1] = commands[:, 2:] - 2.0 * commands[:, 1:-1] + commands[:, :-2]
-    total = np.zeros_like(inputs.total)
-    np.cumsum(commands - kappa * bend, axis=1, out=total[:, 1:])
-    return replace(inputs, total=total)
+def errors_and_sensitivity(run_set: RunSet, unknowns: Unknowns, z: Floats) -> RunErrors:
+    """Errors at z (n,) and their derivatives by the starts."""
+    nudge = np.vstack([np.zeros(3), np.diag(VELOCITY_STEP)])[:, None, :]
+    nudge = np.repeat(nudge, len(run_set.rows.first), axis=1)
+    error = run_errors(run_set, unknowns, np.tile(z, (4, 1)), nudge)
+    phi = np.stack([(error[0] - error[i + 1]) / VELOCITY_STEP[i] for i in range(3)], axis=-1)
+    return RunErrors(error[0], phi, run_set.within, run_set.timing_covariance)

@@ -2,9 +2,9 @@
 
     minimise over z   Σ ρ(rᵢ(z)) + ‖(z − z₀) / prior‖²
 
-Slopes are differences: all changes of z are one call of the model, and a recording is run only for
-the numbers that act on it. Source: Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999 (the
-search of `scipy.optimize.least_squares`).
+Jacobians are differences: all changes of z are one call of the model, and a recording is run only
+for the parameters that act on it. Source: Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999
+(the search of `scipy.optimize.least_squares`).
 """
 
 from collections.abc import Callable, Iterable
@@ -17,8 +17,10 @@ from scipy.optimize import OptimizeResult, least_squares
 from sim.identification.parameters import Unknowns
 from sim.state import Floats
 
-DAMPING = np.array([0.0, 0.01, 0.1, 1.0])  # of each number's own curvature, added to it
-LEAST = 1e-10  # of the largest curvature: what has less is not told at all
+# Chosen, not measured:
+DAMPING = np.array([0.0, 0.01, 0.1, 1.0])  # of each parameter's own curvature, added to it
+MIN_CURVATURE = 1e-10  # of the largest: what has less is not determined, and does not move
+COST_CHANGE = 1e-5  # relative: a smaller one ends a search
 
 Residuals = Callable[[Floats], Floats]  # z (K, n) -> residuals (K, N)
 
@@ -26,7 +28,7 @@ Residuals = Callable[[Floats], Floats]  # z (K, n) -> residuals (K, N)
 class SearchLimits(NamedTuple):
     """When a search ends, and from how large a residual on one counts less.
 
-    iterative: inner steps by conjugate gradients, for searches of many numbers
+    iterative: inner steps by conjugate gradients, for searches of many parameters
     """
 
     robust: float
@@ -36,28 +38,29 @@ class SearchLimits(NamedTuple):
 
 
 def search(
-    residuals: Residuals, slope: Callable[[Floats], Floats], unknowns: Unknowns, z: Floats,
-    ends: SearchLimits,
+    residuals: Residuals, jacobian: Callable[[Floats], Floats], unknowns: Unknowns, z: Floats,
+    limits: SearchLimits,
 ) -> OptimizeResult:  # fmt: skip
     """The best z from a start (n,); `fun` and `jac` end with the rows of the priors.
 
-    `slope` gives ∂ residuals / ∂ z (N, n) at z (n,).
+    `jacobian` gives ∂ residuals / ∂ z (N, n) at z (n,).
     """
     known = np.array([1.0 / u.prior for u in unknowns.each])
     has_prior = known > 0.0
     lower, upper = unknowns.bounds
 
-    def left(z: Floats) -> Floats:
-        return np.append(residuals(z[None])[0], unknowns.prior(z)[has_prior])
+    def with_priors(z: Floats) -> Floats:
+        return np.append(residuals(z[None])[0], unknowns.prior_residuals(z)[has_prior])
 
-    def slopes(z: Floats) -> Floats:
-        return np.vstack([slope(z), np.diag(known)[has_prior]])
+    def jacobian_with_priors(z: Floats) -> Floats:
+        return np.vstack([jacobian(z), np.diag(known)[has_prior]])
 
     how = {"tr_solver": "lsmr", "tr_options": {"atol": 1e-10, "btol": 1e-10}}
     return least_squares(
-        left, np.clip(z, lower, upper), slopes, bounds=(lower, upper), loss="soft_l1",
-        f_scale=ends.robust, x_scale=np.array([u.scale for u in unknowns.each]),
-        max_nfev=ends.steps, xtol=ends.change, ftol=1e-5, **(how if ends.iterative else {}),
+        with_priors, np.clip(z, lower, upper), jacobian_with_priors, bounds=(lower, upper),
+        loss="soft_l1", f_scale=limits.robust, x_scale=np.array([u.scale for u in unknowns.each]),
+        max_nfev=limits.steps, xtol=limits.change, ftol=COST_CHANGE,
+        **(how if limits.iterative else {}),
     )  # fmt: skip
 
 
@@ -77,31 +80,33 @@ def robust_cost(
     each = robust**2 * (np.sqrt(1.0 + (residual / robust) ** 2) - 1.0)
     if rows is not None:
         each = each * rows
-    return np.asarray(np.sum(each, axis=-1) + 0.5 * np.sum(unknowns.prior(z) ** 2, axis=-1))
+    prior = unknowns.prior_residuals(z)
+    return np.asarray(np.sum(each, axis=-1) + 0.5 * np.sum(prior**2, axis=-1))
 
 
 def damped_steps(
-    unknowns: Unknowns, z: Floats, residual: Floats, slope: Floats, weight: Floats
+    unknowns: Unknowns, z: Floats, residual: Floats, jacobian: Floats, weight: Floats
 ) -> Floats:
     """Gauss–Newton steps (K, n) from z (n,), damped more and more.
 
-    residual (N,), slope (N, n), weight (N,). Damped, and not shortened: what the rows hardly tell
-    (the mass of a hull that does not slip) would run far along a line that is bent, and a share of
-    the whole step holds back with it all that they do tell. Source: Marquardt, J. SIAM 11, 1963.
+    residual (N,), jacobian (N, n), weight (N,). Damped, and not shortened: what the rows hardly
+    determine (the mass of a hull that does not slip) would run far along a line that is bent, and a
+    share of the whole step holds back with it all that they do. Source: Marquardt, J. SIAM 11,
+    1963.
     """
     known = np.array([u.prior for u in unknowns.each]) ** -2.0
-    H = slope.T @ (weight[:, None] * slope) + np.diag(known)
+    H = jacobian.T @ (weight[:, None] * jacobian) + np.diag(known)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-    s = slope.T @ (weight * residual) + known * (z - unknowns.start)
+    s = jacobian.T @ (weight * residual) + known * (z - unknowns.start)
     w, V = np.linalg.eigh(H * np.outer(scale, scale))
-    stiff = np.where(w > LEAST * w[-1], w + DAMPING[:, None], np.inf)
+    stiff = np.where(w > MIN_CURVATURE * w[-1], w + DAMPING[:, None], np.inf)
     return np.asarray(-scale * ((V.T @ (scale * s) / stiff) @ V.T))
 
 
 def residuals_and_jacobian(
     residuals: Residuals, unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """Residuals (N,) at z (n,) and their slopes (N, k) along some of z, away from its limits."""
+    """Residuals (N,) at z (n,) and their Jacobian (N, k) by some of z, stepping within bounds."""
     _, upper = unknowns.bounds
     step = np.array([u.step for u in unknowns.each])
     step = np.where(z + step > upper, -step, step)[columns]
@@ -117,9 +122,9 @@ def stacked_jacobian(
     """∂ residuals / ∂ z (N, n) of trials by number, one after another."""
     parts = []
     for trial, residuals in of_trials:
-        mine = np.array(unknowns.of_trial(trial))
-        _, slope = residuals_and_jacobian(residuals, unknowns, z, mine)
-        part = np.zeros((len(slope), len(z)))
-        part[:, mine] = slope
+        mine = np.array(unknowns.columns_of_trial(trial))
+        _, own = residuals_and_jacobian(residuals, unknowns, z, mine)
+        part = np.zeros((len(own), len(z)))
+        part[:, mine] = own
         parts.append(part)
     return np.concatenate(parts)

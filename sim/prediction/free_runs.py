@@ -1,6 +1,7 @@
-"""Free runs from every segment's start, and their error: measured − model.
+"""Free runs of a model over recorded commands, and their error: measured − model.
 
-One free run over the longest usable stretch of a trial (the paper's Table 6).
+Many runs, one from every segment's start (`predict`), or one over the longest usable stretch of a
+trial (`free_run`, the paper's Table 6).
 """
 
 from dataclasses import dataclass
@@ -10,20 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.prediction.inputs import (
-    delayed_commands,
-    input_table,
-    measured_motion,
-    runs_from,
-    vessel_commands,
-)
+from sim.prediction.inputs import commands_around, input_table, measured_motion, runs_from
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import Scores, scores
-from sim.prediction.segments import usable_stretches
+from sim.prediction.segments import longest_stretch
 from sim.state import Eta, Floats, Ints, wrap
 from sim.trial import Trial
 
-WORST = 100.0  # scales (or 10 km): an error beyond this is a run that left the track
+# Largest error that counts, in scales of u, v, r: a run beyond it has diverged. Chosen, not
+# measured.
+LARGEST_SCALED_ERROR = 100.0
+LARGEST_POSE_ERROR = (1e4, 1e4, np.pi)  # the same of the pose [m, m, rad]
 
 
 class DivergedError(ValueError):
@@ -38,7 +36,7 @@ class Prediction:
     steps     (S,)        its length
     model     (S, H+1, 6) eta, nu as the vessel's sensors would report them; NaN past the end
     error     (S, H+1, 6) measured − model, yaw in [−π, π); NaN past the end
-    diverged  (S,)        the run left the track: its error was held at the largest that counts
+    diverged  (S,)        the run diverged: its error is held at the largest that counts
     """
 
     rows: Ints
@@ -54,37 +52,41 @@ class Prediction:
         return segment, self.rows[segment] + after[j], self.error[segment, after[j]]
 
 
-def predict(trial: Trial, model: Model, ruler: Ruler, later: float = 0.0) -> Prediction:
+def predict(trial: Trial, model: Model, ruler: Ruler, command_offset: float = 0.0) -> Prediction:
     """One batched call from all segments' starts on the recorded commands, voltage and wind.
 
-    Commands act `later` [s] than the trial tells them.
+    Commands act `command_offset` [s] later than recorded. DivergedError where no run lasts a step.
     """
     rows, steps = ruler.segments.rows, ruler.segments.steps
-    motion = measured_motion(trial)
-    x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
-    _, reports = model.run(x0, runs_from(rows, steps, later), input_table(model, trial))
-    said = reports[..., :6]
-    error = error_of(motion[:, :6], rows, said)
+    reported = free_reports(trial, model, rows, steps, command_offset)[..., :6]
+    error = prediction_error(measured_motion(trial)[:, :6], rows, reported)
     within = np.arange(error.shape[1]) <= steps[:, None]
-    largest = np.concatenate([[1e4, 1e4, np.pi], WORST * ruler.scales])
+    largest = np.concatenate([LARGEST_POSE_ERROR, LARGEST_SCALED_ERROR * ruler.scales])
     lost = np.asarray(within & ~np.all(np.abs(error) <= largest, axis=2), np.bool_)
-    # a run that has ended: no error is larger
-    gone = np.asarray(~np.all(np.isfinite(error), axis=2), np.bool_)
-    held = np.where(gone[..., None], largest, np.clip(error, -largest, largest))
-    if len(rows) and gone[:, 1].all():
-        raise DivergedError(
-            f"{model.vessel.name} diverges at once from every start: check its numbers"
-        )
+    # a run that has ended has the largest error there is
+    ended = np.asarray(~np.all(np.isfinite(error), axis=2), np.bool_)
+    counted = np.where(ended[..., None], largest, np.clip(error, -largest, largest))
+    if len(rows) and ended[:, 1].all():
+        raise _diverged(model)
     return Prediction(
         rows,
         steps,
-        said,
-        np.where(within[..., None], held, np.nan),
+        reported,
+        np.where(within[..., None], counted, np.nan),
         np.asarray(lost.any(axis=1), np.bool_),
     )
 
 
-def error_of(measured: Floats, rows: Ints, model: Floats) -> Floats:
+def free_reports(
+    trial: Trial, model: Model, rows: Ints, steps: Ints, command_offset: float = 0.0
+) -> Floats:
+    """Free runs from the measured state at rows (S,) -> reports (S, H+1, 9), NaN past the end."""
+    start = model.true_states(measured_motion(trial)[rows])
+    x0 = np.hstack([start, memory_at(model, trial, rows)])
+    return model.run(x0, runs_from(rows, steps, command_offset), input_table(model, trial))[1]
+
+
+def prediction_error(measured: Floats, rows: Ints, model: Floats) -> Floats:
     """Measured (T, 6), first rows (S,), model (S, H+1, 6) -> measured − model, SI."""
     at = np.minimum(rows[:, None] + np.arange(model.shape[1]), len(measured) - 1)
     error = measured[at] - model
@@ -97,8 +99,7 @@ def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
     memory = np.full((len(rows), model.state_size - 6), np.nan)
     if memory.shape[1] == 0:
         return memory
-    commands = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
-    before = np.vstack([commands[:1], commands[:-1]])
+    before, _ = commands_around(model, trial)
     motion, carry, done = measured_motion(trial), model.initial_carry(), 0
     for i in np.argsort(rows):
         part = slice(done, int(rows[i]) + 1)
@@ -114,7 +115,7 @@ def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
 
 @dataclass(frozen=True)
 class FreeRun:
-    """The model left alone: from `start` (row) over as many rows as it stayed within reach.
+    """One free run from row `start` over as many rows as it stayed within reach.
 
     model     (R, 6)  eta, nu as reported
     error     (R, 6)  measured − model
@@ -128,26 +129,31 @@ class FreeRun:
     scores: Scores
 
     def to_dict(self) -> dict[str, Any]:
-        """Scores by channel; `diverged` stands there only where it is so."""
-        out: dict[str, Any] = {
-            "rmse": dict(self.scores.rmse), "mae": dict(self.scores.mae), "r2": dict(self.scores.r2)
-        }  # fmt: skip
+        """Scores by channel; `diverged` is there only where it is so."""
+        out: dict[str, Any] = self.scores.to_dict()
+        del out["fit_percent"]
         return out | {"diverged": True} if self.diverged else out
 
 
-def free_run(trial: Trial, model: Model, scales: Floats, later: float = 0.0) -> FreeRun:
-    """From the first sample of the longest usable stretch to its end; `later` as in `predict`."""
-    stretch = max(usable_stretches(trial.usable), key=len)
-    rows = np.array([stretch.start])
-    motion = measured_motion(trial)
-    x0 = np.hstack([model.true_states(motion[rows]), memory_at(model, trial, rows)])
-    runs = runs_from(rows, np.array([len(stretch) - 1]), later)
-    _, reports = model.run(x0, runs, input_table(model, trial))
-    said = reports[0, :, :6]
-    error = error_of(motion[:, :6], rows, said[None])[0]
-    lost = ~np.all(np.abs(error[:, 3:]) <= WORST * scales, axis=1) | ~np.isfinite(error).all(axis=1)
+def free_run(trial: Trial, model: Model, scales: Floats, command_offset: float = 0.0) -> FreeRun:
+    """From the first sample of the longest usable stretch to its end, at most until it diverges."""
+    stretch = longest_stretch(trial)
+    rows, steps = np.array([stretch.start]), np.array([len(stretch) - 1])
+    reported = free_reports(trial, model, rows, steps, command_offset)[0, :, :6]
+    motion = measured_motion(trial)[:, :6]
+    error = prediction_error(motion, rows, reported[None])[0]
+    near = np.all(np.abs(error[:, 3:]) <= LARGEST_SCALED_ERROR * scales, axis=1)
+    lost = ~near | ~np.isfinite(error).all(axis=1)
     end = int(np.argmax(lost)) if lost.any() else len(error)
-    measured = motion[stretch.start : stretch.start + end, :6]
+    if end == 0:
+        raise _diverged(model)
+    measured = motion[stretch.start : stretch.start + end]
     return FreeRun(
-        stretch.start, said[:end], error[:end], bool(lost.any()), scores(measured, error[:end])
+        stretch.start, reported[:end], error[:end], bool(lost.any()), scores(measured, error[:end])
+    )
+
+
+def _diverged(model: Model) -> DivergedError:
+    return DivergedError(
+        f"{model.vessel.name} diverges at once from every start: check its numbers"
     )

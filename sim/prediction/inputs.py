@@ -27,13 +27,16 @@ def input_table(model: Model, trial: Trial) -> InputTable:
     return InputTable.of(commands, trial.dt, trial.voltage, trial.wind, float(trial.time[0]))
 
 
-def runs_from(rows: NDArray[np.int64], steps: NDArray[np.int64], later: float = 0.0) -> Runs:
+def runs_from(
+    rows: NDArray[np.int64], steps: NDArray[np.int64], command_offset: float = 0.0
+) -> Runs:
     """Free runs from rows (B,) of the trial over steps (B,).
 
-    Commands act `later` [s] than they are told: below 0 where telemetry tells them late.
+    `command_offset` [s]: how much later than recorded commands act; below 0 where telemetry reports
+    them late.
     """
-    nothing = np.zeros(len(rows), np.int64)
-    return Runs(table=nothing, start=rows, steps=steps, delay=np.full(len(rows), later))
+    table = np.zeros(len(rows), np.int64)
+    return Runs(table=table, start=rows, steps=steps, delay=np.full(len(rows), command_offset))
 
 
 def delayed_commands(commands: Floats, dt: float, delay: float) -> Floats:
@@ -47,3 +50,9 @@ def delayed_commands(commands: Floats, dt: float, delay: float) -> Floats:
         np.interp(grid - delay / dt, grid, column) + before * column[1] for column in total.T
     ]
     return np.diff(np.stack(shifted, axis=1), axis=0)
+
+
+def commands_around(model: Model, trial: Trial) -> tuple[Floats, Floats]:
+    """Delayed commands (T, na) over the interval before each row, and over that after it."""
+    after = delayed_commands(vessel_commands(model, trial), trial.dt, model.delay)
+    return np.vstack([after[:1], after[:-1]]), after

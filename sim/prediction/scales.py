@@ -1,9 +1,7 @@
-"""The ruler of a comparison: it comes from the trial and the first vessel, and serves them all.
+"""What one comparison measures all vessels by: segments, scales of the errors and the noise floor.
 
-The noise floor: what a perfect model would still show.
-
-A perfect model started at the estimate carries the estimate's error ε₀ along; the row it is
-compared with has an error ε_j of its own:
+The noise floor is what a perfect model would still show. Started at the estimate it carries the
+estimate's error ε₀ along; the row that it is compared with has an error ε_j of its own:
 
     e_j = ε_j − Φ_j ε₀,     var e_j = R_j + Φ_j P₀ Φ_jᵀ − 2 Φ_j C_j,     C_j = cov(ε₀, ε_j)
 
@@ -21,12 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.prediction.segments import CompareSettings, Segments, segments_of
-from sim.prediction.transition import STATE, carried, limited, start_variance
+from sim.prediction.segments import CompareSettings, Segments, require_finite, segments_of
+from sim.prediction.transition import (
+    STATE,
+    nodes_within_limit,
+    start_transitions,
+    start_variance,
+)
 from sim.state import Floats, Ints
 from sim.trial import Trial
 
-MIN_SCALES = np.array([0.05, 0.05, 0.02])  # m/s, m/s, rad/s: below this a channel is at rest
+# Smallest scales of u, v, r [m/s, m/s, rad/s]: a channel that moves less is at rest. Chosen, not
+# measured.
+MIN_SCALES = np.array([0.05, 0.05, 0.02])
 
 
 @dataclass(frozen=True)
@@ -51,19 +56,21 @@ class Ruler:
     def of(cls, trial: Trial, first: Model, settings: CompareSettings | None = None) -> "Ruler":
         """From the trial and the first vessel; NoUsableTimeError if nothing can be compared."""
         settings = settings or CompareSettings()
+        require_finite(trial)
         whole, scales = segments_of(trial, settings), scales_of(trial)
-        phi = carried(first, trial, whole)
-        nodes = limited(start_variance(trial, whole, phi), whole, scales, trial.dt, settings)
+        phi = start_transitions(first, trial, whole)
+        spread = start_variance(trial, whole, phi)
+        nodes = nodes_within_limit(spread, whole, scales, trial.dt, settings)
         return cls(
             settings,
             replace(whole, nodes=nodes),
             float(np.mean(nodes < whole.nodes)),
             scales,
-            perfect_variance(trial, whole, phi),
-            blocks_of(trial, whole, settings.block),
+            perfect_variance(trial, whole, phi, spread),
+            segment_blocks(trial, whole, settings.block),
         )
 
-    def only(self, which: NDArray[np.bool_]) -> "Ruler":
+    def subset(self, which: NDArray[np.bool_]) -> "Ruler":
         """The same with some of its segments (S,)."""
         own = self.segments
         return replace(
@@ -79,12 +86,17 @@ class Ruler:
 
 
 def scales_of(trial: Trial) -> Floats:
-    """Size of each velocity channel over the usable rows: (3,) [m/s, m/s, rad/s]."""
+    """Standard deviation of u, v, r over the usable rows: (3,) [m/s, m/s, rad/s].
+
+    It is `MIN_SCALES` at least, and on a trial without usable rows.
+    """
+    if not trial.usable.any():
+        return MIN_SCALES.copy()
     return np.maximum(trial.nu[trial.usable].std(axis=0), MIN_SCALES)
 
 
-def blocks_of(trial: Trial, segments: Segments, length: float) -> Ints:
-    """Which block of `length` [s] each segment starts in: (S,).
+def segment_blocks(trial: Trial, segments: Segments, length: float) -> Ints:
+    """Number of the block of `length` [s] in which each segment starts: (S,).
 
     On a short trial blocks shrink towards six, but never below the longest horizon: segments of
     different blocks should share as little time as possible.
@@ -95,18 +107,21 @@ def blocks_of(trial: Trial, segments: Segments, length: float) -> Ints:
     return ((start - start[0]) // width).astype(np.int64)
 
 
-def perfect_variance(trial: Trial, segments: Segments, phi: Floats) -> Floats:
-    """Φ (S, J+1, 6, 6) -> variance (S, J+1, 6) of a perfect model's error in eta, nu, SI."""
+def perfect_variance(trial: Trial, segments: Segments, phi: Floats, spread: Floats) -> Floats:
+    """Variance (S, J+1, 6) of a perfect model's error in (eta, nu), SI units.
+
+    phi (S, J+1, 6, 6); spread (S, J+1, 6): variance that the start state leaves at each node.
+    """
     rows = segments.rows[:, None] + segments.stride * np.arange(phi.shape[1])
-    everywhere: Floats = np.einsum("tii->ti", trial.covariance)
-    R: Floats = everywhere[np.minimum(rows, len(trial) - 1), :STATE]
+    variance: Floats = np.einsum("tii->ti", trial.covariance)
+    R: Floats = variance[np.minimum(rows, len(trial) - 1), :STATE]
     P = trial.covariance[segments.rows, :STATE, :STATE]
     t = segments.stride * trial.dt * np.arange(phi.shape[1])
     carried = np.einsum("sjik,ski->sji", phi, P, optimize=True)
     own = R[:, :1]
     shared = np.sqrt(np.minimum(np.divide(R, own, out=np.ones_like(R), where=own > 0), 1.0))
-    rho = correlation(everywhere[segments.rows], np.asarray(t)) * shared
-    return np.maximum(R + start_variance(trial, segments, phi) - 2.0 * carried * rho, 0.0)
+    rho = correlation(variance[segments.rows], np.asarray(t)) * shared
+    return np.maximum(R + spread - 2.0 * carried * rho, 0.0)
 
 
 def correlation(variance: Floats, t: Floats) -> Floats:
@@ -115,7 +130,8 @@ def correlation(variance: Floats, t: Floats) -> Floats:
     rate = np.column_stack([ground, ground, variance[:, 5:]])
     with np.errstate(divide="ignore", invalid="ignore"):
         exponent = -0.5 * t[None, :, None] ** 2 * (rate / variance[:, :STATE])[:, None, :]
-    known = (rate > 0.0)[:, None, :] | (t == 0.0)[None, :, None]  # an unknown rate: white errors
+    # errors whose rate is not known are taken for white
+    known = (rate > 0.0)[:, None, :] | (t == 0.0)[None, :, None]
     return np.where(known, np.exp(np.nan_to_num(exponent, nan=0.0)), 0.0)
 
 

@@ -1,15 +1,14 @@
-"""Error in numbers, per channel and as one: RMSE, MAE, R², fit per cent, nrmse.
+"""Error in numbers, per channel and as one: RMSE, MAE, R², fit per cent, nrmse and its interval.
 
     R² = 1 − Σe²/Σ(y − ȳ)²      fit = 100 (1 − √(Σe²/Σ(y − ȳ)²))
     nrmse = √( mean over u, v, r of (RMSE_i / scale_i)² )
 
 R² and fit are MATLAB's; all sums run over the predicted rows of all segments.
 
-How sure an nrmse is: a bootstrap over blocks of time, never over samples.
-
-Errors within a segment, and of segments that overlap, are one story told many times. Whole blocks
-are drawn with replacement; the interval holds the middle 95 % of the nrmse of 2000 such draws,
-widened by √(n/(n − 1)) for the few blocks there are.
+The interval of an nrmse is a bootstrap over blocks of time, never over samples: errors within a
+segment, and of segments that overlap, are not independent. Whole blocks are drawn with replacement;
+the interval holds the middle 95 % of the nrmse of the draws, widened by √(n/(n − 1)) for the few
+blocks there are.
 """
 
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ import numpy as np
 
 from sim.state import Floats, Ints
 
+BOOTSTRAP_DRAWS = 2000
 COLUMN = {"u": 3, "v": 4, "r": 5, "x": 0, "y": 1, "psi": 2}  # of (eta, nu); x north, y east
 
 
@@ -30,6 +30,10 @@ class Scores:
     mae: Mapping[str, float]
     r2: Mapping[str, float]
     fit_percent: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, dict[str, float]]:
+        """For JSON."""
+        return {key: dict(values) for key, values in vars(self).items()}
 
 
 def scores(measured: Floats, error: Floats) -> Scores:
@@ -56,9 +60,6 @@ def nrmse(error: Floats, scales: Floats) -> float:
     return float(np.sqrt(np.mean(scaled_squares(error, scales))))
 
 
-DRAWS = 2000
-
-
 def nrmse_interval(squares: Floats, block: Ints, seed: int) -> tuple[float, float] | None:
     """Squared scaled errors (M,) and their blocks (M,) -> 95 % interval; None below two blocks."""
     _, number = np.unique(block, return_inverse=True)
@@ -66,7 +67,7 @@ def nrmse_interval(squares: Floats, block: Ints, seed: int) -> tuple[float, floa
     n = len(total)
     if n < 2:
         return None
-    draw = np.random.default_rng(seed).integers(0, n, (DRAWS, n))
+    draw = np.random.default_rng(seed).integers(0, n, (BOOTSTRAP_DRAWS, n))
     mean = total.sum() / count.sum()
     means = total[draw].sum(axis=1) / count[draw].sum(axis=1)
     means = mean * np.maximum(means / mean, 1e-12) ** np.sqrt(n / (n - 1)) if mean > 0 else means

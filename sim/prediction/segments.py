@@ -9,11 +9,21 @@ from numpy.typing import NDArray
 from sim.state import Ints
 from sim.trial import Trial
 
-# Length of the blocks of time by which held-out tests, bootstraps and leave-one-block-out intervals
-# resample a trial [s]. Two to three of the longest free runs (8 to 10 s); chosen, not measured.
+# Blocks of time by which held-out tests, cross-fits and leave-one-block-out intervals resample a
+# trial [s]: two to three of the longest free runs (8 to 10 s). Chosen, not measured.
 BLOCK_S = 25.0
-# Time left out between blocks [s]: residuals are autocorrelated (`noise.CORRELATION_TIMES_S`).
+# Time left out between blocks [s], because residuals are autocorrelated. Chosen, not measured.
 GUARD_S = 5.0
+# Shortest usable time that still gives a segment [s]. Chosen, not measured.
+SHORTEST_STRETCH_S = 2.0
+
+
+class NoUsableTimeError(ValueError):
+    """A trial has too little usable time, or too little in one piece, for what was asked."""
+
+
+class NotFiniteError(NoUsableTimeError):
+    """Rows that are marked usable hold numbers that are not finite."""
 
 
 class RowRange(NamedTuple):
@@ -27,13 +37,13 @@ class RowRange(NamedTuple):
 
 
 def usable_stretches(usable: NDArray[np.bool_]) -> list[RowRange]:
-    """Flags (T,) -> the runs of rows that are all usable, in order."""
+    """Flags (T,) -> the ranges of rows that are all usable, in order."""
     padded = np.concatenate(([0], np.asarray(usable, np.int8), [0]))
     edges = np.flatnonzero(np.diff(padded))
     return [RowRange(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def blocks(
+def time_blocks(
     usable: NDArray[np.bool_], dt: float, length: float = BLOCK_S, guard: float = GUARD_S
 ) -> list[RowRange]:
     """Usable time cut into blocks of at least `length` [s], at least `guard` [s] apart.
@@ -44,31 +54,27 @@ def blocks(
     wanted, gap = max(round(length / dt), 1), int(np.ceil(guard / dt - 1e-9))
     out: list[RowRange] = []
     for stretch in usable_stretches(usable):
-        start = max(stretch.start, out[-1].stop + gap) if out else stretch.start
-        out += _cut(start, stretch.stop, wanted, gap)
+        first = max(stretch.start, out[-1].stop + gap) if out else stretch.start
+        room = stretch.stop - first
+        if room < wanted / 2:
+            continue
+        count = max((room + gap) // (wanted + gap), 1)
+        width = (room - (count - 1) * gap) // count
+        starts = range(first, first + count * (width + gap), width + gap)
+        out += [RowRange(start, start + width) for start in starts]
     return out
-
-
-def _cut(start: int, stop: int, wanted: int, gap: int) -> list[RowRange]:
-    """One stretch into as many equal blocks of at least `wanted` rows as fit."""
-    room = stop - start
-    if room < wanted / 2:
-        return []
-    count = max((room + gap) // (wanted + gap), 1)
-    width = (room - (count - 1) * gap) // count
-    return [RowRange(start + i * (width + gap), start + i * (width + gap) + width)
-            for i in range(count)]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class CompareSettings:
-    """Free runs of `horizon` [s] from a moment every `every` [s].
+    """Free runs of `horizon` [s] that start every `every` [s].
 
-    A horizon ends early where the spread of its start state, carried along the measured track,
-    passes `spread_limit` (root mean square over u, v, r in units of the nrmse scales) or
+    A horizon ends early where the standard deviation of its start state, carried along the measured
+    track, exceeds `spread_limit` (root mean square over u, v, r in units of the nrmse scales) or
     `spread_growth` times its value at the start, whichever is larger: below the first the start
     state hardly shows in the error; the second lets a coarse estimate of a steady boat run on.
-    No horizon is cut below `shortest` [s]; the spread is looked at every `node` [s].
+    No horizon is cut below `shortest` [s]; the spread is evaluated at nodes every `node` [s].
+    `block` [s]: length of the blocks of the bootstrap interval, which draws from `seed`.
     """
 
     horizon: float = 10.0
@@ -77,7 +83,7 @@ class CompareSettings:
     node: float = 0.25
     spread_limit: float = 0.25
     spread_growth: float = 2.0
-    block: float = 30.0  # s, of the blocks that intervals are made from
+    block: float = 30.0
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -88,16 +94,9 @@ class CompareSettings:
             raise ValueError(f"horizon {self.horizon} s is below the shortest, {self.shortest} s")
 
 
-SHORTEST_STRETCH = 2.0  # s of usable time that still give a segment
-
-
-class NoUsableTimeError(ValueError):
-    """The trial has no stretch that a model could be compared over."""
-
-
 @dataclass(frozen=True)
 class Segments:
-    """Many moments of a trial from which free runs start.
+    """Segments of a trial that a model predicts in one free run each.
 
     rows     (S,)  row of the trial where the segment starts
     nodes    (S,)  its length in nodes
@@ -126,13 +125,30 @@ def segments_of(trial: Trial, settings: CompareSettings) -> Segments:
     rows, nodes = [], []
     for stretch in usable_stretches(trial.usable):
         room = (len(stretch) - 1) // stride
-        if room * node < min(SHORTEST_STRETCH, settings.horizon) - 1e-9:
+        if room * node < min(SHORTEST_STRETCH_S, settings.horizon) - 1e-9:
             continue
         first = np.arange(0, max(room - longest, 0) + 1, apart)
         rows.append(stretch.start + stride * first)
         nodes.append(np.full(len(first), min(room, longest)))
     if not rows:
         raise NoUsableTimeError(
-            f"{trial.name}: no usable stretch of {SHORTEST_STRETCH:g} s or more to compare over"
+            f"{trial.name}: no usable stretch of {SHORTEST_STRETCH_S:g} s or more to compare over"
         )
     return Segments(np.concatenate(rows), np.concatenate(nodes), stride)
+
+
+def longest_stretch(trial: Trial) -> RowRange:
+    """The longest range of usable rows; NoUsableTimeError if there is none."""
+    stretches = usable_stretches(trial.usable)
+    if not stretches:
+        raise NoUsableTimeError(f"{trial.name}: no usable time")
+    return max(stretches, key=len)
+
+
+def require_finite(trial: Trial) -> None:
+    """NotFiniteError where usable rows hold motion that is not finite."""
+    for key in ("eta", "nu", "nu_dot"):
+        if not np.isfinite(getattr(trial, key)[trial.usable]).all():
+            raise NotFiniteError(
+                f"{trial.name}: {key} is not finite in rows that are marked usable: leave them out"
+            )

@@ -11,7 +11,7 @@ from sim.identification.identify import identify
 from sim.identification.parameters import UnknownNameError
 from sim.identification.settings import BASE, IdentifySettings
 from sim.vessel import AddedEffect
-from tests.sim.identification.boats import noisy, off, wander
+from tests.sim.identification.noisy_trials import noisy, off, wander
 from tests.sim.vessels import WAMV
 from tests.sim.voyages import WAM_V, legs, trial_of
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.identification.regression import DELTA_SIGN, least_squares, regressor
+from sim.identification.regression import DELTA_SIGN, ordinary_least_squares, regressor
 from sim.identification.settings import BASE
 from sim.model import Model
 from tests.sim.vessels import IACQUABOT, WAMV
@@ -40,6 +40,6 @@ def test_white_noise_on_the_force_is_covered_95_times_in_100():
     delta = np.arange(1.0, 10.0)
     inside = []
     for _ in range(200):
-        found, std = least_squares(phi, phi @ delta + rng.normal(0.0, 2.0, (400, 3)))
+        found, std = ordinary_least_squares(phi, phi @ delta + rng.normal(0.0, 2.0, (400, 3)))
         inside.append(np.abs(found - delta) <= 1.96 * std)
     assert 0.93 < np.mean(inside) < 0.97

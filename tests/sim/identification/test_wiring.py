@@ -8,7 +8,7 @@ import pytest
 from sim.effects.actuator_wiring import EFFECT as WIRING
 from sim.identification.wiring import command_response, rewired, wiring_notices, wiring_of
 from sim.vessel import AddedEffect
-from tests.sim.identification.boats import noisy
+from tests.sim.identification.noisy_trials import noisy
 from tests.sim.vessels import WAMV
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.prediction.segments import blocks, usable_stretches
+from sim.prediction.segments import time_blocks, usable_stretches
 
 
 def test_stretches_are_the_runs_of_usable_rows():
@@ -22,7 +22,7 @@ def test_stretches_are_the_runs_of_usable_rows():
 )
 def test_blocks_are_usable_and_a_guard_apart(runs, dt, guard):
     usable = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate(runs)])
-    found = blocks(usable, dt, length=20.0, guard=guard)
+    found = time_blocks(usable, dt, length=20.0, guard=guard)
     for block in found:
         assert usable[block.start : block.stop].all()
         assert len(block) * dt >= 10.0 - dt
@@ -31,10 +31,10 @@ def test_blocks_are_usable_and_a_guard_apart(runs, dt, guard):
 
 
 def test_a_long_stretch_is_used_but_for_the_guards():
-    found = blocks(np.ones(12000, bool), 0.05, length=25.0)
+    found = time_blocks(np.ones(12000, bool), 0.05, length=25.0)
     assert len(found) == 20
     assert sum(map(len, found)) * 0.05 == pytest.approx(600.0 - 19 * 5.0, abs=1.0)
 
 
 def test_what_is_too_short_gives_no_block():
-    assert blocks(np.ones(100, bool), 0.05, length=25.0) == []
+    assert time_blocks(np.ones(100, bool), 0.05, length=25.0) == []

@@ -8,7 +8,7 @@ from math import atan2, cos, pi, sin, sqrt
 import numpy as np
 
 from sim.trial import Trial
-from tests.sim.identification.boats import wander
+from tests.sim.identification.noisy_trials import wander
 
 DT, SMALL = 0.1, 0.005
 MASS = {"m11": 60.0, "m22": 95.0, "m33": 30.0}

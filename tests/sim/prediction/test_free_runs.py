@@ -40,10 +40,10 @@ def test_some_of_the_segments_are_predicted_as_among_all(effect):
     trial, model = simulated(WAM_V), Model.of(replace(WAM_V, effects=EFFECTS[effect]))
     ruler = Ruler.of(trial, Model.of(WAM_V))
     which = np.arange(len(ruler.segments.rows)) % 3 == 1
-    part, whole = predict(trial, model, ruler.only(which)), predict(trial, model, ruler)
+    part, whole = predict(trial, model, ruler.subset(which)), predict(trial, model, ruler)
     np.testing.assert_array_equal(part.rows, whole.rows[which])
     np.testing.assert_array_equal(part.error, whole.error[which][:, : part.error.shape[1]])
-    np.testing.assert_array_equal(ruler.only(which).blocks, ruler.blocks[which])
+    np.testing.assert_array_equal(ruler.subset(which).blocks, ruler.blocks[which])
 
 
 def test_error_is_measured_minus_model_with_yaw_wrapped():

@@ -9,7 +9,7 @@ from sim.effects.steady_current import EFFECT as CURRENT
 from sim.identification.identify import identify
 from sim.identification.settings import BASE, IdentifySettings
 from sim.vessel import AddedEffect
-from tests.sim.identification.plain import FULL, blade, motor, sail
+from tests.sim.identification.independent_boat import FULL, blade, motor, sail
 from tests.sim.vessels import RUDDER_BOAT, STEERED_BOAT
 
 LINEAR = tuple(replace(t, curve="linear") for t in RUDDER_BOAT.thrusters)
