@@ -7,12 +7,16 @@ import numpy as np
 
 from gateway.figures.comparison import bars_with_intervals
 from gateway.figures.figure_data import Axis, Bars, Dots, FigureData, Level, Line, Panel, SeriesRole
-from gateway.figures.quantities import EVIDENCE, MISSING_FORCES, NRMSE, SMALLEST_PROBABILITY
+from gateway.figures.quantities import (
+    DEGREES,
+    EVIDENCE,
+    MISSING_FORCES,
+    NRMSE,
+    SMALLEST_PROBABILITY,
+)
 from sim.diagnosis.answer import Diagnosis, LadderStep
-from sim.diagnosis.evidence import Evidence, evidence
-from sim.identification.vessel_update import updated_vessel
+from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals
 from sim.trial import Trial
-from sim.vessel import Vessel
 
 UNSEEN_ERROR = Axis("error on unseen time, nrmse (0 is perfect)")
 FLOOR = "noise floor: what a perfect model would show"
@@ -71,7 +75,7 @@ def ladder(diagnosis: Diagnosis) -> FigureData:
     marks = (
         Line(x, error, SeriesRole.CONTEXT),
         Dots(x, error, low, high, SeriesRole.MODEL, "error on unseen time, 95 % interval"),
-        Level(diagnosis.floor, SeriesRole.FLOOR, FLOOR),
+        Level(diagnosis.noise_floor, SeriesRole.FLOOR, FLOOR),
         Level(0.0, SeriesRole.CONTEXT),
     )
     names = tuple(step_name(step).replace("base ", "base\n") for step in steps)
@@ -88,7 +92,7 @@ def ranking(diagnosis: Diagnosis) -> FigureData:
     marks = (
         Bars(x - 0.3, x + 0.3, error, SeriesRole.MODEL, "error with this effect alone"),
         Level(diagnosis.ladder[1].heldout.nrmse, SeriesRole.ERROR, "without any"),
-        Level(diagnosis.floor, SeriesRole.FLOOR, FLOOR),
+        Level(diagnosis.noise_floor, SeriesRole.FLOOR, FLOOR),
     )
     names = tuple(
         f"{row.effect.replace('_', chr(10))}\n{_percent(row.probability)}" for row in rows
@@ -102,62 +106,14 @@ def _percent(probability: float) -> str:
     return f"{100.0 * probability:.3g} %" if probability >= SMALLEST_PROBABILITY else "< 0.1 %"
 
 
-def evidence_of(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Evidence]:
-    """For each effect that was found, from the best vessel with the numbers of each recording."""
-    best = diagnosis.ladder[-1]
-    found = [evidence_on(best, name, trials) for name in best.effects]
-    return [one for one in found if one is not None]
-
-
-def evidence_of_rivals(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Evidence]:
-    """For what these data cannot tell from the effects found, with its own fitted numbers."""
-    found = [evidence_on(step, step.effects[-1], trials) for step in rivals(diagnosis)]
-    return [one for one in found if one is not None]
-
-
-def rivals(diagnosis: Diagnosis) -> list[LadderStep]:
-    """The alternatives that do as well as what was chosen, each effect once."""
-    tied = {row.effect for row in diagnosis.ranking if row.confounded_with}
-    out = {
-        step.effects[-1]: step for step in diagnosis.alternatives
-        if len(step.effects) > 1 or step.effects[-1] in tied
-    }  # fmt: skip
-    return [step for effect, step in out.items() if effect not in diagnosis.effects]
-
-
-def evidence_on(step: LadderStep, effect: str, trials: Sequence[Trial]) -> Evidence | None:
-    """For one effect of a step's vessel; None where there is too little time to show it."""
-    vessels = [_vessel_on(step, trial, trials[0]) for trial in trials]
-    added = next(a.effect for a in step.vessel.effects if a.effect.name == effect)
-    return evidence(trials, vessels, added)
-
-
-def _vessel_on(step: LadderStep, trial: Trial, first: Trial) -> Vessel:
-    """The vessel of a step with the values fitted for one recording alone."""
-    if trial is first:
-        return step.vessel
-    own = {
-        e.name: e.value for numbers in step.parameters.values() for e in numbers
-        if e.trial == trial.name
-    }  # fmt: skip
-    return updated_vessel(step.vessel, own)
-
-
 def evidence_figure(found: Evidence) -> FigureData:
     """Missing force without the effect, and the effect's own curve through it."""
-    axis = EVIDENCE[found.by]
+    axis = EVIDENCE.get(found.by, Axis(found.by, "°", DEGREES))  # an own variable is an angle
     middle = found.at * axis.factor
     points = Dots(middle, found.mean, found.low, found.high, SeriesRole.MEASURED,
                   "missing without it (mean, 2 standard errors)")  # fmt: skip
     curve = Line(middle, found.curve, SeriesRole.MODEL, f"what {found.effect} supplies")
     panel = Panel(axis, FORCES[found.axis], (Level(0.0, SeriesRole.CONTEXT), curve, points))
-    share = explained_share(found)
+    share = found.explained_share
     caption = f"it supplies {100.0 * share:.0f} % of what is missing here" if share > 0.0 else ""
     return FigureData(f"Evidence for {found.effect}", (panel,), caption=caption)
-
-
-def explained_share(found: Evidence) -> float:
-    """Share of the variation of the points about zero that the curve takes away."""
-    total = float(np.sum(found.mean**2))
-    left = float(np.sum((found.mean - found.curve) ** 2))
-    return max(1.0 - left / total, 0.0) if total > 0.0 else 0.0

@@ -24,7 +24,7 @@ from gateway.offline.plan_export import (
 )
 from gateway.user_effects import known_effects
 from sim.diagnosis.diagnose import DiagnoseSettings
-from sim.diagnosis.next_experiment import Suggested
+from sim.diagnosis.next_experiment import SuggestedManoeuvre
 from sim.excitation.catalogue import BY_NAME
 from sim.excitation.manoeuvre import Manoeuvre, StickLimits
 from sim.excitation.plan import Plan, plan_of
@@ -45,7 +45,7 @@ class ManoeuvreRanking:
     """Manoeuvres by the information expected per second, and what it is expected of."""
 
     of: str
-    ranked: tuple[Suggested, ...]
+    ranked: tuple[SuggestedManoeuvre, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -14,14 +14,7 @@ from typing import Any
 
 from gateway.atomic_file import write_whole
 from gateway.figures.comparison import error_strips, missing_force_by_regime, vessel_errors
-from gateway.figures.diagnosis import (
-    LadderBar,
-    evidence_figure,
-    evidence_of,
-    evidence_of_rivals,
-    ladder_bars,
-    ranking,
-)
+from gateway.figures.diagnosis import LadderBar, evidence_figure, ladder_bars, ranking
 from gateway.figures.figure_data import FigureData
 from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecording, render
 from gateway.figures.matplotlib_draw import svg_text
@@ -31,6 +24,7 @@ from gateway.offline.compare import TrialComparison, compare_by_trial, distinct_
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
 from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import ADEQUATE_FLOORS, Comparison
+from sim.diagnosis.evidence import evidence_of, evidence_of_rivals
 from sim.effects.effect import Effect
 from sim.state import Progress
 from sim.vessel import Vessel
@@ -195,7 +189,7 @@ def _figures(one: TrialComparison) -> list[ReportFigure]:
 def _ladder(answer: DiagnosisResult) -> ReportFigure:
     d = answer.diagnosis
     caption = "Each step is judged on time that its fit did not see."
-    bars = ladder_bars([LadderBar.of(step) for step in d.ladder], d.floor)
+    bars = ladder_bars([LadderBar.of(step) for step in d.ladder], d.noise_floor)
     return ReportFigure("The ladder", caption, svg_text(bars))
 
 

@@ -13,14 +13,7 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.figures.comparison import error_strips, missing_force_by_regime
-from gateway.figures.diagnosis import (
-    LadderBar,
-    evidence_figure,
-    evidence_of,
-    evidence_on,
-    ranking,
-    rivals,
-)
+from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
 from gateway.figures.motion import horizon_velocities, measured_velocities, residuals, track
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
@@ -45,6 +38,7 @@ from sim.comparison.compare import Comparison
 from sim.comparison.regimes import Regime, regimes_of
 from sim.comparison.where import Bin, bin_of
 from sim.diagnosis.answer import LadderStep
+from sim.diagnosis.evidence import evidence_of, evidence_on, rivals
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.state import Eta
@@ -163,7 +157,7 @@ def diagnose(send: Send, paths: Sequence[str], text: str, files: Sequence[str]) 
     return DiagnosisView(
         answer=found.to_dict(),
         logs=tuple(paths),
-        floor=d.floor,
+        floor=d.noise_floor,
         steps=steps,
         ranking=ranking(d) if d.ranking else None,
         evidence={one.effect: evidence_figure(one) for one in evidence_of(d, found.trials)},

@@ -23,7 +23,7 @@ def show_diagnosis(
     """Verdict, ladder, parameters, ranking, doubts, files, and the next command lines."""
     console, d = ResultConsole(highlight=False), found.diagnosis
     console.notices(found.notices)
-    console.print(f"[bold]{d.verdict}[/bold]: {d.verdict.says}")
+    console.print(f"[bold]{d.verdict}[/bold]: {d.verdict.description}")
     console.print(f"{d.summary}\n", markup=False)
     console.print(_ladder(d))
     moved = "re-fitted, its numbers had to move"
@@ -39,7 +39,7 @@ def show_diagnosis(
         console.print("\nnot judged, for these data cannot show it:")
         reasons: dict[str, list[str]] = {}
         for refusal in d.refused:
-            reasons.setdefault(refusal.because, []).append(refusal.effect)
+            reasons.setdefault(refusal.reason, []).append(refusal.effect)
         console.bullets(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
     console.path("written", saved)
     if found.improves:
@@ -64,7 +64,7 @@ def _ladder(d: Diagnosis) -> Table:
             f"{ci[0]:.3f} … {ci[1]:.3f}" if ci else "one block only",
             end_section=step is d.ladder[-1],
         )  # fmt: skip
-    table.add_row("noise alone", f"{d.floor:.3f}", "")
+    table.add_row("noise alone", f"{d.noise_floor:.3f}", "")
     return table
 
 
@@ -136,7 +136,8 @@ def _look_alikes(found: DiagnosisResult) -> list[str]:
 
 
 def _unexplained(d: Diagnosis) -> list[str]:
-    out = [f"{each.says} ({100.0 * each.share:.0f} % of what is left)" for each in d.depends_on]
+    rest = "% of what is left"
+    out = [f"{each.description} ({100.0 * each.share:.0f} {rest})" for each in d.depends_on]
     if d.effects and d.unexplained >= 0.01:
         out.append(f"{100.0 * d.unexplained:.0f} % of the error above the noise is unexplained")
     return out

@@ -128,20 +128,12 @@ def error_bins(
 ) -> tuple[Bin, ...]:  # fmt: skip
     """All bins that hold anything, those with the most error beyond their share of time first."""
     _, rows, error = prediction.predicted_rows()
-    found = [b for regime in regimes for b in _bins(trial, regime, rows, error, force, scales)]
-    return tuple(sorted(found, key=lambda b: -b.excess))
-
-
-def _bins(
-    trial: Trial, regime: Regime, rows: Ints, error: Floats, force: MissingForce, scales: Floats
-) -> list[Bin]:
-    number = bin_of(regime.value, regime.edges)
     squares = scaled_squares(error, scales)
     total = max(float(squares.sum()), 1e-300)
+    numbers = [(regime, bin_of(regime.value, regime.edges)) for regime in regimes]
+    bins = [(regime, n, k) for regime, n in numbers for k in np.unique(n[rows]) if k >= 0]
     out = []
-    for k in np.unique(number[rows]):
-        if k < 0:
-            continue
+    for regime, number, k in bins:
         inside, usable = number[rows] == k, trial.usable & (number == k)
         part, missing = error[inside][:, 3:], force.force[usable]
         share, time_share = float(squares[inside].sum()) / total, float(inside.mean())
@@ -157,7 +149,7 @@ def _bins(
                 sentence=bin_sentence(regime, start, end, share, time_share, mean, rmse, scales),
             )
         )  # fmt: skip
-    return out
+    return tuple(sorted(out, key=lambda b: -b.excess))
 
 
 def bin_of(value: Floats, edges: Floats) -> Ints:

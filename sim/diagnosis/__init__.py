@@ -1,1 +1,1 @@
-"""How far a model is from the measurement, and where: arrays in, arrays out."""
+"""Which physical effect a model lacks: from trials and a vessel to an answer (`diagnose`)."""

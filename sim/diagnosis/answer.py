@@ -1,15 +1,20 @@
-"""What a diagnosis says: verdict, ladder, ranking, refusals, and the better vessel."""
+"""What a diagnosis answers: verdict, ladder, ranking, refusals, and the better vessel."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from sim.diagnosis.heldout import HeldOut
+import numpy as np
+
+from sim.diagnosis.fit import Fit
+from sim.diagnosis.heldout import HeldOutScore, HeldOutScorer
 from sim.diagnosis.identifiability import Refusal
-from sim.diagnosis.next_experiment import Suggested
+from sim.diagnosis.next_experiment import SuggestedManoeuvre
+from sim.diagnosis.ranking import Ranking
 from sim.diagnosis.residual_terms import Dependence
 from sim.identification.intervals import Estimate
+from sim.state import Floats
 from sim.tables import data_frame
 from sim.vessel import Vessel
 
@@ -23,7 +28,7 @@ class Verdict(StrEnum):
     UNKNOWN = "unknown"
 
     @property
-    def says(self) -> str:
+    def description(self) -> str:
         """In words."""
         return {
             Verdict.ADEQUATE: "nothing is missing that these data could tell",
@@ -43,10 +48,15 @@ class LadderStep:
 
     effects: tuple[str, ...]
     base: str
-    heldout: HeldOut
+    heldout: HeldOutScore
     base_parameters: tuple[Estimate, ...]
     parameters: Mapping[str, tuple[Estimate, ...]]
     vessel: Vessel
+
+    @classmethod
+    def of(cls, fit: Fit, scorer: HeldOutScorer) -> "LadderStep":
+        """A fit, with its error on held-out time."""
+        return cls(fit.names, "refitted", scorer.score_fit(fit), *fit.estimates(), fit.vessel())
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; without an interval where there is none."""
@@ -76,16 +86,39 @@ class Candidate:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "effect": self.effect, "probability": self.probability,
-            "heldout_nrmse": self.heldout_nrmse, "confounded_with": list(self.confounded_with),
-            "alike": self.alike,
-        }  # fmt: skip
+        return vars(self) | {"confounded_with": list(self.confounded_with)}
+
+
+def candidates_of(
+    ranking: Ranking, alone: Sequence[LadderStep], rivals: Sequence[str]
+) -> tuple[Candidate, ...]:
+    """A ranking as it is told; `alone` has the step of each, `rivals` explain as well as the best.
+
+    Alike are effects that take away the same of the held-out residual.
+    """
+    if not ranking.finalists:
+        return ()
+    tied = {*rivals, ranking.best.name} if rivals else set()
+    before = ranking.reference.heldout_residual
+    explained = [before - row.fit.heldout_residual for row in ranking.finalists]
+    return tuple(
+        Candidate(
+            r.name, r.probability, step.heldout.nrmse,
+            tuple(sorted(tied - {r.name})) if r.name in tied else (),
+            _correlation(one, explained[0]),
+        )
+        for r, step, one in zip(ranking.finalists, alone, explained, strict=True)
+    )  # fmt: skip
+
+
+def _correlation(one: Floats, other: Floats) -> float:
+    size = float(np.sqrt(np.sum(one**2) * np.sum(other**2)))
+    return float(np.sum(one * other)) / size if size > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The whole answer; `vessel` is the best model found, `floor` the nrmse of noise alone.
+    """The whole answer; `vessel` is the best model found, `noise_floor` the nrmse of noise alone.
 
     alternatives   what was not chosen, each with its own fitted numbers: every effect of the
                    ranking alone beside the base, and the rivals of later steps beside the earlier
@@ -100,11 +133,15 @@ class Diagnosis:
     unexplained: float
     depends_on: tuple[Dependence, ...]
     refused: tuple[Refusal, ...]
-    next_manoeuvre: str | None
-    floor: float
+    noise_floor: float
     vessel: Vessel
-    suggested: tuple[Suggested, ...] = ()
+    suggested: tuple[SuggestedManoeuvre, ...] = ()
     alternatives: tuple[LadderStep, ...] = ()
+
+    @property
+    def next_manoeuvre(self) -> str | None:
+        """The best of those suggested, in words."""
+        return self.suggested[0].description if self.suggested else None
 
     def to_pandas(self) -> Any:
         """One row per step of the ladder, then per alternative: effects, error, interval."""
@@ -123,20 +160,20 @@ class Diagnosis:
         return {
             "verdict": str(self.verdict), "summary": self.summary,
             "base_changed": self.base_changed, "effects": list(self.effects),
-            "ladder": [rung.to_dict() for rung in self.ladder],
-            "alternatives": [rung.to_dict() for rung in self.alternatives],
+            "ladder": [step.to_dict() for step in self.ladder],
+            "alternatives": [step.to_dict() for step in self.alternatives],
             "ranking": [row.to_dict() for row in self.ranking],
             "unexplained": self.unexplained,
             "depends_on": [
-                {"on": d.on, "share": d.share, "says": d.says} for d in self.depends_on
+                {"on": d.on, "share": d.share, "says": d.description} for d in self.depends_on
             ],
-            "refused": [{"effect": r.effect, "because": r.because} for r in self.refused],
+            "refused": [{"effect": r.effect, "because": r.reason} for r in self.refused],
             "next_manoeuvre": self.next_manoeuvre,
             "suggested": [
                 {"manoeuvre": s.manoeuvre.name, "seconds": s.seconds, "nats": s.nats}
                 for s in self.suggested
             ],
-            "noise_floor_nrmse": self.floor,
+            "noise_floor_nrmse": self.noise_floor,
             "vessel": self.vessel.name,
         }  # fmt: skip
 

@@ -1,7 +1,6 @@
 """Which physical effect is missing: the whole path, from trials and a vessel to an answer.
 
-re-fit the base → climb the ladder of effects → judge each rung on unseen time → what is left
-→ verdict
+re-fit the base → search for effects → score each step on held-out time → what is left → verdict
 """
 
 from collections.abc import Sequence
@@ -9,26 +8,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sim.diagnosis.answer import Diagnosis
-from sim.diagnosis.fit import Fit, fitted, unknowns_for
+from sim.diagnosis import thresholds
+from sim.diagnosis.answer import Diagnosis, LadderStep, candidates_of
+from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.heldout import HeldOutScorer, gain, unseen
-from sim.diagnosis.identifiability import refused
-from sim.diagnosis.ladder import Climb, Climber, worth_it
-from sim.diagnosis.next_experiment import Suggested, informing, separating
-from sim.diagnosis.ranking import BLOCK, Ranked
-from sim.diagnosis.screening import Each, Tell
+from sim.diagnosis.heldout import HeldOutScorer, gain
+from sim.diagnosis.identifiability import refusals
+from sim.diagnosis.ladder import EffectSearch, Selection, is_worth_it
+from sim.diagnosis.next_experiment import SuggestedManoeuvre, by_information, by_separation
+from sim.diagnosis.ranking import RankedEffect
+from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
-    STANDS,
-    candidates_of,
-    ladder,
-    later_rivals,
-    left_over,
+    is_above_noise,
+    remaining_dependences,
     rivals_of,
-    rungs_of,
-    stands_open,
     summary_of,
-    unexplained,
+    unexplained_share,
     verdict_of,
 )
 from sim.effects.catalogue import EFFECTS
@@ -40,8 +35,6 @@ from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
-
-LEAST_S = 60.0  # of usable time
 
 
 @dataclass(frozen=True)
@@ -71,83 +64,99 @@ def diagnose(
     trials: Sequence[Trial],
     vessel: Vessel,
     settings: DiagnoseSettings | None = None,
-    tell: Tell = lambda _: None,
-    each: Each = map,
+    progress: Progress = lambda _: None,
+    mapper: Mapper = map,
 ) -> Diagnosis:
     """What is missing from the vessel as these trials show it; NoUsableTimeError if too short.
 
-    `each` maps as `map` does, perhaps on several threads.
+    `mapper` maps as `map` does, perhaps on several threads.
     """
     settings = settings or DiagnoseSettings()
     trials = [t for t in trials if t.usable.any()]
     seconds = sum(float(t.usable.sum()) * t.dt for t in trials)
-    if seconds < LEAST_S:
-        raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {LEAST_S:.0f} s are needed")
+    if seconds < (needed := thresholds.MIN_USABLE_S):
+        raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {needed:.0f} s are needed")
     plain = Model.of(vessel)
-    there = {added.effect.name for added in vessel.effects}
-    effects = [e for e in settings.effects if e.name not in there]
-    no = refused(effects, plain, trials)
-    effects = [e for e in effects if e.name not in {r.effect for r in no}]
-    tell("re-fitting the base")
-    wide = SupersetModel.of(vessel, effects)
-    base = refitted(wide, plain, trials, settings)
-    judge = HeldOutScorer.of(trials, plain)
-    climb = Climber(wide, tuple(effects), settings.most, tell, each, judge).climb(base)
-    tell("what is left")
-    rungs, floor = ladder(climb, plain, judge), judge.floor
-    final = rungs[-1]
-    left = left_over(climb, final.heldout.nrmse > STANDS * floor)
-    alone = rungs_of(climb.first.finalists, judge)
-    rivals = [rivals_of(step.ranking, climb.fit.names) for step in climb.steps]
-    others = (*alone, *later_rivals(climb, rivals, judge))
-    added = [a.effect for a in climb.fit.added]
-    verdict = verdict_of(climb, rivals, left, stands_open(added, rungs, floor))
-    told = _suggested(climb, rivals, settings.plan, tell)
-    ranking = candidates_of(climb.first, alone, final.effects)
+    present = {added.effect.name for added in vessel.effects}
+    effects = [e for e in settings.effects if e.name not in present]
+    refused = refusals(effects, plain, trials)
+    effects = [e for e in effects if e.name not in {r.effect for r in refused}]
+    progress("re-fitting the base")
+    superset = SupersetModel.of(vessel, effects)
+    base = fit_base(superset, plain, trials, settings)
+    scorer = HeldOutScorer.of(trials, plain)
+    search = EffectSearch(superset, tuple(effects), settings.most, progress, mapper, scorer)
+    selection = search.run(base)
+    progress("what is left")
+    given = LadderStep((), "plain", scorer.score_model(plain), (), {}, vessel)
+    fits = (selection.base, *selection.fits)
+    ladder, floor = (given, *(LadderStep.of(fit, scorer) for fit in fits)), scorer.noise_floor
+    last = ladder[-1]
+    left = remaining_dependences(selection, last.heldout.nrmse > thresholds.MAX_FLOORS * floor)
+    alone = [LadderStep.of(row.fit, scorer) for row in selection.first.finalists]
+    rivals = [rivals_of(step, selection.fit.names) for step in selection.steps]
+    later = [
+        LadderStep.of(row.fit, scorer)
+        for step, of in zip(selection.steps, rivals, strict=True)
+        if step is not selection.first
+        for row in of
+    ]
+    added = [a.effect for a in selection.fit.added]
+    verdict = verdict_of(selection, rivals, left, is_above_noise(added, ladder, floor))
+    names = [row.name for row in rivals_of(selection.first, last.effects)]
     return Diagnosis(
-        verdict, summary_of(verdict, rungs, rivals, left, floor), _changed(climb.base),
-        final.effects, rungs, ranking, unexplained(rungs, floor), tuple(left),
-        tuple(no), told[0].says if told else None, floor, final.vessel, told,
-        tuple(r for r in others if r.effects not in {rung.effects for rung in rungs}),
-    )  # fmt: skip
+        verdict=verdict,
+        summary=summary_of(verdict, ladder, rivals, left, floor),
+        base_changed=_base_changed(selection.base),
+        effects=last.effects,
+        ladder=ladder,
+        ranking=candidates_of(selection.first, alone, names),
+        unexplained=unexplained_share(ladder, floor),
+        depends_on=tuple(left),
+        refused=tuple(refused),
+        noise_floor=floor,
+        vessel=last.vessel,
+        suggested=_suggested(selection, rivals, settings.plan, progress),
+        alternatives=tuple(
+            step for step in (*alone, *later) if step.effects not in {s.effects for s in ladder}
+        ),
+    )
 
 
-def refitted(
-    wide: SupersetModel, plain: Model, trials: Sequence[Trial], settings: DiagnoseSettings
+def fit_base(
+    superset: SupersetModel, plain: Model, trials: Sequence[Trial], settings: DiagnoseSettings
 ) -> Fit:
-    """The base fitted without any new effect: by shooting first, then on the common ground."""
-    how = settings.identify(plain.vessel)
-    how = replace(how, free=(*how.free, *_own(plain.vessel)))
+    """The base without any new effect: fitted by shooting first, then on the common problem.
+
+    Parameters of effects that the vessel has already are fitted along.
+    """
+    vessel, how = plain.vessel, settings.identify(plain.vessel)
+    own = [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
+    how = replace(how, free=(*how.free, *own))
     shot = fit_by_shooting(FitInputs(unknowns_of(plain, len(trials), how), trials, how))
-    unknowns = unknowns_for(wide, [], len(trials), how)
-    ground = FitProblem.of(plain.vessel, trials, unknowns, shot.z, shot.noise, how, BLOCK)
-    return fitted([], unknowns, ground, shot.z)
-
-
-def _own(vessel: Vessel) -> list[str]:
-    """Parameters of the effects that the vessel has already: fitted along with its base."""
-    return [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
+    unknowns = unknowns_for(superset, [], len(trials), how)
+    problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
+    return fit_effects([], unknowns, problem, shot.z)
 
 
 def _suggested(
-    climb: Climb, rivals: Sequence[Sequence[Ranked]], plan: bool, tell: Tell
-) -> tuple[Suggested, ...]:
+    selection: Selection, rivals: Sequence[Sequence[RankedEffect]], plan: bool, progress: Progress
+) -> tuple[SuggestedManoeuvre, ...]:
     """Manoeuvres that would tell rivals apart; if asked, without rivals those that tell most."""
-    for step, of in zip(climb.steps, rivals, strict=True):
+    for step, of in zip(selection.steps, rivals, strict=True):
         if of:
-            tell("looking for the manoeuvre that separates them")
-            return tuple(separating(step.chosen.fit, [r.fit for r in of]))
+            progress("looking for the manoeuvre that separates them")
+            return tuple(by_separation(step.best.fit, [r.fit for r in of]))
     if not plan:
         return ()
-    tell("looking for the manoeuvre that tells most")
-    return tuple(informing(climb.fit))
+    progress("looking for the manoeuvre that tells most")
+    return tuple(by_information(selection.fit))
 
 
-def _changed(base: Fit) -> bool:
-    """Whether the base numbers had to move: the fit beats them as given on unseen time.
+def _base_changed(base: Fit) -> bool:
+    """Whether the base numbers had to move: the fit beats them as given on held-out time.
 
     Offsets in time are no numbers of the base: both have them.
     """
-    given = [u.name in BASE for u in base.unknowns.each]
-    z = np.where(given, base.unknowns.start, base.z)
-    return worth_it(gain(base.at(z[None])[0], unseen(base), base.ground.block))
+    z = np.where([u.name in BASE for u in base.unknowns.each], base.unknowns.start, base.z)
+    return is_worth_it(gain(base.at(z[None])[0], base.heldout_residual, base.problem.block))

@@ -22,17 +22,23 @@ from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.prediction.inputs import vessel_commands
 from sim.prediction.missing_force import missing_force_only
+from sim.prediction.segments import BLOCK_S
 from sim.state import Eta, Floats, Nu
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
 
-SETTLE_S = 0.5  # over which a change of commands is taken
-AROUND_S = 1.0  # over which an acceleration is taken
+# Of the picture; all chosen, not measured.
+CHANGE_S = 0.5  # over which a change of commands is taken
+ACCELERATION_S = 1.0  # over which an acceleration is taken
+BINS = 10
+MIN_BIN_S = 4.0  # of time in a bin
+CORRELATED_S = 1.0  # rows within it count as one
+FULL_CIRCLE = ("heading", "phase")  # variables with bins of equal width, all the way round
 
 Variable = Callable[[Trial, Model], Floats]
 
 
-def _mean_thrust(trial: Trial, model: Model) -> Floats:
+def _throttle(trial: Trial, model: Model) -> Floats:
     count = max(len(model.vessel.thrusters), 1)
     return np.asarray(vessel_commands(model, trial)[:, :count].mean(axis=1))
 
@@ -50,21 +56,25 @@ def _helm(trial: Trial, model: Model) -> Floats:
 def _astern(trial: Trial, model: Model) -> Floats:
     """The hardest reversed thruster; NaN where none is."""
     count = max(len(model.vessel.thrusters), 1)
-    most = vessel_commands(model, trial)[:, :count].min(axis=1)
-    return np.where(most < 0.0, most, np.nan)
+    hardest = vessel_commands(model, trial)[:, :count].min(axis=1)
+    return np.where(hardest < 0.0, hardest, np.nan)
 
 
-def _acceleration(trial: Trial) -> Floats:
+def _acceleration(trial: Trial, model: Model) -> Floats:
     """Mean surge acceleration around each row: the row's own noise is in the missing force too."""
-    wide = max(round(AROUND_S / trial.dt), 1)
-    return np.asarray(np.convolve(trial.nu_dot[:, Nu.U], np.full(wide, 1.0 / wide), "same"))
+    width = max(round(ACCELERATION_S / trial.dt), 1)
+    return np.asarray(np.convolve(trial.nu_dot[:, Nu.U], np.full(width, 1.0 / width), "same"))
 
 
-def _change(values: Floats, trial: Trial) -> Floats:
+def _change_of(variable: Variable) -> Variable:
     """Per second, over a moment before each row."""
-    back = max(round(SETTLE_S / trial.dt), 1)
-    earlier = np.concatenate([np.repeat(values[:1], back), values[:-back]])
-    return np.asarray((values - earlier) / (back * trial.dt))
+
+    def change(trial: Trial, model: Model) -> Floats:
+        values, back = variable(trial, model), max(round(CHANGE_S / trial.dt), 1)
+        earlier = np.concatenate([np.repeat(values[:1], back), values[:-back]])
+        return np.asarray((values - earlier) / (back * trial.dt))
+
+    return change
 
 
 VARIABLES: Mapping[str, Variable] = {
@@ -72,20 +82,15 @@ VARIABLES: Mapping[str, Variable] = {
     "surge": lambda t, m: t.nu[:, Nu.U],
     "sway": lambda t, m: t.nu[:, Nu.V],
     "turn_rate": lambda t, m: t.nu[:, Nu.R],
-    "acceleration": lambda t, m: _acceleration(t),
-    "throttle": lambda t, m: _mean_thrust(t, m),
-    "astern": lambda t, m: _astern(t, m),
-    "helm": lambda t, m: _helm(t, m),
-    "throttle_change": lambda t, m: _change(_mean_thrust(t, m), t),
-    "helm_change": lambda t, m: _change(_helm(t, m), t),
+    "acceleration": _acceleration,
+    "throttle": _throttle,
+    "astern": _astern,
+    "helm": _helm,
+    "throttle_change": _change_of(_throttle),
+    "helm_change": _change_of(_helm),
     "voltage": lambda t, m: t.voltage,
     "time": lambda t, m: t.time,
 }
-FULL_CIRCLE = ("heading", "phase")  # bins of equal width, all the way round
-BINS = 10
-FEWEST_S = 4.0  # of time in a bin
-BLOCK_S = 25.0
-ALIKE_S = 1.0  # rows within it are taken for one
 
 
 @dataclass(frozen=True)
@@ -118,103 +123,98 @@ class Evidence:
         return max(1.0 - left / total, 0.0) if total > 0.0 else 0.0
 
 
+def evidence(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> Evidence | None:
+    """One vessel with the effect per trial; None where no two bins hold enough time."""
+    rows = _Rows.of(trials, vessels, effect)
+    against = effect.evidence or _best_axis(rows)
+    return rows.binned(against, rows.values(against))
+
+
 @dataclass(frozen=True)
 class _Rows:
-    """All usable rows: missing without (T, 4), supplied (T, 4), block (T,), seconds of one row."""
+    """All usable rows: missing without the effect (T, 4), supplied by it (T, 4), block (T,).
 
+    The fourth axis is along the effect's direction over the ground. models: without the effect
+    """
+
+    effect: Effect
+    trials: Sequence[Trial]
+    models: Sequence[Model]
+    added: Sequence[AddedEffect]
     missing: Floats
     supplied: Floats
     block: Floats
-    seconds: float
+
+    @classmethod
+    def of(cls, trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> "_Rows":
+        models, every, missing, supplied, block = [], [], [], [], []
+        for k, (trial, vessel) in enumerate(zip(trials, vessels, strict=True)):
+            others = tuple(a for a in vessel.effects if a.effect.name != effect.name)
+            added = next(a for a in vessel.effects if a.effect.name == effect.name)
+            without = Model.of(replace(vessel, effects=others))
+            lack, left = (
+                _with_direction(missing_force_only(trial, model), trial, added)
+                for model in (without, Model.of(vessel))
+            )
+            models.append(without)
+            every.append(added)
+            missing.append(lack[trial.usable])
+            supplied.append((lack - left)[trial.usable])
+            block.append(1e6 * k + trial.time[trial.usable] // BLOCK_S)
+        parts = (np.concatenate(part) for part in (missing, supplied, block))
+        return cls(effect, trials, models, every, *parts)
+
+    def values(self, against: EvidenceAxis) -> Floats:
+        """What the effect depends on (T,)."""
+        out = []
+        for trial, model, added in zip(self.trials, self.models, self.added, strict=True):
+            if against.variable is not None:
+                north, east = trial.eta[:, Eta.NORTH], trial.eta[:, Eta.EAST]
+                value = against.variable(trial.time, north, east, added.values)
+            else:
+                value = VARIABLES[against.by](trial, model)
+            out.append(value[trial.usable])
+        return np.concatenate(out)
+
+    def binned(self, against: EvidenceAxis, value: Floats) -> Evidence | None:
+        """Evidence on one axis against the values of one variable (T,)."""
+        i, dt = int(against.axis), self.trials[0].dt
+        known = np.isfinite(value) & np.isfinite(self.missing[:, i])
+        if not known.any():
+            return None
+        edges = _edges(value[known], against.by)
+        number = np.where(known, bin_of(value, edges), -1)
+        kept = [k for k in range(len(edges) - 1) if (number == k).sum() * dt >= MIN_BIN_S]
+        if len(kept) < 2:
+            return None
+        rows = [number == k for k in kept]
+        mean, half = np.array([_mean(self.missing[r, i], self.block[r], dt) for r in rows]).T
+        at = np.array([value[r].mean() for r in rows])
+        curve = np.array([self.supplied[r, i].mean() for r in rows])
+        bins = np.array(kept)
+        return Evidence(self.effect.name, i, against.by, edges[bins], edges[bins + 1], at, mean,
+                        mean - half, mean + half, curve)  # fmt: skip
 
 
-def evidence(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> Evidence | None:
-    """One vessel with the effect per trial; None where no bin holds enough time."""
-    rows = _rows(trials, vessels, effect)
-    drawn = effect.evidence or _telling(trials, vessels, effect, rows)
-    value = _values(trials, vessels, effect, drawn)
-    return _binned(effect, int(drawn.axis), drawn.by, value, rows)
-
-
-def _rows(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> _Rows:
-    missing, supplied, block = [], [], []
-    for k, (trial, vessel) in enumerate(zip(trials, vessels, strict=True)):
-        with_it, without = Model.of(vessel), Model.of(_without(vessel, effect))
-        left = _all_axes(missing_force_only(trial, with_it), trial, vessel, effect)
-        lack = _all_axes(missing_force_only(trial, without), trial, vessel, effect)
-        missing.append(lack[trial.usable])
-        supplied.append((lack - left)[trial.usable])
-        block.append(1e6 * k + trial.time[trial.usable] // BLOCK_S)
-    return _Rows(np.concatenate(missing), np.concatenate(supplied), np.concatenate(block),
-                 trials[0].dt)  # fmt: skip
-
-
-def _without(vessel: Vessel, effect: Effect) -> Vessel:
-    return replace(vessel, effects=tuple(a for a in vessel.effects if a.effect.name != effect.name))
-
-
-def _added(vessel: Vessel, effect: Effect) -> AddedEffect:
-    return next(a for a in vessel.effects if a.effect.name == effect.name)
-
-
-def _all_axes(force: Floats, trial: Trial, vessel: Vessel, effect: Effect) -> Floats:
+def _with_direction(force: Floats, trial: Trial, added: AddedEffect) -> Floats:
     """X, Y, N (T, 3) -> with the force along the effect's direction beside them (T, 4)."""
-    direction = _added(vessel, effect).values.get("direction", 0.0)
-    off = direction - trial.eta[:, Eta.YAW]
+    off = added.values.get("direction", 0.0) - trial.eta[:, Eta.YAW]
     along = force[:, 0] * np.cos(off) + force[:, 1] * np.sin(off)
     return np.column_stack([force, along])
 
 
-def _values(
-    trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, drawn: EvidenceAxis
-) -> Floats:
-    """What the effect depends on, on all usable rows (T,)."""
-    return np.concatenate([
-        _variable(t, v, effect, drawn)[t.usable] for t, v in zip(trials, vessels, strict=True)
-    ])  # fmt: skip
-
-
-def _variable(trial: Trial, vessel: Vessel, effect: Effect, drawn: EvidenceAxis) -> Floats:
-    if drawn.variable is not None:
-        north, east = trial.eta[:, Eta.NORTH], trial.eta[:, Eta.EAST]
-        return drawn.variable(trial.time, north, east, _added(vessel, effect).values)
-    return VARIABLES[drawn.by](trial, Model.of(_without(vessel, effect)))
-
-
-def _telling(
-    trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect, rows: _Rows
-) -> EvidenceAxis:
+def _best_axis(rows: _Rows) -> EvidenceAxis:
     """For an effect that declares none: where bins hold most of what it supplies."""
-    best, found = -1.0, EvidenceAxis(ForceAxis.SURGE, "surge")
+    most, best = -1.0, EvidenceAxis(ForceAxis.SURGE, "surge")
     noise = np.std(rows.missing - rows.supplied, axis=0) + 1e-9
     for by in VARIABLES:
-        value = _values(trials, vessels, effect, EvidenceAxis(ForceAxis.SURGE, by))
+        value = rows.values(EvidenceAxis(ForceAxis.SURGE, by))
         for axis in (ForceAxis.SURGE, ForceAxis.SWAY, ForceAxis.YAW):
-            one = _binned(effect, axis, by, value, rows)
-            told = 0.0 if one is None else float(np.var(one.curve)) / float(noise[axis]) ** 2
-            if told > best * 1.001:
-                best, found = told, EvidenceAxis(axis, by)
-    return found
-
-
-def _binned(effect: Effect, axis: int, by: str, value: Floats, rows: _Rows) -> Evidence | None:
-    known = np.isfinite(value) & np.isfinite(rows.missing[:, axis])
-    if not known.any():
-        return None
-    edges = _edges(value[known], by)
-    place = np.where(known, bin_of(value, edges), -1)
-    kept = [k for k in range(len(edges) - 1) if (place == k).sum() * rows.seconds >= FEWEST_S]
-    if len(kept) < 2:
-        return None
-    each = [
-        _mean(rows.missing[place == k, axis], rows.block[place == k], rows.seconds) for k in kept
-    ]
-    mean, half = np.array(each).T
-    curve = np.array([rows.supplied[place == k, axis].mean() for k in kept])
-    at = np.array([value[place == k].mean() for k in kept])
-    bins = np.array(kept)
-    return Evidence(effect.name, axis, by, edges[bins], edges[bins + 1], at, mean, mean - half,
-                    mean + half, curve)  # fmt: skip
+            found = rows.binned(EvidenceAxis(axis, by), value)
+            share = 0.0 if found is None else float(np.var(found.curve)) / float(noise[axis]) ** 2
+            if share > most * 1.001:
+                most, best = share, EvidenceAxis(axis, by)
+    return best
 
 
 def _edges(value: Floats, by: str) -> Floats:
@@ -225,14 +225,13 @@ def _edges(value: Floats, by: str) -> Floats:
     return edges if len(edges) > 1 else np.array([edges[0] - 0.5, edges[0] + 0.5])
 
 
-def _mean(force: Floats, block: Floats, seconds: float) -> tuple[float, float]:
+def _mean(force: Floats, block: Floats, dt: float) -> tuple[float, float]:
     """Mean, and twice its standard error: over blocks, and no less than rows of one second tell."""
-    least = float(force.var()) / max(len(force) * seconds / ALIKE_S, 1.0)
+    least = float(force.var()) / max(len(force) * dt / CORRELATED_S, 1.0)
     _, number = np.unique(block, return_inverse=True)
     count = np.bincount(number).astype(float)
     off = np.bincount(number, force) / count - force.mean()
-    many = max(len(count) - 1, 1)
-    spread = float(np.sum((count / count.sum() * off) ** 2)) * len(count) / many
+    spread = float(np.sum((count / count.sum() * off) ** 2)) * len(count) / max(len(count) - 1, 1)
     return float(force.mean()), 2.0 * float(np.sqrt(max(spread, least)))
 
 

@@ -1,18 +1,18 @@
-"""A vessel with effects, fitted on common ground: base, effects and offsets in time together.
+"""A vessel with effects, fitted: base, effects and offsets in time together, on one fit problem.
 
     minimise  Σ ρ(rᵢ(z)) + ‖(z − z₀) / prior‖²,     r: whitened errors without what starts explain
 
 The base is fitted along with every effect: a base that is frozen where it is a little off is
 blamed on whatever effect lies nearest.
 
-When an event happened, and how sure that is: a fault, a load taken aboard.
+The moment of an event (a fault, a load taken aboard) has no slope: nothing changes until it passes
+a sample, nor while the motor that failed rests. So it is moved along the trial, with all other
+numbers following to first order,
 
     rise(t) = c(t) − min c,     c(t) = ½ min over δ of ‖√w (r_t + J δ)‖² + priors
 
-A moment has no slope: nothing changes until it passes a sample, nor while the motor that failed
-rests. So it is moved along the trial, with all other numbers following to first order, and the
-interval holds all moments around the best whose rise stays below that of a Gaussian at its limit
-(profile likelihood: Venzon and Moolgavkar, Applied Statistics 37, 1988).
+and its interval holds all moments around the best whose rise stays below that of a Gaussian at its
+limit (profile likelihood: Venzon and Moolgavkar, Applied Statistics 37, 1988).
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.diagnosis import thresholds
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.thresholds import RELIEF
 from sim.effects.effect import Kind
+from sim.identification.intervals import NUISANCE, Estimate, estimates_of, uncertainty_of
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
 from sim.identification.search import (
     SearchLimits,
@@ -35,20 +36,17 @@ from sim.identification.search import (
     search,
 )
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.shooting import jacobian_of, residuals_of
+from sim.identification.shooting import FitResult, jacobian_of, noise_of_runs, residuals_of
+from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.state import Floats
-from sim.vessel import AddedEffect
+from sim.vessel import AddedEffect, Vessel
 
 Rows = NDArray[np.bool_] | slice
-ROBUST = 4.0  # standard deviations: a residual beyond counts less
-STEPS = 6  # of the search
-FURTHEST = 3.0  # standard deviations of a number that was given
-FAR = 1.0  # standard deviations: a base that has moved so may have lost its way
 
 
-class Refits(NamedTuple):
-    """Numbers (K, n) without each fold of the ground in turn, and all residuals then (K, N)."""
+class FoldFits(NamedTuple):
+    """Numbers (K, n) without each fold of the problem in turn, and all residuals then (K, N)."""
 
     z: Floats
     residual: Floats
@@ -60,7 +58,7 @@ class Fit:
 
     added: tuple[AddedEffect, ...]
     unknowns: Unknowns
-    ground: FitProblem
+    problem: FitProblem
     z: Floats
     residual: Floats
 
@@ -70,67 +68,123 @@ class Fit:
         return tuple(a.effect.name for a in self.added)
 
     @cached_property
-    def slope(self) -> Floats:
+    def jacobian(self) -> Floats:
         """∂ residual / ∂ z: (N, n)."""
-        windows = self.ground.seen_by(self.unknowns, self.z)
-        return jacobian_of(self.unknowns, windows, self.z)
+        run_sets = self.problem.run_sets_for(self.unknowns, self.z)
+        return jacobian_of(self.unknowns, run_sets, self.z)
 
     @cached_property
     def weight(self) -> Floats:
         """How much each residual counts, (N,): outliers less."""
-        return robust_weights(self.residual, ROBUST)
+        return robust_weights(self.residual, thresholds.ROBUST_SIGMAS)
 
     def steps(self, residual: Floats, rows: Rows = slice(None)) -> Floats:
         """Gauss–Newton steps (K, n) that some residuals ask for, the first not damped."""
         return damped_steps(
-            self.unknowns, self.z, residual[rows], self.slope[rows], self.weight[rows]
+            self.unknowns, self.z, residual[rows], self.jacobian[rows], self.weight[rows]
         )
 
     @cached_property
-    def refits(self) -> Refits:
+    def fold_fits(self) -> FoldFits:
         """The best of a few damped Gauss–Newton steps for each fold; none where all are worse."""
-        seen = np.array([rows for rows, _ in self.ground.folds()])[:, None]
-        steps = np.array([self.steps(self.residual, rows) for rows, _ in self.ground.folds()])
+        rows = [seen for seen, _ in self.problem.folds]
+        steps = np.array([self.steps(self.residual, seen) for seen in rows])
         steps = np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1)
         z = np.clip(self.z + steps, *self.unknowns.bounds)
         residual = self.at(z.reshape(-1, len(self.z))).reshape(*z.shape[:2], -1)
-        best = robust_cost(self.unknowns, z, residual, ROBUST, seen).argmin(axis=1)
+        bend, counted = thresholds.ROBUST_SIGMAS, np.array(rows)[:, None]
+        best = robust_cost(self.unknowns, z, residual, bend, counted).argmin(axis=1)
         fold = np.arange(len(z))
-        return Refits(z[fold, best], residual[fold, best])
+        return FoldFits(z[fold, best], residual[fold, best])
+
+    @cached_property
+    def heldout_residual(self) -> Floats:
+        """Residuals (N,) of each block as the fit without it leaves them."""
+        out = self.residual.copy()
+        for k, (_, heldout) in enumerate(self.problem.folds):
+            out[heldout] = self.fold_fits.residual[k, heldout]
+        return out
 
     @property
     def cost(self) -> float:
         """What the search lowered."""
-        return float(robust_cost(self.unknowns, self.z, self.residual, ROBUST))
+        return float(robust_cost(self.unknowns, self.z, self.residual, thresholds.ROBUST_SIGMAS))
 
     def at(self, z: Floats) -> Floats:
         """Residuals (K, N) at other numbers z (K, n)."""
-        return residuals_of(self.unknowns, self.ground.seen_by(self.unknowns, z[0]), z)
+        return residuals_of(self.unknowns, self.problem.run_sets_for(self.unknowns, z[0]), z)
 
-    def values(self, effect: str, trial: int = 0) -> Mapping[str, float]:
+    def renewed_problem(self, unknowns: Unknowns, z: Floats) -> FitProblem:
+        """With the noise that a model with these numbers leaves, starts linearised anew."""
+        old, run_sets = self.problem, self.problem.run_sets_for(unknowns, z)
+        noise = [noise_of_runs(runs, unknowns, z) for runs in run_sets]
+        return FitProblem.of(old.vessel, old.trials, self.unknowns, self.z, noise, old.settings)
+
+    def model(self, trial: int = 0) -> Model:
+        """The vessel with these effects and numbers, as on one trial."""
+        theta = self.unknowns.theta(self.z[None], trial)[0]
+        return replace(self.unknowns.model, theta=theta)
+
+    def values(self, effect: str, trial: int = 0) -> dict[str, float]:
         """The parameters of one of the effects, as found on a trial."""
-        theta, model = self.unknowns.theta(self.z[None], trial)[0], self.unknowns.model
+        model = self.model(trial)
         places = {n: i for i, n in enumerate(model.names) if n.startswith(f"{effect}.")}
-        return {n.partition(".")[2]: float(theta[i]) for n, i in places.items()}
+        return {n.partition(".")[2]: float(model.theta[i]) for n, i in places.items()}
 
-    def found(self, trial: int = 0) -> tuple[AddedEffect, ...]:
+    def effects(self, trial: int = 0) -> tuple[AddedEffect, ...]:
         """The effects with the parameters found."""
-        return tuple(
-            AddedEffect(a.effect, dict(self.values(a.effect.name, trial))) for a in self.added
-        )
+        return tuple(AddedEffect(a.effect, self.values(a.effect.name, trial)) for a in self.added)
+
+    def vessel(self, trial: int = 0) -> Vessel:
+        """The vessel with these effects and numbers, as on one trial."""
+        model = self.model(trial)
+        own = {u.name for u in self.unknowns.each if u.name in model.names}
+        own -= {f"{a.effect.name}.{key}" for a in self.added for key in a.values}
+        changed = {name: float(model.theta[model.names.index(name)]) for name in own}
+        return updated_vessel(self.problem.vessel, changed).with_effects(*self.effects(trial))
+
+    def estimates(self) -> tuple[tuple[Estimate, ...], Mapping[str, tuple[Estimate, ...]]]:
+        """Base numbers, and those of each effect, with intervals; a choice has none."""
+        problem, places = self.problem, self.problem.places
+        result = FitResult(
+            self.z, self.residual, self.jacobian, self.weight, places.begin, places.trial,
+            problem.noise, problem.tracks,
+        )  # fmt: skip
+        uncertainty = uncertainty_of(self.unknowns, result, problem.settings.block)
+        trials = [trial.name for trial in problem.trials]
+        every = estimates_of(self.unknowns, self.z, uncertainty, trials)
+        base = tuple(e for e in every if "." not in e.name and e.name not in NUISANCE)
+        of_effects = {}
+        for a in self.added:
+            name = a.effect.name
+            fitted = tuple(e for e in every if e.name.startswith(f"{name}."))
+            of_effects[name] = (*fitted, *_without_slope(self, a, {e.name for e in fitted}))
+        return base, of_effects
+
+
+def _without_slope(fit: Fit, added: AddedEffect, fitted: set[str]) -> list[Estimate]:
+    """Numbers that have no slope: moments of events, and what was chosen among some."""
+    known, out = {p.name: p for p in added.effect.parameters}, []
+    for key, value in fit.values(added.effect.name).items():
+        name = f"{added.effect.name}.{key}"
+        if name not in fitted:
+            event = known[key].kind is Kind.MOMENT
+            ends = event_interval(fit, name) if event else (value, value)
+            out.append(Estimate(name, known[key].unit, value, value, ends, True))
+    return out
 
 
 def unknowns_for(
-    wide: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
+    superset: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:
-    """What is looked for with these effects in the vessel; they give where its effects start."""
+    """What is fitted with these effects in the vessel; they give where its effects start."""
     free = [f"{a.effect.name}.{key}" for a in added for key in a.effect.fit_parameters]
-    model = wide.with_added(added)
-    found = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
-    return replace(found, each=tuple(_within_reason(u) for u in found.each))
+    model = superset.with_added(added)
+    unknowns = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
+    return replace(unknowns, each=tuple(_bounded(u) for u in unknowns.each))
 
 
-def _within_reason(u: Unknown) -> Unknown:
+def _bounded(u: Unknown) -> Unknown:
     """A number that was given may be off by a few times its doubt, and no more.
 
     Without a limit the base takes a shape that no hull has, to stand in for what is missing; from
@@ -138,12 +192,12 @@ def _within_reason(u: Unknown) -> Unknown:
     """
     if u.name not in BASE or u.assumed:
         return u
-    lower, upper = u.start - FURTHEST * u.prior, u.start + FURTHEST * u.prior
-    return replace(u, lower=max(u.lower, lower), upper=min(u.upper, upper))
+    far = thresholds.MAX_BASE_SIGMAS * u.prior
+    return replace(u, lower=max(u.lower, u.start - far), upper=min(u.upper, u.start + far))
 
 
-def started(unknowns: Unknowns, like: "Fit | None") -> Floats:
-    """z (n,) that begins where another fit ended, as far as both look for the same numbers."""
+def start_values(unknowns: Unknowns, like: Fit | None) -> Floats:
+    """z (n,) where another fit ended, as far as both look for the same numbers."""
     z = unknowns.start.copy()
     if like is not None:
         known = {(u.name, u.trial): x for u, x in zip(like.unknowns.each, like.z, strict=True)}
@@ -152,39 +206,32 @@ def started(unknowns: Unknowns, like: "Fit | None") -> Floats:
     return z
 
 
-def as_given(unknowns: Unknowns, z: Floats) -> Floats | None:
+def with_given_base(unknowns: Unknowns, z: Floats) -> Floats | None:
     """z (n,) with the base as it was given; None where it has hardly left that.
 
     A base that stood in for what is missing may have ended where no effect finds its way back.
     """
     base = np.array([u.name in BASE for u in unknowns.each])
-    if not np.any(base & (np.abs(unknowns.prior_residuals(z)) > FAR)):
+    if not np.any(base & (np.abs(unknowns.prior_residuals(z)) > thresholds.RESTART_SIGMAS)):
         return None
     return np.where(base, unknowns.start, z)
 
 
-def fitted(
-    added: Sequence[AddedEffect],
-    unknowns: Unknowns,
-    ground: FitProblem,
-    z: Floats,
-    steps: int = STEPS,
+def fit_effects(
+    added: Sequence[AddedEffect], unknowns: Unknowns, problem: FitProblem, z: Floats
 ) -> Fit:
     """The best z from a start, by least squares with bounds."""
-    windows = ground.seen_by(unknowns, z)
-    residuals = partial(residuals_of, unknowns, windows)
-    slope = partial(jacobian_of, unknowns, windows)
-    found = search(residuals, slope, unknowns, z, SearchLimits(ROBUST, steps))
-    left = found.fun[: len(ground.block)]
-    return Fit(tuple(added), unknowns, ground, np.asarray(found.x), left)
+    run_sets = problem.run_sets_for(unknowns, z)
+    residuals = partial(residuals_of, unknowns, run_sets)
+    jacobian = partial(jacobian_of, unknowns, run_sets)
+    limits = SearchLimits(thresholds.ROBUST_SIGMAS, thresholds.MAX_EVALUATIONS)
+    found = search(residuals, jacobian, unknowns, z, limits)
+    left = found.fun[: len(problem.block)]
+    return Fit(tuple(added), unknowns, problem, np.asarray(found.x), left)
 
 
-POINTS = 28  # to either side, wider apart the further away
-LIMIT = 0.5 * 2.0**2 * RELIEF  # nats, of rows that hang together: two standard deviations
-
-
-def moments_in(fit: Fit) -> tuple[str, ...]:
-    """Names `effect.parameter` of all events of a fit."""
+def event_names(fit: Fit) -> tuple[str, ...]:
+    """Names `effect.parameter` of the moments of all events of a fit."""
     return tuple(
         f"{a.effect.name}.{p.name}"
         for a in fit.added
@@ -193,43 +240,44 @@ def moments_in(fit: Fit) -> tuple[str, ...]:
     )
 
 
-def at_its_moment(fit: Fit, name: str) -> Fit:
+def with_event_moved(fit: Fit, name: str) -> Fit:
     """The same with an event moved to where the data have it."""
     times, rise, z = _profile(fit, name)
     best = int(np.argmin(rise))
-    unknowns = replace(fit.unknowns, model=_moved(fit, name, times[best]))
-    windows = fit.ground.seen_by(unknowns, z[best])
-    residual = residuals_of(unknowns, windows, z[best][None])[0]
-    return Fit(fit.added, unknowns, fit.ground, z[best], residual)
+    moved = replace(fit, unknowns=_event_at(fit, name, times[best]), z=z[best])
+    return replace(moved, residual=moved.at(moved.z[None])[0])
 
 
-def interval(fit: Fit, name: str) -> tuple[float, float]:
+def event_interval(fit: Fit, name: str) -> tuple[float, float]:
     """95 % interval [s] of the moment of an event: from where it stands to where the data have it.
 
-    The two are one after `at_its_moment`; a rival's event may stand beside.
+    The two are one after `with_event_moved`; a rival's event may stand beside.
     """
     times, rise, _ = _profile(fit, name)
     here, best = int(np.argmin(np.abs(times - _moment(fit, name)))), int(np.argmin(rise))
     low, high = min(here, best), max(here, best)
-    while low > 0 and rise[low] < LIMIT:
+    while low > 0 and rise[low] < thresholds.MAX_EVENT_NATS:
         low -= 1
-    while high < len(times) - 1 and rise[high] < LIMIT:
+    while high < len(times) - 1 and rise[high] < thresholds.MAX_EVENT_NATS:
         high += 1
     return float(times[low]), float(times[high])
 
 
 def _profile(fit: Fit, name: str) -> tuple[Floats, Floats, Floats]:
-    """Moments (M,) [s], how much worse than the best of them (M,), the other numbers (M, n)."""
-    trial = max(fit.ground.trials, key=len)
-    apart = np.geomspace(trial.dt, trial.time[-1], POINTS)
+    """Moments (M,) [s], how much worse than the best of them (M,), the other numbers (M, n).
+
+    An event that stands outside the longest trial is looked for at its ends.
+    """
+    trial = max(fit.problem.trials, key=len)
+    apart = np.geomspace(trial.dt, trial.time[-1], thresholds.EVENT_POINTS)
     times = _moment(fit, name) + np.concatenate([-apart[::-1], [0.0], apart])
-    times = times[(times >= 0.0) & (times <= trial.time[-1])]
+    inside = times[(times >= 0.0) & (times <= trial.time[-1])]
+    times = inside if len(inside) else np.array([0.0, float(trial.time[-1])])
     cost, z = [], []
     for t in times:
-        unknowns = replace(fit.unknowns, model=_moved(fit, name, t))
-        r = residuals_of(unknowns, fit.ground.seen_by(unknowns, fit.z), fit.z[None])[0]
+        r = replace(fit, unknowns=_event_at(fit, name, t)).at(fit.z[None])[0]
         step = fit.steps(r)[0]
-        left, pull = r + fit.slope @ step, fit.unknowns.prior_residuals(fit.z + step)
+        left, pull = r + fit.jacobian @ step, fit.unknowns.prior_residuals(fit.z + step)
         cost.append(0.5 * (fit.weight @ left**2 + pull @ pull))
         z.append(np.clip(fit.z + step, *fit.unknowns.bounds))
     return times, np.array(cost) - min(cost), np.array(z)
@@ -240,8 +288,9 @@ def _moment(fit: Fit, name: str) -> float:
     return float(model.theta[model.names.index(name)])
 
 
-def _moved(fit: Fit, name: str, time: float) -> Model:
-    """The model with the event at another time."""
-    theta = fit.unknowns.model.theta.copy()
-    theta[fit.unknowns.model.names.index(name)] = time
-    return replace(fit.unknowns.model, theta=theta)
+def _event_at(fit: Fit, name: str, time: float) -> Unknowns:
+    """The unknowns of a model with the event at another time."""
+    model = fit.unknowns.model
+    theta = model.theta.copy()
+    theta[model.names.index(name)] = time
+    return replace(fit.unknowns, model=replace(model, theta=theta))

@@ -1,18 +1,21 @@
-"""One vessel that holds every effect at once, each switched off until a hypothesis asks for it.
+"""What all fits of a diagnosis share: one model that holds every effect, and one set of runs.
 
-Compiled once, this wide model tries any effect beside any other without a new kernel: three
-seconds on a new machine, then from the cache. An effect that cannot be switched off by its numbers
-(a lag, a sagging battery), or that needs memory, comes beside all of these in a second one.
-
-What all hypotheses are judged on: the same runs, the same whitening, the same blocks of time.
+The superset model holds all effects at once, each switched off until a hypothesis asks for it.
+Compiled once, it tries any effect beside any other without a new kernel: three seconds on a new
+machine, then from the cache. An effect that cannot be switched off by its numbers (a lag, a sagging
+battery), or that needs memory, comes beside all of these in a second one. All hypotheses are judged
+on the same runs, the same whitening, the same blocks of time.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.diagnosis import thresholds
 from sim.effects.effect import Effect
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
@@ -21,7 +24,7 @@ from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import FitInputs, build_run_set
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
-from sim.prediction.segments import GUARD_S
+from sim.prediction.segments import BLOCK_S, GUARD_S
 from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -29,33 +32,35 @@ from sim.vessel import AddedEffect, Vessel
 
 @dataclass(frozen=True)
 class SupersetModel:
-    """A vessel, and the model that holds all `within` switched off beside it."""
+    """A vessel, and the model that holds all of `effects` switched off beside it."""
 
     vessel: Vessel
     model: Model
-    within: tuple[Effect, ...]
+    effects: tuple[Effect, ...]
 
     @classmethod
     def of(cls, vessel: Vessel, effects: Iterable[Effect]) -> "SupersetModel":
         """The vessel with every effect that can be switched off."""
-        there = {added.effect.name for added in vessel.effects}
-        within = tuple(
-            e for e in effects
-            if e.name not in there and neutral(e) is not None and not vessel.unmet_needs(e)
-        )  # fmt: skip
-        added = [AddedEffect(e, neutral(e) or {}) for e in within]
-        return cls(vessel, Model.of(vessel.with_effects(*added)), within)
+        present = {added.effect.name for added in vessel.effects}
+        some = [e for e in effects if e.name not in present and not vessel.unmet_needs(e)]
+        neutral = [(e, neutral_values(e)) for e in some]
+        added = [AddedEffect(e, values) for e, values in neutral if values is not None]
+        model = Model.of(vessel.with_effects(*added))
+        return cls(vessel, model, tuple(a.effect for a in added))
 
     def with_added(self, added: Sequence[AddedEffect]) -> Model:
         """A model of the vessel with these effects, the others switched off."""
-        names = {e.name for e in self.within}
+        names = {e.name for e in self.effects}
         own = [a for a in added if a.effect.name not in names]
         model = Model.of(self.model.vessel.with_effects(*own)) if own else self.model
-        values = {f"{a.effect.name}.{key}": v for a in added for key, v in a.values.items()}
-        return replace(model, theta=_set(model, values))
+        theta = model.theta.copy()
+        for a in added:
+            for key, value in a.values.items():
+                theta[model.names.index(f"{a.effect.name}.{key}")] = value
+        return replace(model, theta=theta)
 
 
-def neutral(effect: Effect) -> Mapping[str, float] | None:
+def neutral_values(effect: Effect) -> Mapping[str, float] | None:
     """Parameters with which the effect does nothing; None where its numbers cannot say so.
 
     Still air resists a boat that moves, so wind cannot be switched off. Mixed-up plugs are few
@@ -67,152 +72,120 @@ def neutral(effect: Effect) -> Mapping[str, float] | None:
     return {p.name: p.start if p.neutral is None else p.neutral for p in effect.parameters}
 
 
-def _set(model: Model, values: Mapping[str, float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    theta = model.theta.copy()
-    for name, value in values.items():
-        theta[model.names.index(name)] = value
-    return theta
+class ResidualPlaces(NamedTuple):
+    """Of each residual (N,): begin and end of its run [s], number of its trial, and of its block.
 
+    The block of time is the one that the run begins in.
+    """
 
-FOLDS = 4
-SCREENED = 25.0  # s, blocks of a quick look
+    begin: Floats
+    end: Floats
+    trial: Ints
+    block: Ints
 
 
 @dataclass(frozen=True)
 class FitProblem:
     """Runs of all trials with noise and starts as the reference model found them.
 
-    vessel  as it was given
-    block   (N,) number of the block of time of each residual
-    begin, end (N,) [s] of the run that it belongs to; voyage (N,)
+    vessel  as it was given; tracks: the motion that the runs start from
     """
 
     vessel: Vessel
     trials: tuple[Trial, ...]
     settings: IdentifySettings
-    voyages: tuple[TrialTrack, ...]
+    tracks: tuple[TrialTrack, ...]
     noise: tuple[Noise, ...]
-    windows: tuple[RunSet, ...]
-    block: Ints
-    begin: Floats
-    end: Floats
-    voyage: Ints
+    run_sets: tuple[RunSet, ...]
 
     @classmethod
     def of(
-        cls,
-        vessel: Vessel,
-        trials: Sequence[Trial],
-        unknowns: Unknowns,
-        z: Floats,
-        noise: Sequence[Noise],
-        settings: IdentifySettings,
-        block: float,
-        voyages: tuple[TrialTrack, ...] | None = None,
-    ) -> "FitProblem":
-        """Runs as the model of `unknowns` at z (n,) allows them; blocks of so many seconds.
-
-        `voyages`: the motion that runs start from, where it is not the measured one.
-        """
-        if voyages is None:
-            voyages = tuple(FitInputs(unknowns, trials, settings).tracks())
-        windows = tuple(
-            build_run_set(v, unknowns, z, n, settings.horizons[-1], settings)
-            for v, n in zip(voyages, noise, strict=True)
+        cls, vessel: Vessel, trials: Sequence[Trial], unknowns: Unknowns, z: Floats,
+        noise: Sequence[Noise], settings: IdentifySettings, tracks: tuple[TrialTrack, ...] = (),
+    ) -> "FitProblem":  # fmt: skip
+        """Runs as the model of `unknowns` at z (n,) allows them; `tracks`: default as measured."""
+        tracks = tracks or tuple(FitInputs(unknowns, trials, settings).tracks())
+        run_sets = tuple(
+            build_run_set(track, unknowns, z, n, settings.horizons[-1], settings)
+            for track, n in zip(tracks, noise, strict=True)
         )
-        return _laid_out(vessel, tuple(trials), settings, voyages, tuple(noise), windows, block)
+        return cls(vessel, tuple(trials), settings, tracks, tuple(noise), run_sets)
 
-    def seen_by(self, unknowns: Unknowns, z: Floats) -> tuple[RunSet, ...]:
-        """The same windows for another model: its own kernel and memory, all else the same."""
-        if unknowns.model.kernel is self.windows[0].model.kernel:
-            return self.windows
-        return tuple(_for(w, unknowns, z) for w in self.windows)
+    def run_sets_for(self, unknowns: Unknowns, z: Floats) -> tuple[RunSet, ...]:
+        """The same runs for another model: its own kernel and memory, all else the same."""
+        if unknowns.model.kernel is self.run_sets[0].model.kernel:
+            return self.run_sets
+        return tuple(_with_model(runs, unknowns, z) for runs in self.run_sets)
 
     def thinned(self, rows: int) -> "FitProblem":
         """Every so many of the runs, so that about so many rows are left."""
         step = max(round(len(self.block) / (3 * rows)), 1)
-        windows = tuple(_every(w, step) for w in self.windows)
-        return _laid_out(
-            self.vessel, self.trials, self.settings, self.voyages, self.noise, windows, SCREENED
-        )
+        return replace(self, run_sets=tuple(_every(runs, step) for runs in self.run_sets))
+
+    @cached_property
+    def places(self) -> ResidualPlaces:
+        """Where in time each residual belongs."""
+        parts = zip(*map(_places, self.run_sets), strict=True)
+        begin, end, trial = (np.concatenate(part) for part in parts)
+        label = trial * 1e6 + np.floor(begin / BLOCK_S)
+        block = np.asarray(np.unique(label, return_inverse=True)[1], np.int64)
+        return ResidualPlaces(begin, end, trial, block)
+
+    @property
+    def block(self) -> Ints:
+        """Number of the block of time of each residual (N,)."""
+        return self.places.block
 
     def fold_at(self, trial: int, time: Floats) -> Ints:
         """Times (T,) of a trial -> the fold that holds them out (T,)."""
-        mine = np.flatnonzero(self.voyage == trial)
+        mine = np.flatnonzero(self.places.trial == trial)
         if len(mine) == 0:
             return np.zeros(len(time), np.int64)
-        begin, block = self.begin[mine], self.block[mine]
+        begin, block = self.places.begin[mine], self.block[mine]
         at = np.clip(np.searchsorted(begin, time, side="right") - 1, 0, len(mine) - 1)
-        return np.asarray(block[at] % FOLDS, np.int64)
+        return np.asarray(block[at] % thresholds.FOLDS, np.int64)
 
+    @cached_property
     def folds(self) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-        """Residuals to fit and residuals to judge by, a guard between: every fourth block each."""
+        """Residuals to fit and residuals held out, a guard between: every fourth block each."""
+        begin, end, trial, block = self.places
         out = []
-        for k in range(FOLDS):
-            judge = self.block % FOLDS == k
-            fit = ~judge
-            for b in np.unique(self.block[judge]):
-                inside = self.block == b
-                near = self.voyage == self.voyage[inside][0]
-                first, last = self.begin[inside].min() - GUARD_S, self.end[inside].max() + GUARD_S
-                fit &= ~(near & (self.end > first) & (self.begin < last))
-            out.append((fit, judge))
+        for k in range(thresholds.FOLDS):
+            heldout = block % thresholds.FOLDS == k
+            fit = ~heldout
+            for b in np.unique(block[heldout]):
+                inside = block == b
+                near = trial == trial[inside][0]
+                first, last = begin[inside].min() - GUARD_S, end[inside].max() + GUARD_S
+                fit &= ~(near & (end > first) & (begin < last))
+            out.append((fit, heldout))
         return out
 
 
-def _laid_out(
-    vessel: Vessel,
-    trials: tuple[Trial, ...],
-    settings: IdentifySettings,
-    voyages: tuple[TrialTrack, ...],
-    noise: tuple[Noise, ...],
-    windows: tuple[RunSet, ...],
-    block: float,
-) -> FitProblem:
-    begin, end, voyage = (np.concatenate(part) for part in zip(*map(_places, windows), strict=True))
-    return FitProblem(
-        vessel,
-        trials,
-        settings,
-        voyages,
-        noise,
-        windows,
-        numbered(begin, voyage, block),
-        begin,
-        end,
-        voyage,
-    )
-
-
-def _every(window: RunSet, step: int) -> RunSet:
+def _every(runs: RunSet, step: int) -> RunSet:
     """Every so many of its runs."""
+    whitener = None if runs.whitener is None else runs.whitener[::step]
     return replace(
-        window, rows=window.rows.every(step), within=window.within[::step],
-        memory=window.memory[::step], basis=window.basis[::step],
-        whitener=None if window.whitener is None else window.whitener[::step],
+        runs, rows=runs.rows.every(step), within=runs.within[::step], memory=runs.memory[::step],
+        basis=runs.basis[::step], whitener=whitener,
     )  # fmt: skip
 
 
-def _for(window: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
-    number, trial = window.source.number, window.source.trial
-    model = replace(unknowns.model, theta=unknowns.theta(z[None], number)[0])
-    return replace(window, model=model, memory=memory_at(model, trial, window.rows.first))
-
-
-def _places(window: RunSet) -> tuple[Floats, Floats, Ints]:
-    trial, rows = window.source.trial, window.rows
-    shape = (len(rows.first), window.within.shape[1])
-    inside = window.within > 0
-    begin = np.broadcast_to(trial.time[rows.first][:, None], shape)[inside]
-    last = np.minimum(rows.first + rows.size - 1, len(trial) - 1)
-    end = np.broadcast_to(trial.time[last][:, None], shape)[inside]
-    return (
-        np.repeat(begin, 3), np.repeat(end, 3),
-        np.full(3 * len(begin), window.source.number, np.int64),
+def _with_model(runs: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
+    theta = unknowns.theta(z[None], runs.source.number)[0]
+    model = replace(unknowns.model, theta=theta)
+    return replace(
+        runs, model=model, memory=memory_at(model, runs.source.trial, runs.rows.first)
     )  # fmt: skip
 
 
-def numbered(begin: Floats, voyage: Ints, length: float) -> Ints:
-    """Number of the block of time that each residual's run begins in: (N,)."""
-    label = voyage * 1e6 + np.floor(begin / length)
-    return np.asarray(np.unique(label, return_inverse=True)[1], np.int64)
+def _places(runs: RunSet) -> tuple[Floats, Floats, Ints]:
+    """Begin, end, number of the trial of each residual of one trial."""
+    trial, rows = runs.source.trial, runs.rows
+    inside = runs.within > 0
+    first, last = rows.first, np.minimum(rows.first + rows.size - 1, len(trial) - 1)
+    begin, end = (
+        np.repeat(np.broadcast_to(trial.time[at][:, None], inside.shape)[inside], 3)
+        for at in (first, last)
+    )
+    return begin, end, np.full(len(begin), runs.source.number, np.int64)

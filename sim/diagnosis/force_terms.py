@@ -1,11 +1,10 @@
-"""Groups of pushes that a catalogue may lack, and how each would move the boat off a model's runs.
+"""Groups of forces that a catalogue may lack, and how each would move the boat off a model's runs.
 
     δν_{k+1} = A_k δν_k + push_k,     A = ∂ν_{k+1}/∂ν_k along the measured track
 
 Forces act as F Δt / m. Water that flows at ν_c acts as the hull's own damping, (I − A) ν_c, and
-turns beneath a boat that turns.
-
-The rhythm in which motors fail, if they do: a motor that cuts out again and again, say.
+turns beneath a boat that turns. One group holds the rhythm of a motor that cuts out again and
+again:
 
     A_i(ω) = mean over time of  f |c_i| c_i exp −i ω t
 
@@ -14,10 +13,11 @@ goes shows as a line, whatever the motor is told meanwhile.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit
 from sim.identification.runs import RunSet, simulate_runs
 from sim.model import Model
@@ -27,11 +27,8 @@ from sim.prediction.transition import transitions
 from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
 
-SPOTS = 7  # along the longer side of the map
-BUMPS = 7  # over the speeds
-STAYED_S = 5.0  # in a spot, for it to count
-OWN = frozenset({"place", "flow", "rhythm"})  # terms of one recording: its map, its time
-SAYS = {
+PER_TRIAL = frozenset({"place", "flow", "rhythm"})  # terms of one recording: its map, its time
+GROUPS = {
     "place": "where it is on the map",
     "flow": "where it is on the map, as water that does not flow alike everywhere would",
     "time": "the time",
@@ -44,54 +41,60 @@ SAYS = {
 }
 
 
-def moved_by(fit: Fit, window: RunSet) -> dict[str, Floats]:
-    """What each term of each group would do to the errors of one trial's runs: (S, n, 3, K)."""
-    number, trial = window.source.number, window.source.trial
-    theta = fit.unknowns.theta(fit.z[None], number)[0]
-    model = replace(fit.unknowns.model, theta=theta)
-    rows = window.rows.first[:, None] + np.arange(window.within.shape[1] * window.every)
+def error_responses(fit: Fit, runs: RunSet) -> dict[str, Floats]:
+    """What each term of each group would do to the errors of one trial's runs: (S, n, 3, K).
+
+    A group whose response is no finite number (a hull that runs away) is left out with zeros.
+    """
+    trial, model = runs.source.trial, fit.model(runs.source.number)
+    rows = runs.rows.first[:, None] + np.arange(runs.within.shape[1] * runs.every)
     rows = np.minimum(rows, len(trial) - 1)
     each = np.unique(rows)
     A = transitions(model, trial, each, 1)[:, 3:, 3:][np.searchsorted(each, rows)]
     # past its end a run is padded, and at the end of the trial nothing goes on
-    inside = np.arange(rows.shape[1]) < window.rows.size[:, None]
+    inside = np.arange(rows.shape[1]) < runs.rows.size[:, None]
     A = np.where(inside[..., None, None] & np.isfinite(A), A, 0.0)
-    scene = _Scene.of(fit, window, model, rows)
-    masses = np.array([theta[model.names.index(m)] for m in ("m11", "m22", "m33")])
-    pushes = {on: terms * (trial.dt / masses)[:, None] for on, terms in scene.forces().items()}
-    pushes["flow"] = scene.flows(A)
+    states = _RunStates.of(fit, runs, model, rows)
+    masses = model.theta[[model.names.index(m) for m in ("m11", "m22", "m33")]]
+    pushes = {on: terms * (trial.dt / masses)[:, None] for on, terms in states.forces().items()}
+    pushes["flow"] = states.flows(A)
     out = {}
     for on, terms in pushes.items():
         push = np.where(inside[..., None, None], terms, 0.0)
         moved = np.zeros_like(push)
         for j in range(1, rows.shape[1]):
             moved[:, j] = A[:, j - 1] @ moved[:, j - 1] + push[:, j - 1]
-        means = moved.reshape(len(rows), -1, window.every, 3, terms.shape[3]).mean(axis=2)
-        out[on] = means * window.within[..., None, None]
+        means = moved.reshape(len(rows), -1, runs.every, 3, terms.shape[3]).mean(axis=2)
+        response = means * runs.within[..., None, None]
+        out[on] = response if np.isfinite(response).all() else np.zeros_like(response)
     return out
 
 
 @dataclass(frozen=True)
-class _Scene:
-    """The model's own runs (S, R), and where on the map and in time they are.
+class _RunStates:
+    """The model's own runs: rows of the trial (S, R), reported eta and nu there (6, S, R).
 
     Not the measured motion: that has answered to what is missing already, and would seem to
-    foretell it.
+    predict it.
     """
 
     model: Model
     trial: Trial
     rows: Ints
-    said: Floats
+    motion: Floats
 
     @classmethod
-    def of(cls, fit: Fit, window: RunSet, model: Model, rows: Ints) -> "_Scene":
-        said = _held(simulate_runs(window, fit.unknowns, fit.z[None])[0])[:, : rows.shape[1]]
-        return cls(model, window.source.trial, rows, np.moveaxis(said[..., :6], -1, 0))
+    def of(cls, fit: Fit, runs: RunSet, model: Model, rows: Ints) -> "_RunStates":
+        """Past its end a run is held at its last row."""
+        reports = simulate_runs(runs, fit.unknowns, fit.z[None])[0]
+        known = np.where(np.isfinite(reports[..., 0]), np.arange(reports.shape[1]), 0)
+        last = np.maximum.accumulate(known, axis=1)
+        held = np.take_along_axis(reports, last[..., None], axis=1)[:, : rows.shape[1]]
+        return cls(model, runs.source.trial, rows, np.moveaxis(held[..., :6], -1, 0))
 
     def forces(self) -> Mapping[str, Floats]:
         """Groups of forces (S, R, 3, K) on X, Y, N."""
-        _, _, yaw, u, v, r = self.said
+        _, _, yaw, u, v, r = self.motion
         time = self.trial.time[self.rows]
         t = np.pi * time / max(float(self.trial.time[-1]), 1.0)
         motors = max(len(self.model.vessel.thrusters), 1)
@@ -102,46 +105,47 @@ class _Scene:
         speed = np.concatenate([stack([u, u * np.abs(u), u**3], axis=-1), _bumps(u)], axis=-1)
         turn = stack([v, r, v * np.abs(v), r * np.abs(r), u * v, u * r, v * r], axis=-1)
         thrust = np.concatenate([c, np.abs(c), c * np.abs(c), c * u[..., None]], axis=-1)
-        spots = self.spots() * (u * np.abs(u))[..., None]
+        spots = self._spots() * (u * np.abs(u))[..., None]
         surge = np.zeros((*spots.shape[:2], 3, spots.shape[2]))
         surge[..., 0, :] = spots
+        drift = _on_each_axis(waves * u[..., None])
         return {
-            "place": np.concatenate([_world(self.places(), yaw), surge], axis=-1),
-            "time": np.concatenate([_world(waves, yaw), _alike(waves * u[..., None])], axis=-1),
-            "heading": _alike(turned),
-            "speed": _alike(speed),
-            "turn": _alike(turn),
-            "thrust": _alike(thrust),
-            "rhythm": _alike(_beats(rhythms(self.model, self.trial), c, time)),
-            "always": _alike(np.ones((*self.rows.shape, 1))),
+            "place": np.concatenate([_on_board(self._places(), yaw), surge], axis=-1),
+            "time": np.concatenate([_on_board(waves, yaw), drift], axis=-1),
+            "heading": _on_each_axis(turned),
+            "speed": _on_each_axis(speed),
+            "turn": _on_each_axis(turn),
+            "thrust": _on_each_axis(thrust),
+            "rhythm": _on_each_axis(_swinging(rhythms(self.model, self.trial), c, time)),
+            "always": _on_each_axis(np.ones((*self.rows.shape, 1))),
         }
 
     def flows(self, A: Floats) -> Floats:
         """Steps of the velocity over the ground (S, R, 3, K) by water that flows here and there."""
-        _, _, yaw, _, _, r = self.said
-        water = _world(self.places(), yaw)
+        _, _, yaw, _, _, r = self.motion
+        water = _on_board(self._places(), yaw)
         turned = np.zeros_like(water)
         turned[..., 0, :] = r[..., None] * water[..., 1, :]
         turned[..., 1, :] = -r[..., None] * water[..., 0, :]
         return (np.eye(3) - A) @ water + self.trial.dt * turned
 
-    def places(self) -> Floats:
+    def _places(self) -> Floats:
         """Smooth functions of the place (S, R, 5), of the size of one."""
         low, high = self._extent()
         n, e = (
             2.0 * (x - a) / max(b - a, 1.0) - 1.0
-            for x, a, b in zip(self.said[:2], low, high, strict=True)
+            for x, a, b in zip(self.motion[:2], low, high, strict=True)
         )
         return np.stack([n, e, n * n, n * e, e * e], axis=-1)
 
-    def spots(self) -> Floats:
+    def _spots(self) -> Floats:
         """Round spots over the places that were visited: (S, R, m), 1 in the middle of each."""
         trial, (low, high) = self.trial, self._extent()
-        apart = max(float((high - low).max()) / SPOTS, 1.0)
+        apart = max(float((high - low).max()) / thresholds.MAP_SPOTS, 1.0)
         cell = np.floor((trial.eta[trial.usable][:, : Eta.YAW] - low) / apart)
         visited, count = np.unique(cell, axis=0, return_counts=True)
-        middle = low + (visited[count * trial.dt > STAYED_S] + 0.5) * apart
-        away = np.moveaxis(self.said[:2], 0, -1)[..., None, :] - middle
+        middle = low + (visited[count * trial.dt > thresholds.MIN_SPOT_S] + 0.5) * apart
+        away = np.moveaxis(self.motion[:2], 0, -1)[..., None, :] - middle
         return np.asarray(np.exp(-np.sum(away**2, axis=-1) / apart**2))
 
     def _extent(self) -> tuple[Floats, Floats]:
@@ -150,7 +154,7 @@ class _Scene:
         return place.min(axis=0), place.max(axis=0)
 
 
-def _beats(omega: Floats, c: Floats, time: Floats) -> Floats:
+def _swinging(omega: Floats, c: Floats, time: Floats) -> Floats:
     """Each motor's push, swinging at its frequency and at twice that: (S, R, 4m)."""
     push = c[..., : len(omega)] * np.abs(c[..., : len(omega)])
     turn = time[..., None] * omega
@@ -160,27 +164,19 @@ def _beats(omega: Floats, c: Floats, time: Floats) -> Floats:
 
 
 def _bumps(u: Floats) -> Floats:
-    """Round bumps over the speeds that were sailed, ahead and astern: (S, R, BUMPS)."""
-    middle = np.linspace(float(u.min()), float(u.max()), BUMPS)
+    """Round bumps over the speeds that were sailed, ahead and astern: (S, R, bumps)."""
+    middle = np.linspace(float(u.min()), float(u.max()), thresholds.SPEED_BUMPS)
     width = max(float(middle[1] - middle[0]), 1e-3)
     return np.asarray(np.exp(-(((u[..., None] - middle) / width) ** 2)))
 
 
-def _held(said: Floats) -> Floats:
-    """Reports (S, R, 9) with the last row of each run held past its end."""
-    there = np.where(np.isfinite(said[..., 0]), np.arange(said.shape[1]), 0)
-    last = np.maximum.accumulate(there, axis=1)
-    return np.take_along_axis(said, last[..., None], axis=1)
-
-
-def _alike(terms: Floats) -> Floats:
+def _on_each_axis(terms: Floats) -> Floats:
     """Terms (..., m) -> (..., 3, 3m): each on each axis by itself."""
-    return np.asarray(np.einsum("...m,ij->...ijm", terms, np.eye(3))).reshape(
-        *terms.shape[:-1], 3, -1
-    )
+    each = np.asarray(np.einsum("...m,ij->...ijm", terms, np.eye(3)))
+    return each.reshape(*terms.shape[:-1], 3, -1)
 
 
-def _world(terms: Floats, yaw: Floats) -> Floats:
+def _on_board(terms: Floats, yaw: Floats) -> Floats:
     """To the north and to the east (..., m) -> what that is on board (..., 3, 2m)."""
     c, s = np.cos(yaw)[..., None], np.sin(yaw)[..., None]
     none = np.zeros_like(terms)
@@ -189,19 +185,21 @@ def _world(terms: Floats, yaw: Floats) -> Floats:
     return np.concatenate([north, east], axis=-1)
 
 
-SLOWEST, FASTEST = 60.0, 2.0  # s, periods that are looked for
-FINER = 4  # points per line of the spectrum
-
-
 def rhythms(model: Model, trial: Trial) -> Floats:
-    """The frequency [rad/s] that stands out most in what each motor fails to do: (motors,)."""
-    left = missing_force_only(trial, model)[:, (0, 2)]
-    left = np.where(trial.usable[:, None], left, 0.0)
-    left = left / np.maximum(left.std(axis=0), 1e-12)
+    """The frequency [rad/s] that stands out most in what each motor fails to do: (motors,).
+
+    The lowest of the band where the trial is too short for any line in it.
+    """
+    missing = missing_force_only(trial, model)[:, (0, 2)]
+    missing = np.where(trial.usable[:, None], missing, 0.0)
+    missing = missing / np.maximum(missing.std(axis=0), 1e-12)
     c = vessel_commands(model, trial)[:, : len(model.vessel.thrusters)]
-    told = left[:, None, :] * (c * np.abs(c))[..., None]
-    size = FINER * len(trial)
-    power = np.sum(np.abs(np.fft.rfft(told, size, axis=0)) ** 2, axis=-1)
+    product = missing[:, None, :] * (c * np.abs(c))[..., None]
+    size = thresholds.POINTS_PER_LINE * len(trial)
+    power = np.sum(np.abs(np.fft.rfft(product, size, axis=0)) ** 2, axis=-1)
     omega = 2.0 * np.pi * np.fft.rfftfreq(size, trial.dt)
-    inside = (omega > 2.0 * np.pi / SLOWEST) & (omega < 2.0 * np.pi / FASTEST)
+    lowest, highest = 2.0 * np.pi / thresholds.MAX_PERIOD_S, 2.0 * np.pi / thresholds.MIN_PERIOD_S
+    inside = (omega > lowest) & (omega < highest)
+    if not inside.any():
+        return np.full(c.shape[1], lowest)
     return np.asarray(omega[inside][np.argmax(power[inside], axis=0)])

@@ -1,59 +1,47 @@
-"""Effects one after another, as long as each is worth it on unseen time.
+"""The search for effects: one after another, as long as each is worth it on held-out time.
 
     rank → add the best → rank beside it …  then swap: choose the earlier ones again beside the
-    later;  and backward: what no longer earns its place goes
+    later;  and backward: what no longer earns its place goes;  at last the final fit
 
-The first choice is made while the second effect is still missing, and may stand in for both.
-
-The last fit of a ladder once more, as `shadow identify` fits: its numbers are those that stay.
-
-    moments of events, once;   then starts → noise → numbers in turn until they settle
-
-While effects are compared, starts are taken from the measured motion and noise from a leader, the
-same for all. Numbers that are told with an interval deserve starts where this model has them, and
-the noise that it leaves.
+The first choice is made while the second effect is still missing, and may stand in for both. The
+final fit is as `shadow identify` fits: moments of events once, then starts → noise → numbers in
+turn until they settle. While effects are compared, starts are taken from the measured motion and
+noise from a leader, the same for all; numbers with an interval deserve starts where this model has
+them, and the noise that it leaves.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from sim.diagnosis.fit import Fit, at_its_moment, fitted, moments_in, started, unknowns_for
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import (
+    Fit,
+    event_names,
+    fit_effects,
+    start_values,
+    unknowns_for,
+    with_event_moved,
+)
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.heldout import Gain, HeldOutScorer, gain, unseen
-from sim.diagnosis.ranking import BLOCK, Ranked, Ranking, rank, renewed
-from sim.diagnosis.screening import Each, Tell
+from sim.diagnosis.heldout import Gain, HeldOutScorer, gain
+from sim.diagnosis.ranking import RankedEffect, Ranking, rank
+from sim.diagnosis.screening import Mapper, Progress
 from sim.effects.effect import Effect
-from sim.identification.shooting import FitInputs, fit_by_shooting, residuals_of
-from sim.model import Model
+from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.vessel import AddedEffect
 
-WORTH = 0.025  # least mean log ratio of squared errors per block
-SURE = 3.5  # least t of it
-EVENTS = 20.0  # nats that a few blocks may win alone, where hardly any loses
-LOSES = 0.2
-GROUPED = 0.6  # of the nats won that a wave may lose again
-NOTICED = 0.99  # of the nrmse before: what lowers it by less is no use to anyone
-LATER = 0.05  # of the nats that the effects before it won: less is their form, not another effect
-
 
 @dataclass(frozen=True)
-class Step:
-    """An effect that was added: by which ranking, and what it was worth then."""
-
-    ranking: Ranking
-    chosen: Ranked
-
-
-@dataclass(frozen=True)
-class Climb:
+class Selection:
     """From the re-fitted base upwards: a fit for each effect more, and how each was chosen.
 
+    steps   for each effect that was added the ranking that it leads, with what it was worth then
     first   the whole catalogue beside the bare base
     """
 
     base: Fit
     fits: tuple[Fit, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[Ranking, ...]
     first: Ranking
 
     @property
@@ -62,153 +50,152 @@ class Climb:
         return self.fits[-1] if self.fits else self.base
 
 
-def missed(effect: Effect, g: Gain) -> bool:
+def is_missed(effect: Effect, g: Gain) -> bool:
     """Whether an effect is worth so much that it would be missed.
 
     Waves come in groups that no single frequency follows for long: they are believed even where
     one loses now and then.
     """
-    wave = effect.partial and g.nats > EVENTS and g.lost < GROUPED
-    return wave or worth_it(g)
+    enough = g.nats > thresholds.MIN_NATS_IN_FEW_BLOCKS
+    return (effect.partial and enough and g.lost < thresholds.MAX_LOST_PARTIAL) or is_worth_it(g)
 
 
-def worth_it(g: Gain) -> bool:
+def is_worth_it(g: Gain) -> bool:
     """Large enough to matter, and in most blocks; or in few blocks alone, but there beyond doubt.
 
     What shows only when the boat brakes is told by the two or three blocks in which it does.
     """
-    return (g.log > WORTH and g.t > SURE) or (g.nats > EVENTS and g.lost < LOSES)
+    large = g.log_ratio > thresholds.MIN_LOG_RATIO_PER_BLOCK
+    enough = g.nats > thresholds.MIN_NATS_IN_FEW_BLOCKS
+    in_most, in_few = g.t > thresholds.MIN_T_OVER_BLOCKS, g.lost < thresholds.MAX_LOST
+    return (large and in_most) or (enough and in_few)
 
 
 @dataclass(frozen=True)
-class Climber:
-    """What all steps share."""
+class EffectSearch:
+    """The catalogue of one diagnosis, how many effects may be added, and what scores them."""
 
-    wide: SupersetModel
+    superset: SupersetModel
     effects: tuple[Effect, ...]
     most: int
-    tell: Tell
-    each: Each
-    judge: HeldOutScorer
+    progress: Progress
+    mapper: Mapper
+    scorer: HeldOutScorer
 
-    def climb(self, base: Fit) -> Climb:
+    def run(self, base: Fit) -> Selection:
         """Greedy, then swapped, then backward."""
-        steps: list[Step] = []
+        steps: list[Ranking] = []
         fit = base
-        ranking, more = self.ranked(base, steps)
-        first = ranking
+        first, more = self.ranked(base, steps)
+        ranking = first
         while more and len(steps) < self.most:
-            steps.append(Step(ranking, ranking.best))
+            steps.append(ranking)
             fit = ranking.best.fit
             if len(steps) > 1:
-                steps, fit = self.swapped(steps, fit)
-            if len(steps) == self.most or not self.beyond(fit):
+                steps, fit = self._swapped(steps, fit)
+            if len(steps) == self.most or not self._others(fit):
                 break
             ranking, more = self.ranked(fit, steps)
-        steps, fit = self.backward(steps, fit)
-        if steps:
-            self.tell("the numbers, and how sure they are")
-            last = polished(fit)
-            if not self.helps(last, fit):  # a hull far from the model may run away from it
-                fit = last
-        found = fit.found()
-        before = [self.rung(found[:k], steps, fit) for k in range(1, len(found))]
-        return Climb(base, (*before, fit) if found else (), tuple(steps), first)
+        steps, fit = self._backward(steps, fit)
+        if not steps:
+            return Selection(base, (), (), first)
+        self.progress("the numbers, and how sure they are")
+        last = final_fit(fit)
+        if not self.helps(last, fit):  # a hull far from the model may run away from it
+            fit = last
+        effects = fit.effects()
+        earlier = [self._with_first(effects[:k], steps, fit) for k in range(1, len(effects))]
+        return Selection(base, (*earlier, fit), tuple(steps), first)
 
-    def rung(self, added: Sequence[AddedEffect], steps: Sequence[Step], last: Fit) -> Fit:
+    def _with_first(self, added: Sequence[AddedEffect], steps: Sequence[Ranking], last: Fit) -> Fit:
         """The first effects alone: as they were chosen, where they were chosen one by one."""
         names = tuple(a.effect.name for a in added)
-        chosen = (step.chosen.fit for step in steps if step.chosen.fit.names == names)
-        return next(chosen, None) or self.beside(added, last)
+        chosen = (step.best.fit for step in steps if step.best.fit.names == names)
+        return next(chosen, None) or self._beside(added, last)
 
-    def ranked(self, fit: Fit, steps: Sequence[Step]) -> tuple[Ranking, bool]:
+    def ranked(self, fit: Fit, steps: Sequence[Ranking]) -> tuple[Ranking, bool]:
         """What could come next, led by the first that should; whether there is one.
 
-        The best may be worth much and yet help nobody, as long as a larger error hides what it
-        does: then that one is first in turn.
+        The best may be worth much and yet improve no prediction, as long as a larger error hides
+        what it does: then that one is first in turn.
         """
         ranking = self.rank(fit)
         row = next((r for r in ranking.finalists if self.justified(r, steps, fit)), None)
         return (ranking, False) if row is None else (ranking.led_by(row), True)
 
-    def justified(self, row: Ranked, steps: Sequence[Step], fit: Fit) -> bool:
+    def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
         """Whether one of a ranking should be added to what was found so far."""
-        won = sum(step.chosen.gain.nats for step in steps)
-        least = max(LATER * won, EVENTS if steps else 0.0)
-        enough = missed(row.effect, row.gain) and row.gain.nats >= least
+        won = sum(step.best.gain.nats for step in steps)
+        least = thresholds.MIN_NATS_IN_FEW_BLOCKS if steps else 0.0
+        least = max(thresholds.MIN_SHARE_OF_EARLIER * won, least)
+        enough = is_missed(row.effect, row.gain) and row.gain.nats >= least
         return enough and self.helps(fit, row.fit)
 
     def helps(self, before: Fit, after: Fit) -> bool:
-        """Whether predictions become better by more than nobody would notice."""
-        return self.judge.fitted(after).nrmse < NOTICED * self.judge.fitted(before).nrmse
+        """Whether predictions become noticeably better."""
+        score = self.scorer.score_fit
+        return score(after).nrmse < thresholds.MAX_NRMSE_RATIO * score(before).nrmse
 
     def rank(self, fit: Fit) -> Ranking:
         """What could come next."""
-        there = fit.names
-        self.tell("looking for " + ("more beside " + ", ".join(there) if there else "effects"))
-        return rank(self.wide, self.model(fit), self.beyond(fit), fit, self.tell, self.each)
+        beside = ", ".join(fit.names)
+        self.progress(f"looking for {f'more beside {beside}' if beside else 'effects'}")
+        others = self._others(fit)
+        return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper)
 
-    def beyond(self, fit: Fit) -> list[Effect]:
+    def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold."""
         return [e for e in self.effects if e.name not in fit.names]
 
-    def model(self, fit: Fit) -> Model:
-        """The vessel as fitted, on the first trial."""
-        return replace(fit.unknowns.model, theta=fit.unknowns.theta(fit.z[None], 0)[0])
-
-    def swapped(self, steps: list[Step], fit: Fit) -> tuple[list[Step], Fit]:
+    def _swapped(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """The earlier effects chosen again beside the last one."""
-        last = steps[-1]
-        for i in range(len(steps) - 1):
-            kept = [a for k, a in enumerate(fit.found()) if k != i]
-            ranking = self.rank(self.beside(kept, fit))
-            best = ranking.best
-            if best.name != steps[i].chosen.name and worth_it(self.over(best.fit, fit)):
-                self.tell(f"{best.name} in the place of {steps[i].chosen.name}")
-                steps = [s for k, s in enumerate(steps) if k != i][:-1]
-                return [*steps, last, Step(ranking, best)], best.fit
+        for i, step in enumerate(steps[:-1]):
+            kept = [a for k, a in enumerate(fit.effects()) if k != i]
+            ranking = self.rank(self._beside(kept, fit))
+            best, old = (ranking if ranking.finalists else step).best, step.best.name
+            if best.name != old and is_worth_it(self._gain_over(best.fit, fit)):
+                self.progress(f"{best.name} in the place of {old}")
+                return [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
         return steps, fit
 
-    def backward(self, steps: list[Step], fit: Fit) -> tuple[list[Step], Fit]:
+    def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes."""
         while len(steps) > 1:
-            added = fit.found()
-            for i in range(len(added)):
-                without = self.beside([a for k, a in enumerate(added) if k != i], fit)
-                if not missed(added[i].effect, self.over(fit, without)):
-                    self.tell(f"{added[i].effect.name} no longer earns its place")
-                    name = added[i].effect.name
-                    steps = [s for s in steps if s.chosen.name != name]
+            added = fit.effects()
+            for i, a in enumerate(added):
+                without = self._beside([b for k, b in enumerate(added) if k != i], fit)
+                if not is_missed(a.effect, self._gain_over(fit, without)):
+                    self.progress(f"{a.effect.name} no longer earns its place")
+                    steps = [s for s in steps if s.best.name != a.effect.name]
                     fit = without
                     break
             else:
                 break
         return steps, fit
 
-    def beside(self, added: Sequence[AddedEffect], like: Fit) -> Fit:
+    def _beside(self, added: Sequence[AddedEffect], like: Fit) -> Fit:
         """The base with these effects, fitted under the noise that `like` leaves."""
-        ground = renewed(like, like.unknowns, like.z)
-        unknowns = unknowns_for(self.wide, added, len(ground.trials), ground.settings)
-        return fitted(added, unknowns, ground, started(unknowns, like))
+        problem = like.renewed_problem(like.unknowns, like.z)
+        unknowns = unknowns_for(self.superset, added, len(problem.trials), problem.settings)
+        return fit_effects(added, unknowns, problem, start_values(unknowns, like))
 
-    def over(self, fit: Fit, other: Fit) -> Gain:
+    def _gain_over(self, fit: Fit, other: Fit) -> Gain:
         """What one fit is worth over another, under the noise that the first leaves."""
-        ground = renewed(fit, fit.unknowns, fit.z)
-        one, two = (fitted(f.added, f.unknowns, ground, f.z) for f in (other, fit))
-        return gain(unseen(one), unseen(two), ground.block)
+        problem = fit.renewed_problem(fit.unknowns, fit.z)
+        before, after = (
+            fit_effects(f.added, f.unknowns, problem, f.z).heldout_residual for f in (other, fit)
+        )
+        return gain(before, after, problem.block)
 
 
-def polished(fit: Fit) -> Fit:
-    """The same effects with their last numbers; the ground is that of the new fit."""
-    for name in moments_in(fit):
-        fit = at_its_moment(fit, name)
-    ground, unknowns = fit.ground, fit.unknowns
-    trials, settings = ground.trials, ground.settings
+def final_fit(fit: Fit) -> Fit:
+    """The same effects with their last numbers; the problem is that of the new fit."""
+    for name in event_names(fit):
+        fit = with_event_moved(fit, name)
+    problem, unknowns = fit.problem, fit.unknowns
+    trials, settings = problem.trials, problem.settings
     last = replace(settings, horizons=settings.horizons[-1:])
     shot = fit_by_shooting(FitInputs(unknowns, trials, last), fit.z)
-    own = FitProblem.of(
-        ground.vessel, trials, unknowns, shot.z, shot.noise, settings, BLOCK, shot.tracks
-    )
-    return Fit(
-        fit.added, unknowns, own, shot.z, residuals_of(unknowns, own.windows, shot.z[None])[0]
-    )
+    own = FitProblem.of(problem.vessel, trials, unknowns, shot.z, shot.noise, settings, shot.tracks)
+    final = replace(fit, problem=own, z=shot.z)
+    return replace(final, residual=final.at(shot.z[None])[0])

@@ -1,4 +1,4 @@
-"""The whole catalogue beside what was found so far: who explains most of unseen time.
+"""The whole catalogue beside the effects found so far: which explains most of held-out time.
 
     screen all → noise as the most promising leaves it → fit the few → held-out blocks → order
 
@@ -11,32 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.diagnosis.fit import Fit, as_given, fitted
-from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.heldout import Gain, gain, per_block, probabilities, unseen
-from sim.diagnosis.screening import Each, Promise, Tell, screened
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import Fit, fit_effects, with_given_base
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.heldout import Gain, gain, per_block, probabilities
+from sim.diagnosis.screening import Mapper, Progress, ScreeningResult, screen
 from sim.effects.effect import Effect
-from sim.identification.parameters import Unknowns
-from sim.identification.shooting import noise_of_runs
 from sim.model import Model
-from sim.state import Floats
-
-FINALISTS = 6  # that are fitted whole, at most
-FEWEST = 3
-HOPEFUL = 0.1  # of what the best promises
-BLOCK = 25.0  # s
-ROUNDS = 2  # noise and finalists in turn, as long as another one leads
-CLEAR = 3.0  # t over the blocks: one is really better than the other
-SHOWS = 0.02  # mean log ratio of squared errors: what it is better by can be seen
 
 
 @dataclass(frozen=True)
-class Ranked:
+class RankedEffect:
     """One effect beside the reference: fitted, and its gain on held-out time."""
 
     effect: Effect
     fit: Fit
-    unseen: Floats
     gain: Gain
     probability: float
 
@@ -45,101 +34,91 @@ class Ranked:
         """Of the effect."""
         return self.effect.name
 
+    def gain_over(self, other: "RankedEffect") -> Gain:
+        """What this one is worth over another of the same ranking."""
+        before, after = other.fit.heldout_residual, self.fit.heldout_residual
+        return gain(before, after, self.fit.problem.block)
+
 
 @dataclass(frozen=True)
 class Ranking:
-    """The reference and all finalists on one ground, the best first."""
+    """The reference and all finalists on one fit problem, the best first; perhaps none."""
 
     reference: Fit
-    unseen: Floats
-    finalists: tuple[Ranked, ...]
+    finalists: tuple[RankedEffect, ...]
 
     @property
-    def best(self) -> Ranked:
+    def best(self) -> RankedEffect:
         """The first."""
         return self.finalists[0]
 
-    def led_by(self, row: Ranked) -> "Ranking":
+    def led_by(self, row: RankedEffect) -> "Ranking":
         """The same with one of the finalists before the others."""
         return replace(self, finalists=(row, *(r for r in self.finalists if r is not row)))
 
 
 def rank(
-    wide: SupersetModel,
-    model: Model,
-    effects: Iterable[Effect],
-    reference: Fit,
-    tell: Tell = lambda _: None,
-    each: Each = map,
-) -> Ranking:
+    superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
+    progress: Progress = lambda _: None, mapper: Mapper = map,
+) -> Ranking:  # fmt: skip
     """All effects beside those of the reference, each with everything fitted anew."""
-    promises = hopeful(screened(wide, model, effects, reference, tell, each))
-    leader: Promise | Ranked = promises[0]
-    for _ in range(ROUNDS):
-        tell(f"fitting {', '.join(p.effect.name for p in promises)}")
-        ranking = _finals(reference, promises, leader, each)
-        if ranking.best.name == leader.effect.name:
+    results = screen(superset, model, effects, reference, progress, mapper)
+    if not results:
+        return Ranking(reference, ())
+    results = select_finalists(results)
+    name = results[0].name
+    leader: ScreeningResult | Fit = results[0]
+    for _ in range(thresholds.MAX_NOISE_ROUNDS):
+        progress(f"fitting {', '.join(r.name for r in results)}")
+        ranking = _rank_finalists(reference, results, leader, mapper)
+        if ranking.best.name == name:
             break
-        leader = ranking.best
+        name, leader = ranking.best.name, ranking.best.fit
     return ranking
 
 
-def hopeful(promises: Sequence[Promise]) -> list[Promise]:
-    """Those worth a whole fit: who promises a share of what the best does, and a few more."""
-    nothing = max(p.cost for p in promises)
-    least = nothing - HOPEFUL * (nothing - promises[0].cost)
-    return [p for i, p in enumerate(promises[:FINALISTS]) if i < FEWEST or p.cost < least]
+def select_finalists(results: Sequence[ScreeningResult]) -> list[ScreeningResult]:
+    """Those worth a whole fit: with a share of the best one's promise, and a few more."""
+    costs, few = [r.cost for r in results], results[: thresholds.MAX_FINALISTS]
+    least = max(costs) - thresholds.MIN_PROMISE * (max(costs) - costs[0])
+    return [r for i, r in enumerate(few) if i < thresholds.MIN_FINALISTS or r.cost < least]
 
 
-def _finals(
-    reference: Fit, promises: Sequence[Promise], leader: "Promise | Ranked", each: Each
-) -> Ranking:
+def _rank_finalists(
+    reference: Fit, results: Sequence[ScreeningResult], leader: Fit | ScreeningResult,
+    mapper: Mapper,
+) -> Ranking:  # fmt: skip
     """The finalists under the noise that one of them leaves."""
-    fit = leader.fit if isinstance(leader, Ranked) else leader
-    ground = renewed(reference, fit.unknowns, fit.z)
-    before = fitted(reference.added, reference.unknowns, ground, reference.z)
+    problem = reference.renewed_problem(leader.unknowns, leader.z)
+    before = fit_effects(reference.added, reference.unknowns, problem, reference.z)
 
-    def whole(p: Promise) -> tuple[Fit, Floats]:
-        added, again = (*reference.added, p.added), as_given(p.unknowns, p.z)
-        starts = [p.z] if again is None else [p.z, again]
-        fits = [fitted(added, p.unknowns, ground, z) for z in starts]
-        fit = min(fits, key=lambda f: f.cost)
-        return fit, unseen(fit)
+    def whole(r: ScreeningResult) -> tuple[Fit, Gain]:
+        again = with_given_base(r.unknowns, r.z)
+        starts = [r.z] if again is None else [r.z, again]
+        added = (*reference.added, r.added)
+        fit = min(
+            (fit_effects(added, r.unknowns, problem, z) for z in starts), key=lambda f: f.cost
+        )
+        return fit, gain(before.heldout_residual, fit.heldout_residual, problem.block)
 
-    fits = list(each(whole, promises))
-    return _ordered(before, unseen(before), fits)
-
-
-def _ordered(before: Fit, left: Floats, fits: Sequence[tuple[Fit, Floats]]) -> Ranking:
-    block = before.ground.block
-    found = [e for _, e in fits]
-    chance = probabilities(np.array([per_block(e, block) for e in (left, *found)]))[1:]
+    pairs = list(mapper(whole, results))
+    residuals = [fit.heldout_residual for fit in (before, *(fit for fit, _ in pairs))]
+    chance = probabilities(np.array([per_block(r, problem.block) for r in residuals]))[1:]
     rows = [
-        Ranked(f.added[-1].effect, f, e, gain(left, e, block), float(p))
-        for (f, e), p in zip(fits, chance, strict=True)
+        RankedEffect(fit.added[-1].effect, fit, g, float(p))
+        for (fit, g), p in zip(pairs, chance, strict=True)
     ]
     rows.sort(key=lambda r: -r.gain.ratio)
-    return Ranking(before, left, _simpler_first(rows))
+    return Ranking(before, _special_first(rows))
 
 
-def _simpler_first(rows: list[Ranked]) -> tuple[Ranked, ...]:
+def _special_first(rows: list[RankedEffect]) -> tuple[RankedEffect, ...]:
     """A general effect steps behind its special case where that does as well."""
     for i, row in enumerate(rows):
-        special = row.effect.general_of
-        twin = next((r for r in rows[i + 1 :] if r.name == special), None)
-        if twin is not None:
-            block = row.fit.ground.block
-            more = gain(twin.unseen, row.unseen, block)
-            if more.t < CLEAR or more.log < SHOWS:
-                rows.remove(twin)
-                rows.insert(i, twin)
+        special = next((r for r in rows[i + 1 :] if r.name == row.effect.general_of), None)
+        if special is not None:
+            more = row.gain_over(special)
+            if more.t < thresholds.MIN_T_BETTER or more.log_ratio < thresholds.MIN_LOG_RATIO_BETTER:
+                rows.remove(special)
+                rows.insert(i, special)
     return tuple(rows)
-
-
-def renewed(reference: Fit, unknowns: Unknowns, z: Floats) -> FitProblem:
-    """The ground with noise as a model with these numbers leaves it, starts linearised anew."""
-    ground = reference.ground
-    noise = [noise_of_runs(w, unknowns, z) for w in ground.seen_by(unknowns, z)]
-    return FitProblem.of(
-        ground.vessel, ground.trials, reference.unknowns, reference.z, noise, ground.settings, BLOCK
-    )

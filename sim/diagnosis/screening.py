@@ -1,7 +1,7 @@
-"""A quick look at every effect of the catalogue: where it would best begin, and what it promises.
+"""Screening of the whole catalogue: where each effect would best begin, and what it promises.
 
 From each start one damped Gauss–Newton step of the effect's own numbers together with those of the
-reference, whose slopes are worked out once; from the best start a few more. What it costs is little
+reference, whose slopes are worked out once; from the best start a few more. This costs little
 enough to try a hundred starts: the fit that decides comes later, for the few that promise most.
 """
 
@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.diagnosis.fit import ROBUST, Fit, started, unknowns_for
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import Fit, start_values, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
@@ -28,134 +29,123 @@ from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect
 
-ROWS = 2500  # that a quick look is taken at
-FEWER = 1000  # where many starts are compared
-MANY = 4  # starts
-MORE = 4  # steps from the best start
-CLOSE = 1.0  # s, to which the moment of an event is closed in on
-
-Tell = Callable[[str], None]  # hears in words what is being done
-Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # maps as `map` does
+Progress = Callable[[str], None]  # is given what is being done, in words
+Mapper = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # maps as `map` does
 
 
 @dataclass(frozen=True)
-class Promise:
+class ScreeningResult:
     """One effect at the best start found: z (n,) of its unknowns, and the cost there."""
 
-    effect: Effect
     added: AddedEffect
     unknowns: Unknowns
     z: Floats
     cost: float
 
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.added.effect.name
 
-def screened(
-    wide: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
-    tell: Tell = lambda _: None, each: Each = map,
-) -> list[Promise]:  # fmt: skip
+
+def screen(
+    superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
+    progress: Progress = lambda _: None, mapper: Mapper = map,
+) -> list[ScreeningResult]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
 
-    `model` is the vessel as the reference has it: waves are looked for in what it lacks. `each`
-    maps as `map` does; that of a pool of threads serves, as the kernels leave the interpreter free.
+    `model` is the vessel as the reference has it: waves are looked for in what it lacks. `mapper`
+    may be that of a pool of threads: the kernels leave the interpreter free.
     """
-    trials = reference.ground.trials
-    look, glance = (
-        _Look.of(wide, reference, reference.ground.thinned(rows)) for rows in (ROWS, FEWER)
+    fine, coarse = (
+        _Screening.of(superset, reference, reference.problem.thinned(rows))
+        for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
     )
 
-    def one(effect: Effect) -> Promise | None:
-        tell(effect.name)
-        starts = start_points(effect, model, trials)
-        return look.best(effect, glance.few(effect, starts) if len(starts) > MANY else starts)
+    def best(effect: Effect) -> ScreeningResult | None:
+        progress(effect.name)
+        starts = start_points(effect, model, reference.problem.trials)
+        return fine.best(
+            effect, coarse.few(effect, starts) if len(starts) > thresholds.MANY_STARTS else starts
+        )
 
-    found = [p for p in each(one, effects) if p is not None]
-    return sorted(found, key=lambda p: p.cost)
+    results = [r for r in mapper(best, effects) if r is not None]
+    return sorted(results, key=lambda r: r.cost)
 
 
 @dataclass(frozen=True)
-class _Look:
-    """What every quick look shares: the reference on few rows, and its slopes there."""
+class _Screening:
+    """The reference on few rows, with its slopes there."""
 
-    wide: SupersetModel
+    superset: SupersetModel
     reference: Fit
-    ground: FitProblem
-    slope: Floats
+    problem: FitProblem
+    jacobian: Floats
 
     @classmethod
-    def of(cls, wide: SupersetModel, reference: Fit, ground: FitProblem) -> "_Look":
-        windows = ground.seen_by(reference.unknowns, reference.z)
-        residuals = partial(residuals_of, reference.unknowns, windows)
-        every = np.arange(len(reference.unknowns))
-        _, slope = residuals_and_jacobian(residuals, reference.unknowns, reference.z, every)
-        return cls(wide, reference, ground, slope)
+    def of(cls, superset: SupersetModel, reference: Fit, problem: FitProblem) -> "_Screening":
+        unknowns, z = reference.unknowns, reference.z
+        residuals = partial(residuals_of, unknowns, problem.run_sets_for(unknowns, z))
+        _, jacobian = residuals_and_jacobian(residuals, unknowns, z, np.arange(len(unknowns)))
+        return cls(superset, reference, problem, jacobian)
 
-    def best(self, effect: Effect, starts: Sequence[Values]) -> Promise | None:
+    def best(self, effect: Effect, starts: Sequence[Values]) -> ScreeningResult | None:
         """From every start one step; from the best one a few more."""
-        tried = [p for p in (self.stepped(self.begun(effect, s)) for s in starts) if p]
+        tried = [r for r in (self._step(self._at(effect, s)) for s in starts) if r is not None]
         if not tried:
             return None
-        chosen = self.followed(min(tried, key=lambda p: p.cost))
-        moment = next((p.name for p in effect.parameters if p.kind is Kind.MOMENT), None)
-        return chosen if moment is None else self.timed(chosen, moment)
-
-    def followed(self, p: Promise) -> Promise:
-        """Step after step, as long as they help."""
-        for _ in range(MORE):
-            further = self.stepped(p)
-            if further is None or further.cost >= p.cost * (1.0 - 1e-4):
+        best = min(tried, key=lambda r: r.cost)
+        for _ in range(thresholds.MAX_SCREENING_STEPS):
+            further = self._step(best)
+            if further is None or further.cost >= best.cost * (1.0 - thresholds.MIN_COST_DECREASE):
                 break
-            p = further
-        return p
+            best = further
+        moment = next((p.name for p in effect.parameters if p.kind is Kind.MOMENT), None)
+        return best if moment is None else self._closed_in(best, moment)
 
-    def timed(self, p: Promise, moment: str) -> Promise:
-        """The moment of an event closed in on: no slope tells where it is."""
-        longest = max(float(t.time[-1]) for t in self.ground.trials)
+    def _closed_in(self, best: ScreeningResult, moment: str) -> ScreeningResult:
+        """The moment of an event by bisection: no slope leads to it."""
+        longest = max(float(t.time[-1]) for t in self.problem.trials)
         apart = 0.5 * longest / (MOMENT_STARTS + 1)
-        while apart > CLOSE:
-            at = p.added.values[moment]
-            near = [self.moved(p, {moment: at + d}) for d in (-apart, apart)]
-            p = min([p, *(q for q in near if q is not None)], key=lambda q: q.cost)
+        while apart > thresholds.MOMENT_RESOLUTION_S:
+            values, near = best.added.values, []
+            for d in (-apart, apart):
+                moved = self._at(best.added.effect, {**values, moment: values[moment] + d})
+                near.append(self._step(replace(moved, z=best.z)))
+            best = min([best, *(r for r in near if r is not None)], key=lambda r: r.cost)
             apart *= 0.5
-        return p
-
-    def moved(self, p: Promise, values: Values) -> Promise | None:
-        """The same with some of what is held changed, and one step from there."""
-        fresh = self.begun(p.effect, {**p.added.values, **values})
-        return self.stepped(replace(fresh, z=p.z))
+        return best
 
     def few(self, effect: Effect, starts: Sequence[Values]) -> list[Values]:
         """The starts that lead furthest in one step."""
-        tried = [(s, self.stepped(self.begun(effect, s))) for s in starts]
-        told = [(p.cost, i, s) for i, (s, p) in enumerate(tried) if p is not None]
-        return [s for _, _, s in sorted(told, key=lambda t: t[:2])[: MANY // 2]]
+        tried = [self._step(self._at(effect, s)) for s in starts]
+        costs = [(r.cost, i) for i, r in enumerate(tried) if r is not None]
+        return [starts[i] for _, i in sorted(costs)[: thresholds.MANY_STARTS // 2]]
 
-    def begun(self, effect: Effect, start: Values) -> Promise:
-        """Before the first step."""
+    def _at(self, effect: Effect, start: Values) -> ScreeningResult:
+        """A start, before the first step."""
         added = AddedEffect(effect, dict(start))
-        trials, settings = len(self.ground.trials), self.ground.settings
-        unknowns = unknowns_for(self.wide, [*self.reference.added, added], trials, settings)
-        return Promise(effect, added, unknowns, started(unknowns, self.reference), np.inf)
+        trials, settings = len(self.problem.trials), self.problem.settings
+        unknowns = unknowns_for(self.superset, [*self.reference.added, added], trials, settings)
+        return ScreeningResult(added, unknowns, start_values(unknowns, self.reference), np.inf)
 
-    def stepped(self, p: Promise) -> Promise | None:
+    def _step(self, r: ScreeningResult) -> ScreeningResult | None:
         """The best of a few Levenberg–Marquardt steps; None where the model is lost."""
-        p = replace(p, z=np.clip(p.z, *p.unknowns.bounds))
-        windows = self.ground.seen_by(p.unknowns, p.z)
+        unknowns, z = r.unknowns, np.clip(r.z, *r.unknowns.bounds)
         known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
-        place = [known.get((u.name, u.trial), -1) for u in p.unknowns.each]
-        own = np.flatnonzero(np.array(place) < 0)
-        residuals = partial(residuals_of, p.unknowns, windows)
-        residual, mine = residuals_and_jacobian(residuals, p.unknowns, p.z, own)
+        place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
+        own, shared = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
+        residuals = partial(residuals_of, unknowns, self.problem.run_sets_for(unknowns, z))
+        residual, of_own = residuals_and_jacobian(residuals, unknowns, z, own)
         J = np.zeros((len(residual), len(place)))
-        J[:, own] = mine
-        shared = np.flatnonzero(np.array(place) >= 0)
-        J[:, shared] = self.slope[:, np.array(place)[shared]]
+        J[:, own], J[:, shared] = of_own, self.jacobian[:, place[shared]]
         if not np.isfinite(J).all():
             return None
-        steps = damped_steps(p.unknowns, p.z, residual, J, robust_weights(residual, ROBUST))
-        tried = np.clip(p.z + steps, *p.unknowns.bounds)
-        costs = robust_cost(p.unknowns, tried, residuals(tried), ROBUST)
-        k = int(np.argmin(costs))
-        here = float(robust_cost(p.unknowns, p.z, residual, ROBUST))
+        weight = robust_weights(residual, thresholds.ROBUST_SIGMAS)
+        tried = np.clip(z + damped_steps(unknowns, z, residual, J, weight), *unknowns.bounds)
+        costs = robust_cost(unknowns, tried, residuals(tried), thresholds.ROBUST_SIGMAS)
+        k = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
+        here = float(robust_cost(unknowns, z, residual, thresholds.ROBUST_SIGMAS))
         if here <= costs[k]:
-            return Promise(p.effect, p.added, p.unknowns, p.z, here)
-        return Promise(p.effect, p.added, p.unknowns, tried[k], float(costs[k]))
+            return replace(r, z=z, cost=here)
+        return replace(r, z=tried[k], cost=float(costs[k]))

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.model import Model
-from sim.state import Eta, Floats, Nu
+from sim.state import Eta, Floats, Nu, to_body
 from sim.vessel import Vessel
 from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y
 
@@ -81,8 +81,7 @@ class Balance:
 
 def world_to_body(world: Floats, yaw: float) -> Floats:
     """North, east (2,) -> ahead, to starboard (2,)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([c * world[0] + s * world[1], c * world[1] - s * world[0]])
+    return np.array(to_body(world[0], world[1], yaw))
 
 
 def current_shift(current: Floats, second: SecondMeans) -> Floats:

@@ -7,128 +7,116 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput
-from gateway.figures.bokeh_draw import BokehFigure
 from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
-from gateway.studio.page import Page
-from gateway.studio.session import Session
-from gateway.studio.views import Found, LadderView, Other
+from gateway.figures.quantities import probability_text
+from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches
+from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
 from gateway.studio.widgets import (
     beside,
     boxes,
     bullets,
     button,
     card,
-    controls,
-    field,
     html,
+    section,
+    stack,
     table,
     word,
 )
 from sim.diagnosis.answer import Verdict
 
-SHOWN = 6  # of the ranking
+MOST_CANDIDATES = 6  # that are offered
+AFTER = "<p class='faint'>after a diagnosis</p>"
 
 
-class Diagnose(Page):
+class DiagnosePage(Page):
     """Run, read, add, undo, save."""
 
-    name, title = "diagnose", "Diagnose"
-
-    def __init__(self, desk: Session) -> None:
-        super().__init__(desk)
+    def __init__(self, context: StudioContext) -> None:
+        super().__init__(context)
         self._learn = boxes(options=[], inline=True)
-        self._learn.param.watch(lambda _: self._learning(), "value")
-        self._run = button("Find what is missing", self.safely(self._start), "primary", width=210)
-        self._undo = button("Undo", self.safely(desk.undo), width=90)
-        self._name = field("Save the vessel as", width=240)
-        self._save = button("Save vessel file", self.safely(self._saved), width=150)
-        self._verdict, self._rest, self._now = html(), html(), html()
-        self._others = html()
-        self._ranking = pn.Column(sizing_mode="stretch_width")
-        self._places = {key: pn.Column(sizing_mode="stretch_width", min_height=330)
-                        for key in ("ladder", "ranking")}  # fmt: skip
-        self._evidence = pn.Column(sizing_mode="stretch_width")
-        self._pictures: dict[str, BokehFigure] = {}
-        self._instead: dict[str, Any] = {}  # effects of a rival -> its button
+        self._learn.param.watch(lambda _: self._choose_logs(), "value")
+        self._run = button("Find what is missing", self.guarded(self._start), "primary", width=210)
+        self._save = SaveControls(self, "Save the vessel as", "better", widths=(240, 150))
+        self._verdict, self._rest, self._now, self._unseen = html(), html(), html(), html()
+        self._candidates, self._evidence = stack(), stack()
+        self._ladder = FigurePlace(self.view, min_height=330)
+        self._ranking = FigurePlace(self.view, min_height=330)
+        self._add_buttons: dict[tuple[str, ...], Any] = {}  # effects of an alternative -> button
 
     def body(self) -> Any:
         """From the question to the saved file, top to bottom."""
-        save = controls(self._undo, self._name, self._save)
-        return pn.Column(
+        return stack(
             card(html("<h1>What is missing from the model?</h1>"
                       "<p class='faint'>Learn from these recordings; the others check the result."
                       "</p>"), self._learn, self._run, self._verdict),
-            card(html(f"<h2>The {word('ladder')}</h2><p class='faint'>Each step is judged on "
-                      f"{word('unseen time')}: beside it the {word('noise floor')}.</p>"),
-                 self._places["ladder"], self._now, self._others, save),
-            card(html(f"<h2>Candidates</h2><p class='faint'>Each {word('effect')} alone beside the "
-                      f"re-fitted {word('base')}; its error is the {word('nrmse')}.</p>"),
-                 self._ranking, self._places["ranking"]),
-            card(html(f"<h2>Evidence</h2><p class='faint'>The {word('missing force')} without an "
-                      f"effect, along {word('surge u')}, {word('sway v')} or turning, and what the "
-                      "effect supplies.</p>"), self._evidence),
+            section(f"The {word('ladder')}", f"Each step is judged on {word('unseen time')}: "
+                    f"beside it the {word('noise floor')}.",
+                    self._ladder.part, self._now, self._unseen, self._save.part),
+            section("Candidates", f"Each {word('effect')} alone beside the re-fitted "
+                    f"{word('base')}; its error is the {word('nrmse')}.",
+                    self._candidates, self._ranking.part),
+            section("Evidence", f"The {word('missing force')} without an effect, along "
+                    f"{word('surge u')}, {word('sway v')} or turning, and what the effect "
+                    "supplies.", self._evidence),
             card(self._rest),
-            sizing_mode="stretch_width",
         )  # fmt: skip
 
-    def watch(self) -> dict[tuple[str, ...], Callable[[], None]]:
-        """The answer, the vessel, the comparison."""
+    def watch(self) -> Watches:
+        """The recordings, the answer, the vessel, the comparison."""
         return {
-            ("logs",): self._logs,
-            ("found",): self._told,
-            ("found", "vessel"): self._climbed,
-            ("trials",): self._checked,
+            ("logs",): self._show_logs,
+            ("diagnosis",): self._show_diagnosis,
+            ("diagnosis", "vessel"): self._show_ladder,
+            ("trials",): self._show_unseen,
         }
 
     def tick(self) -> None:
         """One diagnosis at a time."""
-        if self._run.disabled != self.desk.slow.busy:
-            self._run.disabled = self.desk.slow.busy
+        if self._run.disabled != self.session.slow.busy:
+            self._run.disabled = self.session.slow.busy
 
-    def _logs(self) -> None:
-        names = {path.name: path for path in self.desk.logs}
-        self._learn.options = list(names)
-        chosen = self.desk.learn_from or self.desk.logs[:1]
+    def _show_logs(self) -> None:
+        self._learn.options = [path.name for path in self.session.logs]
+        chosen = self.session.learn_from or self.session.logs[:1]
         self._learn.value = [path.name for path in chosen]
 
-    def _learning(self) -> None:
+    def _choose_logs(self) -> None:
         names = set(self._learn.value)
-        self.desk.learn_from = tuple(p for p in self.desk.logs if p.name in names)
+        self.session.learn_from = tuple(p for p in self.session.logs if p.name in names)
 
     def _start(self) -> None:
         if not self._learn.value:
             raise BadInput("choose at least one recording to learn from")
-        self.desk.notice = ""
-        self.desk.diagnose()
+        self.session.notice = ""
+        self.session.diagnose()
 
-    def _told(self) -> None:
-        found = self.desk.found
-        if found is None:
+    def _show_diagnosis(self) -> None:
+        diagnosis = self.session.diagnosis
+        self._ranking.show(diagnosis.ranking if diagnosis else None)
+        if diagnosis is None:
             self._verdict.object = self._rest.object = ""
-            self._evidence.objects = [html("<p class='faint'>after a diagnosis</p>")]
-            self.fill(self._places["ranking"], None, self._pictures, "ranking")
+            self._evidence.objects = [html(AFTER)]
             return
-        answer = found.answer
-        says = Verdict(answer["verdict"]).says
+        answer = diagnosis.answer
+        text = Verdict(answer["verdict"]).description
         self._verdict.object = (
-            f"<h2>{says[0].upper()}{says[1:]}</h2><p>{escape(answer['summary'])}</p>"
+            f"<h2>{text[0].upper()}{text[1:]}</h2><p>{escape(answer['summary'])}</p>"
         )
-        self._rest.object = _rest(found)
-        self.fill(self._places["ranking"], found.ranking, self._pictures, "ranking")
-        self._prove(found)
+        self._rest.object = _rest(diagnosis)
+        self._show_evidence(diagnosis)
 
-    def _prove(self, found: Found) -> None:
+    def _show_evidence(self, diagnosis: DiagnosisView) -> None:
         """What was found, then what was ranked beside it; a rival can be taken right there."""
-        self._instead = {}
+        self._add_buttons = {}
         parts = [
-            self._proof(effect, _plain(effect), data, found)
-            for effect, data in found.evidence.items()
+            self._proof(effect, _plain(effect), figure, diagnosis)
+            for effect, figure in diagnosis.evidence.items()
         ]
         ranked = [
-            self._proof(" ".join(one.rung.effects), self._rival(one, found), one.evidence, found,
-                        one.rung)
-            for one in found.others if one.evidence is not None
+            self._alternative(one, one.evidence, diagnosis)
+            for one in diagnosis.alternatives if one.evidence is not None
         ]  # fmt: skip
         if ranked:
             parts.append(html("<h3>Ranked, but not chosen</h3><p class='faint'>The same picture of "
@@ -137,144 +125,119 @@ class Diagnose(Page):
         self._evidence.objects = parts or [html("<p class='faint'>none: nothing was found</p>")]
 
     def _proof(
-        self, key: str, heading: str, data: FigureData, found: Found, rung: LadderView | None = None
+        self, effect: str, heading: str, data: FigureData, diagnosis: DiagnosisView, *more: Any
     ) -> Any:
-        """A picture with its words; and a button where it can be taken."""
-        effect = key.split()[-1]
-        place = pn.Column(sizing_mode="stretch_width", min_height=230)
-        says = escape(found.looks.get(effect, ""))
-        told = html(f"<h3>{heading}</h3><p>Looks like: {says}.</p>"
+        """The evidence for an effect with its words."""
+        looks = escape(diagnosis.looks.get(effect, ""))
+        text = html(f"<h3>{heading}</h3><p>Looks like: {looks}.</p>"
                     f"<p class='faint'>{escape(data.caption)}</p>")  # fmt: skip
-        self._pictures.pop(f"evidence {key}", None)
-        self.fill(place, data, self._pictures, f"evidence {key}")
-        if rung is None:
-            return pn.Column(told, place, sizing_mode="stretch_width")
-        taken = self._instead[key] = button(f"Add {_said(effect)}", self._taker(rung), width=220)
-        return pn.Column(told, place, taken, sizing_mode="stretch_width")
+        place = FigurePlace(self.view, min_height=230)
+        place.show(data)
+        return stack(text, place.part, *more)
 
-    def _rival(self, one: Other, found: Found) -> str:
-        """Name, error, and whether it is as good as what was chosen."""
-        rung = one.rung
-        there = " beside " + ", ".join(map(_plain, rung.effects[:-1])) if rung.effects[1:] else ""
-        best = next((r for r in found.rungs if len(r.effects) == len(rung.effects)), None)
-        against = f", {_plain(best.effects[-1])} {best.step.error:.3f}" if best else ""
+    def _alternative(
+        self, one: AlternativeView, evidence: FigureData, diagnosis: DiagnosisView
+    ) -> Any:
+        """The evidence for an alternative, with its name and error, and a button to add it."""
+        effects, error = one.step.effects, one.step.bar.error
+        added = button(f"Add {_said(effects[-1])}", self._climber(one.step), width=220)
+        self._add_buttons[effects] = added
+        there = " beside " + ", ".join(map(_plain, effects[:-1])) if effects[1:] else ""
+        best = next((s for s in diagnosis.steps if len(s.effects) == len(effects)), None)
+        against = f", {_plain(best.effects[-1])} {best.bar.error:.3f}" if best else ""
         tied = " <span class='warn'>cannot be told from it here</span>" if one.rival else ""
-        return (f"{_plain(rung.effects[-1])}{there} <span class='faint'>error "
-                f"{rung.step.error:.3f}{against}</span>{tied}")  # fmt: skip
+        heading = (f"{_plain(effects[-1])}{there} <span class='faint'>error {error:.3f}{against}"
+                   f"</span>{tied}")  # fmt: skip
+        return self._proof(effects[-1], heading, evidence, diagnosis, added)
 
-    def _taker(self, rung: LadderView) -> Callable[[], None]:
-        return self.safely(lambda: self.desk.climb(rung))
+    def _climber(self, step: LadderView) -> Callable[[], None]:
+        return self.guarded(lambda: self.session.climb(step))
 
-    def _climbed(self) -> None:
+    def _show_ladder(self) -> None:
         """The ladder as far as the user has climbed it, and what can be added next."""
-        found, version = self.desk.found, self.desk.version
-        self._undo.disabled = len(self.desk.versions) < 2
-        if version is not None and self.desk.vessel_file is not None and not self._name.value:
-            self._name.value = f"{self.desk.vessel_file.stem}-better.toml"
-        climbed = version.steps if version else ()
-        if found is not None and not climbed:
-            climbed = tuple(r.step for r in found.rungs[:1])
-        data = ladder_bars(climbed, found.floor) if found and climbed else None
-        self.fill(self._places["ladder"], data, self._pictures, "ladder")
+        diagnosis, version = self.session.diagnosis, self.session.version
+        self._save.update()
+        bars = version.ladder if version else ()
+        if diagnosis is not None and not bars:
+            bars = tuple(step.bar for step in diagnosis.steps[:1])
+        self._ladder.show(ladder_bars(bars, diagnosis.floor) if diagnosis and bars else None)
         effects = ", ".join(map(_plain, version.effects)) if version else ""
         self._now.object = (
             f"<p>In the vessel now: <strong>{effects}</strong></p>"
             if effects
-            else ("" if found else "<p class='faint'>Press “Find what is missing”.</p>")
+            else ("" if diagnosis else "<p class='faint'>Press “Find what is missing”.</p>")
         )
-        self._candidates(found)
+        self._candidates.objects = self._rows(diagnosis)
 
-    def _candidates(self, found: Found | None) -> None:
+    def _rows(self, diagnosis: DiagnosisView | None) -> list[Any]:
         """What can come next, and what could stand in the place of what came last."""
-        if found is None:
-            self._ranking.objects = [html("<p class='faint'>after a diagnosis</p>")]
-            return
-        version = self.desk.version
-        now = _beyond(found, version.effects if version else ())
+        if diagnosis is None:
+            return [html(AFTER)]
+        version = self.session.version
+        now = diagnosis.added_since(version.effects if version else ())
         if now is None:
-            self._ranking.objects = [html("<p>The vessel has been changed since: find what is "
-                                          "missing again.</p>")]  # fmt: skip
-            return
-        rows = [self._base(found)] if found.answer["base_changed"] and not now else []
-        rows += [self._candidate(found, rung, now) for rung in _next(found, now)]
-        same = _in_place(found, now)
-        if same:
-            rows.append(html(f"<h3>In the place of {_plain(now[-1])}</h3>"))
-        rows += [self._candidate(found, rung, now) for rung in same]
-        self._ranking.objects = rows or [html("<p class='faint'>nothing more</p>")]
-        for key, taken in self._instead.items():
-            taken.disabled = tuple(key.split()) == now
+            return [html("<p>The vessel has been changed since: find what is missing again.</p>")]
+        rows = [self._base(diagnosis)] if diagnosis.answer["base_changed"] and not now else []
+        rows += self._steps(diagnosis, now, now)
+        if now and (instead := self._steps(diagnosis, now[:-1], now)):
+            rows += [html(f"<h3>In the place of {_plain(now[-1])}</h3>"), *instead]
+        for effects, added in self._add_buttons.items():
+            added.disabled = effects == now
+        return rows or [html("<p class='faint'>nothing more</p>")]
 
-    def _base(self, found: Found) -> Any:
+    def _base(self, diagnosis: DiagnosisView) -> Any:
         """The nine numbers alone, where they had to move."""
-        rung, version = found.rungs[1], self.desk.version
-        there = version is not None and version.text != found.rungs[0].text
-        add = button("Use", self.safely(lambda: self.desk.climb(rung)), width=90, disabled=there)
-        says = (f"<strong>the {word('base')} re-fitted</strong>: error {rung.step.error:.3f}<br>"
-                "<span class='faint'>as given, these numbers predict unseen time worse</span>"
-                )  # fmt: skip
-        return pn.Row(add, pn.Spacer(width=12, sizing_mode="fixed"), html(says),
-                      sizing_mode="stretch_width", margin=(2, 0))  # fmt: skip
+        step, version = diagnosis.steps[1], self.session.version
+        there = version is not None and version.text != diagnosis.steps[0].text
+        use = button("Use", self._climber(step), width=90, disabled=there)
+        text = f"<strong>the {word('base')} re-fitted</strong>: error {step.bar.error:.3f}"
+        return _row(use, text, "as given, these numbers predict unseen time worse")
 
-    def _candidate(self, found: Found, rung: LadderView, now: tuple[str, ...]) -> Any:
-        """A line of what can be added with its button."""
-        effect, there = rung.effects[-1], rung.effects == now
-        kind = "primary" if rung in found.rungs and not there else "default"
-        text = "Added" if there else "Instead" if len(rung.effects) == len(now) else "Add"
-        add = button(text, self._taker(rung), kind, width=90, disabled=there)
-        says = f"<strong>{_plain(effect)}</strong>: error {rung.step.error:.3f}"
-        says += _ranked(found, rung)
-        says += f"<br><span class='faint'>{escape(found.looks.get(effect, ''))}</span>"
-        return pn.Row(add, pn.Spacer(width=12, sizing_mode="fixed"), html(says),
-                      sizing_mode="stretch_width", margin=(2, 0))  # fmt: skip
+    def _steps(
+        self, diagnosis: DiagnosisView, below: tuple[str, ...], now: tuple[str, ...]
+    ) -> list[Any]:
+        """A row with its button for each step above the effects `below`; `now` is the vessel's."""
+        rows = []
+        for step in diagnosis.next_steps(below)[:MOST_CANDIDATES]:
+            effect, there = step.effects[-1], step.effects == now
+            kind = "primary" if step in diagnosis.steps and not there else "default"
+            text = "Added" if there else "Instead" if len(step.effects) == len(now) else "Add"
+            add = button(text, self._climber(step), kind, width=90, disabled=there)
+            error = f"<strong>{_plain(effect)}</strong>: error {step.bar.error:.3f}"
+            looks = escape(diagnosis.looks.get(effect, ""))
+            rows.append(_row(add, error + _ranked(diagnosis, step), looks))
+        return rows
 
-    def _checked(self) -> None:
+    def _show_unseen(self) -> None:
         """The recordings that the diagnosis did not learn from."""
-        found = self.desk.found
-        if found is None:
-            self._others.object = ""
-            return
+        diagnosis = self.session.diagnosis
         rows = [
             [escape(t.name), f"{t.vessels[0].nrmse:.3f}", f"{t.vessels[-1].nrmse:.3f}",
              f"{t.vessels[-1].floor:.3f}"]
-            for t in self.desk.trials if t.log not in found.logs and len(t.vessels) > 1
+            for t in self.session.trials
+            if diagnosis and t.log not in diagnosis.logs and len(t.vessels) > 1
         ]  # fmt: skip
         heads = ["a recording it never saw", "error as given", "error now", word("noise floor")]
-        self._others.object = table(heads, rows) if rows else ""
-
-    def _saved(self) -> None:
-        file = self.desk.save(self._name.value.strip())
-        self.desk.say(f"saved: {file}", good=True)
+        self._unseen.object = table(heads, rows) if rows else ""
 
 
-def _beyond(found: Found, effects: tuple[str, ...]) -> tuple[str, ...] | None:
-    """The effects that were added since the diagnosis; None where the vessel is another."""
-    n = len(found.before)
-    return effects[n:] if effects[:n] == found.before else None
+def _row(add: Any, text: str, hint: str) -> Any:
+    """A button, and beside it a line of HTML with a hint below."""
+    line = html(f"{text}<br><span class='faint'>{hint}</span>")
+    return pn.Row(add, pn.Spacer(width=12, sizing_mode="fixed"), line,
+                  sizing_mode="stretch_width", margin=(2, 0))  # fmt: skip
 
 
-def _next(found: Found, now: tuple[str, ...]) -> list[LadderView]:
-    """What can be added to the vessel as it is, what was chosen first."""
-    return [r for r in found.every if r.effects and r.effects[:-1] == now][:SHOWN]
-
-
-def _in_place(found: Found, now: tuple[str, ...]) -> list[LadderView]:
-    """What was added last, and what could stand there instead."""
-    return _next(found, now[:-1]) if now else []
-
-
-def _ranked(found: Found, rung: LadderView) -> str:
+def _ranked(diagnosis: DiagnosisView, step: LadderView) -> str:
     """How probable an effect is beside the others, and from what it cannot be told."""
-    effect = rung.effects[-1]
-    row = next((r for r in found.answer["ranking"] if r["effect"] == effect), None)
-    if row is None or len(rung.effects) > 1:
-        rival = any(one.rival for one in found.others if one.rung is rung)
+    effect = step.effects[-1]
+    row = next((r for r in diagnosis.answer["ranking"] if r["effect"] == effect), None)
+    if row is None or len(step.effects) > 1:
+        rival = any(one.rival for one in diagnosis.alternatives if one.step is step)
         return " <span class='warn'>does as well here</span>" if rival else ""
-    chance = row["probability"]
-    shown = f"{100 * chance:.1f} %" if chance >= 0.001 else "&lt; 0.1 %"
     tied = ", ".join(map(_plain, row["confounded_with"]))
     alike = f" <span class='warn'>cannot be told from {tied} here</span>" if tied else ""
-    return f", {word('probability')} {shown}{alike}"
+    return f", {word('probability')} {escape(probability_text(row['probability']))}{alike}"
 
 
 def _said(effect: str) -> str:
@@ -285,26 +248,25 @@ def _plain(effect: str) -> str:
     return escape(_said(effect))
 
 
-def _rest(found: Found) -> str:
+def _rest(diagnosis: DiagnosisView) -> str:
     """Numbers found, what is left, what would settle it, what could not be judged."""
-    answer = found.answer
-    last, parts = answer["ladder"][-1], []
+    answer, parts = diagnosis.answer, []
     rows = [
         [f"{_plain(effect)}: {escape(name)}", f"{n['value']:.4g}",
          f"{n['ci95'][0]:.4g} … {n['ci95'][1]:.4g}", escape(n["unit"]), escape(n.get("doubt", ""))]
-        for effect, numbers in last["parameters"].items() for name, n in numbers.items()
+        for effect, numbers in answer["ladder"][-1]["parameters"].items()
+        for name, n in numbers.items()
     ]  # fmt: skip
     if rows:
         heads = ["number", "value", word("95 % interval"), "unit", ""]
         parts.append("<h2>What was found</h2>" + table(heads, rows, text=(0, 3, 4)))
-    if answer["depends_on"]:
-        says = [d["says"] for d in answer["depends_on"]]
-        parts.append("<h2>What is left depends on</h2>" + bullets(says))
-    manoeuvres = [says for says in (answer["next_manoeuvre"], *found.separates) if says]
-    if manoeuvres:
-        parts.append("<h2>The manoeuvre that would settle it</h2>"
-                     + bullets(list(dict.fromkeys(manoeuvres))))  # fmt: skip
-    if answer["refused"]:
-        says = [f"{x['effect'].replace('_', ' ')}: {x['because']}" for x in answer["refused"]]
-        parts.append("<h2>Not judged: these data cannot show it</h2>" + bullets(says))
+    manoeuvres = dict.fromkeys((answer["next_manoeuvre"], *diagnosis.separations))
+    lists = {
+        "What is left depends on": [each["says"] for each in answer["depends_on"]],
+        "The manoeuvre that would settle it": [text for text in manoeuvres if text],
+        "Not judged: these data cannot show it": [
+            f"{_said(each['effect'])}: {each['because']}" for each in answer["refused"]
+        ],
+    }
+    parts += [f"<h2>{heading}</h2>{bullets(texts)}" for heading, texts in lists.items() if texts]
     return "".join(parts)

@@ -26,7 +26,7 @@ def test_a_complete_model_is_adequate() -> None:
     found = diagnose([sailed()], WAM_V, FEW)
     assert found.verdict is Verdict.ADEQUATE
     assert found.effects == ()
-    assert [rung.base for rung in found.ladder] == ["plain", "refitted"]
+    assert [step.base for step in found.ladder] == ["plain", "refitted"]
 
 
 def test_what_is_missing_is_named_and_the_error_falls() -> None:
@@ -39,10 +39,10 @@ def test_what_is_missing_is_named_and_the_error_falls() -> None:
     assert found.ranking[0].probability > 0.9
     assert [a.effect.name for a in found.vessel.effects] == ["thruster_imbalance"]
     errors = {(row.effect,): row.heldout_nrmse for row in found.ranking[1:]}
-    assert {rung.effects: rung.heldout.nrmse for rung in found.alternatives} == errors
-    for rung in found.alternatives:
-        assert tuple(a.effect.name for a in rung.vessel.effects) == rung.effects
-        assert rung.parameters[rung.effects[0]]
+    assert {step.effects: step.heldout.nrmse for step in found.alternatives} == errors
+    for step in found.alternatives:
+        assert tuple(a.effect.name for a in step.vessel.effects) == step.effects
+        assert step.parameters[step.effects[0]]
 
 
 def test_what_the_vessel_has_already_is_not_looked_for() -> None:
@@ -74,4 +74,26 @@ def test_the_answer_is_plain_json_without_gaps() -> None:
     said = diagnose([sailed()], WAM_V, FEW).to_dict()
     json.dumps(said, allow_nan=False)
     assert set(said) >= {"verdict", "summary", "ladder", "ranking", "refused", "unexplained"}
-    assert all(np.isfinite(rung["heldout_nrmse"]) for rung in said["ladder"])
+    assert all(np.isfinite(step["heldout_nrmse"]) for step in said["ladder"])
+
+
+def test_an_empty_catalogue_gives_an_answer() -> None:
+    found = diagnose([sailed()], WAM_V, DiagnoseSettings(effects=()))
+    assert found.verdict is Verdict.ADEQUATE
+    assert found.ranking == found.alternatives == ()
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_a_boat_at_rest_gives_an_answer() -> None:
+    trial = sailed()
+    nothing = {name: np.zeros_like(getattr(trial, name)) for name in ("eta", "nu", "nu_dot")}
+    still = replace(trial, **nothing, pwm=np.full_like(trial.pwm, 1500.0))
+    found = diagnose([still], WAM_V, FEW)
+    assert found.verdict is Verdict.ADEQUATE
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_time_in_pieces_too_short_to_compare_over_is_said() -> None:
+    trial = sailed()
+    with pytest.raises(NoUsableTimeError, match="long enough to compare over"):
+        diagnose([replace(trial, usable=trial.time % 2.0 < 1.5)], WAM_V, FEW)

@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.diagnose import DiagnoseSettings, refitted
+from sim.diagnosis import thresholds
+from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit import (
-    FAR,
     Fit,
-    as_given,
-    at_its_moment,
-    fitted,
-    interval,
-    moments_in,
-    started,
+    event_interval,
+    event_names,
+    fit_effects,
+    start_values,
     unknowns_for,
+    with_event_moved,
+    with_given_base,
 )
 from sim.diagnosis.fit_problem import SupersetModel
-from sim.diagnosis.ladder import polished
+from sim.diagnosis.ladder import final_fit
 from sim.effects.catalogue import named
 from sim.identification.settings import BASE
 from sim.model import Model
@@ -34,7 +34,7 @@ BEND = 4.0  # standard deviations, where a residual begins to count less
 @pytest.fixture(scope="module")
 def fit() -> Fit:
     """The base on a voyage that it explains."""
-    return refitted(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), [sailed()], DiagnoseSettings())
+    return fit_base(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), [sailed()], DiagnoseSettings())
 
 
 def cost(fit: Fit, z: Floats, rows: Floats) -> float:
@@ -51,26 +51,26 @@ def test_no_refit_fits_its_own_rows_worse(fit: Fit, m33: float) -> None:
     z = fit.z.copy()
     z[[u.name for u in fit.unknowns.each].index("m33")] *= m33
     begun = replace(fit, z=z, residual=fit.at(z[None])[0])
-    for (seen, _), refit in zip(begun.ground.folds(), begun.refits.z, strict=True):
+    for (seen, _), refit in zip(begun.problem.folds, begun.fold_fits.z, strict=True):
         assert cost(fit, refit, seen) <= cost(fit, z, seen) * (1.0 + 1e-9)
-    np.testing.assert_allclose(begun.refits.residual, fit.at(begun.refits.z))
+    np.testing.assert_allclose(begun.fold_fits.residual, fit.at(begun.fold_fits.z))
 
 
 def test_a_fit_without_a_part_is_near_the_fit_with_it(fit: Fit) -> None:
     prior = np.array([u.prior for u in fit.unknowns.each])
-    told = np.linalg.inv(fit.slope.T @ fit.slope + np.diag(prior**-2.0))
-    assert np.all(np.abs(fit.refits.z - fit.z) < 4.0 * np.sqrt(np.diag(told)))
-    assert np.any(fit.refits.z != fit.z)
+    told = np.linalg.inv(fit.jacobian.T @ fit.jacobian + np.diag(prior**-2.0))
+    assert np.all(np.abs(fit.fold_fits.z - fit.z) < 4.0 * np.sqrt(np.diag(told)))
+    assert np.any(fit.fold_fits.z != fit.z)
 
 
 def test_a_base_that_went_far_begins_again_where_it_was_given(fit: Fit) -> None:
     unknowns = fit.unknowns
     names = [u.name for u in unknowns.each]
-    assert as_given(unknowns, unknowns.start) is None
+    assert with_given_base(unknowns, unknowns.start) is None
     z = unknowns.start + 0.01
     i = names.index("X_u")
-    z[i] = unknowns.start[i] + 1.1 * FAR * unknowns.each[i].prior
-    again = as_given(unknowns, z)
+    z[i] = unknowns.start[i] + 1.1 * thresholds.RESTART_SIGMAS * unknowns.each[i].prior
+    again = with_given_base(unknowns, z)
     assert again is not None
     base = np.array([name in BASE for name in names])
     np.testing.assert_array_equal(again[base], unknowns.start[base])
@@ -93,11 +93,11 @@ def failing(at: float, rest: tuple[float, float] = (0.0, 0.0)) -> Trial:
 
 def fit_of(trial: Trial, time: float) -> Fit:
     """A fault fitted at about that time."""
-    wide, settings = SupersetModel.of(WAM_V, [FAULT]), DiagnoseSettings()
-    base = refitted(wide, Model.of(WAM_V), [trial], settings)
+    superset, settings = SupersetModel.of(WAM_V, [FAULT]), DiagnoseSettings()
+    base = fit_base(superset, Model.of(WAM_V), [trial], settings)
     added = [AddedEffect(FAULT, {"thruster": 1.0, "gain": 0.5, "time": time})]
-    unknowns = unknowns_for(wide, added, 1, base.ground.settings)
-    return fitted(added, unknowns, base.ground, started(unknowns, base))
+    unknowns = unknowns_for(superset, added, 1, base.problem.settings)
+    return fit_effects(added, unknowns, base.problem, start_values(unknowns, base))
 
 
 @pytest.fixture(scope="module")
@@ -107,38 +107,45 @@ def off() -> Fit:
 
 def test_events_are_moments() -> None:
     trial = failing(93.0)
-    assert moments_in(fit_of(trial, 95.0)) == (NAME,)
-    bare = refitted(SupersetModel.of(WAM_V, []), Model.of(WAM_V), [trial], DiagnoseSettings())
-    assert moments_in(bare) == ()
+    assert event_names(fit_of(trial, 95.0)) == (NAME,)
+    bare = fit_base(SupersetModel.of(WAM_V, []), Model.of(WAM_V), [trial], DiagnoseSettings())
+    assert event_names(bare) == ()
 
 
 def test_an_event_is_moved_to_where_the_data_have_it(off: Fit) -> None:
-    on = at_its_moment(off, NAME)
+    on = with_event_moved(off, NAME)
     assert on.values("thruster_fault")["time"] == pytest.approx(93.0, abs=0.3)
     assert np.sum(on.residual**2) < np.sum(off.residual**2)
     assert off.values("thruster_fault")["time"] == 95.0  # nothing is changed in place
 
 
 def test_its_interval_holds_it_and_is_short_while_the_motor_works(off: Fit) -> None:
-    low, high = interval(at_its_moment(off, NAME), NAME)
+    low, high = event_interval(with_event_moved(off, NAME), NAME)
     assert low <= 93.0 <= high
     assert high - low < 2.0
 
 
 def test_an_event_that_stands_beside_is_not_told_for_sure(off: Fit) -> None:
-    low, high = interval(off, NAME)
+    low, high = event_interval(off, NAME)
     assert low <= 93.0
     assert high >= 95.0
 
 
 def test_while_the_motor_rests_nobody_can_tell() -> None:
-    low, high = interval(at_its_moment(fit_of(failing(93.0, (86.0, 98.0)), 92.0), NAME), NAME)
+    low, high = event_interval(
+        with_event_moved(fit_of(failing(93.0, (86.0, 98.0)), 92.0), NAME), NAME
+    )
     assert low < 88.0
     assert high > 96.0
 
 
 def test_the_last_fit_has_the_numbers_and_the_moment(off: Fit) -> None:
-    last = polished(off)
+    last = final_fit(off)
     found = last.values("thruster_fault")
     assert found["time"] == pytest.approx(93.0, abs=0.3)
     assert found["gain"] == pytest.approx(0.4, abs=0.02)
+
+
+def test_an_event_that_stands_after_the_trial_is_looked_for_at_its_ends() -> None:
+    low, high = event_interval(fit_of(sailed(), 1000.0), NAME)
+    assert 0.0 <= low <= high <= 200.0

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.diagnosis.identifiability import refused
+from sim.diagnosis.identifiability import refusals
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Shown
 from sim.model import Model
@@ -16,7 +16,7 @@ MODEL = Model.of(WAM_V)
 
 
 def reasons(trial: Trial) -> dict[str, str]:
-    return {r.effect: r.because for r in refused(EFFECTS, MODEL, [trial])}
+    return {r.effect: r.reason for r in refusals(EFFECTS, MODEL, [trial])}
 
 
 def test_a_rich_voyage_is_refused_only_what_the_vessel_lacks_and_nobody_measured() -> None:
@@ -46,11 +46,11 @@ def test_an_effect_of_ones_own_is_refused_for_the_same_reasons() -> None:
     ahead = sailed()
     never = replace(ahead, pwm=np.maximum(ahead.pwm, 1500.0))
     own = replace(named("cubic_drag"), name="own", shown_by=(Shown.ASTERN, Shown.VOLTAGE))
-    (one,) = refused([own], MODEL, [never])
+    (one,) = refusals([own], MODEL, [never])
     assert one.effect == "own"
-    assert "astern" in one.because
-    (other,) = refused([own], MODEL, [replace(ahead, pwm=ahead.pwm - 300.0)])
-    assert "voltage" in other.because
+    assert "astern" in one.reason
+    (other,) = refusals([own], MODEL, [replace(ahead, pwm=ahead.pwm - 300.0)])
+    assert "voltage" in other.reason
 
 
 def test_one_heading_cannot_tell_the_compass() -> None:
@@ -69,3 +69,8 @@ def test_each_reason_says_what_is_needed() -> None:
     for because in reasons(sailed(seconds=100.0)).values():
         assert len(because) > 20
     assert named("steady_wind").needs
+
+
+def test_a_voltmeter_that_reads_zero_was_not_there() -> None:
+    trial = sailed()
+    assert "not measured" in reasons(replace(trial, voltage=np.zeros(len(trial))))["battery_sag"]

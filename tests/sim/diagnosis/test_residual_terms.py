@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from sim.body import Flow, ThrusterParameters
-from sim.diagnosis.diagnose import DiagnoseSettings, refitted
+from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.force_terms import rhythms
 from sim.diagnosis.residual_terms import dependences
+from sim.diagnosis.thresholds import MAX_PERIOD_S
 from sim.effects.effect import Effect, Scope
 from sim.model import Model
 from sim.state import Pose, Water
@@ -52,7 +53,7 @@ def voyage(**law: Callable[..., Any]) -> Trial:
 
 def base_on(*trials: Trial) -> Fit:
     """The base fitted without any effect."""
-    return refitted(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), trials, DiagnoseSettings())
+    return fit_base(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), trials, DiagnoseSettings())
 
 
 def test_water_that_flows_differently_from_place_to_place() -> None:
@@ -80,3 +81,8 @@ def test_several_recordings_have_maps_of_their_own() -> None:
 
 def test_noise_hangs_on_nothing() -> None:
     assert all(d.gain.nats < 10.0 for d in dependences(base_on(sailed(seconds=SECONDS))))
+
+
+def test_a_trial_of_a_moment_has_no_rhythm() -> None:
+    short = sailed(seconds=0.4)
+    assert rhythms(Model.of(WAM_V), short) == pytest.approx([2.0 * np.pi / MAX_PERIOD_S] * 2)

@@ -1,0 +1,207 @@
+"""`shadow diagnose`: what it prints, what it writes, and what follows from it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.figures.diagnosis import diagnosis_figures
+from gateway.figures.figure_data import Dots, Level, Line
+from gateway.figures.matplotlib_draw import save_figure
+from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
+from gateway.vessel_file import dump_vessel, load_vessel
+from sim.diagnosis.answer import Verdict
+from sim.diagnosis.evidence import rivals
+from sim.diagnosis.force_terms import GROUPS
+from sim.diagnosis.heldout import Gain
+from sim.diagnosis.residual_terms import Dependence
+from sim.effects.catalogue import named
+from tests.gateway.offline.diagnosis import FEW, found_current, refused, sailed
+from tests.sim.voyages import WAM_V
+
+
+def test_the_json_is_whole_and_names_where_it_comes_from(found):
+    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert told["verdict"] == "explained"
+    assert told["effects"] == ["steady_current"]
+    speed = told["ladder"][-1]["parameters"]["steady_current"]["speed"]
+    assert speed["ci95"][0] < 0.3 < speed["ci95"][1]
+    assert told["recordings"] == [{"name": "voyage", "date": "1970-01-01", "seconds": 150.0}]
+    assert told["vessel"] == "plain"
+
+
+def test_the_verdict_comes_first_and_the_next_command_last(run, ready, folder):
+    status, out, _ = run("diagnose", "voyage.tlog", "--vessel", folder / "boat.toml")
+    assert status == 0
+    assert out.startswith("explained: ")
+    for part in ("95 % interval", "noise alone", "steady_current.speed", "--refit voyage"):
+        assert part in out
+    assert out.index("as given") < out.index("base re-fitted") < out.index("+ steady_current")
+    assert "shadow add steady_current --vessel" in out.splitlines()[-2]
+    assert ready["improve"] is True
+
+
+def test_only_json_is_printed_where_it_is_asked_for(run, ready, folder):
+    status, out, _ = run("diagnose", "a.tlog", "-v", folder / "boat.toml", "--json",
+                            "--no-improve", "--prior", "0.3")  # fmt: skip
+    assert status == 0
+    assert json.loads(out)["verdict"] == "explained"
+    assert ready["improve"] is False
+    assert ready["prior"] == 0.3
+
+
+def test_what_was_asked_for_is_written(run, ready, folder, tmp_path):
+    status, out, _ = run(
+        "diagnose", "a.tlog", "-v", folder / "boat.toml", "--save", tmp_path / "d.json",
+        "--out", tmp_path / "better.toml", "--pictures", tmp_path / "pictures",
+    )  # fmt: skip
+    assert status == 0
+    assert {p.name for p in (tmp_path / "pictures").iterdir()} == {
+        "ladder.png", "ranking.png", "evidence-steady_current.png",
+    }  # fmt: skip
+    assert load_vessel(tmp_path / "better.toml").effects[0].effect.name == "steady_current"
+    assert "shadow add" not in out.split("next:")[1]
+
+
+def test_long_work_is_not_begun_for_a_folder_that_is_not_there(run, ready, folder, tmp_path):
+    done = run("diagnose", "a.tlog", "-v", folder / "boat.toml", "--save",
+                  tmp_path / "no" / "d.json")  # fmt: skip
+    refused(done, "no such folder")
+    assert ready == {}
+    refused(run("diagnose", "a.tlog", "-v", folder / "boat.toml", "--prior", "0"), "--prior 0")
+
+
+def test_look_alikes_are_told_with_what_separates_them(found, capsys):
+    from gateway.terminal.diagnosis import show_diagnosis
+
+    tied = tuple(
+        replace(c, confounded_with=tuple({"steady_current", "heading_offset"} - {c.effect}))
+        for c in found.diagnosis.ranking
+    )
+    torn = replace(found.diagnosis, verdict=Verdict.CONFOUNDED, ranking=tied)
+    show_diagnosis(replace(found, diagnosis=torn), None, None, None)
+    out = capsys.readouterr().out
+    assert "steady_current or heading_offset? full circles" in out
+    assert "--excitation circles" in out
+
+
+def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
+    plain = diagnosis_figures(found.diagnosis, found.trials)
+    assert "evidence heading_offset" not in plain
+    tied = tuple(replace(c, confounded_with=("the other",)) for c in found.diagnosis.ranking)
+    torn = diagnosis_figures(replace(found.diagnosis, ranking=tied), found.trials)
+    assert set(torn) - set(plain) == {"evidence heading_offset"}
+    (other,) = found.diagnosis.alternatives
+    later = replace(other, effects=("steady_current", "heading_offset"))
+    assert rivals(replace(found.diagnosis, alternatives=(other, later))) == [later]
+    curve = next(m for m in torn["evidence heading_offset"].panels[0].marks if isinstance(m, Line))
+    assert curve.label == "what heading_offset supplies"
+    assert np.abs(curve.y).max() > 0.0
+
+
+def test_nothing_to_improve_writes_no_vessel(found, tmp_path, capsys):
+    from gateway.terminal.diagnosis import show_diagnosis
+
+    whole = replace(
+        found.diagnosis, verdict=Verdict.ADEQUATE, effects=(), base_changed=False,
+        ladder=found.diagnosis.ladder[:2],
+    )  # fmt: skip
+    out: DiagnosisResult = replace(found, diagnosis=whole)
+    save_diagnosis(out, out=tmp_path / "better.toml")
+    show_diagnosis(out, None, tmp_path / "better.toml", None)
+    assert not (tmp_path / "better.toml").exists()
+    assert "holds as it is" in " ".join(capsys.readouterr().out.split())
+
+
+def test_two_recordings_have_a_current_each_and_the_vessel_holds_that_of_the_first(
+    folder, trial, tmp_path, monkeypatch
+):
+    days = {
+        "a.tlog": [replace(sailed(80.0, (0.0, 0.3), 1), name="a")],
+        "b.tlog": [replace(sailed(100.0, (-0.2, 0.0), 2), name="b")],
+    }
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda log, *_: days[log])
+    both = diagnose_logs(list(days), folder / "boat.toml", settings=FEW)
+    rung = both.to_dict()["ladder"][-1]
+    assert rung["parameters"]["steady_current"]["speed"]["value"] == pytest.approx(0.3, abs=0.03)
+    other = rung["parameters_of_recordings"]["b"]
+    assert other["steady_current.speed"]["value"] == pytest.approx(0.2, abs=0.03)
+    save_diagnosis(both, out=tmp_path / "better.toml", pictures=tmp_path)
+    values = load_vessel(tmp_path / "better.toml").effects[0].values
+    assert values["speed"] == rung["parameters"]["steady_current"]["speed"]["value"]
+    assert (tmp_path / "evidence-steady_current.png").is_file()
+
+
+def test_the_pictures_show_the_numbers_of_the_answer(found, tmp_path):
+    pictures = diagnosis_figures(found.diagnosis, found.trials)
+    ladder = pictures["ladder"].panels[0]
+    dots = next(mark for mark in ladder.marks if isinstance(mark, Dots))
+    np.testing.assert_array_equal(dots.y, [r.heldout.nrmse for r in found.diagnosis.ladder])
+    assert any(isinstance(m, Level) and m.y == found.diagnosis.noise_floor for m in ladder.marks)
+    evidence = pictures["evidence steady_current"].panels[0]
+    points = next(mark for mark in evidence.marks if isinstance(mark, Dots))
+    curve = next(mark for mark in evidence.marks if isinstance(mark, Line))
+    assert np.corrcoef(points.y, curve.y)[0, 1] > 0.95
+    for name, figure in pictures.items():
+        save_figure(figure, tmp_path / f"{name}.png")
+
+
+def test_compare_refits_what_is_of_the_day(run, trial, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("gateway.offline.compare.load_trials", lambda *_: [trial])
+    other = replace(WAM_V, name="other day").with_effects(found_current())
+    (tmp_path / "other.toml").write_text(dump_vessel(other))
+    words = ("compare", "a.tlog", "-v", folder / "boat.toml", "-v", tmp_path / "other.toml")
+    status, out, _ = run(*words, "--refit", "voyage", "--json")
+    assert status == 0
+    plain, day = json.loads(out)["trials"]
+    for half in day["refit"]:
+        assert half["steady_current.speed"] == pytest.approx(0.3, abs=0.03)
+    assert day["nrmse"] < 0.3 * plain["nrmse"]
+    assert "estimated anew" in run(*words, "--refit", "voyage")[1]
+    refused(run(*words, "--refit", "boat"), "--refit boat: expected voyage")
+    short = replace(trial, usable=trial.time < 50.0)
+    monkeypatch.setattr("gateway.offline.compare.load_trials", lambda *_: [short])
+    refused(run(*words, "--refit", "voyage"), "--refit needs 4 blocks of 25 s")
+
+
+def test_numbers_that_were_guessed_may_be_far_off(trial, tmp_path, monkeypatch):
+    """The file says so itself: nobody has to think of --prior."""
+    monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: [trial])
+    d = WAM_V.dynamics
+    far = replace(WAM_V, dynamics=replace(d, X_u=2.2 * d.X_u, X_uu=2.0 * d.X_uu, N_r=0.4 * d.N_r))
+    mark = '\n[provenance."dynamics.m11"]\nsays = "guessed from size: identify it"\n'
+    error, notices = [], []
+    for name, text in (("known", dump_vessel(far)), ("guessed", dump_vessel(far) + mark)):
+        (tmp_path / name).write_text(text)
+        answer = diagnose_logs(["voyage.tlog"], tmp_path / name, settings=FEW)
+        error.append(answer.diagnosis.ladder[-1].heldout.nrmse)
+        notices.append(" ".join(answer.notices))
+    assert error[1] < 0.8 * error[0]
+    assert ["guessed" in says for says in notices] == [False, True]
+
+
+def test_after_unknown_one_may_begin_an_effect_of_ones_own(found):
+    """Like one that ships and asks for what the rest depends on."""
+    answer = replace(found.diagnosis, verdict=Verdict.UNKNOWN)
+    gain = Gain(1.5, 0.3, 5.0, 90.0, 0.0)
+    for left in ((), *((Dependence(on, gain, ("surge",)),) for on in GROUPS)):
+        told = replace(found, diagnosis=replace(answer, depends_on=left), logs=("a.tlog",))
+        write, again = told.next_steps("d.json", "better.toml")[-2:]
+        assert write.split()[:2] == ["shadow", "effects"]
+        assert named(write.split()[2])
+        assert again.split()[:3] == ["shadow", "diagnose", "a.tlog"]
+        assert again.endswith("--effects own.py")
+
+
+@pytest.mark.slow
+def test_the_demo_tells_the_story_to_its_end(run, tmp_path):
+    status, out, _ = run("demo", "--out", tmp_path)
+    assert status == 0
+    last = out.strip().splitlines()[-1].split()
+    before, after = float(last[2]), float(last[4])
+    assert after < 0.5 * before
+    assert (tmp_path / "demo_boat-better.toml").is_file()
+    assert list(Path(tmp_path).glob("*.mcap"))
+    assert (tmp_path / "diagnosis" / "ladder.png").is_file()
