@@ -11,7 +11,9 @@ from gateway.errors import ShadowError, numerical_errors
 from sim.identification.parameters import UnknownNameError
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
-from tests.gateway.test_cli import Run, boat, log, one_line, run, sailed  # noqa: F401
+from tests.gateway.command_line import Run, one_line, strictly
+from tests.gateway.ingest.scripted import attitude, heartbeat, local_position, servo
+from tests.gateway.pipelines.sailing import Said, parameters, tlog, voyage
 
 NUMERICAL = [
     np.linalg.LinAlgError("Singular matrix"),
@@ -43,9 +45,9 @@ WORK = {
 @pytest.mark.parametrize("error", NUMERICAL, ids=lambda e: type(e).__name__)
 @pytest.mark.parametrize("name", WORK)
 def test_arithmetic_without_a_result_is_one_line_with_recording_vessel_and_advice(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
@@ -62,9 +64,9 @@ def test_arithmetic_without_a_result_is_one_line_with_recording_vessel_and_advic
 
 @pytest.mark.parametrize("name", ["info", "compare"])
 def test_a_recording_that_cannot_be_smoothed_or_read_is_named(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
 ) -> None:
@@ -83,9 +85,9 @@ SIM_ERRORS = [
 
 @pytest.mark.parametrize("error", SIM_ERRORS, ids=lambda e: type(e).__name__)
 def test_an_error_of_sim_that_reaches_the_command_line_is_one_line_too(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     monkeypatch: pytest.MonkeyPatch,
     error: Exception,
 ) -> None:
@@ -98,9 +100,9 @@ FAULTS = [KeyError("u"), TypeError("not callable"), AttributeError("no fit"), Va
 
 @pytest.mark.parametrize("error", FAULTS, ids=lambda e: type(e).__name__)
 def test_a_fault_of_the_program_is_one_line_and_its_traceback_is_written(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     error: Exception,
@@ -119,9 +121,9 @@ def test_a_fault_of_the_program_is_one_line_and_its_traceback_is_written(
 
 
 def test_where_the_traceback_cannot_be_written_it_is_printed(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("tempfile.NamedTemporaryFile", failing(OSError(28, "No space left")))
@@ -134,9 +136,9 @@ def test_where_the_traceback_cannot_be_written_it_is_printed(
 
 @pytest.mark.parametrize(("value", "shown"), [("1", True), ("0", False), ("", False)])
 def test_the_environment_asks_for_the_traceback(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     monkeypatch: pytest.MonkeyPatch,
     value: str,
     shown: bool,
@@ -153,9 +155,9 @@ def test_the_environment_asks_for_the_traceback(
 
 
 def test_what_the_operating_system_refuses_is_one_line(
-    run: Run,  # noqa: F811
-    boat: Path,  # noqa: F811
-    log: Path,  # noqa: F811
+    run: Run,
+    boat: Path,
+    log: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     refusal = PermissionError(13, "Permission denied", "/etc/shadow")
@@ -170,3 +172,42 @@ def test_other_errors_pass_the_net_for_arithmetic() -> None:
     with pytest.raises(ShadowError, match=line) as caught, numerical_errors("a.tlog"):
         raise ZeroDivisionError
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
+
+
+def steady(surge: float, rate: float, pulses: tuple[int, int]) -> list[Said]:
+    """45 s without noise: a constant speed [m/s] and yaw rate [rad/s] under constant pulses."""
+    out: list[Said] = []
+    for k in range(900):
+        t, boot = k / 20.0, 100.0 + k / 20.0
+        yaw = (rate * t + np.pi) % (2.0 * np.pi) - np.pi
+        out += [
+            (t, attitude(boot, yaw, rate)),
+            (t, local_position(boot, 0.0, 0.0, surge * np.cos(yaw), surge * np.sin(yaw))),
+            (t, servo(boot, *pulses)),
+        ]
+        out += [(t, heartbeat())] if k % 20 == 0 else []
+    return out
+
+
+ODD_LOGS: dict[str, Callable[[], list[Said]]] = {
+    "voyage": lambda: voyage(45.0),
+    "straight": lambda: steady(1.0, 0.0, (1600, 1600)),
+    "spin": lambda: steady(0.0, 2.0, (1900, 1100)),
+    "frozen": lambda: steady(0.0, 0.0, (1700, 1700)),
+}
+
+
+@pytest.mark.parametrize("name", ["compare", "identify", "diagnose"])
+@pytest.mark.parametrize("kind", ODD_LOGS)
+def test_after_init_every_command_ends_in_an_answer_or_one_line(
+    run: Run, tmp_path: Path, kind: str, name: str
+) -> None:
+    source, made = tmp_path / f"{kind}.tlog", tmp_path / "made.toml"
+    tlog(source, [*parameters(), *ODD_LOGS[kind]()])
+    assert run("init", source, "--out", made).status == 0
+    done = run(name, source, "--vessel", made, "--json")
+    if done.status == 0:
+        assert strictly(done.out)
+    else:
+        assert done.status in (1, 2)
+        one_line(done, done.status, kind)

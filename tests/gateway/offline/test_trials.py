@@ -1,16 +1,24 @@
 """Recordings become trials: motion as it was, commands as they were, stretches with a reason."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gateway.errors import BadInput
+from gateway.estimation.events import join, make_events
+from gateway.estimation.names import MeasurementKind
+from gateway.estimation.settings import FilterSettings
+from gateway.estimation.smoother import smooth
 from gateway.ingest.open import open_log
 from gateway.offline import usable_time
-from gateway.offline.trials import TrialOptions, load_trials, trials_of
+from gateway.offline.trials import AS_REPORTED, TrialOptions, load_trials, source_of, trials_of
+from sim.identification.validation import held_out
 from sim.state import Eta, Nu
 from sim.trial import Trial
+from tests.conftest import ROOT
+from tests.gateway.estimation.boat import gauss_markov, weaving_boat
 from tests.gateway.ingest.scripted import (
     Script,
     attitude,
@@ -215,3 +223,62 @@ def test_every_odd_log_gives_trials_or_says_what_is_missing(shared_data: Path, n
             load_trials(path)
     else:
         assert any(trial.usable.any() for trial in load_trials(path))
+
+
+LOG = ROOT / "recordings" / "voyage_1.tlog"
+
+
+def test_beyond_the_guard_held_out_data_move_the_motion_by_3_percent_of_its_error():
+    """So that a fit moves by 3 % of its standard deviation: smoothing twice would gain nothing."""
+    options = TrialOptions()
+    source = source_of(open_log(LOG), None, options)
+    (span,) = source.spans()
+    whole = source.trial("whole", span, options)
+    cut = held_out(whole)
+    assert cut is not None
+    fit, judge = cut
+    row = np.floor((source.events.time_s - span[0]) / whole.dt).astype(int)
+    inside = (row >= 0) & (row < len(whole))
+    kept = ~(inside & judge[np.clip(row, 0, len(whole) - 1)])
+    alone = replace(source, events=source.events[kept]).trial("alone", span, options)
+    std = whole.std()[:, 3:6]
+    judged = np.sqrt(np.mean((alone.nu - whole.nu)[judge] ** 2 / std[judge] ** 2, axis=0))
+    moved = np.sqrt(np.mean((alone.nu - whole.nu)[fit] ** 2 / std[fit] ** 2, axis=0))
+    assert np.all(judged > 1.0)  # they are really left out
+    assert np.all(moved < 0.03)
+
+
+FAST, SLOW = 0.02, 0.04  # s between messages
+LIVE = FilterSettings(heading_error_rad=1e-3)
+
+
+def yaw_rate_error(settings: FilterSettings, seed: int) -> float:
+    """Root mean square of means over 0.4 s [rad/s], a compass that wanders by 0.7° in a minute."""
+    rng = np.random.default_rng(seed)
+    truth = weaving_boat(rng, 80.0)
+    fast, slow = np.arange(0.5, 79.0, FAST), np.arange(0.5, 79.0, SLOW)
+    now, then = truth.at(fast), truth.at(slow)
+    yaw = now[:, 2] + gauss_markov(rng, 0.012, 60.0, fast)
+    c, s = np.cos(then[:, 2]), np.sin(then[:, 2])
+    velocity = np.stack([c * then[:, 3] - s * then[:, 4], s * then[:, 3] + c * then[:, 4]], 1)
+    rate = now[:, 5] + rng.normal(0.0, 0.002, len(fast))
+    yaw_std = settings.white_std(MeasurementKind.YAW, "ATTITUDE")
+    rate_std = settings.white_std(MeasurementKind.YAW_RATE, "ATTITUDE")
+    velocity_std = settings.white_std(MeasurementKind.VELOCITY, "LOCAL_POSITION_NED")
+    velocity += rng.normal(0.0, 0.02, velocity.shape)
+    events = join([
+        make_events(MeasurementKind.YAW, fast, yaw, yaw_std),
+        make_events(MeasurementKind.YAW_RATE, fast, rate, rate_std),
+        make_events(MeasurementKind.VELOCITY, slow, velocity, velocity_std),
+    ])  # fmt: skip
+    grid = np.arange(5.0, 74.99, 0.1)
+    found = smooth(events[np.argsort(events.time_s, kind="stable")], grid, settings)
+    error = (found.nu[:, 2] - truth.at(grid)[:, 5])[:696].reshape(-1, 4).mean(axis=1)
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def test_a_wandering_compass_hardly_touches_the_yaw_rate():
+    ours = np.mean([yaw_rate_error(AS_REPORTED, seed) for seed in range(3)])
+    taken_as_white = np.mean([yaw_rate_error(LIVE, seed) for seed in range(3)])
+    assert ours < 0.001
+    assert ours < 0.5 * taken_as_white

@@ -22,7 +22,7 @@ from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log,
 from gateway.recording.reader import Recording
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
-from gateway.vessel_file import zenoh_key, load_vessel
+from gateway.vessel_file import load_vessel, zenoh_key
 from sim.following.follower import FollowerOptions
 from sim.following.reference import ReferenceMode
 from sim.vessel import AddedEffect, Vessel

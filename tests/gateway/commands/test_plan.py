@@ -4,27 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from gateway.vessel_file import dump_vessel
 from sim.excitation.catalogue import MANOEUVRES
-from tests.gateway.test_cli import Run, one_line, run, strictly  # noqa: F401
-from tests.sim.vessels import WAMV
+from tests.gateway.command_line import Run, one_line, strictly
 
 
-@pytest.fixture
-def boat(tmp_path: Path) -> Path:
-    file = tmp_path / "boat.toml"
-    file.write_text(dump_vessel(WAMV), encoding="utf-8")
-    return file
-
-
-def test_the_list_names_every_manoeuvre(run: Run) -> None:  # noqa: F811
+def test_the_list_names_every_manoeuvre(run: Run) -> None:
     done = run("plan", "--list")
     assert done.status == 0
     assert all(manoeuvre.name in done.out for manoeuvre in MANOEUVRES)
 
 
 def test_it_tells_what_will_happen_and_where_the_files_are(
-    run: Run,  # noqa: F811
+    run: Run,
     boat: Path,
     tmp_path: Path,
 ) -> None:
@@ -38,7 +29,7 @@ def test_it_tells_what_will_happen_and_where_the_files_are(
     assert all(name in says for name in written)
 
 
-def test_json_is_json_alone(run: Run, boat: Path, tmp_path: Path) -> None:  # noqa: F811
+def test_json_is_json_alone(run: Run, boat: Path, tmp_path: Path) -> None:
     done = run("plan", "-v", boat, "--excitation", "still", "--out", tmp_path, "--json")
     told = strictly(done.out)
     assert told["excitation"] == "still"
@@ -57,7 +48,7 @@ def test_json_is_json_alone(run: Run, boat: Path, tmp_path: Path) -> None:  # no
     ],
 )
 def test_what_cannot_be_is_one_line(
-    run: Run,  # noqa: F811
+    run: Run,
     boat: Path,
     words: tuple[str, ...],
     says: str,

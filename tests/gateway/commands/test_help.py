@@ -1,0 +1,36 @@
+"""Help of the program and of every command."""
+
+import pytest
+import typer
+
+from gateway import cli
+from tests.gateway.command_line import Run
+
+COMMANDS = [
+    c.name or (c.callback.__name__ if c.callback else "") for c in cli.app.registered_commands
+]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_says_what_it_does_and_every_option_what_it_is_for(
+    run: Run, name: str
+) -> None:
+    done = run(name, "--help")
+    assert (done.status, done.err) == (0, "")
+    group = typer.main.get_group(cli.app)
+    found = group.commands[name]
+    assert found.help
+    assert " ".join(found.help.split())[:30] in " ".join(done.out.split())
+    assert all(getattr(parameter, "help", None) for parameter in found.params), [
+        p.name for p in found.params if not getattr(p, "help", None)
+    ]
+
+
+def test_without_any_word_the_help_is_shown(run: Run) -> None:
+    done = run()
+    assert (done.status, done.err) == (0, "")
+    assert all(name in done.out for name in COMMANDS)
+
+
+def test_the_version_is_told(run: Run) -> None:
+    assert run("--version").out.startswith("shadow-gateway ")
