@@ -222,7 +222,9 @@ def _error(trial: Trial, vessel: Vessel, ruler: Ruler) -> float:
 
 def _fit_from(trial: Trial, vessel: Vessel, horizons: tuple[float, ...] = FIT_HORIZONS_S) -> Vessel:
     """The parameters of the voyage that have a slope, fitted from where they are."""
-    free = tuple(f"{a.effect.name}.{key}" for a in _of_voyage(vessel) for key in a.effect.fit_parameters)
+    free = tuple(
+        f"{a.effect.name}.{key}" for a in _of_voyage(vessel) for key in a.effect.fit_parameters
+    )
     if not free:
         return vessel
     settings = IdentifySettings(free=free, horizons=horizons)
