@@ -45,14 +45,14 @@ AIM_FIRST_S, AIM_SHARE = 3.0, 0.40
 STUDIO = """
 import sys, time
 from gateway.studio.worker import Worker
-news = Worker.news
-def told(self):
-    came = news(self)
+messages = Worker.messages
+def with_times(self):
+    came = messages(self)
     for one in came:
         if one.kind == "part":
             print(f"read {time.time()}", file=sys.stderr, flush=True)
     return came
-Worker.news = told
+Worker.messages = with_times
 from gateway.cli import main; main()
 """
 DRAWN = """() => Bokeh.documents.some(d => d.is_idle && [...d._all_models.values()]

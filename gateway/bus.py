@@ -38,7 +38,7 @@ class BusSettings:
     config_file: Path | None = None
 
 
-def _config(mode: str, endpoints: Mapping[str, Sequence[str]]) -> zenoh.Config:
+def session_config(mode: str, endpoints: Mapping[str, Sequence[str]]) -> zenoh.Config:
     """A zenoh configuration without scouting."""
     config = zenoh.Config()
     entries: dict[str, object] = {
@@ -74,9 +74,9 @@ def open_session(settings: BusSettings) -> zenoh.Session:
         return _open_file(settings.config_file)
     endpoint = settings.endpoint
     with suppress(zenoh.ZError):
-        return zenoh.open(_config("peer", {"listen": [endpoint]}))
+        return zenoh.open(session_config("peer", {"listen": [endpoint]}))
     try:
-        return zenoh.open(_config("client", {"connect": [endpoint]}))
+        return zenoh.open(session_config("client", {"connect": [endpoint]}))
     except zenoh.ZError as error:
         raise ShadowError(
             f"{endpoint}: can neither listen nor join: {_first_line(error)}: is another program "

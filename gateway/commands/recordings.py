@@ -78,7 +78,7 @@ def replay(
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.offline import replay as work
     from gateway.terminal.console import progress_bar
-    from gateway.terminal.runs import replays_dict, show_replay
+    from gateway.terminal.runs import show_replay
 
     recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
     settings = settings_from(config, reference, publish, recorded)
@@ -95,7 +95,7 @@ def replay(
             done.append(work.replay(log, boat, own, chosen, share_done))
         if not json:
             show_replay(done[-1])
-    print_result(json, lambda: replays_dict(done), lambda: None)
+    print_result(json, lambda: {"replays": [one.to_dict() for one in done]}, lambda: None)
 
 
 def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> None:

@@ -1,7 +1,6 @@
 """Marks of figure data as Bokeh glyphs: the columns of their data source, and how each is drawn."""
 
 from dataclasses import dataclass
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -62,122 +61,71 @@ def _highest(mark: Any) -> float:
     return max(mark.highest, 1e-9)
 
 
-@singledispatch
-def columns_of(mark: Any, window: tuple[float, float] | None = None) -> Columns:
+def columns_of(mark: Mark, window: tuple[float, float] | None = None) -> Columns:
     """The columns of a mark's data source; `window` limits a line over time."""
+    match mark:
+        case Line(x=x, y=y):
+            x, y = decimated(x, y) if window is None else decimated(*within(x, y, *window))
+            return {"x": x, "y": y}
+        case ColouredPoints(x=x, y=y, value=value):
+            kept = worst_kept(value, POINTS)
+            kept = kept[np.argsort(value[kept])]  # what is worst lies on top
+            return {"x": x[kept], "y": y[kept], "value": value[kept]}
+        case Bars(start=start, end=end, height=height):
+            return {"left": start, "right": end, "y": height, "x": 0.5 * (start + end)}
+        case Strip(rows=names, value=value):
+            row = np.repeat(np.arange(len(names)), value.shape[1])
+            return {
+                "left": np.tile(mark.start, len(names)), "right": np.tile(mark.end, len(names)),
+                "bottom": row + 0.5, "top": row - 0.5, "value": value.reshape(-1),
+                "row": [names[i] for i in row],
+            }  # fmt: skip
+        case Dots(x=x, y=y, low=low, high=high):
+            return {"x": x, "y": y, "low": low, "high": high}
+        case Band(x=x, low=low, high=high):
+            return {"x": x, "low": low, "high": high}
+        case Level(y=y):
+            return {"y": [y]}
     raise TypeError(f"cannot draw {type(mark).__name__}")
 
 
-@columns_of.register
-def _(mark: Line, window: tuple[float, float] | None = None) -> Columns:
-    x, y = (mark.x, mark.y) if window is None else within(mark.x, mark.y, *window)
-    x, y = decimated(x, y)
-    return {"x": x, "y": y}
-
-
-@columns_of.register
-def _(mark: ColouredPoints, window: Any = None) -> Columns:
-    kept = worst_kept(mark.value, POINTS)
-    kept = kept[np.argsort(mark.value[kept])]  # what is worst lies on top
-    return {"x": mark.x[kept], "y": mark.y[kept], "value": mark.value[kept]}
-
-
-@columns_of.register
-def _(mark: Bars, window: Any = None) -> Columns:
-    return {"left": mark.start, "right": mark.end, "y": mark.height,
-            "x": 0.5 * (mark.start + mark.end)}  # fmt: skip
-
-
-@columns_of.register
-def _(mark: Strip, window: Any = None) -> Columns:
-    rows, n = mark.value.shape
-    row = np.repeat(np.arange(rows), n)
-    return {
-        "left": np.tile(mark.start, rows), "right": np.tile(mark.end, rows),
-        "bottom": row + 0.5, "top": row - 0.5, "value": mark.value.reshape(-1),
-        "row": [mark.rows[i] for i in row],
-    }  # fmt: skip
-
-
-@columns_of.register
-def _(mark: Dots, window: Any = None) -> Columns:
-    return {"x": mark.x, "y": mark.y, "low": mark.low, "high": mark.high}
-
-
-@columns_of.register
-def _(mark: Band, window: Any = None) -> Columns:
-    return {"x": mark.x, "low": mark.low, "high": mark.high}
-
-
-@columns_of.register
-def _(mark: Level, window: Any = None) -> Columns:
-    return {"y": [mark.y]}
-
-
-@singledispatch
-def _draw(mark: Any, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    """The glyphs of a mark; the renderer that stands in the legend."""
-    raise TypeError(f"cannot draw {type(mark).__name__}")
-
-
-@_draw.register
-def _(mark: Line, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    drawn = figure.line(
-        x="x", y="y", source=source, line_color=theme.colour(mark.role), line_width=1.6,
-        name=mark.label or None,
-    )  # fmt: skip
-    drawn.nonselection_glyph = None  # a box drawn over time is shown by itself
-    return drawn
-
-
-@_draw.register
-def _(mark: ColouredPoints, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    return figure.scatter(x="x", y="y", source=source, size=5, line_color=None,
-                          fill_color={"field": "value", "transform": mapper})  # fmt: skip
-
-
-@_draw.register
-def _(mark: Bars, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    colour = theme.colour(mark.role)
-    style = (
-        {"fill_color": None, "line_color": colour, "line_width": 1.8}
-        if mark.outline
-        else {"fill_color": colour, "line_color": theme.paper}
-    )
-    return figure.quad(left="left", right="right", top="y", bottom=0, source=source,
-                       name=mark.label or None, **style)  # fmt: skip
-
-
-@_draw.register
-def _(mark: Strip, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    return figure.quad(left="left", right="right", top="top", bottom="bottom", source=source,
-                       line_color=theme.paper, line_width=1,
-                       fill_color={"field": "value", "transform": mapper})  # fmt: skip
-
-
-@_draw.register
-def _(mark: Dots, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    colour = theme.colour(mark.role)
-    for end in ("low", "high"):  # glyphs, so that the axis has room for them
-        figure.scatter(x="x", y=end, source=source, size=9, marker="dash", color=colour)
-    figure.segment(x0="x", x1="x", y0="low", y1="high", source=source, line_color=colour,
-                   line_width=1.6)  # fmt: skip
-    return figure.scatter(x="x", y="y", source=source, size=7, color=colour,
-                          name=mark.label or None)  # fmt: skip
-
-
-@_draw.register
-def _(mark: Band, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    return figure.varea(x="x", y1="low", y2="high", source=source, fill_alpha=0.16,
-                        fill_color=theme.colour(mark.role))  # fmt: skip
-
-
-@_draw.register
-def _(mark: Level, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
-    return figure.hspan(
-        y="y", source=source, line_color=theme.colour(mark.role),
-        line_width=1.8 if mark.label else 1.0, line_dash="dashed" if mark.label else "solid",
-    )  # fmt: skip
+def _draw(mark: Mark, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
+    """The glyphs of a mark on a figure; the renderer that stands in the legend."""
+    colour = "" if isinstance(mark, ColouredPoints | Strip) else theme.colour(mark.role)
+    by_value = {"field": "value", "transform": mapper}
+    match mark:
+        case Line():
+            drawn = figure.line(x="x", y="y", source=source, line_color=colour, line_width=1.6,
+                                name=mark.label or None)  # fmt: skip
+            drawn.nonselection_glyph = None  # a box drawn over time is shown by itself
+            return drawn
+        case ColouredPoints():
+            return figure.scatter(x="x", y="y", source=source, size=5, line_color=None,
+                                  fill_color=by_value)  # fmt: skip
+        case Bars():
+            outline = {"fill_color": None, "line_color": colour, "line_width": 1.8}
+            filled = {"fill_color": colour, "line_color": theme.paper}
+            return figure.quad(left="left", right="right", top="y", bottom=0, source=source,
+                               name=mark.label or None,
+                               **(outline if mark.outline else filled))  # fmt: skip
+        case Strip():
+            return figure.quad(left="left", right="right", top="top", bottom="bottom",
+                               source=source, line_color=theme.paper, line_width=1,
+                               fill_color=by_value)  # fmt: skip
+        case Dots():
+            for end in ("low", "high"):  # glyphs, so that the axis has room for them
+                figure.scatter(x="x", y=end, source=source, size=9, marker="dash", color=colour)
+            figure.segment(x0="x", x1="x", y0="low", y1="high", source=source, line_color=colour,
+                           line_width=1.6)  # fmt: skip
+            return figure.scatter(x="x", y="y", source=source, size=7, color=colour,
+                                  name=mark.label or None)  # fmt: skip
+        case Band():
+            return figure.varea(x="x", y1="low", y2="high", source=source, fill_alpha=0.16,
+                                fill_color=colour)  # fmt: skip
+        case Level():
+            return figure.hspan(y="y", source=source, line_color=colour,
+                                line_width=1.8 if mark.label else 1.0,
+                                line_dash="dashed" if mark.label else "solid")  # fmt: skip
 
 
 def _colour_bar(mapper: Any, title: str, theme: Theme) -> Any:

@@ -62,6 +62,6 @@ def effect_example_figure(example: EffectExample, looks_like: str = "") -> Figur
 
 
 def effect_with_values(example: EffectExample) -> str:
-    """The effect with its numbers: `thruster_lag (tau 0.8)`."""
+    """The effect with its numbers: `NAME (PARAMETER 0.8)`."""
     values = ", ".join(f"{name} {value:.3g}" for name, value in example.values.items())
     return f"{example.effect} ({values})"

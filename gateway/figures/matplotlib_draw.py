@@ -6,7 +6,6 @@ The text of an SVG, for the report, is as narrow as a phone held upright can sho
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import singledispatch
 from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from gateway.figures.figure_data import (
     FigureData,
     Level,
     Line,
+    Mark,
     Panel,
     Strip,
 )
@@ -164,40 +164,49 @@ def _panel(panel: Panel, ax: Any) -> None:
         ax.set_xlim(0.0, 360.0)
 
 
-@singledispatch
-def draw_mark(mark: Any, ax: Any) -> None:
+def draw_mark(mark: Mark, ax: Any) -> None:
     """One mark onto a pair of axes."""
-    raise TypeError(f"cannot draw {type(mark).__name__}")
+    match mark:
+        case Line():
+            ax.plot(mark.x, mark.y, color=COLOUR[mark.role], label=mark.label or None)
+        case ColouredPoints():
+            order = np.argsort(mark.value)  # what is worst lies on top
+            points = ax.scatter(
+                mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=COLOURS, vmin=0.0,
+                vmax=mark.highest, linewidths=0, rasterized=True, zorder=3,
+            )  # fmt: skip
+            ax.figure.colorbar(points, ax=ax, label=mark.scale.text, shrink=0.7, extend="max")
+        case Bars():
+            colour = COLOUR[mark.role]
+            outline = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.4, "zorder": 3}
+            filled = {"color": colour, "edgecolor": "white", "linewidth": 0.8}
+            ax.bar(
+                mark.start, mark.height, width=mark.end - mark.start, align="edge",
+                label=mark.label or None, **(outline if mark.outline else filled),
+            )  # fmt: skip
+        case Strip():
+            _draw_strip(mark, ax)
+        case Dots():
+            whiskers = np.abs(np.vstack([mark.y - mark.low, mark.high - mark.y]))
+            ax.errorbar(
+                mark.x, mark.y, yerr=whiskers, fmt="o", markersize=4.5, capsize=3, linewidth=1.2,
+                color=COLOUR[mark.role], label=mark.label or None,
+            )  # fmt: skip
+        case Band():
+            ax.fill_between(
+                mark.x, mark.low, mark.high, color=COLOUR[mark.role], alpha=0.12, linewidth=0,
+                label=mark.label or None,
+            )  # fmt: skip
+        case Level():
+            ax.axhline(
+                mark.y, color=COLOUR[mark.role], linewidth=1.6 if mark.label else 0.8,
+                linestyle="--" if mark.label else "-", label=mark.label or None,
+            )  # fmt: skip
+        case _:
+            raise TypeError(f"cannot draw {type(mark).__name__}")
 
 
-@draw_mark.register
-def _(mark: Line, ax: Any) -> None:
-    ax.plot(mark.x, mark.y, color=COLOUR[mark.role], label=mark.label or None)
-
-
-@draw_mark.register
-def _(mark: ColouredPoints, ax: Any) -> None:
-    order = np.argsort(mark.value)  # what is worst lies on top
-    points = ax.scatter(
-        mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=COLOURS, vmin=0.0,
-        vmax=mark.highest, linewidths=0, rasterized=True, zorder=3,
-    )  # fmt: skip
-    ax.figure.colorbar(points, ax=ax, label=mark.scale.text, shrink=0.7, extend="max")
-
-
-@draw_mark.register
-def _(mark: Bars, ax: Any) -> None:
-    colour = COLOUR[mark.role]
-    style = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.4, "zorder": 3}
-    plain = {"color": colour, "edgecolor": "white", "linewidth": 0.8}
-    ax.bar(
-        mark.start, mark.height, width=mark.end - mark.start, align="edge",
-        label=mark.label or None, **(style if mark.outline else plain),
-    )  # fmt: skip
-
-
-@draw_mark.register
-def _(mark: Strip, ax: Any) -> None:
+def _draw_strip(mark: Strip, ax: Any) -> None:
     for k in range(len(mark.start)):  # bins need not touch: one without data leaves a gap
         edges = [mark.start[k], mark.end[k]]
         ax.pcolormesh(
@@ -207,28 +216,3 @@ def _(mark: Strip, ax: Any) -> None:
     ax.set_yticks(range(len(mark.rows)), mark.rows)
     ax.invert_yaxis()
     ax.grid(visible=False)
-
-
-@draw_mark.register
-def _(mark: Dots, ax: Any) -> None:
-    whiskers = np.abs(np.vstack([mark.y - mark.low, mark.high - mark.y]))
-    ax.errorbar(
-        mark.x, mark.y, yerr=whiskers, fmt="o", markersize=4.5, capsize=3, linewidth=1.2,
-        color=COLOUR[mark.role], label=mark.label or None,
-    )  # fmt: skip
-
-
-@draw_mark.register
-def _(mark: Band, ax: Any) -> None:
-    ax.fill_between(
-        mark.x, mark.low, mark.high, color=COLOUR[mark.role], alpha=0.12, linewidth=0,
-        label=mark.label or None,
-    )  # fmt: skip
-
-
-@draw_mark.register
-def _(mark: Level, ax: Any) -> None:
-    ax.axhline(
-        mark.y, color=COLOUR[mark.role], linewidth=1.6 if mark.label else 0.8,
-        linestyle="--" if mark.label else "-", label=mark.label or None,
-    )  # fmt: skip

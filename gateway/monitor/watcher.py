@@ -8,18 +8,17 @@ there at once.
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
 from typing import Any, Self
 
-import orjson
 import zenoh
 from zenoh import ext
 
-from gateway.bus import DEFAULT_ENDPOINT, BusSettings, open_session
+from gateway.bus import DEFAULT_ENDPOINT, BusSettings, open_session, session_config
 from gateway.errors import BadInput
 from gateway.monitor.vessel_status import Latest, Message, VesselStatus, decode, printable
 from gateway.topics import TOPICS
@@ -51,24 +50,13 @@ def join(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
     """Join the gateway or router at `endpoint`; None while nothing answers there."""
     if config_file is not None:
         return open_session(BusSettings(config_file=config_file))
-    config = _client(endpoint)
     try:
-        return zenoh.open(config)
-    except zenoh.ZError:
-        return None
-
-
-def _client(endpoint: str) -> zenoh.Config:
-    """Neither listening nor scouting; zenoh itself joins again when a link broke."""
-    config = zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("scouting/gossip/enabled", "false")
-    try:
-        config.insert_json5("connect/endpoints", orjson.dumps([endpoint]).decode())
+        config = session_config("client", {"connect": [endpoint]})
     except zenoh.ZError:
         raise BadInput(f"--connect {endpoint}: expected tcp/HOST:PORT or tls/HOST:PORT") from None
-    return config
+    with suppress(zenoh.ZError):
+        return zenoh.open(config)
+    return None
 
 
 class BusWatcher:

@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import orjson
@@ -29,9 +30,9 @@ from gateway.offline.replay_outputs import LinkFrames, ReplayStep, open_outputs
 from gateway.recording.reader import Recording
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import HealthMeter
-from gateway.shadow.inputs import FilterInputs, feed_of, origin_of
+from gateway.shadow.inputs import FilterInputs, filter_inputs_of, origin_of
 from gateway.shadow.model_monitor import ModelMonitor
-from gateway.shadow.path import Shadowing, ShadowPath
+from gateway.shadow.path import ShadowRows, ShadowPath
 from gateway.shadow.recording_contents import attachments_of, metadata_of
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import zenoh_key
@@ -72,6 +73,22 @@ class ReplaySummary:
     recordings: tuple[Path, ...]
     notes: tuple[str, ...] = ()  # what was odd about the log
 
+    def to_dict(self) -> dict[str, Any]:
+        """What `shadow replay --json` prints of a log: SI units and radians."""
+        channels = ("x", "y", "psi", "u", "v", "r")
+        return {
+            "log": self.log,
+            "boat": self.boat,
+            "seconds": self.seconds,
+            "rows": self.rows,
+            "wall_seconds": self.wall_seconds,
+            "following_rmse": dict(zip(channels, self.rmse.tolist(), strict=True)),
+            "missing_force_rms": dict(zip("XYN", self.missing.tolist(), strict=True)),
+            "events": self.events,
+            "notes": self.notes,
+            "recordings": [str(path) for path in self.recordings],
+        }
+
 
 @dataclass(frozen=True)
 class ReplayInput:
@@ -96,7 +113,7 @@ def replay_input_of(
         if needed not in choices:
             raise BadInput(f"{log.path}: nothing in it tells {needed}: there is nothing to follow")
     origin = origin_of(decoded, choices)
-    feed = feed_of(decoded, choices, origin, settings.filter)
+    feed = filter_inputs_of(decoded, choices, origin, settings.filter)
     return ReplayInput(settings, log, decoded, origin, feed)
 
 
@@ -268,7 +285,7 @@ class ReplayTotals:
             self._add_rows(out)
         self.events += sum(len(part.payloads) for part in step.rows if part.topic == "event")
 
-    def _add_rows(self, out: Shadowing) -> None:
+    def _add_rows(self, out: ShadowRows) -> None:
         if not len(out):
             return
         self.first_s = self.first_s if self.count else float(out.time_s[0])
@@ -278,7 +295,7 @@ class ReplayTotals:
         error[:, 2] = (error[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
         self.compared += len(error)
         self.squares += (error**2).sum(axis=0)
-        self.missing += (out.watched.missing[out.fresh] ** 2).sum(axis=0)
+        self.missing += (out.residuals.missing[out.fresh] ** 2).sum(axis=0)
 
     def summary(
         self, given: ReplayInput, wall_seconds: float, files: tuple[Path, ...]

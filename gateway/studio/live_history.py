@@ -1,10 +1,9 @@
-"""What shadows have said in the last minutes: looked at ten times a second, by one thread for all
-pages. zenoh waits and joins here, never on the page's own loop.
+"""The last minutes of all shadows on the bus, kept by one thread for all pages.
+
+It takes the statuses ten times a second. zenoh waits and joins here, never on the page's own loop.
 """
 
-import math
 from collections import defaultdict, deque
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
@@ -14,91 +13,86 @@ from typing import Self
 import numpy as np
 
 from gateway.errors import ShadowError
+from gateway.figures.quantities import DEGREES
 from gateway.monitor.vessel_status import Message, VesselStatus
 from gateway.monitor.watcher import BusWatcher, MonitorOptions
 from sim.state import Floats
 
 PERIOD_S = 0.1
-WINDOW_S = 60.0
+WINDOW_S = 60.0  # of velocities
 TRACK_S = 300.0
-TRACK_EVERY = 5  # looks between two points of a track
-MOVING = ("measured", "shadow", "reference")
-LARGEST_M = 1e7
+TRACK_EVERY = 5  # messages between two points of a track
+MOTION_TOPICS = ("measured", "shadow", "reference")
+LARGEST = 1e7  # m or m/s: what is larger would break a chart
 
 
 @dataclass(frozen=True)
-class Now:
-    """One boat as it is, with what it did."""
+class LiveBoat:
+    """One boat: its status, its tracks (east, north [m]) and its velocities by topic."""
 
-    name: str
-    alive: bool
-    events: Sequence[Message]
-    picture: VesselStatus
+    status: VesselStatus
     tracks: dict[str, tuple[list[float], list[float]]]
-    rows: dict[str, Floats]
+    velocities: dict[str, Floats]
 
-    def message(self, topic: str) -> Message | None:
-        """The latest of a topic."""
-        return self.picture.message(topic)
-
-    def boat(self) -> Message | None:
-        """How it moves as measured; while the link is down, how its shadow does."""
-        return self.message("measured") or self.message("shadow")
-
-    def track(self, topic: str) -> tuple[list[float], list[float]]:
-        """East and north [m]."""
-        return self.tracks.get(topic, ([], []))
-
-    def since(self, topic: str, time: float) -> Floats:
+    def velocities_since(self, topic: str, time: float) -> Floats:
         """Rows (n, 4) of Unix time [s], u, v [m/s], r [°/s] after that time."""
-        rows = self.rows.get(topic)
+        rows = self.velocities.get(topic)
         return np.empty((0, 4)) if rows is None else rows[rows[:, 0] > time]
 
 
-class Pages:
-    """The history of one boat."""
+class BoatHistory:
+    """Velocities and tracks of one boat."""
 
     def __init__(self) -> None:
-        self.rows = {t: deque[tuple[float, ...]](maxlen=int(WINDOW_S / PERIOD_S)) for t in MOVING}
-        length = int(TRACK_S / PERIOD_S / TRACK_EVERY)
-        self.tracks = {t: deque[tuple[float, float]](maxlen=length) for t in MOVING[:2]}
-        self._looks: dict[str, int] = defaultdict(int)
+        length, points = int(WINDOW_S / PERIOD_S), int(TRACK_S / PERIOD_S / TRACK_EVERY)
+        self.rows = {t: deque[tuple[float, ...]](maxlen=length) for t in MOTION_TOPICS}
+        self.tracks = {t: deque[tuple[float, float]](maxlen=points) for t in MOTION_TOPICS[:2]}
+        self._counts: dict[str, int] = defaultdict(int)
 
-    def take(self, picture: VesselStatus) -> None:
-        """One look: what is new of each topic."""
-        for topic in MOVING:
-            message = picture.message(topic)
-            if message is not None and _sane(message):
-                self._take(topic, message)
+    def add(self, status: VesselStatus) -> None:
+        """What is new of each topic."""
+        for topic in MOTION_TOPICS:
+            message = status.message(topic)
+            if message is not None and _plausible(message):
+                self._add(topic, message)
 
-    def _take(self, topic: str, m: Message) -> None:
+    def _add(self, topic: str, m: Message) -> None:
         time, rows = m["receive_time_ns"] * 1e-9, self.rows[topic]
         if rows and time <= rows[-1][0]:
             if time > rows[-1][0] - WINDOW_S:
                 return
             rows.clear()  # the clock was set back, or a recording begins again
-        rows.append((time, m["surge_mps"], m["sway_mps"], math.degrees(m["yaw_rate_radps"])))
-        self._looks[topic] += 1
-        if topic in self.tracks and self._looks[topic] % TRACK_EVERY == 1:
+        rows.append((time, m["surge_mps"], m["sway_mps"], m["yaw_rate_radps"] * DEGREES))
+        self._counts[topic] += 1
+        if topic in self.tracks and self._counts[topic] % TRACK_EVERY == 1:
             self.tracks[topic].append((m["east_m"], m["north_m"]))
 
+    def boat(self, status: VesselStatus) -> LiveBoat:
+        """The boat as it is now, with copies of what is kept."""
+        tracks = {
+            topic: ([e for e, _ in points], [n for _, n in points])
+            for topic, points in self.tracks.items()
+        }
+        rows = {topic: np.array(rows) for topic, rows in self.rows.items() if rows}
+        return LiveBoat(status, tracks, rows)
 
-def _sane(m: Message) -> bool:
+
+def _plausible(m: Message) -> bool:
     """Anybody may publish: what would break a chart is left out."""
-    return all(abs(m[k]) < LARGEST_M for k in ("east_m", "north_m", "surge_mps", "sway_mps")) and (
+    return all(abs(m[k]) < LARGEST for k in ("east_m", "north_m", "surge_mps", "sway_mps")) and (
         0 < m["receive_time_ns"] < 1e19
     )
 
 
 class LiveHistory:
-    """Keeps watch while it is open."""
+    """Watches the bus while it is open."""
 
     def __init__(self, options: MonitorOptions) -> None:
         self.where = options.where
         self._options = options
         self._lock, self._stop = Lock(), Event()
-        self._now: tuple[Now, ...] = ()
-        self._thread = Thread(target=self._watch, name="live book", daemon=True)
+        self._boats: tuple[LiveBoat, ...] = ()
+        self._thread = Thread(target=self._watch, name="live history", daemon=True)
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -110,31 +104,22 @@ class LiveHistory:
         self._stop.set()
         self._thread.join(3.0)
 
-    def now(self) -> tuple[Now, ...]:
+    def boats(self) -> tuple[LiveBoat, ...]:
         """All boats, by name."""
         with self._lock:
-            return self._now
+            return self._boats
 
     def _watch(self) -> None:
-        histories: dict[str, Pages] = defaultdict(Pages)
+        histories: dict[str, BoatHistory] = defaultdict(BoatHistory)
         with ExitStack() as scope:
-            eyes = BusWatcher(self._options, scope)
+            watcher = BusWatcher(self._options, scope)
             while not self._stop.wait(PERIOD_S):
                 try:
-                    pictures = eyes.statuses()
+                    statuses = watcher.statuses()
                 except ShadowError:
                     continue
-                for picture in pictures:
-                    histories[picture.name].take(picture)
-                now = tuple(_now(p, histories[p.name]) for p in pictures)
+                for status in statuses:
+                    histories[status.name].add(status)
+                boats = tuple(histories[status.name].boat(status) for status in statuses)
                 with self._lock:
-                    self._now = now
-
-
-def _now(picture: VesselStatus, history: Pages) -> Now:
-    tracks = {
-        topic: ([e for e, _ in points], [n for _, n in points])
-        for topic, points in history.tracks.items()
-    }
-    rows = {topic: np.array(rows) for topic, rows in history.rows.items() if rows}
-    return Now(picture.name, picture.alive, picture.events, picture, tracks, rows)
+                    self._boats = boats

@@ -1,11 +1,10 @@
-"""Map tiles under a chart in metres: which ones a view needs, and where each of them lies.
+"""A map below a chart in metres, north up: which tiles a view needs, and where each of them lies.
 
     x = (λ + 180°) / 360° · 2^z,    y = (1 − artanh(sin φ) / π) / 2 · 2^z
 
 z the zoom, tile (x, y) counted from 180° W towards east and from the north end towards south.
 Valid for: a chart of some kilometres, |φ| < 85.05°. Source: EPSG:3857, OGC 07-057r7 annex E.
-
-A map below a chart in metres, north up: nothing is asked of anybody before it is switched on.
+No tile is asked for before the map is switched on.
 """
 
 import math
@@ -28,6 +27,10 @@ PIXELS = 256  # of a tile
 MOST = 64  # tiles in one view
 FURTHEST_DEG = 85.05
 WIDEST_M = 100_000.0  # beyond, the plane of the chart is not the Earth
+ADDRESS = re.compile(r"https?://[^\s<>\"]+")
+PALE = {"light": 0.75, "dark": 0.4}  # by theme, so that tracks and names stand out
+WIDE_PX = 700.0  # of a chart whose width is not known yet
+COLUMNS = ("url", "x", "y", "w", "h")
 
 
 class View(NamedTuple):
@@ -99,30 +102,17 @@ def _tile(x: int, y: int, zoom: int, origin: Origin, settings: StudioSettings) -
     return Tile(url, float(west), float(north), float(east - west), float(north - south))
 
 
-ADDRESS = re.compile(r"https?://[^\s<>\"]+")
-PALE = {"light": 0.75, "dark": 0.4}  # so that tracks and names stand out
-WIDE_PX = 700.0  # of a chart that has not told its width yet
+class TileLayer:
+    """The tiles below one figure, which follow what it shows."""
 
-
-class Underlay:
-    """The tiles below one figure, that follow what it shows."""
-
-    def __init__(self, figure: Any, settings: StudioSettings, look: Theme) -> None:
+    def __init__(self, figure: Any, settings: StudioSettings, theme: Theme) -> None:
         self._figure, self._settings = figure, settings
-        self._source = ColumnDataSource({name: [] for name in ("url", "x", "y", "w", "h")})
+        self._source = ColumnDataSource({name: [] for name in COLUMNS})
         self._shown: list[str] = []
-        drawn = figure.add_glyph(
-            self._source,
-            ImageURL(
-                url="url",
-                x="x",
-                y="y",
-                w="w",
-                h="h",
-                anchor="top_left",
-                global_alpha=PALE[look.name],
-            ),
+        tile = ImageURL(
+            **{name: name for name in COLUMNS}, anchor="top_left", global_alpha=PALE[theme.name]
         )
+        drawn = figure.add_glyph(self._source, tile)
         drawn.level = "image"  # above the paper, below all lines
         figure.renderers.remove(drawn)
         others = list(figure.renderers)
@@ -133,11 +123,12 @@ class Underlay:
     def show(self, origin: Origin | None) -> None:
         """Tiles of what the figure shows now; none without a place on Earth."""
         x, y = self._figure.x_range, self._figure.y_range
-        if origin is None or None in (x.start, x.end, y.start, y.end):
-            return self.clear()
-        pixels = self._figure.inner_width or WIDE_PX
-        view = View(x.start, x.end, y.start, y.end, pixels)
-        tiles = tiles_under(view, origin, self._settings)
+        tiles: list[Tile] = []
+        if origin is not None and None not in (x.start, x.end, y.start, y.end):
+            pixels = self._figure.inner_width or WIDE_PX
+            tiles = tiles_under(
+                View(x.start, x.end, y.start, y.end, pixels), origin, self._settings
+            )
         urls = [tile.url for tile in tiles]
         if urls != self._shown:
             self._shown = urls
@@ -145,41 +136,34 @@ class Underlay:
                 "url": urls, "x": [t.west for t in tiles], "y": [t.north for t in tiles],
                 "w": [t.width for t in tiles], "h": [t.height for t in tiles],
             }  # fmt: skip
-        return None
-
-    def clear(self) -> None:
-        """No map."""
-        if self._shown:
-            self._shown = []
-            self._source.data = {name: [] for name in ("url", "x", "y", "w", "h")}
 
 
-class MapSwitch:
-    """The box that switches maps on, and whose map it is once they are."""
+class TileMap:
+    """The map below the figures of a page, and the box that switches it on."""
 
-    def __init__(self, settings: StudioSettings) -> None:
-        self._settings = settings
+    def __init__(self, settings: StudioSettings, theme: Theme) -> None:
+        self._settings, self._theme = settings, theme
+        self._figures: list[Any] = []
+        self._layers: list[TileLayer] = []
         self.credit = html()
         self.box = boxes(options=[f"Map, asked of {settings.host}"])
 
-    @property
-    def on(self) -> bool:
-        """Has somebody asked for a map?"""
-        return bool(self.box.value)
-
-    def tell(self, known: bool) -> None:
-        """Whose map it is; or that it cannot be drawn."""
-        text = credit(self._settings.attribution) if self.on and known else ""
-        if self.on and not known:
+    def show(self, figures: list[Any], origin: Origin | None) -> None:
+        """The map below `figures` while the box is ticked, and the credit of its source."""
+        on = bool(self.box.value)
+        if on and figures and figures != self._figures:
+            self._figures = figures
+            self._layers = [TileLayer(one, self._settings, self._theme) for one in figures]
+        for layer in self._layers:
+            layer.show(origin if on else None)
+        text = credit(self._settings.attribution) if on and origin else ""
+        if on and origin is None:
             text = "<p class='warn'>no place on Earth is known for it yet</p>"
         if self.credit.object != text:
             self.credit.object = text
 
 
 def credit(attribution: str) -> str:
-    """Whose map it is, its addresses as links."""
-
-    def link(found: re.Match[str]) -> str:
-        return f'<a href="{found[0]}" target="_blank" rel="noopener">{found[0]}</a>'
-
+    """The credit of a map's source, its addresses as links."""
+    link = r'<a href="\g<0>" target="_blank" rel="noopener">\g<0></a>'
     return f"<p class='faint'>{ADDRESS.sub(link, escape(attribution))}</p>"

@@ -1,4 +1,4 @@
-"""The server: pages on one desk, on this machine alone unless it is told otherwise."""
+"""The server of the studio: its pages on one session, for this machine alone by default."""
 
 import logging
 import os
@@ -21,17 +21,14 @@ from gateway.config import StudioSettings
 from gateway.errors import BadInput
 from gateway.monitor.watcher import MonitorOptions
 from gateway.shipped import RECORDINGS, VESSELS
-from gateway.studio.access import Folders, Guard, new_token
+from gateway.studio.access import Folders, TokenAuth, new_token
 from gateway.studio.live_history import LiveHistory
-from gateway.studio.page import Page
-from gateway.studio.pages.compare import Compare
-from gateway.studio.pages.diagnose import Diagnose
-from gateway.studio.pages.live import Live
-from gateway.studio.pages.recordings import Recordings
-from gateway.studio.pages.vessel import VesselPage
+from gateway.studio.page import PageEntry, StudioContext
+from gateway.studio.pages.catalogue import known_pages
 from gateway.studio.session import Session
-from gateway.studio.widgets import dress
+from gateway.studio.widgets import set_style
 from gateway.studio.worker import BUG
+from sim.state import Progress
 
 DEMO_LOGS = (RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog")
 DEMO_VESSEL = VESSELS / "demo_boat.toml"
@@ -41,7 +38,7 @@ PORT = 5006
 
 @dataclass(frozen=True)
 class StudioOptions:
-    """What `shadow studio` is told.
+    """The options of `shadow studio`.
 
     expose    an address of this machine to be reached at from others; None: from nowhere else
     origins   names under which others reach it, HOST:PORT
@@ -60,59 +57,54 @@ class StudioOptions:
     settings: StudioSettings = field(default_factory=StudioSettings)
 
 
-def studio(options: StudioOptions, tell: Callable[[str], None]) -> None:
+def studio(options: StudioOptions, progress: Progress) -> None:
     """Serve until interrupted."""
-    quiet()
-    dress()
-    desk = desk_of(options)
+    quieten_logs()
+    set_style()
+    session = session_of(options)
     token = new_token() if options.expose else None
     try:
-        with LiveHistory(MonitorOptions(options.connect)) as book:
-            server = server_of(desk, book, options, token)
-            address = f"http://{options.expose or LOCAL}:{server.port}/compare"
+        with LiveHistory(MonitorOptions(options.connect)) as live:
+            context = StudioContext(session, live, options.settings, known_pages())
+            server = server_of(context, options, token)
+            address = f"http://{options.expose or LOCAL}:{server.port}/{context.pages[0].path}"
             address += f"?token={token}" if token else ""
-            tell(f"studio: {address}  (Ctrl-C ends)")
+            progress(f"studio: {address}  (Ctrl-C ends)")
             if options.browser:
                 IOLoop.current().call_later(0.2, lambda: webbrowser.open(address))
-            PeriodicCallback(desk.look_around, 250).start()  # also while no page is open
+            PeriodicCallback(session.update, 250).start()  # also while no page is open
             _run_until_stopped(server)
     finally:
-        desk.close()
+        session.close()
 
 
-def desk_of(options: StudioOptions) -> Session:
-    """The desk with what was given; with the demo recordings where nothing was."""
+def session_of(options: StudioOptions) -> Session:
+    """The session with what was given; with the demo recordings where nothing was."""
     logs, vessel = options.logs, options.vessel
     if not logs and not options.folders and vessel is None and DEMO_VESSEL.is_file():
         logs, vessel = tuple(log for log in DEMO_LOGS if log.is_file()), DEMO_VESSEL
-    for file in (*logs, *options.effects, *([vessel] if vessel else [])):
+    given = [*logs, *([vessel] if vessel else [])]
+    for file in (*given, *options.effects):
         if not file.is_file():
             raise BadInput(f"{file}: no such file")
-    given = [*logs, *([vessel] if vessel else [])]
     folders = Folders.of(given, options.folders or (() if given else (Path.cwd(),)), options.out)
-    desk = Session(folders, (), None, tuple(str(file) for file in options.effects))
+    session = Session(folders, (), None, tuple(str(file) for file in options.effects))
     if vessel is not None:
-        desk.take_vessel(vessel)
-    desk.take_logs(logs)
-    desk.look_around()  # the comparison begins before the first page is open
-    return desk
+        session.set_vessel(vessel)
+    session.set_logs(logs)
+    session.update()  # the comparison begins before the first page is open
+    return session
 
 
-def server_of(
-    desk: Session, book: LiveHistory, options: StudioOptions, token: str | None = None
-) -> Any:
+def server_of(context: StudioContext, options: StudioOptions, token: str | None = None) -> Any:
     """The server, listening already; BadInput where the port is taken."""
-    pages: dict[str, Callable[[], Page]] = {
-        "compare": lambda: Compare(desk, options.settings), "diagnose": lambda: Diagnose(desk),
-        "vessel": lambda: VesselPage(desk), "live": lambda: Live(desk, book, options.settings),
-        "recordings": lambda: Recordings(desk),
-    }  # fmt: skip
-    apps: dict[str, Callable[[], Any]] = {name: _app(make) for name, make in pages.items()}
-    more = {"auth_provider": Guard(token)} if token else {}
+    apps = {entry.path: _app(entry, context) for entry in context.pages}
+    titles = {entry.path: f"{entry.title} – Shadow studio" for entry in context.pages}
+    more = {"auth_provider": TokenAuth(token)} if token else {}
     address = options.expose or LOCAL
     _check_port(address, options.port)
     server = pn.io.server.get_server(
-        apps, port=options.port, address=address, show=False, start=False,
+        apps, port=options.port, address=address, show=False, start=False, title=titles,
         websocket_origin=origins_of(options), index=None, use_index=True,
         redirect_root=True, keep_alive_milliseconds=10_000, **more,
     )  # fmt: skip
@@ -121,7 +113,7 @@ def server_of(
 
 
 def _check_port(address: str, port: int) -> None:
-    """One line where the server could not listen."""
+    """BadInput where the server could not listen."""
     with socket.socket() as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -133,34 +125,34 @@ def _check_port(address: str, port: int) -> None:
 
 
 def origins_of(options: StudioOptions) -> list[str]:
-    """Hosts whose pages may open a websocket to us: our own."""
+    """Hosts whose pages may open a websocket: the server's own names."""
     hosts = [LOCAL, "localhost", *([options.expose] if options.expose else [])]
     return [*(f"{host}:{options.port}" for host in hosts), *options.origins]
 
 
-def _app(make: Callable[[], Page]) -> Callable[[], Any]:
+def _app(entry: PageEntry, context: StudioContext) -> Callable[[], Any]:
     """A page, or a line that it could not be made: what went wrong stands in the log."""
 
-    def opened() -> Any:
+    def open_page() -> Any:
         try:
-            return make().show()
+            return entry.page(context).show(entry)
         except Exception:  # the outermost loop of a page that opens
             print(traceback.format_exc(), file=sys.stderr, flush=True)
             return pn.pane.HTML(f"<p>{BUG}</p>")
 
-    return opened
+    return open_page
 
 
-def quiet() -> None:
-    """The server's own chatter is of no use to who looks at the page."""
+def quieten_logs() -> None:
+    """Keep messages of the server's libraries off the terminal."""
     os.environ.setdefault("BOKEH_RESOURCES", "server")
     for name in ("bokeh", "tornado.access", "panel"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    logging.getLogger("asyncio").addFilter(is_news)
+    logging.getLogger("asyncio").addFilter(is_fault)
 
 
-def is_news(record: logging.LogRecord) -> bool:
-    """Whether it belongs in the log: that a page was closed while something went to it does not."""
+def is_fault(record: logging.LogRecord) -> bool:
+    """False for a page that was closed while something went to it: that is not logged."""
     return not (record.exc_info and isinstance(record.exc_info[1], WebSocketClosedError))
 
 

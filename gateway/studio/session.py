@@ -1,13 +1,13 @@
-"""The desk: what is being worked on, shared by all pages of one studio, so that none is lost.
+"""The session: what is being worked on, shared by all pages of one studio and kept over reloads.
 
-Pages change the desk and look at it a few times a second; the work is done by two workers, a quick
-one that compares after every change and one for what takes a minute.
+Pages change the session and look at it a few times a second. The work is done by two workers: a
+quick one that compares after every change, and one for what takes a minute.
 """
 
 import time
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,91 +17,89 @@ import tomli_w
 from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
+from gateway.ingest.survey import Survey
 from gateway.studio import tasks
 from gateway.studio.access import Folders
-from gateway.studio.views import Found, LadderView, Row, TrialView
-from gateway.studio.worker import News, Worker
+from gateway.studio.views import DiagnosisView, LadderView, TrialView
+from gateway.studio.worker import JobMessage, Worker
 from gateway.vessel_file import read_vessel_file
 
 GIVEN, NOW = "as given", "now"
+UPDATE_S = 0.05  # between two looks at the workers, however many pages are open
 
 
 @dataclass(frozen=True)
 class Version:
-    """The vessel at one moment: its file's text, the effects added, the steps climbed so far."""
+    """The vessel at one moment: its file's text, the effects added, the ladder climbed so far."""
 
     text: str
     effects: tuple[str, ...] = ()
-    steps: tuple[LadderBar, ...] = ()
-    what: str = GIVEN
+    ladder: tuple[LadderBar, ...] = ()
+    change: str = GIVEN
 
 
 @dataclass
 class Session:
-    """Recordings, vessel and answers; `revision` counts the changes of each kind."""
+    """Recordings, vessel and answers; `revision` counts the changes of each kind.
+
+    Kinds: vessel, logs, trials, diagnosis, surveys, report, files, notice.
+    """
 
     folders: Folders
     logs: tuple[Path, ...]
     vessel_file: Path | None
-    own: tuple[str, ...] = ()  # Python files with effects
+    effect_files: tuple[str, ...] = ()
     quick: Worker = field(default_factory=Worker)
     slow: Worker = field(default_factory=Worker)
     versions: list[Version] = field(default_factory=list)
     trials: tuple[TrialView, ...] = ()
-    found: Found | None = None
-    rows: dict[str, Row] = field(default_factory=dict)
+    diagnosis: DiagnosisView | None = None
+    surveys: dict[str, Survey] = field(default_factory=dict)
     notice: str = ""
     good: bool = False
     learn_from: tuple[Path, ...] = ()
     report: str = ""
     revision: Counter[str] = field(default_factory=Counter)
     _stale: bool = False
-    _looked: float = 0.0
-    _before: tuple[str, ...] = ()
+    _updated: float = 0.0
+    _done: Callable[[Any], None] | None = None
 
     def __post_init__(self) -> None:
         if self.vessel_file is not None:
-            self.take_vessel(self.vessel_file)
+            self.set_vessel(self.vessel_file)
 
-    # what pages do
+    # what pages change
 
-    def take_vessel(self, path: Path) -> None:
+    def set_vessel(self, path: Path) -> None:
         """Begin with a vessel file."""
         file = self.folders.checked(path)
-        text, more = _told_alone(file)
-        self.own = tuple(dict.fromkeys((*self.own, *more)))
-        tasks.vessel_of(text, tasks.effects_in(self.own))  # a mistake in it is told now
+        text, effect_files = _portable(file)
+        self.effect_files = tuple(dict.fromkeys((*self.effect_files, *effect_files)))
+        tasks.vessel_of(text, tasks.effects_in(self.effect_files))  # raises where it has a mistake
         self.slow.cancel()  # an answer about another vessel is no longer wanted
         self.vessel_file, self.versions = file, [Version(text)]
-        self.found = None
-        self._changed("vessel", "found")
+        self.diagnosis = None
+        self._changed("vessel", "diagnosis")
 
-    def take_logs(self, paths: Sequence[Path]) -> None:
+    def set_logs(self, paths: Sequence[Path]) -> None:
         """Work on these recordings."""
         self.logs = tuple(self.folders.checked(path) for path in paths)
         self.slow.cancel()
         self.learn_from = tuple(p for p in self.learn_from if p in self.logs)
-        self.trials, self.found = (), None
-        self._changed("trials", "found", "logs")
+        self.trials, self.diagnosis = (), None
+        self._changed("trials", "diagnosis", "logs")
 
     @property
     def version(self) -> Version | None:
         """The vessel as it is now."""
         return self.versions[-1] if self.versions else None
 
-    def put(self, version: Version) -> None:
-        """The vessel changes; the one before can be had back."""
-        self.versions.append(version)
-        self._changed("vessel")
-
-    def slide(self, text: str, what: str) -> None:
+    def slide(self, text: str, change: str) -> None:
         """A number changes by a slider: one step back undoes the whole slide."""
         now = self.versions[-1]
-        version = Version(text, now.effects, now.steps, what)
-        if now.what == what:
-            self.versions[-1] = version
-        else:
-            self.versions.append(version)
+        if now.change == change:
+            self.versions.pop()
+        self.versions.append(Version(text, now.effects, now.ladder, change))
         self._changed("vessel")
 
     def undo(self) -> None:
@@ -110,15 +108,16 @@ class Session:
             self.versions.pop()
             self._changed("vessel")
 
-    def climb(self, rung: LadderView) -> None:
-        """Add what a rung adds, or put it in the place of another: its vessel, and its step."""
-        assert self.found is not None
-        before = self.found.before
-        below = [r.step for r in self.found.up_to(rung)]
-        earlier = [v.steps for v in self.versions if v.effects == before]
-        steps = (*earlier[0], *below[1:]) if before and earlier else tuple(below)
-        name = rung.effects[-1].replace("_", " ") if rung.effects else "re-fitted base"
-        self.put(Version(rung.text, (*before, *rung.effects), steps, f"+ {name}"))
+    def climb(self, step: LadderView) -> None:
+        """Add what a step adds, or put it in the place of another: its vessel, and its bar."""
+        assert self.diagnosis is not None
+        before = self.diagnosis.before
+        bars = [s.bar for s in self.diagnosis.up_to(step)]
+        earlier = [v.ladder for v in self.versions if v.effects == before]
+        ladder = (*earlier[0], *bars[1:]) if before and earlier else tuple(bars)
+        name = step.effects[-1].replace("_", " ") if step.effects else "re-fitted base"
+        self.versions.append(Version(step.text, (*before, *step.effects), ladder, f"+ {name}"))
+        self._changed("vessel")
 
     def save(self, name: str) -> Path:
         """The vessel as a file in the folder of results."""
@@ -130,27 +129,58 @@ class Session:
         self._changed("files")
         return file
 
+    def notify(self, text: str, good: bool = False) -> None:
+        """A line on all pages."""
+        self.notice, self.good = text, good
+        self.revision["notice"] += 1
+
     # work
+
+    def start(
+        self, job: str, task: Callable[..., Any], *arguments: Any, done: Callable[[Any], None]
+    ) -> None:
+        """Begin `task(send, *arguments)` in a process of its own; `done` takes its result.
+
+        RuntimeError while another job of this kind is under way.
+        """
+        self.slow.start(job, task, *arguments)
+        self._done = done
 
     def diagnose(self) -> None:
         """Look for what the vessel lacks, from the recordings chosen for that."""
         if self.version is None or not self.logs:
             raise BadInput("choose a recording and a vessel file first")
-        logs = self.learn_from or self.logs[:1]
-        self.slow.start("diagnose", tasks.diagnose, [str(p) for p in logs], self.version.text,
-                        self.own)  # fmt: skip
-        self.found, self._before = None, self.version.effects
-        self._changed("found")
+        logs = [str(path) for path in self.learn_from or self.logs[:1]]
+        before = self.version.effects
 
-    def make_report(self) -> None:
-        """Write report.html of what is on the desk."""
+        def done(diagnosis: DiagnosisView) -> None:
+            self.diagnosis = replace(diagnosis, before=before)
+            self._changed("diagnosis")
+
+        self.start("diagnose", tasks.diagnose, logs, self.version.text, self.effect_files,
+                   done=done)  # fmt: skip
+        self.diagnosis = None
+        self._changed("diagnosis")
+
+    def write_report(self) -> None:
+        """Write an HTML report of the comparison and of the diagnosis if there is one."""
         out = self.folders.write / time.strftime("report-%Y%m%d-%H%M%S.html")
-        self.slow.start("report", tasks.report, [str(p) for p in self.logs], self.vessels(),
-                        self.own, str(out), self.found is not None)  # fmt: skip
 
-    def look(self, path: Path) -> None:
-        """Say what is in a recording."""
-        self.slow.start("look", tasks.look, str(self.folders.checked(path)))
+        def done(file: str) -> None:
+            self.report = file
+            self._changed("report")
+
+        self.start("report", tasks.report, [str(p) for p in self.logs], self.vessels(),
+                   self.effect_files, str(out), self.diagnosis is not None, done=done)  # fmt: skip
+
+    def survey(self, path: Path) -> None:
+        """Find out what is in a recording."""
+
+        def done(found: Survey) -> None:
+            self.surveys[found.path] = found
+            self._changed("surveys")
+
+        self.start("look", tasks.survey_recording, str(self.folders.checked(path)), done=done)
 
     def vessels(self) -> list[tuple[str, str]]:
         """The vessels to compare: as given, and as it is now where that is another."""
@@ -159,63 +189,44 @@ class Session:
         first, last = self.versions[0], self.versions[-1]
         return [(GIVEN, first.text)] + ([(NOW, last.text)] if last.text != first.text else [])
 
-    def look_around(self) -> None:
+    def update(self) -> None:
         """Take what the workers have; begin the next comparison where something changed."""
-        if time.monotonic() - self._looked < 0.05:
+        if time.monotonic() - self._updated < UPDATE_S:
             return
-        self._looked = time.monotonic()
-        for news in self.quick.news():
-            self._compared(news)
-        for news in self.slow.news():
-            self._answered(news)
+        self._updated = time.monotonic()
+        for message in self.quick.messages():
+            self._compared(message)
+        for message in self.slow.messages():
+            if message.kind == "failed":
+                self.notify(message.value)
+            elif message.kind == "done" and self._done is not None:
+                self._done(message.value)
         if self._stale and not self.quick.busy and self.logs and self.versions:
             self._stale = False
             self.quick.start("compare", tasks.compare, [str(p) for p in self.logs],
-                             self.vessels(), self.own)  # fmt: skip
+                             self.vessels(), self.effect_files)  # fmt: skip
 
     def cancel(self) -> None:
         """Stop what takes long."""
         if self.slow.busy:
-            self.say(f"cancelled: {self.slow.job}")
+            self.notify(f"cancelled: {self.slow.job}")
             self.slow.cancel()
-
-    def say(self, text: str, good: bool = False) -> None:
-        """A line for all pages."""
-        self.notice, self.good = text, good
-        self.revision["notice"] += 1
 
     def close(self) -> None:
         """End the workers."""
         self.quick.cancel()
         self.slow.cancel()
 
-    def _compared(self, news: News) -> None:
-        if news.kind == "part":
-            if news.value.name not in {t.name for t in self.trials}:
-                self.trials = (*self.trials, news.value)
-                self.revision["trials"] += 1
-        elif news.kind == "done":
-            self.trials = news.value
-            self.revision["trials"] += 1
-        elif news.kind == "failed":
-            self.say(news.value)
-
-    def _answered(self, news: News) -> None:
-        if news.kind == "failed":
-            self.say(news.value)
-        elif news.kind == "done":
-            self._take(news.job, news.value)
-
-    def _take(self, job: str, value: Any) -> None:
-        if job == "diagnose":
-            self.found = replace(value, before=self._before)
-            self.revision["found"] += 1
-        elif job == "report":
-            self.report = value
-            self.revision["report"] += 1
-        elif job == "look":
-            self.rows[value.path] = value
-            self.revision["rows"] += 1
+    def _compared(self, message: JobMessage) -> None:
+        if message.kind == "part":
+            if message.value.name not in {t.name for t in self.trials}:
+                self.trials = (*self.trials, message.value)
+                self._changed("trials")
+        elif message.kind == "done":
+            self.trials = message.value
+            self._changed("trials")
+        elif message.kind == "failed":
+            self.notify(message.value)
 
     def _changed(self, *kinds: str) -> None:
         """Count changes; a comparison of what was before is no longer wanted."""
@@ -224,20 +235,20 @@ class Session:
             self._stale = True
 
 
-def _told_alone(file: Path) -> tuple[str, tuple[str, ...]]:
+def _portable(file: Path) -> tuple[str, tuple[str, ...]]:
     """The text of a vessel file without paths that hold only where it lies, and those paths."""
     text = file.read_text(encoding="utf-8")
     entries = read_vessel_file(file).effects
-    more = tuple(str(file.parent / str(e["file"])) for e in entries if "file" in e)
-    if not more:
+    paths = tuple(str(file.parent / str(e["file"])) for e in entries if "file" in e)
+    if not paths:
         return text, ()
     tables = tomllib.loads(text)
     for entry in tables["effects"]:
         entry.pop("file", None)
-    return tomli_w.dumps(tables), more
+    return tomli_w.dumps(tables), paths
 
 
-def as_text(version: Version, values: dict[str, float]) -> str:
+def with_values(version: Version, values: dict[str, float]) -> str:
     """A version's file with other numbers, by key: `m11`, or `EFFECT.PARAMETER`."""
     tables = tomllib.loads(version.text)
     for key, value in values.items():

@@ -1,4 +1,4 @@
-"""What the page shows, as plain values that cross from one process into another."""
+"""What the pages show, as plain values that cross from one process into another."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,15 +8,15 @@ from gateway.figures.diagnosis import LadderBar
 from gateway.figures.figure_data import FigureData
 from sim.state import Floats
 
-Ranges = tuple[tuple[float, float], ...]
+TimeRanges = tuple[tuple[float, float], ...]  # from, to [s]
 
 
 @dataclass(frozen=True)
-class Worst:
-    """A regime in words, and the stretches of time [s] that belong to it."""
+class RegimeView:
+    """A regime in words, and the stretches of time that belong to it."""
 
-    says: str
-    spans: Ranges
+    text: str
+    times: TimeRanges
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class VesselView:
     nrmse: float
     ci95: tuple[float, float] | None
     floor: float
-    worst: tuple[Worst, ...]
-    pictures: Mapping[str, FigureData]
+    worst: tuple[RegimeView, ...]
+    figures: Mapping[str, FigureData]
 
 
 @dataclass(frozen=True)
@@ -50,63 +50,58 @@ class TrialView:
 
 @dataclass(frozen=True)
 class LadderView:
-    """One step that can be taken: the effects, the error then, and the vessel file then."""
+    """One step that can be taken: the effects, the error then, and the vessel file's text then."""
 
     effects: tuple[str, ...]
-    step: LadderBar
+    bar: LadderBar
     text: str
 
 
 @dataclass(frozen=True)
-class Other:
-    """What was ranked but not chosen: its own rung, and its evidence where that is worth a look.
+class AlternativeView:
+    """What was ranked but not chosen: its step, and its evidence where that is worth a look.
 
     rival   these data cannot tell it from what was chosen
     """
 
-    rung: LadderView
+    step: LadderView
     rival: bool
     evidence: FigureData | None = None
 
 
 @dataclass(frozen=True)
-class Found:
-    """A diagnosis: what `shadow diagnose --json` prints, its rungs, its pictures."""
+class DiagnosisView:
+    """A diagnosis: what `shadow diagnose --json` prints, its steps, its figures.
+
+    looks   effect -> what it looks like
+    before  effects that the vessel had when it was diagnosed
+    """
 
     answer: Mapping[str, Any]
     logs: tuple[str, ...]
     floor: float
-    rungs: tuple[LadderView, ...]
+    steps: tuple[LadderView, ...]
     ranking: FigureData | None
     evidence: Mapping[str, FigureData]
-    looks: Mapping[str, str] = field(default_factory=dict)  # effect -> what it looks like
-    separates: tuple[str, ...] = ()
-    before: tuple[str, ...] = ()  # effects that the vessel had when it was diagnosed
-    others: tuple[Other, ...] = ()
+    looks: Mapping[str, str] = field(default_factory=dict)
+    separations: tuple[str, ...] = ()
+    before: tuple[str, ...] = ()
+    alternatives: tuple[AlternativeView, ...] = ()
 
-    @property
-    def every(self) -> tuple[LadderView, ...]:
-        """All that can be added: what was chosen first."""
-        return (*self.rungs, *(other.rung for other in self.others))
+    def up_to(self, step: LadderView) -> tuple[LadderView, ...]:
+        """The steps on the way to one, and itself."""
+        if step in self.steps:
+            return self.steps[: self.steps.index(step) + 1]
+        n = len(step.effects)
+        below = (s for s in self.steps if s.effects == step.effects[: len(s.effects)])
+        return (*(s for s in below if len(s.effects) < n), step)
 
-    def up_to(self, rung: LadderView) -> tuple[LadderView, ...]:
-        """The rungs on the way to one, and itself."""
-        if rung in self.rungs:
-            return self.rungs[: self.rungs.index(rung) + 1]
-        n = len(rung.effects)
-        below = (r for r in self.rungs if r.effects == rung.effects[: len(r.effects)])
-        return (*(r for r in below if len(r.effects) < n), rung)
+    def added_since(self, effects: tuple[str, ...]) -> tuple[str, ...] | None:
+        """Which of a vessel's effects were added since; None where it is another vessel."""
+        n = len(self.before)
+        return effects[n:] if effects[:n] == self.before else None
 
-
-@dataclass(frozen=True)
-class Row:
-    """A recording on the page: what it is, and what it is good for."""
-
-    path: str
-    kind: str
-    megabytes: float
-    seconds: float
-    boats: tuple[str, ...]
-    good_for: tuple[str, ...]
-    notices: tuple[str, ...]
-    rates: tuple[tuple[str, float], ...]
+    def next_steps(self, effects: tuple[str, ...]) -> list[LadderView]:
+        """What can be added to these effects, what was chosen first."""
+        every = (*self.steps, *(alternative.step for alternative in self.alternatives))
+        return [step for step in every if step.effects and step.effects[:-1] == effects]

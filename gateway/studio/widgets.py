@@ -1,4 +1,4 @@
-"""The few kinds of things that pages are made of, in one dress."""
+"""The few kinds of parts that pages are made of, in one style."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -38,23 +38,34 @@ CARD = {
     "background": "var(--paper)", "border": "1px solid var(--line)", "border-radius": "10px",
     "padding": "10px 14px", "margin": "0 0 14px 0",
 }  # fmt: skip
+FIXED = {"stylesheets": [STYLE], "sizing_mode": "fixed", "margin": (5, 0)}  # widgets in a row
 
 
-def dress() -> None:
-    """Once per process."""
+def set_style() -> None:
+    """The style of all pages; once per process."""
     pn.config.raw_css.append(STYLE)
     pn.config.sizing_mode = "stretch_width"
     pn.config.notifications = False
 
 
 def html(text: str = "", **more: Any) -> Any:
-    """A piece of the page as HTML; whoever writes it escapes what others wrote."""
+    """A piece of the page as HTML; the caller escapes texts from files and from the bus."""
     return pn.pane.HTML(text, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE], **more)
+
+
+def stack(*parts: Any, **more: Any) -> Any:
+    """Parts one below the other."""
+    return pn.Column(*parts, sizing_mode="stretch_width", **more)
 
 
 def card(*parts: Any, **more: Any) -> Any:
     """Parts that belong together, on paper."""
-    return pn.Column(*parts, styles=CARD, sizing_mode="stretch_width", **more)
+    return stack(*parts, styles=CARD, **more)
+
+
+def section(heading: str, hint: str, *parts: Any) -> Any:
+    """A card under a heading with a hint, both HTML."""
+    return card(html(f"<h2>{heading}</h2><p class='faint'>{hint}</p>"), *parts)
 
 
 def beside(*parts: Any) -> Any:
@@ -66,8 +77,7 @@ def beside(*parts: Any) -> Any:
     for part in parts:
         part.styles = {**part.styles, "flex": "1 1 380px", "min-width": "min(100%, 320px)"}
     wrap = {"flex-direction": "row", "flex-wrap": "wrap", "gap": "0 14px"}
-    return pn.Column(*parts, styles=wrap, stylesheets=[NO_BUTTON], margin=0,
-                     sizing_mode="stretch_width")  # fmt: skip
+    return stack(*parts, styles=wrap, stylesheets=[NO_BUTTON], margin=0)
 
 
 def controls(*parts: Any) -> Any:
@@ -78,24 +88,19 @@ def controls(*parts: Any) -> Any:
 
 def button(text: str, pressed: Callable[[], None], kind: str = "default", **more: Any) -> Any:
     """A button that calls."""
-    made = pn.widgets.Button(
-        label=text, color=kind, stylesheets=[STYLE],
-        sizing_mode=more.pop("sizing_mode", "fixed"), margin=more.pop("margin", (5, 0)), **more,
-    )  # fmt: skip
+    made = pn.widgets.Button(label=text, color=kind, **(FIXED | more))
     made.on_click(lambda _: pressed())
     return made
 
 
 def select(label: str, options: Any, **more: Any) -> Any:
     """A choice of one."""
-    return pn.widgets.Select(label=label, options=options, stylesheets=[STYLE],
-                             sizing_mode="fixed", margin=(5, 0), **more)  # fmt: skip
+    return pn.widgets.Select(label=label, options=options, **FIXED, **more)
 
 
 def field(label: str, **more: Any) -> Any:
     """A line of text to be filled in."""
-    return pn.widgets.TextInput(label=label, stylesheets=[STYLE], sizing_mode="fixed",
-                                margin=(5, 0), **more)  # fmt: skip
+    return pn.widgets.TextInput(label=label, **FIXED, **more)
 
 
 def boxes(**more: Any) -> Any:
@@ -105,17 +110,15 @@ def boxes(**more: Any) -> Any:
 
 def download(label: str, filename: str, callback: Callable[[], Any], **more: Any) -> Any:
     """A button that hands a file to the browser."""
-    return pn.widgets.FileDownload(
-        callback=callback, filename=filename, label=label, stylesheets=[STYLE],
-        color="default", sizing_mode="fixed", margin=(5, 0), **more,
-    )  # fmt: skip
+    return pn.widgets.FileDownload(label=label, filename=filename, callback=callback,
+                                   color="default", **FIXED, **more)  # fmt: skip
 
 
 def word(term: str, shown: str = "") -> str:
     """A term of the glossary: what it means shows under the pointer and at the keyboard's focus.
 
-    The page's own script draws the tooltip, where nothing cuts it off; readers aloud are told by
-    the description.
+    The page's own script draws the tooltip, where nothing cuts it off; screen readers read the
+    description.
     """
     key = f"tip-{re.sub('[^a-z0-9]+', '-', term.lower())}"
     return (f'<span class="word" tabindex="0" data-term="{escape(term)}" aria-describedby="{key}">'
@@ -135,10 +138,10 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: Sequence[in
 
 
 def bullets(sentences: Sequence[str]) -> str:
-    """Sentences of ours or others as a list."""
-    return "<ul>" + "".join(f"<li>{escape(says)}</li>" for says in sentences) + "</ul>"
+    """Sentences as a list."""
+    return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
 
 
-def drawn(picture: Any) -> Any:
-    """A Bokeh picture as a part of the page."""
-    return pn.pane.Bokeh(picture.layout, sizing_mode="stretch_width", margin=0)
+def bokeh_part(layout: Any) -> Any:
+    """A Bokeh figure or layout as a part of the page."""
+    return pn.pane.Bokeh(layout, sizing_mode="stretch_width", margin=0)

@@ -1,4 +1,4 @@
-"""Long work in a process of its own: progress while it runs, a sentence where it fails, cancelled
+"""Long work in a process of its own: it reports progress, fails in a sentence, and is cancelled
 at any moment by ending the process. The page and a live shadow beside it keep their rate.
 """
 
@@ -17,18 +17,18 @@ from typing import Any, Literal, Self
 from gateway.errors import ShadowError
 from sim.effects.effect import LawError
 
-Happened = Literal["progress", "part", "done", "failed"]
-NICE = 5  # whoever has to keep a rate on this machine, a live shadow say, goes first
+Send = Callable[[Any], None]  # takes a line of progress, or a part of the result
+NICE = 5  # steps of lower priority: a live shadow on this machine goes first
 GONE = "the work ended without an answer (out of memory?): try again with fewer recordings"
 BUG = "the studio has a fault here; its log says more"
 
 
 @dataclass(frozen=True)
-class News:
+class JobMessage:
     """What came of a job: a line of progress, a part, the result, or why there is none."""
 
     job: str
-    kind: Happened
+    kind: Literal["progress", "part", "done", "failed"]
     value: Any
 
 
@@ -39,7 +39,7 @@ class Worker:
         self._process: Any = None
         self._connection: Connection | None = None
         self.job: str | None = None
-        self.says = ""
+        self.progress = ""
         self._since = 0.0
 
     def __enter__(self) -> Self:
@@ -61,18 +61,18 @@ class Worker:
         return time.monotonic() - self._since if self.busy else 0.0
 
     def start(self, job: str, task: Callable[..., Any], *arguments: Any) -> None:
-        """Begin a job; `task(tell, *arguments)` is a module-level function."""
+        """Begin a job; `task(send, *arguments)` is a module-level function."""
         if self.busy:
             raise RuntimeError(f"busy with {self.job}: wait for it, or press Cancel")
         if self._process is None or not self._process.is_alive():
             self._begin()
         assert self._connection is not None
-        self.job, self.says, self._since = job, "starting", time.monotonic()
+        self.job, self.progress, self._since = job, "starting", time.monotonic()
         self._connection.send((task, arguments))
 
-    def news(self) -> list[News]:
+    def messages(self) -> list[JobMessage]:
         """What has come since the last time; never waits."""
-        out: list[News] = []
+        out: list[JobMessage] = []
         while self.busy and self._connection is not None:
             try:
                 if not self._connection.poll():
@@ -81,9 +81,9 @@ class Worker:
             except (EOFError, OSError):
                 kind, value = "failed", GONE
                 self._forget()
-            out.append(News(str(self.job), kind, value))
+            out.append(JobMessage(str(self.job), kind, value))
             if kind == "progress":
-                self.says = value
+                self.progress = value
             elif kind in ("done", "failed"):
                 self.job = None
         return out
@@ -101,7 +101,7 @@ class Worker:
     def _begin(self) -> None:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
-        self._process = context.Process(target=serve, args=(theirs,), daemon=True)
+        self._process = context.Process(target=serve_jobs, args=(theirs,), daemon=True)
         self._process.start()
         theirs.close()
         self._connection = ours
@@ -112,28 +112,27 @@ class Worker:
         self._process = self._connection = None
 
 
-def serve(connection: Connection) -> None:
-    """The other process: jobs come in, news go out, until the connection ends."""
+def serve_jobs(connection: Connection) -> None:
+    """The other process: jobs come in, messages go out, until the connection ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the studio's to handle
     if hasattr(os, "nice"):
         os.nice(NICE)
+
+    def send(value: Any) -> None:
+        connection.send(("progress" if isinstance(value, str) else "part", value))
+
     while True:
         try:
             task, arguments = connection.recv()
         except (EOFError, OSError):
             return
-        connection.send(answer(task, arguments, lambda value: tell(connection, value)))
+        connection.send(outcome(task, arguments, send))
 
 
-def tell(connection: Connection, value: Any) -> None:
-    """Text is progress, anything else a part of the result."""
-    connection.send(("progress" if isinstance(value, str) else "part", value))
-
-
-def answer(task: Callable[..., Any], arguments: Any, say: Callable[[Any], None]) -> Any:
-    """The result, or one line about why there is none; a traceback goes to the log alone."""
+def outcome(task: Callable[..., Any], arguments: Any, send: Send) -> tuple[str, Any]:
+    """`done` and the result, or `failed` and one line; a traceback goes to the log alone."""
     try:
-        return "done", task(say, *arguments)
+        return "done", task(send, *arguments)
     except (ShadowError, LawError) as error:
         return "failed", " ".join(str(error).split())
     except Exception as error:  # the outermost loop of this process

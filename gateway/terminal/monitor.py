@@ -10,7 +10,13 @@ from rich.table import Table
 from rich.text import Text
 
 from gateway.figures.quantities import SURGE, SWAY, YAW_RATE
-from gateway.monitor.vessel_status import Message, VesselStatus
+from gateway.monitor.vessel_status import (
+    HIGH_LOSS,
+    HIGH_NIS,
+    LINK_SILENT_S,
+    Message,
+    VesselStatus,
+)
 from gateway.topics import HORIZONS_S, RATED
 
 KNOT_MPS = 1852.0 / 3600.0
@@ -22,7 +28,7 @@ EVENTS_SHOWN = 4
 SILENT_S = 2.0  # without a new message: this is shown
 SIGNIFICANT = 3.0  # standard deviations from which a missing force is marked
 SAME_TIME_NS = 5e8  # boat and shadow further apart are not compared
-LINK_SILENT_S, HIGH_LOSS, HIGH_NIS, LOOP_LATE_S = 1.0, 0.05, 3.0, 0.1  # marked from there on
+LOOP_LATE_S = 0.1  # marked from there on
 
 AXES = (  # field, how many of the unit shown make one of its unit, digits
     ("surge_mps", SURGE.factor, 2), ("sway_mps", SWAY.factor, 2),
@@ -96,29 +102,39 @@ def _motion(status: VesselStatus) -> Table:
     table.add_column(width=9, style=FAINT)
     table.add_row("", *(f"{name:>10}" for name in ("ahead", "starboard", "turn right")))
     boat, shadow = status.message("measured"), status.message("shadow")
-    units = "m/s, °/s"
-    table.add_row("boat", *_axes(boat, stds=True), units)
-    table.add_row("shadow", *_axes(shadow), units)
-    table.add_row("boat − shadow", *_axes(_difference(boat, shadow)), units)
     residual = status.message("residual")
-    for horizon in HORIZONS_S:
-        error = _error(residual, horizon)
-        table.add_row(f"error at {horizon} s", *_axes(error), units)
+    rows = [("boat", boat, "{}", True), ("shadow", shadow, "{}", False),
+            ("boat − shadow", _difference(boat, shadow), "{}", False)]  # fmt: skip
+    rows += [(f"error at {h} s", residual, f"error_{{}}_{h}s", False) for h in HORIZONS_S]
+    for label, message, field, stds in rows:
+        table.add_row(label, *_axes(message, field, stds), "m/s, °/s")
     table.add_row("missing force", *_forces(residual), "N, N m")
     return table
 
 
-def _axes(message: Message | None, stds: bool = False) -> list[Text]:
-    """u, v, r of a motion message, in the units people read."""
+def _axes(message: Message | None, field: str, stds: bool) -> list[Text]:
+    """u, v, r of a message in the units people read; `field` names them, `{}` being the axis."""
     if message is None:
         return [_cell("·")] * len(AXES)
     return [
         _cell(
-            _number(message[name] * scale, digits),
+            _number(message[field.format(name)] * scale, digits),
             _number(message[f"{name}_std"] * scale, digits) if stds else "",
         )
         for name, scale, digits in AXES
     ]
+
+
+def _forces(residual: Message | None) -> list[Text]:
+    """The missing force with its standard deviations, marked where it is significant."""
+    if residual is None:
+        return [_cell("·")] * len(FORCES)
+    cells = []
+    for name in FORCES:
+        value, std = residual[name], residual[f"{name}_std"]
+        style = f"bold {WARN}" if abs(value) > SIGNIFICANT * std else ""
+        cells.append(_cell(_number(value, 1), _number(std, 1), style))
+    return cells
 
 
 def _cell(value: str, std: str = "", style: str = "") -> Text:
@@ -137,31 +153,12 @@ def _difference(boat: Message | None, shadow: Message | None) -> Message | None:
     return {name: boat[name] - shadow[name] for name in names}
 
 
-def _error(residual: Message | None, horizon: int) -> Message | None:
-    if residual is None:
-        return None
-    return {name: residual[f"error_{name}_{horizon}s"] for name, _, _ in AXES}
-
-
-def _forces(residual: Message | None) -> list[Text]:
-    if residual is None:
-        return [_cell("·")] * len(FORCES)
-    return [_force(residual[name], residual[f"{name}_std"]) for name in FORCES]
-
-
-def _force(value: float, std: float) -> Text:
-    """A force with its standard deviation, marked where it is significant."""
-    style = f"bold {WARN}" if abs(value) > SIGNIFICANT * std else ""
-    return _cell(_number(value, 1), _number(std, 1), style)
-
-
 def _where(status: VesselStatus) -> list[Text]:
     """Speed, heading and place in words."""
-    boat = status.message("measured") or status.message("shadow")
+    boat = status.motion()
     if boat is None:
         return [Text("no estimate yet", style=FAINT)]
-    speed = math.hypot(boat["surge_mps"], boat["sway_mps"])
-    line = Text(f"{_number(speed / KNOT_MPS, 2)} kn, heading {_heading(boat['yaw_rad'])}°")
+    line = Text(f"{_number(_knots(boat), 2)} kn, heading {_heading(boat['yaw_rad'])}°")
     off = _difference(status.message("measured"), status.message("shadow"))
     if off is not None:
         line.append(f", shadow {_number(math.hypot(off['north_m'], off['east_m']), 2)} m away")
@@ -235,14 +232,14 @@ def _overview(statuses: Sequence[VesselStatus]) -> Group:
 
 
 def _line(status: VesselStatus) -> list[RenderableType]:
-    boat = status.message("measured") or status.message("shadow")
+    boat = status.motion()
     off = _difference(status.message("measured"), status.message("shadow"))
     residual, health = status.message("residual"), status.message("health")
     cells: list[RenderableType] = [
         Text(status.name, style="bold"),
         Text("●", style=GOOD) if status.alive else Text("○", style=BAD),
     ]
-    cells += ["·", "·"] if boat is None else _speed_and_heading(boat)
+    cells += ["·", "·"] if boat is None else [_number(_knots(boat), 2), _heading(boat["yaw_rad"])]
     cells.append("·" if off is None else _number(math.hypot(off["north_m"], off["east_m"]), 2))
     cells.append("·" if residual is None else _worst(residual))
     cells.append("·" if health is None else _number(health["link_age_s"], 1))
@@ -251,9 +248,8 @@ def _line(status: VesselStatus) -> list[RenderableType]:
     return cells
 
 
-def _speed_and_heading(boat: Message) -> list[RenderableType]:
-    knots = math.hypot(boat["surge_mps"], boat["sway_mps"]) / KNOT_MPS
-    return [_number(knots, 2), _heading(boat["yaw_rad"])]
+def _knots(boat: Message) -> float:
+    return math.hypot(boat["surge_mps"], boat["sway_mps"]) / KNOT_MPS
 
 
 def _worst(residual: Message) -> Text:

@@ -1,8 +1,5 @@
 """Runs: what a replay or a simulation did, and where a report is."""
 
-from collections.abc import Iterable
-from typing import Any
-
 from rich.markup import escape
 from rich.table import Table
 
@@ -13,26 +10,6 @@ from gateway.offline.simulate import SimulationResult
 from gateway.terminal.console import ResultConsole
 
 CHANNELS = ("x", "y", "psi", "u", "v", "r")
-
-
-def replays_dict(summaries: Iterable[ReplaySummary]) -> dict[str, Any]:
-    """What `shadow replay --json` prints, SI units and radians: one entry per log."""
-    return {"replays": [_summary_dict(summary) for summary in summaries]}
-
-
-def _summary_dict(summary: ReplaySummary) -> dict[str, Any]:
-    return {
-        "log": summary.log,
-        "boat": summary.boat,
-        "seconds": summary.seconds,
-        "rows": summary.rows,
-        "wall_seconds": summary.wall_seconds,
-        "following_rmse": dict(zip(CHANNELS, summary.rmse.tolist(), strict=True)),
-        "missing_force_rms": dict(zip("XYN", summary.missing.tolist(), strict=True)),
-        "events": summary.events,
-        "notes": summary.notes,
-        "recordings": [str(path) for path in summary.recordings],
-    }
 
 
 def show_replay(summary: ReplaySummary) -> None:

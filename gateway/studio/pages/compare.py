@@ -1,8 +1,8 @@
-"""Compare: how far the model is from the measurement, and where; what is marked in one picture is
-marked in all.
+"""Compare: how far the model is from the measurement, and where.
+
+What is marked in one figure is marked in all.
 """
 
-import math
 from collections.abc import Callable
 from html import escape
 from io import BytesIO
@@ -10,114 +10,97 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import panel as pn
 
-from gateway.config import StudioSettings
-from gateway.figures.bokeh_draw import BokehFigure
+from gateway.figures.quantities import velocity_texts
 from gateway.ingest.earth import Origin
-from gateway.studio.map_tiles import MapSwitch, Underlay
-from gateway.studio.page import Page
-from gateway.studio.session import Session
-from gateway.studio.views import Ranges, TrialView, VesselView
+from gateway.studio.map_tiles import TileMap
+from gateway.studio.page import FigurePlace, Page, StudioContext, Watches
+from gateway.studio.views import TimeRanges, TrialView, VesselView
 from gateway.studio.widgets import (
     button,
     card,
     controls,
     download,
     html,
+    section,
     select,
+    stack,
     table,
     word,
 )
 from sim.comparison.compare import ADEQUATE_FLOORS
 
-PICTURES = ("velocities", "residuals", "track", "strips", "forces")
-HEADINGS = {
-    "velocities": "Velocities",
-    "residuals": "Error over time: measured − model",
-    "track": "Track",
-    "strips": "Size of the error",
-    "forces": word("missing force", "Missing force"),
-}
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"
-HINTS = {
-    "velocities": f"{THREE}. Drag along the time axis to mark a stretch: it is marked on the track "
-    f"too. The model starts anew from the measurement at every gap: after one {word('horizon')}.",
-    "residuals": "",
-    "track": "North is up.",
-    "strips": f"Each row is a velocity, each cell a {word('regime')}; what stands out most is "
-    "worst.",
-    "forces": "What the model lacks. Within the grey band it is noise of a single estimate.",
+FIGURES = {  # name -> heading, hint
+    "velocities": (
+        "Velocities",
+        f"{THREE}. Drag along the time axis to mark a stretch: it is marked on the track too. "
+        f"The model starts anew from the measurement at every gap: after one {word('horizon')}.",
+    ),
+    "residuals": ("Error over time: measured − model", ""),
+    "track": ("Track", "North is up."),
+    "strips": (
+        "Size of the error",
+        f"Each row is a velocity, each cell a {word('regime')}; what stands out most is worst.",
+    ),
+    "forces": (
+        word("missing force", "Missing force"),
+        "What the model lacks. Within the grey band it is noise of a single estimate.",
+    ),
 }
 
 
-class Compare(Page):
+class ComparePage(Page):
     """Recordings × vessels."""
 
-    name, title = "compare", "Compare"
-
-    def __init__(self, desk: Session, settings: StudioSettings) -> None:
-        super().__init__(desk)
-        self._settings, self._map = settings, MapSwitch(settings)
-        self._mapped: BokehFigure | None = None
-        self._underlays: list[Underlay] = []
-        self.stage.on_brush = self._brushed
-        self._pictures: dict[str, BokehFigure] = {}
-        self._places = {name: pn.Column(sizing_mode="stretch_width") for name in PICTURES}
-        self._headline, self._numbers = html(), html()
-        self._worst = pn.Column(sizing_mode="stretch_width")
+    def __init__(self, context: StudioContext) -> None:
+        super().__init__(context)
+        self._map = TileMap(context.settings, self.theme)
+        self.view.on_brush = lambda start, end: self._marker(((start, end),))()
+        self._places = {name: FigurePlace(self.view) for name in FIGURES}
+        self._headline, self._numbers, self._worst = html(), html(), stack()
         self._which = select("Recording", [], width=240)
         self._vessel = select("Vessel", [], width=240)
-        self._which.param.watch(lambda _: self.safely(self._chosen)(), "value")
-        self._vessel.param.watch(lambda _: self.safely(self._chosen)(), "value")
-        self._clear = button("Clear the mark", self._unmark, width=140)
-        self._report = button("Write a report", self.safely(desk.make_report), width=140)
-        self._get = download("Download the report", "report.html", self._page, width=180,
-                             visible=False)  # fmt: skip
+        for choice in (self._which, self._vessel):
+            choice.param.watch(lambda _: self.guarded(self._show_chosen)(), "value")
+        self._clear = button("Clear the mark", lambda: self._mark(()), width=140)
+        self._report = button("Write a report", self.guarded(self.session.write_report), width=140)
+        self._get = download(
+            "Download the report", "report.html",
+            lambda: BytesIO(Path(self.session.report).read_bytes()), width=180, visible=False,
+        )  # fmt: skip
         self._window: tuple[float, float] | None = None
 
     def body(self) -> Any:
-        """Numbers above, pictures below."""
+        """Numbers above, figures below."""
         choose = controls(self._which, self._vessel, self._clear, self._report, self._get)
         more = {"track": (self._map.box, self._map.credit)}
-        parts = {
-            name: card(html(f"<h2>{HEADINGS[name]}</h2><p class='faint'>{HINTS[name]}</p>"),
-                       place, *more.get(name, ())) for name, place in self._places.items()
-        }  # fmt: skip
-        return pn.Column(
+        return stack(
             card(self._headline, self._numbers, choose),
-            card(html("<h2>Where it is worst</h2><p class='faint'>Press one: it is marked in all "
-                      "pictures.</p>"), self._worst),
-            *parts.values(), sizing_mode="stretch_width",
+            section("Where it is worst", "Press one: it is marked in all pictures.", self._worst),
+            *(section(*FIGURES[name], place.part, *more.get(name, ()))
+              for name, place in self._places.items()),
         )  # fmt: skip
 
-    def watch(self) -> dict[tuple[str, ...], Callable[[], None]]:
+    def watch(self) -> Watches:
         """Everything follows the comparison."""
-        return {("trials",): self._compared, ("report",): self._tell_report}
+        return {("trials",): self._show_trials, ("report",): self._show_report}
 
     def tick(self) -> None:
         """While the user pans and zooms, lines get as many points as the window deserves."""
-        time = self.stage.time
+        time = self.view.time
         window = None if time is None else (time.start, time.end)
         if window != self._window and window is not None:
             self._window = window
-            for picture in self._pictures.values():
-                picture.resample(*window)
-        self._lay()
+            for place in self._places.values():
+                if place.figure is not None:
+                    place.figure.resample(*window)
+        track, trial = self._places["track"].figure, self._trial()
+        origin = trial.origin_deg if trial else None
+        self._map.show(track.figures if track else [], Origin(*origin) if origin else None)
 
-    def _lay(self) -> None:
-        """The map below the tracks, once it was asked for."""
-        picture, trial = self._pictures.get("track"), self._trial()
-        place = trial.origin_deg if trial else None
-        if self._map.on and picture is not None and picture is not self._mapped:
-            self._mapped = picture
-            self._underlays = [Underlay(fig, self._settings, self.look) for fig in picture.figures]
-        for one in self._underlays:
-            one.show(Origin(*place) if self._map.on and place else None)
-        self._map.tell(place is not None)
-
-    def _compared(self) -> None:
-        trials = self.desk.trials
+    def _show_trials(self) -> None:
+        trials = self.session.trials
         self._headline.object = _headline(trials)
         self._numbers.object = _numbers(trials)
         names = [trial.name for trial in trials]
@@ -125,84 +108,71 @@ class Compare(Page):
             self._which.options = names
             if self._which.value not in names and names:
                 self._which.value = names[0]
-        self._chosen()
+        self._show_chosen()
 
     def _trial(self) -> TrialView | None:
-        return next((t for t in self.desk.trials if t.name == self._which.value), None)
+        return next((t for t in self.session.trials if t.name == self._which.value), None)
 
-    def _chosen(self) -> None:
+    def _show_chosen(self) -> None:
         trial = self._trial()
         if trial is None:
-            for name, place in self._places.items():
-                self.fill(place, None, self._pictures, name)
+            for place in self._places.values():
+                place.show(None)
             return
-        self._retime(trial)
+        self._set_time_axis(trial)
         names = [v.name for v in trial.vessels]
         if self._vessel.options != names:
             self._vessel.options = names
             self._vessel.value = names[-1] if names else None
-        view = next((v for v in trial.vessels if v.name == self._vessel.value), None)
+        vessel = next((v for v in trial.vessels if v.name == self._vessel.value), None)
+        figures = vessel.figures if vessel else {"velocities": trial.measured}
         for name, place in self._places.items():
-            data = view.pictures[name] if view else trial.measured if name == "velocities" else None
-            self.fill(place, data, self._pictures, name)
-        self._regimes(view)
+            place.show(figures.get(name))
+        self._show_regimes(vessel)
 
-    def _retime(self, trial: TrialView) -> None:
+    def _set_time_axis(self, trial: TrialView) -> None:
         """Another recording has another time axis."""
-        time, start, end = self.stage.time, float(trial.time[0]), float(trial.time[-1])
+        time, start, end = self.view.time, float(trial.time[0]), float(trial.time[-1])
         if time is not None and time.bounds != (start, end):
             time.update(bounds=(start, end), start=start, end=end)
-            self._unmark()
+            self._mark(())
 
-    def _regimes(self, view: VesselView | None) -> None:
-        if view is None:
+    def _show_regimes(self, vessel: VesselView | None) -> None:
+        if vessel is None:
             self._worst.objects = [html("<p class='faint'>comparing …</p>")]
-        elif not view.worst:
+        elif not vessel.worst:
             self._worst.objects = [html("<p class='good'>Nowhere worse than noise.</p>")]
         else:
             self._worst.objects = [
-                button(one.says, self._marker(one.spans), sizing_mode="stretch_width",
+                button(regime.text, self._marker(regime.times), sizing_mode="stretch_width",
                        margin=(3, 0))
-                for one in view.worst
+                for regime in vessel.worst
             ]  # fmt: skip
 
-    def _marker(self, spans: Ranges) -> Callable[[], None]:
-        return self.safely(lambda: self._mark(spans))
+    def _marker(self, times: TimeRanges) -> Callable[[], None]:
+        return self.guarded(lambda: self._mark(times))
 
-    def _brushed(self, start: float, end: float) -> None:
-        self.safely(lambda: self._mark(((start, end),)))()
-
-    def _unmark(self) -> None:
-        self._mark(())
-
-    def _mark(self, spans: Ranges) -> None:
+    def _mark(self, times: TimeRanges) -> None:
         """Bands over time, and the same moments on the track."""
-        starts, ends = [a for a, _ in spans], [b for _, b in spans]
-        self.stage.spans.data = {"x0": starts, "x1": ends}
+        self.view.spans.data = {"x0": [a for a, _ in times], "x1": [b for _, b in times]}
         trial = self._trial()
         if trial is None:
             return
         inside = np.zeros(len(trial.time), bool)
-        for start, end in spans:
+        for start, end in times:
             inside |= (trial.time >= start) & (trial.time <= end)
-        self.stage.points.data = {
+        self.view.points.data = {
             "x": np.where(inside, trial.east, np.nan), "y": np.where(inside, trial.north, np.nan)
         }  # fmt: skip
 
-    def _tell_report(self) -> None:
-        if self.desk.report:
+    def _show_report(self) -> None:
+        if self.session.report:
             self._get.visible = True
-            self.desk.say(f"report written: {self.desk.report}", good=True)
-
-    def _page(self) -> BytesIO:
-        return BytesIO(Path(self.desk.report).read_bytes())
+            self.session.notify(f"report written: {self.session.report}", good=True)
 
 
 def _headline(trials: tuple[TrialView, ...]) -> str:
-    """One sentence: is the model right?"""
-    views = [(t, v) for t in trials for v in t.vessels]
-    if not views:
-        return "<h1>Is the model right?</h1><p>Comparing …</p>"
+    """One sentence for each recording: is the model right?"""
     parts = []
     for trial in trials:
         if not trial.vessels:
@@ -211,10 +181,10 @@ def _headline(trials: tuple[TrialView, ...]) -> str:
         times = last.nrmse / max(last.floor, 1e-9)
         fell = f" (it was {first.nrmse:.2f} as given)" if len(trial.vessels) > 1 else ""
         good = times <= ADEQUATE_FLOORS
-        says = "no more than noise" if good else f"{times:.1f} times what noise alone would show"
+        text = "no more than noise" if good else f"{times:.1f} times what noise alone would show"
         parts.append(f"<p>{escape(trial.name)}: error <strong>{last.nrmse:.2f}</strong>{fell}, "
-                     f"<span class='{'good' if good else 'warn'}'>{says}</span>.</p>")  # fmt: skip
-    return "<h1>Is the model right?</h1>" + "".join(parts)
+                     f"<span class='{'good' if good else 'warn'}'>{text}</span>.</p>")  # fmt: skip
+    return "<h1>Is the model right?</h1>" + ("".join(parts) or "<p>Comparing …</p>")
 
 
 def _numbers(trials: tuple[TrialView, ...]) -> str:
@@ -224,7 +194,7 @@ def _numbers(trials: tuple[TrialView, ...]) -> str:
     rows = [
         [f"{escape(t.name)}, {t.seconds:.0f} s", escape(v.name), f"{v.nrmse:.3f}",
          f"{v.ci95[0]:.2f}–{v.ci95[1]:.2f}" if v.ci95 else "", f"{v.floor:.3f}",
-         f"{v.rmse['u']:.3f}", f"{v.rmse['v']:.3f}", f"{math.degrees(v.rmse['r']):.2f}"]
+         *velocity_texts(v.rmse)]
         for t in trials for v in t.vessels
     ]  # fmt: skip
     notes = dict.fromkeys(n for t in trials for n in t.notices)

@@ -1,90 +1,89 @@
 """Recordings: what there is in the folders that were given, what is in them, what to work on."""
 
-from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
 
-import panel as pn
-
 from gateway.errors import BadInput
-from gateway.studio.page import Page
-from gateway.studio.session import Session
-from gateway.studio.views import Row
-from gateway.studio.widgets import boxes, bullets, button, card, html, select
+from gateway.ingest.survey import Survey
+from gateway.studio.page import Page, StudioContext, Watches
+from gateway.studio.widgets import boxes, bullets, button, card, html, select, stack
+
+MOST_RATES = 8  # messages whose rates are shown
 
 
-class Recordings(Page):
+class RecordingsPage(Page):
     """Choose recordings and a vessel."""
 
-    name, title = "recordings", "Recordings"
-
-    def __init__(self, desk: Session) -> None:
-        super().__init__(desk)
+    def __init__(self, context: StudioContext) -> None:
+        super().__init__(context)
         self._logs = boxes(options={})
         self._vessel = select("Vessel file", {}, width=320)
-        self._take = button("Work on these", self.safely(self._taken), "primary", width=150)
-        self._rows = pn.Column(sizing_mode="stretch_width")
+        self._take = button("Work on these", self.guarded(self._chosen), "primary", width=150)
+        self._rows = stack()
         self._details: dict[str, Any] = {}
 
     def body(self) -> Any:
         """A choice, then the details."""
-        folders = ", ".join(escape(str(folder)) for folder in self.desk.folders.read)
-        return pn.Column(
+        folders = ", ".join(escape(str(folder)) for folder in self.session.folders.read)
+        return stack(
             card(html(f"<h1>What to work on</h1><p class='faint'>From {folders}; results go to "
-                      f"{escape(str(self.desk.folders.write))}.</p>"),
+                      f"{escape(str(self.session.folders.write))}.</p>"),
                  self._logs, self._vessel, self._take),
             card(html("<h2>What is in them</h2>"), self._rows),
-            sizing_mode="stretch_width",
         )  # fmt: skip
 
-    def watch(self) -> dict[tuple[str, ...], Callable[[], None]]:
-        """Files, what is chosen, what was looked at."""
-        return {("files", "logs", "vessel"): self._listed, ("rows",): self._told}
+    def watch(self) -> Watches:
+        """Files, what is chosen, what was found in them."""
+        return {("files", "logs", "vessel"): self._list, ("surveys",): self._show_surveys}
 
-    def _listed(self) -> None:
-        files = self.desk.folders.recordings()
+    def _list(self) -> None:
+        session = self.session
+        files = session.folders.recordings()
         self._logs.options = {file.name: str(file) for file in files}
-        chosen = {path.resolve() for path in self.desk.logs}
+        chosen = {path.resolve() for path in session.logs}
         self._logs.value = [str(file) for file in files if file.resolve() in chosen]
-        vessels = {file.name: str(file) for file in self.desk.folders.vessels()}
+        vessels = {file.name: str(file) for file in session.folders.vessels()}
         if self._vessel.options != vessels:
-            now = str(self.desk.vessel_file) if self.desk.vessel_file else None
+            now = str(session.vessel_file) if session.vessel_file else None
             self._vessel.options = vessels
             if now in vessels.values():
                 self._vessel.value = now
         if set(self._details) != {str(file) for file in files}:
             self._details = {str(file): html() for file in files}
             self._rows.objects = [self._row(file) for file in files]
-            self._told()
+            self._show_surveys()
 
     def _row(self, file: Path) -> Any:
-        look = button(f"Look into {file.name}", self.safely(partial(self.desk.look, file)),
-                      width=260)  # fmt: skip
-        return pn.Column(look, self._details[str(file)], sizing_mode="stretch_width")
+        look = self.guarded(partial(self.session.survey, file))
+        return stack(button(f"Look into {file.name}", look, width=260), self._details[str(file)])
 
-    def _told(self) -> None:
-        for path, row in self.desk.rows.items():
+    def _show_surveys(self) -> None:
+        for path, found in self.session.surveys.items():
             if path in self._details:
-                self._details[path].object = _says(row)
+                self._details[path].object = _description(found)
 
-    def _taken(self) -> None:
+    def _chosen(self) -> None:
         if not self._logs.value:
             raise BadInput("choose at least one recording")
-        self.desk.notice = ""
-        self.desk.take_logs([Path(path) for path in self._logs.value])
+        session = self.session
+        session.notice = ""
+        session.set_logs([Path(path) for path in self._logs.value])
         if self._vessel.value:
-            self.desk.take_vessel(Path(self._vessel.value))
-        self.desk.say(f"working on {', '.join(path.name for path in self.desk.logs)}: see Compare",
-                      good=True)  # fmt: skip
+            session.set_vessel(Path(self._vessel.value))
+        names = ", ".join(path.name for path in session.logs)
+        session.notify(f"working on {names}: see Compare", good=True)
 
 
-def _says(row: Row) -> str:
-    boats = "; ".join(map(escape, row.boats)) or "no boat"
-    rates = ", ".join(f"{escape(name)} {rate:.1f} Hz" for name, rate in row.rates)
-    notes = "".join(f"<p class='warn'>{escape(note)}</p>" for note in row.notices)
+def _description(found: Survey) -> str:
+    megabytes = found.statistics.size_bytes / 1e6
+    boats = "; ".join(escape(f"{b.boat} {b.firmware}".strip()) for b in found.boats) or "no boat"
+    fastest = sorted(found.messages.items(), key=lambda item: -item[1].rate_hz)[:MOST_RATES]
+    rates = ", ".join(f"{escape(name)} {message.rate_hz:.1f} Hz" for name, message in fastest)
+    good_for = [text for boat in found.boats for text in boat.good_for]
+    notes = (f"<p class='warn'>{escape(note)}</p>" for boat in found.boats for note in boat.notices)
     return (
-        f"<p>{escape(row.kind)}, {row.megabytes:.1f} MB, {row.seconds:.0f} s: {boats}</p>"
-        f"<p class='faint'>{rates}</p>{bullets(row.good_for)}{notes}"
+        f"<p>{escape(found.kind)}, {megabytes:.1f} MB, {found.seconds:.0f} s: {boats}</p>"
+        f"<p class='faint'>{rates}</p>{bullets(good_for)}{''.join(notes)}"
     )

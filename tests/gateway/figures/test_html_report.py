@@ -62,7 +62,7 @@ def test_numbers_words_and_vessel_file_are_in_it(page):
     one = found.comparisons[0]
     assert f"{one.nrmse:.3f}" in text
     assert f"{one.noise_floor_nrmse:.3f}" in text
-    assert one.worst(1)[0].says.split(";")[0] in text
+    assert one.worst(1)[0].sentence.split(";")[0] in text
     assert "X_uu" in text
     assert "shadow-gateway 0." in text
     assert "Something is wrong" in report.headline

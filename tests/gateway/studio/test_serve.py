@@ -2,7 +2,10 @@
 
 import logging
 import socket
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
@@ -12,9 +15,20 @@ from tornado.websocket import WebSocketClosedError, websocket_connect
 from gateway.errors import BadInput
 from gateway.monitor.watcher import MonitorOptions
 from gateway.studio.live_history import LiveHistory
-from gateway.studio.serve import DEMO_VESSEL, StudioOptions, desk_of, is_news, origins_of, server_of
+from gateway.studio.page import PageEntry, StudioContext
+from gateway.studio.pages import catalogue
+from gateway.studio.pages.catalogue import PAGES, known_pages
+from gateway.studio.serve import (
+    DEMO_VESSEL,
+    StudioOptions,
+    is_fault,
+    origins_of,
+    server_of,
+    session_of,
+)
+from tests.conftest import ROOT
 
-PAGES = ("compare", "diagnose", "vessel", "live", "recordings")
+GROUP = "shadow.studio_pages"
 
 
 def free_port() -> int:
@@ -28,9 +42,10 @@ class Served:
 
     def __init__(self, folder: Path, token: str | None) -> None:
         self.options = StudioOptions(folders=(folder,), port=free_port(), out=folder)
-        self.desk = desk_of(self.options)
-        self.book = LiveHistory(MonitorOptions("tcp/127.0.0.1:1"))  # not watching
-        self.server = server_of(self.desk, self.book, self.options, token)
+        self.session = session_of(self.options)
+        live = LiveHistory(MonitorOptions("tcp/127.0.0.1:1"))  # not watching
+        self.context = StudioContext(self.session, live, self.options.settings, known_pages())
+        self.server = server_of(self.context, self.options, token)
         self.at = f"127.0.0.1:{self.options.port}"
 
     def get(self, path: str, **more):
@@ -46,7 +61,7 @@ class Served:
 
     def close(self) -> None:
         self.server.stop()
-        self.desk.close()
+        self.session.close()
 
 
 @pytest.fixture
@@ -65,9 +80,11 @@ def open_server(tmp_path):
 def test_every_page_answers_and_listens_here_alone(open_server):
     served = open_server()
     for page in PAGES:
-        answer = served.get(page)
+        answer = served.get(page.path)
         assert answer.code == 200, page
-        assert b"Shadow studio" in answer.body
+        assert f"{page.title} – Shadow studio".encode() in answer.body
+        for other in PAGES:
+            assert f'<a href="{other.path}"'.encode() in answer.body
         assert b"https://" not in answer.body.replace(b"https://github.com", b"")
         assert b"Traceback" not in answer.body
     address = served.server._http._sockets
@@ -107,23 +124,54 @@ def test_origins_are_our_own_names_and_those_that_were_given():
 def test_a_port_that_is_taken_is_one_line(open_server):
     served = open_server()
     with pytest.raises(BadInput, match="another studio"):
-        server_of(served.desk, served.book, served.options)
+        server_of(served.context, served.options)
 
 
 def test_files_that_are_not_there_are_bad_input(tmp_path):
     with pytest.raises(BadInput, match="no such file"):
-        desk_of(StudioOptions(logs=(tmp_path / "no.tlog",)))
+        session_of(StudioOptions(logs=(tmp_path / "no.tlog",)))
 
 
 def test_without_arguments_it_opens_on_the_demo():
-    desk = desk_of(StudioOptions())
-    desk.close()
-    assert [log.name for log in desk.logs] == ["voyage_1.tlog", "voyage_2.tlog"]
-    assert desk.vessel_file == DEMO_VESSEL
+    session = session_of(StudioOptions())
+    session.close()
+    assert [log.name for log in session.logs] == ["voyage_1.tlog", "voyage_2.tlog"]
+    assert session.vessel_file == DEMO_VESSEL
 
 
 def test_a_page_closed_while_something_went_to_it_is_no_fault_and_anything_else_is():
-    for error, told in ((WebSocketClosedError(), False), (KeyError("x"), True)):
+    for error, fault in ((WebSocketClosedError(), False), (KeyError("x"), True)):
         record = logging.LogRecord("asyncio", logging.ERROR, "", 0, "never retrieved", (),
                                    (type(error), error, None))  # fmt: skip
-        assert is_news(record) is told
+        assert is_fault(record) is fault
+
+
+def plug_in(monkeypatch, entry: PageEntry) -> None:
+    """An installed package that registers a page."""
+    point = SimpleNamespace(load=lambda: entry)
+    monkeypatch.setattr(catalogue, "entry_points", lambda group: [point] * (group == GROUP))
+
+
+def test_the_page_of_a_plug_in_as_the_docs_show_it_is_served_in_its_order(
+    open_server, monkeypatch, capsys
+):
+    text = (ROOT / "docs/studio.md").read_text("utf-8")
+    example: dict[str, Any] = {}
+    exec(text.partition("```python\n")[2].partition("```")[0], example)
+    entry = example["PAGE"]
+    plug_in(monkeypatch, replace(entry, order=15))
+    served = open_server()
+    assert [page.path for page in served.context.pages][:3] == ["compare", "notes", "diagnose"]
+    answer = served.get("notes")
+    assert answer.code == 200
+    assert f'content="{entry.description}"'.encode() in answer.body
+    assert b'<a href="notes"' in served.get("compare").body
+    assert "Traceback" not in capsys.readouterr().err
+    body = example["NotesPage"](served.context).body()
+    assert body.objects
+
+
+def test_two_pages_of_one_address_are_refused(monkeypatch):
+    plug_in(monkeypatch, replace(PAGES[0], title="Mine"))
+    with pytest.raises(BadInput, match="studio page compare"):
+        known_pages()

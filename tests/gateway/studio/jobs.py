@@ -6,32 +6,32 @@ import time
 from gateway.errors import BadInput
 
 
-def double(tell, value):
-    tell("doubling")
-    tell(("half done", value))
+def double(send, value):
+    send("doubling")
+    send(("half done", value))
     return 2 * value
 
 
-def refuse(tell):
+def refuse(send):
     raise BadInput("no such\nboat")
 
 
-def stumble(tell):
+def stumble(send):
     raise KeyError("inside")
 
 
-def die(tell):
+def die(send):
     os._exit(3)
 
 
-def sleep(tell):
-    tell("asleep")
+def sleep(send):
+    send("asleep")
     time.sleep(60.0)
 
 
-def process(tell):
+def process(send):
     return os.getpid()
 
 
-def niceness(tell):
+def niceness(send):
     return os.nice(0)

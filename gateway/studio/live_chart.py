@@ -1,0 +1,167 @@
+"""Bokeh figures of live boats: a chart from above, and strips of their velocities."""
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from bokeh.models import Arrow, ColumnDataSource, OpenHead, ScaleBar
+from bokeh.plotting import figure as new_figure
+
+from gateway.figures.bokeh_draw import style_figure
+from gateway.figures.figure_data import SeriesRole
+from gateway.figures.quantities import EAST, NORTH, VELOCITIES
+from gateway.figures.style import Theme
+from gateway.monitor.vessel_status import Message
+from gateway.studio.live_history import WINDOW_S, LiveBoat
+
+SERIES = (("measured", SeriesRole.MEASURED, "solid"), ("shadow", SeriesRole.SHADOW, "solid"),
+          ("reference", SeriesRole.CONTEXT, "dotted"))  # fmt: skip
+HULLS = SERIES[:2]
+HULL = np.array(  # outline of a boat of 2 m: ahead, to starboard [m]
+    [[1.0, 0.0], [0.3, 0.45], [-1.0, 0.4], [-1.0, -0.4], [0.3, -0.45]]
+)
+AGES = 5  # shades of a track
+SIGNIFICANT = 2.0  # standard deviations: a missing force below that is not drawn
+MOST_ROWS = int(WINDOW_S * 12)  # of a strip: some more than the history has
+
+
+class Chart:
+    """Tracks, hulls and missing forces from above."""
+
+    def __init__(self, theme: Theme) -> None:
+        self.figure = new_figure(
+            height=430, sizing_mode="stretch_width", match_aspect=True, x_axis_label=EAST.text,
+            y_axis_label=NORTH.text, tools="pan,wheel_zoom,reset", toolbar_location="right",
+        )  # fmt: skip
+        style_figure(self.figure, theme)
+        self._tracks = {topic: _source("xs", "ys", "alpha") for topic, _, _ in HULLS}
+        self._hulls = {topic: _source("xs", "ys") for topic, _, _ in HULLS}
+        for topic, role, _ in HULLS:
+            colour = theme.colour(role)
+            self.figure.multi_line("xs", "ys", source=self._tracks[topic], line_color=colour,
+                                   line_width=2, line_alpha="alpha")  # fmt: skip
+            self.figure.patches("xs", "ys", source=self._hulls[topic], fill_color=colour,
+                                fill_alpha=0.35, line_color=colour, line_width=2,
+                                legend_label=topic)  # fmt: skip
+        self._forces = _source("x0", "y0", "x1", "y1")
+        colour = theme.colour(SeriesRole.ERROR)
+        self.figure.add_layout(Arrow(
+            source=self._forces, x_start="x0", y_start="y0", x_end="x1", y_end="y1",
+            line_color=colour, line_width=3, end=OpenHead(size=12, line_color=colour),
+        ))  # fmt: skip
+        self._names = _source("x", "y", "name")
+        self.figure.text("x", "y", "name", source=self._names, text_color=theme.ink, x_offset=10,
+                         text_font_size="12px")  # fmt: skip
+        _legend_above(self.figure, theme)
+        self.figure.add_layout(ScaleBar(
+            range=self.figure.x_range, unit="m", location="bottom_right", border_line_color=None,
+            background_fill_alpha=0.0, bar_line_color=theme.ink, bar_line_width=2,
+            label_text_color=theme.ink, title="",
+        ))  # fmt: skip
+
+    def show(self, boats: tuple[LiveBoat, ...]) -> None:
+        """All boats as they are now."""
+        for topic, _, _ in HULLS:
+            tracks = (boat.tracks.get(topic, ([], [])) for boat in boats)
+            _fill(self._tracks[topic], (piece for track in tracks for piece in _shaded(*track)))
+            hulls = (boat.status.message(topic) for boat in boats)
+            _fill(self._hulls[topic], (_hull(m) for m in hulls if m))
+        _fill(self._forces, (arrow for boat in boats if (arrow := _arrow(boat))))
+        motions = ((boat.status.name, boat.status.motion()) for boat in boats)
+        _fill(self._names, ((m["east_m"], m["north_m"], name) for name, m in motions if m))
+
+
+class VelocityStrips:
+    """u, v, r over the last minute, streamed."""
+
+    def __init__(self, theme: Theme) -> None:
+        self.figures: list[Any] = []
+        self._sources = {topic: _source("t", "u", "v", "r") for topic, _, _ in SERIES}
+        self._latest: dict[str, float] = {}  # topic -> time of the last row
+        for name, axis in zip("uvr", VELOCITIES, strict=True):
+            fig = new_figure(
+                height=150, sizing_mode="stretch_width", y_axis_label=axis.text,
+                x_axis_type="datetime", tools="pan,wheel_zoom,reset", toolbar_location=None,
+            )  # fmt: skip
+            style_figure(fig, theme)
+            fig.x_range.follow, fig.x_range.follow_interval = "end", WINDOW_S * 1000.0
+            fig.x_range.range_padding = 0.0
+            for topic, role, dash in SERIES:
+                fig.line("t", name, source=self._sources[topic], line_color=theme.colour(role),
+                         line_width=1.8, line_dash=dash,
+                         **({"legend_label": topic} if name == "u" else {}))  # fmt: skip
+            self.figures.append(fig)
+        _legend_above(self.figures[0], theme)
+
+    def clear(self) -> None:
+        """Another boat is shown from now on."""
+        self._latest.clear()
+        for source in self._sources.values():
+            source.data = {"t": [], "u": [], "v": [], "r": []}
+
+    def show(self, boat: LiveBoat) -> None:
+        """What came since the last time."""
+        for topic, source in self._sources.items():
+            rows = boat.velocities_since(topic, self._latest.get(topic, 0.0))
+            if len(rows):
+                self._latest[topic] = float(rows[-1, 0])
+                columns = dict(zip("tuvr", (1000.0 * rows[:, 0], *rows[:, 1:].T), strict=True))
+                source.stream(columns, rollover=MOST_ROWS)
+
+
+def _source(*columns: str) -> Any:
+    return ColumnDataSource({name: [] for name in columns})
+
+
+def _fill(source: Any, rows: Iterable[tuple[Any, ...]]) -> None:
+    """Rows into a source; the same data are not sent again: tracks grow twice a second alone."""
+    every = list(rows)
+    data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
+    if source.data != data:
+        source.data = data
+
+
+def _legend_above(fig: Any, theme: Theme) -> None:
+    """The legend where it covers no line."""
+    fig.add_layout(fig.legend[0], "above")
+    legend = fig.legend
+    legend.orientation, legend.location = "horizontal", "left"
+    legend.background_fill_alpha, legend.label_text_color = 0.0, theme.ink
+    legend.border_line_color, legend.margin, legend.padding = None, 2, 0
+
+
+def _shaded(east: list[float], north: list[float]) -> list[tuple[list[float], list[float], float]]:
+    """A track in pieces with their opacity, the older the fainter."""
+    ends = [len(east) * k // AGES for k in range(AGES + 1)]
+    return [
+        (east[max(a - 1, 0) : b], north[max(a - 1, 0) : b], (k + 1) / AGES)
+        for k, (a, b) in enumerate(pairwise(ends)) if b > a
+    ]  # fmt: skip
+
+
+def _hull(m: Message) -> tuple[list[float], list[float]]:
+    """The outline of a boat where it is and as it points: east, north [m]."""
+    c, s = math.cos(m["yaw_rad"]), math.sin(m["yaw_rad"])
+    north = m["north_m"] + HULL[:, 0] * c - HULL[:, 1] * s
+    east = m["east_m"] + HULL[:, 0] * s + HULL[:, 1] * c
+    return east.tolist(), north.tolist()
+
+
+def _arrow(boat: LiveBoat) -> tuple[float, float, float, float] | None:
+    """The missing force from the boat on, its length logarithmic; None where it is not significant.
+
+    East and north of both ends [m].
+    """
+    m, f = boat.status.motion(), boat.status.message("residual")
+    if m is None or f is None:
+        return None
+    X, Y = f["missing_surge_n"], f["missing_sway_n"]
+    size = math.hypot(X, Y)
+    if size <= SIGNIFICANT * math.hypot(f["missing_surge_n_std"], f["missing_sway_n_std"]):
+        return None
+    length = 4.0 * math.log1p(size / 5.0) / size
+    c, s = math.cos(m["yaw_rad"]), math.sin(m["yaw_rad"])
+    return (m["east_m"], m["north_m"], m["east_m"] + length * (X * s + Y * c),
+            m["north_m"] + length * (X * c - Y * s))  # fmt: skip

@@ -1,0 +1,168 @@
+"""The session: what pages change and share, without any page."""
+
+import shutil
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput
+from gateway.figures.diagnosis import LadderBar
+from gateway.studio.access import Folders
+from gateway.studio.session import Session, with_values
+from gateway.studio.tasks import compare, report
+from gateway.studio.views import AlternativeView, DiagnosisView, LadderView, TrialView
+from gateway.vessel_file import load_vessel
+
+ROOT = Path(__file__).resolve().parents[3]
+LOG, BOAT = ROOT / "recordings/voyage_1.tlog", ROOT / "configs/vessels/demo_boat.toml"
+
+
+@pytest.fixture
+def session(tmp_path):
+    shutil.copy(BOAT, tmp_path)
+    return Session(Folders.of([], [tmp_path], tmp_path / "out"), (), tmp_path / BOAT.name)
+
+
+def diagnosis_on(session: Session) -> DiagnosisView:
+    """A made-up answer with two effects, one after the other."""
+    text = session.versions[-1].text
+    bars = [LadderBar(name, error, None) for name, error in
+             (("as given", 0.6), ("base re-fitted", 0.5), ("+ a", 0.3), ("+ b", 0.1))]  # fmt: skip
+    effects: list[tuple[str, ...]] = [(), (), ("a",), ("a", "b")]
+    steps = tuple(
+        LadderView(e, bar, f"{text}\n# {k}")
+        for k, (e, bar) in enumerate(zip(effects, bars, strict=True))
+    )
+    return DiagnosisView({"ranking": []}, ("one.tlog",), 0.1, steps, None, {})
+
+
+def test_sliding_is_one_step_however_long_and_undo_takes_it_back(session):
+    first = session.version
+    for value in (41.0, 42.0, 43.0):
+        session.slide(with_values(session.version, {"m11": value}), "m11 moved by hand")
+    assert len(session.versions) == 2
+    assert tomllib.loads(session.version.text)["dynamics"]["m11"] == 43.0
+    assert [name for name, _ in session.vessels()] == ["as given", "now"]
+    session.undo()
+    assert session.version == first
+    session.undo()
+    assert session.version == first
+
+
+def test_the_ladder_is_climbed_step_by_step_and_down_again(session):
+    session.diagnosis = diagnosis_on(session)
+    _, _, a, b = session.diagnosis.steps
+    session.climb(a)
+    assert [s.error for s in session.version.ladder] == [0.6, 0.5, 0.3]
+    session.climb(b)
+    assert session.version.effects == ("a", "b")
+    assert [s.error for s in session.version.ladder] == [0.6, 0.5, 0.3, 0.1]
+    session.undo()
+    assert session.version.effects == ("a",)
+
+
+def test_a_rival_takes_the_place_of_the_chosen_one_with_its_own_error_and_undo(session):
+    found = diagnosis_on(session)
+    rival = LadderView(("a", "c"), LadderBar("+ c", 0.12, None), "c beside a")
+    alone = LadderView(("c",), LadderBar("+ c", 0.4, None), "c alone")
+    session.diagnosis = replace(
+        found, alternatives=(AlternativeView(alone, False), AlternativeView(rival, True))
+    )
+    for step in found.steps[2:]:
+        session.climb(step)
+    chosen = session.version
+    session.climb(rival)
+    assert (session.version.text, session.version.effects) == ("c beside a", ("a", "c"))
+    assert [s.error for s in session.version.ladder] == [0.6, 0.5, 0.3, 0.12]
+    session.undo()
+    assert session.version == chosen
+    session.climb(alone)
+    assert [s.error for s in session.version.ladder] == [0.6, 0.5, 0.4]
+
+
+def test_a_second_diagnosis_goes_on_from_the_first(session):
+    session.diagnosis = diagnosis_on(session)
+    session.climb(session.diagnosis.steps[2])
+    again = diagnosis_on(session)
+    session.diagnosis = replace(again, before=("a",), steps=(
+        *(replace(r, bar=LadderBar(r.bar.name, 0.3, None)) for r in again.steps[:2]),
+        LadderView(("d",), LadderBar("+ d", 0.2, None), "text"),
+    ))  # fmt: skip
+    session.climb(session.diagnosis.steps[2])
+    assert session.version.effects == ("a", "d")
+    assert [s.error for s in session.version.ladder] == [0.6, 0.5, 0.3, 0.3, 0.2]
+
+
+def test_what_cannot_begin_yet_loses_no_answer(session):
+    session.logs, session.diagnosis = (session.folders.read[0] / "a.tlog",), diagnosis_on(session)
+    session.report, session.slow.job = "report.html", "look"
+    for work in (session.diagnose, session.write_report):
+        with pytest.raises(RuntimeError, match="busy with look"):
+            work()
+    assert session.diagnosis == diagnosis_on(session)
+    assert session.report == "report.html"
+
+
+def test_what_is_saved_loads_again_and_nothing_is_written_over(session):
+    session.slide(with_values(session.version, {"X_u": -7.5}), "X_u moved by hand")
+    file = session.save("mine.toml")
+    assert load_vessel(file).dynamics.X_u == -7.5
+    with pytest.raises(BadInput, match="there already"):
+        session.save("mine.toml")
+
+
+def test_a_number_moved_by_hand_loses_its_origin(session):
+    text = session.version.text + '\n[provenance."dynamics.m11"]\nrecording = "one"\n'
+    session.slide(text, "fitted")
+    tables = tomllib.loads(with_values(session.version, {"m11": 40.0}))
+    assert "dynamics.m11" not in tables["provenance"]
+
+
+def test_files_elsewhere_are_not_taken(session):
+    with pytest.raises(BadInput, match="not in a folder"):
+        session.set_logs([LOG])
+    with pytest.raises(BadInput, match="not in a folder"):
+        session.set_vessel(BOAT)
+
+
+def test_a_vessel_file_with_a_mistake_changes_nothing(session):
+    bad = session.folders.read[0] / "bad.toml"
+    bad.write_text(BOAT.read_text().replace("m11 = 42.0", 'm11 = "heavy"'))
+    before = session.version
+    with pytest.raises(BadInput, match="m11"):
+        session.set_vessel(bad)
+    assert session.version == before
+
+
+def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_their_times():
+    sent: list[object] = []
+    (view,) = compare(sent.append, [str(LOG)], [("as given", BOAT.read_text())], ())
+    parts = [one for one in sent if isinstance(one, TrialView)]
+    assert [one.vessels for one in parts] == [()]
+    (vessel,) = view.vessels
+    assert vessel.nrmse > 2.0 * vessel.floor
+    assert set(vessel.figures) == {"velocities", "residuals", "track", "strips", "forces"}
+    speed = next(w for w in vessel.worst if w.text.startswith("speed"))
+    inside = np.zeros(len(view.time), bool)
+    for start, end in speed.times:
+        inside |= (view.time >= start) & (view.time < end)
+    east, north = np.gradient(view.east, view.time), np.gradient(view.north, view.time)
+    median = np.median(np.hypot(east, north)[inside])
+    low, high = (float(word) for word in speed.text.split(":")[0].split()[1:4:2])
+    assert low <= median <= high
+
+
+def test_the_error_over_time_is_what_the_scores_are_made_of():
+    (view,) = compare(lambda _: None, [str(LOG)], [("as given", BOAT.read_text())], ())
+    line = view.vessels[0].figures["residuals"].panels[1].marks[1]
+    rms = float(np.sqrt(np.nanmean(line.y**2)))
+    assert rms == pytest.approx(view.vessels[0].rmse["v"], rel=0.15)
+
+
+def test_a_report_without_the_answer_that_the_page_shows_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="diagnose again"):  # a cancelled job took it along
+        report(lambda _: None, [], [], [], str(tmp_path / "report.html"), diagnosed=True)
+    assert not list(tmp_path.iterdir())
