@@ -228,8 +228,8 @@ class Effect:
     search        (vessel, residual) -> where a search begins, if its parameters' own starts do not
                   serve; `residual()` is what the model leaves of the longest recording
     example       values that show it, if no number can be made stronger step by step
-    pattern_for   what an error may depend on (`sim.diagnosis.force_terms`): this file is then
-                  proposed as the pattern for an effect of one's own
+    pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
+                  then proposed as the pattern for an effect of one's own
     """
 
     name: str

@@ -90,16 +90,16 @@ def test_whatever_is_searched_a_curve_never_falls(seed):
     unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(("curve",), offsets=False))
     lower, upper = unknowns.bounds
     z = np.random.default_rng(seed).uniform(lower, upper)
-    values = dict(zip((u.name for u in unknowns.each), unknowns.named(z), strict=True))
+    values = dict(zip((u.name for u in unknowns.each), unknowns.to_named(z), strict=True))
     curve = updated_vessel(vessel, values).thrusters[0].curve
     assert curve_problem(curve) is None
-    np.testing.assert_allclose(unknowns.solved(unknowns.named(z)), z, atol=1e-12)
+    np.testing.assert_allclose(unknowns.from_named(unknowns.to_named(z)), z, atol=1e-12)
 
 
 def test_a_knot_beside_one_that_is_fixed_stays_below_it():
     vessel = with_curves(TABLE, "left")
     unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(("left.curve_10",), offsets=False))
-    np.testing.assert_allclose(unknowns.named(np.array([1.0])), [0.6])
+    np.testing.assert_allclose(unknowns.to_named(np.array([1.0])), [0.6])
     assert next_knot("curve_10", knot_shares(TABLE)) == "curve_50"
     assert next_knot("curve_-40", knot_shares(TABLE)) is None
 

@@ -1,8 +1,9 @@
 """Laws over every effect of the catalogue, alone and all together."""
 
+import ast
 import inspect
 from collections import namedtuple
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numba
 import numpy as np
@@ -11,12 +12,20 @@ import pytest
 from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
 from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
-from sim.effects.effect import LAWS, Effect, Need, Parameter, Scope
+from sim.effects.effect import LAWS, Effect, Parameter, Scope
 from sim.following.reference import Reference, ReferenceMode
-from sim.kernel.cache import plain_kernel_for
-from sim.model import InputTable, Model, Runs
-from sim.state import Inertia, Pose, Water, Wrench
-from sim.vessel import AddedEffect, Vessel
+from sim.model import Model
+from sim.state import Inertia, Pose, Water
+from sim.vessel import AddedEffect
+from tests.sim.simulated import (
+    DT,
+    delayed,
+    home,
+    missing_along,
+    reports_without_past,
+    simulated,
+    surroundings,
+)
 from tests.sim.vessels import (
     ANTENNA,
     IACQUABOT,
@@ -29,52 +38,12 @@ from tests.sim.vessels import (
     excitation,
 )
 
-DT = 0.02
-SECONDS = 12.0
+ORDER = (  # of what a file declares
+    "name", "scope", *LAWS, "start", "needs", "parameters", "looks_like", "mistaken_for",
+    "shown_by", "general_of", "partial", "evidence", "separated", "explains", "search", "example",
+    "pattern_for",
+)  # fmt: skip
 every = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
-
-
-def home(effect: Effect) -> Vessel:
-    """A vessel on which the effect can be seen: one that steers, for effects of steering."""
-    return RUDDER_BOAT if Need.STEERING in effect.needs else WAMV
-
-
-def surroundings(count):
-    """Voltage (T,) of a battery half empty, and a steady measured wind (T, 2)."""
-    return {"voltage": np.full(count, 14.0), "wind": np.tile([2.0, -3.0], (count, 1))}
-
-
-def voyage(vessel):
-    """Model, commands (T, na), states (T, nx), reports (T, 9) of a free run with all inputs."""
-    model, commands = Model.of(vessel), excitation(vessel, SECONDS, DT)
-    states, reports = model.simulate(commands, DT, **surroundings(len(commands)))
-    return model, commands, states[0, :-1], reports[0, :-1]
-
-
-def at_once(model, commands, states):
-    """Reports (T, 9) as each moment alone tells them: without a past, late sensors extrapolate."""
-    count = len(states)
-    nothing = np.zeros(count, np.int64)
-    inputs = InputTable.of(commands[None], DT, **surroundings(count))
-    runs = Runs(nothing, np.arange(count), nothing, np.zeros(count))
-    return model.run(states, runs, inputs)[1][:, 0]
-
-
-def acting(commands, delay):
-    """Commands (T, na), `delay` [s] late, as means over the steps."""
-    shift = delay / DT
-    whole, part = int(shift), shift - int(shift)
-    late = [commands[np.maximum(np.arange(len(commands)) - whole - i, 0)] for i in (0, 1)]
-    return (1.0 - part) * late[0] + part * late[1]
-
-
-def missing_along(model, commands, reports):
-    """Missing force (T, 3) along a motion with the surroundings of `voyage`."""
-    around = acting(commands, model.delay)
-    before = np.concatenate([around[:1], around[:-1]])
-    times = DT * np.arange(len(commands))
-    air = surroundings(len(commands))
-    return model.missing_force(reports, times, before, around, **air)[0]
 
 
 def arguments(rng, count):
@@ -133,16 +102,16 @@ def test_one_law_serves_arrays_and_compiled_scalars(effect):
 
 @every
 def test_balance_of_a_simulated_motion_is_zero(effect):
-    model, commands, states, _ = voyage(home(effect).with_effects(added(effect)))
-    reports = at_once(model, commands, states)
+    model, commands, states, _ = simulated(home(effect).with_effects(added(effect)))
+    reports = reports_without_past(model, commands, states)
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
 
 @pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
 def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
     vessel = replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel))
-    model, commands, states, _ = voyage(vessel)
-    reports = at_once(model, commands, states)
+    model, commands, states, _ = simulated(vessel)
+    reports = reports_without_past(model, commands, states)
     assert np.isfinite(states).all()
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
@@ -151,58 +120,28 @@ def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
 def test_leaving_an_effect_out_is_seen_everywhere(effect):
     """In the simulation, in the missing force and in the prediction alike."""
     plain = home(effect)
-    model, commands, states, reports = voyage(plain.with_effects(added(effect)))
-    without, _, _, said = voyage(plain)
-    assert np.abs(reports - said).max() > 1e-3
+    model, commands, states, reports = simulated(plain.with_effects(added(effect)))
+    without, _, _, other = simulated(plain)
+    assert np.abs(reports - other).max() > 1e-3
     assert np.abs(missing_along(without, commands, reports)).max() > 0.01
-    reports = at_once(model, commands, states)
+    reports = reports_without_past(model, commands, states)
     new = np.any(commands != np.roll(commands, 1, axis=0), axis=1)
     times = DT * np.arange(len(commands))
     air = surroundings(len(commands))
     ends = []
     for m in (model, without):
-        late = acting(commands, m.delay)
-        before = np.concatenate([late[:1], late[:-1]])
+        late = delayed(commands, m.delay)
+        held = np.concatenate([late[:1], late[:-1]])
         reference = Reference(m, ReferenceMode.MODEL)
         ends.append(
             reference.advance(
-                reference.start(), times, reports, np.ones(len(times), bool), before, **air
+                reference.start(), times, reports, np.ones(len(times), bool), held, **air
             ).references
         )
     equal = np.abs(ends[0][:, :6] - reports[:, :6]).max(axis=1) < 1e-7
     # where a late sensor extrapolates, a new command counts at once or from the next row on
     assert equal[~new].all() if effect.latency else equal.all()
     assert np.abs(ends[1] - reports).max() > 1e-3
-
-
-@every
-def test_the_kernel_in_plain_python_equals_the_compiled_one(effect):
-    agree_in_both(home(effect).with_effects(added(effect)))
-
-
-@pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
-def test_all_together_in_plain_python_equal_the_compiled_kernel(vessel):
-    agree_in_both(replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel)))
-
-
-def agree_in_both(vessel):
-    """Free runs of a batch, the missing force and a prediction: compiled against plain Python."""
-    fast = Model.of(vessel)
-    slow = replace(fast, kernel=plain_kernel_for(fast.kernel.structure))
-    assert fast.kernel.compiled
-    assert not slow.kernel.compiled
-    commands = np.stack([excitation(vessel, 2.0, DT, seed) for seed in (1, 2)])
-    air = surroundings(commands.shape[1])
-    start = np.random.default_rng(2).normal(0.0, 0.4, (2, 6))
-    a, b = (m.simulate(commands, DT, start, **air) for m in (fast, slow))
-    np.testing.assert_allclose(b[0], a[0], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(b[1], a[1], rtol=0, atol=1e-12)
-    part = slice(0, 20)
-    rows, held = a[1][0, part], commands[0, part]
-    few = {name: values[part] for name, values in air.items()}
-    times = DT * np.arange(20)
-    forces = [m.missing_force(rows, times, held, held, **few)[0] for m in (fast, slow)]
-    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-9)
 
 
 @every
@@ -215,7 +154,7 @@ def test_a_boats_own_effect_moves_nothing_by_itself(effect):
 
 
 def test_sensor_effects_leave_the_motion_alone():
-    a, b = voyage(WAMV), voyage(WAMV.with_effects(added(heading_offset.EFFECT)))
+    a, b = simulated(WAMV), simulated(WAMV.with_effects(added(heading_offset.EFFECT)))
     np.testing.assert_array_equal(a[2], b[2])
     assert np.abs(a[3] - b[3]).max() > 0.1
 
@@ -225,14 +164,14 @@ def test_the_true_motion_is_found_behind_the_reported_one(angle):
     vessel = replace(IACQUABOT, sensors=ANTENNA).with_effects(
         AddedEffect(heading_offset.EFFECT, {"angle": angle})
     )
-    model, commands, states, reports = voyage(vessel)
+    model, commands, states, reports = simulated(vessel)
     np.testing.assert_allclose(model.true_states(reports), states[:, :6], rtol=0, atol=1e-9)
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
 
 def test_the_antenna_moves_as_a_point_of_the_boat():
     """Its reported velocity is the time derivative of its reported position."""
-    _, _, _, reports = voyage(replace(WAMV, sensors=ANTENNA))
+    _, _, _, reports = simulated(replace(WAMV, sensors=ANTENNA))
     rate = np.gradient(reports[:, :3], DT, axis=0)[1:-1]
     yaw, u, v = reports[1:-1, 2:5].T
     np.testing.assert_allclose(rate[:, 0], np.cos(yaw) * u - np.sin(yaw) * v, atol=0.01)
@@ -267,8 +206,8 @@ def test_a_current_carries_the_voyage_along(vessel):
 
 def test_the_order_in_a_vessel_file_does_not_matter():
     effects = every_effect(WAMV)
-    a = voyage(WAMV.with_effects(*effects))
-    b = voyage(WAMV.with_effects(*reversed(effects)))
+    a = simulated(WAMV.with_effects(*effects))
+    b = simulated(WAMV.with_effects(*reversed(effects)))
     assert a[0].names == b[0].names
     np.testing.assert_array_equal(a[3], b[3])
 
@@ -276,7 +215,7 @@ def test_the_order_in_a_vessel_file_does_not_matter():
 def test_two_effects_of_one_kind_add():
     def drag(*values):
         parts = (AddedEffect(cubic_drag.EFFECT, {"X_uuu": value}) for value in values)
-        return voyage(WAMV.with_effects(*parts))
+        return simulated(WAMV.with_effects(*parts))
 
     np.testing.assert_allclose(drag(-2.0, -3.0)[3], drag(-5.0)[3], atol=1e-10)
     assert "cubic_drag#2.X_uuu" in drag(-2.0, -3.0)[0].names
@@ -290,73 +229,11 @@ def test_lag_is_of_first_order():
     assert states[0, 51, 6] == pytest.approx(90.0 * (1.0 - np.exp(-1.0)), rel=1e-6)
 
 
-# -- effects that are not in the catalogue --
-
-
-def _rate(flow, state, p):
-    """A mass of water aboard that follows the boat's speed -> [m/s²]."""
-    return (flow.u - state) / p.tau
-
-
-def _force(flow, state, p):
-    """It drags until it has caught up -> X, Y, N [N, N, N m]."""
-    return Wrench(-p.k * (flow.u - state), 0.0, 0.0)
-
-
-SLOSH = Effect(
-    "slosh",
-    Scope.BOAT,
-    (Parameter("k", "N s/m", 0.0, 500.0, 60.0), Parameter("tau", "s", 0.1, 20.0, 3.0)),
-    "sluggish at first",
-    force=_force,
-    rate=_rate,
-)
-
-
-def _listed_force(flow, p):
-    """Outside numba's subset: a named tuple made a dictionary -> X, Y, N [N, N, N m]."""
-    return Wrench(-p._asdict()["k"] * flow.u, 0.0, 0.0)
-
-
-def _plain_force(flow, p):
-    """The same for numba -> X, Y, N [N, N, N m]."""
-    return Wrench(-p.k * flow.u, 0.0, 0.0)
-
-
-LINEAR = (Parameter("k", "N s/m", 0.0, 500.0, 10.0),)
-LISTED = Effect("listed", Scope.BOAT, LINEAR, "slow", force=_listed_force)
-PLAIN = Effect("plain", Scope.BOAT, LINEAR, "slow", force=_plain_force)
-
-
-def test_an_effect_with_a_state_of_its_own_runs_everywhere():
-    vessel = WAMV.with_effects(added(SLOSH))
-    model, commands, states, reports = voyage(vessel)
-    assert model.state_size == 7
-    assert np.abs(states[:, 6]).max() > 0.1
-    assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
-    assert np.abs(missing_along(Model.of(WAMV), commands, reports)).max() > 1.0
-    agree_in_both(vessel)
-    total = np.gradient(states[:, 6], DT)[1:-1]
-    expected = (states[1:-1, 3] - states[1:-1, 6]) / model.theta[model.names.index("slosh.tau")]
-    np.testing.assert_allclose(total, expected, atol=5e-3)
-
-
-def test_an_effect_that_numba_cannot_compile_runs_in_numpy_with_a_notice():
-    slow_boat = WAMV.with_effects(AddedEffect(LISTED, {"k": 25.0}), added(thruster_lag.EFFECT))
-    fast_boat = WAMV.with_effects(AddedEffect(PLAIN, {"k": 25.0}), added(thruster_lag.EFFECT))
-    with pytest.warns(UserWarning, match=r"listed.*numpy.*_asdict.*test_effects.py"):
-        model, commands, _, reports = voyage(slow_boat)
-    assert not model.kernel.compiled
-    _, _, _, expected = voyage(fast_boat)
-    np.testing.assert_allclose(reports, expected, rtol=0, atol=1e-11)
-    assert np.abs(missing_along(model, commands[:50], reports[:50])).max() < 1e-7
-
-
 def test_kinds_are_checked_where_effects_are_made():
     with pytest.raises(ValueError, match="declares no law"):
         Effect("idle", Scope.BOAT, (), "nothing")
     with pytest.raises(ValueError, match="identifier"):
-        Effect("no name", Scope.BOAT, (), "nothing", force=_plain_force)
+        Effect("no name", Scope.BOAT, (), "nothing", force=lambda flow, p: None)
     with pytest.raises(ValueError, match="start"):
         Parameter("k", "N", 0.0, 1.0, 2.0)
     with pytest.raises(ValueError, match=r"missing tau.*unknown tua"):
@@ -381,6 +258,18 @@ def test_every_effect_explains_itself(effect):
             assert parameter.lower <= parameter.neutral <= parameter.upper
 
 
+@every
+def test_every_file_declares_in_the_same_order(effect):
+    *_, last = ast.parse(effect.source_code).body
+    assert isinstance(last, ast.Assign)
+    keys = [keyword.arg for keyword in last.value.keywords]
+    known = [key for key in keys if key not in LAWS]
+    assert known == [key for key in ORDER if key in known]
+    assert keys[:2] == ["name", "scope"]
+    assert set(keys[2 : 2 + len(effect.laws)]) == set(effect.laws)
+    assert {field.name for field in fields(Effect) if field.init} == set(ORDER)
+
+
 def test_the_catalogue_names_each_effect_once():
     names = [effect.name for effect in EFFECTS]
     assert len(set(names)) == len(names)
@@ -391,33 +280,5 @@ def test_water_at_rest_changes_nothing():
         "still", Scope.VOYAGE, (), "nothing", water=lambda time, pose, p: Water(0.0, 0.0, 0.0, 0.0)
     )
     np.testing.assert_array_equal(
-        voyage(WAMV.with_effects(AddedEffect(still, {})))[3], voyage(WAMV)[3]
+        simulated(WAMV.with_effects(AddedEffect(still, {})))[3], simulated(WAMV)[3]
     )
-
-
-def test_missing_force_recovers_after_a_stretch_without_motion():
-    """Memory fed by a motion that was not known starts anew, it does not stay unknown."""
-    lossy = Effect(
-        "lossy", Scope.BOAT, (), "slow", thrust=lambda F, drive, flow, p: F * (1.0 - 0.1 * flow.u)
-    )
-    vessel = WAMV.with_effects(AddedEffect(lossy, {}), added(thruster_lag.EFFECT))
-    model, commands, _, reports = voyage(vessel)
-    broken = reports.copy()
-    broken[200:220] = np.nan
-    force = missing_along(model, commands, broken)
-    assert np.isnan(force[200:220]).all()
-    assert np.abs(force[-100:]).max() < 1.0
-    assert np.isfinite(force[220:]).all()
-
-
-def test_arrays_of_any_kind_give_the_same():
-    """Slices and read-only arrays are taken as they are."""
-    model, commands, _, reports = voyage(WAMV)
-    wide = np.repeat(np.concatenate([reports, reports], axis=1), 2, axis=0)
-    sliced = wide[::2, 9:]
-    frozen = reports.copy()
-    frozen.flags.writeable = False
-    expected = missing_along(model, commands, reports)
-    np.testing.assert_array_equal(missing_along(model, commands, sliced), expected)
-    np.testing.assert_array_equal(missing_along(model, commands, frozen), expected)
-    assert len(model.kernel.module.missing_force.signatures) == 1

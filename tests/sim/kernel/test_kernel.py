@@ -1,0 +1,133 @@
+"""Compiled kernels against the same in plain Python; laws of a user, and those numba refuses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.effects import thruster_lag
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Effect, Parameter, Scope
+from sim.kernel.cache import plain_kernel_for
+from sim.model import Model
+from sim.state import Wrench
+from sim.vessel import AddedEffect
+from tests.sim.simulated import DT, home, missing_along, simulated, surroundings
+from tests.sim.vessels import ANTENNA, SHAPES, WAMV, added, every_effect, excitation
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+def test_the_kernel_in_plain_python_equals_the_compiled_one(effect):
+    agree_in_both(home(effect).with_effects(added(effect)))
+
+
+@pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
+def test_all_together_in_plain_python_equal_the_compiled_kernel(vessel):
+    agree_in_both(replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel)))
+
+
+def agree_in_both(vessel):
+    """Free runs of a batch, the missing force and a prediction: compiled against plain Python."""
+    fast = Model.of(vessel)
+    slow = replace(fast, kernel=plain_kernel_for(fast.kernel.structure))
+    assert fast.kernel.compiled
+    assert not slow.kernel.compiled
+    commands = np.stack([excitation(vessel, 2.0, DT, seed) for seed in (1, 2)])
+    air = surroundings(commands.shape[1])
+    start = np.random.default_rng(2).normal(0.0, 0.4, (2, 6))
+    a, b = (m.simulate(commands, DT, start, **air) for m in (fast, slow))
+    np.testing.assert_allclose(b[0], a[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(b[1], a[1], rtol=0, atol=1e-12)
+    part = slice(0, 20)
+    rows, held = a[1][0, part], commands[0, part]
+    few = {name: values[part] for name, values in air.items()}
+    times = DT * np.arange(20)
+    forces = [m.missing_force(rows, times, held, held, **few)[0] for m in (fast, slow)]
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-9)
+
+
+def _rate(flow, state, p):
+    """A mass of water aboard that follows the boat's speed -> [m/s²]."""
+    return (flow.u - state) / p.tau
+
+
+def _force(flow, state, p):
+    """It drags until it has caught up -> X, Y, N [N, N, N m]."""
+    return Wrench(-p.k * (flow.u - state), 0.0, 0.0)
+
+
+SLOSH = Effect(
+    "slosh",
+    Scope.BOAT,
+    (Parameter("k", "N s/m", 0.0, 500.0, 60.0), Parameter("tau", "s", 0.1, 20.0, 3.0)),
+    "sluggish at first",
+    force=_force,
+    rate=_rate,
+)
+
+
+def _listed_force(flow, p):
+    """Outside numba's subset: a named tuple made a dictionary -> X, Y, N [N, N, N m]."""
+    return Wrench(-p._asdict()["k"] * flow.u, 0.0, 0.0)
+
+
+def _plain_force(flow, p):
+    """The same for numba -> X, Y, N [N, N, N m]."""
+    return Wrench(-p.k * flow.u, 0.0, 0.0)
+
+
+LINEAR = (Parameter("k", "N s/m", 0.0, 500.0, 10.0),)
+LISTED = Effect("listed", Scope.BOAT, LINEAR, "slow", force=_listed_force)
+PLAIN = Effect("plain", Scope.BOAT, LINEAR, "slow", force=_plain_force)
+
+
+def test_an_effect_with_a_state_of_its_own_runs_everywhere():
+    vessel = WAMV.with_effects(added(SLOSH))
+    model, commands, states, reports = simulated(vessel)
+    assert model.state_size == 7
+    assert np.abs(states[:, 6]).max() > 0.1
+    assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
+    assert np.abs(missing_along(Model.of(WAMV), commands, reports)).max() > 1.0
+    agree_in_both(vessel)
+    total = np.gradient(states[:, 6], DT)[1:-1]
+    expected = (states[1:-1, 3] - states[1:-1, 6]) / model.theta[model.names.index("slosh.tau")]
+    np.testing.assert_allclose(total, expected, atol=5e-3)
+
+
+def test_an_effect_that_numba_cannot_compile_runs_in_numpy_with_a_notice():
+    slow_boat = WAMV.with_effects(AddedEffect(LISTED, {"k": 25.0}), added(thruster_lag.EFFECT))
+    fast_boat = WAMV.with_effects(AddedEffect(PLAIN, {"k": 25.0}), added(thruster_lag.EFFECT))
+    with pytest.warns(UserWarning, match=r"listed.*numpy.*_asdict.*test_kernel.py"):
+        model, commands, _, reports = simulated(slow_boat)
+    assert not model.kernel.compiled
+    _, _, _, expected = simulated(fast_boat)
+    np.testing.assert_allclose(reports, expected, rtol=0, atol=1e-11)
+    assert np.abs(missing_along(model, commands[:50], reports[:50])).max() < 1e-7
+
+
+def test_missing_force_recovers_after_a_stretch_without_motion():
+    """Memory fed by a motion that was not known starts anew, it does not stay unknown."""
+    lossy = Effect(
+        "lossy", Scope.BOAT, (), "slow", thrust=lambda F, drive, flow, p: F * (1.0 - 0.1 * flow.u)
+    )
+    vessel = WAMV.with_effects(AddedEffect(lossy, {}), added(thruster_lag.EFFECT))
+    model, commands, _, reports = simulated(vessel)
+    broken = reports.copy()
+    broken[200:220] = np.nan
+    force = missing_along(model, commands, broken)
+    assert np.isnan(force[200:220]).all()
+    assert np.abs(force[-100:]).max() < 1.0
+    assert np.isfinite(force[220:]).all()
+
+
+def test_arrays_of_any_kind_give_the_same():
+    """Slices and read-only arrays are taken as they are."""
+    model, commands, _, reports = simulated(WAMV)
+    wide = np.repeat(np.concatenate([reports, reports], axis=1), 2, axis=0)
+    sliced = wide[::2, 9:]
+    frozen = reports.copy()
+    frozen.flags.writeable = False
+    expected = missing_along(model, commands, reports)
+    np.testing.assert_array_equal(missing_along(model, commands, sliced), expected)
+    np.testing.assert_array_equal(missing_along(model, commands, frozen), expected)
+    assert len(model.kernel.module.missing_force.signatures) == 1
