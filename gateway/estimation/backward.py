@@ -18,6 +18,7 @@ import numpy as np
 from gateway.estimation.measurement import Workspace, symmetrise
 from gateway.estimation.motion import COLUMNS, ROWS
 from gateway.estimation.names import STATES, State
+from gateway.estimation.step import KalmanState, valid
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
@@ -43,28 +44,19 @@ class Trace(NamedTuple):
 
 def new_trace(size: int) -> Trace:
     """Room for that many steps."""
-    return Trace(
-        np.zeros((size, STATES)),
-        np.zeros((size, STATES, STATES)),
-        np.zeros((size, STATES, STATES)),
-        np.zeros((size, 2, STATES)),
-        np.zeros((size, STATES, 2)),
-        np.zeros((size, 2, 2)),
-        np.zeros((size, 2)),
-        np.zeros(size, np.int64),
-        np.zeros(size, np.int64),
-    )
+    s = STATES
+    shapes = ((s,), (s, s), (s, s), (2, s), (s, 2), (2, 2), (2,))
+    flags = [np.zeros(size, np.int64) for _ in range(2)]
+    return Trace(*(np.zeros((size, *shape)) for shape in shapes), *flags)
 
 
 @compiled
-def store_step(
-    trace: Trace, n: int, x: Floats, P: Floats, used: int, valid: int, work: Workspace
-) -> None:
+def store_step(trace: Trace, n: int, state: KalmanState, used: int, work: Workspace) -> None:
     """Keeps step n."""
-    trace.x[n] = x
-    trace.P[n] = P
+    trace.x[n] = state.x
+    trace.P[n] = state.P
     trace.F[n] = work.F
-    trace.used[n], trace.valid[n] = used, valid
+    trace.used[n], trace.valid[n] = used, valid(state.gates)
     if used:
         trace.H[n] = work.H
         trace.K[n] = work.K

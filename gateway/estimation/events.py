@@ -47,7 +47,7 @@ class Events:
         return len(self.time_s)
 
     def __getitem__(self, part: slice | NDArray[np.generic]) -> "Events":
-        return Events(self.time_s[part], self.kind[part], self.z[part], self.std[part])
+        return Events(*(column[part] for column in vars(self).values()))
 
 
 def make_events(kind: MeasurementKind, time_s: Floats, z: Floats, std: float) -> Events:
@@ -72,12 +72,8 @@ def ticks(time_s: Floats) -> Events:
 
 def join(parts: Sequence[Events]) -> Events:
     """All events of the parts, one part after another."""
-    return Events(
-        np.concatenate([part.time_s for part in parts]),
-        np.concatenate([part.kind for part in parts]),
-        np.concatenate([part.z for part in parts]),
-        np.concatenate([part.std for part in parts]),
-    )
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return Events(*(np.concatenate(column) for column in columns))
 
 
 def from_samples(columns: Sequence[Samples], settings: FilterSettings, epoch_ns: int) -> Events:

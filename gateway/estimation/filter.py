@@ -23,15 +23,17 @@ from gateway.estimation.history import (
     REFUSED_RUN,
     History,
     copy_of,
+    event_of,
     insert,
     insertion_number,
     new_history,
     restart,
+    state_after,
 )
-from gateway.estimation.measurement import Workspace, new_workspace
+from gateway.estimation.measurement import new_workspace
 from gateway.estimation.names import KINDS, Flag, State
 from gateway.estimation.settings import FilterModel, FilterSettings
-from gateway.estimation.step import valid
+from gateway.estimation.step import Event, valid
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
@@ -62,62 +64,50 @@ def admit(history: History, time: float, kind: int, model: FilterModel) -> tuple
 
 
 @compiled
-def write_estimate(
-    history: History, model: FilterModel, motion: Floats, std: Floats, covariance: Floats
-) -> int:
-    """The newest state into motion (9,), std (9,), covariance (9, 9) or (0, 0); Flag.VALID or 0."""
-    here = (history.counts[COUNT] - 1) % len(history.time)
-    x, P = history.x[here], history.P[here]
+def write_estimate(history: History, model: FilterModel, out: tuple[Floats, ...], k: int) -> int:
+    """The newest state into row k of time (K,), motion, std (K, 9), covariance (K, 9, 9 or 0, 0).
+
+    Returns Flag.VALID or 0.
+    """
+    time, motion, std, covariance = out
+    newest = history.counts[COUNT] - 1
+    state = state_after(history, newest)
+    x, P = state.x, state.P
+    time[k] = event_of(history, newest).time
     for i in range(MOTION):
-        motion[i] = x[i]
-        std[i] = np.sqrt(P[i, i] + (model.heading_error_rad * heading_slope(i, x)) ** 2)
-    if len(covariance):
-        covariance[:] = P[:MOTION, :MOTION]
-        add_heading_error(x, model.heading_error_rad, covariance)
-    return valid(history.gates[here])
-
-
-@compiled
-def process_event(
-    history: History,
-    time: float,
-    kind: int,
-    z: Floats,
-    std: Floats,
-    model: FilterModel,
-    work: Workspace,
-) -> tuple[float, int, int]:
-    """One event as received -> NIS, components used, flags."""
-    number, flags = admit(history, time, kind, model)
-    if number < 0:
-        return 0.0, 0, flags
-    nis, used, outcome = insert(history, number, time, kind, z, std, model, work)
-    return nis, used, flags | outcome
+        motion[k, i] = x[i]
+        std[k, i] = np.sqrt(P[i, i] + (model.heading_error_rad * heading_slope(i, x)) ** 2)
+    if len(covariance[k]):
+        covariance[k] = P[:MOTION, :MOTION]
+        add_heading_error(x, model.heading_error_rad, covariance[k])
+    return valid(state.gates)
 
 
 @compiled
 def process_events(
     history: History,
-    time: Floats,
-    kind: Ints,
-    z: Floats,
-    std: Floats,
+    events: tuple[Floats, Ints, Floats, Floats],
     model: FilterModel,
-    out_time: Floats,
-    out_motion: Floats,
-    out_std: Floats,
-    out_covariance: Floats,
-    out_nis: Floats,
-    out_used: NDArray[np.int8],
-    out_flags: NDArray[np.uint8],
+    estimates: tuple[Floats, ...],
+    outcomes: tuple[Floats, NDArray[np.int8], NDArray[np.uint8]],
 ) -> None:
-    """K events through the filter, in place; one row of output per event."""
+    """K events as received through the filter, in place; one row of output per event.
+
+    events      columns of `Events`
+    estimates   time, motion, std, covariance of `FilterRows`
+    outcomes    its NIS, components used, flags
+    """
     work = new_workspace()
+    time, kind, z, std = events
     for k in range(len(time)):
-        nis, used, flags = process_event(history, time[k], kind[k], z[k], std[k], model, work)
-        flags |= write_estimate(history, model, out_motion[k], out_std[k], out_covariance[k])
-        out_time[k] = history.time[(history.counts[COUNT] - 1) % len(history.time)]
-        out_nis[k], out_used[k], out_flags[k] = nis, used, flags
+        nis, used = 0.0, 0
+        number, flags = admit(history, time[k], kind[k], model)
+        if number >= 0:
+            event = Event(time[k], kind[k], z[k], std[k])
+            nis, used, outcome = insert(history, number, event, model, work)
+            flags |= outcome
+        flags |= write_estimate(history, model, estimates, k)
+        outcomes[0][k], outcomes[1][k], outcomes[2][k] = nis, used, flags
 
 
 @compiled
@@ -200,21 +190,9 @@ class Estimator:
         """
         history = state.history if spend else copy_of(state.history)
         rows = _empty_rows(len(events), MOTION if covariance else 0)
-        process_events(
-            history,
-            events.time_s,
-            events.kind,
-            events.z,
-            events.std,
-            self._model,
-            rows.time_s,
-            rows.motion,
-            rows.std,
-            rows.covariance,
-            rows.nis,
-            rows.used,
-            rows.flags,
-        )
+        columns = tuple(vars(events).values())
+        estimates = rows.time_s, rows.motion, rows.std, rows.covariance
+        process_events(history, columns, self._model, estimates, (rows.nis, rows.used, rows.flags))
         return FilterState(history), rows
 
 

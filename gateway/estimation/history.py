@@ -11,7 +11,13 @@ import numpy as np
 from gateway.estimation.measurement import Workspace
 from gateway.estimation.names import GATE_RECORDS, KINDS, STATES
 from gateway.estimation.settings import FilterModel
-from gateway.estimation.step import initialise, predict_over, update_gated
+from gateway.estimation.step import (
+    Event,
+    KalmanState,
+    initialise,
+    predict_over,
+    update_gated,
+)
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 
@@ -58,10 +64,32 @@ def copy_of(history: History) -> History:
 
 
 @compiled
+def state_after(history: History, number: int) -> KalmanState:
+    """The filter after event `number`: views into its slot."""
+    slot = number % len(history.time)
+    return KalmanState(history.x[slot], history.P[slot], history.gates[slot])
+
+
+@compiled
+def event_of(history: History, number: int) -> Event:
+    """Event `number`."""
+    slot = number % len(history.time)
+    return Event(history.time[slot], history.kind[slot], history.z[slot], history.std[slot])
+
+
+@compiled
+def write_event(history: History, number: int, event: Event) -> None:
+    """Writes an event into its slot."""
+    slot = number % len(history.time)
+    history.time[slot], history.kind[slot] = event.time, event.kind
+    history.z[slot], history.std[slot] = event.z, event.std
+
+
+@compiled
 def restart(history: History, model: FilterModel) -> None:
     """Back to the state before the first event."""
     history.time[0] = -np.inf
-    initialise(history.x[0], history.P[0], history.gates[0], model)
+    initialise(state_after(history, 0), model)
     history.counts[COUNT] = 1
     history.counts[REFUSED_RUN] = 0
 
@@ -71,31 +99,13 @@ def reprocess(
     history: History, number: int, model: FilterModel, work: Workspace
 ) -> tuple[float, int, int]:
     """The state after event `number` from the one before it -> NIS, components used, flags."""
-    capacity = len(history.time)
-    here, before = number % capacity, (number - 1) % capacity
-    x, P, gates = history.x[here], history.P[here], history.gates[here]
-    x[:] = history.x[before]
-    P[:] = history.P[before]
-    gates[:] = history.gates[before]
-    time = history.time[here]
-    span = time - history.time[before]
-    if 0.0 < span < np.inf and gates[:, 0].any():
-        predict_over(x, P, span, model, work)
-    return update_gated(
-        x, P, gates, time, history.kind[here], history.z[here], history.std[here], x, model, work
-    )
-
-
-@compiled
-def write_event(
-    history: History, number: int, time: float, kind: int, z: Floats, std: Floats
-) -> None:
-    """Writes an event into its slot."""
-    here = number % len(history.time)
-    history.time[here] = time
-    history.kind[here] = kind
-    history.z[here] = z
-    history.std[here] = std
+    event, state = event_of(history, number), state_after(history, number)
+    before = state_after(history, number - 1)
+    state.x[:], state.P[:], state.gates[:] = before.x, before.P, before.gates
+    span = event.time - event_of(history, number - 1).time
+    if 0.0 < span < np.inf and state.gates[:, 0].any():
+        predict_over(state, span, model, work)
+    return update_gated(state, event, state.x, model, work)
 
 
 @compiled
@@ -123,22 +133,13 @@ def insertion_number(history: History, time: float, kind: int) -> int:
 
 @compiled
 def insert(
-    history: History,
-    number: int,
-    time: float,
-    kind: int,
-    z: Floats,
-    std: Floats,
-    model: FilterModel,
-    work: Workspace,
+    history: History, number: int, event: Event, model: FilterModel, work: Workspace
 ) -> tuple[float, int, int]:
     """Inserts an event at `number`, repeats what followed -> NIS, components used, flags."""
-    capacity, count = len(history.time), history.counts[COUNT]
+    count = history.counts[COUNT]
     for n in range(count, number, -1):
-        before = (n - 1) % capacity
-        write_event(history, n, history.time[before], history.kind[before], history.z[before],
-              history.std[before])  # fmt: skip
-    write_event(history, number, time, kind, z, std)
+        write_event(history, n, event_of(history, n - 1))
+    write_event(history, number, event)
     outcome = reprocess(history, number, model, work)
     for n in range(number + 1, count + 1):
         reprocess(history, n, model, work)

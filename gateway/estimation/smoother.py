@@ -9,6 +9,7 @@ The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal on Optimizat
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from gateway.estimation.measurement import new_workspace
 from gateway.estimation.motion import predict, predict_about
 from gateway.estimation.names import GATE_RECORDS, KINDS, STATES, Flag
 from gateway.estimation.settings import FilterModel, FilterSettings
-from gateway.estimation.step import initialise, update_gated, valid
+from gateway.estimation.step import Event, KalmanState, initialise, update_gated
 from gateway.jit import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
@@ -59,70 +60,72 @@ class SmoothedMotion:
     gated: int
 
 
+class GridMotion(NamedTuple):
+    """Motion on the grid as it is filled: mean (T, 9), covariance (T, 9, 9), known (T,)."""
+
+    mean: Floats
+    covariance: Floats
+    known: NDArray[np.bool_]
+
+
 def smooth(
     events: Events, grid_times: Floats, settings: FilterSettings | None = None
 ) -> SmoothedMotion:
     """Events in any order, ascending grid times (T,) [s] -> motion on that grid."""
     settings = settings or FilterSettings()
     model = settings.kernel_model()
-    mean = np.zeros((len(grid_times), MOTION))
-    covariance = np.zeros((len(grid_times), MOTION, MOTION))
-    known = np.zeros(len(grid_times), np.bool_)
+    count = len(grid_times)
+    out = GridMotion(
+        np.zeros((count, MOTION)), np.zeros((count, MOTION, MOTION)), np.zeros(count, np.bool_)
+    )
     gated = 0
     for line in timelines(events, np.asarray(grid_times, np.float64), settings):
         path = np.full((len(line.time), STATES), np.nan)
         for _ in range(PASSES):
-            outliers = _smooth_segment(line, model, path, mean, covariance, known)
+            outliers = _smooth_stretch(line, model, path, out)
         gated += outliers
-    _fill_unknown(mean, covariance, known, model)
+    _fill_unknown(out, model)
+    mean = out.mean
     return SmoothedMotion(
-        grid_times, mean[:, :3], mean[:, 3:6], mean[:, 6:], covariance, known, gated
+        grid_times, mean[:, :3], mean[:, 3:6], mean[:, 6:], out.covariance, out.known, gated
     )
 
 
-def _smooth_segment(
-    line: Timeline,
-    model: FilterModel,
-    path: Floats,
-    mean: Floats,
-    covariance: Floats,
-    known: NDArray[np.bool_],
-) -> int:
-    """Fills the grid points of one segment and its path (n, 13); how many events were gated.
+def _smooth_stretch(line: Timeline, model: FilterModel, path: Floats, out: GridMotion) -> int:
+    """Fills the grid points of one stretch and its path (n, 13); how many events were gated.
 
     The path comes in as NaN, or as that of the pass before.
     """
     starts = range(0, len(line.time), CHUNK)
-    x, P = np.zeros((len(starts) + 1, STATES)), np.zeros((len(starts) + 1, STATES, STATES))
-    gates = np.zeros((len(starts) + 1, KINDS, GATE_RECORDS))
-    initialise(x[0], P[0], gates[0], model)
+    states = [_new_state(model) for _ in range(len(starts) + 1)]  # before each chunk
     trace = new_trace(min(CHUNK, len(line.time)))
     gated = 0
     before = path.copy()
     for n, start in enumerate(starts):
-        x[n + 1], P[n + 1], gates[n + 1] = x[n], P[n], gates[n]
+        for after, now in zip(states[n + 1], states[n], strict=True):
+            after[:] = now
         part = line.cut(slice(start, start + CHUNK))
-        gated += forward(part, model, before, start, x[n + 1], P[n + 1], gates[n + 1], trace)
-    lam, Lam = np.zeros(STATES), np.zeros((STATES, STATES))
+        gated += forward(part, model, before, start, states[n + 1], trace)
+    future = np.zeros(STATES), np.zeros((STATES, STATES))
     for n in range(len(starts) - 1, -1, -1):
         part = line.cut(slice(starts[n], starts[n] + CHUNK))
         if n < len(starts) - 1:  # the trace of the last chunk is there already
-            forward(part, model, before, starts[n], x[n], P[n], gates[n], trace)
-        here = path[starts[n] : starts[n] + CHUNK]
-        backward(part.grid, model, trace, lam, Lam, here, mean, covariance, known)
+            forward(part, model, before, starts[n], states[n], trace)
+        backward(part.grid, model, trace, future, path[starts[n] : starts[n] + CHUNK], out)
     return gated
+
+
+def _new_state(model: FilterModel) -> KalmanState:
+    """A state before any measurement."""
+    arrays = np.zeros(STATES), np.zeros((STATES, STATES)), np.zeros((KINDS, GATE_RECORDS))
+    state = KalmanState(*arrays)
+    initialise(state, model)
+    return state
 
 
 @compiled
 def forward(
-    line: Timeline,
-    model: FilterModel,
-    path: Floats,
-    start: int,
-    x: Floats,
-    P: Floats,
-    gates: Floats,
-    trace: Trace,
+    line: Timeline, model: FilterModel, path: Floats, start: int, state: KalmanState, trace: Trace
 ) -> int:
     """The filter over n steps, in place, leaving its trace; how many events were gated.
 
@@ -130,9 +133,10 @@ def forward(
     """
     work = new_workspace()
     moved = np.zeros(STATES)
+    x, P = state.x, state.P
     gated = 0
     for n in range(len(line.time)):
-        span = line.span[n] if gates[:, 0].any() else 0.0
+        span = line.span[n] if state.gates[:, 0].any() else 0.0
         along = not np.isnan(path[start + n, 0])
         if span <= 0.0:
             set_identity(work.F)
@@ -142,11 +146,10 @@ def forward(
         else:
             predict(x, P, span, model, work.F, work.Q)
         at = path[start + n] if along else x
-        _, used, flags = update_gated(
-            x, P, gates, line.time[n], line.kind[n], line.z[n], line.std[n], at, model, work
-        )
+        event = Event(line.time[n], line.kind[n], line.z[n], line.std[n])
+        _, used, flags = update_gated(state, event, at, model, work)
         gated += 1 if flags & GATED else 0
-        store_step(trace, n, x, P, used, valid(gates), work)
+        store_step(trace, n, state, used, work)
     return gated
 
 
@@ -163,40 +166,32 @@ def backward(
     grid: Ints,
     model: FilterModel,
     trace: Trace,
-    lam: Floats,
-    Lam: Floats,
+    future: tuple[Floats, Floats],
     path: Floats,
-    mean: Floats,
-    covariance: Floats,
-    known: NDArray[np.bool_],
+    out: GridMotion,
 ) -> None:
-    """Back over n steps, λ and Λ in place, filling the path (n, 13) and the grid's rows."""
+    """Back over n steps: future λ, Λ in place, fills the path (n, 13) and rows of the grid."""
     work = new_workspace()
+    lam, Lam = future
     for n in range(len(grid) - 1, -1, -1):
         path[n] = trace.x[n] - trace.P[n] @ lam
         row = grid[n]
         if row != NO_GRID:
-            smoothed_motion(trace.x[n], trace.P[n], lam, Lam, work.A, mean[row], covariance[row])
-            add_heading_error(mean[row], model.heading_error_rad, covariance[row])
-            known[row] = trace.valid[n] != 0
+            mean, covariance = out.mean[row], out.covariance[row]
+            smoothed_motion(trace.x[n], trace.P[n], lam, Lam, work.A, mean, covariance)
+            add_heading_error(mean, model.heading_error_rad, covariance)
+            out.known[row] = trace.valid[n] != 0
         if trace.used[n] > 0:
             backward_update(trace, n, lam, Lam, work)
         backward_prediction(trace.F[n], lam, Lam)
 
 
-def _fill_unknown(
-    mean: Floats, covariance: Floats, known: NDArray[np.bool_], model: FilterModel
-) -> None:
+def _fill_unknown(out: GridMotion, model: FilterModel) -> None:
     """Holds the nearest known motion where there is none, with the std before any measurement."""
-    x, P, gates = np.zeros(STATES), np.zeros((STATES, STATES)), np.zeros((KINDS, GATE_RECORDS))
-    initialise(x, P, gates, model)
-    rows = np.flatnonzero(known)
-    missing = np.flatnonzero(~known)
-    covariance[missing] = P[:MOTION, :MOTION]
+    rows, missing = np.flatnonzero(out.known), np.flatnonzero(~out.known)
+    out.covariance[missing] = _new_state(model).P[:MOTION, :MOTION]
     if len(rows):
         after = np.clip(np.searchsorted(rows, missing), 0, len(rows) - 1)
         before = np.maximum(after - 1, 0)
         nearer = np.abs(rows[before] - missing) <= np.abs(rows[after] - missing)
-        mean[missing] = mean[np.where(nearer, rows[before], rows[after])]
-    else:
-        mean[missing] = 0.0
+        out.mean[missing] = out.mean[np.where(nearer, rows[before], rows[after])]

@@ -6,6 +6,8 @@ that it measures, and it is used. A gyro has no discontinuities: when a few of i
 row fail, the boat has begun to turn faster than was assumed, and they are used.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gateway.estimation.measurement import Workspace, innovation_covariance, linearise, update
@@ -26,16 +28,35 @@ TURN_RUN = 2  # gated yaw rates in a row that are a turn
 # Largest credible measurement by kind [rad, rad/s, m/s, m, m/s, m/s²]
 IMPLAUSIBLE = np.array([0.0, 1e4, 50.0, 100.0, 1e7, 100.0, 200.0])
 
+
+class KalmanState(NamedTuple):
+    """Mean x (13,), covariance P (13, 13) and gates (7, 3) of the filter at one time."""
+
+    x: Floats
+    P: Floats
+    gates: Floats
+
+
+class Event(NamedTuple):
+    """One measurement: time [s], kind, values z (2,), std (2,) of their white errors."""
+
+    time: float
+    kind: int
+    z: Floats
+    std: Floats
+
+
 USED, GATED, WAITING = int(Flag.USED), int(Flag.GATED), int(Flag.WAITING)
 VALID, JUMP = int(Flag.VALID), int(Flag.JUMP)
 
 
 @compiled
-def initialise(x: Floats, P: Floats, gates: Floats, model: FilterModel) -> None:
-    """State (13,), covariance (13, 13), gates (7, 3) become those before any measurement."""
-    x[:] = 0.0
+def initialise(state: KalmanState, model: FilterModel) -> None:
+    """The state becomes that before any measurement."""
+    P = state.P
+    state.x[:] = 0.0
     P[:] = 0.0
-    gates[:] = 0.0
+    state.gates[:] = 0.0
     P[State.NORTH, State.NORTH] = P[State.EAST, State.EAST] = model.prior_position_m**2
     P[State.YAW, State.YAW] = np.pi**2
     P[State.U, State.U] = P[State.V, State.V] = model.prior_speed_mps**2
@@ -60,20 +81,20 @@ def valid(gates: Floats) -> int:
 
 
 @compiled
-def predict_over(x: Floats, P: Floats, span: float, model: FilterModel, work: Workspace) -> None:
+def predict_over(state: KalmanState, span: float, model: FilterModel, work: Workspace) -> None:
     """Predicts over span [s] in steps short enough for the linearisation."""
     steps = int(np.ceil(span / model.max_step_s - 1e-9))
     for _ in range(steps):
-        predict(x, P, span / steps, model, work.F, work.Q)
+        predict(state.x, state.P, span / steps, model, work.F, work.Q)
 
 
 @compiled
-def implausible(kind: int, z: Floats, std: Floats, m: int) -> bool:
-    """Whether a measurement (2,) of m components or its std is no number or beyond any boat."""
-    for a in range(m):
-        if not (np.isfinite(z[a]) and np.abs(z[a]) <= IMPLAUSIBLE[kind]):
+def implausible(event: Event, components: int) -> bool:
+    """Whether a measurement or its std is no number or beyond any boat."""
+    for a in range(components):
+        if not (np.isfinite(event.z[a]) and np.abs(event.z[a]) <= IMPLAUSIBLE[event.kind]):
             return True
-        if not (np.isfinite(std[a]) and std[a] > 0.0):
+        if not (np.isfinite(event.std[a]) and event.std[a] > 0.0):
             return True
     return False
 
@@ -95,15 +116,15 @@ def inflate_covariance(kind: int, since: float, P: Floats) -> None:
 
 
 @compiled
-def is_discontinuity(kind: int, record: Floats, time: float, model: FilterModel) -> bool:
-    """Counts one more outlier of a kind; whether it is a discontinuity by now."""
-    if record[GateRecord.GATED_RUN] == 0.0:
-        record[GateRecord.GATED_SINCE] = time
-    record[GateRecord.GATED_RUN] += 1.0
-    if kind == MeasurementKind.YAW_RATE:
-        return bool(record[GateRecord.GATED_RUN] >= TURN_RUN)
-    long_enough = time - record[GateRecord.GATED_SINCE] >= model.gated_for_s
-    return bool(long_enough and record[GateRecord.GATED_RUN] >= model.gated_in_a_row)
+def is_discontinuity(event: Event, gate: Floats, model: FilterModel) -> bool:
+    """Counts an outlier in the gate (3,) of its kind; whether that is a discontinuity by now."""
+    if gate[GateRecord.GATED_RUN] == 0.0:
+        gate[GateRecord.GATED_SINCE] = event.time
+    gate[GateRecord.GATED_RUN] += 1.0
+    if event.kind == MeasurementKind.YAW_RATE:
+        return bool(gate[GateRecord.GATED_RUN] >= TURN_RUN)
+    long_enough = event.time - gate[GateRecord.GATED_SINCE] >= model.gated_for_s
+    return bool(long_enough and gate[GateRecord.GATED_RUN] >= model.gated_in_a_row)
 
 
 @compiled
@@ -116,45 +137,36 @@ def move_innovation(x: Floats, at: Floats, m: int, work: Workspace) -> None:
 
 @compiled
 def update_gated(
-    x: Floats,
-    P: Floats,
-    gates: Floats,
-    time: float,
-    kind: int,
-    z: Floats,
-    std: Floats,
-    at: Floats,
-    model: FilterModel,
-    work: Workspace,
+    state: KalmanState, event: Event, at: Floats, model: FilterModel, work: Workspace
 ) -> tuple[float, int, int]:
     """Gates and uses one measurement at its time -> NIS, components used (0: none), flags.
 
-    `at` is the state (13,) to linearise at: x itself, or one that is known better.
+    `at` is the mean (13,) to linearise at: the state's own, or one that is known better.
     """
-    m = linearise(kind, at, z, model.gyro_delay_s, work.H, work.y)
+    x, P, kind = state.x, state.P, event.kind
+    yaw_seen, gate = state.gates[MeasurementKind.YAW, GateRecord.SEEN], state.gates[kind]
+    m = linearise(kind, at, event.z, model.gyro_delay_s, work.H, work.y)
     if m == 0:
         return 0.0, 0, 0
     move_innovation(x, at, m, work)
-    if implausible(kind, z, std, m):
+    if implausible(event, m):
         return 0.0, 0, GATED
-    if kind == MeasurementKind.YAW and gates[kind, GateRecord.SEEN] == 0.0:
-        x[State.YAW] = wrap(z[0])
+    if kind == MeasurementKind.YAW and yaw_seen == 0.0:
+        x[State.YAW] = wrap(event.z[0])
         work.y[0] = 0.0
-    elif kind != MeasurementKind.YAW and (
-        gates[MeasurementKind.YAW, GateRecord.SEEN] == 0.0 or P[State.YAW, State.YAW] > LOST_YAW**2
-    ):
+    elif kind != MeasurementKind.YAW and (yaw_seen == 0.0 or P[State.YAW, State.YAW] > LOST_YAW**2):
         return 0.0, 0, WAITING
-    work.R[0], work.R[1] = std[0] * std[0], std[1] * std[1]
+    work.R[0], work.R[1] = event.std[0] * event.std[0], event.std[1] * event.std[1]
     nis = innovation_covariance(P, m, work)
     flags = USED
-    gate = model.gate_one if m == 1 else model.gate_two
-    if nis > gate and gates[kind, GateRecord.SEEN] > 0.0:
-        if not is_discontinuity(kind, gates[kind], time, model):
+    bound = model.gate_one if m == 1 else model.gate_two
+    if nis > bound and gate[GateRecord.SEEN] > 0.0:
+        if not is_discontinuity(event, gate, model):
             return nis, 0, GATED
-        inflate_covariance(kind, time - gates[kind, GateRecord.GATED_SINCE], P)
+        inflate_covariance(kind, event.time - gate[GateRecord.GATED_SINCE], P)
         innovation_covariance(P, m, work)
         flags |= JUMP
-    gates[kind, GateRecord.SEEN] = 1.0
-    gates[kind, GateRecord.GATED_RUN] = 0.0
+    gate[GateRecord.SEEN] = 1.0
+    gate[GateRecord.GATED_RUN] = 0.0
     update(x, P, m, work)
     return nis, m, flags

@@ -1,20 +1,20 @@
 """The clock of one boat: stamps every message with vehicle time and counts what was odd.
 
-The rules are in `clock_step`; a live link and the columns of a log go through the same ones.
+The rules are those of `clock_step`, for a live link and for the columns of a log.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.ingest.clock_step import RECENT, RING, S, Verdict, stamp, stamp_all
+from gateway.ingest.clock_step import RECENT, RING, S, StampStatus, stamp, stamp_all
 from gateway.ingest.mapping import Counter
 from sim.state import Ints
 
 
 @dataclass(frozen=True)
 class ClockReport:
-    """What the clocks of one boat did: shown by `shadow info`, never hidden."""
+    """Counts of what was odd about the clocks of one boat: shown by `shadow info`."""
 
     sessions: int
     reboots: int
@@ -37,26 +37,26 @@ class BoatClock:
 
     def stamp(
         self, stream: int, counter: Counter, counter_us: int, receive_time_ns: int
-    ) -> tuple[int, Verdict]:
-        """One message of a stream -> vehicle time [ns] and what it is worth."""
-        vehicle, verdict = stamp(
+    ) -> tuple[int, StampStatus]:
+        """One message of a stream -> vehicle time [ns], whether it can be used."""
+        vehicle, status = stamp(
             self.state, self._recent[stream], int(counter), counter_us, receive_time_ns
         )
-        return int(vehicle), Verdict(verdict)
+        return int(vehicle), StampStatus(status)
 
     def stamp_all(
         self, stream: Ints, counter: Ints, counter_us: Ints, receive_time_ns: Ints
     ) -> tuple[Ints, Ints, Ints]:
-        """(K,) messages in order of receipt -> vehicle time [ns], verdict, session, (K,) each."""
+        """(K,) messages in order of receipt -> vehicle time [ns], status, session, (K,) each."""
         arrays: tuple[Ints, Ints, Ints] = stamp_all(
             self.state, self._recent, stream, counter, counter_us, receive_time_ns
         )
         return arrays
 
     @property
-    def session(self) -> int:
-        """Number of the boot session, from 0."""
-        return int(self.state[S.SESSION])
+    def reboots(self) -> int:
+        """How often the autopilot booted again."""
+        return int(self.state[S.REBOOTS])
 
     @property
     def offset_ns(self) -> int:
@@ -68,7 +68,7 @@ class BoatClock:
         s = self.state
         return ClockReport(
             sessions=int(s[S.SESSION]) + int(s[S.STARTED]),
-            reboots=int(s[S.REBOOTS]),
+            reboots=self.reboots,
             wraps=int(s[S.WRAPS]),
             late=int(s[S.LATE]),
             duplicates=int(s[S.DUPLICATES]),

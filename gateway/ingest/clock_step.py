@@ -2,7 +2,7 @@
 
     vehicle time = epoch + boot time        epoch fixed per boot session, at its first message
 
-Counters that were stamped at sending drive the clock; the narrow one of SERVO_OUTPUT_RAW and the
+Counters that are stamped at sending drive the clock; the narrow one of SERVO_OUTPUT_RAW and the
 sample times of a GNSS receiver only follow it. A jump of boot time by more than `JUMP` opens a new
 session once messages have agreed on it for `CONFIRM`: one late or damaged packet does not. Within a
 session the offset receipt − vehicle time is the lower envelope over one or two windows; it bounds
@@ -22,13 +22,13 @@ from sim.state import Ints
 SECOND = 1_000_000_000  # ns
 JUMP = 10 * SECOND  # a boot counter that jumps further has restarted
 CONFIRM = 1 * SECOND  # receipt time over which a jump must persist
-AGREE = 2 * SECOND  # spread of receipt − boot within which packets tell the same jump
+AGREE = 2 * SECOND  # spread of receipt − boot within which packets show the same jump
 STEP_BACK = 2 * SECOND  # receipt clock set back
 STEP_AHEAD = 10 * SECOND  # receipt clock set ahead …
 STEP_CONFIRM = 5 * SECOND  # … when it has stayed so for this long
 WINDOW = 30 * SECOND  # of the lower envelope
-NEIGHBOUR = 1 * SECOND  # how long the delay of a timed message speaks for untimed ones
-RECENT = 32  # stamps per stream that are remembered to tell duplicates
+NEIGHBOUR = 1 * SECOND  # how long the delay of a timed message holds for untimed ones
+RECENT = 32  # stamps per stream that are kept to find duplicates
 RING = 2  # where they start in `recent`
 
 WRAP_MS = 2**32 * 1000  # µs
@@ -39,8 +39,8 @@ COUNTER_BOOT_US = int(Counter.BOOT_US)
 COUNTER_BOOT_US32 = int(Counter.BOOT_US32)
 
 
-class Verdict(IntEnum):
-    """What a stamped message is worth."""
+class StampStatus(IntEnum):
+    """Whether a stamped message can be used."""
 
     FRESH = 0
     LATE = 1  # older than an earlier one of its stream
@@ -123,7 +123,7 @@ def _is_jump(s: Ints, boot: int, receive: int) -> bool:
 
 @compiled
 def _confirmed(s: Ints, offset: int, receive: int) -> bool:
-    """Whether messages have told the same jump for long enough."""
+    """Whether messages have shown the same jump for long enough."""
     if not s[S.PENDING] or abs(offset - s[S.PENDING_OFFSET]) > AGREE:
         s[S.PENDING] = 1
         s[S.PENDING_OFFSET] = offset
@@ -216,7 +216,7 @@ def _vehicle_time(s: Ints, counter: int, counter_us: int, receive: int) -> int:
 
 
 @compiled
-def _verdict(recent: Ints, vehicle: int) -> int:
+def _status(recent: Ints, vehicle: int) -> int:
     """Fresh (0), late (1) or duplicate (2) within its stream.
 
     recent (34,): newest stamp, position in the ring, the ring of stamps [ns]
@@ -233,28 +233,28 @@ def _verdict(recent: Ints, vehicle: int) -> int:
 
 @compiled
 def stamp(s: Ints, recent: Ints, counter: int, counter_us: int, receive: int) -> tuple[int, int]:
-    """One message -> vehicle time [ns], verdict. Moves the state `s` and its stream's `recent`."""
+    """One message -> vehicle time [ns], status. Moves the state `s` and its stream's `recent`."""
     vehicle = _vehicle_time(s, counter, counter_us, receive)
     if vehicle < 0:
         s[S.UNPLACED] += 1
         return receive, 3
     if counter == COUNTER_RECEIPT:
         return vehicle, 0
-    verdict = _verdict(recent, vehicle)
-    s[S.LATE] += verdict == 1
-    s[S.DUPLICATES] += verdict == 2
-    return vehicle, verdict
+    status = _status(recent, vehicle)
+    s[S.LATE] += status == 1
+    s[S.DUPLICATES] += status == 2
+    return vehicle, status
 
 
 @compiled
 def stamp_all(
     s: Ints, recent: Ints, stream: Ints, counter: Ints, counter_us: Ints, receive: Ints
 ) -> tuple[Ints, Ints, Ints]:
-    """Messages in order of receipt, (K,) each -> vehicle time [ns], verdict, session, (K,) each."""
+    """Messages in order of receipt, (K,) each -> vehicle time [ns], status, session, (K,) each."""
     vehicle = np.empty(len(stream), np.int64)
-    verdict = np.empty(len(stream), np.int64)
+    status = np.empty(len(stream), np.int64)
     session = np.empty(len(stream), np.int64)
     for k in range(len(stream)):
-        vehicle[k], verdict[k] = stamp(s, recent[stream[k]], counter[k], counter_us[k], receive[k])
+        vehicle[k], status[k] = stamp(s, recent[stream[k]], counter[k], counter_us[k], receive[k])
         session[k] = s[S.SESSION]
-    return vehicle, verdict, session
+    return vehicle, status, session

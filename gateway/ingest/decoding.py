@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.ingest.clock import BoatClock
-from gateway.ingest.clock_step import Verdict
+from gateway.ingest.clock_step import StampStatus
 from gateway.ingest.log import Boat, BoatSamples, Log, Table
 from gateway.ingest.mapping import Rule, counter_us, instance_of
 from gateway.samples import Quantity, Samples
@@ -42,11 +42,11 @@ def decode_tables(
     parts = [_rows(log.table(rule.message), rule, boat, instances or {}) for rule in rules]
     parts = [part for part in parts if len(part.order)]
     clock = BoatClock(streams=max(len(parts), 1))
-    vehicle, verdict, sessions = _stamped(clock, parts)
+    vehicle, status, sessions = _stamped(clock, parts)
     samples: list[Samples] = []
     notices: dict[str, None] = {}
-    for part, times, worth in zip(parts, vehicle, verdict, strict=True):
-        good = (worth == Verdict.FRESH) | (worth == Verdict.LATE)
+    for part, times, worth in zip(parts, vehicle, status, strict=True):
+        good = (worth == StampStatus.FRESH) | (worth == StampStatus.LATE)
         try:
             samples += _samples(part, times, good)
         except UNREADABLE:
@@ -77,18 +77,18 @@ def _as_live(column: NDArray[np.generic]) -> NDArray[np.generic]:
 def _stamped(
     clock: BoatClock, parts: Sequence[_RuleRows]
 ) -> tuple[list[Ints], list[Ints], tuple[tuple[int, int], ...]]:
-    """All messages through the clock in the order of the log -> times, verdicts, sessions."""
+    """All messages through the clock in the order of the log -> times, statuses, sessions."""
     if not parts:
         return [], [], ()
     sizes = [len(part.order) for part in parts]
     by_log = np.argsort(np.concatenate([part.order for part in parts]), kind="stable")
-    vehicle, verdict, session = clock.stamp_all(
+    vehicle, status, session = clock.stamp_all(
         np.repeat(np.arange(len(parts)), sizes)[by_log],
         np.repeat([int(part.rule.counter) for part in parts], sizes)[by_log],
         np.concatenate([part.counter_us for part in parts])[by_log],
         np.concatenate([part.receive for part in parts])[by_log],
     )
-    placed = verdict != Verdict.UNPLACED
+    placed = status != StampStatus.UNPLACED
     spans = tuple(
         (int(times.min()), int(times.max()))
         for number in np.unique(session[placed])
@@ -97,7 +97,7 @@ def _stamped(
     back = np.empty(len(by_log), np.int64)
     back[by_log] = np.arange(len(by_log))
     cuts = np.cumsum(sizes)[:-1]
-    return np.split(vehicle[back], cuts), np.split(verdict[back], cuts), spans
+    return np.split(vehicle[back], cuts), np.split(status[back], cuts), spans
 
 
 def _samples(part: _RuleRows, vehicle: Ints, good: NDArray[np.bool_]) -> list[Samples]:

@@ -44,3 +44,13 @@ def to_local(degrees: Floats, origin: Origin) -> Floats:
 def to_degrees(metres: Floats, origin: Origin) -> Floats:
     """(..., 2) [north, east, m] -> (..., 2) [latitude, longitude, degrees]."""
     return np.asarray(metres / np.array(metres_per_degree(origin)) + np.array(origin))
+
+
+def on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+    """Are these the degrees of a place?"""
+    return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+
+
+def distance_m(one: Origin, other: Origin) -> float:
+    """Distance between two places."""
+    return float(np.hypot(*to_local(np.array(one), other)))

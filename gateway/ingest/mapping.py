@@ -6,7 +6,7 @@ value that the boat did not give is NaN: sentinels, scales and units end here. T
 the table of rules of each format stand in its own folder (`mavlink/mapping.py`, …).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -81,6 +81,12 @@ def counter_us(message: Any, rule: Rule) -> Column:
         return min(raw, UNIX_FROM_US) * unit
     column = np.minimum(np.asarray(raw).astype(np.uint64), np.uint64(UNIX_FROM_US))
     return column.astype(np.int64) * np.int64(unit)
+
+
+def as_given(names: Mapping[Quantity, str]) -> Callable[[Any], Facts]:
+    """Quantity -> names of its fields, which need no conversion: a mapping function of them all."""
+    plan = [(quantity, tuple(fields.split())) for quantity, fields in names.items()]
+    return lambda m: tuple((q, tuple(getattr(m, field) for field in fields)) for q, fields in plan)
 
 
 def known(value: Column, sentinel: float) -> Column:

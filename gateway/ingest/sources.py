@@ -1,4 +1,4 @@
-"""One source per quantity: which, and why.
+"""One source per quantity: the choice, with its reason.
 
 LOCAL_POSITION_NED, GLOBAL_POSITION_INT, VFR_HUD and XKF1 are one and the same filter of the
 autopilot, already fed by its GNSS receiver: using two of them counts one piece of knowledge twice.
@@ -12,80 +12,57 @@ from numpy.typing import NDArray
 
 from gateway.samples import Quantity, Samples
 
-GAP_S = 2.0  # a longer silence is a gap
-COVERAGE = 0.9  # of the best candidate's: below, a source is left out
+# Chosen, not measured.
+GAP_S = 2.0  # s: a longer silence is a gap
+COVERAGE = 0.9  # share of the best candidate's time: below, a source is left out
 ENOUGH_HZ = 0.9  # a source this fast is never left out for being slow
-SLOWER = 0.5  # of the fastest candidate's rate: below, a source is left out
+SLOWER = 0.5  # share of the fastest candidate's rate: below, a source is left out
 
-Q = Quantity
 Candidates = tuple[tuple[Quantity, str], ...]
 
+
+def _candidates(quantity: Quantity, *sources: str) -> Candidates:
+    return tuple((quantity, source) for source in sources)
+
+
+# name of what is chosen -> quantity and source, the best first. A format with other names for its
+# messages says by `Rule.equivalent` which of these each stands for.
 PRIORITY: Mapping[str, Candidates] = {
-    "yaw": (
-        (Q.YAW, "ATTITUDE"),
-        (Q.YAW, "ATTITUDE_QUATERNION"),
-        (Q.YAW, "ODOMETRY"),
-        (Q.YAW, "ATT"),
-        (Q.YAW, "XKF1"),
-        (Q.YAW, "NKF1"),
-        (Q.YAW, "GLOBAL_POSITION_INT"),
-        (Q.YAW, "VFR_HUD"),
-        (Q.YAW, "CSV"),
+    "yaw": _candidates(
+        Quantity.YAW, "ATTITUDE", "ATTITUDE_QUATERNION", "ODOMETRY", "ATT", "XKF1", "NKF1",
+        "GLOBAL_POSITION_INT", "VFR_HUD", "CSV",
     ),
-    "yaw rate": (
-        (Q.YAW_RATE, "ATTITUDE"),
-        (Q.YAW_RATE, "ATTITUDE_QUATERNION"),
-        (Q.YAW_RATE, "ODOMETRY"),
-        (Q.YAW_RATE, "IMU"),
-        (Q.YAW_RATE, "HIGHRES_IMU"),
-        (Q.YAW_RATE, "SCALED_IMU"),
-        (Q.YAW_RATE, "RAW_IMU"),
-        (Q.YAW_RATE, "SCALED_IMU2"),
-        (Q.YAW_RATE, "SCALED_IMU3"),
-        (Q.YAW_RATE, "CSV"),
+    "yaw rate": _candidates(
+        Quantity.YAW_RATE, "ATTITUDE", "ATTITUDE_QUATERNION", "ODOMETRY", "IMU", "HIGHRES_IMU",
+        "SCALED_IMU", "RAW_IMU", "SCALED_IMU2", "SCALED_IMU3", "CSV",
     ),
     "velocity": (
-        (Q.VELOCITY, "LOCAL_POSITION_NED"),
-        (Q.VELOCITY, "XKF1"),
-        (Q.VELOCITY, "NKF1"),
-        (Q.VELOCITY, "GLOBAL_POSITION_INT"),
-        (Q.BODY_VELOCITY, "ODOMETRY"),
-        (Q.VELOCITY, "ODOMETRY"),
-        (Q.VELOCITY, "GPS_RAW_INT"),
-        (Q.VELOCITY, "GPS"),
-        (Q.VELOCITY, "VFR_HUD"),
-        (Q.BODY_VELOCITY, "CSV"),
-        (Q.VELOCITY, "CSV"),
+        *_candidates(
+            Quantity.VELOCITY, "LOCAL_POSITION_NED", "XKF1", "NKF1", "GLOBAL_POSITION_INT"
+        ),
+        *_candidates(Quantity.BODY_VELOCITY, "ODOMETRY"),
+        *_candidates(Quantity.VELOCITY, "ODOMETRY", "GPS_RAW_INT", "GPS", "VFR_HUD"),
+        *_candidates(Quantity.BODY_VELOCITY, "CSV"),
+        *_candidates(Quantity.VELOCITY, "CSV"),
     ),
     "position": (
-        (Q.POSITION, "LOCAL_POSITION_NED"),
-        (Q.POSITION, "XKF1"),
-        (Q.POSITION, "NKF1"),
-        (Q.GLOBAL_POSITION, "GLOBAL_POSITION_INT"),
-        (Q.POSITION, "ODOMETRY"),
-        (Q.GLOBAL_POSITION, "GPS_RAW_INT"),
-        (Q.GLOBAL_POSITION, "GPS"),
-        (Q.GLOBAL_POSITION, "CSV"),
-        (Q.POSITION, "CSV"),
+        *_candidates(Quantity.POSITION, "LOCAL_POSITION_NED", "XKF1", "NKF1"),
+        *_candidates(Quantity.GLOBAL_POSITION, "GLOBAL_POSITION_INT"),
+        *_candidates(Quantity.POSITION, "ODOMETRY"),
+        *_candidates(Quantity.GLOBAL_POSITION, "GPS_RAW_INT", "GPS", "CSV"),
+        *_candidates(Quantity.POSITION, "CSV"),
     ),
-    "commands": (
-        (Q.ACTUATORS, "SERVO_OUTPUT_RAW"),
-        (Q.ACTUATORS, "ACTUATOR_OUTPUT_STATUS"),
-        (Q.ACTUATORS, "RCOU"),
-        (Q.ACTUATORS, "CSV"),
+    "commands": _candidates(
+        Quantity.ACTUATORS, "SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "RCOU", "CSV"
     ),
-    "armed": ((Q.ARMED, "HEARTBEAT"), (Q.ARMED, "ARM"), (Q.ARMED, "EV"), (Q.ARMED, "CSV")),
-    "fix": ((Q.FIX, "GPS_RAW_INT"), (Q.FIX, "GPS")),
-    "voltage": (
-        (Q.VOLTAGE, "SYS_STATUS"),
-        (Q.VOLTAGE, "BATTERY_STATUS"),
-        (Q.VOLTAGE, "BAT"),
-        (Q.VOLTAGE, "CURR"),
-        (Q.VOLTAGE, "CSV"),
+    "armed": _candidates(Quantity.ARMED, "HEARTBEAT", "ARM", "EV", "CSV"),
+    "fix": _candidates(Quantity.FIX, "GPS_RAW_INT", "GPS"),
+    "voltage": _candidates(
+        Quantity.VOLTAGE, "SYS_STATUS", "BATTERY_STATUS", "BAT", "CURR", "CSV"
     ),
-    "wind": ((Q.WIND, "WIND"), (Q.WIND, "WIND_COV"), (Q.WIND, "CSV")),
-    "origin": ((Q.ORIGIN, "GPS_GLOBAL_ORIGIN"), (Q.ORIGIN, "ORGN")),
-}
+    "wind": _candidates(Quantity.WIND, "WIND", "WIND_COV", "CSV"),
+    "origin": _candidates(Quantity.ORIGIN, "GPS_GLOBAL_ORIGIN", "ORGN"),
+}  # fmt: skip
 ON_CHANGE = ("armed", "origin")  # sent when something happens: rate and gaps mean nothing
 
 
@@ -142,13 +119,13 @@ def _choice(name: str, present: Sequence[Samples]) -> Choice:
     """The first candidate that is neither full of gaps nor slow beside the others."""
     cover = [covered_s(part) for part in present]
     rates = [rate_hz(part) for part in present]
-    refused: list[str] = []
+    refusals: list[str] = []
     for part, covered, rate in zip(present, cover, rates, strict=True):
-        because = _refusal(name, covered, max(cover), rate, max(rates))
-        if because is None:
-            return _explained(name, part, refused)
-        refused.append(f"{part.source} {because}")
-    return _explained(name, present[int(np.argmax(cover))], refused)
+        reason = _refusal(name, covered, max(cover), rate, max(rates))
+        if reason is None:
+            return _explained(name, part, refusals)
+        refusals.append(f"{part.source} {reason}")
+    return _explained(name, present[int(np.argmax(cover))], refusals)
 
 
 def _refusal(name: str, covered: float, best: float, rate: float, fastest: float) -> str | None:
@@ -161,8 +138,8 @@ def _refusal(name: str, covered: float, best: float, rate: float, fastest: float
     return None
 
 
-def _explained(name: str, samples: Samples, refused: Sequence[str]) -> Choice:
+def _explained(name: str, samples: Samples, refusals: Sequence[str]) -> Choice:
     steps = intervals(samples)
-    why = "; ".join(refused) if refused else "preferred"
+    why = "; ".join(refusals) if refusals else "preferred"
     longest = float(steps.max()) if len(steps) else 0.0
     return Choice(name, samples, rate_hz(samples), longest, why)

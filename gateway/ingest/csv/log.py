@@ -11,7 +11,6 @@ import numpy as np
 from gateway.errors import BadInput
 from gateway.ingest.clock import BoatClock
 from gateway.ingest.csv.mapping_file import CsvMapping, beside, read_mapping
-from gateway.ingest.format import read_bytes
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.samples import CHANNELS, Quantity, Samples
 from sim.state import Floats, Ints
@@ -32,13 +31,8 @@ class CsvLog(Log):
     kind: str = "csv"
 
     @classmethod
-    def open(cls, path: str | Path, mapping: str | Path | None = None) -> "CsvLog":
-        """Reads a table and its mapping file (`mapping`, or the one beside it)."""
-        return cls.from_bytes(read_bytes(path), str(path), mapping)
-
-    @classmethod
     def from_bytes(cls, raw: bytes, path: str, mapping: str | Path | None = None) -> "CsvLog":
-        """The same from the bytes of the table."""
+        """A table with its mapping file (`mapping`, or the one beside it)."""
         file = Path(path)
         header, rows = _parse(file, raw)
         plan = read_mapping(Path(mapping) if mapping is not None else beside(file))

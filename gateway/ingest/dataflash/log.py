@@ -8,7 +8,6 @@ estimate of its bias is subtracted here.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from gateway.ingest.dataflash.records import (
     walk_messages,
 )
 from gateway.ingest.decoding import decode_tables
-from gateway.ingest.format import looks_like, read_bytes
+from gateway.ingest.format import looks_like
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, frozen
 from gateway.ingest.mavlink.walk import group
 from gateway.ingest.parameters import banner
@@ -134,13 +133,8 @@ class DataflashLog(Log):
     _tables: dict[str, Table] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def open(cls, path: str | Path) -> "DataflashLog":
-        """Reads a file to its end."""
-        return cls.from_bytes(read_bytes(path), str(path))
-
-    @classmethod
     def from_bytes(cls, raw: bytes, path: str = "dataflash") -> "DataflashLog":
-        """The same from bytes in memory; `path` names them in messages."""
+        """Reads a log to its end; `path` names it in messages."""
         data = np.frombuffer(raw, np.uint8)
         log = cls(path, data, *walk_messages(data, sizes()))
         if not set(log.counts()) - {"FMT"}:
@@ -213,13 +207,11 @@ class DataflashLog(Log):
         )
 
     def counts(self) -> Mapping[str, int]:
-        """Message name -> number of accepted messages, by name."""
         numbers = np.bincount(self.type, minlength=256)
         found = {f.name: int(numbers[t]) for t, f in self.formats.items() if numbers[t]}
         return dict(sorted(found.items()))
 
     def table(self, name: str) -> Table:
-        """All messages of that name (an empty table where there is none)."""
         if name not in self._tables:
             self._tables[name] = self._decoded(name)
         return self._tables[name]

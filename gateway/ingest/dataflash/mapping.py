@@ -14,6 +14,7 @@ from gateway.ingest.mapping import (
     Facts,
     Rule,
     along,
+    as_given,
     known,
     only_where,
     servo_pulses,
@@ -37,14 +38,6 @@ def att(m: Any) -> Facts:
     return (
         (Quantity.YAW, (np.radians(m.Yaw),)),
         (Quantity.TILT, (np.radians(m.Roll), np.radians(m.Pitch))),
-    )
-
-
-def imu(m: Any) -> Facts:
-    """IMU -> yaw rate with the gyro's bias still in it, specific force."""
-    return (
-        (Quantity.YAW_RATE, (m.GyrZ,)),
-        (Quantity.ACCELERATION, (m.AccX, m.AccY)),
     )
 
 
@@ -75,11 +68,6 @@ def event(m: Any) -> Facts:
     return ((Quantity.ARMED, (only_where(about_arming, np.asarray(m.Id) == EVENT_ARMED),)),)
 
 
-def origin(m: Any) -> Facts:
-    """ORGN -> origin of the filter's local frame."""
-    return ((Quantity.ORIGIN, (m.Lat, m.Lng)),)
-
-
 def wind_vane(m: Any) -> Facts:
     """WIND (true direction it comes from, degrees) -> velocity of the air towards north, east."""
     return ((Quantity.WIND, along(m.SpdTru, np.radians(np.asarray(m.DrTru) + 180.0))),)
@@ -95,18 +83,19 @@ def _rule(message: str, facts: Callable[[Any], Facts], *instance: str, **more: A
     return Rule(message, facts, Counter.BOOT_US, instance=instance, field="TimeUS", **more)
 
 
+IMU = {Quantity.YAW_RATE: "GyrZ", Quantity.ACCELERATION: "AccX AccY"}  # bias of the gyro included
 LANE = "C"  # column that numbers the lane of the autopilot's filter
 RULES: tuple[Rule, ...] = (
     _rule("XKF1", kalman, LANE),
     _rule("NKF1", kalman, LANE),
     _rule("ATT", att),
-    _rule("IMU", imu, "I"),
+    _rule("IMU", as_given(IMU), "I"),
     _rule("GPS", gps, "I"),
     _rule("BAT", bat, "Inst", "Instance", "I"),
     _rule("CURR", bat, "Inst", "Instance", "I"),
     _rule("ARM", arm, on_change=True),
     _rule("EV", event, on_change=True),
-    _rule("ORGN", origin, "Type"),
+    _rule("ORGN", as_given({Quantity.ORIGIN: "Lat Lng"}), "Type"),
     _rule("WIND", wind_vane),
     _rule("RCOU", outputs(1, 14), channels=(1, 14)),
     _rule("RCO2", outputs(15, 18), channels=(15, 18), equivalent="RCOU"),

@@ -1,9 +1,9 @@
-"""How the frames of each source follow each other: lost, late and doubled ones.
+"""Raw MAVLink frames in the order of receipt, whatever container they came from, as tables.
 
-Raw MAVLink frames in the order of receipt, whatever container they came from.
+The sequence numbers of each source tell lost, late and doubled frames.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -111,15 +111,6 @@ class Frames:
         accepted, tally = check_frames(data, start, end, checksum_seeds(), checksum_table())
         times = np.asarray(receive_time_ns, np.int64)[accepted]
         return _described(data, start[accepted], times, tally)
-
-    @classmethod
-    def from_frames(
-        cls, frames: Sequence[bytes], receive_time_ns: Sequence[int] | Ints
-    ) -> "Frames":
-        """Frames one by one, as a live link or a recording delivers them."""
-        end = np.cumsum(np.array([0, *map(len, frames)], np.int64))
-        times = np.asarray(receive_time_ns, np.int64)
-        return cls.from_buffer(b"".join(frames), end[:-1], end[1:], times)
 
     def __len__(self) -> int:
         return len(self.headers.offset)

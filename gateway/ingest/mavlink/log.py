@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gateway.errors import BadInput
 from gateway.ingest.decoding import decode_tables
-from gateway.ingest.format import looks_like, read_bytes
+from gateway.ingest.format import looks_like
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.ingest.mavlink.boats import from_heartbeats, from_motion
 from gateway.ingest.mavlink.definitions import checksum_seeds
@@ -37,11 +36,9 @@ class MavlinkLog(Log):
     recording: "Recording | None" = None
 
     def counts(self) -> Mapping[str, int]:
-        """Message name -> number of accepted messages, by name."""
         return self.frames.counts()
 
     def table(self, name: str) -> Table:
-        """All messages of that name (an empty table where there is none)."""
         return self.frames.table(name)
 
     def boats(self) -> tuple[Boat, ...]:
@@ -49,7 +46,6 @@ class MavlinkLog(Log):
         return from_heartbeats(self.table("HEARTBEAT")) or from_motion(self)
 
     def decode(self, boat: Boat) -> BoatSamples:
-        """All samples of one boat."""
         return decode_tables(self, boat, RULES)
 
     def parameters(self, boat: Boat) -> dict[str, float]:
@@ -63,13 +59,8 @@ class MavlinkLog(Log):
         )
 
 
-def read_tlog(path: str | Path) -> MavlinkLog:
-    """A telemetry log, read to its end."""
-    return tlog_from_bytes(read_bytes(path), str(path))
-
-
 def tlog_from_bytes(raw: bytes, path: str = "tlog") -> MavlinkLog:
-    """The same from bytes in memory; `path` names them in messages."""
+    """A telemetry log, read to its end; `path` names it in messages."""
     if _unstamped(raw):
         raise BadInput(f"{path} is MAVLink without time stamps: a .tlog has one before each frame")
     frames = Frames.from_records(raw)

@@ -4,6 +4,7 @@ RAW_IMU has no unit by definition; ArduPilot sends mG and mrad/s in it, as in SC
 Source: the common and ardupilotmega message definitions.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from gateway.ingest.mapping import (
     Facts,
     Rule,
     along,
+    as_given,
     euler,
     known,
     latitude_longitude,
@@ -33,15 +35,6 @@ ARMED_BIT = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT_INVALID: ground stations, cameras, companions
 
 
-def attitude(m: Any) -> Facts:
-    """ATTITUDE -> yaw, yaw rate, tilt."""
-    return (
-        (Quantity.YAW, (m.yaw,)),
-        (Quantity.YAW_RATE, (m.yawspeed,)),
-        (Quantity.TILT, (m.roll, m.pitch)),
-    )
-
-
 def attitude_quaternion(m: Any) -> Facts:
     """ATTITUDE_QUATERNION -> yaw, yaw rate, tilt."""
     roll, pitch, yaw = euler(m.q1, m.q2, m.q3, m.q4)
@@ -50,11 +43,6 @@ def attitude_quaternion(m: Any) -> Facts:
         (Quantity.YAW_RATE, (m.yawspeed,)),
         (Quantity.TILT, (roll, pitch)),
     )
-
-
-def local_position_ned(m: Any) -> Facts:
-    """LOCAL_POSITION_NED -> position from the autopilot's origin, velocity over ground."""
-    return ((Quantity.POSITION, (m.x, m.y)), (Quantity.VELOCITY, (m.vx, m.vy)))
 
 
 def global_position_int(m: Any) -> Facts:
@@ -128,14 +116,10 @@ def highres_imu(m: Any) -> Facts:
     )
 
 
-def servo_output_raw(m: Any) -> Facts:
-    """SERVO_OUTPUT_RAW of the first port -> channels 1 to 16."""
-    return servo_pulses(1, [getattr(m, f"servo{i}_raw", 0) for i in range(1, 17)])
-
-
-def servo_output_raw_second(m: Any) -> Facts:
-    """SERVO_OUTPUT_RAW of the second port -> channels 17 to 32."""
-    return servo_pulses(17, [getattr(m, f"servo{i}_raw", 0) for i in range(1, 17)])
+def servo_output_raw(first: int) -> Callable[[Any], Facts]:
+    """SERVO_OUTPUT_RAW of one port -> 16 channels; MAVLink 1 has eight of them."""
+    names = [f"servo{i}_raw" for i in range(1, 17)]
+    return lambda m: servo_pulses(first, [getattr(m, name, 0) for name in names])
 
 
 def actuator_output_status(m: Any) -> Facts:
@@ -181,15 +165,12 @@ def wind(m: Any) -> Facts:
     return ((Quantity.WIND, along(m.speed, np.radians(np.asarray(m.direction) + 180.0))),)
 
 
-def wind_cov(m: Any) -> Facts:
-    """WIND_COV -> velocity of the air towards north, east."""
-    return ((Quantity.WIND, (m.wind_x, m.wind_y)),)
-
-
+ATTITUDE = {Quantity.YAW: "yaw", Quantity.YAW_RATE: "yawspeed", Quantity.TILT: "roll pitch"}
+LOCAL_POSITION = {Quantity.POSITION: "x y", Quantity.VELOCITY: "vx vy"}
 RULES: tuple[Rule, ...] = (
-    Rule("ATTITUDE", attitude, Counter.BOOT_MS),
+    Rule("ATTITUDE", as_given(ATTITUDE), Counter.BOOT_MS),
     Rule("ATTITUDE_QUATERNION", attitude_quaternion, Counter.BOOT_MS),
-    Rule("LOCAL_POSITION_NED", local_position_ned, Counter.BOOT_MS),
+    Rule("LOCAL_POSITION_NED", as_given(LOCAL_POSITION), Counter.BOOT_MS),
     Rule("GLOBAL_POSITION_INT", global_position_int, Counter.BOOT_MS),
     Rule("GPS_RAW_INT", gps_raw_int, Counter.SAMPLE_US),
     Rule("VFR_HUD", vfr_hud, Counter.RECEIPT),
@@ -202,14 +183,14 @@ RULES: tuple[Rule, ...] = (
     Rule("HIGHRES_IMU", highres_imu, Counter.BOOT_US, instance=("id",)),
     Rule(
         "SERVO_OUTPUT_RAW",
-        servo_output_raw,
+        servo_output_raw(1),
         Counter.BOOT_US32,
         instance=("port",),
         channels=(1, 16),
     ),
     Rule(
         "SERVO_OUTPUT_RAW",
-        servo_output_raw_second,
+        servo_output_raw(17),
         Counter.BOOT_US32,
         source="SERVO_OUTPUT_RAW/1",
         instance=("port",),
@@ -223,6 +204,6 @@ RULES: tuple[Rule, ...] = (
     Rule("SYS_STATUS", sys_status, Counter.RECEIPT),
     Rule("BATTERY_STATUS", battery_status, Counter.RECEIPT, instance=("id",)),
     Rule("WIND", wind, Counter.RECEIPT),
-    Rule("WIND_COV", wind_cov, Counter.RECEIPT),
+    Rule("WIND_COV", as_given({Quantity.WIND: "wind_x wind_y"}), Counter.RECEIPT),
 )
 BY_SOURCE = {rule.source: rule for rule in RULES}

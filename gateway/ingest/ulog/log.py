@@ -60,7 +60,6 @@ class UlogLog(Log):
     kind: str = "ulog"
 
     def counts(self) -> Mapping[str, int]:
-        """Topic -> number of accepted messages, by name."""
         return {name: len(topic.order) for name, topic in sorted(self.topics.items())}
 
     def table(self, name: str) -> Table:

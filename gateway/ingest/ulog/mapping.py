@@ -21,6 +21,7 @@ from gateway.ingest.mapping import (
     Counter,
     Facts,
     Rule,
+    as_given,
     euler,
     known,
     latitude_longitude,
@@ -143,11 +144,6 @@ def battery(m: Any) -> Facts:
     return ((Quantity.VOLTAGE, (known(_either(m, "voltage_v", "voltage_filtered_v"), 0.0),)),)
 
 
-def wind(m: Any) -> Facts:
-    """wind, wind_estimate -> velocity of the air towards north, east."""
-    return ((Quantity.WIND, (m.windspeed_north, m.windspeed_east)),)
-
-
 def _either(m: Any, newer: str, older: str) -> Column:
     return getattr(m, newer if hasattr(m, newer) else older)
 
@@ -167,6 +163,7 @@ def _rule(
     )
 
 
+WIND = {Quantity.WIND: "windspeed_north windspeed_east"}  # velocity of the air
 RULES: tuple[Rule, ...] = (
     _rule("vehicle_attitude", attitude, "ATTITUDE"),
     _rule("vehicle_angular_velocity", angular_velocity, "ATTITUDE"),
@@ -184,6 +181,6 @@ RULES: tuple[Rule, ...] = (
     _rule("actuator_servos", controls(13, 8), "ACTUATOR_OUTPUT_STATUS", channels=(13, 20)),
     _rule("vehicle_status", status, "HEARTBEAT"),
     _rule("battery_status", battery, "BATTERY_STATUS"),
-    _rule("wind", wind, "WIND_COV"),
-    _rule("wind_estimate", wind, "WIND_COV"),
+    _rule("wind", as_given(WIND), "WIND_COV"),
+    _rule("wind_estimate", as_given(WIND), "WIND_COV"),
 )

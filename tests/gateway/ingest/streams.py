@@ -2,10 +2,14 @@
 
 import itertools
 import struct
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gateway.ingest.mavlink.frames import Frames
 
 START_US = 1_700_000_000_000_000
 MESSAGES = [m for _, m in sorted(dialect.mavlink_map.items())]
@@ -35,6 +39,12 @@ def packer(system: int = 1, component: int = 1, key: bytes = b"") -> Any:
 def record(frame: bytes, time_us: int) -> bytes:
     """A record of a .tlog."""
     return struct.pack(">Q", time_us) + frame
+
+
+def frames_of(frames: Sequence[bytes], receive_time_ns: Sequence[int]) -> Frames:
+    """Frames one by one, as a recording delivers them."""
+    end = np.cumsum(np.array([0, *map(len, frames)], np.int64))
+    return Frames.from_buffer(b"".join(frames), end[:-1], end[1:], np.array(receive_time_ns))
 
 
 def unknown_frame(number: int = 60_000, payload: bytes = b"bogus") -> bytes:

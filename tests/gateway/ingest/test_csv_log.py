@@ -37,7 +37,7 @@ def write(folder: Path, table: str = TABLE, mapping: str | None = MAPPING) -> Pa
 
 
 def test_columns_become_samples_in_si_units(tmp_path: Path) -> None:
-    log = CsvLog.open(write(tmp_path))
+    log = open_log(write(tmp_path))
     said = {samples.quantity: samples for samples in log.samples()}
     assert said[Quantity.YAW].values[:, 0] == pytest.approx(np.radians([90.0, 91.0]))
     assert said[Quantity.YAW].vehicle_time_ns.tolist() == [1_000_000_000, 1_100_000_000]
@@ -49,7 +49,7 @@ def test_columns_become_samples_in_si_units(tmp_path: Path) -> None:
 
 def test_knots_and_half_a_velocity(tmp_path: Path) -> None:
     sway = MAPPING + 'sway = { column = "heading", unit = "m/s" }\n'
-    log = CsvLog.open(write(tmp_path, mapping=sway))
+    log = open_log(write(tmp_path, mapping=sway))
     (body,) = [s for s in log.samples() if s.quantity is Quantity.BODY_VELOCITY]
     assert body.values == pytest.approx(np.array([[2 * 1852 / 3600, 90.0]]))
 
@@ -65,7 +65,7 @@ def test_the_file_named_like_the_table_comes_before_mapping_toml(tmp_path: Path)
 def test_semicolons_and_a_byte_order_mark(tmp_path: Path) -> None:
     path = write(tmp_path)
     path.write_text("\ufeff" + TABLE.replace(",", ";"), encoding="utf-8")
-    assert len(CsvLog.open(path).time_s) == 3
+    assert len(open_log(path).time_s) == 3
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_mistakes_in_the_mapping_are_told(
     tmp_path: Path, change: tuple[str, str], says: str
 ) -> None:
     with pytest.raises(BadInput, match=says):
-        CsvLog.open(write(tmp_path, mapping=MAPPING.replace(*change)))
+        open_log(write(tmp_path, mapping=MAPPING.replace(*change)))
 
 
 @pytest.mark.parametrize(
@@ -96,9 +96,9 @@ def test_mistakes_in_the_mapping_are_told(
 )
 def test_mistakes_in_the_table_are_told(tmp_path: Path, table: str, says: str) -> None:
     with pytest.raises(BadInput, match=says):
-        CsvLog.open(write(tmp_path, table=table))
+        open_log(write(tmp_path, table=table))
 
 
 def test_a_table_without_mapping_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"write run\.toml or mapping\.toml beside it"):
-        CsvLog.open(write(tmp_path, mapping=None))
+        open_log(write(tmp_path, mapping=None))

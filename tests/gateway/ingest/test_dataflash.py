@@ -100,19 +100,19 @@ def assert_agrees(log: DataflashLog, peer: dict[str, list[Any]]) -> None:
 
 @pytest.mark.parametrize("name", REAL)
 def test_every_field_agrees_with_dfreader(shared_data: Path, name: str) -> None:
-    assert_agrees(DataflashLog.open(shared_data / name), peer_messages(shared_data / name))
+    assert_agrees(open_log(shared_data / name), peer_messages(shared_data / name))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LONG)
 def test_every_field_of_long_logs_agrees_with_dfreader(shared_data: Path, name: str) -> None:
-    assert_agrees(DataflashLog.open(shared_data / name), peer_messages(shared_data / name))
+    assert_agrees(open_log(shared_data / name), peer_messages(shared_data / name))
 
 
 @pytest.mark.parametrize("name", REAL)
 def test_counts_agree_with_the_facts(shared_data: Path, name: str) -> None:
     facts = json.loads((shared_data / "odd-logs/facts.json").read_text())[Path(name).name]
-    log = DataflashLog.open(shared_data / name)
+    log = open_log(shared_data / name)
     assert dict(log.counts()) == facts["counts"]
     assert log.statistics.accepted == facts["messages"]
     assert log.statistics.size_bytes == facts["size"]
@@ -151,7 +151,7 @@ def test_random_formats_agree_with_dfreader(
 ) -> None:
     path = tmp_path_factory.mktemp("random") / "log.bin"
     path.write_bytes(raw)
-    assert_agrees(DataflashLog.open(path), peer_messages(path))
+    assert_agrees(open_log(path), peer_messages(path))
 
 
 @RANDOM

@@ -15,10 +15,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.errors import BadInput
 from gateway.ingest.mavlink.definitions import definitions, layout
 from gateway.ingest.mavlink.frames import Frames
-from gateway.ingest.mavlink.log import MavlinkLog, read_tlog, tlog_from_bytes
+from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
 from gateway.ingest.open import open_log
 from tests.gateway.ingest.streams import (
     START_US,
+    frames_of,
     packer,
     record,
     streams,
@@ -86,19 +87,19 @@ def assert_agrees(log: MavlinkLog, peer: dict[str, list[Any]]) -> None:
 
 @pytest.mark.parametrize("name", REAL)
 def test_every_field_agrees_with_pymavlink(shared_data: Path, name: str) -> None:
-    assert_agrees(read_tlog(shared_data / name), peer_messages(shared_data / name))
+    assert_agrees(open_log(shared_data / name), peer_messages(shared_data / name))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LONG)
 def test_every_field_of_long_logs_agrees_with_pymavlink(shared_data: Path, name: str) -> None:
-    assert_agrees(read_tlog(shared_data / name), peer_messages(shared_data / name))
+    assert_agrees(open_log(shared_data / name), peer_messages(shared_data / name))
 
 
 @pytest.mark.parametrize("name", [n for n in REAL if n.startswith("odd-logs")])
 def test_counts_agree_with_the_facts(shared_data: Path, name: str) -> None:
     facts = json.loads((shared_data / "odd-logs/facts.json").read_text())[Path(name).name]
-    walk, log = facts["frame_walk"], read_tlog(shared_data / name)
+    walk, log = facts["frame_walk"], open_log(shared_data / name)
     found, frames = log.statistics, log.frames
     assert found.size_bytes == walk["size"]
     assert found.bad_checksum == walk["badcrc"]
@@ -120,7 +121,7 @@ def test_counts_agree_with_the_facts(shared_data: Path, name: str) -> None:
 
 
 def test_bogus_frames_of_the_radio_log_are_survived(shared_data: Path) -> None:
-    found = read_tlog(shared_data / "sitl/boat_radio.tlog").statistics
+    found = open_log(shared_data / "sitl/boat_radio.tlog").statistics
     assert (found.unknown_messages, found.accepted) == (58, 48_851 - 58)
 
 
@@ -139,7 +140,7 @@ def test_every_whole_frame_of_a_damaged_stream_is_found(stream: tuple[bytes, lis
 @given(streams())
 def test_random_messages_agree_with_pymavlink(stream: tuple[bytes, list[bytes]]) -> None:
     _, raw = stream
-    log, peer = Frames.from_frames(raw, range(len(raw))), defaultdict(list)
+    log, peer = frames_of(raw, range(len(raw))), defaultdict(list)
     for frame in raw:
         m = dialect.MAVLink(None).decode(bytearray(frame))
         peer[m.get_type()].append(m)
@@ -173,7 +174,7 @@ def test_layouts_are_pymavlinks() -> None:
 def test_frames_keep_their_bytes_and_their_order() -> None:
     mav = packer()
     sent = [heartbeat(mav), unknown_frame(), heartbeat(mav), heartbeat(mav)[:-1] + b"x"]
-    frames = Frames.from_frames(sent, [30, 10, 20, 40])
+    frames = frames_of(sent, [30, 10, 20, 40])
     assert [frames.raw(i) for i in range(len(frames))] == [sent[0], sent[2]]
     assert frames.receive_time_ns.tolist() == [30, 20]
     assert frames.statistics.unknown_messages == 1

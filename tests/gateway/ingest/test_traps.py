@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
@@ -25,7 +24,7 @@ def notices(folder: Path, traps: Traps) -> tuple[str, ...]:
 
 def tidy(folder: Path, traps: Traps):
     """The sources that are left."""
-    log = CsvLog.open(written(folder, traps)[0])
+    log = open_log(written(folder, traps)[0])
     decoded = log.decode(choose_boat(log, None))
     return repair_table(decoded, choose(decoded.samples))
 
@@ -60,7 +59,7 @@ def test_a_smoothed_table_with_held_fixes_is_found_too(tmp_path: Path) -> None:
 
 def test_held_fixes_go_back_to_their_own_times(tmp_path: Path) -> None:
     path, made = written(tmp_path, Traps(held=True))
-    log = CsvLog.open(path)
+    log = open_log(path)
     (place,) = [s for s in log.samples() if s.quantity is Quantity.GLOBAL_POSITION]
     found = undo_hold(place)
     assert found is not None
@@ -76,7 +75,7 @@ def test_held_fixes_go_back_to_their_own_times(tmp_path: Path) -> None:
 
 def test_a_boat_at_rest_has_fixes_and_a_silent_receiver_has_none(tmp_path: Path) -> None:
     path, _ = written(tmp_path, Traps(held=True))
-    (place,) = [s for s in CsvLog.open(path).samples() if s.quantity is Quantity.GLOBAL_POSITION]
+    (place,) = [s for s in open_log(path).samples() if s.quantity is Quantity.GLOBAL_POSITION]
     silent = place.values.copy()
     silent[600:650] = silent[600]  # five seconds without a fix, then a jump
     still = place.values.copy()
@@ -94,7 +93,7 @@ def test_a_boat_at_rest_has_fixes_and_a_silent_receiver_has_none(tmp_path: Path)
 
 def test_what_changes_in_every_row_is_not_held(tmp_path: Path) -> None:
     path, _ = written(tmp_path, Traps())
-    for samples in CsvLog.open(path).samples():
+    for samples in open_log(path).samples():
         if samples.quantity in (Quantity.YAW, Quantity.YAW_RATE):
             assert undo_hold(samples) is None
             time = samples.vehicle_time_ns * 1e-9

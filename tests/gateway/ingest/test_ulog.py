@@ -89,10 +89,10 @@ def test_survey_names_the_topics_and_stays_plain_json(voyage: Path) -> None:
 
 
 def test_rates_in_health_are_those_of_the_topics(voyage: Path) -> None:
-    from gateway.shadow.health import HealthMeter
+    from gateway.shadow.health import LogHealth
 
     log = open_log(voyage)
-    found = HealthMeter.of_log(log, log.decode(choose_boat(log))).arrivals
+    found = LogHealth.of(log, log.decode(choose_boat(log))).arrivals
     assert len(found["ATTITUDE"]) == 6155
     assert len(found["LOCAL_POSITION_NED"]) == 3847
     assert sum(map(len, found.values())) == log.statistics.accepted

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.mavlink.frames import Frames
 from gateway.links.frame_reader import split_frames
+from tests.gateway.ingest.streams import frames_of
 from tests.gateway.links.boats import Autopilot
 
 UNKNOWN = b"\xfd\x04\x00\x00\x07\x00\x00\xff\xff\xffabcd\x12\x34"  # id 0xFFFFFF, source 0/0
@@ -84,7 +84,7 @@ def test_every_byte_is_accounted_for_and_known_frames_are_a_logs(parts):
     data = b"".join(parts)
     split = split_frames(data)
     assert len(split.rest) < 280
-    log = Frames.from_frames(raws(split), [0] * len(raws(split)))
+    log = frames_of(raws(split), [0] * len(raws(split)))
     assert len(log) == len(raws(split))
     used = sum(len(p.raw) for p in split.frames) + len(split.rest) + split.junk_bytes
     refused = len(data) - used  # frames with a wrong checksum are no junk; covers may overlap
