@@ -7,9 +7,10 @@ from typing import Annotated
 import typer
 
 from gateway.commands.options import (
+    AsJson,
     Config,
     EffectFiles,
-    PlantFile,
+    Plant,
     Publish,
     Record,
     Reference,
@@ -17,6 +18,7 @@ from gateway.commands.options import (
     ZenohName,
     effects_from,
     print_progress,
+    print_result,
     settings_from,
     vessel_from,
 )
@@ -40,7 +42,7 @@ def live(
             "configuration.",
         ),
     ] = None,
-    plant: PlantFile = None,
+    plant: Plant = None,
     reference: Reference = None,
     out: Annotated[Path, typer.Option(help="Folder for the recordings.")] = Path("shadow-out"),
     record: Record = True,
@@ -77,6 +79,17 @@ def live(
         raise BadInput("no model of the boat: give --vessel FILE, or [[boats]] in --config FILE")
     options = LiveOptions(links, out if record else None, silent, signing_key, settings)
     run_until_stopped(plans, options, print_progress)
+
+
+def show_plants(json: AsJson = False) -> None:
+    """The kinds of plant that can play a shadow (--plant of live and replay)."""
+    from gateway.plants import known_plants
+    from gateway.terminal.runs import show_plants as show
+
+    known = [
+        {"name": kind.name, "description": kind.description} for kind in known_plants().values()
+    ]
+    print_result(json, lambda: {"plants": known}, lambda: show(known))
 
 
 def simulate(
@@ -142,6 +155,6 @@ def monitor(
 ) -> None:
     """Watch shadows in the terminal, from this machine or another: states, residuals, health."""
     from gateway.monitor.watcher import MonitorOptions
-    from gateway.terminal.monitor_loop import monitor as work
+    from gateway.terminal.monitor_loop import run_monitor
 
-    work(MonitorOptions(connect, config, vessel), once, json)
+    run_monitor(MonitorOptions(connect, config, vessel), once, json)

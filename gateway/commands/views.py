@@ -36,13 +36,14 @@ def report(
 ) -> None:
     """One self-contained HTML file to mail: pictures, numbers, the vessel file, what is missing."""
     from gateway.offline.report import make_report
+    from gateway.offline.trials import TrialOptions
     from gateway.terminal.console import status_line
     from gateway.terminal.runs import show_report
 
     with status_line("report") as progress:
         done = make_report(
-            logs, vessel, out, diagnose=diagnose, system=system, mapping=mapping,
-            effects=effects_from(effects), progress=progress,
+            logs, vessel, out, diagnose=diagnose, effects=effects_from(effects), progress=progress,
+            options=TrialOptions(system=system, mapping=mapping),
         )  # fmt: skip
     print_result(json, done.to_dict, lambda: show_report(done))
 
@@ -76,10 +77,9 @@ def studio(
     effects: EffectFiles = None,
 ) -> None:
     """The five steps in a browser: live, compare, diagnose, vessel, recordings. Ctrl-C ends."""
-    from gateway.studio.serve import StudioOptions
-    from gateway.studio.serve import studio as work
+    from gateway.studio.serve import StudioOptions, run_studio
 
-    work(
+    run_studio(
         StudioOptions(
             tuple(logs or ()), vessel, tuple(folder or ()), out, tuple(effects or ()), port,
             browser, expose, tuple(origin or ()), connect, settings_from(config, None, None).studio,

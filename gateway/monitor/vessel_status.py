@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 import orjson
@@ -89,3 +90,11 @@ def _fits(value: Any, field: Field) -> bool:
 def printable(text: str) -> str:
     """Text with every control character replaced, so that it cannot command a terminal."""
     return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def time_of_day(time_ns: int) -> str:
+    """Local time of day; dashes for a time that does not exist."""
+    try:
+        return f"{datetime.fromtimestamp(time_ns * 1e-9):%H:%M:%S}"
+    except (ValueError, OverflowError, OSError):
+        return "--:--:--"

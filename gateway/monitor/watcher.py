@@ -46,7 +46,7 @@ class MonitorOptions:
         return str(self.config_file) if self.config_file else self.endpoint
 
 
-def join(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
+def join_bus(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
     """Join the gateway or router at `endpoint`; None while nothing answers there."""
     if config_file is not None:
         return open_session(BusSettings(config_file=config_file))
@@ -75,7 +75,7 @@ class BusWatcher:
     def statuses(self) -> tuple[VesselStatus, ...]:
         """All vessels known now."""
         if self._subscriber is None and time.monotonic() >= self._next_try:
-            session = join(self._options.endpoint, self._options.config_file)
+            session = join_bus(self._options.endpoint, self._options.config_file)
             if session is not None:
                 self._scope.enter_context(session)
                 subscriber = VesselSubscriber(session, self._options.vessel)
@@ -166,18 +166,18 @@ class VesselSubscriber:
 
     def _on_sample(self, sample: Any) -> None:
         """A subscriber's callback, on a thread of zenoh."""
-        name, topic = _parts(sample.key_expr)
-        if topic in TOPICS:
-            self._keep(name, topic, sample.payload.to_bytes(), self._clock())
+        self._keep(sample, self._clock())
 
     def _on_reply(self, reply: Any) -> None:
         """The last value of a topic from before; what came since is newer."""
         if reply.ok is not None:
-            name, topic = _parts(reply.ok.key_expr)
-            if topic in TOPICS:
-                self._keep(name, topic, reply.ok.payload.to_bytes(), None)
+            self._keep(reply.ok, None)
 
-    def _keep(self, name: str, topic: str, payload: bytes, arrival: float | None) -> None:
+    def _keep(self, sample: Any, arrival: float | None) -> None:
+        name, topic = _parts(sample.key_expr)
+        if topic not in TOPICS:
+            return
+        payload = sample.payload.to_bytes()
         with self._lock:
             vessel = self._vessel(name)
             if topic == "event":

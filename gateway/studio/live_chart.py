@@ -1,7 +1,6 @@
 """Bokeh figures of live boats: a chart from above, and strips of their velocities."""
 
 import math
-from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +13,8 @@ from gateway.figures.figure_data import SeriesRole
 from gateway.figures.quantities import EAST, NORTH, VELOCITIES
 from gateway.figures.style import Theme
 from gateway.monitor.vessel_status import Message
-from gateway.studio.live_history import WINDOW_S, LiveBoat
+from gateway.studio.live_history import WINDOW_S, WatchedBoat
+from gateway.studio.widgets import fill_source
 
 SERIES = (("measured", SeriesRole.MEASURED, "solid"), ("shadow", SeriesRole.SHADOW, "solid"),
           ("reference", SeriesRole.CONTEXT, "dotted"))  # fmt: skip
@@ -61,16 +61,18 @@ class Chart:
             label_text_color=theme.ink, title="",
         ))  # fmt: skip
 
-    def show(self, boats: tuple[LiveBoat, ...]) -> None:
+    def show(self, boats: tuple[WatchedBoat, ...]) -> None:
         """All boats as they are now."""
         for topic, _, _ in HULLS:
             tracks = (boat.tracks.get(topic, ([], [])) for boat in boats)
-            _fill(self._tracks[topic], (piece for track in tracks for piece in _shaded(*track)))
+            fill_source(
+                self._tracks[topic], (piece for track in tracks for piece in _shaded(*track))
+            )
             hulls = (boat.status.message(topic) for boat in boats)
-            _fill(self._hulls[topic], (_hull(m) for m in hulls if m))
-        _fill(self._forces, (arrow for boat in boats if (arrow := _arrow(boat))))
+            fill_source(self._hulls[topic], (_hull(m) for m in hulls if m))
+        fill_source(self._forces, (arrow for boat in boats if (arrow := _arrow(boat))))
         motions = ((boat.status.name, boat.status.motion()) for boat in boats)
-        _fill(self._names, ((m["east_m"], m["north_m"], name) for name, m in motions if m))
+        fill_source(self._names, ((m["east_m"], m["north_m"], name) for name, m in motions if m))
 
 
 class VelocityStrips:
@@ -101,7 +103,7 @@ class VelocityStrips:
         for source in self._sources.values():
             source.data = {"t": [], "u": [], "v": [], "r": []}
 
-    def show(self, boat: LiveBoat) -> None:
+    def show(self, boat: WatchedBoat) -> None:
         """What came since the last time."""
         for topic, source in self._sources.items():
             rows = boat.velocities_since(topic, self._latest.get(topic, 0.0))
@@ -113,14 +115,6 @@ class VelocityStrips:
 
 def _source(*columns: str) -> Any:
     return ColumnDataSource({name: [] for name in columns})
-
-
-def _fill(source: Any, rows: Iterable[tuple[Any, ...]]) -> None:
-    """Rows into a source; the same data are not sent again: tracks grow twice a second alone."""
-    every = list(rows)
-    data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
-    if source.data != data:
-        source.data = data
 
 
 def _legend_above(fig: Any, theme: Theme) -> None:
@@ -149,7 +143,7 @@ def _hull(m: Message) -> tuple[list[float], list[float]]:
     return east.tolist(), north.tolist()
 
 
-def _arrow(boat: LiveBoat) -> tuple[float, float, float, float] | None:
+def _arrow(boat: WatchedBoat) -> tuple[float, float, float, float] | None:
     """The missing force from the boat on, its length logarithmic; None where it is not significant.
 
     East and north of both ends [m].

@@ -27,7 +27,7 @@ LARGEST = 1e7  # m or m/s: what is larger would break a chart
 
 
 @dataclass(frozen=True)
-class LiveBoat:
+class WatchedBoat:
     """One boat: its status, its tracks (east, north [m]) and its velocities by topic."""
 
     status: VesselStatus
@@ -67,14 +67,14 @@ class BoatHistory:
         if topic in self.tracks and self._counts[topic] % TRACK_EVERY == 1:
             self.tracks[topic].append((m["east_m"], m["north_m"]))
 
-    def boat(self, status: VesselStatus) -> LiveBoat:
+    def boat(self, status: VesselStatus) -> WatchedBoat:
         """The boat as it is now, with copies of what is kept."""
         tracks = {
             topic: ([e for e, _ in points], [n for _, n in points])
             for topic, points in self.tracks.items()
         }
         rows = {topic: np.array(rows) for topic, rows in self.rows.items() if rows}
-        return LiveBoat(status, tracks, rows)
+        return WatchedBoat(status, tracks, rows)
 
 
 def _plausible(m: Message) -> bool:
@@ -91,7 +91,7 @@ class LiveHistory:
         self.where = options.where
         self._options = options
         self._lock, self._stop = Lock(), Event()
-        self._boats: tuple[LiveBoat, ...] = ()
+        self._boats: tuple[WatchedBoat, ...] = ()
         self._thread = Thread(target=self._watch, name="live history", daemon=True)
 
     def __enter__(self) -> Self:
@@ -104,7 +104,7 @@ class LiveHistory:
         self._stop.set()
         self._thread.join(3.0)
 
-    def boats(self) -> tuple[LiveBoat, ...]:
+    def boats(self) -> tuple[WatchedBoat, ...]:
         """All boats, by name."""
         with self._lock:
             return self._boats

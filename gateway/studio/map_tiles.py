@@ -10,7 +10,6 @@ No tile is asked for before the map is switched on.
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from html import escape
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ from bokeh.models import ColumnDataSource, ImageURL
 from gateway.config import StudioSettings
 from gateway.figures.style import Theme
 from gateway.ingest.earth import A, Origin, to_degrees, to_local
-from gateway.studio.widgets import boxes, html
+from gateway.studio.widgets import boxes, fill_source, html
 from sim.state import Floats
 
 PIXELS = 256  # of a tile
@@ -30,7 +29,7 @@ WIDEST_M = 100_000.0  # beyond, the plane of the chart is not the Earth
 ADDRESS = re.compile(r"https?://[^\s<>\"]+")
 PALE = {"light": 0.75, "dark": 0.4}  # by theme, so that tracks and names stand out
 WIDE_PX = 700.0  # of a chart whose width is not known yet
-COLUMNS = ("url", "x", "y", "w", "h")
+COLUMNS = ("url", "x", "y", "w", "h")  # of a tile
 
 
 class View(NamedTuple):
@@ -43,8 +42,7 @@ class View(NamedTuple):
     pixels: float
 
 
-@dataclass(frozen=True)
-class Tile:
+class Tile(NamedTuple):
     """One tile: its address, its north-west corner [m from the origin], and its size [m]."""
 
     url: str
@@ -108,7 +106,6 @@ class TileLayer:
     def __init__(self, figure: Any, settings: StudioSettings, theme: Theme) -> None:
         self._figure, self._settings = figure, settings
         self._source = ColumnDataSource({name: [] for name in COLUMNS})
-        self._shown: list[str] = []
         tile = ImageURL(
             **{name: name for name in COLUMNS}, anchor="top_left", global_alpha=PALE[theme.name]
         )
@@ -129,13 +126,7 @@ class TileLayer:
             tiles = tiles_under(
                 View(x.start, x.end, y.start, y.end, pixels), origin, self._settings
             )
-        urls = [tile.url for tile in tiles]
-        if urls != self._shown:
-            self._shown = urls
-            self._source.data = {
-                "url": urls, "x": [t.west for t in tiles], "y": [t.north for t in tiles],
-                "w": [t.width for t in tiles], "h": [t.height for t in tiles],
-            }  # fmt: skip
+        fill_source(self._source, tiles)
 
 
 class TileMap:

@@ -22,7 +22,8 @@ from gateway.figures.figure_data import FigureData
 from gateway.figures.style import LIGHT, THEMES
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.session import Session
-from gateway.studio.widgets import bokeh_part, button, controls, field, html, stack
+from gateway.studio.views import TrialView
+from gateway.studio.widgets import bokeh_part, button, control_row, field, html, stack, table, word
 from gateway.studio.worker import BUG
 from sim.effects.effect import LawError
 
@@ -101,10 +102,8 @@ class Page(ABC):
         def run() -> None:
             try:
                 work()
-            except (ShadowError, LawError) as error:
+            except (ShadowError, LawError, RuntimeError) as error:
                 self.session.notify(" ".join(str(error).split()))
-            except RuntimeError as error:
-                self.session.notify(str(error))
             except Exception as error:  # the outermost loop of a page
                 print(traceback.format_exc(), file=stderr, flush=True)
                 self.session.notify(f"{BUG} ({type(error).__name__})")
@@ -157,6 +156,15 @@ class FigurePlace:
             self.part.objects = [bokeh_part(self.figure.layout)]
 
 
+def error_table(heading: str, trials: Sequence[TrialView]) -> str:
+    """The error of the vessel as given and as it is now, on recordings that were compared."""
+    rows = [
+        [escape(t.name), f"{t.vessels[0].nrmse:.3f}", f"{t.vessels[-1].nrmse:.3f}",
+         f"{t.vessels[-1].floor:.3f}"] for t in trials
+    ]  # fmt: skip
+    return table([heading, "error as given", "error now", word("noise floor")], rows)
+
+
 class SaveControls:
     """Undo, a name, and a button that saves the vessel; a name is proposed at first."""
 
@@ -167,7 +175,7 @@ class SaveControls:
         self._undo = button("Undo", page.guarded(page.session.undo), width=90)
         self._name = field(label, width=widths[0])
         save = button("Save vessel file", page.guarded(self._save), width=widths[1], **style)
-        self.part = controls(self._undo, self._name, save, *more)
+        self.part = control_row(self._undo, self._name, save, *more)
 
     def update(self) -> None:
         """After the vessel has changed."""

@@ -57,7 +57,7 @@ class StudioOptions:
     settings: StudioSettings = field(default_factory=StudioSettings)
 
 
-def studio(options: StudioOptions, progress: Progress) -> None:
+def run_studio(options: StudioOptions, progress: Progress) -> None:
     """Serve until interrupted."""
     quieten_logs()
     set_style()

@@ -157,7 +157,7 @@ class Session:
             self.diagnosis = replace(diagnosis, before=before)
             self._changed("diagnosis")
 
-        self.start("diagnose", tasks.diagnose, logs, self.version.text, self.effect_files,
+        self.start("diagnose", tasks.diagnose_task, logs, self.version.text, self.effect_files,
                    done=done)  # fmt: skip
         self.diagnosis = None
         self._changed("diagnosis")
@@ -170,7 +170,7 @@ class Session:
             self.report = file
             self._changed("report")
 
-        self.start("report", tasks.report, [str(p) for p in self.logs], self.vessels(),
+        self.start("report", tasks.report_task, [str(p) for p in self.logs], self.vessels(),
                    self.effect_files, str(out), self.diagnosis is not None, done=done)  # fmt: skip
 
     def survey(self, path: Path) -> None:
@@ -180,7 +180,7 @@ class Session:
             self.surveys[found.path] = found
             self._changed("surveys")
 
-        self.start("look", tasks.survey_recording, str(self.folders.checked(path)), done=done)
+        self.start("look", tasks.survey_task, str(self.folders.checked(path)), done=done)
 
     def vessels(self) -> list[tuple[str, str]]:
         """The vessels to compare: as given, and as it is now where that is another."""
@@ -203,7 +203,7 @@ class Session:
                 self._done(message.value)
         if self._stale and not self.quick.busy and self.logs and self.versions:
             self._stale = False
-            self.quick.start("compare", tasks.compare, [str(p) for p in self.logs],
+            self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs],
                              self.vessels(), self.effect_files)  # fmt: skip
 
     def cancel(self) -> None:

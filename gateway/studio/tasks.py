@@ -74,12 +74,12 @@ def vessel_of(text: str, effects: Sequence[Effect]) -> Vessel:
         return load_vessel(file, effects)
 
 
-def survey_recording(send: Send, path: str) -> Survey:
+def survey_task(send: Send, path: str) -> Survey:
     """What is in a recording."""
     return survey(open_log(path))
 
 
-def compare(
+def compare_task(
     send: Send, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str]
 ) -> tuple[TrialView, ...]:
     """Every recording against (label, vessel file) each; measured motion is sent at once."""
@@ -142,7 +142,9 @@ def _times_in(one: Bin, trial: Trial, regime: Regime) -> TimeRanges:
     )
 
 
-def diagnose(send: Send, paths: Sequence[str], text: str, files: Sequence[str]) -> DiagnosisView:
+def diagnose_task(
+    send: Send, paths: Sequence[str], text: str, files: Sequence[str]
+) -> DiagnosisView:
     """What is missing, and every vessel on the way to it."""
     effects = effects_in(files)
     with TemporaryDirectory() as folder:
@@ -200,7 +202,7 @@ def _alternatives(
     return tuple(out)
 
 
-def report(
+def report_task(
     send: Send, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str],
     out: str, diagnosed: bool,
 ) -> str:  # fmt: skip

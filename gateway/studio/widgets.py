@@ -1,7 +1,7 @@
 """The few kinds of parts that pages are made of, in one style."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -68,7 +68,7 @@ def section(heading: str, hint: str, *parts: Any) -> Any:
     return card(html(f"<h2>{heading}</h2><p class='faint'>{hint}</p>"), *parts)
 
 
-def beside(*parts: Any) -> Any:
+def side_by_side(*parts: Any) -> Any:
     """Parts side by side where there is room, else one below the other.
 
     Not a FlexBox: pictures in it are laid out before it has a width. Not a Row: it is never
@@ -80,7 +80,7 @@ def beside(*parts: Any) -> Any:
     return stack(*parts, styles=wrap, stylesheets=[NO_BUTTON], margin=0)
 
 
-def controls(*parts: Any) -> Any:
+def control_row(*parts: Any) -> Any:
     """Small things in a row, on one line with their fields."""
     return pn.FlexBox(*parts, flex_wrap="wrap", align_items="flex-end",
                       gap="4px 10px", margin=0)  # fmt: skip
@@ -145,3 +145,11 @@ def bullets(sentences: Sequence[str]) -> str:
 def bokeh_part(layout: Any) -> Any:
     """A Bokeh figure or layout as a part of the page."""
     return pn.pane.Bokeh(layout, sizing_mode="stretch_width", margin=0)
+
+
+def fill_source(source: Any, rows: Iterable[tuple[Any, ...]]) -> None:
+    """Rows into a Bokeh data source; data that are shown already are not sent again."""
+    every = list(rows)
+    data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
+    if source.data != data:
+        source.data = data

@@ -29,7 +29,7 @@ LABEL = 8  # letters before the axis
 WITHOUT, WITH = COLOUR[SeriesRole.CONTEXT], COLOUR[SeriesRole.MODEL]
 
 
-def plot(
+def braille_plot(
     curves: list[tuple[Floats, str]], seconds: float, unit: str, width: int = 64, height: int = 10
 ) -> list[Text]:
     """Curves (n,) with their styles, the first drawn with gaps -> lines of text with both axes."""
@@ -130,7 +130,7 @@ def _show_example(effect: Effect, out: ResultConsole, picture: Path | None) -> N
     curves = [(values[:, example.channel] * axis.factor, style) for values, style in styles]
     out.print(f"\n[bold]{axis.label}[/bold] of a small boat: ahead, a turn to either side, full "
               "ahead, astern, coast, slowly ahead", highlight=False)  # fmt: skip
-    for line in plot(curves, float(example.time[-1]), axis.unit):
+    for line in braille_plot(curves, float(example.time[-1]), axis.unit):
         out.print(line, no_wrap=True, highlight=False)
     label = effect_with_values(example)
     out.print(f"[{WITHOUT}]⠤ ⠤ ⠤[/] without it   [{WITH}]⠤⠤⠤⠤⠤[/] with {label}\n", highlight=False)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from datetime import datetime
 
 from rich.console import Console, Group, RenderableType
 from rich.panel import Panel
@@ -16,6 +15,7 @@ from gateway.monitor.vessel_status import (
     LINK_SILENT_S,
     Message,
     VesselStatus,
+    time_of_day,
 )
 from gateway.topics import HORIZONS_S, RATED
 
@@ -213,7 +213,7 @@ def _words(head: str, *parts: tuple[str, bool]) -> Text:
 def _event(event: Message, name: str = "") -> Text:
     """A line: when, of which vessel if `name` is given, and what happened."""
     style = STYLES.get(event["severity"], WARN)
-    line = Text(f"{_clock(event['receive_time_ns'])} ", style=FAINT, no_wrap=True,
+    line = Text(f"{time_of_day(event['receive_time_ns'])} ", style=FAINT, no_wrap=True,
                 overflow="ellipsis")  # fmt: skip
     return line.append(f"{name}: " if name else "").append(event["says"], style=style)
 
@@ -274,11 +274,3 @@ def _number(value: float, digits: int) -> str:
         return f"{value:.0e}"
     text = f"{value:.{digits}f}"
     return text.lstrip("-") if float(text) == 0.0 else text
-
-
-def _clock(time_ns: int) -> str:
-    """Local time of day; dashes for a time that does not exist."""
-    try:
-        return f"{datetime.fromtimestamp(time_ns * 1e-9):%H:%M:%S}"
-    except (ValueError, OverflowError, OSError):
-        return "--:--:--"

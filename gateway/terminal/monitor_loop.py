@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import orjson
@@ -21,7 +21,7 @@ QUIET_S = 0.4  # without another topic: all last values are there
 COMPLETE = frozenset(("measured", "shadow", "residual", "health"))
 
 
-def monitor(options: MonitorOptions, once: bool, json: bool) -> None:
+def run_monitor(options: MonitorOptions, once: bool, json: bool) -> None:
     """Show until interrupted; with `once` one status, or ShadowError where no vessel is there."""
     if options.vessel != "*" and any(letter in options.vessel for letter in "/*$?#@"):
         raise BadInput(f"{options.vessel}: no name of a vessel: give it as in shadow/NAME/…")
@@ -97,13 +97,11 @@ def _print_lines(statuses: Sequence[VesselStatus], printed: dict[str, VesselStat
     sys.stdout.buffer.flush()
 
 
-def _poll(
-    watcher: BusWatcher, sleep: Callable[[float], None] = time.sleep
-) -> Iterator[tuple[VesselStatus, ...]]:
+def _poll(watcher: BusWatcher) -> Iterator[tuple[VesselStatus, ...]]:
     """The vessels as they are, a few times a second."""
     while True:
         yield watcher.statuses()
-        sleep(PERIOD_S)
+        time.sleep(PERIOD_S)
 
 
 @contextmanager

@@ -1,10 +1,12 @@
-"""Runs: what a replay or a simulation did, and where a report is."""
+"""Runs: what a replay or a simulation did, which plants there are, and where a report is."""
+
+from collections.abc import Mapping, Sequence
 
 from rich.markup import escape
 from rich.table import Table
 
 from gateway.figures.quantities import POSE, VELOCITIES, YAW_RATE
-from gateway.offline.replay import ReplaySummary
+from gateway.offline.replay_outputs import ReplaySummary
 from gateway.offline.report import ReportFile
 from gateway.offline.simulate import SimulationResult
 from gateway.terminal.console import ResultConsole
@@ -34,6 +36,20 @@ def show_replay(summary: ReplaySummary) -> None:
         out.print(f"note: {note}", highlight=False, markup=False)
     for path in summary.recordings:
         out.path("recorded", path)
+
+
+def show_plants(known: Sequence[Mapping[str, str]]) -> None:
+    """One line per kind: name and description."""
+    table = Table("plant", "what it is")
+    for kind in known:
+        table.add_row(kind["name"], escape(kind["description"]))
+    out = ResultConsole()
+    out.print(table)
+    out.print(
+        "--plant KIND makes one from the boat's own vessel, KIND:FILE from another vessel file; "
+        "FILE alone is vessel:FILE",
+        highlight=False,
+    )
 
 
 def show_simulation(result: SimulationResult) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.bus import Bus, BusSettings
 from gateway.errors import ShadowError
-from gateway.monitor.watcher import join
+from gateway.monitor.watcher import join_bus
 from tests.conftest import ROOT
 from tests.gateway.voyages import rows_of
 
@@ -100,10 +100,10 @@ def test_a_stranger_is_kept_out(trusts: str, keys: Path, endpoint: str, tmp_path
     text = watcher.read_text().replace("watcher", "stranger").replace("ca.pem", f"{trusts}.pem")
     watcher.write_text(text)
     with Bus("otter", settings=BusSettings(config_file=gateway)), pytest.raises(ShadowError):
-        join("", watcher)
+        join_bus("", watcher)
 
 
 def test_without_tls_nobody_gets_in(keys: Path, endpoint: str, tmp_path: Path) -> None:
     gateway = filled("zenoh-tls.json5", keys, endpoint, tmp_path)
     with Bus("otter", settings=BusSettings(config_file=gateway)):
-        assert join(endpoint.replace("tls/localhost", "tcp/127.0.0.1"), None) is None
+        assert join_bus(endpoint.replace("tls/localhost", "tcp/127.0.0.1"), None) is None

@@ -19,7 +19,7 @@ from gateway.studio.views import TimeRanges, TrialView, VesselView
 from gateway.studio.widgets import (
     button,
     card,
-    controls,
+    control_row,
     download,
     html,
     section,
@@ -73,7 +73,7 @@ class ComparePage(Page):
 
     def body(self) -> Any:
         """Numbers above, figures below."""
-        choose = controls(self._which, self._vessel, self._clear, self._report, self._get)
+        choose = control_row(self._which, self._vessel, self._clear, self._report, self._get)
         more = {"track": (self._map.box, self._map.credit)}
         return stack(
             card(self._headline, self._numbers, choose),

@@ -10,16 +10,16 @@ from gateway.errors import BadInput
 from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
 from gateway.figures.quantities import probability_text
-from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches
+from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches, error_table
 from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
 from gateway.studio.widgets import (
-    beside,
     boxes,
     bullets,
     button,
     card,
     html,
     section,
+    side_by_side,
     stack,
     table,
     word,
@@ -121,7 +121,7 @@ class DiagnosePage(Page):
         if ranked:
             parts.append(html("<h3>Ranked, but not chosen</h3><p class='faint'>The same picture of "
                               "each, with numbers of its own.</p>"))  # fmt: skip
-            parts.append(beside(*ranked))
+            parts.append(side_by_side(*ranked))
         self._evidence.objects = parts or [html("<p class='faint'>none: nothing was found</p>")]
 
     def _proof(
@@ -211,14 +211,11 @@ class DiagnosePage(Page):
     def _show_unseen(self) -> None:
         """The recordings that the diagnosis did not learn from."""
         diagnosis = self.session.diagnosis
-        rows = [
-            [escape(t.name), f"{t.vessels[0].nrmse:.3f}", f"{t.vessels[-1].nrmse:.3f}",
-             f"{t.vessels[-1].floor:.3f}"]
-            for t in self.session.trials
-            if diagnosis and t.log not in diagnosis.logs and len(t.vessels) > 1
+        unseen = [
+            trial for trial in self.session.trials
+            if diagnosis and trial.log not in diagnosis.logs and len(trial.vessels) > 1
         ]  # fmt: skip
-        heads = ["a recording it never saw", "error as given", "error now", word("noise floor")]
-        self._unseen.object = table(heads, rows) if rows else ""
+        self._unseen.object = error_table("a recording it never saw", unseen) if unseen else ""
 
 
 def _row(add: Any, text: str, hint: str) -> Any:

@@ -1,29 +1,24 @@
 """Live: boats and shadows on a chart, strips of their velocities, health and events."""
 
 import math
-from datetime import datetime
 from html import escape
 from typing import Any
 
 import numpy as np
 import panel as pn
 
-from gateway.ingest.earth import Origin, to_degrees
-from gateway.live.intake import distance_m, on_earth
-from gateway.monitor.vessel_status import HIGH_LOSS, HIGH_NIS, LINK_SILENT_S, VesselStatus
+from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
+from gateway.monitor.vessel_status import (
+    HIGH_LOSS,
+    HIGH_NIS,
+    LINK_SILENT_S,
+    VesselStatus,
+    time_of_day,
+)
 from gateway.studio.live_chart import Chart, VelocityStrips
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import Page, StudioContext
-from gateway.studio.widgets import (
-    NO_BUTTON,
-    beside,
-    card,
-    html,
-    section,
-    select,
-    stack,
-    word,
-)
+from gateway.studio.widgets import NO_BUTTON, card, html, section, select, side_by_side, stack, word
 
 MOVED_M = 20.0  # an origin further off is another one
 MOST_EVENTS = 8  # that are shown
@@ -66,7 +61,7 @@ class LivePage(Page):
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
         strips = section("Velocities", f"{three} over the last minute.",
                          *map(pn.pane.Bokeh, self._strips.figures))  # fmt: skip
-        return stack(beside(chart, numbers), strips)
+        return stack(side_by_side(chart, numbers), strips)
 
     def tick(self) -> None:
         """Take what came since."""
@@ -79,7 +74,7 @@ class LivePage(Page):
         chosen = next((b for b in boats if b.status.name == self._which.value), None)
         self._chart.show(boats)
         if chosen is not None:
-            self._origin = origin_of(chosen.status, self._origin)
+            self._origin = chart_origin(chosen.status, self._origin)
         self._map.show([self._chart.figure], self._origin)
         if chosen is None:
             where = escape(self.context.live.where)
@@ -147,7 +142,7 @@ def _health(boat: VesselStatus) -> dict[str, str]:
     return {name: f"<p>{text}{marks[bad]}</p>" for name, (text, bad) in lines.items()}
 
 
-def origin_of(boat: VesselStatus, before: Origin | None) -> Origin | None:
+def chart_origin(boat: VesselStatus, before: Origin | None) -> Origin | None:
     """Where on Earth the chart's origin lies: a place and the metres of the same moment.
 
     The two are not always of the same moment: an origin that hardly moved is the one before.
@@ -165,8 +160,8 @@ def origin_of(boat: VesselStatus, before: Origin | None) -> Origin | None:
 def _events(boat: VesselStatus) -> str:
     """The latest events, newest first."""
     lines = [
-        f"<p><span class='faint'>{datetime.fromtimestamp(e['receive_time_ns'] * 1e-9):%H:%M:%S}"
-        f"</span> <span class='{'warn' if e['severity'] in ('warning', 'error') else ''}'>"
+        f"<p><span class='faint'>{time_of_day(e['receive_time_ns'])}</span> "
+        f"<span class='{'warn' if e['severity'] in ('warning', 'error') else ''}'>"
         f"{escape(e['says'])}</span></p>"
         for e in boat.events[-MOST_EVENTS:][::-1]
     ]

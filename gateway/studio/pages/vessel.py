@@ -9,19 +9,9 @@ from typing import Any
 import panel as pn
 
 from gateway.figures.motion import with_earlier_model
-from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches
+from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches, error_table
 from gateway.studio.session import with_values
-from gateway.studio.widgets import (
-    STYLE,
-    beside,
-    card,
-    download,
-    html,
-    section,
-    stack,
-    table,
-    word,
-)
+from gateway.studio.widgets import STYLE, card, download, html, section, side_by_side, stack, word
 from gateway.user_effects import known_effects
 
 BASE = {  # unit and meaning of the plain numbers
@@ -60,7 +50,7 @@ class VesselPage(Page):
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
         right = section("What it does", f"To {three}; the error is the {word('nrmse')}.",
                         self._errors, self._velocities.part)  # fmt: skip
-        return stack(beside(left, right), card(self._text))
+        return stack(side_by_side(left, right), card(self._text))
 
     def watch(self) -> Watches:
         """The vessel, and what was compared."""
@@ -121,12 +111,7 @@ class VesselPage(Page):
 
     def _show_trials(self) -> None:
         compared = [trial for trial in self.session.trials if trial.vessels]
-        rows = [
-            [escape(t.name), f"{t.vessels[0].nrmse:.3f}", f"{t.vessels[-1].nrmse:.3f}",
-             f"{t.vessels[0].floor:.3f}"] for t in compared
-        ]  # fmt: skip
-        heads = ["recording", "error as given", "error now", word("noise floor")]
-        self._errors.object = table(heads, rows)
+        self._errors.object = error_table("recording", compared)
         if compared:
             given, now = compared[0].vessels[0].figures, compared[0].vessels[-1].figures
             self._velocities.show(with_earlier_model(given["velocities"], now["velocities"]))

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from gateway.bus import Bus, BusSettings, open_session
-from gateway.monitor.watcher import VesselSubscriber, join
+from gateway.monitor.watcher import VesselSubscriber, join_bus
 from tests.conftest import ROOT
 from tests.gateway.monitor.statuses import free_endpoint, wait
 from tests.gateway.test_schemas import some_message
@@ -20,7 +20,7 @@ def endpoint() -> str:
 
 def test_a_subscriber_survives_what_others_publish_under_its_keys(endpoint: str) -> None:
     with Bus("otter", settings=BusSettings(endpoint)) as bus:
-        session = wait(lambda: join(endpoint, None))
+        session = wait(lambda: join_bus(endpoint, None))
         with session, VesselSubscriber(session) as subscriber:
             wait(lambda: bus.wants("event"))
             bus.publish("event", b"\xff no json")
@@ -37,7 +37,7 @@ def test_a_vessel_that_only_answers_is_asked(endpoint: str) -> None:
     with open_session(BusSettings(endpoint)) as quiet:
         answer = quiet.declare_queryable(key, lambda query: query.reply(key, payload))
         alive = quiet.liveliness().declare_token("shadow/otter/alive")
-        session = wait(lambda: join(endpoint, None))
+        session = wait(lambda: join_bus(endpoint, None))
         with session, VesselSubscriber(session) as subscriber:
             found = wait(lambda: [p for p in subscriber.statuses() if p.latest])
         alive.undeclare()

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.bus import Bus, BusSettings
 from gateway.monitor.vessel_status import VesselStatus
-from gateway.monitor.watcher import VesselSubscriber, join
+from gateway.monitor.watcher import VesselSubscriber, join_bus
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
 from tests.gateway.monitor.statuses import free_endpoint
@@ -154,7 +154,7 @@ def test_a_subscriber_that_asks_but_does_not_read_holds_nobody_up(endpoint: str)
 
 def test_a_watcher_sees_a_gateway_killed_and_back(endpoint: str) -> None:
     with process(GATEWAY, endpoint) as gateway:
-        session = wait(lambda: join(endpoint, None))
+        session = wait(lambda: join_bus(endpoint, None))
         with session, VesselSubscriber(session) as watcher:
             wait(lambda: heard(watcher) and only(watcher).alive)
             gateway.kill()

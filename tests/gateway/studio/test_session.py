@@ -12,7 +12,7 @@ from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
 from gateway.studio.access import Folders
 from gateway.studio.session import Session, with_values
-from gateway.studio.tasks import compare, report
+from gateway.studio.tasks import compare_task, report_task
 from gateway.studio.views import AlternativeView, DiagnosisView, LadderView, TrialView
 from gateway.vessel_file import load_vessel
 
@@ -139,7 +139,7 @@ def test_a_vessel_file_with_a_mistake_changes_nothing(session):
 
 def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_their_times():
     sent: list[object] = []
-    (view,) = compare(sent.append, [str(LOG)], [("as given", BOAT.read_text())], ())
+    (view,) = compare_task(sent.append, [str(LOG)], [("as given", BOAT.read_text())], ())
     parts = [one for one in sent if isinstance(one, TrialView)]
     assert [one.vessels for one in parts] == [()]
     (vessel,) = view.vessels
@@ -156,7 +156,7 @@ def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_th
 
 
 def test_the_error_over_time_is_what_the_scores_are_made_of():
-    (view,) = compare(lambda _: None, [str(LOG)], [("as given", BOAT.read_text())], ())
+    (view,) = compare_task(lambda _: None, [str(LOG)], [("as given", BOAT.read_text())], ())
     line = view.vessels[0].figures["residuals"].panels[1].marks[1]
     rms = float(np.sqrt(np.nanmean(line.y**2)))
     assert rms == pytest.approx(view.vessels[0].rmse["v"], rel=0.15)
@@ -164,5 +164,5 @@ def test_the_error_over_time_is_what_the_scores_are_made_of():
 
 def test_a_report_without_the_answer_that_the_page_shows_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="diagnose again"):  # a cancelled job took it along
-        report(lambda _: None, [], [], [], str(tmp_path / "report.html"), diagnosed=True)
+        report_task(lambda _: None, [], [], [], str(tmp_path / "report.html"), diagnosed=True)
     assert not list(tmp_path.iterdir())
