@@ -73,3 +73,7 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.order)
+
+    def seconds(self, start_ns: int = 0) -> NDArray[np.float64]:
+        """Vehicle time (K,) [s] after a moment."""
+        return np.asarray((self.vehicle_time_ns - start_ns) * 1e-9, np.float64)

@@ -93,8 +93,8 @@ def from_samples(columns: Sequence[Samples], settings: FilterSettings, epoch_ns:
 
 def _from_one(samples: Samples, settings: FilterSettings, epoch_ns: int) -> Events:
     kind = KIND_OF[samples.quantity]
-    time_s = np.asarray((samples.vehicle_time_ns - epoch_ns) * 1e-9, np.float64)
-    return make_events(kind, time_s, samples.values, settings.white_std(kind, samples.equivalent))
+    white = settings.white_std(kind, samples.equivalent)
+    return make_events(kind, samples.seconds(epoch_ns), samples.values, white)
 
 
 NO_GRID = -1

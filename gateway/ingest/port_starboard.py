@@ -14,6 +14,7 @@ import numpy as np
 
 from gateway.ingest.log import Log
 from gateway.ingest.parameters import Actuator, OutputFunction
+from gateway.ingest.source_quality import uniform_grid
 from gateway.ingest.sources import Choice
 from gateway.samples import Quantity, Samples
 from sim.identification.wiring import MIN_MOTION_STD, CommandResponse, command_response
@@ -22,7 +23,6 @@ from sim.state import Floats, Nu
 PORT = re.compile(r"left|port|lft|babord|backbord", re.IGNORECASE)
 STARBOARD = re.compile(r"right|starboard|stbd|stb|rgt|tribord|steuerbord", re.IGNORECASE)
 GRID_S = 0.2  # s, of the comparison
-MAX_ROWS = 5_000_000  # of that grid, 12 days: a longer span is a damaged time
 HALF_US = 400.0  # µs from neutral to full, where no parameter tells
 NEUTRAL_US, NEAR_NEUTRAL_US = 1500.0, 50.0  # where the neutral pulse is looked for
 NEAR = 0.2  # of a correlation: closer than that, either direction may be true
@@ -103,22 +103,17 @@ def _turn_response(
     )
 
 
-def _seconds(samples: Samples) -> Floats:
-    return np.asarray(samples.vehicle_time_ns * 1e-9, np.float64)
-
-
 def _grid(choices: Mapping[str, Choice]) -> Floats:
     """Moments [s] with heading and commands."""
-    spans = [_seconds(choices[name].samples) for name in ("yaw", "commands")]
+    spans = [choices[name].samples.seconds() for name in ("yaw", "commands")]
     start, end = max(s.min() for s in spans), min(s.max() for s in spans)
-    end = start if end - start > MAX_ROWS * GRID_S else end
-    return np.arange(start, end, GRID_S, dtype=np.float64)
+    return uniform_grid(start, end, GRID_S)
 
 
 def _at(samples: Samples, values: Floats, time: Floats) -> Floats:
     """Values (K,) at moments (T,)."""
     order = np.argsort(samples.vehicle_time_ns, kind="stable")
-    return np.interp(time, _seconds(samples)[order], values[order])
+    return np.interp(time, samples.seconds()[order], values[order])
 
 
 def _command(samples: Samples, throttle: Throttle, time: Floats) -> Floats:
@@ -129,7 +124,7 @@ def _command(samples: Samples, throttle: Throttle, time: Floats) -> Floats:
         return np.full(len(time), np.nan)
     known = np.isfinite(throttle.neutral_us)
     neutral = throttle.neutral_us if known else _usual_neutral(pulse[alive])
-    held = np.searchsorted(_seconds(samples), time, side="right") - 1
+    held = np.searchsorted(samples.seconds(), time, side="right") - 1
     command = np.where(alive, (pulse - neutral) / HALF_US, np.nan)
     return np.asarray(np.clip(command[np.maximum(held, 0)], -1.0, 1.0))
 
@@ -148,7 +143,7 @@ def _turn_rate(choices: Mapping[str, Choice], time: Floats) -> Floats:
     heading = choices["yaw"].samples
     order = np.argsort(heading.vehicle_time_ns, kind="stable")
     turned = np.unwrap(heading.values[order, 0])
-    return np.gradient(np.interp(time, _seconds(heading)[order], turned), GRID_S)
+    return np.gradient(np.interp(time, heading.seconds()[order], turned), GRID_S)
 
 
 def _speed(choices: Mapping[str, Choice], time: Floats) -> Floats | None:

@@ -35,6 +35,7 @@ from sim.state import Floats
 # are found, and lagged, late or noisy ones are not: tests/gateway/ingest/test_traps.py.
 CLIP = 4.0  # medians of a fourth difference: a jump is no noise
 SAFE = 2.0  # factor on σ: errors are not quite white
+LONGEST_S = 1e6  # s, 12 days: no recording is longer
 SPAN_S = 0.4  # s, of a second difference
 HARD = 0.99  # share of accelerations below the hardest, which are two standard deviations
 
@@ -52,9 +53,14 @@ def estimated_white_std(values: Floats, smallest: float) -> float:
     return float(max(SAFE * rough.max(), finest / np.sqrt(12.0), smallest))
 
 
+def uniform_grid(start: float, end: float, step: float) -> Floats:
+    """Times (T,) [s] from start on, before the end; none where the span is a damaged time."""
+    return np.arange(start, end if end - start < LONGEST_S else start, step, dtype=np.float64)
+
+
 def acceleration_std(time: Floats, values: Floats) -> float:
     """Times (K,) [s], values (K, n) -> standard deviation of their second derivative."""
-    grid = np.arange(time[0], time[-1], SPAN_S)
+    grid = uniform_grid(float(time[0]), float(time[-1]), SPAN_S)
     if len(grid) < 10:
         return 0.0
     path = np.stack([np.interp(grid, time, values[:, i]) for i in range(values.shape[1])], axis=1)
@@ -94,7 +100,8 @@ def smoothing(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoot
 
     Its frequency is that of the lowest band in which B shows it.
     """
-    edges = np.arange(max(time[0], rate_time[0]), min(time[-1], rate_time[-1]), STEP_S)
+    start, end = max(time[0], rate_time[0]), min(time[-1], rate_time[-1])
+    edges = uniform_grid(float(start), float(end), STEP_S)
     columns = range(x.shape[1])
     if len(edges) <= PIECE:
         return NOT_SMOOTHED

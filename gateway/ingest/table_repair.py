@@ -73,7 +73,7 @@ def settings_for(
     heading = choices["yaw"].samples
     start_ns, turned = int(heading.vehicle_time_ns[0]), np.unwrap(heading.values, axis=0)
     noise = WhiteNoise(yaw_rad=estimated_white_std(turned, LEAST_YAW_RAD))
-    turns = acceleration_std(_seconds(heading, start_ns), turned)
+    turns = acceleration_std(heading.seconds(start_ns), turned)
     settings = replace(
         settings,
         sources={**settings.sources, source: noise},
@@ -85,7 +85,7 @@ def settings_for(
     path = _metres(place.samples)
     white = estimated_white_std(path, LEAST_POSITION_M)
     wander = 2.0 * settings.position_error_m**2 / (max(place.rate_hz, 0.1) * white**2)
-    hard = acceleration_std(_seconds(place.samples, start_ns), path)
+    hard = acceleration_std(place.samples.seconds(start_ns), path)
     return replace(
         settings,
         sources={**settings.sources, source: replace(noise, position_m=white)},
@@ -119,16 +119,16 @@ def _smoothings(choices: Mapping[str, Choice]) -> dict[str, Smoothing]:
     yaw = choices["yaw"].samples
     start = int(yaw.vehicle_time_ns[0])
     heading = np.unwrap(yaw.values[:, 0])
-    at = _seconds(yaw, start)
+    at = yaw.seconds(start)
     out = {}
     if "yaw rate" in choices:
         rate = choices["yaw rate"].samples
-        out["yaw rate"] = _if_ascending(at, heading[:, None], _seconds(rate, start), rate.values)
+        out["yaw rate"] = _if_ascending(at, heading[:, None], rate.seconds(start), rate.values)
     if "velocity" in choices and "position" in choices:
         velocity, place = choices["velocity"].samples, choices["position"].samples
-        when = _seconds(velocity, start)
+        when = velocity.seconds(start)
         over_ground = _over_ground(velocity, np.interp(when, at, heading))
-        out["velocity"] = _if_ascending(_seconds(place, start), _metres(place), when, over_ground)
+        out["velocity"] = _if_ascending(place.seconds(start), _metres(place), when, over_ground)
     return out
 
 
@@ -137,10 +137,6 @@ def _if_ascending(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> S
     if np.any(np.diff(time) <= 0.0) or np.any(np.diff(rate_time) <= 0.0):
         return NOT_SMOOTHED
     return smoothing(time, x, rate_time, rate)
-
-
-def _seconds(samples: Samples, start_ns: int) -> Floats:
-    return np.asarray((samples.vehicle_time_ns - start_ns) * 1e-9, np.float64)
 
 
 def _metres(place: Samples) -> Floats:
@@ -169,13 +165,13 @@ def _about_accelerations(
     if moving is None or moving.samples.quantity is not Quantity.BODY_VELOCITY:
         return [UNUSED]
     start = int(moving.samples.vehicle_time_ns[0])
-    time, (u, v) = _seconds(moving.samples, start), moving.samples.values.T
+    time, (u, v) = moving.samples.seconds(start), moving.samples.values.T
     if len(time) < 3 or np.any(np.diff(time) <= 0.0):
         return [UNUSED]
     yaw = choices["yaw"].samples
-    turned = np.interp(time, _seconds(yaw, start), np.unwrap(yaw.values[:, 0]))
+    turned = np.interp(time, yaw.seconds(start), np.unwrap(yaw.values[:, 0]))
     r = np.gradient(turned, time)
-    reported = np.interp(time, _seconds(accelerations[0], start), accelerations[0].values[:, 0])
+    reported = np.interp(time, accelerations[0].seconds(start), accelerations[0].values[:, 0])
     agreement = acceleration_agreement(time, reported, np.gradient(u, time) - r * v)
     if agreement is None or agreement.good:
         return [UNUSED]

@@ -33,8 +33,10 @@ SAME_PERIOD = 0.02  # of the rough period, by which the fitted one may differ
 
 def undo_hold(samples: Samples) -> Samples | None:
     """One source on a grid of rows -> its values at their own times; None: nothing is held."""
-    time = np.asarray((samples.vehicle_time_ns - samples.vehicle_time_ns[:1]) * 1e-9, np.float64)
-    if len(time) < FEWEST or np.any(np.diff(time) <= 0.0):
+    if len(samples) < FEWEST:
+        return None
+    time = samples.seconds(int(samples.vehicle_time_ns[0]))
+    if np.any(np.diff(time) <= 0.0):
         return None
     rows = changed_rows(samples.values)
     period = hold_period(time, rows)

@@ -10,13 +10,14 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.ingest.clock import BoatClock
-from gateway.ingest.csv.mapping_file import CsvMapping, beside, read_mapping
+from gateway.ingest.csv.mapping_file import WIDTHS, CsvMapping, beside, read_mapping
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
-from gateway.samples import CHANNELS, Quantity, Samples
+from gateway.samples import Quantity, Samples
 from sim.state import Floats, Ints
 
 SOURCE = "CSV"
 DELIMITERS = ",;\t"
+LATEST_S = 9e9  # a later time does not fit into nanoseconds
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class CsvLog(Log):
     @classmethod
     def _of(cls, file: Path, plan: CsvMapping, values: Mapping[str, Floats], size: int) -> "CsvLog":
         time = values[plan.time_column] * plan.time_unit_s
-        known = np.isfinite(time)
+        known = np.abs(time) < LATEST_S  # NaN is not
         if known.sum() < 2:
             raise BadInput(f"{file}: fewer than two rows with a time in {plan.time_column!r}")
         kept = time[known]
@@ -108,7 +109,7 @@ class CsvLog(Log):
         columns = [column for column in self.mapping.columns if column.quantity is quantity]
         if not columns:
             return None
-        values = np.full((len(self.time_s), WIDTH.get(quantity, 1)), np.nan)
+        values = np.full((len(self.time_s), WIDTHS[quantity]), np.nan)
         for column in columns:
             values[:, column.index] = self.columns[column.column] * column.factor + column.offset
         alike = np.concatenate([[False], np.diff(self.time_s) == 0])
@@ -119,18 +120,6 @@ class CsvLog(Log):
         )
         order, time = np.flatnonzero(keep).astype(np.int64), self.time_ns()[keep]
         return Samples(quantity, SOURCE, order, time, time, values[keep]) if len(order) else None
-
-
-WIDTH = {
-    Quantity.GLOBAL_POSITION: 2,
-    Quantity.POSITION: 2,
-    Quantity.TILT: 2,
-    Quantity.VELOCITY: 2,
-    Quantity.BODY_VELOCITY: 2,
-    Quantity.ACCELERATION: 2,
-    Quantity.WIND: 2,
-    Quantity.ACTUATORS: CHANNELS,
-}
 
 
 def _parse(file: Path, raw: bytes) -> tuple[list[str], list[list[str]]]:

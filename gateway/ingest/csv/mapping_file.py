@@ -65,6 +65,11 @@ QUANTITIES: Mapping[str, tuple[Quantity, int, Mapping[str, Scale]]] = {
     **{f"channel_{n}": (Quantity.ACTUATORS, n - 1, PULSE) for n in range(1, CHANNELS + 1)},
 }
 
+WIDTHS = {  # quantity -> columns of its values
+    quantity: 1 + max(index for other, index, _ in QUANTITIES.values() if other is quantity)
+    for quantity, _, _ in QUANTITIES.values()
+}
+
 
 @dataclass(frozen=True)
 class Column:

@@ -1,4 +1,4 @@
-"""What pymavlink's own definitions say of each MAVLink message: name, layout, checksum seed.
+"""Name, layout and checksum seed of each MAVLink message, by pymavlink's own definitions.
 
 Nothing here is kept by hand: a newer pymavlink brings newer messages.
 """
@@ -6,7 +6,7 @@ Nothing here is kept by hand: a newer pymavlink brings newer messages.
 import re
 from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,6 @@ UNKNOWN = -1
 ITEM = re.compile(r"(\d*)([a-zA-Z])")  # one field of a struct format: how many, of what
 
 
-class Definition(Protocol):
-    """The part of pymavlink's message classes that is used here."""
-
-    msgname: str
-    id: int
-    crc_extra: int
-    fieldnames: list[str]
-    ordered_fieldnames: list[str]
-
-
 class Layout(NamedTuple):
     """How the payload of one message lies in memory, little-endian and packed."""
 
@@ -37,9 +27,9 @@ class Layout(NamedTuple):
 
 
 @cache
-def definitions() -> Mapping[int, Definition]:
-    """Message id -> its definition."""
-    found: Mapping[int, Definition] = ardupilotmega.mavlink_map
+def definitions() -> Mapping[int, Any]:
+    """Message id -> pymavlink's class of the message: msgname, crc_extra, fieldnames, …"""
+    found: Mapping[int, Any] = ardupilotmega.mavlink_map
     return found
 
 
@@ -64,7 +54,7 @@ def layout(number: int) -> Layout:
     """The layout of a known message id."""
     definition = definitions()[number]
     # `native_format` leaves out the lengths of arrays; the unpacker has them
-    packed = definition.unpacker.format  # type: ignore[attr-defined]
+    packed = definition.unpacker.format
     kinds = [_item(count, code) for count, code in ITEM.findall(packed)]
     dtype = np.dtype(list(zip(definition.ordered_fieldnames, kinds, strict=True)))
     return Layout(definition.msgname, dtype, tuple(definition.fieldnames))

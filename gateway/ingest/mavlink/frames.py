@@ -5,7 +5,6 @@ The sequence numbers of each source tell lost, late and doubled frames.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +30,6 @@ SOURCES = 65536  # systems × components
 LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss
 
 
-class Continuity(IntEnum):
-    """Columns of the counts that `follow` returns."""
-
-    LOST = 0
-    LATE = 1
-    DUPLICATES = 2
-
-
 @compiled
 def same_frame(data: Bytes, h: Headers, one: int, other: int) -> bool:
     """Do two frames carry the same number, message and payload?"""
@@ -55,9 +46,9 @@ def same_frame(data: Bytes, h: Headers, one: int, other: int) -> bool:
 
 
 @compiled
-def follow(data: Bytes, h: Headers) -> NDArray[np.int64]:
-    """Headers (K,) -> counts of `Continuity`, each source (system, component) by itself."""
-    counts = np.zeros(3, np.int64)
+def continuity(data: Bytes, h: Headers) -> tuple[int, int, int]:
+    """Headers (K,) -> frames lost, late, doubled, each source (system, component) by itself."""
+    lost = late = doubled = 0
     last = np.full(SOURCES, -1, np.int64)  # frame before this one
     expected = np.zeros(SOURCES, np.int64)
     restart = np.full(SOURCES, -1, np.int64)  # follows if a step back was a reboot
@@ -67,16 +58,15 @@ def follow(data: Bytes, h: Headers) -> NDArray[np.int64]:
         before, last[source] = last[source], i
         gap = (number - expected[source]) & 0xFF
         if before >= 0 and same_frame(data, h, before, i):
-            counts[2] += 1
+            doubled += 1
         elif before >= 0 and gap > 256 - LATE and number != restart[source]:
-            counts[1] += 1
+            late += 1
             restart[source] = after
         else:
             if before >= 0 and number != restart[source]:
-                counts[0] += gap
+                lost += gap
             restart[source], expected[source] = -1, after
-    counts[0] = max(counts[0] - counts[1], 0)  # a late frame's empty place was counted as a loss
-    return counts
+    return max(lost - late, 0), late, doubled  # a late frame's empty place was counted as a loss
 
 
 @dataclass(frozen=True)
@@ -163,8 +153,7 @@ def _described(data: NDArray[np.uint8], offset: Ints, times: Ints, tally: Ints) 
 
 
 def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: Ints) -> Statistics:
-    continuity = follow(data, headers)
-    late = int(continuity[Continuity.LATE])
+    lost, late, doubled = continuity(data, headers)
     return Statistics(
         size_bytes=len(data),
         accepted=len(headers.offset),
@@ -175,10 +164,10 @@ def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: I
         mavlink1=int(np.count_nonzero(headers.version == 1)),
         mavlink2=int(np.count_nonzero(headers.version == 2)),
         truncated_tail=bool(tally[Tally.TRUNCATED_TAIL]),
-        lost=int(continuity[Continuity.LOST]),
-        duplicates=int(continuity[Continuity.DUPLICATES]),
+        lost=int(lost),
+        duplicates=int(doubled),
         time_backwards=int(np.count_nonzero(np.diff(times) < 0)),
-        notes=(_late(late),) if late else (),
+        notes=(_late(int(late)),) if late else (),
     )
 
 

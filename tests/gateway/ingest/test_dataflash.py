@@ -20,6 +20,7 @@ from gateway.ingest.dataflash.log import DataflashLog
 from gateway.ingest.dataflash.records import DIVISORS, KINDS
 from gateway.ingest.log import Table
 from gateway.ingest.open import open_log
+from gateway.ingest.survey import survey
 
 REAL = ("odd-logs/bluerov.BIN", "odd-logs/dataflash-dropped-messages.bin")
 LONG = ("sitl/boat_calm.BIN", "sitl/otter_calm.BIN")
@@ -245,6 +246,7 @@ def test_arbitrary_bytes_end_in_a_log_or_in_one_line(raw: bytes) -> None:
         for name, count in log.counts().items():
             assert len(log.table(name)) == count
         assert log.statistics.junk_bytes <= len(raw)
+        survey(log)
 
 
 @pytest.mark.parametrize(

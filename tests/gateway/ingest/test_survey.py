@@ -65,3 +65,44 @@ def test_otter_is_told_as_it_is(shared_data: Path) -> None:
             (3, "throttle right"),
         ]
         assert all(source.source[:3] != "SIM" for source in boat.sources.values())
+
+
+def table(folder: Path, rows: list[str]) -> Path:
+    """A table of heading, speed, acceleration and two throttles, in seconds."""
+    path = folder / "run.csv"
+    path.write_text("t,yaw,r,u,v,a,lat,lon,left,right\n" + "\n".join(rows) + "\n")
+    columns = {
+        "yaw": ("yaw", "deg"), "yaw_rate": ("r", "rad/s"), "surge": ("u", "m/s"),
+        "sway": ("v", "m/s"), "surge_acceleration": ("a", "m/s2"),
+        "sway_acceleration": ("a", "m/s2"), "latitude": ("lat", "deg"),
+        "longitude": ("lon", "deg"), "channel_1": ("left", "us"), "channel_3": ("right", "us"),
+    }  # fmt: skip
+    lines = [f'{name} = {{ column = "{c}", unit = "{u}" }}' for name, (c, u) in columns.items()]
+    time = 'time = { column = "t", unit = "s" }'
+    path.with_suffix(".toml").write_text("\n".join([time, "[columns]", *lines]) + "\n")
+    return path
+
+
+CONSTANT = [f"{0.1 * k:.1f},90,0,1,0,0,63.4,10.3,1600,1600" for k in range(300)]
+BACKWARDS = [*CONSTANT[:150], *CONSTANT[:150]]
+NOISE = np.random.default_rng(1).normal(0.0, 1e3, (300, 9))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        CONSTANT,
+        CONSTANT[:2],
+        BACKWARDS,
+        [f"{0.1 * k:.1f},,,,,,,,," for k in range(50)],
+        [f"{0.1 * k:.1f},nan,inf,nan,-inf,nan,nan,nan,nan,inf" for k in range(50)],
+        [f"{0.1 * k:.1f}," + ",".join(f"{x:.3f}" for x in row) for k, row in enumerate(NOISE)],
+        ["1e300,90,0,1,0,0,63.4,10.3,1600,1600", *CONSTANT],
+        [f"0.{k % 2},90,0,1,0,0,63.4,10.3,1600,1600" for k in range(100)],
+        [*CONSTANT, "8.9e9,90,0,1,0,0,63.4,10.3,1600,1600"],
+    ],
+    ids=["constant", "two", "backwards", "empty", "nan", "noise", "1e300", "twice", "years"],
+)
+def test_tables_of_any_values_end_in_an_answer(tmp_path: Path, rows: list[str]) -> None:
+    found = survey(open_log(table(tmp_path, rows)))
+    assert json.dumps(found.to_dict())
