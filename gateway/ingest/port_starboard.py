@@ -17,13 +17,13 @@ from gateway.ingest.parameters import Actuator, OutputFunction
 from gateway.ingest.source_quality import uniform_grid
 from gateway.ingest.sources import Choice
 from gateway.samples import Quantity, Samples
-from sim.identification.wiring import MIN_MOTION_STD, CommandResponse, command_response
+from sim.identification.wiring import CommandResponse, command_response
 from sim.state import Floats, Nu
 
 PORT = re.compile(r"left|port|lft|babord|backbord", re.IGNORECASE)
 STARBOARD = re.compile(r"right|starboard|stbd|stb|rgt|tribord|steuerbord", re.IGNORECASE)
 GRID_S = 0.2  # s, of the comparison
-HALF_US = 400.0  # µs from neutral to full, where no parameter tells
+HALF_US = 400.0  # µs from neutral to full, without parameters
 NEUTRAL_US, NEAR_NEUTRAL_US = 1500.0, 50.0  # where the neutral pulse is looked for
 NEAR = 0.2  # of a correlation: closer than that, either direction may be true
 
@@ -75,7 +75,7 @@ def throttle_pair(log: Log, actuators: Sequence[Actuator]) -> tuple[Throttle, Th
 def steering_response(
     choices: Mapping[str, Choice], pair: tuple[Throttle, Throttle]
 ) -> CommandResponse | None:
-    """How the boat turned by the difference of its throttles; None: it cannot be told."""
+    """How the boat turned by the difference of its throttles; None: too little is known."""
     if "commands" not in choices or "yaw" not in choices:
         return None
     time = _grid(choices)
@@ -98,9 +98,7 @@ def _turn_response(
     """Turn rate (T,) against port minus starboard."""
     difference = 0.5 * (directions[0] * commands[0] - directions[1] * commands[1])
     rows = np.isfinite(difference) & np.isfinite(r)
-    return command_response(
-        np.nan_to_num(difference), np.nan_to_num(r), rows, GRID_S, MIN_MOTION_STD[Nu.R]
-    )
+    return command_response(np.nan_to_num(difference), np.nan_to_num(r), rows, GRID_S, Nu.R)
 
 
 def _grid(choices: Mapping[str, Choice]) -> Floats:
@@ -162,7 +160,7 @@ def _speed(choices: Mapping[str, Choice], time: Floats) -> Floats | None:
 def _possible_directions(
     commands: Sequence[Floats], known: Sequence[int], speed: Floats | None
 ) -> list[Directions]:
-    """The directions of both throttles, as the parameters tell or as the boat went."""
+    """The directions of both throttles, by the parameters or by how the boat went."""
     if 0 not in known:
         return [(known[0], known[1])]
     if speed is None:
@@ -171,9 +169,7 @@ def _possible_directions(
     for directions in COMBINATIONS:
         both = 0.5 * (directions[0] * commands[0] + directions[1] * commands[1])
         rows = np.isfinite(both) & np.isfinite(speed)
-        response = command_response(
-            np.nan_to_num(both), np.nan_to_num(speed), rows, GRID_S, MIN_MOTION_STD[Nu.U]
-        )
+        response = command_response(np.nan_to_num(both), np.nan_to_num(speed), rows, GRID_S, Nu.U)
         if response is not None and response.sign > 0:
             tried.append((response.correlation, directions))
     best = max((correlation for correlation, _ in tried), default=0.0)

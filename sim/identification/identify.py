@@ -13,6 +13,7 @@ from sim.identification.intervals import (
     NUISANCE,
     Estimate,
     estimates_of,
+    not_identifiable,
     trade_offs,
     uncertainty_of,
     undetermined,
@@ -33,6 +34,7 @@ from sim.vessel import Vessel, with_free_curves
 
 MIN_USABLE_S = 20.0  # chosen, not measured
 MIN_INERTIA = 1e-3  # kg, kg m²: of a vessel made of what equations gave
+PLAIN = IdentifySettings(offsets=False)  # the nine parameters of equations
 EQUATIONS = {"regression": fit_by_regression, "instrumental": fit_by_instruments}
 FITS = {"shooting": fit_by_shooting, "simulation": fit_by_output_error}
 
@@ -185,21 +187,26 @@ def _by_equations(
     others: Sequence[Trial],
     seconds: float,
 ) -> Identification:
-    """Linear in the parameters: nine of a plain vessel, all at once."""
+    """Linear in the parameters: nine of a plain vessel, all at once.
+
+    The interval of one that is not determined holds all that a vessel can have.
+    """
     fit = EQUATIONS[settings.method](trials, before)
     values = {name: float(v) for name, v in zip(BASE, fit.value, strict=True)}
     usable = {n: max(v, MIN_INERTIA) if n in MASSES else min(v, 0.0) for n, v in values.items()}
     vessel = updated_vessel(before.vessel, usable)
     after = Model.of(vessel)
-    estimates = tuple(
-        Estimate(
-            name, unit, float(before.theta[before.names.index(name)]), values[name],
-            (float(fit.low[i]), float(fit.high[i])), bool(np.isfinite(fit.std[i])),
-            doubt="" if values[name] == usable[name] else "sign that no vessel can have",
-        )
-        for i, (name, unit) in enumerate(zip(BASE, fit.units, strict=True))
-    )  # fmt: skip
+    estimates = []
+    for u in sorted(unknowns_of(before, 1, PLAIN).each, key=lambda u: BASE.index(u.name)):
+        i, value = BASE.index(u.name), values[u.name]
+        determined = bool(np.isfinite(fit.std[i]))
+        interval = (float(fit.low[i]), float(fit.high[i])) if determined else (u.lower, u.upper)
+        doubt = "" if determined else not_identifiable(u.name)
+        if value != usable[u.name]:
+            doubt = "sign that no vessel can have"
+        start = float(before.theta[before.names.index(u.name)])
+        estimates.append(Estimate(u.name, u.unit, start, value, interval, determined, doubt=doubt))
     return Identification(
-        vessel, settings.method, seconds, estimates, (), (),
+        vessel, settings.method, seconds, tuple(estimates), (), (),
         tuple(validate(t, before, after, 0.0) for t in others), tuple(vessel for _ in trials),
     )  # fmt: skip

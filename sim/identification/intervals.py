@@ -116,7 +116,7 @@ def _blocks(fit: FitResult, length: float) -> Ints:
 
 
 OFFSET_SYMPTOMS = {OFFSETS[0]: Symptom.LATE_COMMANDS, OFFSETS[1]: Symptom.LATE_VELOCITY}
-EXCITES = {
+EXCITATIONS = {
     "m11": "steps of the throttle and coasting to a stop",
     "X_u": "steady runs at several speeds, slow ones among them, and coasting to a stop",
     "X_uu": "steady runs at several speeds up to full throttle",
@@ -223,12 +223,15 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
             "not identifiable: known only as a share of thrust; fix the thrust, or a mass"
         )
     elif vague:
-        manoeuvre = EXCITES.get(u.name.rpartition(".")[2])
-        doubts.append(
-            "not identifiable from these data"
-            + (f"; would be told by {manoeuvre}" if manoeuvre else "")
-        )
+        doubts.append(not_identifiable(u.name))
     return "; ".join(doubts)
+
+
+def not_identifiable(name: str) -> str:
+    """The doubt of a parameter that the data do not determine, and what would."""
+    manoeuvre = EXCITATIONS.get(name.rpartition(".")[2])
+    more = f"; would be told by {manoeuvre}" if manoeuvre else ""
+    return f"not identifiable from these data{more}"
 
 
 def trade_offs(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> tuple[str, ...]:

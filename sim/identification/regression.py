@@ -12,8 +12,8 @@ it; the consistent one is the default. Both ν and ν̇ are measured with errors
 towards zero, and residuals are autocorrelated, which makes the textbook interval too narrow: it is
 offered for comparison. Source: Saldarriaga-Mesa et al., Robotics 2025, 14(9), 124.
 
-A parameter that the rows do not determine (a boat that never turned) has an infinite standard
-deviation and keeps the value of the vessel file.
+A parameter that the rows do not determine (a boat that never turned, commands that were all zero)
+has an infinite standard deviation and keeps the value of the vessel file.
 """
 
 from collections.abc import Sequence
@@ -80,7 +80,7 @@ def ordinary_least_squares(phi: Floats, tau: Floats) -> tuple[Floats, Floats]:
     variance = float(np.sum((b - A @ delta) ** 2)) / freedom
     std = np.sqrt(variance * np.diag(np.linalg.pinv(A.T @ A)))
     determined = np.abs(np.einsum("im,mi->i", inverse, A) - 1.0) < MAX_RANK_ERROR
-    return delta, np.where(determined, std, np.inf)
+    return delta, np.where(determined & b.any(), std, np.inf)
 
 
 def fit_by_regression(trials: Sequence[Trial], model: Model, printed: bool = False) -> Regression:

@@ -1,4 +1,4 @@
-"""How a vessel is identified: what may be chosen, in seconds and in multiples of noise."""
+"""Settings of an identification."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,17 +11,17 @@ METHODS = ("shooting", "simulation", "instrumental", "regression")
 
 @dataclass(frozen=True)
 class IdentifySettings:
-    """Which numbers are looked for, and how.
+    """Which parameters are estimated, and how.
 
     free       parameters of the model by name; `effect.*` frees all of an effect
     fix        taken out of those again
-    priors     name -> relative standard deviation of what is known beforehand
+    priors     name -> relative standard deviation of its value in the vessel file
     horizons   lengths of the free runs [s], from the first, careful fit to the last
     average    rows are compared in means over so long [s]: what is faster, a smoother has rounded
     growth     a run is halved where an error of its start grows by more than this
-    robust     residuals beyond so many standard deviations of noise count less
+    robust     residuals beyond so many standard deviations count less
     block      length of the blocks [s] that intervals are made from
-    offsets    two small offsets in time (commands, velocities) are estimated along
+    offsets    offsets in time of commands and velocities, and rounding, are estimated along
     """
 
     free: tuple[str, ...] = BASE

@@ -1,4 +1,4 @@
-"""Where the search for an effect's parameters begins: the points of a grid.
+"""Start points of the search for an effect's parameters: a grid.
 
 A number begins at its `start`, on either side of zero where its limits are symmetric; an angle at
 the four quarters, unless it is the direction of a magnitude, which is fitted as north and east
@@ -20,16 +20,18 @@ from sim.state import Eta
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-MOMENT_STARTS = 12  # along a trial
-PERIODS = 7
+# Chosen, not measured:
+MOMENT_STARTS = 12  # times of an event along a trial
+PERIOD_STARTS = 7
 SHORTEST_PERIOD_S = 30.0
-LONGEST_PERIOD = 2.0  # lengths of the longest trial: what swings more slowly is a trend
+LONGEST_PERIOD = 2.0  # lengths of the longest trial: a slower oscillation is a trend
 
 
 def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[Values]:
     """All points that a search for the effect begins from."""
     if effect.search is not None:
-        return list(effect.search(model.vessel, partial(remainder, model, max(trials, key=len))))
+        longest_trial = max(trials, key=lambda trial: (trial.usable.any(), len(trial)))
+        return list(effect.search(model.vessel, partial(residual_force, model, longest_trial)))
     longest = max(float(t.time[-1]) for t in trials)
     directions = {p.direction for p in effect.parameters}
     values = [_values(p, p.name in directions, model.vessel, longest) for p in effect.parameters]
@@ -37,18 +39,18 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
     return [dict(zip(names, point, strict=True)) for point in product(*values)]
 
 
-def remainder(model: Model, trial: Trial) -> ResidualForce:
-    """What a model leaves of a trial's usable rows: horizontal missing force without its mean."""
-    found, yaw = missing_force_only(trial, model), trial.eta[:, Eta.YAW]
+def residual_force(model: Model, trial: Trial) -> ResidualForce:
+    """Horizontal missing force of a model in a trial's usable rows, without its mean."""
+    force, yaw = missing_force_only(trial, model), trial.eta[:, Eta.YAW]
     c, s = np.cos(yaw), np.sin(yaw)
-    world = np.stack([c * found[:, 0] - s * found[:, 1], s * found[:, 0] + c * found[:, 1]], 1)
+    world = np.stack([c * force[:, 0] - s * force[:, 1], s * force[:, 0] + c * force[:, 1]], 1)
     use = trial.usable
     world = (world - world[use].mean(axis=0))[use]
     return ResidualForce(trial.time[use], trial.eta[use, : Eta.YAW], world)
 
 
 def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Sequence[float]:
-    """`paired`: it is the direction of a magnitude; `longest`: of the trials [s]."""
+    """Starts of one parameter; `paired`: the direction of a magnitude; `longest` trial [s]."""
     if p.starts:
         return p.starts
     if p.kind is Kind.MOMENT:
@@ -57,7 +59,7 @@ def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Seque
         return [float(i + 1) for i in range(len(vessel.thrusters))]
     if p.role is Role.PERIOD:
         shortest = max(p.lower, SHORTEST_PERIOD_S)
-        return [float(t) for t in np.geomspace(shortest, LONGEST_PERIOD * longest, PERIODS)]
+        return [float(t) for t in np.geomspace(shortest, LONGEST_PERIOD * longest, PERIOD_STARTS)]
     if p.kind is Kind.CIRCLE and not paired:
         return QUARTERS
     return (p.start, -p.start) if p.lower == -p.upper and p.start != 0.0 else (p.start,)

@@ -1,12 +1,12 @@
-"""Are the channels what they are said to be? Does the boat turn and go the way it is commanded?
+"""Wiring of the actuators: does the boat turn and go the way that it is commanded?
 
     y(t) ∝ ∫ e^{−(t−s)/T} τ(s) ds       τ commanded yaw moment, y turn rate; or surge force, speed
 
-With the actuators where the vessel file says, a boat turns towards its commanded moment: the
-correlation is positive whatever the hull, over a time T that is tried. Clearly negative, in yaw
-alone, port and starboard are swapped; in surge and yaw, the motors run the wrong way round; in
-surge alone, both. Only what was excited counts: a boat that was never steered, or never turned,
-tells nothing. How sure it is comes from blocks of time.
+With the actuators as in the vessel file, a boat turns towards its commanded moment: the correlation
+is positive whatever the hull, for the best of a few times T. Clearly negative, in yaw alone, port
+and starboard are swapped; in surge and yaw, the motors run the wrong way round; in surge alone,
+both. Only what was excited counts: a boat that was never steered, or never turned, determines
+nothing. The uncertainty of the slope comes from blocks of time.
 """
 
 from collections.abc import Sequence
@@ -23,45 +23,46 @@ from sim.state import Floats, Nu
 from sim.trial import Trial
 from sim.vessel import Vessel
 
-TIMES_S = (0.5, 1.0, 2.0, 4.0)  # T: a small boat's answer takes about so long
-BLOCK_S = 5.0
-FEWEST = 4  # blocks
-CLEAR = 0.5  # of the correlation
-SURE = 4.0  # standard deviations of the slope
-STEERED = 0.03  # of the largest moment or force: a smaller standard deviation is no excitation
-MIN_MOTION_STD = {Nu.R: 0.03, Nu.U: 0.1}  # rad/s, m/s: a smaller standard deviation is no answer
+# Chosen, not measured:
+RESPONSE_TIMES_S = (0.5, 1.0, 2.0, 4.0)  # T of a small boat
+RESPONSE_BLOCK_S = 5.0
+MIN_BLOCKS = 4
+MIN_CORRELATION = 0.5
+MIN_SLOPE_STDS = 4.0  # standard deviations of the slope
+MIN_COMMAND_STD = 0.03  # of the largest moment or force: less is no excitation
+MIN_MOTION_STD = {Nu.R: 0.03, Nu.U: 0.1}  # rad/s, m/s: less is no response
 
 
 class CommandResponse(NamedTuple):
-    """How motion followed what was commanded: −1 … 1, and the slope in standard deviations."""
+    """Correlation of motion and command, −1 … 1, and the slope in its standard deviations."""
 
     correlation: float
-    sure: float
+    slope_stds: float
 
     @property
     def sign(self) -> int:
         """1 as commanded, −1 the other way, 0 not clear."""
-        clear = abs(self.correlation) > CLEAR and abs(self.sure) > SURE
+        clear = abs(self.correlation) > MIN_CORRELATION and abs(self.slope_stds) > MIN_SLOPE_STDS
         return int(np.sign(self.correlation)) if clear else 0
 
 
 def command_response(
-    command: Floats, motion: Floats, rows: NDArray[np.bool_], dt: float, moved: float
+    command: Floats, motion: Floats, rows: NDArray[np.bool_], dt: float, axis: Nu
 ) -> CommandResponse | None:
     """Command (T,) in shares of the largest, motion (T,), rows that count -> None: not excited."""
-    if rows.sum() * dt < FEWEST * BLOCK_S:
+    if rows.sum() * dt < MIN_BLOCKS * RESPONSE_BLOCK_S:
         return None
-    if command[rows].std() < STEERED or motion[rows].std() < moved:
+    if command[rows].std() < MIN_COMMAND_STD or motion[rows].std() < MIN_MOTION_STD[axis]:
         return None
-    tried = [_over(command, motion, rows, dt, tau) for tau in TIMES_S]
-    return max(tried, key=lambda a: abs(a.correlation))
+    tried = [_lagged_response(command, motion, rows, dt, tau) for tau in RESPONSE_TIMES_S]
+    return max(tried, key=lambda response: abs(response.correlation))
 
 
-def _over(
+def _lagged_response(
     command: Floats, motion: Floats, rows: NDArray[np.bool_], dt: float, tau: float
 ) -> CommandResponse:
-    """Command through a lag, beside the motion."""
-    # only where something is linked does the scipy.signal package load: half a second
+    """Motion beside the command through a first-order lag `tau` [s]."""
+    # importing scipy.signal takes half a second
     from scipy.signal import lfilter
 
     keep = float(np.exp(-dt / tau))
@@ -70,7 +71,7 @@ def _over(
     size = float(np.sqrt((x @ x) * (y @ y)))
     if size == 0.0:
         return CommandResponse(0.0, 0.0)
-    block = (np.arange(len(x)) * dt // BLOCK_S).astype(int)
+    block = (np.arange(len(x)) * dt // RESPONSE_BLOCK_S).astype(int)
     above, below = np.bincount(block, x * y), np.bincount(block, x * x)
     without = (above.sum() - above) / np.maximum(below.sum() - below, 1e-300)
     share = (len(above) - 1) / len(above)
@@ -80,15 +81,17 @@ def _over(
 
 @dataclass(frozen=True)
 class Wiring:
-    """What recordings tell of a vessel's channels.
+    """How recordings contradict a vessel's channels.
 
-    yaw, surge  1 as commanded, −1 the other way round, 0 not told
+    yaw, surge   1 as commanded, −1 the other way round, 0 not determined
+    runs         recordings that contradict them
+    correlation  the clearest of those
     """
 
     yaw: int
     surge: int
-    runs: tuple[str, ...]  # that tell of something wrong
-    correlation: float  # the clearest of those
+    runs: tuple[str, ...]
+    correlation: float
 
     @property
     def swapped(self) -> bool:
@@ -96,51 +99,38 @@ class Wiring:
         return self.yaw < 0 <= self.surge or (self.surge < 0 < self.yaw)
 
     @property
-    def turned(self) -> bool:
+    def reversed(self) -> bool:
         """All motors the wrong way round."""
         return self.surge < 0
 
 
 def wiring_of(trials: Sequence[Trial], vessel: Vessel) -> Wiring:
-    """All recordings together: each that tells has a vote."""
+    """All recordings together: the clear responses of each axis vote on its sign."""
     model = Model.of(vessel)
-    votes = {axis: [(t.name, _answer(t, model, axis)) for t in trials] for axis in MIN_MOTION_STD}
-    signs = {axis: [(n, a) for n, a in told if a and a.sign] for axis, told in votes.items()}
-    yaw, surge = (_majority([a.sign for _, a in signs[axis]]) for axis in (Nu.R, Nu.U))
-    wrong = [
-        (n, a)
-        for axis, verdict in ((Nu.R, yaw), (Nu.U, surge))
-        for n, a in signs[axis]
-        if verdict < 0 and a.sign < 0
-    ]
-    clearest = min((a.correlation for _, a in wrong), default=0.0)
-    return Wiring(yaw, surge, tuple(dict.fromkeys(n for n, _ in wrong)), clearest)
+    signs: dict[Nu, int] = {}
+    wrong: list[tuple[str, CommandResponse]] = []
+    for axis in (Nu.R, Nu.U):
+        all_of_axis = [(t.name, _response(t, model, axis)) for t in trials]
+        clear = [(name, response) for name, response in all_of_axis if response and response.sign]
+        total = sum(response.sign for _, response in clear)
+        signs[axis] = int(np.sign(total)) if abs(total) > 0.5 * len(clear) else 0
+        if signs[axis] < 0:
+            wrong += [(name, response) for name, response in clear if response.sign < 0]
+    clearest = min((response.correlation for _, response in wrong), default=0.0)
+    runs = tuple(dict.fromkeys(name for name, _ in wrong))
+    return Wiring(signs[Nu.R], signs[Nu.U], runs, clearest)
 
 
-def _answer(trial: Trial, model: Model, axis: Nu) -> CommandResponse | None:
-    """How one axis of a trial followed its commands."""
-    tau = command_forces(trial, model)[:, axis]
-    largest = _largest(model, axis)
-    if largest == 0.0:
-        return None
-    return command_response(
-        tau / largest, trial.nu[:, axis], trial.usable, trial.dt, MIN_MOTION_STD[axis]
-    )
-
-
-def _largest(model: Model, axis: Nu) -> float:
-    """Force or moment [N, N m] that all thrusters come to at most."""
-    per = [
+def _response(trial: Trial, model: Model, axis: Nu) -> CommandResponse | None:
+    """How one axis of a trial followed its commands, in shares of what all thrusters can do."""
+    largest = sum(
         abs(t.thrust[1]) * (1.0 if axis is Nu.U else float(np.hypot(*t.position)))
         for t in model.vessel.thrusters
-    ]
-    return float(sum(per))
-
-
-def _majority(signs: Sequence[int]) -> int:
-    """One sign that nobody, or few, speak against."""
-    total = sum(signs)
-    return int(np.sign(total)) if abs(total) > 0.5 * len(signs) else 0
+    )
+    if largest == 0.0:
+        return None
+    command = command_forces(trial, model)[:, axis] / largest
+    return command_response(command, trial.nu[:, axis], trial.usable, trial.dt, axis)
 
 
 def pair_of(vessel: Vessel) -> tuple[int, int] | None:
@@ -151,37 +141,36 @@ def pair_of(vessel: Vessel) -> tuple[int, int] | None:
     return (port[0], starboard[0]) if alone else None
 
 
-def rewired(vessel: Vessel, found: Wiring) -> Vessel:
-    """The vessel with its channels as the recordings say."""
+def rewired(vessel: Vessel, wiring: Wiring) -> Vessel:
+    """The vessel with its channels as the recordings have them."""
     thrusters = list(vessel.thrusters)
     pair = pair_of(vessel)
-    if found.swapped and pair is not None:
-        a, b = pair
-        servos = thrusters[a].servo, thrusters[b].servo
-        thrusters[a] = replace(thrusters[a], servo=servos[1])
-        thrusters[b] = replace(thrusters[b], servo=servos[0])
-    if found.turned:
+    if wiring.swapped and pair is not None:
+        port, starboard = (thrusters[i] for i in pair)
+        thrusters[pair[0]] = replace(port, servo=starboard.servo)
+        thrusters[pair[1]] = replace(starboard, servo=port.servo)
+    if wiring.reversed:
         thrusters = [
             replace(t, servo=replace(t.servo, reversed=not t.servo.reversed)) for t in thrusters
         ]
     return replace(vessel, thrusters=tuple(thrusters))
 
 
-def wiring_notices(found: Wiring, vessel: Vessel) -> tuple[str, ...]:
-    """What is wrong, which runs tell, and what to do: a sentence each."""
-    where = f"{', '.join(found.runs)}: correlation {found.correlation:.2f}"
-    said = []
-    if found.swapped:
-        said.append(f"{_swap(vessel, found)} ({where})")
-    if found.turned:
-        said.append(
+def wiring_notices(wiring: Wiring, vessel: Vessel) -> tuple[str, ...]:
+    """What is wrong, in which runs, and what to do: a sentence each."""
+    where = f"{', '.join(wiring.runs)}: correlation {wiring.correlation:.2f}"
+    notices = []
+    if wiring.swapped:
+        notices.append(f"{_swap_notice(vessel)} ({where})")
+    if wiring.reversed:
+        notices.append(
             "the motors look as if they ran the wrong way round: the boat goes astern where it is "
             f"commanded ahead; exchange `reversed` of every thruster in the vessel file ({where})"
         )
-    return tuple(said)
+    return tuple(notices)
 
 
-def _swap(vessel: Vessel, found: Wiring) -> str:
+def _swap_notice(vessel: Vessel) -> str:
     pair = pair_of(vessel)
     if pair is None:
         return (

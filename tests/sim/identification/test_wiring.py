@@ -7,6 +7,7 @@ import pytest
 
 from sim.effects.actuator_wiring import EFFECT as WIRING
 from sim.identification.wiring import command_response, rewired, wiring_notices, wiring_of
+from sim.state import Nu
 from sim.vessel import AddedEffect
 from tests.sim.identification.noisy_trials import noisy
 from tests.sim.vessels import WAMV
@@ -30,7 +31,7 @@ def sailed():
 def test_what_is_plugged_wrong_is_told_and_put_right(sailed, swap, turn):
     vessel = plugged(swap, turn)
     found = wiring_of(sailed, vessel)
-    assert (found.swapped, found.turned) == (swap, turn)
+    assert (found.swapped, found.reversed) == (swap, turn)
     assert rewired(vessel, found) == WAMV
     told = wiring_notices(found, vessel)
     assert len(told) == swap + turn
@@ -67,10 +68,10 @@ def test_a_boat_that_was_hardly_steered_says_nothing_however_it_turned(steered, 
     rng = np.random.default_rng(4)
     command = steered * np.repeat(rng.uniform(-1.0, 1.0, 60), 20)
     turning = -0.5 * np.sign(command) + rng.normal(0.0, 0.05, 1200)
-    found = command_response(command, turning, np.ones(1200, bool), 0.1, 0.03)
+    found = command_response(command, turning, np.ones(1200, bool), 0.1, Nu.R)
     assert (None if found is None else found.sign) == sign
 
 
 def test_a_boat_that_did_not_turn_says_nothing():
     command = np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 20)
-    assert command_response(command, -0.01 * command, np.ones(1200, bool), 0.1, 0.03) is None
+    assert command_response(command, -0.01 * command, np.ones(1200, bool), 0.1, Nu.R) is None
