@@ -135,7 +135,12 @@ def accuracy(name: str, settings: FilterSettings) -> Events:
 def health(events: Events, rows: FilterRows) -> str:
     """NIS per component, outliers and jumps by kind."""
     says = []
-    for kind in (MeasurementKind.YAW, MeasurementKind.YAW_RATE, MeasurementKind.VELOCITY, MeasurementKind.POSITION):
+    for kind in (
+        MeasurementKind.YAW,
+        MeasurementKind.YAW_RATE,
+        MeasurementKind.VELOCITY,
+        MeasurementKind.POSITION,
+    ):
         mine = events.kind == kind
         used = mine & (rows.used > 0)
         nis = rows.nis[used].sum() / max(rows.used[used].sum(), 1)

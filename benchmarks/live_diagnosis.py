@@ -32,8 +32,8 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from gateway.ingest.open import open_log
 from gateway.offline.replay import replay_input_of
 from gateway.shadow.model_monitor import ModelMonitor
-from gateway.shadow.path import Shadowing, ShadowPath, follower_of
-from gateway.shadow.topic_rows import Happening
+from gateway.shadow.path import ShadowPath, ShadowRows, follower_of
+from gateway.shadow.topic_rows import EventRow
 from gateway.vessel_file import load_vessel
 from sim.following.reference import Reference
 from sim.model import Model
@@ -101,7 +101,7 @@ def _current(flow: tuple[float, float], begins: float) -> Cause:
 class Heard(NamedTuple):
     """What the lookout said of a voyage, and its last state; cost of one second [ms]."""
 
-    events: list[Happening]
+    events: list[EventRow]
     start_ns: int
     lookout: ModelMonitor
     cost_ms: float
@@ -123,7 +123,7 @@ def heard(case: Case, folder: Path, seconds: float) -> Heard:
     return _watched(ModelMonitor.of(model), out)
 
 
-def _watched(lookout: ModelMonitor, out: Shadowing) -> Heard:
+def _watched(lookout: ModelMonitor, out: ShadowRows) -> Heard:
     began = time.process_time()
     lookout, _, events = lookout.observe(out)
     cost = (time.process_time() - began) / max(lookout.alarm.estimate.count, 1) * 1e3
@@ -171,7 +171,7 @@ def _bare(says: str) -> str:
     return f"{head}looks like {' '.join(tail.split()[2:])}"
 
 
-def _first(found: Heard, is_it: Callable[[Happening], bool]) -> float | None:
+def _first(found: Heard, is_it: Callable[[EventRow], bool]) -> float | None:
     times = [h.vehicle_time_ns for h in found.events if is_it(h)]
     return (times[0] - found.start_ns) * 1e-9 if times else None
 

@@ -24,8 +24,8 @@ from gateway.config import Settings, ZenohSettings
 from gateway.ingest.open import open_log
 from gateway.offline.replay import ReplayInput, ReplayOptions, replay, replay_input_of
 from gateway.shadow.events import EventDetector
-from gateway.shadow.health import HealthMeter
-from gateway.shadow.inputs import feed_of
+from gateway.shadow.health import LogHealth
+from gateway.shadow.inputs import filter_inputs_of
 from gateway.shadow.path import ShadowPath
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import load_vessel
@@ -110,7 +110,7 @@ def stages(log: Path) -> dict[str, float]:
     path = path_of()
     state, watchman = path.start(), EventDetector()
     with watch.stage("count for health"):
-        meter = HealthMeter.of_log(given.log, given.decoded)
+        meter = LogHealth.of(given.log, given.decoded)
     for begin in range(0, len(given.feed), CHUNK):
         chunk = given.feed[begin : begin + CHUNK]
         with watch.stage("estimate (of path)"):
@@ -130,7 +130,7 @@ def refeed(given: ReplayInput, options: ReplayOptions) -> None:
     from gateway.ingest.sources import choose
 
     choices = choose(given.decoded.samples)
-    feed_of(given.decoded, choices, given.origin, options.settings.filter)
+    filter_inputs_of(given.decoded, choices, given.origin, options.settings.filter)
 
 
 def path_of() -> ShadowPath:

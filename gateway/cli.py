@@ -51,6 +51,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "studio": views.studio,
     "plan": model.plan,
     "effects": model.show_effects,
+    "plants": live.show_plants,
     "config": views.show_config,
     "repair": recordings.repair,
     "monitor": live.monitor,

@@ -3,7 +3,7 @@
 [[boats]]                   which boats `shadow live` shadows where no --vessel is given
 system_id = 1               may be left out where there is one boat
 vessel = "wam-v.toml"       relative to this file
-plant = "otter.toml"        what the follower drives; default: the vessel
+plant = "otter.toml"        what the follower drives, or KIND[:FILE]; default: the vessel
 name = "wam-v"              key on zenoh; default: the vessel's name
 
 [links]      endpoints = ["udpin:127.0.0.1:14550"]
@@ -34,8 +34,9 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
-from gateway.estimation.settings import FilterSettings, White
+from gateway.estimation.settings import FilterSettings, WhiteNoise
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
+from gateway.plants import plant_relative_to
 from gateway.recording.foxglove_server import parse_address
 from gateway.recording.recorder import RecordingSettings
 from gateway.vessel_file import explain, validated
@@ -171,7 +172,7 @@ class Settings:
 
 for _table in (
     BoatSettings, LinkSettings, ZenohSettings, FoxgloveSettings, FollowingSettings, Settings,
-    FilterSettings, White, RecordingSettings, FollowerOptions, StudioSettings,
+    FilterSettings, WhiteNoise, RecordingSettings, FollowerOptions, StudioSettings,
 ):  # fmt: skip
     with_config(ConfigDict(extra="forbid"))(_table)
 
@@ -199,7 +200,7 @@ def load_settings(path: str | Path | None) -> Settings:
 
 def _relative_to(file: Path, boat: BoatSettings) -> BoatSettings:
     """Vessel files are given relative to the configuration."""
-    plant = None if boat.plant is None else str(file.parent / boat.plant)
+    plant = None if boat.plant is None else plant_relative_to(file.parent, boat.plant)
     return replace(boat, vessel=str(file.parent / boat.vessel), plant=plant)
 
 

@@ -196,34 +196,23 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
     """
     file = vessel_path(path)
     read = read_vessel_file(file)
-    names = [t.name for t in read.thrusters] + [r.name for r in read.rudders]
-    for name in names:
-        if names.count(name) > 1:
-            raise BadInput(f"{file}: the name {name!r} is given to {names.count(name)} actuators")
-    for i, thruster in enumerate(read.thrusters):
-        _check_curve(file, f"thrusters[{i}]", thruster, read.thrusters)
-    for i, rudder in enumerate(read.rudders):
-        _check_rudder(file, f"rudders[{i}]", rudder, [t.name for t in read.thrusters])
+    _check_actuators(file, read)
     known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
     try:
-        return _vessel(file, read, known)
+        return Vessel(
+            name=read.name,
+            source=read.source,
+            hull=Hull(**dict(read.hull)),
+            dynamics=Dynamics(**dict(read.dynamics)),
+            thrusters=tuple(Thruster(**_actuator(t)) for t in read.thrusters),
+            rudders=tuple(Rudder(**_actuator(r)) for r in read.rudders),
+            sensors=Sensors(**dict(read.sensors)),
+            effects=tuple(
+                _effect(file, f"effects[{i}]", entry, known) for i, entry in enumerate(read.effects)
+            ),
+        )
     except ValueError as error:  # an effect that cannot act on this vessel
         raise BadInput(f"{file}: {error}") from None
-
-
-def _vessel(file: Path, read: VesselFile, known: dict[str, Effect]) -> Vessel:
-    return Vessel(
-        name=read.name,
-        source=read.source,
-        hull=Hull(**read.hull.model_dump()),
-        dynamics=Dynamics(**read.dynamics.model_dump()),
-        thrusters=tuple(_thruster(t) for t in read.thrusters),
-        rudders=tuple(_rudder(r) for r in read.rudders),
-        sensors=Sensors(**read.sensors.model_dump()),
-        effects=tuple(
-            _effect(file, f"effects[{i}]", entry, known) for i, entry in enumerate(read.effects)
-        ),
-    )
 
 
 def read_vessel_file(path: str | Path) -> VesselFile:
@@ -272,35 +261,39 @@ def _key(location: tuple[int | str, ...]) -> str:
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
 
 
-def _check_rudder(file: Path, key: str, rudder: RudderTable, thrusters: list[str]) -> None:
-    for name in (rudder.wash, rudder.motor):
-        if name is not None and name not in thrusters:
+def _check_actuators(file: Path, read: VesselFile) -> None:
+    """BadInput where actuators share a name, or refer to one that is not there."""
+    thrusters = [t.name for t in read.thrusters]
+    names = thrusters + [r.name for r in read.rudders]
+    tables = [t.name for t in read.thrusters if not isinstance(t.curve, str)]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(f"{file}: the name {name!r} is given to {names.count(name)} actuators")
+    for i, thruster in enumerate(read.thrusters):
+        if isinstance(thruster.curve, str) and thruster.curve not in (*CURVES, *tables):
             raise BadInput(
-                f"{file}: {key}: no thruster named {name!r}: there are {', '.join(thrusters)}"
+                f"{file}: thrusters[{i}].curve = {thruster.curve!r}: expected {', '.join(CURVES)}, "
+                "a table of [command, share of full thrust], or a thruster that has one "
+                f"({', '.join(tables)})"
             )
-    if rudder.motor is None and rudder.area == 0.0:
-        raise BadInput(f"{file}: {key}: a blade needs its area [m²]; a steered motor needs motor")
+    for i, rudder in enumerate(read.rudders):
+        for named in (rudder.wash, rudder.motor):
+            if named is not None and named not in thrusters:
+                raise BadInput(
+                    f"{file}: rudders[{i}]: no thruster named {named!r}: "
+                    f"there are {', '.join(thrusters)}"
+                )
+        if rudder.motor is None and rudder.area == 0.0:
+            raise BadInput(
+                f"{file}: rudders[{i}]: a blade needs its area [m²]; a steered motor needs motor"
+            )
 
 
-def _check_curve(
-    file: Path, key: str, thruster: ThrusterTable, every: tuple[ThrusterTable, ...]
-) -> None:
-    tables = [t.name for t in every if not isinstance(t.curve, str)]
-    if isinstance(thruster.curve, str) and thruster.curve not in (*CURVES, *tables):
-        raise BadInput(
-            f"{file}: {key}.curve = {thruster.curve!r}: expected {', '.join(CURVES)}, a table of "
-            f"[command, share of full thrust], or a thruster that has one ({', '.join(tables)})"
-        )
-
-
-def _thruster(t: ThrusterTable) -> Thruster:
-    servo = Servo(t.channel, t.pwm, t.reversed)
-    return Thruster(t.name, servo, t.position, t.thrust, t.azimuth, t.curve)
-
-
-def _rudder(r: RudderTable) -> Rudder:
-    servo = Servo(r.channel, r.pwm, r.reversed)
-    return Rudder(r.name, servo, r.position, r.angle, r.area, r.aspect, r.wash, r.motor)
+def _actuator(table: ThrusterTable | RudderTable) -> dict[str, Any]:
+    """The members of a Thruster or Rudder."""
+    values = dict(table)
+    servo = Servo(values.pop("channel"), values.pop("pwm"), values.pop("reversed"))
+    return {**values, "servo": servo}
 
 
 def _effect(file: Path, key: str, entry: dict[str, Any], known: dict[str, Effect]) -> AddedEffect:

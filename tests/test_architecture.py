@@ -114,7 +114,7 @@ LAYERS = {
         atomic_file json_rows
         user_effects estimation recording bus
         vessel_file ingest monitor
-        links shadow
+        links shadow plants
         config
         live figures
         offline

@@ -59,7 +59,11 @@ class Misjudged:
 
 
 def followed(
-    true: Vessel, believed: Vessel, reference: Floats, dt: float, options: FollowerOptions | None = None
+    true: Vessel,
+    believed: Vessel,
+    reference: Floats,
+    dt: float,
+    options: FollowerOptions | None = None,
 ) -> Floats:
     """Reference (T, 9) every dt [s] -> shadow (T, 9) of a plant that is not what is believed."""
     follower = PlantFollower.of(Misjudged.of(true, believed), options)

@@ -20,7 +20,7 @@ from gateway.config import Settings
 from gateway.figures.figure_data import FigureData, SeriesRole
 from gateway.ingest.open import open_log
 from gateway.offline.replay import replay_input_of
-from gateway.shadow.path import Shadowing, ShadowPath, follower_of
+from gateway.shadow.path import ShadowPath, ShadowRows, follower_of
 from sim.following.reference import Reference, ReferenceMode
 from sim.model import Model
 from sim.state import Floats
@@ -53,7 +53,7 @@ def shadows(c: Campaign, folder: Path) -> Part:
     return Part("The digital shadow on measured ν_ref", tuple(lines), {}, pictures)
 
 
-def shadowed(log: Path, vessel: Vessel, plant: Vessel, carried: Instruments) -> Shadowing:
+def shadowed(log: Path, vessel: Vessel, plant: Vessel, carried: Instruments) -> ShadowRows:
     """A log through the live path with that plant."""
     settings, model = Settings(filter=carried.live), Model.of(vessel)
     given = replay_input_of(open_log(log), settings=settings)

@@ -1,5 +1,6 @@
 """Commands for a vessel file: its numbers, how well they do, what it lacks, how to learn more."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -62,6 +63,7 @@ def identify(
 ) -> None:
     """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
     from gateway.offline.identify import identify_logs, identify_settings
+    from gateway.offline.trials import TrialOptions
     from gateway.offline.usable_time import TimeSpan, parse_exclusions
     from gateway.terminal.console import status_line
     from gateway.terminal.identification import show_identification
@@ -70,8 +72,8 @@ def identify(
     with status_line("identifying") as progress:
         found = identify_logs(
             logs, vessel, out, settings, span=TimeSpan(start, end), validate=validate or (),
-            exclude=parse_exclusions(exclude or ()), pictures=pictures, system=system,
-            mapping=mapping, effects=effects_from(effects), progress=progress,
+            exclude=parse_exclusions(exclude or ()), pictures=pictures, progress=progress,
+            options=TrialOptions(system=system, mapping=mapping), effects=effects_from(effects),
         )  # fmt: skip
     print_result(json, found.to_dict, lambda: show_identification(found, out, pictures))
 
@@ -98,6 +100,7 @@ def compare(
 ) -> None:
     """How far is the model from the measurement, beside the noise floor, and where is it worst."""
     from gateway.offline.compare import as_json, compare_logs
+    from gateway.offline.trials import TrialOptions
     from gateway.terminal.comparison import show_comparisons
     from gateway.terminal.console import status_line
     from sim.prediction.segments import CompareSettings
@@ -110,8 +113,9 @@ def compare(
         raise BadInput(f"--horizon: {error}") from None
     with status_line("comparing") as progress:
         found = compare_logs(
-            logs, vessel, settings, system=system, mapping=mapping, effects=effects_from(effects),
-            pictures=pictures, progress=progress, refit=refit is not None,
+            logs, vessel, settings, options=TrialOptions(system=system, mapping=mapping),
+            effects=effects_from(effects), pictures=pictures, progress=progress,
+            refit=refit is not None,
         )  # fmt: skip
     print_result(json, lambda: as_json(found), lambda: show_comparisons(found, pictures))
 
@@ -145,18 +149,23 @@ def diagnose(
     json: AsJson = False,
 ) -> None:
     """Which physical effect is missing from the model, how sure that is, and what to do next."""
-    from gateway.offline.diagnose import check_folders, diagnose_logs, save_diagnosis
+    from gateway.offline.diagnose import (
+        DIAGNOSIS_TRIALS,
+        check_folders,
+        diagnose_logs,
+        save_diagnosis,
+    )
     from gateway.terminal.console import status_line
     from gateway.terminal.diagnosis import show_diagnosis
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
     check_folders(save, out)
-    own = effects_from(effects)
+    own, options = effects_from(effects), replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping)
     with status_line("diagnosing") as progress:
         found = diagnose_logs(
-            logs, vessel, improve=improve, prior=prior, system=system, mapping=mapping,
-            effects=own, progress=progress,
+            logs, vessel, improve=improve, prior=prior, options=options, effects=own,
+            progress=progress,
         )  # fmt: skip
         save_diagnosis(found, save=save, out=out, pictures=pictures, effects=own, progress=progress)
     print_result(json, found.to_dict, lambda: show_diagnosis(found, save, out, pictures))

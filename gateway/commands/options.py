@@ -83,8 +83,12 @@ System = Annotated[
 Mapping = Annotated[
     Path | None, typer.Option("--mapping", help="What the columns of a .csv mean (TOML).")
 ]
-PlantFile = Annotated[
-    Path | None, typer.Option("--plant", help="What the shadow is played by. Default: the vessel.")
+Plant = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KIND[:FILE]",
+        help="What plays the shadow (shadow plants); FILE alone is a vessel. Default: the vessel.",
+    ),
 ]
 Reference = Annotated[
     str | None,

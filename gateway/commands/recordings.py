@@ -12,13 +12,14 @@ from gateway.commands.options import (
     LogFile,
     LogFiles,
     Mapping,
-    PlantFile,
+    Plant,
     Publish,
     Record,
     Reference,
     System,
     VesselFile,
     ZenohName,
+    effects_from,
     print_result,
     settings_from,
     vessel_from,
@@ -62,7 +63,7 @@ def init(
 def replay(
     logs: LogFiles,
     vessel: VesselFile,
-    plant: PlantFile = None,
+    plant: Plant = None,
     reference: Reference = None,
     speed: Annotated[str, typer.Option(help="1: as recorded; max: as fast as it goes.")] = "max",
     out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
@@ -77,6 +78,7 @@ def replay(
 ) -> None:
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.offline import replay as work
+    from gateway.plants import load_plant
     from gateway.terminal.console import progress_bar
     from gateway.terminal.runs import show_replay
 
@@ -84,7 +86,7 @@ def replay(
     settings = settings_from(config, reference, publish, recorded)
     if speed not in ("1", "max"):
         raise BadInput(f"--speed {speed}: expected 1 or max")
-    boat, own = vessel_from(vessel, effects), vessel_from(plant, effects) if plant else None
+    boat, played_by = vessel_from(vessel, effects), load_plant(plant, effects_from(effects))
     options = work.ReplayOptions(
         out=out if record else None, realtime=speed == "1", system=system, name=name,
         mapping=mapping, settings=settings,
@@ -92,7 +94,7 @@ def replay(
     done = []
     for log, chosen in zip(logs, work.options_by_log(logs, options), strict=True):
         with numerical_errors(log, vessel), progress_bar(f"replaying {log.name}") as share_done:
-            done.append(work.replay(log, boat, own, chosen, share_done))
+            done.append(work.replay(log, boat, played_by, chosen, share_done))
         if not json:
             show_replay(done[-1])
     print_result(json, lambda: {"replays": [one.to_dict() for one in done]}, lambda: None)

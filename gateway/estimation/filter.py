@@ -7,9 +7,9 @@ The covariance of the filter leaves out a heading that is off by a slowly changi
 
     ψ + e    (u + e v, v − e u)    (u̇ + e v̇, v̇ − e u̇)         [rad, m/s, m/s²]
 
-are estimated where ψ, (u, v), (u̇, v̇) are true. e is not observable, so it is no state: a linearised
-filter would seem to learn it, and turn a good sway into a bad one. Its variance is added to what is
-reported.
+are estimated where ψ, (u, v), (u̇, v̇) are true. e is not observable, so it is no state: a
+linearised filter would seem to observe it, and turn a good sway into a bad one. Its variance is
+added to what is reported.
 """
 
 from dataclasses import dataclass

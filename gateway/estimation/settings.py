@@ -143,7 +143,7 @@ class FilterSettings:
             raise BadInput(f"[filter] history_events = {self.history_events}: expected 2 or more")
 
     def with_parameters(self, parameters: Mapping[str, float]) -> "FilterSettings":
-        """The same with the delay of the autopilot's gyro filter, where its parameters tell it."""
+        """The same with the delay of the autopilot's gyro filter, where its parameters hold it."""
         if self.gyro_delay_s > 0.0 or "INS_GYRO_FILTER" not in parameters:
             return self
         return replace(self, gyro_delay_s=gyro_delay_s(parameters["INS_GYRO_FILTER"]))

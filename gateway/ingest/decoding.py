@@ -37,7 +37,7 @@ def decode_tables(
 ) -> BoatSamples:
     """All samples of one boat by the rules of its log's format.
 
-    `instances` says for some instance columns which number counts instead of the rule's own.
+    `instances` gives for some instance columns the number that counts instead of the rule's own.
     """
     parts = [_rows(log.table(rule.message), rule, boat, instances or {}) for rule in rules]
     parts = [part for part in parts if len(part.order)]

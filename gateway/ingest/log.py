@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gateway.errors import BadInput
 from gateway.ingest.clock import ClockReport
 from gateway.samples import Quantity, Samples
+from sim.state import Ints
 
 Array = TypeVar("Array", bound=NDArray[np.generic])
 
@@ -52,7 +53,7 @@ class Boat:
 
     system: int
     component: int
-    autopilot: str = ""  # "ArduPilot", "PX4", …; empty where the log does not tell
+    autopilot: str = ""  # "ArduPilot", "PX4", …; empty where the log has none
     type: str = ""  # "surface boat", "ground rover", …
 
     def __str__(self) -> str:
@@ -73,11 +74,19 @@ class Table:
     """
 
     name: str
-    order: NDArray[np.int64]
-    receive_time_ns: NDArray[np.int64]
+    order: Ints
+    receive_time_ns: Ints
     system: NDArray[np.uint8]
     component: NDArray[np.uint8]
     columns: Mapping[str, NDArray[np.generic]]
+
+    @classmethod
+    def unaddressed(
+        cls, name: str, order: Ints, time_ns: Ints, columns: Mapping[str, NDArray[np.generic]]
+    ) -> "Table":
+        """Messages of a format that knows one vehicle and no receiver."""
+        zeros = frozen(np.zeros(len(order), np.uint8))
+        return cls(name, frozen(order), frozen(time_ns), zeros, zeros, columns)
 
     def __len__(self) -> int:
         return len(self.order)
@@ -98,7 +107,7 @@ class Table:
             return {}
         numbers = np.asarray(self.columns[values], np.float64)[self.sent_by(boat)]
         pairs = zip(self.texts(names, boat), numbers, strict=True)
-        return {name: float(value) for name, value in pairs if name}
+        return {name: float(value) for name, value in pairs if name and np.isfinite(value)}
 
 
 @dataclass(frozen=True)
@@ -178,7 +187,7 @@ class Log(ABC):
         return {}
 
     def firmware(self, boat: Boat) -> str:
-        """Name and version of the autopilot's software; empty where the log does not tell."""
+        """Name and version of the autopilot's software; empty where the log has none."""
         return ""
 
     def channel_names(self) -> Mapping[int, str]:

@@ -1,4 +1,4 @@
-"""Opens a recording as what its content says it is. `FORMATS` is the one table of formats."""
+"""Opens a recording by its content. `FORMATS` is the one table of formats."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -42,7 +42,7 @@ def suffixes() -> frozenset[str]:
 
 
 def open_log(path: str | Path, mapping: str | Path | None = None) -> "Log":
-    """Any recording that can be read; `mapping` says what the columns of a table mean."""
+    """Any recording that can be read; `mapping` names what the columns of a table are."""
     raw = read_bytes(path)
     for one in known_formats():
         if one.recognises(raw[:HEAD], Path(path)):

@@ -1,4 +1,4 @@
-"""What the autopilot's parameters say of its outputs (for `shadow init`), and its banner."""
+"""Output channels by the autopilot's parameters (for `shadow init`), and its banner."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -50,7 +50,7 @@ class Actuator:
 
     @property
     def motor(self) -> int | None:
-        """Number of the motor (1 to 4) where the function says it."""
+        """Number of the motor (1 to 4) where its function is a motor's."""
         return self.function - 32 if self.kind is OutputFunction.MOTOR else None
 
 

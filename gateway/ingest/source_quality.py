@@ -155,7 +155,7 @@ def _integral(time: Floats, values: Floats, at: Floats) -> Floats:
 MEAN_S = 1.0  # means over so long are compared
 SLOPE = 0.25  # that the slope may be off by
 BIAS = 0.15  # m/s², that the mean may be off by
-MOVES = 0.05  # m/s²: an acceleration that stays below this says nothing
+MOVES = 0.05  # m/s²: smaller accelerations are not compared
 
 
 class Agreement(NamedTuple):

@@ -26,7 +26,7 @@ def _candidates(quantity: Quantity, *sources: str) -> Candidates:
 
 
 # name of what is chosen -> quantity and source, the best first. A format with other names for its
-# messages says by `Rule.equivalent` which of these each stands for.
+# messages declares by `Rule.equivalent` which of these each stands for.
 PRIORITY: Mapping[str, Candidates] = {
     "yaw": _candidates(
         Quantity.YAW, "ATTITUDE", "ATTITUDE_QUATERNION", "ODOMETRY", "ATT", "XKF1", "NKF1",

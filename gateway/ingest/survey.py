@@ -1,4 +1,4 @@
-"""What is in a recording, and what cannot be learnt from it: all that `shadow info` shows."""
+"""What is in a recording, and what cannot be found from it: all that `shadow info` shows."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -47,7 +47,7 @@ class BoatSurvey:
     seconds: float
     sessions_s: tuple[float, ...]  # length of each boot
     clock: ClockReport
-    unix_ahead_s: float | None  # the boat's own Unix time minus vehicle time; None = never told
+    unix_ahead_s: float | None  # the boat's own Unix time minus vehicle time, if it has one
     sources: Mapping[str, SourceSurvey]
     actuators: tuple[Actuator, ...]
     parameters: int
@@ -141,7 +141,7 @@ def _unix_ahead(decoded: BoatSamples) -> float | None:
 
 
 def _ever_armed(choices: Mapping[str, Choice]) -> bool | None:
-    """None where the log does not tell. A log of changes alone has seen both states."""
+    """None where the log does not hold it. A log of changes alone has seen both states."""
     if "armed" not in choices:
         return None
     armed = choices["armed"]
@@ -149,7 +149,7 @@ def _ever_armed(choices: Mapping[str, Choice]) -> bool | None:
 
 
 def _limits(boat: Boat, choices: Mapping[str, Choice], ever_armed: bool | None) -> tuple[str, ...]:
-    """What the recording cannot teach, a sentence each with its reason; one sentence if nothing."""
+    """What cannot be found from the recording, a sentence each with its reason; at least one."""
     found = [*_motion_limits(choices), *_command_limits(choices, ever_armed)]
     if any(word in boat.type for word in NOT_FLOATING):
         found.insert(0, f"the vehicle says that it is a {boat.type}: no model of a boat fits it")

@@ -1,4 +1,4 @@
-"""Sources of a table that can be trusted, and a sentence for each thing that was wrong.
+"""Repair of a table: the sources to use, and a sentence for each thing that was wrong.
 
 Held values go back to their own times; rates that were smoothed towards both sides give way to the
 positions and headings that they were made from; accelerations are compared and never used.

@@ -2,7 +2,7 @@
 
 A receiver of 5 Hz on a grid of 10 Hz shows each fix twice; taken as it stands the boat rests every
 other row. Sometimes a row slips: a fix then shows once or three times although the receiver kept
-its period (the distance from fix to fix tells). So the period is followed, row by row:
+its period (the distance from fix to fix shows it). So the period is followed, row by row:
 
     T_k = n_k p + median (t − n p) over the fixes around    n_k periods p since the first fix
 

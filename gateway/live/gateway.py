@@ -1,4 +1,4 @@
-"""`shadow live`: links in, shadow out, everything on disk.
+"""`shadow live`: links in, shadows out, everything recorded.
 
     receiver thread per link → inbox → one loop (estimate, step, publish) → recorder thread
 
@@ -28,15 +28,16 @@ from gateway.links.signing import load_key
 from gateway.links.transmitter import Identity
 from gateway.live.boat import LiveBoat
 from gateway.live.boats import BoatPlan, Fleet
-from gateway.live.outputs import Outlet, Unclaimed, start_recording
+from gateway.live.outputs import BoatOutputs, EarlyDatagrams, start_recording
 from gateway.live.rate_requests import RateRequests
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow.health import SECOND
 from gateway.shadow.inputs import TICK_S
 from gateway.vessel_file import dump_vessel
+from sim.state import Progress
 
-WAIT_S = TICK_S / 4.0  # longest sleep of the loop
-QUIET_NS = 10 * SECOND  # between two reports of the same trouble
+MAX_SLEEP_S = TICK_S / 4.0  # of the loop
+REPORT_INTERVAL_NS = 10 * SECOND  # between two reports of defects
 
 Clock = Callable[[], int]
 
@@ -55,40 +56,40 @@ class LiveOptions:
 class Gateway:
     """The loop and what it holds; opened with `with`, run by `run`.
 
-    strict  a defect ends the loop instead of being told and counted: for tests
+    strict  a defect ends the loop instead of being reported and counted: for tests
     """
 
     def __init__(
         self,
         plans: Sequence[BoatPlan],
         options: LiveOptions,
-        tell: Callable[[str], None] = lambda says: None,
+        progress: Progress = lambda text: None,
         *,
         clock: Clock = time.time_ns,
         steady: Clock = time.monotonic_ns,
         strict: bool = False,
     ) -> None:
         self.options = options
-        self.fleet = Fleet(plans, options.settings, self._found, self._ignored)
+        self.fleet = Fleet(plans, options.settings, self._add_boat, self._report_ignored)
         self.inbox = Inbox(PER_LINK * max(len(options.endpoints), 1))
         self.links: list[Link] = []
-        self.outlets: dict[int, Outlet] = {}
+        self.outputs: dict[int, BoatOutputs] = {}  # by system
         self.faults = 0
-        self._tell, self._clock, self._steady, self._strict = tell, clock, steady, strict
+        self._progress, self._clock, self._steady, self._strict = progress, clock, steady, strict
         self._scope = ExitStack()
         self._session: Any = None
         self._foxglove: FoxgloveServer | None = None
         self._leading = plans[0] if plans else None  # its boat has the topics of a recording
-        self._unclaimed = Unclaimed()
+        self._early = EarlyDatagrams()
         self._dropped = 0
-        self._housekept_s = 0
-        self._fault_ns = -QUIET_NS
+        self._checked_s = 0
+        self._fault_ns = -REPORT_INTERVAL_NS
 
     def __enter__(self) -> "Gateway":
-        self.fleet.prepare()
+        self.fleet.warm_up()
         options = self.options
         if options.out is not None:
-            _writable(options.out)
+            _make_folder(options.out)
         with ExitStack() as scope:
             if options.settings.zenoh.publish:
                 self._session = scope.enter_context(open_session(options.settings.zenoh.bus()))
@@ -98,13 +99,13 @@ class Gateway:
                         options.settings.foxglove.address, options.settings.recording.foxglove_hz
                     )
                 )
-                self._tell(self._foxglove.says)
+                self._progress(self._foxglove.text)
             key = None if options.signing_key is None else load_key(options.signing_key)
             identity = None if options.silent else Identity()
             for number, text in enumerate(options.endpoints):
                 link = Link(text, self.inbox, identity, key, number)
                 self.links.append(scope.enter_context(link))
-            self._asking = RateRequests(self.links, identity, options.settings.links.rates)
+            self._rate_requests = RateRequests(self.links, identity, options.settings.links.rates)
             self._scope = scope.pop_all()
         return self
 
@@ -115,19 +116,19 @@ class Gateway:
         """Shadow until `stop` is set."""
         while not stop.is_set():
             try:
-                item = self.inbox.get(timeout=WAIT_S)
+                item = self.inbox.get(timeout=MAX_SLEEP_S)
             except Empty:
                 item = None
             self.turn(item)
 
     def turn(self, item: Item | None) -> None:
-        """One round of the loop: what came, if anything, and what is due."""
+        """One round of the loop: an item, if one came, and what is due."""
         try:
             if isinstance(item, Datagram):
                 self._datagram(item)
             elif item is not None:
                 self._link_event(item)
-            self._time_goes_by(self._clock())
+            self._run_due(self._clock())
         except Exception as error:  # the outermost loop: a defect must not end the shadow
             if self._strict:
                 raise
@@ -135,106 +136,111 @@ class Gateway:
 
     def _datagram(self, datagram: Datagram) -> None:
         """Publish as it is made; all else can wait until then."""
-        said = []
-        for boat, spoken in self.fleet.datagram(datagram):
-            if spoken.rows:
-                self.outlets[boat.boat.system].publish(spoken.rows)
-                said.append((boat, spoken.rows))
+        published = []
+        for boat, output in self.fleet.datagram(datagram):
+            if output.rows:
+                self.outputs[boat.boat.system].publish(output.rows)
+                published.append((boat, output.rows))
         late_ns = self._clock() - datagram.receive_time_ns
-        for boat in {boat.boat.system: boat for boat, _ in said}.values():
+        for boat in {boat.boat.system: boat for boat, _ in published}.values():
             boat.health.late_by(late_ns)
-        self._keep(datagram)
-        for boat, rows in said:
-            self.outlets[boat.boat.system].record(rows)
-            self.outlets[boat.boat.system].show(rows)
-        self._asking.listen(datagram, self.fleet.boats.values(), self._steady())
+        self._record_frames(datagram)
+        for boat, rows in published:
+            self.outputs[boat.boat.system].record(rows)
+            self.outputs[boat.boat.system].show(rows)
+        self._rate_requests.take(datagram, self.fleet.boats.values(), self._steady())
 
-    def _keep(self, datagram: Datagram) -> None:
+    def _record_frames(self, datagram: Datagram) -> None:
         """Raw frames to the recordings they belong to; none is lost while no boat is known."""
-        if not self.outlets:
-            self._unclaimed.keep(datagram)
-        for system, outlet in self.outlets.items():
+        if not self.outputs:
+            self._early.add(datagram)
+        for system, outputs in self.outputs.items():
             frames = self.fleet.frames_of(datagram.frames, self.fleet.boats[system])
-            outlet.raw(datagram.link, datagram.receive_time_ns, frames)
+            outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
 
-    def _time_goes_by(self, now_ns: int) -> None:
+    def _run_due(self, now_ns: int) -> None:
+        """Ticks, rate requests, and the checks of each second."""
         for boat in self.fleet.due(now_ns):
-            outlet = self.outlets[boat.boat.system]
-            if outlet.recording is not None:
-                outlet.recording.tick(now_ns)
-            for spoken in boat.tick(now_ns):
-                outlet.send(spoken.rows)
-        for answer in self._asking.due(self.fleet.boats.values(), self._steady()):
-            self._tell(answer.text)
-            self._say(self.fleet.boats[answer.boat.system], "rate_request", "info", answer.text)
-        if now_ns // SECOND != self._housekept_s:
-            self._housekept_s = now_ns // SECOND
-            self._housekeep(now_ns)
+            outputs = self.outputs[boat.boat.system]
+            if outputs.recording is not None:
+                outputs.recording.tick(now_ns)
+            for output in boat.tick(now_ns):
+                outputs.send(output.rows)
+        for outcome in self._rate_requests.due(self.fleet.boats.values(), self._steady()):
+            self._progress(outcome.text)
+            boat = self.fleet.boats[outcome.boat.system]
+            self._send_event(boat, "rate_request", "info", outcome.text)
+        if now_ns // SECOND != self._checked_s:
+            self._checked_s = now_ns // SECOND
+            self._check(now_ns)
 
-    def _housekeep(self, now_ns: int) -> None:
-        """Once a second: health, and what went wrong beside the path."""
+    def _check(self, now_ns: int) -> None:
+        """Once a second: health, recordings that failed, datagrams that were dropped."""
         dropped = sum(link.counts().dropped for link in self.links)
         for system, boat in self.fleet.boats.items():
-            outlet = self.outlets[system]
-            outlet.send(boat.status(now_ns, outlet.backlog, outlet.drops))
-            if failure := outlet.news():
-                self._say(boat, "recording_failed", "error", failure)
+            outputs = self.outputs[system]
+            outputs.send(boat.status(now_ns, outputs.backlog, outputs.drops))
+            if failure := outputs.new_failure():
+                self._send_event(boat, "recording_failed", "error", failure)
             if dropped > self._dropped:
-                says = f"{dropped - self._dropped} datagrams dropped: more came than can be handled"
-                self._say(boat, "overload", "error", says)
+                text = f"{dropped - self._dropped} datagrams dropped: more came than can be handled"
+                self._send_event(boat, "overload", "error", text)
         self._dropped = dropped
 
     def _link_event(self, event: LinkEvent) -> None:
         severity = "info" if event.kind in ("listening", "connected") else "warning"
-        says = f"{event.link}: {event.text}"
-        self._tell(says)
+        text = f"{event.link}: {event.text}"
+        self._progress(text)
         for boat in self.fleet.boats.values():
-            rows = boat.say(f"link_{event.kind}", severity, says, event.receive_time_ns)
-            self.outlets[boat.boat.system].send(rows)
+            rows = boat.event(f"link_{event.kind}", severity, text, event.receive_time_ns)
+            self.outputs[boat.boat.system].send(rows)
 
-    def _say(self, boat: LiveBoat, kind: str, severity: str, says: str) -> None:
+    def _send_event(self, boat: LiveBoat, kind: str, severity: str, text: str) -> None:
         if severity != "info":
-            self._tell(f"{boat.name}: {says}")
-        self.outlets[boat.boat.system].send(boat.say(kind, severity, says, self._clock()))
+            self._progress(f"{boat.name}: {text}")
+        self.outputs[boat.boat.system].send(boat.event(kind, severity, text, self._clock()))
 
     def _fault(self, error: Exception) -> None:
-        """Counted always, told seldom."""
+        """Count a defect; report it once in a while."""
         self.faults += 1
-        if self._steady() - self._fault_ns >= QUIET_NS:
+        if self._steady() - self._fault_ns >= REPORT_INTERVAL_NS:
             self._fault_ns = self._steady()
-            says = f"defect of the gateway, {self.faults} so far: {error!r}"
-            self._tell(says)
+            text = f"defect of the gateway, {self.faults} so far: {error!r}"
+            self._progress(text)
             for boat in self.fleet.boats.values():
-                self.outlets[boat.boat.system].send(boat.say("fault", "error", says, self._clock()))
+                rows = boat.event("fault", "error", text, self._clock())
+                self.outputs[boat.boat.system].send(rows)
 
-    def _found(self, boat: LiveBoat, plan: BoatPlan) -> None:
-        """A boat spoke for the first time: give it its keys and its recording."""
-        outlet = self.outlets[boat.boat.system] = Outlet()
-        self._tell(f"{boat.boat}: shadowed as {boat.name}")
+    def _add_boat(self, boat: LiveBoat, plan: BoatPlan) -> None:
+        """Give a new boat its keys and its recording."""
+        outputs = self.outputs[boat.boat.system] = BoatOutputs()
+        self._progress(f"{boat.boat}: shadowed as {boat.name}")
         if self._session is not None:
             model, status = dump_vessel(plan.vessel).encode(), self._status(boat)
             bus = Bus(boat.name, model=model, status=status, session=self._session)
-            outlet.bus = self._scope.enter_context(bus)
+            outputs.bus = self._scope.enter_context(bus)
         if self._foxglove is not None:
-            outlet.view = self._foxglove.boat(boat.name, leading=plan is self._leading)
+            outputs.view = self._foxglove.boat(boat.name, leading=plan is self._leading)
         if self.options.out is not None:
             folder, settings = self.options.out, self.options.settings
             try:
                 recording = start_recording(boat, plan, folder, settings, self._scope)
             except ShadowError as error:
-                outlet.failure = str(error)
+                outputs.failure = str(error)
                 return
-            outlet.recording = recording
-            self._tell(f"recording: {recording.paths[-1]}")
-        for datagram in self._unclaimed.claimed():
+            outputs.recording = recording
+            self._progress(f"recording: {recording.paths[-1]}")
+        for datagram in self._early.take_all():
             frames = [frame.raw for frame in datagram.frames]
-            outlet.raw(datagram.link, datagram.receive_time_ns, frames)
+            outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
 
-    def _ignored(self, boat: Boat) -> None:
-        self._tell(f"{boat}: ignored, no vessel is given for it; --vessel {boat.system}=FILE does")
+    def _report_ignored(self, boat: Boat) -> None:
+        self._progress(
+            f"{boat}: ignored, no vessel is given for it; --vessel {boat.system}=FILE does"
+        )
 
     def _status(self, boat: LiveBoat) -> Callable[[], bytes]:
-        """What the queryable `status` answers, on a thread of zenoh."""
+        """The answer of the queryable `status`, made on a thread of zenoh."""
 
         def status() -> bytes:
             links = {link.name: vars(link.counts()) for link in self.links}
@@ -244,8 +250,8 @@ class Gateway:
         return status
 
 
-def _writable(folder: Path) -> None:
-    """Said at the start rather than when the first boat is heard."""
+def _make_folder(folder: Path) -> None:
+    """BadInput at the start rather than when the first boat is found."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -42,6 +42,13 @@ RULES = {
     name: tuple(rule for rule in MAVLINK if rule.message == name)
     for name in {rule.message for rule in MAVLINK}
 }
+RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
+    (quantity, source): (name, rank)
+    for name, candidates in PRIORITY.items()
+    for rank, (quantity, source) in enumerate(candidates)
+}
+GYRO_FILTER, GYRO_FILTER_HZ = "INS_GYRO_FILTER", (0.5, 500.0)  # 0 stands for none
+NO_PULSES = np.full(CHANNELS, np.nan)
 
 
 class BoatDecoder:
@@ -127,15 +134,6 @@ class OriginEstimate:
         if before is None or distance_m(before, candidate) >= AGREE_M:
             return after
         return replace(after, origin=candidate)
-
-
-RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
-    (quantity, source): (name, rank)
-    for name, candidates in PRIORITY.items()
-    for rank, (quantity, source) in enumerate(candidates)
-}
-GYRO_FILTER, GYRO_FILTER_HZ = "INS_GYRO_FILTER", (0.5, 500.0)  # 0 stands for none
-NO_PULSES = np.full(CHANNELS, np.nan)
 
 
 class HeldValues(NamedTuple):

@@ -1,4 +1,4 @@
-"""Where one boat's messages go: zenoh, its recording, players; each may be absent."""
+"""Outputs of one boat: zenoh, its recording, players; each may be absent."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -19,21 +19,21 @@ from gateway.recording.recorder import Recorder
 from gateway.recording.thread import RecordingThread
 from gateway.shadow.recording_contents import attachments_of, metadata_of
 
-KEPT, KEPT_BYTES = 60_000, 64_000_000  # of what was heard before any boat was known
+MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before any boat was known
 
 
 @dataclass
-class Outlet:
-    """Publishes and records; a recording that fails is told once and leaves the rest alone."""
+class BoatOutputs:
+    """Publishes and records; a recording that fails is reported once and leaves the rest alone."""
 
     bus: Bus | None = None
     recording: RecordingThread | None = None
     view: BoatView | None = None  # for Foxglove and its kin
-    failure: str | None = None  # not told yet
-    _told: bool = False
+    failure: str | None = None  # of a recording that could not begin
+    _reported: bool = False
 
     def publish(self, rows: Sequence[TopicRows]) -> None:
-        """To whoever listens."""
+        """To zenoh."""
         if self.bus is not None:
             for part in rows:
                 for payload in part.payloads:
@@ -55,8 +55,8 @@ class Outlet:
         self.record(rows)
         self.show(rows)
 
-    def raw(self, link: str, receive_time_ns: int, frames: Sequence[bytes]) -> None:
-        """Frames to disk."""
+    def record_frames(self, link: str, receive_time_ns: int, frames: Sequence[bytes]) -> None:
+        """Frames as they came, to disk."""
         if self.recording is not None and frames:
             self.recording.raw(link, receive_time_ns, frames)
 
@@ -70,31 +70,31 @@ class Outlet:
         """Messages that were not recorded though they should have been."""
         return self.recording.drops if self.recording is not None else 0
 
-    def news(self) -> str | None:
-        """Why recording failed, told once."""
+    def new_failure(self) -> str | None:
+        """Why recording failed, once."""
         failure = self.failure or (self.recording.failure if self.recording is not None else None)
-        if failure is None or self._told:
+        if failure is None or self._reported:
             return None
-        self._told = True
+        self._reported = True
         return failure
 
 
-class Unclaimed:
-    """What was heard before any boat was known: kept for its recording, within bounds."""
+class EarlyDatagrams:
+    """Datagrams from before any boat was known: kept for its recording, within bounds."""
 
     def __init__(self) -> None:
         self._datagrams: deque[Datagram] = deque()
         self._bytes = 0
 
-    def keep(self, datagram: Datagram) -> None:
-        """The oldest go where there is no room."""
+    def add(self, datagram: Datagram) -> None:
+        """Keep one; the oldest go where there is no room."""
         self._datagrams.append(datagram)
         self._bytes += _bytes(datagram)
-        while len(self._datagrams) > KEPT or self._bytes > KEPT_BYTES:
+        while len(self._datagrams) > MAX_EARLY or self._bytes > MAX_EARLY_BYTES:
             self._bytes -= _bytes(self._datagrams.popleft())
 
-    def claimed(self) -> Iterator[Datagram]:
-        """All that is kept, in order; none is kept any more."""
+    def take_all(self) -> Iterator[Datagram]:
+        """All that are kept, in order; then none."""
         while self._datagrams:
             yield self._datagrams.popleft()
         self._bytes = 0
@@ -105,17 +105,17 @@ def start_recording(
 ) -> RecordingThread:
     """A recording of that boat, open until `scope` closes; ShadowError where it cannot begin."""
     recorder = Recorder(
-        unused(folder, f"{boat.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"),
+        unused_path(folder, f"{boat.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"),
         attachments=attachments_of(plan.vessel, plan.plant, as_tables(settings)),
-        metadata=metadata_of(boat.name, boat.boat, live=True),
+        metadata=metadata_of(boat.name, boat.boat, plant=plan.plant, live=True),
         settings=settings.recording,
         live=True,
     )
     return scope.enter_context(RecordingThread(recorder))
 
 
-def unused(folder: Path, stem: str) -> Path:
-    """A name in the folder that no recording has, nor any part of one that rotates."""
+def unused_path(folder: Path, stem: str) -> Path:
+    """A path in the folder that no recording has, nor any part of one that rotates."""
     for number in range(1, 1000):
         path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
         if not path.exists():

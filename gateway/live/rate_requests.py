@@ -1,4 +1,4 @@
-"""What the loop says to boats, which is little: requests for message rates over each link.
+"""The requests for message rates on all links: nothing else is ever sent to a boat.
 
 Only boats that are shadowed are asked. Times are those of a clock that never steps.
 """
@@ -12,7 +12,7 @@ from gateway.links.transmitter import Identity
 from gateway.live.boat import LiveBoat
 from gateway.shadow.health import SECOND
 
-OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are held against those asked for
+OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are compared with those requested
 
 
 class RateRequests:
@@ -29,8 +29,8 @@ class RateRequests:
         self._observed_ns = 0
         self._reboots: dict[int, int] = {}  # by system
 
-    def listen(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
-        """What boats say that concerns our requests: who they are, their answers, a reboot."""
+    def take(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        """Heartbeats and answers of boats, and reboots that they show."""
         if datagram.link not in self._requests:
             return
         addresses = {boat.address: boat for boat in boats}
@@ -40,12 +40,12 @@ class RateRequests:
                 continue
             boat = addresses.get((m.get_srcSystem(), m.get_srcComponent()))
             if boat is not None:
-                self._rebooted(boat, now_ns)
+                self._restart_if_rebooted(boat, now_ns)
                 requests = self._requests[datagram.link]
                 self._requests[datagram.link] = requests.take(m, now_ns)
 
-    def _rebooted(self, boat: LiveBoat, now_ns: int) -> None:
-        """Where it did since this was last asked, it has forgotten what it had accepted."""
+    def _restart_if_rebooted(self, boat: LiveBoat, now_ns: int) -> None:
+        """A boat that rebooted has forgotten what it had accepted."""
         if boat.reboots == self._reboots.get(boat.boat.system, 0):
             return
         self._reboots[boat.boat.system] = boat.reboots
@@ -53,19 +53,19 @@ class RateRequests:
             self._requests[name] = requests.rebooted(Address(*boat.address), now_ns)
 
     def due(self, boats: Iterable[LiveBoat], now_ns: int) -> list[RequestOutcome]:
-        """Say what is to be said by now -> what came of earlier requests."""
+        """Send what is to be sent by now -> the outcomes of earlier requests."""
         if now_ns - self._observed_ns >= OBSERVE_NS:
             self._observed_ns = now_ns
             self._observe(boats, now_ns)
-        answers: list[RequestOutcome] = []
+        outcomes: list[RequestOutcome] = []
         for name, requests in self._requests.items():
             if (at := requests.next_ns) is not None and now_ns >= at:
-                said = requests.due(now_ns)
-                self._requests[name] = said.requests
-                answers += said.outcomes
-                for message in said.messages:
+                due = requests.due(now_ns)
+                self._requests[name] = due.requests
+                outcomes += due.outcomes
+                for message in due.messages:
                     self._links[name].send_message(message)
-        return answers
+        return outcomes
 
     def _observe(self, boats: Iterable[LiveBoat], now_ns: int) -> None:
         for boat in boats:

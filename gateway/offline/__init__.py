@@ -1,1 +1,1 @@
-"""offline."""
+"""Work on recordings: replay, comparison, identification, diagnosis, plans, reports."""

@@ -8,7 +8,7 @@ from typing import Any
 from gateway.errors import BadInput, numerical_errors
 from gateway.figures.comparison import comparison_figures
 from gateway.figures.matplotlib_draw import save_figures
-from gateway.offline.trials import TrialOptions, excluded_summary, load_trials
+from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, excluded_summary, load_trials
 from gateway.offline.usable_time import notices_of
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison, compare
@@ -35,9 +35,7 @@ def compare_logs(
     vessels: Sequence[str | Path | Vessel],
     settings: CompareSettings | None = None,
     *,
-    system: int | None = None,
-    options: TrialOptions | None = None,
-    mapping: str | Path | None = None,
+    options: TrialOptions = DEFAULT_TRIALS,
     effects: Iterable[Effect] = (),
     pictures: str | Path | None = None,
     progress: Progress = lambda text: None,
@@ -54,9 +52,8 @@ def compare_logs(
     out: list[Comparison] = []
     for log in logs:
         for one in compare_by_trial(
-            [log], named, settings=settings, system=system, options=options, mapping=mapping,
-            refit=refit, progress=progress,
-        ):  # fmt: skip
+            [log], named, settings=settings, options=options, refit=refit, progress=progress
+        ):
             if pictures is not None:
                 progress(f"{one.trial.name}: pictures")
                 figures = comparison_figures(one.trial, one.comparisons)
@@ -67,29 +64,26 @@ def compare_logs(
 
 def compare_by_trial(
     logs: Sequence[str | Path],
-    vessels: Sequence[str | Path | Vessel],
+    vessels: Sequence[Vessel],
     *,
     settings: CompareSettings | None = None,
-    system: int | None = None,
-    options: TrialOptions | None = None,
-    mapping: str | Path | None = None,
-    effects: Iterable[Effect] = (),
+    options: TrialOptions = DEFAULT_TRIALS,
     refit: bool = False,
     progress: Progress = lambda text: None,
 ) -> list[TrialComparison]:
     """Every trial with usable time of every log; BadInput where there is none at all.
 
-    `effects` are known beside the catalogue's. `refit`: effects that belong to one voyage are
-    estimated anew, on blocks of time that they are not scored on.
+    `refit`: effects that belong to one voyage are estimated anew, on blocks of time that they are
+    not scored on.
     """
     if not logs or not vessels:
         raise BadInput("nothing to compare: give at least one recording and one vessel file")
-    models = [Model.of(vessel) for vessel in distinct_vessels(vessels, tuple(effects))]
+    models = [Model.of(vessel) for vessel in vessels]
     out: list[TrialComparison] = []
     trials: list[Trial] = []
     for log in logs:
         progress(f"reading {Path(log).name}")
-        read = load_trials(log, system, options, mapping)
+        read = load_trials(log, None, options)
         for trial in read:
             out += compare_models(trial, models, settings, progress, refit)
         trials += read

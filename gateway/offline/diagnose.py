@@ -162,9 +162,7 @@ def diagnose_logs(
     improve: bool = True,
     prior: float | None = None,
     settings: DiagnoseSettings | None = None,
-    system: int | None = None,
-    options: TrialOptions | None = None,
-    mapping: str | Path | None = None,
+    options: TrialOptions = DIAGNOSIS_TRIALS,
     effects: Iterable[Effect] = (),
     progress: Progress = lambda text: None,
 ) -> DiagnosisResult:
@@ -183,9 +181,8 @@ def diagnose_logs(
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
     trials, diagnosis = diagnose_trials(
-        logs, boat, settings, file=vessel, system=system, options=options, mapping=mapping,
-        progress=progress,
-    )  # fmt: skip
+        logs, boat, settings, file=vessel, options=options, progress=progress
+    )
     notice = (
         f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again "
         "(--prior says else)"
@@ -202,9 +199,7 @@ def diagnose_trials(
     settings: DiagnoseSettings,
     *,
     file: str | Path | None = None,
-    system: int | None = None,
-    options: TrialOptions | None = None,
-    mapping: str | Path | None = None,
+    options: TrialOptions = DIAGNOSIS_TRIALS,
     progress: Progress = lambda text: None,
 ) -> tuple[list[Trial], Diagnosis]:
     """Trials with usable time, and their diagnosis; BadInput where there can be none.
@@ -212,7 +207,7 @@ def diagnose_trials(
     `file`: where the vessel was read from.
     """
     names = ", ".join(str(log) for log in logs)
-    trials = usable_trials(logs, system, options or DIAGNOSIS_TRIALS, mapping, progress)
+    trials = usable_trials(logs, options, progress)
     try:
         with numerical_errors(names, file or boat.name), ThreadPoolExecutor(WORKERS) as pool:
             return trials, diagnose(trials, boat, settings, progress, pool.map)

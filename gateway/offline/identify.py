@@ -13,7 +13,7 @@ from gateway.errors import BadInput, numerical_errors
 from gateway.figures.figure_data import FigureData
 from gateway.figures.identification import identification_figures, parameter_changes
 from gateway.figures.matplotlib_draw import save_figures
-from gateway.offline.trials import TrialOptions, date_of, usable_trials
+from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import (
     Exclusion,
     TimeSpan,
@@ -54,9 +54,7 @@ def identify_logs(
     exclude: Sequence[Exclusion] = (),
     pictures: str | Path | None = None,
     validate: Sequence[str | Path] = (),
-    system: int | None = None,
-    options: TrialOptions | None = None,
-    mapping: str | Path | None = None,
+    options: TrialOptions = DEFAULT_TRIALS,
     effects: Iterable[Effect] = (),
     progress: Progress = lambda text: None,
 ) -> Identification:
@@ -65,9 +63,9 @@ def identify_logs(
     boat = load_vessel(vessel, known)
     if out is not None and not Path(out).resolve().parent.is_dir():
         raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
-    read = usable_trials(logs, system, options, mapping, progress)
+    read = usable_trials(logs, options, progress)
     trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
-    others = usable_trials(validate, system, options, mapping, progress)
+    others = usable_trials(validate, options, progress)
     try:
         with numerical_errors(names, vessel, ADVICE):
             found = identify(trials, boat, settings, others, progress)

@@ -10,7 +10,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import orjson
@@ -18,25 +17,31 @@ import orjson
 from gateway.config import Settings, as_tables, settings_of
 from gateway.errors import BadInput
 from gateway.ingest.earth import Origin
-from gateway.ingest.log import BoatSamples, Log, Statistics, choose_boat
+from gateway.ingest.log import BoatSamples, Log, choose_boat
 from gateway.ingest.mavlink.frames import Frames
 from gateway.ingest.mavlink.log import MavlinkLog
 from gateway.ingest.mcap import MAGIC
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.live.boats import BoatPlan
-from gateway.live.relive import fleet_of, ran_live, relived
-from gateway.offline.replay_outputs import LinkFrames, ReplayStep, open_outputs
+from gateway.live.rerun import fleet_of, recorded_live, rerun
+from gateway.offline.replay_outputs import (
+    LinkFrames,
+    ReplayStep,
+    ReplaySummary,
+    ReplayTotals,
+    open_outputs,
+)
 from gateway.recording.reader import Recording
 from gateway.shadow.events import EventDetector
-from gateway.shadow.health import HealthMeter
+from gateway.shadow.health import LogHealth
 from gateway.shadow.inputs import FilterInputs, filter_inputs_of, origin_of
 from gateway.shadow.model_monitor import ModelMonitor
-from gateway.shadow.path import ShadowRows, ShadowPath
+from gateway.shadow.path import ShadowPath
 from gateway.shadow.recording_contents import attachments_of, metadata_of
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import zenoh_key
-from sim.state import Floats
+from sim.plants.table import PlantChoice
 from sim.vessel import Vessel
 
 CHUNK_S = 5.0  # of received facts that are processed at a time
@@ -56,38 +61,6 @@ class ReplayOptions:
     mapping: Path | None = None  # of a .csv
     stem: str | None = None  # of the recording's name; default: the log's
     settings: Settings = field(default_factory=Settings)
-
-
-@dataclass(frozen=True)
-class ReplaySummary:
-    """What a replay did."""
-
-    log: str
-    boat: str
-    seconds: float
-    rows: int
-    wall_seconds: float
-    rmse: Floats  # (6,) shadow − estimate while measured: north, east, yaw, u, v, r
-    missing: Floats  # (3,) root mean square of the missing force [N, N, N m]
-    events: int
-    recordings: tuple[Path, ...]
-    notes: tuple[str, ...] = ()  # what was odd about the log
-
-    def to_dict(self) -> dict[str, Any]:
-        """What `shadow replay --json` prints of a log: SI units and radians."""
-        channels = ("x", "y", "psi", "u", "v", "r")
-        return {
-            "log": self.log,
-            "boat": self.boat,
-            "seconds": self.seconds,
-            "rows": self.rows,
-            "wall_seconds": self.wall_seconds,
-            "following_rmse": dict(zip(channels, self.rmse.tolist(), strict=True)),
-            "missing_force_rms": dict(zip("XYN", self.missing.tolist(), strict=True)),
-            "events": self.events,
-            "notes": self.notes,
-            "recordings": [str(path) for path in self.recordings],
-        }
 
 
 @dataclass(frozen=True)
@@ -140,18 +113,22 @@ def options_by_log(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayO
 def replay(
     log_path: str | Path,
     vessel: Vessel,
-    plant: Vessel | None = None,
+    plant: Vessel | PlantChoice | None = None,
     options: ReplayOptions | None = None,
     progress: ShareDone = lambda share: None,
 ) -> ReplaySummary:
-    """Run a recording through the shadow; `progress` is called with the share done."""
+    """Run a recording through the shadow; `progress` is called with the share done.
+
+    `plant` plays the shadow: a vessel, another kind of plant, or by default the vessel itself.
+    """
     options = options or ReplayOptions()
+    played_by = plant if isinstance(plant, PlantChoice) else PlantChoice(vessel=plant)
     log = open_log(log_path, options.mapping)
     given = replay_input_of(log, options.system, options.settings)
     following = given.settings.following
     path = ShadowPath.of(
         vessel,
-        plant,
+        played_by,
         given.settings.filter,
         reference=following.reference,
         follower=following.follower,
@@ -159,9 +136,9 @@ def replay(
     )
     name, began, totals = options.name or zenoh_key(vessel), time.monotonic(), ReplayTotals()
     ours = log.recording if isinstance(log, MavlinkLog) else None
-    live = ours if ours is not None and ran_live(ours) else None
+    live = ours if ours is not None and recorded_live(ours) else None
     if live is not None:
-        plan = BoatPlan(vessel, plant, name=name)
+        plan = BoatPlan(vessel, played_by, name=name)
         steps = _live_steps(live, plan, options.settings, options.realtime, progress)
     else:
         steps = _log_steps(path, given, options.realtime, progress)
@@ -172,8 +149,14 @@ def replay(
             scope,
             name,
             file,
-            attachments_of(vessel, plant, as_tables(given.settings)),
-            metadata_of(name, given.decoded.boat, log=Path(log.path).name, live=live is not None),
+            attachments_of(vessel, played_by, as_tables(given.settings)),
+            metadata_of(
+                name,
+                given.decoded.boat,
+                plant=played_by,
+                log=Path(log.path).name,
+                live=live is not None,
+            ),
             options.settings,
         )
         for step in steps:
@@ -181,7 +164,7 @@ def replay(
             outputs.write(step)
     if not totals.count:
         raise BadInput(f"{log_path}: the filter never found heading and velocity together")
-    summary = totals.summary(given, time.monotonic() - began, outputs.files)
+    summary = totals.summary(log, given.decoded.boat, time.monotonic() - began, outputs.files)
     note = ("an earlier recording of that name was replaced",) if replaced else ()
     return replace(summary, notes=(*summary.notes, *note))
 
@@ -197,7 +180,7 @@ def _log_steps(
 ) -> Iterator[ReplayStep]:
     """A log, chunk by chunk."""
     state, detector, monitor = path.start(), EventDetector(), ModelMonitor.of(path.model)
-    health = HealthMeter.of_log(given.log, given.decoded)
+    health = LogHealth.of(given.log, given.decoded)
     feed, log = given.feed, given.log
     frames = log.frames if isinstance(log, MavlinkLog) else ()
     start, first_frame = 0, 0
@@ -230,7 +213,7 @@ def _live_steps(
     """A recording of `shadow live`: the same inputs in the same order give the same shadow."""
     raw = recording.raw()
     first_ns, began = int(raw.receive_time_ns[0]), time.monotonic()
-    for one in relived(fleet_of(recording, plan, settings), recording.path):
+    for one in rerun(fleet_of(recording, plan, settings), recording.path):
         k = one.frames.start
         if realtime:
             due = began + (int(raw.receive_time_ns[k]) - first_ns) * 1e-9
@@ -253,57 +236,3 @@ def _chunk_ends(feed: FilterInputs, chunk_s: float, realtime: bool) -> Iterator[
             time.sleep(max(0.0, began + float(since[end - 1]) - time.monotonic()))
         yield end
         start = end
-
-
-def _notes(statistics: Statistics) -> tuple[str, ...]:
-    """What a user should know about the log that was replayed."""
-    odd = {
-        "bytes were no message": statistics.junk_bytes,
-        "messages had a wrong checksum": statistics.bad_checksum,
-    }
-    notes = [f"{count} {what}" for what, count in odd.items() if count]
-    if statistics.truncated_tail:
-        notes.append("the log is cut off at its end: read up to there")
-    return (*notes, *statistics.notes)
-
-
-@dataclass
-class ReplayTotals:
-    """Sums over the rows of a replay, for its summary."""
-
-    count: int = 0
-    compared: int = 0  # rows while telemetry was fresh, which the sums of squares are of
-    squares: Floats = field(default_factory=lambda: np.zeros(6))
-    missing: Floats = field(default_factory=lambda: np.zeros(3))
-    events: int = 0
-    first_s: float = 0.0
-    last_s: float = 0.0
-
-    def add(self, step: ReplayStep) -> None:
-        """Add rows and events of a step."""
-        for out in step.outs:
-            self._add_rows(out)
-        self.events += sum(len(part.payloads) for part in step.rows if part.topic == "event")
-
-    def _add_rows(self, out: ShadowRows) -> None:
-        if not len(out):
-            return
-        self.first_s = self.first_s if self.count else float(out.time_s[0])
-        self.last_s = float(out.time_s[-1])
-        self.count += len(out)
-        error = (out.shadow - out.estimate)[out.fresh, :6]
-        error[:, 2] = (error[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
-        self.compared += len(error)
-        self.squares += (error**2).sum(axis=0)
-        self.missing += (out.residuals.missing[out.fresh] ** 2).sum(axis=0)
-
-    def summary(
-        self, given: ReplayInput, wall_seconds: float, files: tuple[Path, ...]
-    ) -> ReplaySummary:
-        """The sums as root mean squares."""
-        count = max(self.compared, 1)
-        return ReplaySummary(
-            given.log.path, str(given.decoded.boat), self.last_s - self.first_s, self.count,
-            wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / count),
-            self.events, files, _notes(given.log.statistics),
-        )  # fmt: skip

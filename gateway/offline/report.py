@@ -21,7 +21,8 @@ from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
 from gateway.figures.quantities import HEADING, velocity_texts
 from gateway.offline.compare import TrialComparison, compare_by_trial, distinct_vessels
-from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
+from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
+from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions
 from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import ADEQUATE_FLOORS, Comparison
 from sim.diagnosis.evidence import evidence_of, evidence_of_rivals
@@ -60,24 +61,19 @@ def make_report(
     out: str | Path,
     *,
     diagnose: bool = False,
-    system: int | None = None,
-    mapping: str | Path | None = None,
+    options: TrialOptions = DEFAULT_TRIALS,
     effects: Iterable[Effect] = (),
     progress: Progress = lambda text: None,
 ) -> ReportFile:
     """All recordings against all vessels, and with `diagnose` against what the first one lacks."""
     more = tuple(effects)
-    given: dict[str, Any] = {
-        "system": system,
-        "mapping": mapping,
-        "effects": more,
-        "progress": progress,
-    }
-    vessels: list[Vessel] = distinct_vessels(files, more)
-    answer = diagnose_logs(logs, files[0], **given) if diagnose else None
-    if answer is not None and answer.diagnosis.effects:
-        vessels = distinct_vessels([*vessels, _improved_vessel(answer)])
-    found = compare_by_trial(logs, vessels, **given)
+    vessels, answer = distinct_vessels(files, more), None
+    if diagnose:
+        coarse = replace(options, rate_hz=DIAGNOSIS_TRIALS.rate_hz)
+        answer = diagnose_logs(logs, files[0], options=coarse, effects=more, progress=progress)
+        if answer.diagnosis.effects:
+            vessels = distinct_vessels([*vessels, _improved_vessel(answer)])
+    found = compare_by_trial(logs, vessels, options=options, progress=progress)
     progress("pictures")
     return write_report(report_of(found, vessels, answer), out)
 

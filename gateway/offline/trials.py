@@ -23,8 +23,8 @@ from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
 from gateway.offline.usable_time import Bools
-from gateway.samples import Quantity
-from gateway.shadow.inputs import Held, held, motion_events, origin_of, seconds, series
+from gateway.shadow.held_series import HeldInputs, held_inputs, held_series, seconds
+from gateway.shadow.inputs import motion_events, origin_of
 from sim.state import Floats, Progress
 from sim.trial import Trial
 
@@ -56,12 +56,14 @@ AS_REPORTED = FilterSettings(
 
 @dataclass(frozen=True)
 class TrialOptions:
-    """What trials are made of."""
+    """What trials are made of: whose data of a log, on which grid, and which time."""
 
     rate_hz: float = 10.0
     keep: tuple[str, ...] = ()  # reasons of `usable_time.REASONS` that do not exclude
     motion_only: bool = False  # a log without commands will do
     settings: FilterSettings = AS_REPORTED
+    system: int | None = None  # id of the boat, where a log holds several
+    mapping: str | Path | None = None  # mapping file of .csv tables; default: the one beside each
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.rate_hz <= 200.0:
@@ -69,6 +71,9 @@ class TrialOptions:
         unknown = set(self.keep) - set(usable_time.REASONS)
         if unknown:
             raise BadInput(f"cannot keep {sorted(unknown)}: expected some of {usable_time.REASONS}")
+
+
+DEFAULT_TRIALS = TrialOptions()
 
 
 def load_trials(
@@ -79,34 +84,32 @@ def load_trials(
 ) -> list[Trial]:
     """Recordings -> their trials, in order; a recording without any is bad input.
 
-    `mapping` names the mapping file of .csv tables; default: the one beside each.
+    `system` and `mapping` go over those of the options.
     """
+    options = options or DEFAULT_TRIALS
+    if system is not None:
+        options = replace(options, system=system)
+    if mapping is not None:
+        options = replace(options, mapping=mapping)
     files = [paths] if isinstance(paths, str | Path) else list(paths)
-    return [t for file in files for t in trials_of(open_log(file, mapping), system, options)]
+    return [t for file in files for t in trials_of(open_log(file, options.mapping), options)]
 
 
 def usable_trials(
-    logs: Sequence[str | Path],
-    system: int | None,
-    options: TrialOptions | None,
-    mapping: str | Path | None,
-    progress: Progress,
+    logs: Sequence[str | Path], options: TrialOptions, progress: Progress
 ) -> list[Trial]:
     """All trials of all recordings that hold usable time."""
     out: list[Trial] = []
     for log in logs:
         progress(f"reading {Path(log).name}")
-        out += [t for t in load_trials(log, system, options, mapping) if t.usable.any()]
+        out += [t for t in load_trials(log, None, options) if t.usable.any()]
     return out
 
 
-def trials_of(
-    log: Log, system: int | None = None, options: TrialOptions | None = None
-) -> list[Trial]:
+def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
     """One opened log -> its trials."""
-    options = options or TrialOptions()
     with numerical_errors(log.path):
-        source = source_of(log, system, options)
+        source = source_of(log, options)
         spans = source.spans()
         stem = Path(log.path).stem
         names = [stem] if len(spans) == 1 else [f"{stem} #{k + 1}" for k in range(len(spans))]
@@ -131,9 +134,9 @@ def date_of(trial: Trial) -> str:
     return datetime.fromtimestamp(trial.start_time_ns * 1e-9, UTC).date().isoformat()
 
 
-def source_of(log: Log, system: int | None, options: TrialOptions) -> "TrialSource":
+def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     """Decode a log and choose its sources; BadInput where something needed is missing."""
-    boat = choose_boat(log, system)
+    boat = choose_boat(log, options.system)
     decoded = log.decode(boat)
     table = repair_table(decoded, choose(decoded.samples))
     choices = table.choices
@@ -148,7 +151,7 @@ def source_of(log: Log, system: int | None, options: TrialOptions) -> "TrialSour
         choices,
         origin,
         motion_events(choices, origin, settings, epoch_ns),
-        held(decoded, choices, epoch_ns),
+        held_inputs(decoded, choices, epoch_ns),
         parameters,
         settings,
         table.notices,
@@ -174,7 +177,7 @@ class TrialSource:
     choices: Mapping[str, Choice]
     origin: Origin | None
     events: Events
-    held: Held
+    held: HeldInputs
     parameters: Mapping[str, float]
     settings: FilterSettings
     notices: tuple[str, ...]
@@ -272,7 +275,7 @@ class TrialSource:
     def _silence(self, grid: Floats) -> Floats:
         """(T,) s: the longest silence around each moment of heading, velocity or commands."""
         silences = [
-            series(choice.samples, self.epoch_ns).silence(grid)
+            held_series(choice.samples, self.epoch_ns).silence(grid)
             for choice in (self.choices["yaw"], self._moving)
         ]
         if len(self.held.pulses):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput
 from gateway.ingest.parameters import THRUST_FUNCTIONS, actuators
-from gateway.shadow.inputs import Held
+from gateway.shadow.held_series import HeldInputs
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Nu
@@ -39,12 +39,12 @@ NEUTRAL_US = 20.0  # a pulse within this of its neutral is no thrust
 MAX_TURN_RAD = 0.6  # from sample to sample; beyond, a mean over a step says little of the motion
 
 
-def disarmed(held: Held, time: Floats) -> Bools:
+def disarmed(held: HeldInputs, time: Floats) -> Bools:
     """Where the boat reports that it is disarmed: (T,) s -> (T,)."""
     return np.asarray(held.armed.at(time)[:, 0] == 0.0)
 
 
-def no_fix(held: Held, time: Floats) -> Bools:
+def no_fix(held: HeldInputs, time: Floats) -> Bools:
     """Where the receiver reports that it has no 3-D fix: (T,) s -> (T,)."""
     return np.asarray(held.fix.at(time)[:, 0] < FIX_3D)
 

@@ -128,11 +128,11 @@ class FoxgloveServer:
         return int(self._server.port)
 
     @property
-    def says(self) -> str:
-        """Where to connect, and who can."""
+    def text(self) -> str:
+        """Where to connect, and from where that is possible."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        who = "" if on_this_machine(self.host) else ", for everyone who reaches this machine"
-        return f"Foxglove WebSocket on ws://{host}:{self.port}{who}"
+        others = "" if on_this_machine(self.host) else ", for everyone who reaches this machine"
+        return f"Foxglove WebSocket on ws://{host}:{self.port}{others}"
 
     def boat(self, name: str, leading: bool) -> BoatView:
         """Channels for a boat; the first leading one has the topics of a recording."""

@@ -24,10 +24,10 @@ SECOND = 1_000_000_000  # ns
 WINDOW_S = 5
 WINDOW_NS = WINDOW_S * SECOND
 
-# Sequence numbers count modulo 256: a step back by less than `late` is a late or repeated frame, any
-# other one a loss. In a log no times are looked at: 32, as for `shadow info`, leaves room for bursts
-# of 223 lost frames. On a live link two ways for one boat may reorder a quarter of a second, 128
-# frames of a fast link; there a frame after a silence of `LATE_WITHIN_NS` is a new one in any case.
+# Sequence numbers count modulo 256: a step back by less than `late` is a late or repeated frame,
+# any other one a loss. In a log no times are looked at: 32, as for `shadow info`, leaves room for
+# bursts of 223 lost frames. On a live link two ways for one boat may reorder a quarter of a second,
+# 128 frames of a fast link; there a frame after a silence of `LATE_WITHIN_NS` is always a new one.
 LATE_IN_LOG, LATE_ON_LINK = LATE, 128
 LATE_WITHIN_NS = SECOND
 

@@ -10,6 +10,7 @@ from gateway.ingest.log import Boat
 from gateway.recording.file import Attachment
 from gateway.vessel_file import dump_vessel
 from sim.effects.catalogue import EFFECTS
+from sim.plants.table import VESSEL, PlantChoice
 from sim.vessel import Vessel
 
 METADATA = "shadow"  # the name of the metadata record
@@ -17,10 +18,11 @@ LIVE = "live"  # in the metadata of a recording whose frames and ticks reproduce
 
 
 def attachments_of(
-    vessel: Vessel, plant: Vessel | None, config: Mapping[str, Any]
+    vessel: Vessel, plant: PlantChoice, config: Mapping[str, Any]
 ) -> list[Attachment]:
     """Vessel, plant, the sources of effects that are not the catalogue's, and configuration."""
-    files = {"vessel.toml": vessel} | ({"plant.toml": plant} if plant is not None else {})
+    named = {"vessel.toml": vessel, "plant.toml": plant.vessel}
+    files = {name: file for name, file in named.items() if file is not None}
     own = [a.effect for v in files.values() for a in v.effects if a.effect not in EFFECTS]
     sources = {effect.file: effect.source_code for effect in own}
     text = orjson.dumps(config, option=orjson.OPT_INDENT_2)
@@ -32,13 +34,15 @@ def attachments_of(
 
 
 def metadata_of(
-    name: str, boat: Boat, *, log: str | None = None, live: bool = False
+    name: str, boat: Boat, *, plant: PlantChoice, log: str | None = None, live: bool = False
 ) -> dict[str, dict[str, str]]:
-    """Version, names of the vessel and of the boat; of a replay, the file name of its log.
+    """Version, names of the vessel and of the boat, the kind of a plant that is no vessel.
 
-    `live`: recorded by `shadow live`, or a replay that reproduces such a recording.
+    `log`: file name of the log of a replay. `live`: recorded by `shadow live`, or a replay that
+    reproduces such a recording.
     """
     entries = {"gateway": version("shadow-gateway"), "vessel": name}
+    entries |= {} if plant.kind is VESSEL else {"plant": plant.kind.name}
     entries |= {} if log is None else {"log": log}
     entries |= {"boat": str(boat)}
     return {METADATA: entries | ({LIVE: "yes", "system": str(boat.system)} if live else {})}

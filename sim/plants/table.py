@@ -6,6 +6,7 @@ from typing import NamedTuple
 from sim.model import Model
 from sim.plants.plant import Plant
 from sim.plants.vessel_plant import VesselPlant
+from sim.vessel import Vessel
 
 
 class PlantKind(NamedTuple):
@@ -22,5 +23,15 @@ class PlantKind(NamedTuple):
 
 
 VESSEL = PlantKind("vessel", "the equations of a vessel file, moved by a force", VesselPlant)
+
+
+class PlantChoice(NamedTuple):
+    """The plant for a boat: its kind, and the vessel it is made from (None: the boat's own)."""
+
+    kind: PlantKind = VESSEL
+    vessel: Vessel | None = None
+
+
+OWN_VESSEL = PlantChoice()
 
 PLANTS: Mapping[str, PlantKind] = {kind.name: kind for kind in (VESSEL,)}

@@ -201,7 +201,7 @@ def test_peers_are_shown_where_they_win():
 class Said:
     """What a diagnosis returns."""
 
-    def as_dict(self):
+    def to_dict(self):
         return diagnosis("heading_offset")
 
 

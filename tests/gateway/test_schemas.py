@@ -14,7 +14,11 @@ from gateway.topics import TOPICS, FieldType, schema_files, write_schemas
 from tests.conftest import ROOT
 
 FOLDER = ROOT / "docs" / "schemas"
-VALUES = {FieldType.NUMBER: 0.5, FieldType.INTEGER: 1_700_000_000_000_000_000, FieldType.STRING: "text"}
+VALUES = {
+    FieldType.NUMBER: 0.5,
+    FieldType.INTEGER: 1_700_000_000_000_000_000,
+    FieldType.STRING: "text",
+}
 
 
 def some_message(topic: str) -> bytes:

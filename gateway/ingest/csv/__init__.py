@@ -1,4 +1,4 @@
-"""Tables (.csv) as recordings: a mapping file says what the columns are."""
+"""Tables (.csv) as recordings: a mapping file names what the columns are."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

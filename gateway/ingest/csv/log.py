@@ -1,4 +1,4 @@
-"""Tables (.csv) as logs: the mapping file (see `mapping_file`) says what the columns are."""
+"""Tables (.csv) as logs: a mapping file (see `mapping_file`) names what the columns are."""
 
 import csv
 import io
@@ -71,17 +71,11 @@ class CsvLog(Log):
     def table(self, name: str) -> Table:
         """All rows as they stand, for the name "CSV"; else an empty table."""
         count = len(self.time_s) if name == SOURCE else 0
-        return Table(
-            name,
-            np.arange(count, dtype=np.int64),
-            self.time_ns()[:count],
-            np.zeros(count, np.uint8),
-            np.zeros(count, np.uint8),
-            self.columns if count else {},
-        )
+        order = np.arange(count, dtype=np.int64)
+        return Table.unaddressed(name, order, self.time_ns()[:count], self.columns if count else {})
 
     def boats(self) -> tuple[Boat, ...]:
-        """The one boat of the table, which says nothing about it."""
+        """The one boat of the table, of unknown type."""
         return (Boat(0, 0, "", "table"),)
 
     def decode(self, boat: Boat) -> BoatSamples:

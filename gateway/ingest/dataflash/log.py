@@ -54,7 +54,7 @@ VEHICLES = {  # how the banner begins -> what the vehicle is
 
 @compiled
 def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> Ints:
-    """Time of each message, or of the one before where it tells none: (K,) [µs since boot].
+    """Time of each message, or of the one before where it has none: (K,) [µs since boot].
 
     width, scale  (256,)  by type: bytes of the clock at the front (8, 4 or 0: none), µs per count
     """
@@ -80,7 +80,7 @@ def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> I
 
 
 def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
-    """Columns of GPS -> Unix time minus boat time by the first that knows the time, or 0 [ns]."""
+    """Columns of GPS -> Unix time minus boat time by the first with a known time, or 0 [ns]."""
     if not {"GWk", "GMS", "TimeUS"} <= set(gps):
         return 0
     week, tow_ms, boot_us = gps["GWk"], gps["GMS"], gps["TimeUS"]
@@ -93,7 +93,7 @@ def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
 
 
 def primary_lane(log: Log) -> int:
-    """Number of the lane that was primary for most of the log; 0 where it does not tell.
+    """Number of the lane that was primary for most of the log; 0 where it is not logged.
 
     One lane for the whole log: a switch between lanes is a step of the estimate, not motion.
     """
@@ -173,7 +173,7 @@ class DataflashLog(Log):
 
     @cached_property
     def time_us(self) -> Ints:
-        """Time since boot of each message; where it tells none, that of the one before: (K,)."""
+        """Time since boot of each message; where it has none, that of the one before: (K,)."""
         width, scale = np.zeros(256, np.int64), np.ones(256, np.int64)
         for number, layout in self.formats.items():
             if layout.clock:
@@ -183,7 +183,7 @@ class DataflashLog(Log):
 
     @cached_property
     def unix_minus_boot_ns(self) -> int:
-        """Unix time minus boat time [ns]; 0 where the GPS never told the time."""
+        """Unix time minus boat time [ns]; 0 where the GPS never knew the time."""
         layout = self._by_name.get("GPS")
         return unix_minus_boot_ns(self._columns(layout)) if layout else 0
 
@@ -220,15 +220,8 @@ class DataflashLog(Log):
         layout = self._by_name.get(name)
         rows = self._rows(layout) if layout else self.offset[:0]
         time_us = frozen(self.time_us[rows])
-        nobody = frozen(np.zeros(len(rows), np.uint8))
-        return Table(
-            name=name,
-            order=frozen(rows),
-            receive_time_ns=frozen(time_us * 1000 + self.unix_minus_boot_ns),
-            system=nobody,
-            component=nobody,
-            columns={**self._columns(layout), "time_us": time_us} if layout else {},
-        )
+        columns = {**self._columns(layout), "time_us": time_us} if layout else {}
+        return Table.unaddressed(name, rows, time_us * 1000 + self.unix_minus_boot_ns, columns)
 
     def _columns(self, layout: Format) -> dict[str, NDArray[np.generic]]:
         return decoded(self._records(layout), layout)

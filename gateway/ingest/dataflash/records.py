@@ -147,7 +147,7 @@ DIVISORS = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
 
 
 class Format(NamedTuple):
-    """One message of the log: fields of `dtype` are numbered, `names` tells what they are."""
+    """One message of the log: fields of `dtype` are numbered, `names` names them."""
 
     type: int
     name: str

@@ -1,4 +1,4 @@
-"""Which boats MAVLink messages come from: autopilots that say so in a HEARTBEAT.
+"""Boats that MAVLink messages come from: the autopilots among the senders of HEARTBEAT.
 
 A ground station or a companion computer is no boat.
 """

@@ -1,6 +1,6 @@
 """Raw MAVLink frames in the order of receipt, whatever container they came from, as tables.
 
-The sequence numbers of each source tell lost, late and doubled frames.
+Sequence numbers show which frames of a source were lost, late or doubled.
 """
 
 from collections.abc import Mapping

@@ -26,11 +26,11 @@ def open_mcap(path: str | Path, raw: bytes = b"", mapping: str | Path | None = N
 
     recording = Recording.open(Path(path))
     rows = recording.raw()
-    told = rows.end > rows.start  # a tick of a live recording is an empty frame
-    if not told.any():
+    filled = rows.end > rows.start  # a tick of a live recording is an empty frame
+    if not filled.any():
         raise BadInput(f"{path}: holds no MAVLink frames: give a recording of a voyage")
     frames = Frames.from_buffer(
-        rows.data, rows.start[told], rows.end[told], rows.receive_time_ns[told]
+        rows.data, rows.start[filled], rows.end[filled], rows.receive_time_ns[filled]
     )
     notes = frames.statistics.notes
     if not recording.finished:

@@ -2,7 +2,7 @@
 
 pyulog parses the file and goes on behind damage as well as it can. Here: what it cannot survive
 ends in one line, what it prints is not shown, and rows with impossible times are left out.
-`time_ref_utc` of the file is a time zone and tells no time.
+`time_ref_utc` of the file is a time zone, not a time.
 
 Format: header 'ULog\\x01\\x12\\x35'; definitions (formats, infos, parameters); data.
 Source: https://docs.px4.io/main/en/dev_log/ulog_file_format.html
@@ -54,7 +54,7 @@ class UlogLog(Log):
     path: str
     statistics: Statistics
     topics: Mapping[str, Topic] = field(repr=False)
-    unix_minus_boot_ns: int  # 0 where the GPS never told the time
+    unix_minus_boot_ns: int  # 0 where the GPS never knew the time
     settings: Mapping[str, float] = field(repr=False)
     software: str
     kind: str = "ulog"
@@ -66,9 +66,8 @@ class UlogLog(Log):
         """All messages of a topic; arrays as (K, n), the instance in `multi_id`."""
         nothing = np.zeros(0, np.int64)
         topic = self.topics.get(name) or Topic(nothing, nothing, {})
-        unaddressed = frozen(np.zeros(len(topic.order), np.uint8))
-        receipt = frozen(topic.time_us * 1000 + self.unix_minus_boot_ns)
-        return Table(name, topic.order, receipt, unaddressed, unaddressed, topic.columns)
+        time_ns = topic.time_us * 1000 + self.unix_minus_boot_ns
+        return Table.unaddressed(name, topic.order, time_ns, topic.columns)
 
     def boats(self) -> tuple[Boat, ...]:
         """The one vehicle, by its MAV_TYPE."""
@@ -194,7 +193,7 @@ def _columns(data: Mapping[str, NDArray[np.generic]], keep: NDArray[np.bool_]) -
 
 
 def _unix_minus_boot_ns(topics: Mapping[str, Topic]) -> int:
-    """Unix time minus boat time [ns], the median over one GPS; 0 where none told the time."""
+    """Unix time minus boat time [ns], the median over one GPS; 0 where none knew the time."""
     for name in GPS:
         if name in topics and "time_utc_usec" in topics[name].columns:
             topic = topics[name]
@@ -206,11 +205,12 @@ def _unix_minus_boot_ns(topics: Mapping[str, Topic]) -> int:
 
 
 def _numbers(parameters: Mapping[str, Any]) -> dict[str, float]:
-    return {k: float(v) for k, v in parameters.items() if k and isinstance(v, int | float)}
+    numbers = {k: float(v) for k, v in parameters.items() if k and isinstance(v, int | float)}
+    return {name: number for name, number in numbers.items() if np.isfinite(number)}
 
 
 def _software(found: Any) -> str:
-    """`PX4 v1.14.3 (1dacb4cd)` as far as the log tells it."""
+    """`PX4 v1.14.3 (1dacb4cd)` as far as the log holds it."""
     info = found.msg_info_dict
     name = str(info.get("sys_name", "PX4"))
     number = info.get("ver_sw_release")

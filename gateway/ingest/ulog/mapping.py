@@ -32,7 +32,7 @@ from gateway.ingest.mapping import (
 from gateway.samples import Quantity
 
 ARMED = 2  # vehicle_status.arming_state in all versions
-NEUTRAL_US, FULL_US = 1500.0, 400.0  # of a motor or servo that is told −1 … 1
+NEUTRAL_US, FULL_US = 1500.0, 400.0  # of a motor or servo at a command of 0; from there to ±1
 INSTANCE = "multi_id"  # column that numbers the instance of a topic
 OUTPUTS = "actuator_outputs"
 

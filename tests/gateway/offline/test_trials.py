@@ -13,7 +13,14 @@ from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from gateway.ingest.open import open_log
 from gateway.offline import usable_time
-from gateway.offline.trials import AS_REPORTED, TrialOptions, load_trials, source_of, trials_of
+from gateway.offline.trials import (
+    AS_REPORTED,
+    DEFAULT_TRIALS,
+    TrialOptions,
+    load_trials,
+    source_of,
+    trials_of,
+)
 from sim.identification.validation import held_out
 from sim.state import Eta, Nu
 from sim.trial import Trial
@@ -50,7 +57,7 @@ def circle(
             script.send(receipt, heartbeat(armed))
 
 
-def one(script: Script, options: TrialOptions | None = None) -> Trial:
+def one(script: Script, options: TrialOptions = DEFAULT_TRIALS) -> Trial:
     (trial,) = trials_of(script.log(), options=options)
     return trial
 
@@ -231,7 +238,7 @@ LOG = ROOT / "recordings" / "voyage_1.tlog"
 def test_beyond_the_guard_held_out_data_move_the_motion_by_3_percent_of_its_error():
     """So that a fit moves by 3 % of its standard deviation: smoothing twice would gain nothing."""
     options = TrialOptions()
-    source = source_of(open_log(LOG), None, options)
+    source = source_of(open_log(LOG), options)
     (span,) = source.spans()
     whole = source.trial("whole", span, options)
     cut = held_out(whole)

@@ -149,4 +149,4 @@ class Deck:
     def _listen(self, boat: LiveBoat, plan: BoatPlan) -> None:
         self._found(boat, plan)
         self._listeners[boat.boat.system] = Listener()
-        self.gateway.outlets[boat.boat.system].bus = self._listeners[boat.boat.system]  # type: ignore[assignment]
+        self.gateway.outputs[boat.boat.system].bus = self._listeners[boat.boat.system]  # type: ignore[assignment]

@@ -64,7 +64,7 @@ def running(
 
     def meet(boat: Any, plan: BoatPlan) -> None:
         found(boat, plan)
-        gateway.outlets[boat.boat.system].bus = listener  # type: ignore[assignment]
+        gateway.outputs[boat.boat.system].bus = listener  # type: ignore[assignment]
 
     def run() -> None:
         try:

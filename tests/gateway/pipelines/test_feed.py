@@ -13,7 +13,7 @@ from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_pos
 from tests.gateway.pipelines.sailing import Said, tlog, voyage
 
 
-def feed_of(script: Script, folder: Path) -> FilterInputs:
+def filter_inputs_of(script: Script, folder: Path) -> FilterInputs:
     path = folder / "scripted.tlog"
     path.write_bytes(bytes(script.raw))
     return replay_input_of(open_log(path)).feed
@@ -34,7 +34,7 @@ def test_a_fact_knows_the_latest_command_received_before_it(tmp_path: Path) -> N
     moving(script, 1.0, 2.0)
     script.send(2.0, servo(102.0, 1300))
     moving(script, 2.0, 3.0)
-    feed = feed_of(script, tmp_path)
+    feed = filter_inputs_of(script, tmp_path)
     first = feed.pulses[:, 0]
     assert np.isnan(first[feed.events.time_s < 0.99]).all()
     assert (first[(feed.events.time_s > 0.99) & (feed.events.time_s < 1.99)] == 1700.0).all()
@@ -47,7 +47,7 @@ def test_no_pulses_while_disarmed(tmp_path: Path) -> None:
         script.send(start, heartbeat(armed))
         script.send(start, servo(100.0 + start, 1700))
         moving(script, start, start + 2.0)
-    feed = feed_of(script, tmp_path)
+    feed = filter_inputs_of(script, tmp_path)
     armed = (feed.events.time_s > 1.99) & (feed.events.time_s < 3.99)
     assert (feed.pulses[armed, 0] == 1700.0).all()
     assert np.isnan(feed.pulses[~armed, 0]).all()
@@ -76,7 +76,7 @@ def silence(script: Script, seconds: float) -> None:
 def test_ticks_bridge_a_silence_and_know_the_commands_that_came_meanwhile(tmp_path: Path) -> None:
     script = Script()
     silence(script, 3.0)
-    feed = feed_of(script, tmp_path)
+    feed = filter_inputs_of(script, tmp_path)
     ticks = feed.events.kind == MeasurementKind.TICK
     times, pulses = feed.events.time_s[ticks], feed.pulses[ticks, 0]
     assert times[0] == pytest.approx(0.9 + SILENCE_S)
@@ -91,7 +91,7 @@ def test_ticks_bridge_a_silence_and_know_the_commands_that_came_meanwhile(tmp_pa
 def test_ticks_end_where_it_makes_no_sense_to_run_on(tmp_path: Path) -> None:
     script = Script()
     silence(script, 100.0)
-    times = (feed := feed_of(script, tmp_path)).events.time_s[
+    times = (feed := filter_inputs_of(script, tmp_path)).events.time_s[
         feed.events.kind == MeasurementKind.TICK
     ]
     assert times[-1] == pytest.approx(0.9 + BLIND_S, abs=2.0 * TICK_S)
@@ -100,7 +100,7 @@ def test_ticks_end_where_it_makes_no_sense_to_run_on(tmp_path: Path) -> None:
 def test_the_last_fact_of_each_message_completes_it(tmp_path: Path) -> None:
     script = Script()
     moving(script, 0.0, 1.0)
-    feed = feed_of(script, tmp_path)
+    feed = filter_inputs_of(script, tmp_path)
     assert feed.complete.sum() == 20
     assert (
         feed.events.kind[feed.complete].tolist()

@@ -12,7 +12,7 @@ from gateway.errors import BadInput
 from gateway.ingest.log import Boat
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boat import LiveBoat
-from gateway.live.boats import MOST, BoatPlan, Fleet
+from gateway.live.boats import MAX_BOATS, BoatPlan, Fleet
 from gateway.live.run import plans_in, plans_of
 from gateway.vessel_file import dump_vessel
 from tests.gateway.pipelines.aboard import SETTINGS
@@ -88,8 +88,8 @@ def test_only_the_autopilots_own_words_are_heard() -> None:
 
 def test_whoever_invents_system_ids_meets_an_end() -> None:
     harbour = Harbour(BoatPlan(WAMV)).beat(*range(1, 251))
-    assert len(harbour.found) == MOST
-    assert len(harbour.ignored) == 250 - MOST
+    assert len(harbour.found) == MAX_BOATS
+    assert len(harbour.ignored) == 250 - MAX_BOATS
 
 
 def test_a_recording_holds_the_frames_of_its_boat_and_of_no_other() -> None:
@@ -113,8 +113,8 @@ def test_vessels_by_system_id_on_the_command_line(files: tuple[str, str]) -> Non
     assert [(p.vessel.name, p.system, p.key) for p in plans] == [
         ("WAM-V", 1, "wam-v"), ("IAcquaBot", None, "iacquabot"),
     ]  # fmt: skip
-    named = plans_of([f"1={second}", f"2={second}"], Path(second), "duo", ())
-    assert [(p.key, p.plant and p.plant.name) for p in named] == [
+    named = plans_of([f"1={second}", f"2={second}"], second, "duo", ())
+    assert [(p.key, p.plant.vessel and p.plant.vessel.name) for p in named] == [
         ("duo-1", "IAcquaBot"), ("duo-2", "IAcquaBot"),
     ]  # fmt: skip
 
@@ -135,10 +135,15 @@ def test_boats_of_the_configuration_are_shadowed(tmp_path: Path) -> None:
         '[[boats]]\nvessel = "boats/two.toml"\nplant = "boats/one.toml"\n'
     )
     first, second = plans_in(load_settings(config).boats, ())
-    assert (first.vessel.name, first.plant, first.system, first.name) == ("one", None, 3, "uno")
+    assert (first.vessel.name, first.plant.vessel, first.system, first.name) == (
+        "one",
+        None,
+        3,
+        "uno",
+    )
     assert second.vessel.name == "two"
-    assert second.plant is not None
-    assert second.plant.name == "one"
+    assert second.plant.vessel is not None
+    assert second.plant.vessel.name == "one"
     assert (second.system, second.name) == (None, None)
 
 

@@ -67,7 +67,7 @@ def sail(deck: Deck, heard: Player) -> int:
     frames = datagrams(*boats)
     begun, from_ns = at_ns(BEGIN_S), 0
     deck.hear(item for item in frames if item.receive_time_ns < begun)
-    views = [outlet.view for outlet in deck.gateway.outlets.values()]
+    views = [outlet.view for outlet in deck.gateway.outputs.values()]
     assert len(views) == 2
     wait(lambda: all(view and all(map(view._wanted, view._players.channels)) for view in views))
     from_ns = (deck.now_ns // STEP_NS + 1) * STEP_NS
@@ -285,5 +285,5 @@ def test_what_is_no_address_is_refused(text: str) -> None:
 @pytest.mark.parametrize(("host", "open_to_others"), [("127.0.0.1", False), ("0.0.0.0", True)])
 def test_a_server_that_others_can_reach_says_so(host: str, open_to_others: bool) -> None:
     with FoxgloveServer(f"{host}:0", 10.0) as server:
-        assert server.says.startswith(f"Foxglove WebSocket on ws://{host}:{server.port}")
-        assert ("everyone" in server.says) is open_to_others
+        assert server.text.startswith(f"Foxglove WebSocket on ws://{host}:{server.port}")
+        assert ("everyone" in server.text) is open_to_others

@@ -9,14 +9,14 @@ from gateway.estimation.filter import Estimator, FilterRows
 from gateway.estimation.names import Flag
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import replay_input_of
-from gateway.shadow.health import SECOND, WINDOW_S, HealthMeter
+from gateway.shadow.health import SECOND, WINDOW_S, LogHealth
 from tests.gateway.pipelines.sailing import RATE_HZ, frames, parameters, voyage
 
 
 def health(raw: list[bytes]) -> dict[int, dict[str, Any]]:
     """Second after the first receipt -> what the topic says then."""
     given = replay_input_of(tlog_from_bytes(b"".join(raw)))
-    meter = HealthMeter.of_log(given.log, given.decoded)
+    meter = LogHealth.of(given.log, given.decoded)
     estimator = Estimator()
     _, filtered = estimator.advance(estimator.start(), given.feed.events)
     rows = meter.advance(given.feed.receive_time_ns, filtered)
@@ -98,9 +98,7 @@ def told(receive_s: list[float], cuts: list[int], **more: Any) -> list[dict[str,
     """Rows of a made-up second-hand, cut into chunks."""
     times = np.array([round(t * SECOND) for t in receive_s], np.int64)
     stamps = np.stack([times, times - 7 * SECOND], axis=1)
-    meter = HealthMeter(
-        {"ATTITUDE": np.sort(times)}, np.zeros(0, np.int64), np.sort(stamps, axis=0)
-    )
+    meter = LogHealth({"ATTITUDE": np.sort(times)}, np.zeros(0, np.int64), np.sort(stamps, axis=0))
     payloads: list[bytes] = []
     for chunk in np.split(np.arange(len(times)), cuts):
         nis = [float(k + 1) for k in chunk]

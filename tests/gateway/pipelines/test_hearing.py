@@ -12,9 +12,9 @@ from gateway.estimation.settings import FilterSettings, gyro_delay_s
 from gateway.ingest.earth import to_degrees
 from gateway.ingest.log import Boat
 from gateway.live.boat import LiveBoat
-from gateway.live.intake import PATIENCE_NS, MessageIntake
+from gateway.live.intake import BETTER_SOURCE_NS, MessageIntake
 from gateway.samples import Measurement, Quantity
-from gateway.shadow.health import LiveHealth, Numbers
+from gateway.shadow.health import LiveHealth, SequenceNumbers
 from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import ShadowPath
 from sim.following.follower import VesselFollower
@@ -82,7 +82,7 @@ def test_a_worse_source_is_heard_only_while_the_better_one_is_silent() -> None:
     boat = Boatswain()
     assert boat.hear(0.0, place(0.0)) is None  # a better one may yet speak up
     assert boat.hear(0.1, local(0.1)) is not None
-    patience = PATIENCE_NS / SECOND
+    patience = BETTER_SOURCE_NS / SECOND
     assert boat.hear(patience, place(patience)) is None
     late = boat.hear(patience + 0.2, place(patience + 0.2))
     assert late is not None
@@ -172,7 +172,7 @@ def test_a_frame_that_starts_elsewhere_after_a_reboot_moves_the_origin() -> None
     boat = Boatswain()
     for t in (0.0, 0.2):
         pair(boat, t)
-    boat.hearing._whereabouts = boat.hearing._whereabouts.rebooted()
+    boat.hearing._origin = boat.hearing._origin.rebooted()
     assert boat.hearing.origin is None
     for t in (0.4, 0.6):
         pair(boat, t, north=3.0)
@@ -183,7 +183,7 @@ def test_a_frame_that_starts_elsewhere_after_a_reboot_moves_the_origin() -> None
 
 def test_a_boat_that_gives_degrees_alone_counts_from_its_first_place_for_good() -> None:
     boat = Boatswain()
-    start = PATIENCE_NS / SECOND
+    start = BETTER_SOURCE_NS / SECOND
     boat.hear(0.0, attitude(0.0))
     assert boat.hear(start, place(start, lat=2**31 - 1, lon=2**31 - 1)) is not None  # velocity
     first = boat.hear(start + 0.1, place(start + 0.1))
@@ -218,17 +218,17 @@ def test_the_gyro_filter_is_learnt_from_parameters_that_pass_by() -> None:
 
 
 def test_numbers_tell_loss_from_lateness_doubles_and_wraps() -> None:
-    numbers = Numbers(250, SECOND)
+    numbers = SequenceNumbers(250, SECOND)
     heard = [251, 253, 252, 253, 255, 0, 3, 1, 1]
-    assert [numbers.heard(n, SECOND) for n in heard] == [0, 1, -1, 0, 1, 0, 2, -1, 0]
+    assert [numbers.note(n, SECOND) for n in heard] == [0, 1, -1, 0, 1, 0, 2, -1, 0]
     assert numbers.missing == {254, 258}
-    assert numbers.heard(254, 5 * SECOND) == 250  # after a silence it is a new one
+    assert numbers.note(254, 5 * SECOND) == 250  # after a silence it is a new one
 
 
 def test_numbers_forget_what_can_no_longer_be_late() -> None:
-    numbers = Numbers(0, SECOND)
+    numbers = SequenceNumbers(0, SECOND)
     for n in range(0, 20_000, 2):
-        numbers.heard(n % 256, SECOND)
+        numbers.note(n % 256, SECOND)
     assert len(numbers.missing) <= 129
 
 
@@ -261,5 +261,5 @@ def test_a_clock_set_back_leaves_no_frames_of_the_future_in_the_health() -> None
 def test_whatever_is_no_position_tells_no_place() -> None:
     boat = Boatswain()
     fact = Measurement(Quantity.YAW, "ATTITUDE", START, START, (0.1,))
-    before = boat.hearing._whereabouts
-    assert before.heard(fact) is before
+    before = boat.hearing._origin
+    assert before.update(fact) is before

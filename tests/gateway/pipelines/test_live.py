@@ -133,12 +133,12 @@ def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
         if message.get_type() == "SERVO_OUTPUT_RAW":
             pulses = np.array([getattr(message, f"servo{i}_raw") for i in range(1, 17)], float)
         for said in fleet.datagram(datagram):
-            for out in filter(None, [said.spoken.out]):
+            for out in filter(None, [said.output.out]):
                 commands = WAMV.commands(range(1, 17), pulses)
                 rows += [
                     (float(t), m, commands) for t, m in zip(out.time_s, out.estimate, strict=True)
                 ]
-                errors = out.watched.errors[-1] if len(out) else errors
+                errors = out.residuals.errors[-1] if len(out) else errors
     assert errors is not None
     for k, horizon in enumerate((1.0, 5.0, 10.0)):
         assert errors[3 * k : 3 * k + 3] == pytest.approx(errors_by_hand(rows, horizon), abs=1e-6)

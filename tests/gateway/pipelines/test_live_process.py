@@ -21,7 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.links.rate_requests import RADIO_HZ
 from gateway.links.transmitter import SET_RATE, Identity
 from gateway.live.boats import BoatPlan, Fleet
-from gateway.live.relive import fleet_of, relived
+from gateway.live.rerun import fleet_of, rerun
 from gateway.recording.reader import Recording, repair
 from gateway.simulated_boat.faults import Faults, Reboot, Silence
 from gateway.simulated_boat.play import playing
@@ -64,7 +64,7 @@ def again(*paths: Path) -> dict[str, list[bytes]]:
     fleet: Fleet = fleet_of(Recording.open(paths[0]), BoatPlan(WAMV), SETTINGS)
     heard = Heard()
     for path in paths:
-        for moment in relived(fleet, path):
+        for moment in rerun(fleet, path):
             heard.add(moment.rows)
     return {topic: heard.payloads[topic] for topic in COMPARED}
 

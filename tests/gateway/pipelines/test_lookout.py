@@ -9,8 +9,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from gateway.shadow.model_monitor import FIRST_S, ModelMonitor, clock
-from gateway.shadow.path import Shadowing, Watched
+from gateway.shadow.model_monitor import FIRST_S, ModelMonitor, clock_text
+from gateway.shadow.path import ShadowRows
+from gateway.shadow.residuals import ModelResiduals
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.faults import TimedFrame
 from gateway.simulated_boat.program import program_of
@@ -27,7 +28,7 @@ SPEED, TOWARDS = 0.4, 1.2
 ADRIFT = WAMV.with_effects(AddedEffect(CURRENT, {"speed": SPEED, "direction": TOWARDS}))
 
 
-def path_rows(seconds: float, seed: int = 1, **changed: Any) -> Shadowing:
+def path_rows(seconds: float, seed: int = 1, **changed: Any) -> ShadowRows:
     """Rows at 10 Hz of a boat that turns slowly and lacks nothing but noise."""
     count, rng = round(10 * seconds), np.random.default_rng(seed)
     number, times = np.arange(count), 0.1 * np.arange(count)
@@ -40,20 +41,20 @@ def path_rows(seconds: float, seed: int = 1, **changed: Any) -> Shadowing:
         "row": number, "time_s": times, "vehicle_time_ns": (times * 1e9).astype(np.int64),
         "receive_time_ns": (times * 1e9).astype(np.int64), "estimate": estimate,
         "std": np.full((count, 9), 0.03), "fresh": yes, "jumped": ~yes, "reference": estimate,
-        "from_model": ~yes, "shadow": estimate, "control": force, "bound": ~yes,
-        "watched": Watched(missing, 10.0 * force, force, errors),
+        "from_model": ~yes, "shadow": estimate, "control": force, "limited": ~yes,
+        "residuals": ModelResiduals(missing, 10.0 * force, force, errors),
         "commands": np.full((count, 2), 0.3),
     }  # fmt: skip
-    return Shadowing(**{**values, **changed})
+    return ShadowRows(**{**values, **changed})
 
 
-def cut(out: Shadowing, part: slice) -> Shadowing:
-    watched = Watched(**{name: value[part] for name, value in vars(out.watched).items()})
-    rest = {name: value[part] for name, value in vars(out).items() if name != "watched"}
-    return Shadowing(**rest, watched=watched)
+def cut(out: ShadowRows, part: slice) -> ShadowRows:
+    residuals = ModelResiduals(**{name: value[part] for name, value in vars(out.residuals).items()})
+    rest = {name: value[part] for name, value in vars(out).items() if name != "residuals"}
+    return ShadowRows(**rest, residuals=residuals)
 
 
-def told(out: Shadowing, ends: list[int], vessel: Any = WAMV) -> list[Any]:
+def told(out: ShadowRows, ends: list[int], vessel: Any = WAMV) -> list[Any]:
     lookout, found = ModelMonitor.of(Model.of(vessel)), list[Any]()
     for start, end in zip([0, *ends], [*ends, len(out)], strict=True):
         lookout, rows, said = lookout.observe(cut(out, slice(start, end)))
@@ -104,7 +105,7 @@ def test_a_silence_is_no_second() -> None:
 
 
 def test_a_clock_shows_the_time_of_day() -> None:
-    assert clock(1_700_000_000 * 10**9) == "22:13:20 UTC"
+    assert clock_text(1_700_000_000 * 10**9) == "22:13:20 UTC"
 
 
 def frames(*legs: tuple[Any, float]) -> list[TimedFrame]:

@@ -11,8 +11,8 @@ from gateway.estimation.names import Flag, MeasurementKind
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import ReplayInput, replay_input_of
 from gateway.shadow.events import EventDetector
-from gateway.shadow.health import HealthMeter
-from gateway.shadow.path import LOST_S, STALE_S, Shadowing, ShadowPath, discontinuous
+from gateway.shadow.health import LogHealth
+from gateway.shadow.path import LOST_S, STALE_S, ShadowPath, ShadowRows, discontinuous
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.follower import FollowerOptions, VesselFollower
@@ -54,7 +54,7 @@ def outcome(path: ShadowPath, size: int) -> dict[str, list[bytes]]:
     """Topic -> payloads, with the facts taken in `size` at a time."""
     given = material()
     state, watchman = path.start(), EventDetector()
-    meter = HealthMeter.of_log(given.log, given.decoded)
+    meter = LogHealth.of(given.log, given.decoded)
     said: dict[str, list[bytes]] = {}
     for begin in range(0, len(given.feed), size):
         chunk = given.feed[begin : begin + size]
@@ -75,18 +75,18 @@ def test_how_facts_are_cut_into_chunks_changes_no_bit(mode: ReferenceMode) -> No
         assert outcome(path, size) == whole
 
 
-def shadowed(mode: ReferenceMode, given: ReplayInput | None = None, **more: Any) -> Shadowing:
+def shadowed(mode: ReferenceMode, given: ReplayInput | None = None, **more: Any) -> ShadowRows:
     path = path_of(mode, **more)
     return path.advance(path.start(), (given or material()).feed)[1]
 
 
 @cache
-def truth() -> Shadowing:
+def truth() -> ShadowRows:
     """The voyage as it was: complete, and without noise."""
     return shadowed(ReferenceMode.MEASURED, material(NEVER, 0.0))
 
 
-def true_nu(out: Shadowing) -> Any:
+def true_nu(out: ShadowRows) -> Any:
     """(K, 3): u, v, r of the voyage at the rows' times."""
     columns = [np.interp(out.time_s, truth().time_s, truth().estimate[:, k]) for k in (3, 4, 5)]
     return np.column_stack(columns)
@@ -171,9 +171,9 @@ def test_the_shadow_follows_and_does_not_copy(plant: Vessel | None) -> None:
 def test_nothing_is_missing_from_the_right_model_but_noise() -> None:
     out = shadowed(ReferenceMode.MEASURED)
     settled = out.fresh & (out.time_s > 3.0)
-    share = np.abs(out.watched.missing) / out.watched.missing_std
+    share = np.abs(out.residuals.missing) / out.residuals.missing_std
     assert (np.median(share[settled], axis=0) < 1.0).all()
-    assert np.isnan(out.watched.missing[~out.fresh]).all()
+    assert np.isnan(out.residuals.missing[~out.fresh]).all()
 
 
 def flagged(*flags: Flag) -> tuple[Any, Any, list[str]]:

@@ -7,9 +7,10 @@ import pytest
 from gateway.errors import BadInput
 from gateway.links.inbox import Datagram
 from gateway.live.boats import BoatPlan, Fleet
-from gateway.live.relive import fleet_of, moments, relived
+from gateway.live.rerun import fleet_of, loop_inputs, rerun
 from gateway.recording.reader import TICK_LINK, Recording
 from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
+from sim.plants.table import PlantChoice
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played
 from tests.sim.vessels import IACQUABOT, WAMV
 
@@ -26,7 +27,7 @@ ROUGH = Faults(
 
 def again(path: Path, plan: BoatPlan) -> Heard:
     heard = Heard()
-    for moment in relived(fleet_of(Recording.open(path), plan, SETTINGS), path):
+    for moment in rerun(fleet_of(Recording.open(path), plan, SETTINGS), path):
         heard.add(moment.rows)
     return heard
 
@@ -36,18 +37,18 @@ def only(folder: Path, name: str) -> Path:
     return found
 
 
-def check(live: Heard, relived: Heard, rows: int) -> None:
+def check(live: Heard, rerun: Heard, rows: int) -> None:
     for topic in COMPARED:
         rows = rows if topic != "residual" else rows // 5  # its longest horizon is due late
         assert len(live.payloads[topic]) > rows
-        assert relived.payloads[topic] == live.payloads[topic]
+        assert rerun.payloads[topic] == live.payloads[topic]
 
 
 def test_a_rough_voyage_runs_again_to_the_last_bit_ticks_included(tmp_path: Path) -> None:
     with Deck(out=tmp_path) as deck:
         deck.hear(datagrams(played(30.0, faults=ROUGH)), until_s=32.0)
     path = only(tmp_path, "wam-v")
-    links = [moment.link for moment in moments(Recording.open(path).raw())]
+    links = [moment.link for moment in loop_inputs(Recording.open(path).raw())]
     assert links.count(TICK_LINK) > 40
     check(deck.heard(), again(path, BoatPlan(WAMV)), rows=500)
     assert {"telemetry_silent", "telemetry_back", "reboot"} <= set(deck.heard().events())
@@ -56,7 +57,7 @@ def test_a_rough_voyage_runs_again_to_the_last_bit_ticks_included(tmp_path: Path
 def test_each_of_several_boats_on_one_link_runs_again_from_its_own_recording(
     tmp_path: Path,
 ) -> None:
-    plans = [BoatPlan(WAMV, system=1), BoatPlan(IACQUABOT, plant=WAMV, system=7)]
+    plans = [BoatPlan(WAMV, system=1), BoatPlan(IACQUABOT, PlantChoice(vessel=WAMV), system=7)]
     first = played(16.0, faults=Faults(silences=(Silence(9.0, 12.0),)))
     second = played(16.0, IACQUABOT, seed=1, system_id=7, faults=Faults(loss=0.1))
     stranger = played(16.0, seed=2, system_id=9)
@@ -81,7 +82,7 @@ def test_how_frames_are_packed_into_datagrams_makes_no_difference() -> None:
         fleet = Fleet([BoatPlan(WAMV)], SETTINGS)
         for item in items:
             for said in fleet.datagram(item):
-                heard.add(said.spoken.rows)
+                heard.add(said.output.rows)
     check(one, other, rows=300)
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gateway.shadow.inputs import Series
+from gateway.shadow.held_series import HeldSeries
 
 
-def held(*pairs: tuple[float, float]) -> Series:
-    return Series(np.array([t for t, _ in pairs]), np.array([[v] for _, v in pairs]))
+def held(*pairs: tuple[float, float]) -> HeldSeries:
+    return HeldSeries(np.array([t for t, _ in pairs]), np.array([[v] for _, v in pairs]))
 
 
 def test_a_value_holds_from_its_time_on() -> None:
@@ -30,7 +30,7 @@ def test_mean_is_unknown_where_half_of_it_is() -> None:
 def test_mean_before_the_first_value_is_unknown() -> None:
     assert np.isnan(held((5.0, 1.0)).mean(np.array([0.0, 1.0]))).all()
     assert np.isnan(held().values.reshape(0, 1)).all()
-    empty = Series(np.zeros(0), np.zeros((0, 2)))
+    empty = HeldSeries(np.zeros(0), np.zeros((0, 2)))
     assert np.isnan(empty.mean(np.array([0.0, 1.0]))).all()
     assert np.isnan(empty.at(np.array([0.0]))).all()
 

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.shadow.events import BLOCK_S, NEEDED, REMEMBERED, UsualRange
-from gateway.shadow.path import Shadowing, Watched
+from gateway.shadow.events import FORCE_BLOCK_S, NEEDED_BLOCKS, REMEMBERED_BLOCKS, MissingForceRange
+from gateway.shadow.path import ShadowRows
+from gateway.shadow.residuals import ModelResiduals
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.faults import TimedFrame
 from gateway.simulated_boat.program import program_of
@@ -21,24 +22,24 @@ CUBIC = next(effect for effect in EFFECTS if effect.name == "cubic_drag")
 FOULED = WAMV.with_effects(AddedEffect(CUBIC, {"X_uuu": -40.0}))
 
 
-def rows(missing: Any, std: float = 30.0) -> Shadowing:
+def rows(missing: Any, std: float = 30.0) -> ShadowRows:
     """A row a second with that missing force (K, 3)."""
     count = len(missing)
     none, one = np.zeros((count, 9)), np.ones((count, 3))
     number, flag = np.arange(count), np.zeros(count, np.bool_)
-    watched = Watched(np.asarray(missing, float), std * one, one, np.zeros((count, 9)))
-    return Shadowing(
+    residuals = ModelResiduals(np.asarray(missing, float), std * one, one, np.zeros((count, 9)))
+    return ShadowRows(
         number, number * 1.0, number * 10**9, number * 10**9, none, none, ~flag, flag, none, flag,
-        none, one, flag, watched, one,
+        none, one, flag, residuals, one,
     )  # fmt: skip
 
 
 def kinds(missing: Any) -> list[str]:
-    return [happening.kind for happening in UsualRange.start().observe(rows(missing))[1]]
+    return [happening.kind for happening in MissingForceRange.start().observe(rows(missing))[1]]
 
 
 def noise(blocks: int, scale: float = 3.0) -> Any:
-    return np.random.default_rng(3).normal(0.0, scale, (int(blocks * BLOCK_S), 3))
+    return np.random.default_rng(3).normal(0.0, scale, (int(blocks * FORCE_BLOCK_S), 3))
 
 
 def test_noise_alone_is_usual() -> None:
@@ -47,32 +48,32 @@ def test_noise_alone_is_usual() -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_force_that_sets_in_is_told_once_and_once_more_when_it_is_gone(axis: int) -> None:
-    missing = noise(NEEDED + 40)
+    missing = noise(NEEDED_BLOCKS + 40)
     missing[100:150, axis] += 60.0
-    state, told = UsualRange.start().observe(rows(missing))
+    state, told = MissingForceRange.start().observe(rows(missing))
     assert [h.kind for h in told] == ["residual_unusual", "residual_usual"]
     assert 100e9 < told[0].vehicle_time_ns <= 110e9
-    assert ("ahead", "to starboard", "clockwise")[axis] in told[0].says
+    assert ("ahead", "to starboard", "clockwise")[axis] in told[0].text
     assert told[0].severity == "warning"
     assert state.unusual == (False, False, False)
 
 
 def test_little_is_no_matter_however_calm_it_was_before() -> None:
-    missing = noise(NEEDED + 40, 0.01)
+    missing = noise(NEEDED_BLOCKS + 40, 0.01)
     missing[100:] += 10.0
     assert kinds(missing) == []
 
 
 def test_what_stays_for_minutes_is_usual_in_the_end_and_that_is_said() -> None:
-    missing = noise(NEEDED + REMEMBERED + 100)
-    missing[int((NEEDED + 2) * BLOCK_S) :, 0] += 60.0
+    missing = noise(NEEDED_BLOCKS + REMEMBERED_BLOCKS + 100)
+    missing[int((NEEDED_BLOCKS + 2) * FORCE_BLOCK_S) :, 0] += 60.0
     assert kinds(missing) == ["residual_unusual", "residual_usual"]
 
 
 def test_how_rows_are_cut_into_chunks_makes_no_difference() -> None:
-    missing = noise(NEEDED + 20)
+    missing = noise(NEEDED_BLOCKS + 20)
     missing[100:130, 0] += 60.0
-    whole, state, told = rows(missing), UsualRange.start(), []
+    whole, state, told = rows(missing), MissingForceRange.start(), []
     for k in range(len(missing)):
         one = rows(missing[k : k + 1])
         vars(one).update(time_s=whole.time_s[k : k + 1], vehicle_time_ns=whole.row[k : k + 1])

@@ -25,7 +25,7 @@ def found():
 
 def test_json_is_strict_and_has_the_keys(found):
     for one in found:
-        said = json.loads(json.dumps(one.as_dict(), allow_nan=False))
+        said = json.loads(json.dumps(one.to_dict(), allow_nan=False))
         assert set(said) - {"place"} == KEYS | {"independence"}
         assert set(said["rmse"]) == set(said["mae"]) == CHANNELS
         assert set(said["free_run"]) - {"diverged"} == {"rmse", "mae", "r2"}
@@ -52,9 +52,9 @@ def test_the_floor_and_horizons_are_those_of_the_first_vessel(found):
 
 def test_a_free_run_that_diverges_says_so(found):
     right, _, away = found
-    assert right.free_run.as_dict()["r2"]["u"] > 0.999
-    assert "diverged" not in right.free_run.as_dict()
-    assert away.free_run.as_dict()["diverged"] is True
+    assert right.free_run.to_dict()["r2"]["u"] > 0.999
+    assert "diverged" not in right.free_run.to_dict()
+    assert away.free_run.to_dict()["diverged"] is True
     assert len(away.free_run.model) < len(right.free_run.model)
 
 

@@ -1,7 +1,7 @@
-"""A recording made live, run again as it ran: the same datagrams and ticks in the same order.
+"""A recording made by `shadow live`, run again: the same datagrams and ticks in the same order.
 
-A log of somebody else's is decoded in bulk; here the loop's own inputs are at hand, so what it
-said can be reproduced to the last bit.
+Any other log is decoded in bulk; here the loop's own inputs are at hand, so that its outputs can
+be reproduced to the last bit.
 """
 
 from collections.abc import Iterator
@@ -16,14 +16,14 @@ from gateway.config import Settings
 from gateway.errors import BadInput
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
-from gateway.live.boats import BoatPlan, Fleet, Said
+from gateway.live.boats import BoatPlan, Fleet, FleetOutput
 from gateway.recording.reader import TICK_LINK, RawFrames, Recording
-from gateway.shadow.path import Shadowing
+from gateway.shadow.path import ShadowRows
 from gateway.shadow.recording_contents import LIVE, METADATA
 
 
-class Moment(NamedTuple):
-    """One input of the loop: frames [start, end) of the recording, heard or ticked then."""
+class LoopInput(NamedTuple):
+    """One input of the loop: frames [start, end) of the recording, received or ticked then."""
 
     link: str
     receive_time_ns: int
@@ -31,55 +31,57 @@ class Moment(NamedTuple):
     end: int
 
 
-class Relived(NamedTuple):
+class RerunStep(NamedTuple):
     """What one input led to: messages, rows of the path, and the frames that it was made of."""
 
     rows: list[TopicRows]
-    outs: list[Shadowing]
+    outs: list[ShadowRows]
     frames: slice
 
 
-def ran_live(recording: Recording) -> bool:
+def recorded_live(recording: Recording) -> bool:
     """Was it made by `shadow live`?"""
     return LIVE in recording.metadata.get(METADATA, {})
 
 
 def fleet_of(recording: Recording, plan: BoatPlan, settings: Settings) -> Fleet:
-    """A fleet that shadows the boat of that recording, whoever else is heard in it."""
-    if not ran_live(recording):
+    """A fleet that shadows the boat of that recording alone."""
+    if not recorded_live(recording):
         raise BadInput(f"{recording.path}: not a recording of `shadow live`: replay it as a log")
     system = int(recording.metadata[METADATA]["system"])
     return Fleet([replace(plan, system=system)], settings)
 
 
-def moments(raw: RawFrames) -> Iterator[Moment]:
+def loop_inputs(raw: RawFrames) -> Iterator[LoopInput]:
     """The loop's inputs in the order in which it took them: one datagram has one receipt."""
     keys = zip(raw.link.tolist(), raw.receive_time_ns.tolist(), strict=True)
     at = 0
     for (link, receipt), group in groupby(keys):
         count = sum(1 for _ in group)
-        yield Moment(raw.links[link], receipt, at, at + count)
+        yield LoopInput(raw.links[link], receipt, at, at + count)
         at += count
 
 
-def relived(fleet: Fleet, path: Path) -> Iterator[Relived]:
-    """Moment by moment; a recording in several parts is one after another, with one fleet."""
+def rerun(fleet: Fleet, path: Path) -> Iterator[RerunStep]:
+    """Input by input; the parts of a recording are run one after another, with one fleet."""
     raw = Recording.open(path).raw()
     frames, decoder = raw.frames(), dialect.MAVLink(None)
-    for moment in moments(raw):
-        part = slice(moment.start, moment.end)
-        rows, outs = list[TopicRows](), list[Shadowing]()
-        for said in _said(fleet, moment, frames[part], decoder):
-            rows += [*said.spoken.rows, *said.boat.status(moment.receive_time_ns, 0, 0)]
-            outs += [] if said.spoken.out is None else [said.spoken.out]
-        yield Relived(rows, outs, part)
+    for given in loop_inputs(raw):
+        part = slice(given.start, given.end)
+        rows, outs = list[TopicRows](), list[ShadowRows]()
+        for boat, output in _outputs(fleet, given, frames[part], decoder):
+            rows += [*output.rows, *boat.status(given.receive_time_ns, 0, 0)]
+            outs += [] if output.out is None else [output.out]
+        yield RerunStep(rows, outs, part)
 
 
-def _said(fleet: Fleet, moment: Moment, frames: list[bytes], decoder: Any) -> Iterator[Said]:
-    if moment.link == TICK_LINK:
-        return fleet.tick(moment.receive_time_ns)
-    heard = tuple(Frame(frame, _message(frame, decoder)) for frame in frames)
-    return fleet.datagram(Datagram(moment.link, moment.receive_time_ns, heard))
+def _outputs(
+    fleet: Fleet, given: LoopInput, frames: list[bytes], decoder: Any
+) -> Iterator[FleetOutput]:
+    if given.link == TICK_LINK:
+        return fleet.tick(given.receive_time_ns)
+    received = tuple(Frame(frame, _message(frame, decoder)) for frame in frames)
+    return fleet.datagram(Datagram(given.link, given.receive_time_ns, received))
 
 
 def _message(frame: bytes, decoder: Any) -> Any:
