@@ -1,9 +1,9 @@
-"""What the site shows of links to files outside docs/: on a forge they open, here they are names."""
+"""Links of the site to files outside docs/ are shown as names."""
 
 import re
 from typing import Any
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """`[text](../sim/body.py)` -> the text alone: the site holds the documentation, not the code."""
+    """`[text](../sim/body.py)` -> the text: the site holds documentation, not code."""
     return re.sub(r"\[([^\]]+)\]\(\.\./[^)]*\)", r"\1", markdown)

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from gateway.api import example_log as example_log
     from gateway.api import plot as plot
     from gateway.api import save_vessel as save_vessel
+    from gateway.files import vessel_names as vessel_names
     from gateway.ingest.open import open_log as open_log
     from gateway.offline.replay import ReplayOptions as ReplayOptions
     from gateway.offline.replay import replay as replay
     from gateway.offline.trials import TrialOptions as TrialOptions
     from gateway.offline.trials import load_trials as load_trials
-    from gateway.shipped import vessel_names as vessel_names
     from gateway.user_effects import load_effects as load_effects
     from gateway.vessel_file import load_vessel as load_vessel
 
@@ -25,7 +25,7 @@ _HOMES = {
     "ingest.open": ("open_log",),
     "offline.replay": ("ReplayOptions", "replay"),
     "offline.trials": ("TrialOptions", "load_trials"),
-    "shipped": ("vessel_names",),
+    "files": ("vessel_names",),
     "user_effects": ("load_effects",),
     "vessel_file": ("load_vessel",),
 }

@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.atomic_file import write_whole
-from gateway.shipped import RECORDINGS
+from gateway.files import RECORDINGS, write_whole
 from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import Comparison
 from sim.diagnosis.answer import Diagnosis
@@ -48,14 +47,14 @@ def plot(
     Comparisons: motion, errors and missing force on the trial of the first one. An identification:
     how the parameters changed, with intervals. A diagnosis: ladder, ranking, evidence.
     """
-    from gateway.figures import comparison, diagnosis, identification
+    from gateway.figures import comparison, diagnosis, excitation
     from gateway.figures.matplotlib_draw import draw_figure
 
     some = [trials] if isinstance(trials, Trial) else list(trials)
     if isinstance(result, Diagnosis):
         figures = diagnosis.diagnosis_figures(result, some)
     elif isinstance(result, Identification):
-        changes = identification.parameter_changes(result.vessel.name, result.estimates)
+        changes = excitation.parameter_changes(result.vessel.name, result.estimates)
         figures = {"parameters": changes}
     else:
         compared = [result] if isinstance(result, Comparison) else list(result)

@@ -18,7 +18,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from gateway.commands import live, model, recordings, views
+from gateway.commands import live, model, recordings
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message
 from sim.effects.effect import LawError
 
@@ -47,15 +47,15 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "compare": model.compare,
     "diagnose": model.diagnose,
     "add": model.add,
-    "report": views.report,
-    "studio": views.studio,
+    "report": recordings.report,
+    "studio": recordings.studio,
     "plan": model.plan,
     "effects": model.show_effects,
     "plants": live.show_plants,
-    "config": views.show_config,
+    "config": recordings.show_config,
     "repair": recordings.repair,
     "monitor": live.monitor,
-    "demo": views.demo,
+    "demo": recordings.demo,
 }
 for name, command in COMMANDS.items():
     app.command(name)(command)

@@ -12,15 +12,15 @@ from typing import Any
 from rich.console import Console
 
 from gateway.bus import BusSettings, open_session
+from gateway.files import RECORDINGS, VESSELS
 from gateway.offline.add import add_effects
 from gateway.offline.compare import compare_logs
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.offline.replay import ReplayOptions, replay
-from gateway.shipped import RECORDINGS, VESSELS
-from gateway.terminal.comparison import show_comparisons
 from gateway.terminal.console import progress_bar, status_line
 from gateway.terminal.diagnosis import show_addition, show_diagnosis
-from gateway.terminal.runs import show_replay
+from gateway.terminal.identification import show_comparisons
+from gateway.terminal.recordings import show_replay
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
 

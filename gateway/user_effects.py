@@ -11,8 +11,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
+from gateway.files import write_whole
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 

@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from gateway.errors import BadInput
-from gateway.shipped import vessel_names, vessel_path
+from gateway.files import vessel_names, vessel_path
 from gateway.user_effects import known_effects, load_effects
 from sim.effects.effect import Effect
 from sim.vessel import (

@@ -21,8 +21,7 @@ from sim.diagnosis.answer import Diagnosis
 from sim.model import Model
 from sim.prediction.segments import CompareSettings
 from sim.state import Floats
-from sim.tables import data_frame
-from sim.trial import MOTION_NAMES, Trial
+from sim.trial import MOTION_NAMES, Trial, data_frame
 from sim.vessel import Vessel
 
 

@@ -1,6 +1,9 @@
-"""One stretch of a recording on a uniform time grid: the input of all offline inference."""
+"""Results as tables of pandas, where it is installed.
 
-from collections.abc import Mapping
+One stretch of a recording on a uniform time grid: the input of all offline inference.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.state import Floats
-from sim.tables import data_frame
+
+
+def data_frame(columns: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Any:
+    """Columns by name, or rows as mappings -> DataFrame; ImportError where pandas is missing."""
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError("to_pandas needs pandas: pip install pandas") from None
+    return pandas.DataFrame(columns)
+
 
 MOTION_NAMES = ("north", "east", "yaw", "u", "v", "r", "u_dot", "v_dot", "r_dot")
 MOTION = 9  # components of `covariance`: eta (3), nu (3), nu_dot (3)

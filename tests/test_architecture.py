@@ -96,7 +96,7 @@ def test_sim_stands_alone():
 
 LAYERS = {
     "sim": """
-        jit tables
+        jit
         state
         body wind_loads
         balance actuators sensing effects
@@ -110,8 +110,8 @@ LAYERS = {
         api
     """,
     "gateway": """
-        errors jit samples topics shipped
-        atomic_file json_rows
+        errors jit samples topics
+        files json_rows
         user_effects estimation recording bus
         vessel_file ingest monitor
         links shadow plants

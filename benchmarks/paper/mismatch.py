@@ -14,8 +14,7 @@ import numpy as np
 from sim.following.follower import FollowerOptions
 from sim.following.stepwise import PlantFollower
 from sim.model import Model
-from sim.plants.plant import PlantInputs, PlantMotion
-from sim.plants.vessel_plant import VesselPlant
+from sim.plants.plant import PlantInputs, PlantMotion, VesselPlant
 from sim.state import Floats, Velocity, Wrench
 from sim.vessel import Vessel
 

@@ -62,8 +62,7 @@ def live(
     config: Config = None,
 ) -> None:
     """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
-    from gateway.live.gateway import LiveOptions
-    from gateway.live.run import plans_in, plans_of, run_until_stopped
+    from gateway.live.gateway import LiveOptions, plans_in, plans_of, run_until_stopped
 
     settings = settings_from(config, reference, publish)
     if foxglove is not None:
@@ -84,7 +83,7 @@ def live(
 def show_plants(json: AsJson = False) -> None:
     """The kinds of plant that can play a shadow (--plant of live and replay)."""
     from gateway.plants import known_plants
-    from gateway.terminal.runs import show_plants as show
+    from gateway.terminal.recordings import show_plants as show
 
     known = [
         {"name": kind.name, "description": kind.description} for kind in known_plants().values()
@@ -131,7 +130,7 @@ def simulate(
         )  # fmt: skip
         return
     from gateway.offline.simulate import simulate as work
-    from gateway.terminal.runs import show_simulation
+    from gateway.terminal.recordings import show_simulation
 
     if commands is None:
         raise BadInput("no commands: give a CSV, or --live ENDPOINT to play the boat")

@@ -101,8 +101,8 @@ def compare(
     """How far is the model from the measurement, beside the noise floor, and where is it worst."""
     from gateway.offline.compare import as_json, compare_logs
     from gateway.offline.trials import TrialOptions
-    from gateway.terminal.comparison import show_comparisons
     from gateway.terminal.console import status_line
+    from gateway.terminal.identification import show_comparisons
     from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
@@ -252,7 +252,7 @@ def plan(
 ) -> None:
     """A manoeuvre to learn a boat by: predicted, then written as CSV and ArduPilot Lua."""
     from gateway.offline.plan import PlanOptions, make_plan
-    from gateway.terminal.plan import show_manoeuvres, show_plan
+    from gateway.terminal.identification import show_manoeuvres, show_plan
     from sim.excitation.catalogue import MANOEUVRES
 
     if list_:

@@ -19,8 +19,7 @@ from bokeh.plotting import figure as new_figure
 
 from gateway.figures.bokeh_marks import DrawnMark, draw_mark
 from gateway.figures.figure_data import Bars, FigureData, Line, Panel
-from gateway.figures.quantities import EAST, HEADING, TIME
-from gateway.figures.style import COMPASS, LIGHT, SELECTED, Theme
+from gateway.figures.style import COMPASS, EAST, HEADING, LIGHT, SELECTED, TIME, Theme
 
 HEIGHT, TIME_HEIGHT, STRIP_HEIGHT, MAP_HEIGHT, NAMES_HEIGHT = 230, 175, 130, 430, 320
 NARROWEST = 310  # px, of a panel beside another

@@ -6,8 +6,19 @@ from typing import Any
 import numpy as np
 from bokeh.models import BasicTicker, ColorBar, ColumnDataSource, LinearColorMapper
 
-from gateway.figures.decimate import decimated, within, worst_kept
-from gateway.figures.figure_data import Band, Bars, ColouredPoints, Dots, Level, Line, Mark, Strip
+from gateway.figures.figure_data import (
+    Band,
+    Bars,
+    ColouredPoints,
+    Dots,
+    Level,
+    Line,
+    Mark,
+    Strip,
+    decimated,
+    within,
+    worst_kept,
+)
 from gateway.figures.style import Theme
 
 POINTS = 3000  # of a coloured track

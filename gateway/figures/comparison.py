@@ -20,7 +20,7 @@ from gateway.figures.figure_data import (
     Strip,
 )
 from gateway.figures.motion import free_run_velocities, horizon_velocities, track
-from gateway.figures.quantities import MISSING_FORCES, NRMSE, REGIMES
+from gateway.figures.style import MISSING_FORCES, NRMSE, REGIMES
 from sim.comparison.compare import Comparison
 from sim.comparison.independence import MAX_LAG
 from sim.comparison.where import Bin

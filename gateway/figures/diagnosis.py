@@ -7,13 +7,7 @@ import numpy as np
 
 from gateway.figures.comparison import bars_with_intervals
 from gateway.figures.figure_data import Axis, Bars, Dots, FigureData, Level, Line, Panel, SeriesRole
-from gateway.figures.quantities import (
-    DEGREES,
-    EVIDENCE,
-    MISSING_FORCES,
-    NRMSE,
-    SMALLEST_PROBABILITY,
-)
+from gateway.figures.style import DEGREES, EVIDENCE, MISSING_FORCES, NRMSE, SMALLEST_PROBABILITY
 from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals
 from sim.trial import Trial

@@ -16,9 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
-from gateway.figures.decimate import decimated, worst_kept
 from gateway.figures.figure_data import (
     Band,
     Bars,
@@ -30,9 +28,11 @@ from gateway.figures.figure_data import (
     Mark,
     Panel,
     Strip,
+    decimated,
+    worst_kept,
 )
-from gateway.figures.quantities import HEADING
-from gateway.figures.style import COLOUR, COLOUR_SCALE, COMPASS
+from gateway.figures.style import COLOUR, COLOUR_SCALE, COMPASS, HEADING
+from gateway.files import write_whole
 
 FORMATS = (".png", ".svg")
 RC_PARAMS = {

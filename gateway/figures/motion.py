@@ -19,7 +19,7 @@ from gateway.figures.figure_data import (
     Panel,
     SeriesRole,
 )
-from gateway.figures.quantities import EAST, NORTH, TIME, VELOCITIES
+from gateway.figures.style import EAST, NORTH, TIME, VELOCITIES
 from sim.comparison.compare import Comparison
 from sim.comparison.where import along_trial
 from sim.prediction.free_runs import Prediction

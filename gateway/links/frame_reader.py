@@ -16,7 +16,7 @@ from gateway.ingest.mavlink.definitions import checksum_seeds
 from gateway.ingest.mavlink.walk import BAD_CHECKSUM, CUT, GOOD, UNKNOWN, checksum_table, examine
 from gateway.links.inbox import EventReporter, Frame, LinkCounts, LinkEventKind
 from gateway.links.peers import Peers, SenderChange
-from gateway.links.signing import Signatures, SignatureStatus
+from gateway.links.transmitter import Signatures, SignatureStatus
 from gateway.links.transport import Arrival, Peer, peer_text
 
 MAGIC = re.compile(b"[\xfd\xfe]")

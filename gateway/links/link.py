@@ -13,9 +13,8 @@ from gateway.errors import BadInput
 from gateway.links.frame_reader import FrameReader, split_frames
 from gateway.links.inbox import Datagram, EventReporter, Inbox, LinkCounts, LinkEventKind
 from gateway.links.peers import Peers
-from gateway.links.signing import Signatures
 from gateway.links.sources import transport_of
-from gateway.links.transmitter import Identity, Transmitter, permitted
+from gateway.links.transmitter import Identity, Signatures, Transmitter, permitted
 from gateway.links.transport import Arrival, Closing, Waker
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)  # between attempts to open a transport again

@@ -5,8 +5,13 @@
 The loop is driven by telemetry: a datagram that completes an estimate is shadowed and published at
 once. Ticks take over while telemetry is silent. Only this loop reads the clock; what it decides
 follows from datagrams and ticks, which are recorded.
+
+`shadow live` as a program: the vessel for each boat, and a clean end.
 """
 
+import gc
+import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -19,21 +24,21 @@ from typing import Any
 import orjson
 
 from gateway.bus import Bus, open_session
-from gateway.config import Settings
+from gateway.config import BoatSettings, Settings, check_name
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.log import Boat
 from gateway.links.inbox import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
-from gateway.links.signing import load_key
-from gateway.links.transmitter import Identity
-from gateway.live.boat import LiveBoat
-from gateway.live.boats import BoatPlan, Fleet
+from gateway.links.transmitter import Identity, load_key
+from gateway.live.boats import BoatPlan, Fleet, LiveBoat
 from gateway.live.outputs import BoatOutputs, EarlyDatagrams, start_recording
 from gateway.live.rate_requests import RateRequests
+from gateway.plants import load_plant
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow.health import SECOND
 from gateway.shadow.inputs import TICK_S
-from gateway.vessel_file import dump_vessel
+from gateway.vessel_file import dump_vessel, load_vessel
+from sim.effects.effect import Effect
 from sim.state import Progress
 
 MAX_SLEEP_S = TICK_S / 4.0  # of the loop
@@ -258,3 +263,69 @@ def _make_folder(folder: Path) -> None:
         raise BadInput(
             f"--out {folder}: cannot record there: {error.strerror}: choose another folder"
         ) from None
+
+
+# A busy thread (the recorder) keeps the interpreter for so long when another one (the loop, when a
+# datagram comes) wants it. Python's default is 5 ms; benchmarks/live_latency.py measures the delay.
+SWITCH_S = 0.0005
+
+
+def plans_of(
+    vessels: Sequence[str], plant: str | None, name: str | None, effects: Sequence[Effect]
+) -> list[BoatPlan]:
+    """`--vessel FILE` and `--vessel SYSID=FILE` -> the vessel of each boat."""
+    if name is not None:
+        check_name(name, "--name")
+    played_by = load_plant(plant, effects)
+    plans = []
+    for text in vessels:
+        number, mark, file = text.partition("=")
+        if not (mark and number.isdecimal()):
+            number, file = "", text
+        elif not 1 <= int(number) <= 254:
+            raise BadInput(f"--vessel {text}: expected FILE or SYSID=FILE, SYSID 1 to 254")
+        system = int(number) if number else None
+        key = name if name is None or len(vessels) == 1 else f"{name}-{number or 'any'}"
+        plans.append(BoatPlan(load_vessel(file, effects), played_by, system, key))
+    return _distinct(plans, "--vessel: two vessels for one boat; give SYSID=FILE for each boat")
+
+
+def plans_in(boats: Sequence[BoatSettings], effects: Sequence[Effect]) -> list[BoatPlan]:
+    """`[[boats]]` of the configuration -> the vessel of each boat."""
+    plans = [
+        BoatPlan(
+            load_vessel(boat.vessel, effects),
+            load_plant(boat.plant, effects),
+            boat.system_id,
+            boat.name,
+        )
+        for boat in boats
+    ]
+    return _distinct(plans, "[[boats]]: two vessels for one boat; give each its system_id")
+
+
+def _distinct(plans: list[BoatPlan], message: str) -> list[BoatPlan]:
+    systems = [plan.system for plan in plans]
+    if len(set(systems)) < len(systems):
+        raise BadInput(message)
+    return plans
+
+
+def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress: Progress) -> None:
+    """Run until SIGINT or SIGTERM; then everything is finished cleanly."""
+    stop = Event()
+
+    def ask_to_stop(number: int, _: Any) -> None:
+        stop.set()
+        signal.signal(number, signal.SIG_DFL)  # a second signal ends it without waiting
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, ask_to_stop)
+    sys.setswitchinterval(SWITCH_S)
+    progress("getting ready: the first start with a vessel compiles for a while")
+    with Gateway(plans, options, progress) as gateway:
+        gc.collect()
+        gc.freeze()  # what was loaded by now stays: it is not searched again and again
+        progress(f"listening on {', '.join(options.endpoints)}; Ctrl-C ends")
+        gateway.run(stop)
+    progress("finished")

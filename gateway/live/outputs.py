@@ -12,12 +12,11 @@ from gateway.config import Settings, as_tables
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram
-from gateway.live.boat import LiveBoat
-from gateway.live.boats import BoatPlan
+from gateway.live.boats import BoatPlan, LiveBoat
 from gateway.recording.foxglove_server import BoatView
 from gateway.recording.recorder import Recorder
 from gateway.recording.thread import RecordingThread
-from gateway.shadow.recording_contents import attachments_of, metadata_of
+from gateway.shadow.topic_rows import attachments_of, metadata_of
 
 MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before any boat was known
 

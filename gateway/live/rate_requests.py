@@ -9,7 +9,7 @@ from gateway.links.inbox import Datagram
 from gateway.links.link import Link
 from gateway.links.rate_requests import Address, LinkRequests, RequestOutcome
 from gateway.links.transmitter import Identity
-from gateway.live.boat import LiveBoat
+from gateway.live.boats import LiveBoat
 from gateway.shadow.health import SECOND
 
 OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are compared with those requested

@@ -19,7 +19,7 @@ from gateway.links.inbox import Datagram, Frame
 from gateway.live.boats import BoatPlan, Fleet, FleetOutput
 from gateway.recording.reader import TICK_LINK, RawFrames, Recording
 from gateway.shadow.path import ShadowRows
-from gateway.shadow.recording_contents import LIVE, METADATA
+from gateway.shadow.topic_rows import LIVE, METADATA
 
 
 class LoopInput(NamedTuple):

@@ -9,8 +9,8 @@ from pathlib import Path
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
+from gateway.files import write_whole
 from gateway.user_effects import known_effects
 from gateway.vessel_file import (
     Provenance,

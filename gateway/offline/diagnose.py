@@ -14,10 +14,10 @@ from typing import Any
 
 import orjson
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput, numerical_errors
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
+from gateway.files import write_whole
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import notices_of

@@ -8,11 +8,11 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput, numerical_errors
+from gateway.figures.excitation import identification_figures, parameter_changes
 from gateway.figures.figure_data import FigureData
-from gateway.figures.identification import identification_figures, parameter_changes
 from gateway.figures.matplotlib_draw import save_figures
+from gateway.files import write_whole
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import (
     Exclusion,

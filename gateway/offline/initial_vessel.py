@@ -10,8 +10,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
+from gateway.files import write_whole
 from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.parameters import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators

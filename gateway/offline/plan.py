@@ -27,8 +27,8 @@ from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.diagnosis.next_experiment import SuggestedManoeuvre
 from sim.excitation.catalogue import BY_NAME
 from sim.excitation.manoeuvre import Manoeuvre, StickLimits
-from sim.excitation.plan import Plan, plan_of
 from sim.excitation.step_response import StepResponses, step_responses
+from sim.excitation.sticks import Plan, plan_of
 from sim.model import Model
 from sim.vessel import Vessel
 

@@ -12,8 +12,8 @@ from string import Template
 
 import numpy as np
 
-from gateway.atomic_file import write_whole
-from sim.excitation.plan import Plan
+from gateway.files import write_whole
+from sim.excitation.sticks import Plan
 
 TEMPLATE = Path(__file__).with_name("script.lua")
 MILLI = 1000.0

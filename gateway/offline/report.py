@@ -12,14 +12,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gateway.atomic_file import write_whole
 from gateway.figures.comparison import error_strips, missing_force_by_regime, vessel_errors
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ladder_bars, ranking
 from gateway.figures.figure_data import FigureData
 from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecording, render
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
-from gateway.figures.quantities import HEADING, velocity_texts
+from gateway.figures.style import HEADING, velocity_texts
+from gateway.files import write_whole
 from gateway.offline.compare import TrialComparison, compare_by_trial, distinct_vessels
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions

@@ -13,8 +13,7 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.json_rows import encode_rows
-from gateway.recording.file import Attachment
-from gateway.recording.recorder import Recorder
+from gateway.recording.recorder import Attachment, Recorder
 from gateway.shadow.path import follower_of
 from gateway.shadow.topic_rows import MOTION_FIELDS
 from gateway.vessel_file import dump_vessel

@@ -20,8 +20,8 @@ import orjson
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording import foxglove
-from gateway.recording.file import JSON, JSON_SCHEMA
 from gateway.recording.foxglove import PlayerRows
+from gateway.recording.recorder import JSON, JSON_SCHEMA
 from gateway.topics import TOPICS
 
 HOST = "127.0.0.1"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording.blocks import Block, Spans, read_blocks, read_content, read_spans
-from gateway.recording.file import LINK, RAW, Attachment
+from gateway.recording.recorder import LINK, RAW, Attachment
 
 Integers = NDArray[np.int64]
 QUIET_SECONDS = 10.0

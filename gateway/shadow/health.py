@@ -14,8 +14,7 @@ import numpy as np
 from gateway.estimation.filter import FilterRows
 from gateway.estimation.names import Flag
 from gateway.ingest.log import BoatSamples, Log
-from gateway.ingest.mavlink.frames import LATE
-from gateway.ingest.mavlink.log import MavlinkLog
+from gateway.ingest.mavlink.log import LATE, MavlinkLog
 from gateway.json_rows import TopicRows, encode
 from gateway.topics import RATED
 from sim.state import Ints

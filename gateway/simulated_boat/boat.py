@@ -12,14 +12,9 @@ from numpy.random import PCG64, Generator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.earth import Origin
-from gateway.simulated_boat.command_responder import CommandResponder
-from gateway.simulated_boat.faults import FaultyLink, TimedFrame
-from gateway.simulated_boat.hull import ENDURANCE_S, ActuatorOutputs, SimulatedHull
-from gateway.simulated_boat.program import Program, program_of
-from gateway.simulated_boat.sensors import SensorModel, SensorState
-from gateway.simulated_boat.settings import SimulatedBoatSettings
-from gateway.simulated_boat.streams import (
+from gateway.simulated_boat.command_responder import (
     TOLERANCE_S,
+    CommandResponder,
     FramePacker,
     Streams,
     after_sending,
@@ -27,6 +22,16 @@ from gateway.simulated_boat.streams import (
     start_streams,
     with_invalid_field,
 )
+from gateway.simulated_boat.faults import FaultyLink, TimedFrame
+from gateway.simulated_boat.hull import (
+    ENDURANCE_S,
+    ActuatorOutputs,
+    SensorModel,
+    SensorState,
+    SimulatedHull,
+)
+from gateway.simulated_boat.program import Program, program_of
+from gateway.simulated_boat.settings import SimulatedBoatSettings
 from gateway.simulated_boat.telemetry import (
     BANNER,
     CHANNELS,

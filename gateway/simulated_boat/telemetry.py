@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.earth import Origin, metres_per_degree
-from gateway.simulated_boat.sensors import GPS_AGE, GRAVITY, SensedValues
+from gateway.simulated_boat.hull import GPS_AGE, GRAVITY, SensedValues
 from sim.vessel import Servo, Thruster, Vessel
 
 Message = Any

@@ -10,11 +10,10 @@ from bokeh.plotting import figure as new_figure
 
 from gateway.figures.bokeh_draw import style_figure
 from gateway.figures.figure_data import SeriesRole
-from gateway.figures.quantities import EAST, NORTH, VELOCITIES
-from gateway.figures.style import Theme
-from gateway.monitor.vessel_status import Message
+from gateway.figures.style import EAST, NORTH, VELOCITIES, Theme
+from gateway.monitor.watcher import Message
 from gateway.studio.live_history import WINDOW_S, WatchedBoat
-from gateway.studio.widgets import fill_source
+from gateway.studio.page import fill_source
 
 SERIES = (("measured", SeriesRole.MEASURED, "solid"), ("shadow", SeriesRole.SHADOW, "solid"),
           ("reference", SeriesRole.CONTEXT, "dotted"))  # fmt: skip

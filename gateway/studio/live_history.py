@@ -13,9 +13,8 @@ from typing import Self
 import numpy as np
 
 from gateway.errors import ShadowError
-from gateway.figures.quantities import DEGREES
-from gateway.monitor.vessel_status import Message, VesselStatus
-from gateway.monitor.watcher import BusWatcher, MonitorOptions
+from gateway.figures.style import DEGREES
+from gateway.monitor.watcher import BusWatcher, Message, MonitorOptions, VesselStatus
 from sim.state import Floats
 
 PERIOD_S = 0.1

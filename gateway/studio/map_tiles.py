@@ -19,7 +19,7 @@ from bokeh.models import ColumnDataSource, ImageURL
 from gateway.config import StudioSettings
 from gateway.figures.style import Theme
 from gateway.ingest.earth import A, Origin, to_degrees, to_local
-from gateway.studio.widgets import boxes, fill_source, html
+from gateway.studio.page import boxes, fill_source, html
 from sim.state import Floats
 
 PIXELS = 256  # of a tile

@@ -1,12 +1,15 @@
-"""A page open in one browser: its theme, its view of the session, what it does on a change.
+"""The few kinds of parts that pages are made of, in one style.
+
+A page open in one browser: its theme, its view of the session, what it does on a change.
 
 Pages have no threads. Each looks at the session a few times a second on the server's own loop and
 draws what has another revision than what it drew last.
 """
 
+import re
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -19,13 +22,159 @@ from gateway.config import StudioSettings
 from gateway.errors import ShadowError
 from gateway.figures.bokeh_draw import BokehFigure, LinkedView
 from gateway.figures.figure_data import FigureData
+from gateway.figures.html_report import GLOSSARY
 from gateway.figures.style import LIGHT, THEMES
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.session import Session
-from gateway.studio.views import TrialView
-from gateway.studio.widgets import bokeh_part, button, control_row, field, html, stack, table, word
+from gateway.studio.tasks import TrialView
 from gateway.studio.worker import BUG
 from sim.effects.effect import LawError
+
+# Reaches into every widget: each lives in a shadow root, where the page's own rules end.
+STYLE = """
+:host { --font: 15px/1.45 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; font: var(--font); color: var(--ink); }
+.bk-input, select.bk-input, .bk-input-group input { background: var(--field) !important; color: var(--ink) !important; border: 1px solid var(--edge) !important; border-radius: 6px !important; font: inherit; }
+.bk-input-group > label, label, .bk-slider-title { color: var(--ink); font-size: 14px; }
+.bk-slider-value { color: var(--ink); font-weight: 600; }
+.bk-btn { font: inherit; border-radius: 6px !important; border: 1px solid var(--edge) !important; background: var(--field) !important; color: var(--ink) !important; white-space: normal; text-align: left; }
+.bk-btn:hover { background: var(--soft) !important; }
+.bk-btn-primary { background: var(--accent) !important; color: var(--on-accent) !important; border-color: var(--accent) !important; font-weight: 600; text-align: center; }
+.bk-btn:disabled, .bk-btn[disabled] { opacity: 1 !important; color: var(--faint) !important; background: var(--ground) !important; border-style: dashed !important; }
+.bk-btn:focus-visible, .bk-input:focus-visible, input:focus-visible, .noUi-handle:focus-visible { outline: 3px solid var(--accent) !important; outline-offset: 2px; }
+.bk-btn-group { flex-wrap: wrap; }
+.noUi-target { background: var(--line); border-color: var(--edge); } .noUi-connect { background: var(--accent) !important; } .noUi-handle { background: var(--paper); border-color: var(--accent); }
+h1 { font-size: 1.35rem; margin: .2rem 0 .4rem; } h2 { font-size: 1.1rem; margin: .3rem 0; } h3 { font-size: 1rem; margin: .2rem 0; }
+p { margin: .3rem 0; } summary { cursor: pointer; font-weight: 600; } .faint { color: var(--faint); font-size: .9rem; } .good { color: var(--good); font-weight: 600; } .warn { color: var(--warn); font-weight: 600; }
+.word { text-decoration: underline dotted; text-underline-offset: 3px; cursor: help; border-radius: 3px; } .word:focus { outline: 3px solid var(--accent); outline-offset: 2px; } [role=tooltip] { display: none; }
+.bk-slider-title, .bk-slider-value { white-space: normal; overflow-wrap: anywhere; }
+.wide { overflow-x: auto; } table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .3rem .6rem; border-bottom: 1px solid var(--line); vertical-align: top; } th { color: var(--faint); font-weight: 600; font-size: .88rem; }
+th:first-child, td:first-child, td.text, th.text { text-align: left; } td.text { white-space: normal; }
+pre { white-space: pre-wrap; font-size: 13px; margin: 0; } ul { margin: .2rem 0 .2rem 1.1rem; padding: 0; }
+a { color: var(--accent); }
+"""  # noqa: E501
+NO_BUTTON = ".scroll-button { display: none; }"  # every column has one, and it takes room in a row
+CARD = {
+    "overflow-x": "auto",
+    "background": "var(--paper)", "border": "1px solid var(--line)", "border-radius": "10px",
+    "padding": "10px 14px", "margin": "0 0 14px 0",
+}  # fmt: skip
+FIXED = {"stylesheets": [STYLE], "sizing_mode": "fixed", "margin": (5, 0)}  # widgets in a row
+
+
+def set_style() -> None:
+    """The style of all pages; once per process."""
+    pn.config.raw_css.append(STYLE)
+    pn.config.sizing_mode = "stretch_width"
+    pn.config.notifications = False
+
+
+def html(text: str = "", **more: Any) -> Any:
+    """A piece of the page as HTML; the caller escapes texts from files and from the bus."""
+    return pn.pane.HTML(text, sizing_mode="stretch_width", margin=0, stylesheets=[STYLE], **more)
+
+
+def stack(*parts: Any, **more: Any) -> Any:
+    """Parts one below the other."""
+    return pn.Column(*parts, sizing_mode="stretch_width", **more)
+
+
+def card(*parts: Any, **more: Any) -> Any:
+    """Parts that belong together, on paper."""
+    return stack(*parts, styles=CARD, **more)
+
+
+def section(heading: str, hint: str, *parts: Any) -> Any:
+    """A card under a heading with a hint, both HTML."""
+    return card(html(f"<h2>{heading}</h2><p class='faint'>{hint}</p>"), *parts)
+
+
+def side_by_side(*parts: Any) -> Any:
+    """Parts side by side where there is room, else one below the other.
+
+    Not a FlexBox: pictures in it are laid out before it has a width. Not a Row: it is never
+    narrower than all its parts together.
+    """
+    for part in parts:
+        part.styles = {**part.styles, "flex": "1 1 380px", "min-width": "min(100%, 320px)"}
+    wrap = {"flex-direction": "row", "flex-wrap": "wrap", "gap": "0 14px"}
+    return stack(*parts, styles=wrap, stylesheets=[NO_BUTTON], margin=0)
+
+
+def control_row(*parts: Any) -> Any:
+    """Small things in a row, on one line with their fields."""
+    return pn.FlexBox(*parts, flex_wrap="wrap", align_items="flex-end",
+                      gap="4px 10px", margin=0)  # fmt: skip
+
+
+def button(text: str, pressed: Callable[[], None], kind: str = "default", **more: Any) -> Any:
+    """A button that calls."""
+    made = pn.widgets.Button(label=text, color=kind, **(FIXED | more))
+    made.on_click(lambda _: pressed())
+    return made
+
+
+def select(label: str, options: Any, **more: Any) -> Any:
+    """A choice of one."""
+    return pn.widgets.Select(label=label, options=options, **FIXED, **more)
+
+
+def field(label: str, **more: Any) -> Any:
+    """A line of text to be filled in."""
+    return pn.widgets.TextInput(label=label, **FIXED, **more)
+
+
+def boxes(**more: Any) -> Any:
+    """Boxes to be ticked."""
+    return pn.widgets.CheckBoxGroup(stylesheets=[STYLE], margin=(5, 0), **more)
+
+
+def download(label: str, filename: str, callback: Callable[[], Any], **more: Any) -> Any:
+    """A button that hands a file to the browser."""
+    return pn.widgets.FileDownload(label=label, filename=filename, callback=callback,
+                                   color="default", **FIXED, **more)  # fmt: skip
+
+
+def word(term: str, shown: str = "") -> str:
+    """A term of the glossary: what it means shows under the pointer and at the keyboard's focus.
+
+    The page's own script draws the tooltip, where nothing cuts it off; screen readers read the
+    description.
+    """
+    key = f"tip-{re.sub('[^a-z0-9]+', '-', term.lower())}"
+    return (f'<span class="word" tabindex="0" data-term="{escape(term)}" aria-describedby="{key}">'
+            f'{escape(shown or term)}<span id="{key}" role="tooltip" hidden>'
+            f"{escape(GLOSSARY[term])}</span></span>")  # fmt: skip
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: Sequence[int] = ()) -> str:
+    """A table of HTML cells; columns in `text` are set as text."""
+    mark = [' class="text"' if i in text else "" for i in range(len(heads))]
+    head = "".join(f"<th{m}>{h}</th>" for m, h in zip(mark, heads, strict=True))
+    body = "".join(
+        "<tr>" + "".join(f"<td{m}>{c}</td>" for m, c in zip(mark, row, strict=True)) + "</tr>"
+        for row in rows
+    )
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'  # noqa: E501
+
+
+def bullets(sentences: Sequence[str]) -> str:
+    """Sentences as a list."""
+    return "<ul>" + "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences) + "</ul>"
+
+
+def bokeh_part(layout: Any) -> Any:
+    """A Bokeh figure or layout as a part of the page."""
+    return pn.pane.Bokeh(layout, sizing_mode="stretch_width", margin=0)
+
+
+def fill_source(source: Any, rows: Iterable[tuple[Any, ...]]) -> None:
+    """Rows into a Bokeh data source; data that are shown already are not sent again."""
+    every = list(rows)
+    data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
+    if source.data != data:
+        source.data = data
+
 
 PERIOD_MS = 200
 SHOW_QUICK_S = 0.5  # a comparison that takes longer is shown as work under way

@@ -19,14 +19,13 @@ from tornado.websocket import WebSocketClosedError
 from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
+from gateway.files import RECORDINGS, VESSELS
 from gateway.monitor.watcher import MonitorOptions
-from gateway.shipped import RECORDINGS, VESSELS
 from gateway.studio.access import Folders, TokenAuth, new_token
 from gateway.studio.live_history import LiveHistory
-from gateway.studio.page import PageEntry, StudioContext
+from gateway.studio.page import PageEntry, StudioContext, set_style
 from gateway.studio.pages.catalogue import known_pages
 from gateway.studio.session import Session
-from gateway.studio.widgets import set_style
 from gateway.studio.worker import BUG
 from sim.state import Progress
 

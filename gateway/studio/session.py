@@ -14,13 +14,13 @@ from typing import Any
 
 import tomli_w
 
-from gateway.atomic_file import write_whole
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
+from gateway.files import write_whole
 from gateway.ingest.survey import Survey
 from gateway.studio import tasks
 from gateway.studio.access import Folders
-from gateway.studio.views import DiagnosisView, LadderView, TrialView
+from gateway.studio.tasks import DiagnosisView, LadderView, TrialView
 from gateway.studio.worker import JobMessage, Worker
 from gateway.vessel_file import read_vessel_file
 

@@ -1,19 +1,23 @@
-"""What the studio's workers do, each in a process of its own; plain values go in and come out.
+"""What the pages show, as plain values that cross from one process into another.
+
+What the studio's workers do, each in a process of its own; plain values go in and come out.
 
 A task's first argument, `send`, takes a line of progress or a part of the result.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from gateway.errors import BadInput
 from gateway.figures.comparison import error_strips, missing_force_by_regime
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
+from gateway.figures.figure_data import FigureData
 from gateway.figures.motion import horizon_velocities, measured_velocities, residuals, track
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
@@ -22,15 +26,6 @@ from gateway.offline.compare import TrialComparison, compare_models, distinct_ve
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
 from gateway.offline.report import report_of, write_report
 from gateway.offline.trials import load_trials
-from gateway.studio.views import (
-    AlternativeView,
-    DiagnosisView,
-    LadderView,
-    RegimeView,
-    TimeRanges,
-    TrialView,
-    VesselView,
-)
 from gateway.studio.worker import Send
 from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel
@@ -41,9 +36,108 @@ from sim.diagnosis.answer import LadderStep
 from sim.diagnosis.evidence import evidence_of, evidence_on, rivals
 from sim.effects.effect import Effect
 from sim.model import Model
-from sim.state import Eta
+from sim.state import Eta, Floats
 from sim.trial import Trial
 from sim.vessel import Vessel
+
+TimeRanges = tuple[tuple[float, float], ...]  # from, to [s]
+
+
+@dataclass(frozen=True)
+class RegimeView:
+    """A regime in words, and the stretches of time that belong to it."""
+
+    text: str
+    times: TimeRanges
+
+
+@dataclass(frozen=True)
+class VesselView:
+    """One vessel on one recording."""
+
+    name: str
+    rmse: Mapping[str, float]
+    nrmse: float
+    ci95: tuple[float, float] | None
+    floor: float
+    worst: tuple[RegimeView, ...]
+    figures: Mapping[str, FigureData]
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """One stretch of a recording; without vessels while it is still being compared."""
+
+    name: str
+    log: str
+    seconds: float
+    time: Floats  # (T,)
+    east: Floats  # (T,)
+    north: Floats  # (T,)
+    measured: FigureData
+    vessels: tuple[VesselView, ...] = ()
+    notices: tuple[str, ...] = ()
+    origin_deg: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class LadderView:
+    """One step that can be taken: the effects, the error then, and the vessel file's text then."""
+
+    effects: tuple[str, ...]
+    bar: LadderBar
+    text: str
+
+
+@dataclass(frozen=True)
+class AlternativeView:
+    """What was ranked but not chosen: its step, and its evidence where that is worth a look.
+
+    rival   these data cannot tell it from what was chosen
+    """
+
+    step: LadderView
+    rival: bool
+    evidence: FigureData | None = None
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    """A diagnosis: what `shadow diagnose --json` prints, its steps, its figures.
+
+    looks   effect -> what it looks like
+    before  effects that the vessel had when it was diagnosed
+    """
+
+    answer: Mapping[str, Any]
+    logs: tuple[str, ...]
+    floor: float
+    steps: tuple[LadderView, ...]
+    ranking: FigureData | None
+    evidence: Mapping[str, FigureData]
+    looks: Mapping[str, str] = field(default_factory=dict)
+    separations: tuple[str, ...] = ()
+    before: tuple[str, ...] = ()
+    alternatives: tuple[AlternativeView, ...] = ()
+
+    def up_to(self, step: LadderView) -> tuple[LadderView, ...]:
+        """The steps on the way to one, and itself."""
+        if step in self.steps:
+            return self.steps[: self.steps.index(step) + 1]
+        n = len(step.effects)
+        below = (s for s in self.steps if s.effects == step.effects[: len(s.effects)])
+        return (*(s for s in below if len(s.effects) < n), step)
+
+    def added_since(self, effects: tuple[str, ...]) -> tuple[str, ...] | None:
+        """Which of a vessel's effects were added since; None where it is another vessel."""
+        n = len(self.before)
+        return effects[n:] if effects[:n] == self.before else None
+
+    def next_steps(self, effects: tuple[str, ...]) -> list[LadderView]:
+        """What can be added to these effects, what was chosen first."""
+        every = (*self.steps, *(alternative.step for alternative in self.alternatives))
+        return [step for step in every if step.effects and step.effects[:-1] == effects]
+
 
 WORST = 6  # regimes that are named
 EXPLAINS = 0.95  # of the error without any effect: what lowers it by less is not worth a figure

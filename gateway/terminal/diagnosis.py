@@ -7,7 +7,7 @@ from shlex import quote
 from rich.table import Table
 
 from gateway.figures.diagnosis import step_name
-from gateway.figures.quantities import probability_text
+from gateway.figures.style import probability_text
 from gateway.offline.add import AdditionResult
 from gateway.offline.diagnose import DiagnosisResult
 from gateway.terminal.console import ResultConsole, result_table

@@ -15,8 +15,7 @@ from rich.text import Text
 from gateway.figures.excitation import effect_example_figure, effect_with_values
 from gateway.figures.figure_data import SeriesRole
 from gateway.figures.matplotlib_draw import save_figure
-from gateway.figures.quantities import VELOCITIES
-from gateway.figures.style import COLOUR
+from gateway.figures.style import COLOUR, VELOCITIES
 from gateway.terminal.console import ResultConsole
 from sim.diagnosis.next_experiment import separation
 from sim.effects.effect import Effect

@@ -1,17 +1,82 @@
-"""An identification: fitted parameters, every doubt in words, and what is gained on unseen time."""
+"""Comparisons: how far models are from the measurement, and the worst regimes in words.
 
+An identification: fitted parameters, every doubt in words, and what is gained on unseen time.
+
+A plan: its prediction, its bounds and its files; and the list of manoeuvres.
+"""
+
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.markup import escape
 from rich.table import Table
 
-from gateway.figures.quantities import DEGREES
+from gateway.figures.style import DEGREES, velocity_texts
+from gateway.offline.plan import PlanResult
+from gateway.offline.plan_export import pulse_bounds
 from gateway.terminal.console import ResultConsole, result_table
+from sim.comparison.compare import Comparison
+from sim.excitation.manoeuvre import Manoeuvre
 from sim.excitation.step_response import STEER, THROTTLE, StepResponse, StepResponses
 from sim.identification.identify import Identification
 from sim.identification.validation import Validation
 from sim.prediction.scores import Scores
 from sim.vessel import Vessel
+
+WORST = 5  # regimes that are named
+
+
+def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None:
+    """All comparisons: errors beside the floor, then where each vessel is worst."""
+    out = ResultConsole()
+    out.print(_table(found))
+    out.print(
+        "nrmse: error of free predictions over the horizon, in standard deviations of the motion; "
+        "at the floor it is noise. A free run starts once and is never corrected."
+    )
+    out.bullets(_refits(found))
+    out.notices(dict.fromkeys(n for comparison in found for n in comparison.notices))
+    for one in found:
+        worst = one.worst(WORST)
+        heading = "where it is worst" if worst else "no worse anywhere than noise"
+        out.print(f"\n[bold]{escape(one.vessel)}[/bold] on {escape(one.log)}: {heading}")
+        out.bullets(each.sentence for each in worst)
+        if one.place is not None:
+            out.bullets([str(one.place.to_dict()["says"])])
+        if one.independence is not None and one.independence.description:
+            out.bullets([one.independence.description])
+    if pictures is not None:
+        out.print(f"\npictures: {pictures}", soft_wrap=True, markup=False)
+
+
+def _refits(found: Sequence[Comparison]) -> list[str]:
+    """What was estimated anew on the day, either half of the blocks from the other."""
+    return [
+        f"{c.vessel} on {c.log}, estimated anew on blocks that it is not judged by: "
+        + ", ".join(f"{key} {a:.3g} / {b:.3g}" for (key, a), b in zip(
+            c.refit[0].items(), c.refit[1].values(), strict=True))
+        for c in found if c.refit
+    ]  # fmt: skip
+
+
+def _table(found: Sequence[Comparison]) -> Table:
+    table = Table(title="measured − model, RMSE", title_justify="left")
+    for name in ("recording", "vessel", "run"):
+        table.add_column(name, overflow="fold")
+    for name in ("u m/s", "v m/s", "r °/s", "nrmse", "floor"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for c in found:
+        interval = "" if c.nrmse_ci95 is None else f" {c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f}"
+        table.add_row(
+            escape(f"{c.log}, {c.seconds:.0f} s"), escape(c.vessel),
+            f"{c.ruler.settings.horizon:g} s", *velocity_texts(c.scores.rmse),
+            f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}",
+        )  # fmt: skip
+        rmse = c.free_run.to_dict().get("rmse", {})
+        free = velocity_texts(rmse) if "u" in rmse else ("diverged", "", "")
+        table.add_row("", "", "free", *free, end_section=True)
+    return table
+
 
 CHANNELS = {  # of the scores, in SI units
     "u": "u m/s", "v": "v m/s", "r": "r rad/s", "x": "north m", "y": "east m", "psi": "ψ rad",
@@ -106,3 +171,73 @@ def _free_run_rows(v: Validation) -> list[tuple[str, ...]]:
     if len(after.error) == 0:
         return [("u m/s", "after", "diverged", "", "", "")]
     return _score_rows(before.scores, after.scores)
+
+
+MOST = 5  # manoeuvres that are named
+UNKNOWN = "wind and current that the vessel file does not hold come on top"
+
+
+def show_manoeuvres(known: Sequence[Manoeuvre]) -> None:
+    """One line each."""
+    table = Table("excitation", "seconds", "what it tells of")
+    for manoeuvre in known:
+        table.add_row(manoeuvre.name, f"{manoeuvre.seconds:.0f}", manoeuvre.reveals)
+    out = ResultConsole()
+    out.print(table)
+    out.print(
+        "circles (also in mixed) take as long as the vessel needs. "
+        "shadow plan --vessel V --excitation NAME writes one for a boat",
+        highlight=False,
+    )
+
+
+def show_plan(done: PlanResult) -> None:
+    """What will happen, whether it stays in the circle, what stops it, where the files are."""
+    out, plan = ResultConsole(highlight=False), done.plan
+    out.print(
+        f"[bold]{plan.manoeuvre.name}[/bold] for {plan.vessel.name}: {plan.seconds:.0f} s, "
+        f"throttle up to {100 * plan.limits.throttle:.0f} %"
+    )
+    if done.ranking is not None:
+        out.print(f"chosen to tell {done.ranking.of}; per second, of most use:", markup=False)
+        for one in done.ranking.ranked[:MOST]:
+            out.print(f"  {one.manoeuvre.name}, {one.seconds:.0f} s: {one.nats:.0f} nats")
+    out.print(f"tells of {plan.manoeuvre.reveals}", markup=False)
+    out.print(_circle(done), markup=False)
+    out.print(step_response_table(plan.vessel, done.step_responses))
+    pulses = (
+        f"{low}–{high} µs on {channel}" for channel, (low, high) in pulse_bounds(plan).items()
+    )
+    volts = done.safety.lowest_voltage_v
+    battery = "BATT_LOW_VOLT" if volts is None else f"{volts:g} V"
+    out.print(
+        f"the script stops, in Hold, beyond {done.safety.radius_m:g} m or "
+        f"{done.safety.highest_speed_mps:g} m/s, below {battery}, outside {', '.join(pulses)}, "
+        "and when you move a stick, the switch or the mode",
+        markup=False,
+    )
+    for file in done.files:
+        out.path("wrote", file)
+    out.print("how to run it aboard, safely: docs/plan.md")
+
+
+def _circle(done: PlanResult) -> str:
+    plan, radius = done.plan, done.safety.radius_m
+    fast = f"predicted: at most {plan.speed.max():.1f} m/s, {plan.reach:.0f} m from the start"
+    if not done.within_radius:
+        return (
+            f"WARNING: {fast}: it leaves the circle of {radius:g} m after {done.leaves_at:.0f} s, "
+            f"where the script will stop. --seconds {done.clear_until:.0f} keeps it in; or give "
+            "more --radius, or another --excitation"
+        )
+    if done.close_to_edge:
+        return (
+            f"{fast}, within the circle of {radius:g} m but close to it: wind or current may carry "
+            f"it out, where the script will stop. --seconds {done.clear_until:.0f} keeps it clear"
+        )
+    if plan.limits.throttle < done.requested_throttle:
+        return (
+            f"{fast}, in the circle of {radius:g} m: for that the throttle limit "
+            f"was lowered from {done.requested_throttle:g} to {plan.limits.throttle:.2f}; {UNKNOWN}"
+        )
+    return f"{fast}, in the circle of {radius:g} m; {UNKNOWN}"

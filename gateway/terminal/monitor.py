@@ -8,8 +8,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from gateway.figures.quantities import SURGE, SWAY, YAW_RATE
-from gateway.monitor.vessel_status import (
+from gateway.figures.style import SURGE, SWAY, YAW_RATE
+from gateway.monitor.watcher import (
     HIGH_LOSS,
     HIGH_NIS,
     LINK_SILENT_S,

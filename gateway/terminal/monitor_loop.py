@@ -11,8 +11,7 @@ from rich.console import Console
 from rich.live import Live
 
 from gateway.errors import BadInput, ShadowError
-from gateway.monitor.vessel_status import VesselStatus
-from gateway.monitor.watcher import BusWatcher, MonitorOptions
+from gateway.monitor.watcher import BusWatcher, MonitorOptions, VesselStatus
 from gateway.terminal.monitor import monitor_view, show_once, waiting_view
 
 PERIOD_S = 0.25

@@ -14,8 +14,7 @@ from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import Scores, nrmse, nrmse_interval, scaled_squares, scores
 from sim.prediction.segments import CompareSettings
-from sim.tables import data_frame
-from sim.trial import Trial
+from sim.trial import Trial, data_frame
 
 ADEQUATE_FLOORS = 1.2  # noise floors: an nrmse below is no failure; chosen, not measured
 MIN_EXCESS = 0.02  # share of the squared error beyond the share of time, to be named; chosen

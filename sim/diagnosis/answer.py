@@ -15,7 +15,7 @@ from sim.diagnosis.ranking import Ranking
 from sim.diagnosis.residual_terms import Dependence
 from sim.identification.intervals import Estimate
 from sim.state import Floats
-from sim.tables import data_frame
+from sim.trial import data_frame
 from sim.vessel import Vessel
 
 

@@ -23,7 +23,7 @@ from sim.identification.runs import RunSet, simulate_runs
 from sim.model import Model
 from sim.prediction.inputs import vessel_commands
 from sim.prediction.missing_force import missing_force_only
-from sim.prediction.transition import transitions
+from sim.prediction.segments import transitions
 from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
 

@@ -8,11 +8,23 @@ Where there are rudders they steer alone. A thruster across the boat (bow thrust
 the throttle; one that makes no yaw moment has none of the helm. This is how an autopilot with skid
 steering mixes: with throttle and steer together above full travel it keeps the helm and reduces the
 throttle, as does `within_travel`.
+
+A plan: sticks on a grid, the polyline that the autopilot plays, and the predicted motion.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from sim.excitation.manoeuvre import Manoeuvre, Stick, StickLimits, slew_limited
+from sim.excitation.manoeuvre import (
+    Manoeuvre,
+    Stick,
+    StickLimits,
+    corner_rows,
+    polyline,
+    slew_limited,
+)
+from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Rudder, Thruster, Vessel
 
@@ -92,3 +104,66 @@ def manoeuvre_commands(
 ) -> Floats:
     """Commands (T, actuators) in [−1, 1] on a grid of dt [s]."""
     return mix_sticks(vessel, manoeuvre_sticks(manoeuvre, vessel, dt, seed, limits, seconds))
+
+
+DT = 0.1  # s
+TOLERANCE = 0.01  # of full travel, between the polyline and the manoeuvre
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Sticks (K, 2) at the corners (K,) [s]; on the grid (T,) sticks, commands, motion (T, 9)."""
+
+    manoeuvre: Manoeuvre
+    vessel: Vessel
+    limits: StickLimits
+    seed: int
+    corner_time: Floats
+    corner_sticks: Floats
+    time: Floats
+    sticks: Floats
+    commands: Floats
+    motion: Floats
+
+    @property
+    def seconds(self) -> float:
+        """Duration [s]."""
+        return float(self.time[-1])
+
+    @property
+    def distance(self) -> Floats:
+        """Distance from the start (T,) [m]."""
+        return np.hypot(*(self.motion[:, :2] - self.motion[0, :2]).T)
+
+    @property
+    def reach(self) -> float:
+        """Largest distance from the start [m]."""
+        return float(self.distance.max())
+
+    @property
+    def speed(self) -> Floats:
+        """Speed over ground (T,) [m/s]."""
+        return np.hypot(self.motion[:, 3], self.motion[:, 4])
+
+
+def plan_of(
+    manoeuvre: Manoeuvre,
+    model: Model,
+    limits: StickLimits,
+    seed: int = 0,
+    seconds: float | None = None,
+) -> Plan:
+    """The sticks as the script will play them, and the motion that they make."""
+    vessel = model.vessel
+    wanted = np.vstack(
+        [manoeuvre_sticks(manoeuvre, vessel, DT, seed, limits, seconds), np.zeros(2)]
+    )
+    time = DT * np.arange(len(wanted), dtype=float)
+    kept = corner_rows(time, wanted, TOLERANCE)
+    corners: Floats = np.round(wanted[kept], 3).astype(float)
+    sticks = polyline(time, time[kept], corners)
+    commands = mix_sticks(vessel, sticks)
+    motion = model.simulate(commands, DT)[1][0, :-1]
+    return Plan(
+        manoeuvre, vessel, limits, seed, time[kept], corners, time, sticks, commands, motion
+    )

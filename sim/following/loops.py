@@ -11,8 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.body import HeldInputs, Report
-from sim.following.blend import WorldMotion, blend, offset_between, to_world_motion
-from sim.following.law import Gains, commanded_acceleration, corrected_reference
+from sim.following.law import (
+    Gains,
+    WorldMotion,
+    blend,
+    commanded_acceleration,
+    corrected_reference,
+    offset_between,
+    to_world_motion,
+)
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
 from sim.kernel.loops import (

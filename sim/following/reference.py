@@ -5,7 +5,7 @@
     auto       the estimate while telemetry is fresh, the prediction while the link is down
 
 At a hand-over the reference goes on where it was, pose, velocity and acceleration, and the offset
-decays within seconds (`sim.following.blend`). Pure: a state goes in, a new state comes out, and how
+decays within seconds (`sim.following.law`). Pure: a state goes in, a new state comes out, and how
 rows are cut into chunks does not change a bit.
 """
 

@@ -25,7 +25,7 @@ import numpy as np
 from sim.model import InputTable, Model
 from sim.prediction.inputs import commands_around
 from sim.prediction.missing_force import forces_along
-from sim.prediction.transition import VELOCITY_STEP, shifted_velocities
+from sim.prediction.segments import VELOCITY_STEP, shifted_velocities
 from sim.state import Floats, Ints
 from sim.trial import Trial
 

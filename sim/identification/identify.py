@@ -28,8 +28,7 @@ from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError, require_finite
 from sim.state import Floats, Progress
-from sim.tables import data_frame
-from sim.trial import Trial
+from sim.trial import Trial, data_frame
 from sim.vessel import Vessel, with_free_curves
 
 MIN_USABLE_S = 20.0  # chosen, not measured

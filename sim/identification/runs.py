@@ -18,8 +18,7 @@ from sim.model import Model, Runs
 from sim.prediction.free_runs import memory_at
 from sim.prediction.inputs import input_table, measured_motion
 from sim.prediction.scales import scales_of
-from sim.prediction.segments import usable_stretches
-from sim.prediction.transition import VELOCITY_STEP, shifted_velocities
+from sim.prediction.segments import VELOCITY_STEP, shifted_velocities, usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 

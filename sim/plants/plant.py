@@ -2,10 +2,18 @@
 
 A plant holds settings; its state is a value of whatever kind suits it (a tuple, a snapshot of a
 physics engine) that goes in and comes out, so that a run can be repeated, cut and resumed.
+
+A vessel as a plant, step by step in plain Python: the same laws as the compiled loop.
 """
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
+from sim.kernel.cache import plain_kernel_for
+from sim.kernel.signatures import State
+from sim.model import Model
 from sim.state import Pose, Velocity, Wrench
 
 
@@ -52,3 +60,53 @@ class Plant(Protocol):
     def step(self, state: Any, tau: Wrench, inputs: PlantInputs, dt: float) -> Any:
         """The state dt [s] later under a constant force [N, N, N m]."""
         ...
+
+
+@dataclass(frozen=True)
+class VesselPlant:
+    """The balance of a vessel under a force; its own thrusters give none."""
+
+    model: Model
+
+    @property
+    def name(self) -> str:
+        """The vessel's name."""
+        return self.model.vessel.name
+
+    @property
+    def _kernel(self) -> Any:
+        return plain_kernel_for(self.model.kernel.structure).module
+
+    @property
+    def _numbers(self) -> Any:
+        return self._kernel.unpack(self.model.theta)
+
+    def _held(self, inputs: PlantInputs) -> Any:
+        no_commands = np.zeros(self.model.actuator_count)
+        return self._kernel.held_inputs(no_commands, *inputs[1:], self._numbers)
+
+    def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> State:
+        """A state with that pose and velocity, memory settled without commands."""
+        x = (*motion.pose, *motion.velocity, *(0.0,) * (self.model.state_size - 6))
+        return self._kernel.settle_memory(x, inputs.time, self._held(inputs), self._numbers)
+
+    def motion(self, state: State) -> PlantMotion:
+        """Pose [m, m, rad] and velocity [m/s, m/s, rad/s] of a state."""
+        return PlantMotion(Pose(*state[:3]), Velocity(*state[3:6]))
+
+    def acceleration(self, state: State, tau: Wrench, inputs: PlantInputs) -> Velocity:
+        """ν̇ under a force [N, N, N m] -> [m/s², m/s², rad/s²]."""
+        rates = self._kernel.state_rates_under_force(
+            state, inputs.time, self._held(inputs), tau, self._numbers
+        )
+        return Velocity(*rates[3:6])
+
+    def required_force(self, state: State, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
+        """The force that this ν̇ takes, from the balance [N, N, N m]."""
+        held = self._held(inputs)
+        return self._kernel.required_wrench(state, *nu_dot, inputs.time, held, self._numbers)
+
+    def step(self, state: State, tau: Wrench, inputs: PlantInputs, dt: float) -> State:
+        """One Runge–Kutta step under a constant force -> the state dt [s] later."""
+        held = self._held(inputs)
+        return self._kernel.rk4_step_under_force(state, inputs.time, held, tau, dt, self._numbers)

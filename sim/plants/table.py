@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from sim.model import Model
-from sim.plants.plant import Plant
-from sim.plants.vessel_plant import VesselPlant
+from sim.plants.plant import Plant, VesselPlant
 from sim.vessel import Vessel
 
 

@@ -19,10 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.prediction.segments import CompareSettings, Segments, require_finite, segments_of
-from sim.prediction.transition import (
+from sim.prediction.segments import (
     STATE,
+    CompareSettings,
+    Segments,
     nodes_within_limit,
+    require_finite,
+    segments_of,
     start_transitions,
     start_variance,
 )

@@ -12,12 +12,12 @@ import pytest
 from gateway import plants
 from gateway.config import load_settings
 from gateway.errors import BadInput
-from gateway.live.run import plans_in, plans_of
+from gateway.files import vessel_path
+from gateway.live.gateway import plans_in, plans_of
 from gateway.recording.reader import Recording
-from gateway.shipped import vessel_path
 from gateway.vessel_file import dump_vessel
+from sim.plants.plant import VesselPlant
 from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantKind
-from sim.plants.vessel_plant import VesselPlant
 from tests.sim.vessels import IACQUABOT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,7 +26,7 @@ PLUG_IN = '''
 from dataclasses import dataclass, replace
 from sim.model import Model
 from sim.plants.table import PlantKind
-from sim.plants.vessel_plant import VesselPlant
+from sim.plants.plant import VesselPlant
 
 
 @dataclass(frozen=True)

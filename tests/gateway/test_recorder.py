@@ -15,8 +15,7 @@ from mcap.reader import make_reader
 
 from gateway.errors import ShadowError
 from gateway.recording import foxglove
-from gateway.recording.file import Compression
-from gateway.recording.recorder import Recorder, RecordingSettings
+from gateway.recording.recorder import Compression, Recorder, RecordingSettings
 from gateway.topics import TOPICS
 from tests.gateway.voyages import (
     LATE,

@@ -14,9 +14,8 @@ from mcap.writer import Writer
 
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.open import open_log
-from gateway.recording.file import Compression
 from gateway.recording.reader import Recording, repair
-from gateway.recording.recorder import Recorder, RecordingSettings
+from gateway.recording.recorder import Compression, Recorder, RecordingSettings
 from tests.conftest import ROOT
 from tests.gateway.voyages import LATE, METADATA, VESSEL, event, frames_of, record, rows_of, times
 

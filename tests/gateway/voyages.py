@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from gateway.json_rows import TopicRows, encode, encode_rows
-from gateway.recording.file import Attachment
-from gateway.recording.recorder import Recorder
+from gateway.recording.recorder import Attachment, Recorder
 from gateway.topics import TOPICS, FieldType
 
 START = 1_700_000_000_000_000_000

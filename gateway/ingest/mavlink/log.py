@@ -1,24 +1,199 @@
-"""Logs of MAVLink frames: telemetry logs (.tlog), and the frames of the gateway's own recording."""
+"""Raw MAVLink frames in the order of receipt, whatever container they came from, as tables.
+
+Sequence numbers show which frames of a source were lost, late or doubled.
+
+Logs of MAVLink frames: telemetry logs (.tlog), and the frames of the gateway's own recording.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.errors import BadInput
 from gateway.ingest.decoding import decode_tables
 from gateway.ingest.format import looks_like
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
+from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, columns, frozen
 from gateway.ingest.mavlink.boats import from_heartbeats, from_motion
-from gateway.ingest.mavlink.definitions import checksum_seeds
-from gateway.ingest.mavlink.frames import Frames
+from gateway.ingest.mavlink.definitions import checksum_seeds, definitions, ids_by_name, layout
 from gateway.ingest.mavlink.mapping import RULES
-from gateway.ingest.mavlink.walk import GOOD, checksum_table, examine
+from gateway.ingest.mavlink.walk import (
+    GOOD,
+    Bytes,
+    Headers,
+    Tally,
+    check_frames,
+    checksum_table,
+    examine,
+    gather,
+    group,
+    read_headers,
+    read_stamps,
+    walk_records,
+)
 from gateway.ingest.parameters import banner
+from gateway.jit import compiled
+from sim.state import Ints
 
 if TYPE_CHECKING:
     from gateway.recording.reader import Recording
+
+SOURCES = 65536  # systems × components
+LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss
+
+
+@compiled
+def same_frame(data: Bytes, h: Headers, one: int, other: int) -> bool:
+    """Do two frames carry the same number, message and payload?"""
+    if (
+        h.sequence[one] != h.sequence[other]
+        or h.message_id[one] != h.message_id[other]
+        or h.payload_length[one] != h.payload_length[other]
+    ):
+        return False
+    for k in range(h.payload_length[one]):
+        if data[h.payload_offset[one] + k] != data[h.payload_offset[other] + k]:
+            return False
+    return True
+
+
+@compiled
+def continuity(data: Bytes, h: Headers) -> tuple[int, int, int]:
+    """Headers (K,) -> frames lost, late, doubled, each source (system, component) by itself."""
+    lost = late = doubled = 0
+    last = np.full(SOURCES, -1, np.int64)  # frame before this one
+    expected = np.zeros(SOURCES, np.int64)
+    restart = np.full(SOURCES, -1, np.int64)  # follows if a step back was a reboot
+    for i in range(len(h.offset)):
+        source = np.int64(h.system[i]) * 256 + h.component[i]
+        number, after = np.int64(h.sequence[i]), (np.int64(h.sequence[i]) + 1) & 0xFF
+        before, last[source] = last[source], i
+        gap = (number - expected[source]) & 0xFF
+        if before >= 0 and same_frame(data, h, before, i):
+            doubled += 1
+        elif before >= 0 and gap > 256 - LATE and number != restart[source]:
+            late += 1
+            restart[source] = after
+        else:
+            if before >= 0 and number != restart[source]:
+                lost += gap
+            restart[source], expected[source] = -1, after
+    return max(lost - late, 0), late, doubled  # a late frame's empty place was counted as a loss
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Accepted frames: their checksum holds and their message is known.
+
+    data             (n,)  uint8: the bytes that all offsets refer to
+    headers                where each frame and its payload lie, (K,) each
+    receive_time_ns  (K,)  int64 Unix ns
+    statistics             what was found while they were read
+    """
+
+    data: NDArray[np.uint8]
+    headers: Headers
+    receive_time_ns: Ints
+    statistics: Statistics
+    _groups: tuple[Ints, Ints] = field(repr=False)
+    _tables: dict[str, Table] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def from_records(cls, raw: bytes) -> "Frames":
+        """The frames of a .tlog: each behind its time stamp."""
+        data = np.frombuffer(raw, np.uint8)
+        offset, tally = walk_records(data, checksum_seeds(), checksum_table())
+        return _described(data, offset, read_stamps(data, offset), tally)
+
+    @classmethod
+    def from_buffer(cls, raw: bytes, start: Ints, end: Ints, receive_time_ns: Ints) -> "Frames":
+        """One frame in each raw[start:end] (K,); those that do not hold are counted, not kept."""
+        data = np.frombuffer(raw, np.uint8)
+        start, end = np.asarray(start, np.int64), np.asarray(end, np.int64)
+        accepted, tally = check_frames(data, start, end, checksum_seeds(), checksum_table())
+        times = np.asarray(receive_time_ns, np.int64)[accepted]
+        return _described(data, start[accepted], times, tally)
+
+    def __len__(self) -> int:
+        return len(self.headers.offset)
+
+    def raw(self, i: int) -> bytes:
+        """The bytes of one frame as they were received."""
+        start, length = self.headers.offset[i], self.headers.length[i]
+        return self.data[start : start + length].tobytes()
+
+    def counts(self) -> Mapping[str, int]:
+        """Message name -> number of frames, by name."""
+        starts = self._groups[1]
+        found = {layout(int(n)).name: int(starts[n + 1] - starts[n]) for n in _present(starts)}
+        return dict(sorted(found.items()))
+
+    def table(self, name: str) -> Table:
+        """All messages of that name as columns (an empty table where there is none)."""
+        if name not in self._tables:
+            self._tables[name] = self._decoded(name)
+        return self._tables[name]
+
+    def _decoded(self, name: str) -> Table:
+        number = ids_by_name().get(name)
+        order, starts = self._groups
+        rows = order[:0] if number is None else order[starts[number] : starts[number + 1]]
+        return Table(
+            name=name,
+            order=frozen(rows),
+            receive_time_ns=frozen(self.receive_time_ns[rows]),
+            system=frozen(self.headers.system[rows]),
+            component=frozen(self.headers.component[rows]),
+            columns={} if number is None else self._columns(number, rows),
+        )
+
+    def _columns(self, number: int, rows: Ints) -> Mapping[str, NDArray[np.generic]]:
+        plan = layout(number)
+        h, size = self.headers, plan.dtype.itemsize
+        payloads = gather(self.data, h.payload_offset, h.payload_length, rows, size)
+        return columns(payloads.view(plan.dtype), plan.fields)
+
+
+def _described(data: NDArray[np.uint8], offset: Ints, times: Ints, tally: Ints) -> Frames:
+    """Frames with their headers read and their statistics counted."""
+    headers = read_headers(data, offset)
+    for array in (*headers, times):
+        array.setflags(write=False)
+    statistics = _statistics(data, headers, times, tally)
+    groups = group(headers.message_id, max(definitions()))
+    return Frames(data, headers, times, statistics, groups)
+
+
+def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: Ints) -> Statistics:
+    lost, late, doubled = continuity(data, headers)
+    return Statistics(
+        size_bytes=len(data),
+        accepted=len(headers.offset),
+        bad_checksum=int(tally[Tally.BAD_CHECKSUM]),
+        junk_bytes=int(tally[Tally.JUNK_BYTES]),
+        unknown_messages=int(tally[Tally.UNKNOWN]),
+        signed=int(np.count_nonzero(headers.signed)),
+        mavlink1=int(np.count_nonzero(headers.version == 1)),
+        mavlink2=int(np.count_nonzero(headers.version == 2)),
+        truncated_tail=bool(tally[Tally.TRUNCATED_TAIL]),
+        lost=int(lost),
+        duplicates=int(doubled),
+        time_backwards=int(np.count_nonzero(np.diff(times) < 0)),
+        notes=(_late(int(late)),) if late else (),
+    )
+
+
+def _present(starts: Ints) -> Ints:
+    """Message ids of which there is at least one."""
+    return np.flatnonzero(np.diff(starts))
+
+
+def _late(count: int) -> str:
+    if count == 1:
+        return "1 frame came after a later one of its source"
+    return f"{count} frames came after later ones of their source"
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ def recognises(head: bytes, path: Path) -> bool:
 
 def open_mcap(path: str | Path, raw: bytes = b"", mapping: str | Path | None = None) -> "Log":
     """All frames of a recording in order of handling; BadInput where it holds none."""
-    from gateway.ingest.mavlink.frames import Frames
-    from gateway.ingest.mavlink.log import MavlinkLog
+    from gateway.ingest.mavlink.log import Frames, MavlinkLog
     from gateway.recording.reader import Recording
 
     recording = Recording.open(Path(path))

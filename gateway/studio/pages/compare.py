@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from gateway.figures.quantities import velocity_texts
+from gateway.figures.style import velocity_texts
 from gateway.ingest.earth import Origin
 from gateway.studio.map_tiles import TileMap
-from gateway.studio.page import FigurePlace, Page, StudioContext, Watches
-from gateway.studio.views import TimeRanges, TrialView, VesselView
-from gateway.studio.widgets import (
+from gateway.studio.page import (
+    FigurePlace,
+    Page,
+    StudioContext,
+    Watches,
     button,
     card,
     control_row,
@@ -28,6 +30,7 @@ from gateway.studio.widgets import (
     table,
     word,
 )
+from gateway.studio.tasks import TimeRanges, TrialView, VesselView
 from sim.comparison.compare import ADEQUATE_FLOORS
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"

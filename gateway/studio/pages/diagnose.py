@@ -9,14 +9,18 @@ import panel as pn
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
-from gateway.figures.quantities import probability_text
-from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches, error_table
-from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
-from gateway.studio.widgets import (
+from gateway.figures.style import probability_text
+from gateway.studio.page import (
+    FigurePlace,
+    Page,
+    SaveControls,
+    StudioContext,
+    Watches,
     boxes,
     bullets,
     button,
     card,
+    error_table,
     html,
     section,
     side_by_side,
@@ -24,6 +28,7 @@ from gateway.studio.widgets import (
     table,
     word,
 )
+from gateway.studio.tasks import AlternativeView, DiagnosisView, LadderView
 from sim.diagnosis.answer import Verdict
 
 MOST_CANDIDATES = 6  # that are offered

@@ -8,17 +8,21 @@ import numpy as np
 import panel as pn
 
 from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
-from gateway.monitor.vessel_status import (
-    HIGH_LOSS,
-    HIGH_NIS,
-    LINK_SILENT_S,
-    VesselStatus,
-    time_of_day,
-)
+from gateway.monitor.watcher import HIGH_LOSS, HIGH_NIS, LINK_SILENT_S, VesselStatus, time_of_day
 from gateway.studio.live_chart import Chart, VelocityStrips
 from gateway.studio.map_tiles import TileMap
-from gateway.studio.page import Page, StudioContext
-from gateway.studio.widgets import NO_BUTTON, card, html, section, select, side_by_side, stack, word
+from gateway.studio.page import (
+    NO_BUTTON,
+    Page,
+    StudioContext,
+    card,
+    html,
+    section,
+    select,
+    side_by_side,
+    stack,
+    word,
+)
 
 MOVED_M = 20.0  # an origin further off is another one
 MOST_EVENTS = 8  # that are shown

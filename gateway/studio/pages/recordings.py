@@ -7,8 +7,18 @@ from typing import Any
 
 from gateway.errors import BadInput
 from gateway.ingest.survey import Survey
-from gateway.studio.page import Page, StudioContext, Watches
-from gateway.studio.widgets import boxes, bullets, button, card, html, select, stack
+from gateway.studio.page import (
+    Page,
+    StudioContext,
+    Watches,
+    boxes,
+    bullets,
+    button,
+    card,
+    html,
+    select,
+    stack,
+)
 
 MOST_RATES = 8  # messages whose rates are shown
 

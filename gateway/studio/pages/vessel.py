@@ -9,9 +9,23 @@ from typing import Any
 import panel as pn
 
 from gateway.figures.motion import with_earlier_model
-from gateway.studio.page import FigurePlace, Page, SaveControls, StudioContext, Watches, error_table
+from gateway.studio.page import (
+    STYLE,
+    FigurePlace,
+    Page,
+    SaveControls,
+    StudioContext,
+    Watches,
+    card,
+    download,
+    error_table,
+    html,
+    section,
+    side_by_side,
+    stack,
+    word,
+)
 from gateway.studio.session import with_values
-from gateway.studio.widgets import STYLE, card, download, html, section, side_by_side, stack, word
 from gateway.user_effects import known_effects
 
 BASE = {  # unit and meaning of the plain numbers

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gateway.config import Settings, as_tables, load_settings
-from gateway.ingest.csv.mapping_file import QUANTITIES
+from gateway.ingest.csv.log import QUANTITIES
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel, load_vessel
 from tests.conftest import ROOT

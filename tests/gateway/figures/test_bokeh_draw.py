@@ -10,8 +10,7 @@ from gateway.figures.bokeh_marks import columns_of, draw_mark
 from gateway.figures.comparison import comparison_figures
 from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.motion import horizon_velocities
-from gateway.figures.quantities import TIME
-from gateway.figures.style import COLOUR, DARK, LIGHT
+from gateway.figures.style import COLOUR, DARK, LIGHT, TIME
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.voyages import WAM_V, trial_of, voyage

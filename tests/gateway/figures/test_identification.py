@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gateway.figures.excitation import identification_figures, parameter_changes
 from gateway.figures.figure_data import Dots, Line, SeriesRole
-from gateway.figures.identification import identification_figures, parameter_changes
 from gateway.figures.matplotlib_draw import save_figure
 from sim.identification.intervals import Estimate
 from sim.model import Model

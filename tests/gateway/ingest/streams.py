@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.mavlink.frames import Frames
+from gateway.ingest.mavlink.log import Frames
 
 START_US = 1_700_000_000_000_000
 MESSAGES = [m for _, m in sorted(dialect.mavlink_map.items())]

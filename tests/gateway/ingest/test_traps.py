@@ -9,8 +9,7 @@ from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.ingest.survey import survey
-from gateway.ingest.table_repair import repair_table
-from gateway.ingest.zero_order_hold import changed_rows, hold_period, undo_hold
+from gateway.ingest.table_repair import changed_rows, hold_period, repair_table, undo_hold
 from gateway.offline.compare import compare_logs
 from gateway.offline.trials import load_trials
 from gateway.samples import Quantity

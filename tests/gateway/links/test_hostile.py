@@ -14,8 +14,7 @@ from gateway.errors import BadInput
 from gateway.links.inbox import Datagram, Inbox, LinkEventKind
 from gateway.links.link import Link
 from gateway.links.rate_requests import LinkRequests, heartbeat
-from gateway.links.signing import signing_timestamp
-from gateway.links.transmitter import Identity, Transmitter, permitted
+from gateway.links.transmitter import Identity, Transmitter, permitted, signing_timestamp
 from tests.gateway.links.boats import (
     PATIENCE_S,
     Autopilot,

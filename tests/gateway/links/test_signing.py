@@ -6,14 +6,15 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.signing import (
+from gateway.links.transmitter import (
     MINUTE_TICKS,
+    Identity,
     Signatures,
     SignatureStatus,
+    Transmitter,
     load_key,
     signing_timestamp,
 )
-from gateway.links.transmitter import Identity, Transmitter
 from tests.gateway.links.boats import Autopilot
 
 KEY = bytes(range(32))

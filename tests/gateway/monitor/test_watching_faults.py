@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.bus import Bus, BusSettings
-from gateway.monitor.vessel_status import VesselStatus
-from gateway.monitor.watcher import VesselSubscriber, join_bus
+from gateway.monitor.watcher import VesselStatus, VesselSubscriber, join_bus
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
 from tests.gateway.monitor.statuses import free_endpoint

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.offline.compare import as_json, compare_logs, distinct_vessels
-from gateway.terminal.comparison import show_comparisons
+from gateway.terminal.identification import show_comparisons
 from sim.trial import Stretch
 from tests.sim.voyages import WAM_V, simulated
 
@@ -61,7 +61,7 @@ def test_pictures_go_into_the_folder(logs, tmp_path):
 
 def test_a_log_of_an_autopilot(shared_data):
     """The same voyage as telemetry and as flash log: the same error, well above the noise."""
-    vessel = Path(__file__).parents[2] / "configs" / "vessels" / "otter.toml"
+    vessel = Path(__file__).parents[3] / "configs" / "vessels" / "otter.toml"
     files = [shared_data / "sitl" / f"otter_calm.{kind}" for kind in ("tlog", "BIN")]
     tlog, flash = compare_logs(files, [vessel])
     assert tlog.nrmse == pytest.approx(flash.nrmse, rel=0.1)

@@ -12,12 +12,11 @@ from PIL import Image
 from gateway.errors import BadInput
 from gateway.offline.plan import CLEAR, PlanOptions, make_plan, rank_manoeuvres
 from gateway.offline.simulate import simulate
-from gateway.terminal.plan import show_plan
+from gateway.terminal.identification import show_plan
 from gateway.vessel_file import load_vessel
 from sim.excitation.manoeuvre import StickLimits, corner_rows, polyline
 from sim.excitation.oscillations import Chirp
-from sim.excitation.plan import TOLERANCE, plan_of
-from sim.excitation.sticks import manoeuvre_sticks
+from sim.excitation.sticks import TOLERANCE, manoeuvre_sticks, plan_of
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV

@@ -18,8 +18,7 @@ from mcap.reader import make_reader
 from gateway.bus import BusSettings, open_session
 from gateway.config import Settings, ZenohSettings, as_tables
 from gateway.errors import BadInput
-from gateway.offline.replay import ReplayOptions, options_by_log, replay
-from gateway.offline.replay_outputs import ReplaySummary
+from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log, replay
 from gateway.recording.reader import Recording
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects

@@ -9,7 +9,7 @@ from gateway.offline.plan_export import SafetyLimits, pulse_bounds, safety_for, 
 from sim.excitation.catalogue import MANOEUVRES
 from sim.excitation.legs import Steps
 from sim.excitation.manoeuvre import StickLimits
-from sim.excitation.plan import plan_of
+from sim.excitation.sticks import plan_of
 from sim.excitation.turns import Zigzag
 from sim.model import Model
 from tests.gateway.offline.autopilot import GUIDED, HOLD, MANUAL, Autopilot

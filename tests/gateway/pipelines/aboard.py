@@ -13,8 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.config import FollowingSettings, Settings, ZenohSettings
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
-from gateway.live.boat import LiveBoat
-from gateway.live.boats import BoatPlan
+from gateway.live.boats import BoatPlan, LiveBoat
 from gateway.live.gateway import Gateway, LiveOptions
 from gateway.recording.recorder import RecordingSettings
 from gateway.simulated_boat.boat import SimulatedBoat

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import orjson
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -11,9 +12,8 @@ from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.ingest.log import Boat
 from gateway.links.inbox import Datagram, Frame
-from gateway.live.boat import LiveBoat
-from gateway.live.boats import MAX_BOATS, BoatPlan, Fleet
-from gateway.live.run import plans_in, plans_of
+from gateway.live.boats import MAX_BOATS, BoatPlan, Fleet, LiveBoat
+from gateway.live.gateway import plans_in, plans_of
 from gateway.vessel_file import dump_vessel
 from tests.gateway.pipelines.aboard import SETTINGS
 from tests.sim.vessels import IACQUABOT, WAMV
@@ -83,7 +83,8 @@ def test_only_the_autopilots_own_words_are_heard() -> None:
     frames = (framed(said, 1, 100), framed(said, 2), framed(said, 1), Frame(b"unknown", None))
     answers = harbour.fleet.datagram(Datagram("l", 10**18 + 1, frames))
     assert {answer.boat.boat.system for answer in answers} == {1}
-    assert harbour.fleet.boats[1].health.row(10**18 + 2, 0, 0)["rate_hz"] == 2 / 5
+    (payload,) = harbour.fleet.boats[1].health.row(10**18 + 2, 0, 0).payloads
+    assert orjson.loads(payload)["rate_hz"] == 2 / 5
 
 
 def test_whoever_invents_system_ids_meets_an_end() -> None:

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+import orjson
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -11,7 +12,7 @@ from gateway.estimation.names import MeasurementKind
 from gateway.estimation.settings import FilterSettings, gyro_delay_s
 from gateway.ingest.earth import to_degrees
 from gateway.ingest.log import Boat
-from gateway.live.boat import LiveBoat
+from gateway.live.boats import LiveBoat
 from gateway.live.intake import BETTER_SOURCE_NS, MessageIntake
 from gateway.samples import Measurement, Quantity
 from gateway.shadow.health import LiveHealth, SequenceNumbers
@@ -232,18 +233,24 @@ def test_numbers_forget_what_can_no_longer_be_late() -> None:
     assert len(numbers.missing) <= 129
 
 
+def health_row(health: LiveHealth, now_ns: int, backlog: int, drops: int) -> dict[str, float]:
+    """The one message of a row of health, as subscribers read it."""
+    (payload,) = health.row(now_ns, backlog, drops).payloads
+    return orjson.loads(payload)
+
+
 def test_the_health_row_counts_rates_loss_and_age() -> None:
     health = LiveHealth()
     for k in range(300):
         if k % 3 != 2:
             health.frame(START + k * SECOND // 50, "ATTITUDE", 1, k % 256)
-    row = health.row(START + 6 * SECOND, 4, 2)
+    row = health_row(health, START + 6 * SECOND, 4, 2)
     assert row["rate_attitude_hz"] == pytest.approx(50.0 * 2 / 3, abs=0.3)
     assert row["rate_hz"] == row["rate_attitude_hz"]
     assert row["loss"] == pytest.approx(1 / 3, abs=0.01)
     assert row["link_age_s"] == pytest.approx(0.04)
     assert (row["recorder_backlog"], row["recorder_drops"]) == (4, 2)
-    silent = health.row(START + 60 * SECOND, 0, 0)
+    silent = health_row(health, START + 60 * SECOND, 0, 0)
     assert silent["link_age_s"] == pytest.approx(54.04)
     assert (silent["rate_hz"], silent["loss"]) == (0.0, 0.0)
 
@@ -255,7 +262,7 @@ def test_a_clock_set_back_leaves_no_frames_of_the_future_in_the_health() -> None
     back = START - 3600 * SECOND
     for k in range(500, 750):
         health.frame(back + k * SECOND // 50, "ATTITUDE", 1, k % 256)
-    assert health.row(back + 15 * SECOND, 0, 0)["rate_hz"] == pytest.approx(50.0, abs=0.3)
+    assert health_row(health, back + 15 * SECOND, 0, 0)["rate_hz"] == pytest.approx(50.0, abs=0.3)
 
 
 def test_whatever_is_no_position_tells_no_place() -> None:

@@ -7,8 +7,14 @@ from contextlib import suppress
 import pytest
 
 from gateway.errors import BadInput, ShadowError
-from gateway.simulated_boat.play import NOTICE_S, ListenerNotice, PlayStatus, play_until_stopped
-from gateway.simulated_boat.port import BoatPort, boat_transport
+from gateway.simulated_boat.play import (
+    NOTICE_S,
+    BoatPort,
+    ListenerNotice,
+    PlayStatus,
+    boat_transport,
+    play_until_stopped,
+)
 from tests.gateway.links.boats import Autopilot, free_port
 from tests.sim.vessels import WAMV
 

@@ -7,8 +7,7 @@ import pytest
 from numpy.random import PCG64, Generator
 
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.hull import TrueState
-from gateway.simulated_boat.sensors import GRAVITY, TABLE, SensedValues, SensorModel
+from gateway.simulated_boat.hull import GRAVITY, TABLE, SensedValues, SensorModel, TrueState
 from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from sim.body import Report
 from sim.vessel import Sensors

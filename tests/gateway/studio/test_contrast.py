@@ -5,7 +5,7 @@ import re
 import pytest
 
 from gateway.figures.style import THEMES
-from gateway.studio import page, widgets
+from gateway.studio import page
 from tests.gateway.figures.test_bokeh_draw import ratio
 
 TEXT = [
@@ -44,6 +44,6 @@ def test_figures_lie_on_the_paper_of_the_page(theme):
 def test_no_colour_is_used_that_is_not_in_the_palette():
     """Whatever stands outside it would escape the test above."""
     rules = re.sub(r":root.*?\}", "", page.TEMPLATE, flags=re.DOTALL)
-    assert re.findall(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b", rules + widgets.STYLE) == []
-    used = set(re.findall(r"var\(--([\w-]+)\)", rules + widgets.STYLE)) - {"font"}
+    assert re.findall(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b", rules + page.STYLE) == []
+    used = set(re.findall(r"var\(--([\w-]+)\)", rules + page.STYLE)) - {"font"}
     assert used <= set(themes()["light"])

@@ -6,7 +6,7 @@ import json
 import pytest
 from rich.console import Console
 
-from gateway.monitor.vessel_status import Latest, VesselStatus, decode
+from gateway.monitor.watcher import Latest, VesselStatus, decode
 from gateway.terminal.monitor import monitor_view
 from gateway.topics import TOPICS
 from tests.gateway.monitor.statuses import message, status

@@ -9,8 +9,8 @@ from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.follower import Axes, ControlLaw, FollowerOptions, VesselFollower
 from sim.following.stepwise import PlantFollower, follower_for
 from sim.model import Model
+from sim.plants.plant import VesselPlant
 from sim.plants.table import PlantKind
-from sim.plants.vessel_plant import VesselPlant
 from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation
