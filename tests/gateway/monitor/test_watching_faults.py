@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -100,8 +100,14 @@ def first_line(subscriber: subprocess.Popen[bytes], bus: Bus) -> None:
 def lines_of(running: subprocess.Popen[bytes]) -> list[bytes]:
     """What a process prints from now on, as it prints it."""
     lines: list[bytes] = []
-    assert running.stdout is not None
-    threading.Thread(target=lines.extend, args=(running.stdout,), daemon=True).start()
+    out = running.stdout
+    assert out is not None
+
+    def read() -> None:
+        with suppress(ValueError):  # the pipe is closed below it when the test ends
+            lines.extend(out)
+
+    threading.Thread(target=read, daemon=True).start()
     return lines
 
 
