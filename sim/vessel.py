@@ -91,8 +91,8 @@ def with_free_curves(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
 
     "left.curve" is that of one thruster, "curve" one table for all of them.
     """
-    free = set(names)
-    if "curve" in free and not any(not isinstance(t.curve, str) for t in vessel.thrusters):
+    asked = set(names)
+    if "curve" in asked and not any(not isinstance(t.curve, str) for t in vessel.thrusters):
         first, *others = vessel.thrusters
         shared = [replace(t, curve=first.name) for t in others]
         return replace(vessel, thrusters=(replace(first, curve=as_table(first.curve)), *shared))
@@ -100,7 +100,7 @@ def with_free_curves(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
         vessel,
         thrusters=tuple(
             replace(t, curve=as_table(t.curve))
-            if f"{t.name}.curve" in free and t.curve in CURVES
+            if f"{t.name}.curve" in asked and t.curve in CURVES
             else t
             for t in vessel.thrusters
         ),

@@ -1,9 +1,9 @@
 """What an effect is: one physical cause that a model may or may not contain.
 
 A law is a module-level function on floats or arrays, ufuncs only (`np.maximum`, never `if`), so
-that the very same function runs on arrays in numpy and compiled on scalars. `p` holds the effect's
-parameters by name. `command` and `angle` are evaluated once per interval of held commands, all
-others at every stage of a step. An effect acts in one or more places:
+that the very same function runs on arrays in numpy and compiled on scalars. `p` is a tuple of the
+effect's parameters by name. `command` and `angle` are asked once per interval of held commands,
+all others at every stage of a step. An effect acts in one or more places:
 
     wiring(commands, place, p) -> c      of all commands, that of the actuator at `place` (0, 1, …)
     command(c, drive, p) -> c            the command of a thruster, before its thrust curve

@@ -60,9 +60,9 @@ def allocate_thrust(
     """τ -> B clip(B⁺ τ, low, high) and whether it was clipped; B⁺ (n, 3), B (3, n)."""
     X, Y, N, limited = 0.0, 0.0, 0.0, False
     for i in range(len(low)):
-        desired = allocation[i, 0] * tau.X + allocation[i, 1] * tau.Y + allocation[i, 2] * tau.N
-        thrust = min(max(desired, low[i]), high[i])
-        limited = limited or thrust != desired
+        wanted = allocation[i, 0] * tau.X + allocation[i, 1] * tau.Y + allocation[i, 2] * tau.N
+        thrust = min(max(wanted, low[i]), high[i])
+        limited = limited or thrust != wanted
         X += effectiveness[0, i] * thrust
         Y += effectiveness[1, i] * thrust
         N += effectiveness[2, i] * thrust
@@ -84,7 +84,7 @@ def rk4_step_under_force(
 @jit
 def control_force(
     x: State, ref: Floats, integral: Floats, time: float, h: float, inputs: HeldInputs,
-    gains: Gains, limits: tuple[Floats, Floats, Floats, Floats], p: Numbers,
+    gains: Gains, allocation: Floats, effectiveness: Floats, low: Floats, high: Floats, p: Numbers,
 ) -> tuple[Wrench, bool]:  # fmt: skip
     """τ_c for a reference row (9,), and whether thrust limits bind.
 
@@ -101,10 +101,10 @@ def control_force(
         integral[2] + h * (nu_ref.r - nu_s.r),
     )
     gamma = commanded_acceleration(nu_ref, nu_ref_dot, nu_s, grown, gains)
-    desired = required_wrench(x, gamma.u, gamma.v, gamma.r, time, inputs, p)
-    tau, limited = Wrench(desired.X, gains.sway * desired.Y, desired.N), False
-    if len(limits[2]) > 0:
-        tau, limited = allocate_thrust(tau, *limits)
+    wanted = required_wrench(x, gamma.u, gamma.v, gamma.r, time, inputs, p)
+    tau, limited = Wrench(wanted.X, gains.sway * wanted.Y, wanted.N), False
+    if len(low) > 0:
+        tau, limited = allocate_thrust(tau, allocation, effectiveness, low, high)
     if not limited:
         set_row(integral, grown)
     return tau, limited
@@ -127,7 +127,6 @@ def follow(
     """
     p = unpack(theta)
     gains = Gains(gains_row[0], gains_row[1], gains_row[2], gains_row[3], gains_row[4])
-    limits = (allocation, effectiveness, low, high)
     x, ref = state_from(carry), np.empty(9)
     integral, last, at = carry[NX : NX + 3], carry[NX + 7 : NX + 16], NX + 6
     tau = Wrench(carry[NX + 3], carry[NX + 4], carry[NX + 5])
@@ -139,8 +138,9 @@ def follow(
             x = settle_memory(state_from(carry), times[k], inputs, p)
             carry[at], integral[:], last[:] = times[k], 0.0, references[k]
             tau, limited[k] = control_force(
-                x, last, integral, times[k], 0.0, inputs, gains, limits, p
-            )
+                x, last, integral, times[k], 0.0, inputs, gains, allocation, effectiveness, low,
+                high, p,
+            )  # fmt: skip
         span = times[k] - carry[at]
         n = int(np.ceil(span / CONTROL_STEP - 1e-9))
         for j in range(n):
@@ -149,7 +149,9 @@ def follow(
                 part = (j + 0.5 * (i > 5)) / n
                 change = references[k, i] - last[i]
                 ref[i] = last[i] + part * (wrap(change) if i == 2 else change)
-            tau, clipped = control_force(x, ref, integral, t, h, inputs, gains, limits, p)
+            tau, clipped = control_force(
+                x, ref, integral, t, h, inputs, gains, allocation, effectiveness, low, high, p
+            )
             limited[k] = limited[k] or clipped
             x = rk4_step_under_force(x, t, inputs, tau, h, p)
         if span > 0.0:

@@ -141,8 +141,8 @@ class PlantFollower:
         error = (a - b for a, b in zip(nu_ref, at.velocity, strict=True))
         grown = Velocity(*(i + h * e for i, e in zip(integral, error, strict=True)))
         gamma = commanded_acceleration(nu_ref, Velocity(*ref[6:]), at.velocity, grown, gains)
-        desired = self.plant.required_force(plant, gamma, inputs)
-        tau = Wrench(desired.X, gains.sway * desired.Y, desired.N)
+        wanted = self.plant.required_force(plant, gamma, inputs)
+        tau = Wrench(wanted.X, gains.sway * wanted.Y, wanted.N)
         if not len(self.limits.low):
             return _Control(tau, grown, False)
         tau, limited = allocate_thrust(tau, *self.limits)

@@ -204,12 +204,12 @@ def test_a_late_receiver_shows_the_boats_own_past(plain):
     _, now = run(WAMV, commands, plain=plain)
     for steps in (5, 7.5):
         late = with_effect(WAMV, "velocity_latency", delay=steps * DT)
-        _, reported = run(late, commands, plain=plain)
-        np.testing.assert_array_equal(reported[:, [2, 5, 6, 7, 8]], now[:, [2, 5, 6, 7, 8]])
+        _, seen = run(late, commands, plain=plain)
+        np.testing.assert_array_equal(seen[:, [2, 5, 6, 7, 8]], now[:, [2, 5, 6, 7, 8]])
         low, high = int(np.floor(steps)), int(np.ceil(steps))
         track, at = over_ground(now), np.arange(high, len(now))
         past = 0.5 * (track[at - low] + track[at - high])
-        np.testing.assert_allclose(over_ground(reported)[high:], past, atol=1e-12)
+        np.testing.assert_allclose(over_ground(seen)[high:], past, atol=1e-12)
 
 
 def test_a_late_receiver_shows_an_extrapolation_where_the_past_is_not_known():
@@ -217,9 +217,9 @@ def test_a_late_receiver_shows_an_extrapolation_where_the_past_is_not_known():
     commands = np.full((400, 2), 0.7)
     states, now = run(WAMV, commands)
     late = with_effect(WAMV, "velocity_latency", delay=0.1)
-    _, reported = run(late, commands[200:], states[200])
-    np.testing.assert_allclose(over_ground(reported)[:20], over_ground(now)[195:215], atol=1e-3)
-    assert np.abs(over_ground(reported)[:20] - over_ground(now)[200:220]).max() > 0.05
+    _, seen = run(late, commands[200:], states[200])
+    np.testing.assert_allclose(over_ground(seen)[:20], over_ground(now)[195:215], atol=1e-3)
+    assert np.abs(over_ground(seen)[:20] - over_ground(now)[200:220]).max() > 0.05
 
 
 def test_the_true_motion_is_found_behind_all_sensors_at_once():
@@ -234,13 +234,13 @@ def test_the_true_motion_is_found_behind_all_sensors_at_once():
     rng = np.random.default_rng(4)
     states = rng.uniform(-2.0, 2.0, (200, 6))
     commands = np.zeros((1, 4))
-    reported = np.stack([model.simulate(commands, DT, x)[1][0, 0] for x in states])
-    np.testing.assert_allclose(model.true_states(reported), states, rtol=0, atol=1e-9)
+    seen = np.stack([model.simulate(commands, DT, x)[1][0, 0] for x in states])
+    np.testing.assert_allclose(model.true_states(seen), states, rtol=0, atol=1e-9)
 
 
 def test_deviation_goes_round_with_the_heading():
     vessel = with_effect(WAMV, "compass_deviation", b=0.1, c=0.05)
     for yaw, d in ((0.0, 0.05), (0.5 * np.pi, 0.1), (np.pi, -0.05), (-0.5 * np.pi, -0.1)):
-        _, reported = run(vessel, np.zeros((1, 2)), np.array([0.0, 0.0, yaw, 1.0, 0.0, 0.0]))
-        assert reported[0, 2] == pytest.approx(yaw + d)
-        assert reported[0, 4] == pytest.approx(-np.sin(d))
+        _, seen = run(vessel, np.zeros((1, 2)), np.array([0.0, 0.0, yaw, 1.0, 0.0, 0.0]))
+        assert seen[0, 2] == pytest.approx(yaw + d)
+        assert seen[0, 4] == pytest.approx(-np.sin(d))

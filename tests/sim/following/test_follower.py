@@ -1,4 +1,4 @@
-"""The follower: law, limits, plants, and that chunks make no difference."""
+"""The follower: law, limits, plants (issue item 8), and that chunks make no difference."""
 
 from dataclasses import replace
 
