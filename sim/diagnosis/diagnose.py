@@ -29,6 +29,7 @@ from sim.diagnosis.verdict import (
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.identification.parameters import unknowns_of
+from sim.identification.runs import unstable_share
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
@@ -45,6 +46,7 @@ class DiagnoseSettings:
     most      effects that are added at most; 1: only the first, 0: only the ranking
     horizons  of the free runs [s]
     effects   the catalogue that is tried
+    tied      fit short runs that a filter ties together; None: where the hull is unstable on course
     plan      also work out which manoeuvres would tell more, even if nothing is confounded
     """
 
@@ -52,6 +54,7 @@ class DiagnoseSettings:
     most: int = 4
     horizons: tuple[float, ...] = (1.0, 3.0, 6.0)
     effects: tuple[Effect, ...] = field(default=EFFECTS)
+    tied: bool | None = None
     plan: bool = False
 
     def identify(self, vessel: Vessel) -> IdentifySettings:
@@ -132,11 +135,20 @@ def fit_base(
     """
     vessel, how = plain.vessel, settings.identify(plain.vessel)
     own = [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
-    how = replace(how, free=(*how.free, *own))
+    tied = settings.tied
+    if tied is None:
+        tied = is_unstable(trials, plain, how)
+    how = replace(how, free=(*how.free, *own), tied=tied)
     shot = fit_by_shooting(FitInputs(unknowns_of(plain, len(trials), how), trials, how))
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
     return fit_effects([], unknowns, problem, shot.z)
+
+
+def is_unstable(trials: Sequence[Trial], plain: Model, how: IdentifySettings) -> bool:
+    """Whether free runs of the hull leave the track for most of some trial."""
+    shares = [unstable_share(trial, plain, how) for trial in trials]
+    return max(shares) > thresholds.MIN_UNSTABLE_SHARE
 
 
 def _suggested(

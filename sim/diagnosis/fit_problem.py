@@ -120,7 +120,7 @@ class FitProblem:
     def thinned(self, rows: int) -> "FitProblem":
         """Every so many of the runs, so that about so many rows are left."""
         step = max(round(len(self.block) / (3 * rows)), 1)
-        return replace(self, run_sets=tuple(_every(runs, step) for runs in self.run_sets))
+        return replace(self, run_sets=tuple(runs.subset(step) for runs in self.run_sets))
 
     @cached_property
     def places(self) -> ResidualPlaces:
@@ -160,15 +160,6 @@ class FitProblem:
                 fit &= ~(near & (end > first) & (begin < last))
             out.append((fit, heldout))
         return out
-
-
-def _every(runs: RunSet, step: int) -> RunSet:
-    """Every so many of its runs."""
-    whitener = None if runs.whitener is None else runs.whitener[::step]
-    return replace(
-        runs, rows=runs.rows.every(step), within=runs.within[::step], memory=runs.memory[::step],
-        basis=runs.basis[::step], whitener=whitener,
-    )  # fmt: skip
 
 
 def _with_model(runs: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:

@@ -44,10 +44,13 @@ GROUPS = {
 def error_responses(fit: Fit, runs: RunSet) -> dict[str, Floats]:
     """What each term of each group would do to the errors of one trial's runs: (S, n, 3, K).
 
+    Of tied runs also to the gap at their end, (S, n + 1, 3, K).
+
     A group whose response is no finite number (a hull that runs away) is left out with zeros.
     """
     trial, model = runs.source.trial, fit.model(runs.source.number)
-    rows = runs.rows.first[:, None] + np.arange(runs.within.shape[1] * runs.every)
+    tied, n = runs.follows is not None, runs.within.shape[1] * runs.every
+    rows = runs.rows.first[:, None] + np.arange(n + tied)
     rows = np.minimum(rows, len(trial) - 1)
     each = np.unique(rows)
     A = transitions(model, trial, each, 1)[:, 3:, 3:][np.searchsorted(each, rows)]
@@ -64,8 +67,12 @@ def error_responses(fit: Fit, runs: RunSet) -> dict[str, Floats]:
         moved = np.zeros_like(push)
         for j in range(1, rows.shape[1]):
             moved[:, j] = A[:, j - 1] @ moved[:, j - 1] + push[:, j - 1]
-        means = moved.reshape(len(rows), -1, runs.every, 3, terms.shape[3]).mean(axis=2)
+        means = moved[:, :n].reshape(len(rows), -1, runs.every, 3, terms.shape[3]).mean(axis=2)
         response = means * runs.within[..., None, None]
+        if runs.follows is not None:
+            end = moved[np.arange(len(rows)), np.minimum(runs.rows.size, n)]
+            gap = end * runs.follows[:, None, None]
+            response = np.concatenate([response, gap[:, None]], axis=1)
         out[on] = response if np.isfinite(response).all() else np.zeros_like(response)
     return out
 
@@ -89,7 +96,8 @@ class _RunStates:
         reports = simulate_runs(runs, fit.unknowns, fit.z[None])[0]
         known = np.where(np.isfinite(reports[..., 0]), np.arange(reports.shape[1]), 0)
         last = np.maximum.accumulate(known, axis=1)
-        held = np.take_along_axis(reports, last[..., None], axis=1)[:, : rows.shape[1]]
+        last = last[:, np.minimum(np.arange(rows.shape[1]), reports.shape[1] - 1)]
+        held = np.take_along_axis(reports, last[..., None], axis=1)
         return cls(model, runs.source.trial, rows, np.moveaxis(held[..., :6], -1, 0))
 
     def forces(self) -> Mapping[str, Floats]:

@@ -86,7 +86,12 @@ class _TrialErrors:
         return cls(runs, errors, jacobian, error_responses(fit, runs))
 
     def short_noise(self) -> Noise:
-        """Noise that forgives nothing slow: as large as the errors, and soon forgotten."""
+        """Noise that forgives nothing slow: as large as the errors, and soon forgotten.
+
+        Innovations forgive nothing slow as they are.
+        """
+        if self.runs.follows is not None:
+            return self.runs.noise
         inside = self.errors.error[self.errors.within > 0]
         size = np.median(np.abs(inside), axis=0) / MEDIAN_OF_ABSOLUTE
         rho = np.full(3, np.exp(-self.runs.mean_s / thresholds.SHORT_MEMORY_S))
@@ -95,6 +100,8 @@ class _TrialErrors:
     def noise_without(self, explained: Floats) -> Noise:
         """The noise that makes what is left most likely once (S, n, 3) is explained."""
         left, noise = self.errors._replace(error=self.errors.error - explained), self.runs.noise
+        if self.runs.follows is not None:
+            return self.runs.noise_of(left)
         for _ in range(thresholds.MAX_RESIDUAL_NOISE_ROUNDS):
             before, noise = noise, estimate_noise(left, self.runs.mean_s, noise)
             if np.array_equal(before.rho, noise.rho):

@@ -22,6 +22,7 @@ MIN_VOLTAGE_VARIATION = 0.02  # std over mean: less says nothing of a sagging ba
 ROBUST_SIGMAS = 4.0  # whitened residual from which on one counts less (pseudo-Huber)
 MAX_EVALUATIONS = 6  # of residuals in the fit that decides
 MAX_BASE_SIGMAS = 3.0  # that a number of the base may move, in its prior's standard deviations
+MIN_UNSTABLE_SHARE = 0.2  # of a trial's longest runs in which a start's error grows too much
 RESTART_SIGMAS = 1.0  # a base number that moved further: effects are also fitted from as given
 FOLDS = 4  # of the held-out test: every fourth block in turn
 SCREENED_ROWS = 2500  # means that the screening compares …

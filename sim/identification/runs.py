@@ -1,29 +1,35 @@
 """Usable time as free runs that share no row, and the errors of a model over them.
 
 An error of the start grows on a hull that is unstable on course. Where it would grow beyond a limit
-the run is halved, and halved again: no time is lost, and no run leaves the track. Errors are
-compared in means over several rows; they are bounded, and finite whatever the parameters.
+along the measured track the run is halved, and halved again: no time is lost, and no run leaves the
+track. Growth is not that of free runs: two of them leave an unstable equilibrium at once, settle in
+the same spin and never part. Errors are compared in means over several rows; they are bounded, and
+finite whatever the parameters.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.identification.command_timing import sharpened_commands
-from sim.identification.noise import Noise, RunErrors
+from sim.identification.innovations import Chain, estimate_chain_noise, follows_of, track_std
+from sim.identification.noise import Noise, RunErrors, estimate_noise
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
+from sim.identification.settings import IdentifySettings
 from sim.model import Model, Runs
 from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import input_table, measured_motion
+from sim.prediction.inputs import input_table
 from sim.prediction.scales import scales_of
-from sim.prediction.segments import VELOCITY_STEP, shifted_velocities, usable_stretches
+from sim.prediction.segments import VELOCITY_STEP, transitions, usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
 
 # Chosen, not measured:
-MIN_MEANS = 3  # means in a run: three numbers are spent on its start
+MIN_MEANS = 3  # means in a run: three numbers are spent on its start …
+MIN_MEANS_TIED = 2  # … or none, where a filter ties it to the run before
+RUNS_TOGETHER = 12  # that stay tied to each other when some of the runs are left out
 LARGEST_ERROR_SCALES = 100.0  # an error beyond this counts as this: the run left the track
 NU = slice(3, 6)  # of a report
 
@@ -36,34 +42,33 @@ class RunRows(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        trial: Trial,
-        usable: NDArray[np.bool_],
-        model: Model,
-        length: float,
-        growth: float,
-        every: int,
-    ) -> "RunRows":
+        cls, trial: Trial, usable: NDArray[np.bool_], model: Model, length: float, growth: float,
+        every: int, least: int = MIN_MEANS,
+    ) -> "RunRows":  # fmt: skip
         """Runs of `length` [s], shorter where a start's error would grow by more than `growth`.
 
-        All hold a multiple of `every` rows.
+        All hold a multiple of `every` rows, and `least` times as many at least.
         """
-        runs = cls.divided(usable, max(round(length / trial.dt / every), MIN_MEANS), every)
+        means = max(round(length / trial.dt / every), least)
+        runs = cls.divided(usable, means, every, least)
+        per_mean = _mean_transitions(trial, model, every)
         while True:
-            long = runs.size >= 2 * MIN_MEANS * every
-            long &= start_error_growth(trial, model, runs) > growth
+            long = runs.size >= 2 * least * every
+            long &= start_error_growth(per_mean, runs, every) > growth
             if not long.any():
                 return runs
             runs = runs.halved(long, every)
 
     @classmethod
-    def divided(cls, usable: NDArray[np.bool_], means: int, every: int) -> "RunRows":
+    def divided(
+        cls, usable: NDArray[np.bool_], means: int, every: int, least: int = MIN_MEANS
+    ) -> "RunRows":
         """Stretches into runs of about `means` times `every` rows; a short rest is left out."""
         first: list[int] = []
         size: list[int] = []
         for stretch in usable_stretches(usable):
             room = len(stretch) // every
-            if room < MIN_MEANS:
+            if room < least:
                 continue
             edges = np.linspace(0, room, max(round(room / means), 1) + 1)
             whole = stretch.start + every * np.round(edges).astype(int)
@@ -79,22 +84,53 @@ class RunRows(NamedTuple):
         order = np.argsort(first)
         return RunRows(first[order], size[order])
 
-    def every(self, step: int) -> "RunRows":
-        """Every so many of the runs."""
-        return RunRows(self.first[::step], self.size[::step])
+    def every(self, step: int, together: int = 1) -> Ints:
+        """Numbers of every so many of the runs, so many neighbours together."""
+        number = np.arange(len(self.first))
+        return number[number // together % step == 0]
+
+    def subset(self, which: Ints) -> "RunRows":
+        """Some of the runs."""
+        return RunRows(self.first[which], self.size[which])
 
 
-def start_error_growth(trial: Trial, model: Model, runs: RunRows) -> Floats:
-    """Largest growth of an error of u, v, r over each run: (S,); inf where a run diverges."""
-    if not len(runs.first):
-        return np.zeros(0)
-    motion = measured_motion(trial)
-    nu = shifted_velocities(model, trial, motion, runs.first, runs.size - 1)
-    gain = np.abs(nu[:, 1:] - nu[:, :1]) / VELOCITY_STEP[None, :, None, None]
-    within = np.arange(nu.shape[2]) < runs.size[:, None]
-    lost = within & ~np.isfinite(nu).all(axis=(1, 3))
-    gain = np.where(within[:, None, :, None], gain, 0.0)
-    return np.where(lost.any(axis=1), np.inf, np.nan_to_num(gain, nan=0.0).max(axis=(1, 2, 3)))
+def _mean_transitions(trial: Trial, model: Model, every: int) -> Floats:
+    """∂ velocity after `every` rows / ∂ velocity along the measured track: (T, 3, 3).
+
+    NaN where the model diverges or the trial ends.
+    """
+    rows = np.arange(len(trial) - every)
+    rows = rows[:: max(every // 2, 1)]  # a run begins anywhere: the nearest row before it counts
+    A = np.full((len(trial), 3, 3), np.nan)
+    if len(rows):
+        nearest = np.minimum(np.arange(len(trial)) // max(every // 2, 1), len(rows) - 1)
+        A = transitions(model, trial, rows, every)[:, 3:, 3:][nearest]
+    return A
+
+
+def unstable_share(trial: Trial, model: Model, settings: IdentifySettings) -> float:
+    """Share of the runs of the longest horizon in which an error of the start grows too much."""
+    every = max(round(settings.average / trial.dt), 1)
+    means = max(round(settings.horizons[-1] / trial.dt / every), MIN_MEANS)
+    runs = RunRows.divided(trial.usable, means, every)
+    growth = start_error_growth(_mean_transitions(trial, model, every), runs, every)
+    return float(np.mean(growth > settings.growth)) if len(growth) else 0.0
+
+
+def start_error_growth(per_mean: Floats, runs: RunRows, every: int) -> Floats:
+    """Largest growth of an error of u, v, r over each run: (S,); inf where the model diverges.
+
+    per_mean  (T, 3, 3) from `_mean_transitions`
+    """
+    count = runs.size // every
+    phi = np.tile(np.eye(3), (len(count), 1, 1))
+    most = np.ones(len(count))
+    for j in range(int(count.max(initial=0)) - 1):
+        going = np.flatnonzero(count - 1 > j)
+        at = np.minimum(runs.first[going] + j * every, len(per_mean) - 1)
+        phi[going] = np.nan_to_num(per_mean[at], nan=1e9) @ phi[going]
+        most[going] = np.maximum(most[going], np.abs(phi[going]).max(axis=(1, 2)))
+    return most
 
 
 @dataclass(frozen=True)
@@ -121,6 +157,8 @@ class RunSet:
     basis   (S, n, 3, 3) of what a start explains in the whitened residuals
     timing_covariance  (S, 3n, 3n) that command timing may add; whitener (S, 3n, 3n) of it
     kappa   sharpening of commands that are shifted by part of a row
+    follows (S,) whether a run is tied to the next, as 0 and 1; None where each starts freely
+    chain   the filter that ties them
     """
 
     source: TrialTrack
@@ -134,16 +172,45 @@ class RunSet:
     timing_covariance: Floats | None = None
     whitener: Floats | None = None
     kappa: float = 0.0
+    follows: Floats | None = None
+    chain: Chain | None = None
 
     @classmethod
     def bare(
-        cls, source: TrialTrack, model: Model, rows: RunRows, every: int, noise: Noise
-    ) -> "RunSet":
-        """Before any whitening."""
+        cls, source: TrialTrack, model: Model, rows: RunRows, every: int, noise: Noise,
+        tied: bool = False,
+    ) -> "RunSet":  # fmt: skip
+        """Before any whitening; `tied`: by a filter, see `sim.identification.innovations`."""
         means = rows.size // every
         within = (np.arange(int(means.max(initial=1))) < means[:, None]).astype(float)
         memory = memory_at(model, source.trial, rows.first)
-        return cls(source, model, rows, every, within, memory, noise, np.zeros(0))
+        follows = follows_of(rows.first, rows.size) if tied else None
+        return cls(source, model, rows, every, within, memory, noise, np.zeros(0), follows=follows)
+
+    def subset(self, step: int) -> "RunSet":
+        """Every so many of its runs; where they are tied, every so many groups of neighbours."""
+        which = self.rows.every(step, 1 if self.follows is None else RUNS_TOGETHER)
+        rows = self.rows.subset(which)
+        whitener = None if self.whitener is None else self.whitener[which]
+        some = replace(
+            self, rows=rows, within=self.within[which], memory=self.memory[which],
+            basis=self.basis[which] if self.chain is None else self.basis, whitener=whitener,
+        )  # fmt: skip
+        if self.chain is None:
+            return some
+        follows = follows_of(rows.first, rows.size)
+        return replace(some, follows=follows, chain=self.chain.subset(which, follows))
+
+    def noise_of(self, errors: RunErrors) -> Noise:
+        """The noise under which errors of these runs are most likely."""
+        if self.follows is None:
+            return estimate_noise(errors, self.mean_s, self.noise)
+        return estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s)
+
+    @property
+    def track_std(self) -> Floats:
+        """Of the measured u, v, r, as the trial states it: (3,)."""
+        return track_std(self.source.trial)
 
     @property
     def mean_s(self) -> float:
@@ -166,7 +233,7 @@ def simulate_runs(
     runs = Runs(
         table=np.zeros(len(start), np.int64),
         start=np.repeat(rows, K),
-        steps=np.repeat(run_set.rows.size - 1, K),
+        steps=np.repeat(_steps(run_set), K),
         delay=np.tile(unknowns.offset(z, OFFSETS[0]), len(rows)),
     )
     inputs = sharpened_commands(input_table(run_set.model, run_set.source.trial), run_set.kappa)
@@ -174,24 +241,42 @@ def simulate_runs(
     return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
 
 
+def _steps(run_set: RunSet) -> Ints:
+    """Steps of each run (S,): to its last row, or on to the start of the run that follows."""
+    size = run_set.rows.size
+    return size - 1 if run_set.follows is None else size - 1 + run_set.follows.astype(np.int64)
+
+
 def run_errors(
     run_set: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
 ) -> Floats:
-    """The same -> means of measured − model over `every` rows: (K, S, n, 3)."""
-    rows = run_set.rows.first
+    """The same -> means of measured − model over `every` rows: (K, S, n, 3).
+
+    Tied runs have one more, the last: measured start of the next run − end of this one, where it
+    follows.
+    """
+    rows, n = run_set.rows.first, run_set.within.shape[1]
     if not len(rows):
-        return np.zeros((len(z), *run_set.within.shape, 3))
+        return np.zeros((len(z), 0, n + (run_set.follows is not None), 3))
     reported = simulate_runs(run_set, unknowns, z, nudge)
     nu = reported[..., NU].copy()
     nu[..., :2] -= unknowns.offset(z, OFFSETS[1])[:, None, None, None] * reported[..., 6:8]
     trial = run_set.source.trial
     jerk = np.gradient(reported[..., 6:9], trial.dt, axis=2)
     nu += unknowns.offset(z, ROUNDING)[:, None, None, None] * np.nan_to_num(jerk)
+    nu = nu[:, :, : n * run_set.every]
     at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
     limit = LARGEST_ERROR_SCALES * scales_of(trial)
     error = np.clip(np.nan_to_num(trial.nu[at] - nu, nan=np.inf), -limit, limit)
     means = error.reshape(len(z), len(rows), -1, run_set.every, 3).mean(axis=3)
-    return np.asarray(means * run_set.within[..., None])
+    means = np.asarray(means * run_set.within[..., None])
+    if run_set.follows is None:
+        return means
+    end = np.arange(len(rows)), run_set.rows.size - 1 + run_set.follows.astype(np.int64)
+    following = np.minimum(rows + run_set.rows.size, len(trial) - 1)
+    gap = run_set.source.track[following, NU] - reported[:, end[0], end[1]][..., NU]
+    gap = np.clip(np.nan_to_num(gap, nan=np.inf), -limit, limit) * run_set.follows[:, None]
+    return np.concatenate([means, gap[:, :, None]], axis=2)
 
 
 def errors_and_sensitivity(run_set: RunSet, unknowns: Unknowns, z: Floats) -> RunErrors:

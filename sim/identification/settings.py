@@ -21,6 +21,8 @@ class IdentifySettings:
     growth     a run is halved where an error of its start grows by more than this
     robust     residuals beyond so many standard deviations count less
     block      length of the blocks [s] that intervals are made from
+    tied       short runs tied by a filter, not free ones (`sim.identification.innovations`): for
+               hulls that are unstable on course
     offsets    offsets in time of commands and velocities, and rounding, are estimated along
     """
 
@@ -34,6 +36,7 @@ class IdentifySettings:
     robust: float = 3.0
     block: float = BLOCK_S
     offsets: bool = True
+    tied: bool = False
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult
 
 from sim.identification.command_timing import command_timing_covariance, sharpening_factor
+from sim.identification.innovations import chain_of, track_std
 from sim.identification.noise import (
     Noise,
     RunErrors,
     apply_whitener,
-    estimate_noise,
     project_out_starts,
     timing_whitener,
     whitened,
@@ -32,7 +32,9 @@ from sim.identification.noise import (
 from sim.identification.parameters import OFFSETS, Unknowns
 from sim.identification.runs import (
     MIN_MEANS,
+    MIN_MEANS_TIED,
     NU,
+    RUNS_TOGETHER,
     RunRows,
     RunSet,
     TrialTrack,
@@ -52,6 +54,7 @@ from sim.trial import Trial
 ROUNDS = 4  # at the last horizon: starts, noise and parameters in turn
 SETTLED_STD = 0.1  # standard deviations, all else known: a smaller change ends the rounds
 SHORT_HORIZON_ROWS = 3000  # of a trial that the horizons before the last one use
+TIED_GROWTH = 2.5  # of an error of the start, over a run that a filter ties to the one before
 SEARCH_STEPS = 8  # of the search in each round
 
 
@@ -94,7 +97,7 @@ def fit_by_shooting(
     unknowns, settings = inputs.unknowns, inputs.settings
     z = unknowns.start if start is None else start
     tracks = inputs.tracks()
-    noise = [Noise(0.1 * scales_of(trial), np.full(3, 0.5)) for trial in inputs.trials]
+    noise = [_first_noise(trial, settings) for trial in inputs.trials]
     last = settings.horizons[-1]
 
     def run_sets(horizon: float) -> list[RunSet]:
@@ -119,6 +122,12 @@ def fit_by_shooting(
     return fit_result(z, residual, jacobian_of(unknowns, runs, z), weight, runs, tracks)
 
 
+def _first_noise(trial: Trial, settings: IdentifySettings) -> Noise:
+    """Before any fit: what the trial states, or a tenth of what it moves."""
+    sigma = track_std(trial) if settings.tied else 0.1 * scales_of(trial)
+    return Noise(sigma, np.full(3, 0.5))
+
+
 def require_runs(run_sets: list[RunSet]) -> list[RunSet]:
     """The same; NoUsableTimeError where none of them holds a run."""
     if not any(len(w.rows.first) for w in run_sets):
@@ -139,12 +148,15 @@ def build_run_set(
     trial = source.trial
     model = replace(unknowns.model, theta=unknowns.theta(z[None], source.number)[0])
     every = max(round(settings.average / trial.dt), 1)
-    rows = RunRows.of(trial, source.usable, model, horizon, settings.growth, every)
+    least = MIN_MEANS_TIED if settings.tied else MIN_MEANS
+    growth = TIED_GROWTH if settings.tied else settings.growth
+    rows = RunRows.of(trial, source.usable, model, horizon, growth, every, least)
     if horizon < settings.horizons[-1]:
-        rows = rows.every(max(round(int(rows.size.sum()) / SHORT_HORIZON_ROWS), 1))
-    bare = RunSet.bare(source, model, rows, every, noise)
+        step = max(round(int(rows.size.sum()) / SHORT_HORIZON_ROWS), 1)
+        rows = rows.subset(rows.every(step, RUNS_TOGETHER if settings.tied else 1))
+    bare = RunSet.bare(source, model, rows, every, noise, settings.tied)
     shift = float(unknowns.offset(z[None], OFFSETS[0])[0]) + model.delay
-    means = bare.within.shape[1]
+    means = bare.within.shape[1] + settings.tied  # of tied runs also their end
     bare = replace(
         bare,
         timing_covariance=command_timing_covariance(
@@ -157,12 +169,21 @@ def build_run_set(
 
 def whitened_run_set(run_set: RunSet, errors: RunErrors, noise: Noise) -> RunSet:
     """The runs under a noise, given their errors."""
+    if run_set.follows is not None:
+        chain = chain_of(errors, noise, run_set.follows, run_set.track_std, run_set.mean_s)
+        return replace(run_set, noise=noise, chain=chain)
     _, basis, _ = project_out_starts(errors, noise)
     return replace(run_set, noise=noise, basis=basis, whitener=timing_whitener(errors, noise)[0])
 
 
 def projected_residuals(run_set: RunSet, error: Floats) -> Floats:
-    """Errors (K, S, n, 3) -> whitened, without what a start explains: (K, N)."""
+    """Errors (K, S, n, 3) -> whitened, without what a start explains: (K, N).
+
+    Of tied runs, errors and gaps (K, S, n + 1, 3) -> whitened innovations (K, N).
+    """
+    if run_set.chain is not None:
+        innovations = run_set.chain.whitened(error)
+        return innovations[:, run_set.within > 0].reshape(len(error), -1)
     white = whitened(error, run_set.noise) * run_set.within[..., None]
     w = apply_whitener(white, run_set.whitener)
     along = np.einsum("sncl,ksnc->ksl", run_set.basis, w, optimize=True)
@@ -209,7 +230,7 @@ def best_parameters(
 def _moved(run_set: RunSet, unknowns: Unknowns, z: Floats) -> TrialTrack:
     """The track with the motion that the model found: starts of the next stage."""
     rows = run_set.rows
-    if not len(rows.first):
+    if not len(rows.first) or run_set.follows is not None:
         return run_set.source
     _, _, correction = project_out_starts(
         errors_and_sensitivity(run_set, unknowns, z), run_set.noise
@@ -232,7 +253,7 @@ def noise_of_runs(run_set: RunSet, unknowns: Unknowns, z: Floats) -> Noise:
     if not len(run_set.rows.first):
         return run_set.noise
     errors = errors_and_sensitivity(run_set, unknowns, z)
-    return estimate_noise(errors, run_set.mean_s, run_set.noise)
+    return run_set.noise_of(errors)
 
 
 def fit_result(
