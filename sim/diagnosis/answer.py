@@ -122,6 +122,8 @@ class Diagnosis:
 
     alternatives   what was not chosen, each with its own fitted numbers: every effect of the
                    ranking alone beside the base, and the rivals of later steps beside the earlier
+    noise_share    standard deviation of what is left in u, v, r over that of the measured
+                   velocities as the recordings state it; None where runs are not tied by a filter
     """
 
     verdict: Verdict
@@ -137,6 +139,7 @@ class Diagnosis:
     vessel: Vessel
     suggested: tuple[SuggestedManoeuvre, ...] = ()
     alternatives: tuple[LadderStep, ...] = ()
+    noise_share: tuple[float, float, float] | None = None
 
     @property
     def next_manoeuvre(self) -> str | None:
@@ -174,6 +177,7 @@ class Diagnosis:
                 for s in self.suggested
             ],
             "noise_floor_nrmse": self.noise_floor,
+            "noise_share": None if self.noise_share is None else list(self.noise_share),
             "vessel": self.vessel.name,
         }  # fmt: skip
 

@@ -96,6 +96,7 @@ def diagnose(
     ladder, floor = (given, *(LadderStep.of(fit, scorer) for fit in fits)), scorer.noise_floor
     last = ladder[-1]
     left = remaining_dependences(selection, last.heldout.nrmse > thresholds.MAX_FLOORS * floor)
+    noise_share = selection.fit.noise_share
     alone = [LadderStep.of(row.fit, scorer) for row in selection.first.finalists]
     rivals = [rivals_of(step, selection.fit.names) for step in selection.steps]
     later = [
@@ -120,6 +121,7 @@ def diagnose(
         noise_floor=floor,
         vessel=last.vessel,
         suggested=_suggested(selection, rivals, settings.plan, progress),
+        noise_share=noise_share,
         alternatives=tuple(
             step for step in (*alone, *later) if step.effects not in {s.effects for s in ladder}
         ),

@@ -106,6 +106,18 @@ class Fit:
         return out
 
     @property
+    def noise_share(self) -> tuple[float, float, float] | None:
+        """Standard deviation of what is left in u, v, r, over what the trials state for their
+        measured velocities, the largest of all trials; None where runs are not tied by a filter.
+        """
+        if not self.problem.settings.tied:
+            return None
+        run_sets = self.problem.run_sets_for(self.unknowns, self.z)
+        shares = [noise_of_runs(w, self.unknowns, self.z).sigma / w.track_std for w in run_sets]
+        u, v, r = np.max(shares, axis=0)
+        return float(u), float(v), float(r)
+
+    @property
     def cost(self) -> float:
         """What the search lowered."""
         return float(robust_cost(self.unknowns, self.z, self.residual, thresholds.ROBUST_SIGMAS))

@@ -9,9 +9,9 @@ measured track, and what is unknown of its start is carried over from the run be
     g_k = measured start of run k+1 − end of run k,     Φ, A: sensitivity to the start of run k
 
 c_k is what the unknown moments of commands add; they add to the e_j too, and the filter knows how
-the two are correlated. The innovations of the filter over (δ, ε) are the whitened residuals: of a stable predictor, on
-whatever hull. Gains depend on the noise and the sensitivities alone, so the residuals are linear in
-the errors. Source: Ljung, System Identification, 2nd ed. 1999, §7.2 and §10.1 (prediction errors);
+the two are correlated. The innovations of the filter over (δ, ε) are the whitened residuals: of a
+stable predictor, on whatever hull. Gains depend on the noise and the sensitivities alone, so the
+residuals are linear in the errors. Source: Ljung, System Identification, 2nd ed. 1999, §7.2;
 Forssell and Ljung, IEEE Trans. Automatic Control 45, 2000 (unstable systems).
 """
 
@@ -35,7 +35,7 @@ COMMAND_TIMINGS = (0.0, 0.5, 1.0)  # of command timing, in multiples of a messag
 NOISE_ROUNDS = 3
 MIN_NOISE_SHARE = 0.2  # of what the covariance says: the noise is not found smaller
 MAX_TRANSITION = 50.0  # bound of ∂ velocity / ∂ start of a run
-MAX_INNOVATION = 5.0  # standard deviations: a larger one moves the estimate as this does
+CLIP_STD = 5.0  # standard deviations: a larger innovation counts as this in the likelihood
 
 
 def track_std(trial: Trial) -> Floats:
@@ -100,7 +100,7 @@ class Chain:
         white = chain.whitened(errors.error[None])[0][errors.within > 0]
         spread = np.sqrt(np.median(white**2, axis=0) / CHI2_MEDIAN) if len(white) else np.ones(3)
         determinant = size - 2.0 * np.log(np.maximum(_diagonal(rows), 1e-300)).sum()
-        cost = float(np.sum(np.clip(white, -MAX_INNOVATION, MAX_INNOVATION) ** 2) + determinant)
+        cost = float(np.sum(np.clip(white, -CLIP_STD, CLIP_STD) ** 2) + determinant)
         return replace(chain, spread=np.maximum(spread, 1e-3), cost=cost)
 
     def whitened(self, error: Floats) -> Floats:
@@ -225,8 +225,7 @@ def _filter(error, follows, last, rows, state, moved, gain, unit, out):  # type:
             if follows[k] == 0.0:
                 x[:] = 0.0
                 continue
-            clipped = np.minimum(np.maximum(w, -MAX_INNOVATION), MAX_INNOVATION)
-            x = moved[k] @ x[:3] + gain[k] @ clipped
+            x = moved[k] @ x[:3] + gain[k] @ w
             j = 3 * last[k]
             for i in range(3):
                 x[i] -= e[m + i]
