@@ -83,17 +83,16 @@ class Chain:
         rows, state = _rows_and_state(phi[:, :n], errors.within, noise)
         moved = np.concatenate([phi[:, n], -phi[np.arange(S), last]], axis=1)
         own = np.broadcast_to(np.eye(3 * n), (S, 3 * n, 3 * n)).copy()
-        drive, both = np.zeros((S, 3, 3)), np.zeros((S, 3, 3 * n))
-        drive[:] = np.diag(process**2)
-        drive *= (mean_s * count)[:, None, None]
+        drive, both = np.zeros((S, 6, 6)), np.zeros((S, 6, 3 * n))
+        drive[:, :3, :3] = np.diag(process**2) * (mean_s * count)[:, None, None]
         if errors.timing_covariance is not None and noise.command_timing > 0.0:
             timing = noise.command_timing**2 * np.nan_to_num(errors.timing_covariance)
-            end = timing.reshape(S, n + 1, 3, n + 1, 3)[np.arange(S), count]  # (S, 3, n + 1, 3)
-            drive += end[np.arange(S), :, count]
             counted = np.repeat(errors.within, 3, axis=1)
-            both = end[:, :, :n].reshape(S, 3, 3 * n) * counted[:, None] @ np.swapaxes(rows, 1, 2)
             inside = timing[:, : 3 * n, : 3 * n] * counted[:, None] * counted[:, :, None]
             own += rows @ inside @ np.swapaxes(rows, 1, 2)
+            added = _end_and_last(count, last, n)  # c, and what is no ε in the last error
+            drive += added @ timing @ np.swapaxes(added, 1, 2)
+            both = (added @ timing)[:, :, : 3 * n] * counted[:, None] @ np.swapaxes(rows, 1, 2)
         start = np.diag(np.concatenate([(START_SIGMAS * noise.sigma) ** 2, noise.sigma**2]))
         gain, unit, size = _gains(state, own, moved, follows, start, drive, both)
         chain = cls(follows, last, rows, state, moved, gain, unit, np.ones(3), 0.0)
@@ -155,6 +154,15 @@ def follows_of(first: Ints, size: Ints) -> Floats:
     return out
 
 
+def _end_and_last(count: Ints, last: Ints, n: int) -> Floats:
+    """Of n + 1 means of a run (S,): the one after its last, and less the last: (S, 6, 3 n + 3)."""
+    out = np.zeros((len(count), 2, 3, n + 1, 3))
+    for i in range(3):
+        out[np.arange(len(count)), 0, i, count, i] = 1.0
+        out[np.arange(len(count)), 1, i, last, i] = -1.0
+    return out.reshape(len(count), 6, 3 * n + 3)
+
+
 def _diagonal(matrices: Floats) -> Floats:
     return np.asarray(np.einsum("sii->si", matrices))
 
@@ -185,7 +193,8 @@ def _rows_and_state(phi: Floats, within: Floats, noise: Noise) -> tuple[Floats, 
 def _gains(state, own, moved, follows, start, drive, both):  # type: ignore[no-untyped-def]
     """Riccati recursion -> gain (S, 6, m), unit (S, m, m), Σ log det of the innovations.
 
-    drive (S, 3, 3) of w + c; both (S, 3, m) its covariance with the errors of the run.
+    drive (S, 6, 6): what is new in the next (δ, ε); both (S, 6, m): its covariance with the errors
+    of the run.
     """
     S, m, _ = state.shape
     gain, unit = np.zeros((S, 6, m)), np.zeros((S, m, m))
@@ -201,11 +210,11 @@ def _gains(state, own, moved, follows, start, drive, both):  # type: ignore[no-u
             P = start.copy()
             continue
         cross = F @ np.ascontiguousarray((P @ G.T)[:3])
-        cross[:3] += both[k]
+        cross += both[k]
         B = cross @ W.T
         gain[k] = B
         P = F @ np.ascontiguousarray(P[:3, :3]) @ F.T - B @ B.T
-        P[:3, :3] += drive[k]
+        P += drive[k]
         P = 0.5 * (P + P.T)
     return gain, unit, size
 
