@@ -1,4 +1,5 @@
 # make demo      set up and run the main job on recordings that ship
+# make hil-demo  the same with an autopilot in the loop; AUTOPILOT=PATH is ardurover for SITL
 # make test      set up and run checks and tests
 # make test-slow set up and run what takes long
 # make docs      the documentation as a site, with search: out/site/index.html
@@ -7,10 +8,13 @@ VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-slow docs chromium check format constraints clean
+.PHONY: demo hil-demo test test-slow docs chromium check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
+
+hil-demo: $(READY)
+	$(RUN)/shadow hil-demo --out out/hil-demo $(if $(AUTOPILOT),--autopilot $(AUTOPILOT))
 
 test: $(READY) check
 	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile

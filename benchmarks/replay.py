@@ -121,7 +121,7 @@ def stages(log: Path) -> dict[str, float]:
             watchman, happened = watchman.observe(chunk, filtered, out)
             list(topic_rows(out, given.origin))
             event_rows(happened)
-            meter.advance(chunk.receive_time_ns, filtered)
+            meter.advance(chunk.receive_time_ns, filtered, out)
     return watch.spent
 
 

@@ -3,8 +3,8 @@
     python -m benchmarks.simulation
 
 CPU time (`process_time`), compiled code warm unless told otherwise. Targets: an hour at 50 Hz in
-well under a second; at least 30 times as fast as the same kernel in plain Python; DESIGN §7 for
-the batch and for compiling. Accuracy is against DOP853 (rtol 1e-10), command by command.
+well under a second; at least 30 times as fast as the same kernel in plain Python. Accuracy is
+against DOP853 (rtol 1e-10), command by command.
 """
 
 import os

@@ -19,7 +19,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from gateway.commands import live, model, recordings
-from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message
+from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 from sim.effects.effect import LawError
 
 app = typer.Typer(
@@ -43,6 +43,8 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "replay": recordings.replay,
     "live": live.live,
     "simulate": live.simulate,
+    "hil": live.hil,
+    "hil-demo": live.hil_demo,
     "identify": model.identify,
     "compare": model.compare,
     "diagnose": model.diagnose,
@@ -51,6 +53,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "studio": recordings.studio,
     "plan": model.plan,
     "effects": model.show_effects,
+    "trust": model.trust,
     "plants": live.show_plants,
     "config": recordings.show_config,
     "repair": recordings.repair,
@@ -143,5 +146,5 @@ def _fail(text: str, status: int) -> NoReturn:
     """One line on standard error, even where it quotes names with line breaks; then exit."""
     if os.environ.get("SHADOW_DEBUG", "0") not in ("", "0"):
         traceback.print_exc()
-    print(f"error: {' '.join(text.split())}", file=sys.stderr)
+    print(f"error: {printable(' '.join(text.split()))}", file=sys.stderr)
     sys.exit(status)

@@ -21,7 +21,6 @@ attribution = "© …"         whose map it is; addresses in it become links
 deepest = 19                zoom beyond which the source has no tiles
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
@@ -29,17 +28,20 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlparse
 
+import orjson
 import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
 from gateway.estimation.settings import FilterSettings, WhiteNoise
+from gateway.ingest.mcap import MAGIC
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.plants import plant_relative_to
 from gateway.recording.foxglove_server import parse_address
+from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings
-from gateway.vessel_file import explain, validated
+from gateway.toml_file import explain, read_toml, validated
 from sim.following.follower import FollowerOptions
 from sim.following.reference import ReferenceMode
 
@@ -146,8 +148,8 @@ class FollowingSettings:
     follower: FollowerOptions = field(default_factory=FollowerOptions)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.rate_hz < float("inf"):
-            raise BadInput(f"[following] rate_hz = {self.rate_hz}: expected a positive number")
+        if not 0.1 <= self.rate_hz <= 1000.0:
+            raise BadInput(f"[following] rate_hz = {self.rate_hz}: expected 0.1 to 1000 Hz")
 
 
 @dataclass(frozen=True)
@@ -188,14 +190,35 @@ def load_settings(path: str | Path | None) -> Settings:
     if path is None:
         return Settings()
     file = Path(path)
-    try:
-        tables = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{file}: not a TOML file: {error}") from None
-    except OSError as error:
-        raise BadInput(f"{file}: cannot read the configuration: {error.strerror}") from None
+    tables = read_toml(file, "the configuration")
     settings = settings_of(tables, str(file))
     return replace(settings, boats=tuple(_relative_to(file, boat) for boat in settings.boats))
+
+
+ESTIMATING = ("filter", "following")  # what a recording's own configuration may decide
+
+
+def recorded_settings(log_path: Path) -> Settings | None:
+    """How a recording of ours was estimated, over the defaults; None for any other log.
+
+    A recording is data: where to listen, publish or write is never taken from it.
+    """
+    with log_path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            return None
+    attached = Recording.open(log_path).attachments.get("config.json")
+    if attached is None:
+        return None
+    try:
+        tables = orjson.loads(attached.data)
+    except orjson.JSONDecodeError:
+        tables = None
+    if not isinstance(tables, dict):
+        raise BadInput(
+            f"{log_path}: its config.json is damaged: give the configuration with --config FILE"
+        )
+    chosen = {name: tables[name] for name in ESTIMATING if name in tables}
+    return settings_of(chosen, f"{log_path}: config.json")
 
 
 def _relative_to(file: Path, boat: BoatSettings) -> BoatSettings:

@@ -12,12 +12,12 @@ from typing import Any
 from rich.console import Console
 
 from gateway.bus import BusSettings, open_session
-from gateway.files import RECORDINGS, VESSELS
+from gateway.files import RECORDINGS, VESSELS, pictures_there
 from gateway.offline.add import add_effects
 from gateway.offline.compare import compare_logs
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.offline.replay import ReplayOptions, replay
-from gateway.terminal.console import progress_bar, status_line
+from gateway.terminal.console import SafeConsole, progress_bar, status_line
 from gateway.terminal.diagnosis import show_addition, show_diagnosis
 from gateway.terminal.identification import show_comparisons
 from gateway.terminal.recordings import show_replay
@@ -29,9 +29,18 @@ VOYAGE, TWIN = RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog"
 DEMO_BOAT = VESSELS / "demo_boat.toml"
 
 
+def demo_files(out: Path) -> list[Path]:
+    """What the demo writes into its folder, as far as that is known before."""
+    named = [f"{AUTOPILOT.stem}-shadow.mcap", "diagnosis.json", "demo_boat-better.toml"]
+    figures = {log.stem: [log.stem] for log in (VOYAGE, TWIN)}
+    figures["diagnosis"] = ["ladder", "ranking", "evidence"]
+    drawn = [f for name, begin in figures.items() for f in pictures_there(out / name, begin)]
+    return [*(out / name for name in named), *drawn]
+
+
 def run_demo(out: Path) -> None:
     """Run five steps; each prints what it does and where the files are."""
-    console = Console(highlight=False)
+    console = SafeConsole(highlight=False)
     _shadow(out, console)
     console.print(
         "[bold]2. Is the model right?[/bold] A voyage of another boat, with something hidden in it"

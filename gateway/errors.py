@@ -1,5 +1,6 @@
 """What can go wrong, as one tree. The command line turns each into one line and an exit status."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +9,16 @@ import numpy as np
 
 # Arithmetic without a result: a singular matrix, an overflow, a division by zero.
 NUMERICAL_ERRORS = (np.linalg.LinAlgError, ArithmeticError)
+
+
+# What a terminal would obey or show in another place: control characters but line break and
+# tabulator, changes of direction, and bytes of a file name that are no text.
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    """A text as a terminal may show it: names in logs, files and messages are not ours."""
+    return _UNPRINTABLE.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
 class ShadowError(Exception):

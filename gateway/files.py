@@ -6,10 +6,15 @@ In a checkout they stand in the repository's folders `configs` and `recordings`;
 same folders inside the package.
 """
 
+import re
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import ShadowError
+from gateway.outputs import check_output, note_output
+
+UNSAFE = re.compile(r"[^\w.-]+")  # in the name of a file
 
 
 def write_whole(file: Path, content: bytes, what: str, folders: bool = False) -> None:
@@ -17,6 +22,7 @@ def write_whole(file: Path, content: bytes, what: str, folders: bool = False) ->
 
     `folders`: make the folders that are missing.
     """
+    check_output(file)
     part = file.with_name(f".{file.name}.part")
     try:
         if folders:
@@ -28,11 +34,29 @@ def write_whole(file: Path, content: bytes, what: str, folders: bool = False) ->
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+    note_output(file)
+
+
+def picture_name(name: str) -> str:
+    """The name of a figure as that of its file: dashes for blanks and special characters."""
+    return UNSAFE.sub("-", name).strip("-").lower() + ".png"
+
+
+def pictures_there(folder: Path | None, begin: Iterable[str], end: str = ".png") -> list[Path]:
+    """Pictures in a folder that are named as figures about to be drawn begin, or end so."""
+    starts = tuple(picture_name(name).removesuffix(".png") for name in begin)
+    found = sorted(folder.glob("*.png")) if folder is not None and folder.is_dir() else []
+    return [
+        file
+        for file in found
+        if file.name.startswith(starts) or (end != ".png" and file.name.endswith(end))
+    ]
 
 
 INSTALLED = Path(__file__).parent / "_shipped"
 ROOT = INSTALLED if INSTALLED.is_dir() else Path(__file__).resolve().parent.parent
 VESSELS = ROOT / "configs" / "vessels"
+DAYS = ROOT / "configs" / "days"
 RECORDINGS = ROOT / "recordings"
 LAYOUT = ROOT / "configs" / "foxglove-layout.json"
 

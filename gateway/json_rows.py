@@ -20,7 +20,7 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from gateway.topics import TIMES, TOPICS, Field, FieldType
+from gateway.topics import TIMES, Field, FieldType, topic_of
 
 Value = float | int | str
 Text = str | Sequence[str]
@@ -50,14 +50,14 @@ class _Layout(NamedTuple):
 
 @cache
 def _layout(topic: str) -> _Layout:
-    fields = TOPICS[topic].all_fields
+    fields = topic_of(topic).all_fields
     names = tuple(field.name for field in fields)
     return _Layout(
         names,
         tuple(field.name for field in fields if field.type is FieldType.NUMBER),
         tuple(field.name for field in fields if field.type is FieldType.INTEGER),
         tuple(field for field in fields if field.type is FieldType.STRING),
-        msgspec.defstruct(topic, names, gc=False),
+        msgspec.defstruct(topic.replace("/", "_"), names, gc=False),
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from gateway.errors import BadInput
 from gateway.vessel_file import load_vessel
 from sim.effects.effect import Effect
-from sim.plants.table import PLANTS, VESSEL, PlantChoice, PlantKind
+from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 
 
 @lru_cache(maxsize=1)
@@ -24,7 +24,7 @@ def known_plants() -> Mapping[str, PlantKind]:
 def load_plant(text: str | None, effects: Sequence[Effect] = ()) -> PlantChoice:
     """The plant of `KIND`, `KIND:FILE` or `FILE` (a vessel file); None: the vessel itself."""
     if text is None:
-        return PlantChoice()
+        return OWN_VESSEL
     kind, file = _parts(text, Path())
     return PlantChoice(kind, None if file is None else load_vessel(file, effects))
 

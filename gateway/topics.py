@@ -232,6 +232,8 @@ def _health() -> tuple[Field, ...]:
     counts = (
         ("late", "measurements since start that came too late to be used"),
         ("gated", "measurements since start refused as outliers"),
+        ("divergences", "times since start that the shadow left what a boat can do and began anew"),
+        ("diverging", "1 where it did so within the last minute, else 0"),
         ("recorder_backlog", "messages now waiting to be recorded"),
         ("recorder_drops", "messages since start that were not recorded"),
     )
@@ -284,6 +286,49 @@ _ALL = (
 )
 TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _ALL}
 
+# Recorded by `shadow hil` as NAME/<vessel>; no inference reads them, nothing publishes them.
+TRUTH = (
+    *MOTION,
+    ("down_m", "m", "position of the body origin below calm water"),
+    ("roll_rad", "rad", "roll, starboard down"),
+    ("pitch_rad", "rad", "pitch, bow up"),
+    ("heave_mps", "m/s", "velocity down"),
+    ("roll_rate_radps", "rad/s", "time derivative of roll_rad"),
+    ("pitch_rate_radps", "rad/s", "time derivative of pitch_rad"),
+    ("current_north_mps", "m/s", "velocity of the water, north"),
+    ("current_east_mps", "m/s", "velocity of the water, east"),
+    ("wind_north_mps", "m/s", "velocity of the air, north; 0 without wind"),
+    ("wind_east_mps", "m/s", "velocity of the air, east"),
+    ("elevation_m", "m", "height of the water at the boat"),
+    *((name, unit, f"{text} of the commanded actuators") for name, unit, text in FORCE),
+    *((f"wave_{name}", unit, f"{text} of the waves") for name, unit, text in FORCE),
+    ("voltage_v", "V", "voltage of the battery"),
+)
+OUTPUTS = 32
+_LOOP = (
+    Topic(
+        "truth",
+        "shadow.Truth",
+        "How the boat in the loop really moves, and what acts on it",
+        "50 Hz",
+        tuple(Field(*row) for row in TRUTH),
+    ),
+    Topic(
+        "outputs",
+        "shadow.Outputs",
+        "Pulses that the autopilot in the loop gave; 0: none",
+        "50 Hz",
+        tuple(Field(f"output_{n}_us", "µs", f"pulse of output {n}") for n in range(1, OUTPUTS + 1)),
+    ),
+)
+LOOP_TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _LOOP}
+
+
+def topic_of(channel: str) -> Topic:
+    """The topic of a channel of a recording: `shadow`, or `truth/<vessel>`."""
+    name = channel.partition("/")[0]
+    return TOPICS[name] if name in TOPICS else LOOP_TOPICS[name]
+
 
 def _markdown(topic: Topic) -> list[str]:
     lines = [
@@ -315,7 +360,17 @@ def markdown() -> str:
         "is complete.",
         "",
     ]
-    return "\n".join([*head, *(line for topic in TOPICS.values() for line in _markdown(topic))])
+    loop = [
+        "# Topics of the loop",
+        "",
+        "In recordings of `shadow hil` alone, as the channels `truth/<vessel>` and "
+        "`outputs/<vessel>`; never published.",
+        "No estimator, identification or diagnosis reads them: a test holds that.",
+        "",
+    ]
+    live, closed = ([line for topic in table.values() for line in _markdown(topic)]
+                    for table in (TOPICS, LOOP_TOPICS))  # fmt: skip
+    return "\n".join([*head, *live, *loop, *closed])
 
 
 def schema_files() -> Mapping[str, bytes]:
@@ -323,7 +378,7 @@ def schema_files() -> Mapping[str, bytes]:
     options = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
     return {
         f"{name}.json": orjson.dumps(topic.json_schema(), option=options)
-        for name, topic in TOPICS.items()
+        for name, topic in {**TOPICS, **LOOP_TOPICS}.items()
     }
 
 

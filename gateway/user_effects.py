@@ -1,6 +1,9 @@
 """Effects from outside the package: a Python file named by its user, or an installed plug-in.
 
-A plug-in registers its `Effect` objects under the entry point group `shadow.effects`.
+An effect of one's own is a program, a vessel file is data: a file that a vessel file names runs
+only where it lies within the vessel's folder and was trusted once as it is now, by its hash
+(`shadow trust FILE`). A plug-in registers its `Effect` objects under the entry point group
+`shadow.effects`.
 """
 
 import hashlib
@@ -10,11 +13,13 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import Any, NamedTuple
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.files import write_whole
+from gateway.user_state import recall, remember, state_folder
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Formula, Values
 
 
 @lru_cache(maxsize=1)
@@ -24,13 +29,82 @@ def known_effects() -> tuple[Effect, ...]:
     return (*EFFECTS, *(effect for effect in plugged if isinstance(effect, Effect)))
 
 
+TRUSTED = "trusted"  # the kind of entry in the user's state; its key is the hash of a file
+
+
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
-    """All effects that a Python file defines at its top level; BadInput where it cannot be run."""
+    """All effects that a Python file defines at its top level; BadInput where it cannot be run.
+
+    The file is run: give one that the user named, `load_trusted_effects` for any other.
+    """
     file = Path(path)
+    return _effects_of(file, _raw(file))
+
+
+def load_trusted_effects(path: str | Path) -> tuple[Effect, ...]:
+    """The same for a file that nobody named: BadInput unless it was trusted as it is now."""
+    file = Path(path)
+    raw = _raw(file)
+    if not _is_trusted(raw):
+        raise BadInput(
+            f"an effect of one's own is a program, and this one was not trusted as it is now: "
+            f"read it, then `shadow trust {file}` once, or name it with --effects {file}"
+        )
+    return _effects_of(file, raw)
+
+
+def trust(path: str | Path) -> tuple[Effect, ...]:
+    """Remember that this very file may run wherever a vessel file names it -> its effects."""
+    file = Path(path)
+    raw = _raw(file)
+    found = _effects_of(file, raw)
+    if not remember(TRUSTED, _digest(raw), {"file": str(file.resolve())}):
+        raise ShadowError(f"{file}: cannot remember it: {state_folder()} cannot be written")
+    return found
+
+
+class EffectFile(NamedTuple):
+    """A file of effects, and whether its user named it, rather than a vessel file."""
+
+    path: str
+    named: bool = True
+
+    def load(self) -> tuple[Effect, ...]:
+        """Its effects; BadInput where it may not run."""
+        return load_effects(self.path) if self.named else load_trusted_effects(self.path)
+
+
+def effect_file_beside(vessel_file: Path, source: Any) -> Path:
+    """The path that a vessel file names; BadInput where it leads out of the vessel's folder."""
+    if not isinstance(source, str):
+        raise BadInput(f"{source!r}: expected a path")
+    file = vessel_file.parent / source
+    if not file.resolve().is_relative_to(vessel_file.parent.resolve()):
+        raise BadInput(
+            f"{source}: is not in the folder of the vessel file: put it there, or name it with "
+            "--effects"
+        )
+    return file
+
+
+def _is_trusted(raw: bytes) -> bool:
+    return recall(TRUSTED, _digest(raw)) is not None
+
+
+def _digest(raw: bytes) -> str:
+    return hashlib.sha256(raw).hexdigest()
+
+
+def _raw(file: Path) -> bytes:
     try:
-        text = file.read_bytes().decode("utf-8")
+        return file.read_bytes()
     except OSError as error:
         raise BadInput(f"{file}: cannot read the effect file: {error.strerror}") from None
+
+
+def _effects_of(file: Path, raw: bytes) -> tuple[Effect, ...]:
+    try:
+        text = raw.decode("utf-8")
     except UnicodeDecodeError:
         raise BadInput(f"{file}: not a Python file: its text is not UTF-8") from None
     found = tuple(v for v in vars(_module_of(file, text)).values() if isinstance(v, Effect))
@@ -41,14 +115,30 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
 
 def write_effect_copy(like: Effect, file: Path) -> None:
     """Write the source of an effect under another name, as a pattern for an effect of one's own."""
+    _write_effect(like.source_code.replace(f'name="{like.name}"', f'name="{file.stem}"'), file)
+
+
+def write_effect_formula(like: Effect, table: Values, formula: Formula, file: Path) -> None:
+    """Write an effect of one's own that has a formula for the table of `like`.
+
+    BadInput where the effect holds no table, or the library no such form.
+    """
+    if like.formula_source is None:
+        raise BadInput(f"{like.name}: has a law of its own: leave out --from")
+    try:
+        text = like.formula_source(file.stem, table, formula)
+    except (KeyError, ValueError) as error:
+        raise BadInput(f"the diagnosis holds a formula that is not known here: {error}") from None
+    _write_effect(text, file)
+
+
+def _write_effect(text: str, file: Path) -> None:
+    """A Python file under a name that no effect has."""
     name = file.stem
     if not name.isidentifier() or file.suffix != ".py":
         raise BadInput(f"{file}: a Python file whose name is that of the new effect: keel.py")
     if name in {effect.name for effect in known_effects()}:
         raise BadInput(f"{file}: there is an effect {name}: choose another name")
-    if file.exists():
-        raise BadInput(f"{file}: is there already, and may hold your work")
-    text = like.source_code.replace(f'name="{like.name}"', f'name="{name}"')
     write_whole(file, text.encode(), "the effect")
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 
 class Body(NamedTuple):
-    """Hull and base dynamics (DESIGN §6), SNAME names, damping derivatives negative."""
+    """Hull and base dynamics (`sim.balance`), SNAME names, damping derivatives negative."""
 
     length: float  # m
     beam: float  # m

@@ -1,8 +1,7 @@
 """The model of a vessel: its parameters by name, and the compiled loops on arrays."""
 
-import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -21,7 +20,6 @@ from sim.kernel.generator import Structure
 from sim.state import Floats
 from sim.vessel import (
     AddedEffect,
-    Thruster,
     Vessel,
     curve_exponent,
     knot_commands,
@@ -68,13 +66,6 @@ class Model:
         """How much later all commands act [s]."""
         laws = [(a.effect.delay, a.values) for a in self.vessel.effects]
         return float(sum(law(SimpleNamespace(**values)) for law, values in laws if law))
-
-    def theta_with(self, **values: float) -> Floats:
-        """theta (P,) with some parameters changed, by name (`**{"left.x": 1.0}`)."""
-        theta = self.theta.copy()
-        for name, value in values.items():
-            theta[self.names.index(name)] = value
-        return theta
 
     def simulate(
         self,
@@ -144,13 +135,12 @@ class Model:
     @cached_property
     def _time_constants(self) -> list[int]:
         """Columns of theta that are time constants of first-order lags."""
-        lags = {
-            f"{a.effect.name}.{p.name}"
-            for a in self.vessel.effects
-            for p in a.effect.parameters
+        return [
+            self.names.index(f"{label}.{p.name}")
+            for label, added in _labelled(self.vessel)
+            for p in added.effect.parameters
             if p.role is Role.TIME_CONSTANT
-        }
-        return [i for i, name in enumerate(self.names) if re.sub(r"#\d+\.", ".", name) in lags]
+        ]
 
     def _fastest_rate(self, rows: Floats, nu: Floats) -> float:
         """The fastest rate [1/s] of the hull, over theta (K, P) and velocities (B, 3)."""
@@ -274,35 +264,37 @@ def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:
     return sorted(added, key=lambda a: (place.get(a.effect.name, len(place)), a.effect.name))
 
 
+def _labelled(vessel: Vessel) -> Iterator[tuple[str, AddedEffect]]:
+    """Effects in order, with the labels of their parameters: name, name#2, …"""
+    counts: Counter[str] = Counter()
+    for added in _in_order(vessel.effects):
+        name = added.effect.name
+        counts[name] += 1
+        yield (f"{name}#{counts[name]}" if counts[name] > 1 else name), added
+
+
 def _structure(vessel: Vessel) -> Structure:
-    position = {thruster.name: i for i, thruster in enumerate(vessel.thrusters)}
+    number: dict[str | None, int] = {t.name: i for i, t in enumerate(vessel.thrusters)}
+    number[None] = -1
+    owners = tuple(table_owner(vessel.thrusters, t) for t in vessel.thrusters)
+    curves = [t.curve for t in vessel.thrusters]
+    knots = tuple(() if isinstance(curve, str) else knot_commands(curve) for curve in curves)
+    tabled = max(owners, default=-1) >= 0
     return Structure(
         thrusters=len(vessel.thrusters),
-        rudders=tuple(
-            (
-                -1 if rudder.motor is None else position[rudder.motor],
-                -1 if rudder.wash is None else position[rudder.wash],
-            )
-            for rudder in vessel.rudders
-        ),
+        rudders=tuple((number[r.motor], number[r.wash]) for r in vessel.rudders),
         effects=tuple(added.effect for added in _in_order(vessel.effects)),
-        **_tables(vessel.thrusters),
+        tables=owners if tabled else (),
+        knots=knots if tabled else (),
     )
-
-
-def _tables(thrusters: Sequence[Thruster]) -> dict[str, Any]:
-    """Owners and knots of the tables of thrust; nothing where all curves are powers."""
-    tables = tuple(table_owner(thrusters, t) for t in thrusters)
-    own = tuple(() if isinstance(t.curve, str) else knot_commands(t.curve) for t in thrusters)
-    return {"tables": tables, "knots": own} if max(tables, default=-1) >= 0 else {}
 
 
 def _parameters(vessel: Vessel) -> dict[str, float]:
     """All parameters by name, in the order of theta."""
     h, s = vessel.hull, vessel.sensors
     known = {
-        "length": h.length, "beam": h.beam, "mass": h.mass, "area_front": h.wind_area[0],
-        "area_side": h.wind_area[1], "antenna_x": s.antenna[0], "antenna_y": s.antenna[1],
+        "length": h.length, "beam": h.beam, "mass": h.mass, "area_front": h.areas[0],
+        "area_side": h.areas[1], "antenna_x": s.antenna[0], "antenna_y": s.antenna[1],
     }  # fmt: skip
     out = {
         field: known[field] if field in known else float(getattr(vessel.dynamics, field))
@@ -321,10 +313,7 @@ def _parameters(vessel: Vessel) -> dict[str, float]:
         if not isinstance(t.curve, str):
             shares = knot_shares(t.curve)
             add(t.name, shares, shares.values())
-    counts: Counter[str] = Counter()
-    for added in _in_order(vessel.effects):
-        name, names = added.effect.name, [p.name for p in added.effect.parameters]
-        counts[name] += 1
-        label = f"{name}#{counts[name]}" if counts[name] > 1 else name
-        add(label, names, [added.values[n] for n in names])
+    for label, added in _labelled(vessel):
+        names = [p.name for p in added.effect.parameters]
+        add(label, names, [added.values[name] for name in names])
     return out

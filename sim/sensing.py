@@ -3,7 +3,7 @@
     antenna at (x, y):  position + R(ψ)(x, y),  u − r y,  v + r x
 
 Sensor effects come on top (`observe` laws). They map the prediction, never the data; where the
-true motion is wanted from the reported one, the map is inverted by fixed-point iteration, which
+true motion is needed from the reported one, the map is inverted by fixed-point iteration, which
 converges because every sensor effect is a small departure from the identity.
 """
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from sim.effects.effect import Effect, Need
 from sim.state import Floats
+from sim.wind_areas import areas_text, assumed_wind_areas
 
 Point = tuple[float, float]
 Points = tuple[Point, ...]
@@ -91,8 +92,8 @@ def with_free_curves(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
 
     "left.curve" is that of one thruster, "curve" one table for all of them.
     """
-    asked = set(names)
-    if "curve" in asked and not any(not isinstance(t.curve, str) for t in vessel.thrusters):
+    free = set(names)
+    if "curve" in free and not any(not isinstance(t.curve, str) for t in vessel.thrusters):
         first, *others = vessel.thrusters
         shared = [replace(t, curve=first.name) for t in others]
         return replace(vessel, thrusters=(replace(first, curve=as_table(first.curve)), *shared))
@@ -100,7 +101,7 @@ def with_free_curves(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
         vessel,
         thrusters=tuple(
             replace(t, curve=as_table(t.curve))
-            if f"{t.name}.curve" in asked and t.curve in CURVES
+            if f"{t.name}.curve" in free and t.curve in CURVES
             else t
             for t in vessel.thrusters
         ),
@@ -109,12 +110,28 @@ def with_free_curves(vessel: "Vessel", names: Iterable[str]) -> "Vessel":
 
 @dataclass(frozen=True)
 class Hull:
-    """Size [m], mass [kg], frontal and lateral area above water [m²]."""
+    """Size [m], mass [kg], frontal and lateral area above water [m²], and how it floats.
+
+    Areas above water: (0, 0) where not known. Area of the waterline [m²], transverse and
+    longitudinal metacentric height [m]: 0 where they are to follow from the size.
+    """
 
     length: float
     beam: float
     mass: float
     wind_area: tuple[float, float] = (0.0, 0.0)
+    waterplane_area: float = 0.0
+    metacentric_heights: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def has_wind_area(self) -> bool:
+        """Whether the areas above water are known."""
+        return min(self.wind_area) > 0.0
+
+    @property
+    def areas(self) -> tuple[float, float]:
+        """The areas above water, assumed from the size where they are not known."""
+        return self.wind_area if self.has_wind_area else assumed_wind_areas(self.length, self.beam)
 
 
 @dataclass(frozen=True)
@@ -188,10 +205,21 @@ class Rudder:
 
 @dataclass(frozen=True)
 class Sensors:
-    """Where position and velocity (antenna) and accelerations (imu) are measured [m, FRD]."""
+    """Where position and velocity (antenna) and accelerations (imu) are measured [m, FRD].
+
+    The errors are those of a simulated boat's sensors (`shadow hil`); a fit does not read them.
+    Noise of gyro and accelerometer is a density, per root of the bandwidth; that of position and
+    velocity the standard deviation of a reading.
+    """
 
     antenna: tuple[float, float] = (0.0, 0.0)
     imu: tuple[float, float] = (0.0, 0.0)
+    gyro_noise: float = 0.0  # rad/s/√Hz
+    gyro_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
+    accel_noise: float = 0.0  # m/s²/√Hz
+    accel_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s²
+    position_noise: float = 0.0  # m
+    velocity_noise: float = 0.0  # m/s
 
 
 @dataclass(frozen=True)
@@ -233,13 +261,29 @@ class Vessel:
                 raise ValueError(f"effect {name} needs {needs}: {self.name} has none")
 
     def unmet_needs(self, effect: Effect) -> str:
-        """What the vessel would need for that effect to act on it, in words; empty: nothing."""
+        """What the vessel would need for that effect to act on it, in words; empty: nothing.
+
+        Areas above water that are not known are assumed (`assumptions`).
+        """
         has = {
-            Need.WIND_AREA: min(self.hull.wind_area) > 0.0,
+            Need.WIND_AREA: True,
             Need.PORT_THRUSTER: any(t.position[1] < 0.0 for t in self.thrusters),
             Need.STEERING: bool(self.rudders),
         }
         return " and ".join(need.value for need in effect.needs if not has[need])
+
+    @property
+    def assumes_wind_area(self) -> bool:
+        """Whether one of its effects acts on areas above water that nobody gave."""
+        needed = any(Need.WIND_AREA in added.effect.needs for added in self.effects)
+        return needed and not self.hull.has_wind_area
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What was assumed for its effects to act, a sentence each."""
+        if not self.assumes_wind_area:
+            return ()
+        return (f"{areas_text(*self.hull.areas)}; give hull.wind_area in the vessel file",)
 
     @property
     def actuators(self) -> tuple[Thruster | Rudder, ...]:

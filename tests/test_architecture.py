@@ -98,28 +98,31 @@ LAYERS = {
     "sim": """
         jit
         state
-        body wind_loads
+        body wind_areas
+        wind_loads
         balance actuators sensing effects
         vessel trial
         kernel
         model
         prediction excitation plants
-        following identification
+        following identification hil
         comparison
         diagnosis monitoring
         api
     """,
     "gateway": """
-        errors jit samples topics
+        errors jit samples stopping topics user_state
+        outputs toml_file
         files json_rows
-        user_effects estimation recording bus
+        user_effects estimation recording bus vessel_tables
         vessel_file ingest monitor
         links shadow plants
         config
         live figures
         offline
         simulated_boat terminal api
-        studio demo
+        studio demo hil stand_in
+        hil_demo
         commands
         cli
     """,

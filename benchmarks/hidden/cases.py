@@ -16,7 +16,9 @@ from numpy.random import Generator as Dice
 from benchmarks.hidden.boats import EVERY, Boat
 from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.strengths import (
+    CHANGES,
     GROUPS,
+    LASTING,
     OF_A_VOYAGE,
     RECIPES,
     STRANGE,
@@ -195,6 +197,21 @@ def _light(seed: int, hulls: int = 10) -> Iterator[Plan]:
             yield Plan((cause,), pilots, misjudged=k >= 3, boat=boat)
 
 
+def _day(seed: int, number: int = 40) -> Iterator[Plan]:
+    """Two to four causes, one at least with a moment; half on missions, a quarter misjudged."""
+    dice = np.random.default_rng([seed, 0xDA4])
+    for i in range(number):
+        changes = [str(c) for c in dice.choice(list(CHANGES), 1 + i % 2, replace=False)]
+        beside = ["steady_current", "steady_wind", *LASTING]
+        if "current_change" in changes:
+            beside.remove("steady_current")
+        if "wind_change" in changes:
+            beside.remove("steady_wind")
+        lasting = [str(c) for c in dice.choice(beside, 1 + i % 4 // 2, replace=False)]
+        pilots = MISSIONS if i % 2 else (*OPEN_LOOP, "circles")
+        yield Plan((*changes, *lasting), pilots, misjudged=i % 4 == 3)
+
+
 Family = Callable[[int], Iterator[Plan] | list[Plan]]
 FAMILIES: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP),
@@ -206,6 +223,7 @@ FAMILIES: Mapping[str, Family] = {
     "none": _none,
     "unknown": _unknown,
     "light": _light,
+    "day": _day,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

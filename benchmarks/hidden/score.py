@@ -35,7 +35,7 @@ SINGLE = ("excitation", "mission", "weak", "faint", "base_off")
 # nature's own form: the catalogue's number has no exact counterpart
 OTHER_FORM = frozenset({
     "varying_current", "steady_wind", "wave_motion", "payload_change", "thruster_deadband",
-    "thruster_lag", "advance_loss", "astern_stall",
+    "thruster_lag", "advance_loss", "astern_stall", "current_change", "wind_change",
 })  # fmt: skip
 
 Json = Mapping[str, Any]

@@ -185,6 +185,7 @@ RECIPES: Mapping[str, Recipe] = {
 OF_A_VOYAGE = frozenset({
     "steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion",
     "drag_growth", "payload_change", "towed_load", "thruster_fault", "yaw_rate_bias",
+    "current_change", "wind_change",
 })  # fmt: skip
 WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 
@@ -204,6 +205,41 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "sensors": ("heading_offset", "compass_deviation", "antenna_offset", "velocity_latency",
                 "yaw_rate_bias"),
 }  # fmt: skip
+
+
+def _current_change(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    """Off by 0.2 m/s and more, whatever the two are."""
+    speed, direction = _of(d, 0.0, 0.35), _direction(d)
+    step, towards = k * _of(d, 0.2, 0.4), _direction(d)
+    north = speed * math.cos(direction) + step * math.cos(towards)
+    east = speed * math.sin(direction) + step * math.sin(towards)
+    return {"speed": speed, "direction": direction, "later_speed": math.hypot(north, east),
+            "later_direction": math.atan2(east, north), "time": _moment(d, seconds)}  # fmt: skip
+
+
+def _wind_change(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    """It rises, falls asleep, or turns by a quarter and more."""
+    speed, direction = math.sqrt(k) * _of(d, 8.0, 12.0), _direction(d)
+    calm = _of(d, 0.0, 3.0)
+    turn = direction + _side(d) * _of(d, 0.5, 1.0) * math.pi
+    first, then = [(calm, speed), (speed, calm), (speed, speed)][int(d.integers(3))]
+    return {"speed": first, "direction": direction, "later_speed": then,
+            "later_direction": turn, "time": _moment(d, seconds)}  # fmt: skip
+
+
+def _moment(dice: Dice, seconds: float) -> float:
+    return seconds * _of(dice, 0.25, 0.75)
+
+
+# days that change; the recipes above stay in the order that numbers their cases
+CHANGES: Mapping[str, Recipe] = {
+    "current_change": _current_change,
+    "wind_change": _wind_change,
+    "thruster_fault": _thruster_fault,
+    "payload_change": _payload_change,
+}
+# what stands beside a change: of another kind than any of them
+LASTING = ("heading_offset", "reverse_loss", "towed_load", "cubic_drag", "compass_deviation")
 
 
 def boats_for(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -264,4 +300,6 @@ STRANGE: Mapping[str, Recipe] = {
 
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    return {**RECIPES, **STRANGE}[name](boat, dice, 1.0 if name in WHOLE else share, seconds)
+    return {**RECIPES, **CHANGES, **STRANGE}[name](
+        boat, dice, 1.0 if name in WHOLE else share, seconds
+    )

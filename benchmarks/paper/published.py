@@ -1,4 +1,4 @@
-"""The figures that the paper prints, as they stand there (DESIGN §5).
+"""The figures that the paper prints, as they stand there.
 
 Source: Saldarriaga-Mesa et al., Robotics 2025, 14(9), 124, Tables 4 to 8.
 """

@@ -10,6 +10,7 @@ from gateway.commands.options import (
     AsJson,
     Config,
     EffectFiles,
+    Force,
     Plant,
     Publish,
     Record,
@@ -23,6 +24,8 @@ from gateway.commands.options import (
     vessel_from,
 )
 from gateway.errors import BadInput
+from gateway.files import DAYS, vessel_path
+from gateway.outputs import guarded_outputs
 
 
 def live(
@@ -96,8 +99,8 @@ def simulate(
     commands: Annotated[
         str | None,
         typer.Argument(
-            help="CSV: time [s] and one column per actuator by name, −1 … 1. With --live also "
-            "mixed, steps, zigzag, … (shadow plan --list)."
+            help="CSV: time [s] and one column per actuator by name, −1 … 1. With --live or --log "
+            "also mixed, steps, zigzag, … (shadow plan --list)."
         ),
     ] = None,
     follow: Annotated[
@@ -109,8 +112,16 @@ def simulate(
             "--live", metavar="ENDPOINT", help="Play it as a MAVLink boat, to udpout:HOST:PORT."
         ),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            "--log", metavar="FILE.tlog", help="Write what its radio would send, for identify, …"
+        ),
+    ] = None,
     system: Annotated[int, typer.Option("--system", help="System id of the played boat.")] = 1,
-    seconds: Annotated[float, typer.Option(help="How long to play [s].")] = float("inf"),
+    seconds: Annotated[
+        float, typer.Option(help="How long to play [s]; with --log once by default.")
+    ] = float("inf"),
     fast: Annotated[
         bool, typer.Option("--fast", help="High message rates at once, without being asked.")
     ] = False,
@@ -118,25 +129,148 @@ def simulate(
     out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
     effects: EffectFiles = None,
     config: Config = None,
+    force: Force = False,
 ) -> None:
-    """Commands in, motion out, as a recording; with --live as a boat to try live mode on."""
-    boat = vessel_from(vessel, effects)
+    """Commands in, motion out, as a recording; --live plays a boat, --log writes its telemetry."""
+    if live is not None and log is not None:
+        raise BadInput("--live and --log: a boat is played to one of them, give one")
+    if log is not None:
+        from gateway.simulated_boat.log_file import write_log
+
+        sources = (vessel_path(vessel), config, *(effects or ()))
+        with guarded_outputs("simulate", sources, [log], force):
+            duration = write_log(
+                vessel_from(vessel, effects), log, program=commands or "mixed", system=system,
+                fast=fast, seed=seed, seconds=seconds,
+            )  # fmt: skip
+        print_progress(f"{duration:.0f} s played into {log}")
+        return
     if live is not None:
         from gateway.simulated_boat.play import play_until_stopped
 
+        boat = vessel_from(vessel, effects)
         play_until_stopped(
             boat, live, print_progress, program=commands or "mixed", system=system, fast=fast,
             seed=seed, seconds=seconds,
         )  # fmt: skip
         return
+    from gateway.offline.simulate import recording_file
     from gateway.offline.simulate import simulate as work
     from gateway.terminal.recordings import show_simulation
 
     if commands is None:
-        raise BadInput("no commands: give a CSV, or --live ENDPOINT to play the boat")
-    follower = vessel_from(follow, effects) if follow else None
+        raise BadInput("no commands: give a CSV, or play the boat: --live ENDPOINT or --log FILE")
     options = settings_from(config, None, None).following.follower
-    show_simulation(work(Path(commands), boat, follower, out, options=options))
+    inputs = (Path(commands), vessel_path(vessel), follow, config, *(effects or ()))
+    with guarded_outputs("simulate", inputs, [recording_file(Path(commands), out)], force):
+        follower = vessel_from(follow, effects) if follow else None
+        boat = vessel_from(vessel, effects)
+        done = work(Path(commands), boat, follower, out, options=options)
+    show_simulation(done)
+
+
+def hil(
+    endpoints: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[ENDPOINT]...",
+            help="Where the autopilot looks for its simulator: json:HOST:PORT (ArduPilot), "
+            "px4:HOST:PORT (PX4, usually px4:127.0.0.1:4560), px4:/dev/NAME[:BAUD] (its board in "
+            "HITL mode), ahrs:/dev/NAME[:BAUD] (an ArduPilot board). Default: json:127.0.0.1:9002.",
+        ),
+    ] = None,
+    vessel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vessel", "-v", help="Model of the boat; [NAME=]FILE for each endpoint, in order."
+        ),
+    ] = None,
+    script: Annotated[
+        Path | None,
+        typer.Option(metavar="day.toml", help="Current, wind, waves and faults, with moments."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of waves and of sensor noise.")] = 0,
+    speed: Annotated[
+        float, typer.Option(min=0.01, help="Times real time, for PX4; ArduPilot: SIM_SPEEDUP.")
+    ] = 1.0,
+    outputs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK", help="For ahrs: where the board's MAVLink is, as /dev/ttyACM0,115200."
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the recordings.")] = Path("shadow-out"),
+    record: Record = True,
+    effects: EffectFiles = None,
+) -> None:
+    """The autopilot in the loop: real firmware steers the vessel, as if it were the boat.
+
+    The firmware runs with its simulator set to this address: ArduPilot as
+    `ardurover --model json:127.0.0.1`, PX4 as `PX4_SYS_AUTOSTART=1070 px4`. Either side may start
+    first, and be started again. The recording holds the truth beside the
+    outputs. Ctrl-C ends.
+    """
+    from gateway.hil.day_file import load_day
+    from gateway.hil.run import DEFAULT_ENDPOINT, LoopOptions, plans_of, run_until_stopped
+    from gateway.vessel_file import load_vessel
+
+    if not vessel:
+        raise BadInput("no model of the boat: give --vessel FILE (TOML)")
+    own = effects_from(effects)
+    plans = plans_of(endpoints or [DEFAULT_ENDPOINT], vessel, lambda file: load_vessel(file, own))
+    options = LoopOptions(seed=seed, out=out if record else None, speed=speed, outputs=outputs)
+    if script is not None:
+        day, text = load_day(script, own)
+        options = replace(options, day=day, day_text=text)
+    run_until_stopped(plans, options, print_progress)
+
+
+def hil_demo(
+    vessel: Annotated[
+        Path, typer.Option("--vessel", "-v", help="The boat that is really there (TOML).")
+    ] = Path("otter"),
+    autopilot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="ardurover, built for SITL. Default: a small stand-in of our own."
+        ),
+    ] = None,
+    script: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="day.toml", help="Its [[effects]] are hidden. Default: a worn port propeller."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all noise.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path(
+        "shadow-out/hil-demo"
+    ),
+    effects: EffectFiles = None,
+    force: Force = False,
+) -> None:
+    """The closed story: learn a boat in the loop, spoil it, diagnose it, play the better model.
+
+    An autopilot drives the boat along a plan; the plan's log gives a vessel file; then an effect is
+    hidden in the boat, and the steps find out which one it is. Some minutes, offline.
+    """
+    from gateway.hil.day_file import load_day
+    from gateway.hil_demo.ardurover import ArduRover
+    from gateway.hil_demo.stand_in_autopilot import StandInAutopilot
+    from gateway.hil_demo.story import (
+        DemoOptions,
+        first_guess,
+        hidden_effects,
+        hil_demo_files,
+        run_hil_demo,
+    )
+
+    boat = vessel_from(vessel_path(vessel), effects)
+    day, _ = load_day(script or DAYS / "worn_propeller.toml", effects_from(effects))
+    guess = first_guess(boat)
+    pilot = StandInAutopilot(guess) if autopilot is None else ArduRover.of(autopilot, guess)
+    inputs = (vessel_path(vessel), script, autopilot, *(effects or ()))
+    with guarded_outputs("hil-demo", inputs, hil_demo_files(out), force):
+        run_hil_demo(DemoOptions(boat, hidden_effects(day), out, seed), pilot)
 
 
 def monitor(
@@ -153,7 +287,7 @@ def monitor(
     json: Annotated[bool, typer.Option("--json", help="Lines of JSON, one per vessel.")] = False,
 ) -> None:
     """Watch shadows in the terminal, from this machine or another: states, residuals, health."""
-    from gateway.monitor.watcher import MonitorOptions
+    from gateway.monitor import MonitorOptions
     from gateway.terminal.monitor_loop import run_monitor
 
     run_monitor(MonitorOptions(connect, config, vessel), once, json)

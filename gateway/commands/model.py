@@ -7,8 +7,10 @@ from typing import Annotated
 import typer
 
 from gateway.commands.options import (
+    Anyway,
     AsJson,
     EffectFiles,
+    Force,
     LogFiles,
     Mapping,
     System,
@@ -18,7 +20,9 @@ from gateway.commands.options import (
     print_result,
     vessel_from,
 )
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
+from gateway.files import pictures_there, vessel_path
+from gateway.outputs import guarded_outputs
 
 
 def identify(
@@ -59,6 +63,8 @@ def identify(
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
+    anyway: Anyway = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """The vessel's numbers from recordings, with 95 % intervals, and what they gain."""
@@ -69,11 +75,18 @@ def identify(
     from gateway.terminal.identification import show_identification
 
     settings = identify_settings(free or (), fix or (), prior or (), method)
-    with status_line("identifying") as progress:
+    read = (*logs, *(validate or ()))
+    drawn = pictures_there(pictures, [log.stem for log in read], end="-parameters.png")
+    inputs = (*read, vessel_path(vessel), mapping, *(effects or ()))
+    with (
+        guarded_outputs("identify", inputs, [out, *drawn], force),
+        status_line("identifying") as progress,
+    ):
         found = identify_logs(
             logs, vessel, out, settings, span=TimeSpan(start, end), validate=validate or (),
             exclude=parse_exclusions(exclude or ()), pictures=pictures, progress=progress,
-            options=TrialOptions(system=system, mapping=mapping), effects=effects_from(effects),
+            options=TrialOptions(system=system, mapping=mapping, anyway=anyway),
+            effects=effects_from(effects),
         )  # fmt: skip
     print_result(json, found.to_dict, lambda: show_identification(found, out, pictures))
 
@@ -90,19 +103,32 @@ def compare(
             "time that it is not judged by.",
         ),
     ] = None,
+    with_hil: Annotated[
+        Path | None,
+        typer.Option(
+            "--with-hil",
+            metavar="RECORDING",
+            help="The same mission in the loop (what shadow hil recorded, or the autopilot's log "
+            "of it): where do the two part?",
+        ),
+    ] = None,
     pictures: Annotated[
         Path | None, typer.Option(help="Folder for pictures (PNG) of errors and tracks.")
     ] = None,
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
+    anyway: Anyway = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """How far is the model from the measurement, beside the noise floor, and where is it worst."""
+    from gateway.offline.beside_loop import beside_loop, draw_missions
     from gateway.offline.compare import as_json, compare_logs
     from gateway.offline.trials import TrialOptions
     from gateway.terminal.console import status_line
     from gateway.terminal.identification import show_comparisons
+    from gateway.terminal.missions import missions_as_dict, show_missions
     from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
@@ -111,13 +137,29 @@ def compare(
         settings = CompareSettings(horizon=horizon)
     except ValueError as error:
         raise BadInput(f"--horizon: {error}") from None
-    with status_line("comparing") as progress:
+    if with_hil is not None and len(logs) > 1:
+        raise BadInput("--with-hil: one LOG is held beside one RECORDING")
+    inputs = (*logs, *map(vessel_path, vessel), mapping, with_hil, *(effects or ()))
+    drawn = pictures_there(pictures, [log.stem for log in logs])
+    options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
+    beside = None
+    with guarded_outputs("compare", inputs, drawn, force), status_line("comparing") as progress:
+        if with_hil is not None:
+            progress(f"reading {with_hil.name}")
+            beside = beside_loop(logs[0], with_hil, vessel_from(vessel[0], effects), options)
+            draw_missions(beside, pictures)
         found = compare_logs(
-            logs, vessel, settings, options=TrialOptions(system=system, mapping=mapping),
-            effects=effects_from(effects), pictures=pictures, progress=progress,
-            refit=refit is not None,
+            logs, vessel, settings, options=options, effects=effects_from(effects),
+            pictures=pictures, progress=progress, refit=refit is not None,
         )  # fmt: skip
-    print_result(json, lambda: as_json(found), lambda: show_comparisons(found, pictures))
+
+    def show() -> None:
+        show_comparisons(found, pictures)
+        if beside is not None:
+            show_missions(beside)
+
+    more = {} if beside is None else {"with_hil": missions_as_dict(beside)}
+    print_result(json, lambda: as_json(found) | more, show)
 
 
 def diagnose(
@@ -146,6 +188,8 @@ def diagnose(
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
+    anyway: Anyway = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """Which physical effect is missing from the model, how sure that is, and what to do next."""
@@ -161,12 +205,21 @@ def diagnose(
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
     check_folders(save, out)
-    own, options = effects_from(effects), replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping)
-    with status_line("diagnosing") as progress:
+    own, options = (
+        effects_from(effects),
+        replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping, anyway=anyway),
+    )
+    inputs = (*logs, vessel_path(vessel), mapping, *(effects or ()))
+    drawn = pictures_there(pictures, ("ladder", "ranking", "evidence"))
+    with (
+        guarded_outputs("diagnose", inputs, [save, out, *drawn], force),
+        status_line("diagnosing") as progress,
+    ):
         found = diagnose_logs(
             logs, vessel, improve=improve, prior=prior, options=options, effects=own,
             progress=progress,
         )  # fmt: skip
+        found = replace(found, effect_files=tuple(map(str, effects or ())))
         save_diagnosis(found, save=save, out=out, pictures=pictures, effects=own, progress=progress)
     print_result(json, found.to_dict, lambda: show_diagnosis(found, save, out, pictures))
 
@@ -179,6 +232,7 @@ def add(
     ],
     out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
     effects: EffectFiles = None,
+    force: Force = False,
 ) -> None:
     """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
     from gateway.offline.add import add_effects
@@ -186,7 +240,9 @@ def add(
     from gateway.terminal.diagnosis import show_addition
 
     check_folders(out)
-    done = add_effects(names, vessel, source, out, effects_from(effects))
+    inputs = (vessel_path(vessel), source, *(effects or ()))
+    with guarded_outputs("add", inputs, [out], force):
+        done = add_effects(names, vessel, source, out, effects_from(effects))
     show_addition(done, names, vessel, out)
 
 
@@ -198,28 +254,67 @@ def show_effects(
     write: Annotated[
         Path | None, typer.Option(help="With NAME: its file under another name, to make your own.")
     ] = None,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", help="With --write: begin with the formula of this diagnosis.", metavar="JSON"
+        ),
+    ] = None,
     effects: EffectFiles = None,
+    force: Force = False,
 ) -> None:
     """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
+    from gateway.offline.add import formula_in
     from gateway.terminal.effects import show_catalogue, show_effect, show_effect_file
-    from gateway.user_effects import known_effects, write_effect_copy
+    from gateway.user_effects import known_effects, write_effect_copy, write_effect_formula
 
     known = [*known_effects(), *effects_from(effects)]
     if name is None and picture is not None:
         raise BadInput("--picture: of which effect? shadow effects NAME --picture FILE.png")
     if name is None and write is not None:
         raise BadInput("--write: like which effect? shadow effects NAME --write FILE.py")
+    if source is not None and write is None:
+        raise BadInput("--from: the formula of a diagnosis goes into a file: add --write own.py")
     if name is None:
         show_catalogue(known)
         return
     chosen = [effect for effect in known if effect.name == name]
     if not chosen:
         raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
-    if write is not None:
-        write_effect_copy(chosen[0], write)
-        show_effect_file(chosen[0], write)
-        return
-    show_effect(chosen[0], picture)
+    inputs = [*(effects or ()), *([source] if source else [])]
+    with guarded_outputs("effects", inputs, [picture, write], force):
+        if write is not None:
+            if source is None:
+                write_effect_copy(chosen[0], write)
+            else:
+                write_effect_formula(chosen[0], *formula_in(source), write)
+            show_effect_file(chosen[0], write)
+            return
+        show_effect(chosen[0], picture)
+
+
+def trust(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE", help="A Python file with effects, or a vessel file's all."),
+    ],
+) -> None:
+    """Let an effect of your own run where a vessel file names it, as long as nobody edits it."""
+    from gateway.user_effects import effect_file_beside
+    from gateway.user_effects import trust as work
+    from gateway.vessel_file import read_vessel_file
+
+    for file in files:
+        if file.suffix.lower() != ".toml":
+            named = [file]
+        else:
+            entries = read_vessel_file(file).effects
+            named = [effect_file_beside(file, e["file"]) for e in entries if "file" in e]
+        for one in named:
+            names = ", ".join(effect.name for effect in work(one))
+            print(printable(f"{one}: trusted as it is now: {names}"))
+        if not named:
+            print(printable(f"{file}: names no effects of one's own: there is nothing to trust"))
 
 
 def plan(
@@ -248,10 +343,15 @@ def plan(
     out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path("shadow-out/plan"),
     list_: Annotated[bool, typer.Option("--list", help="All manoeuvres, and end.")] = False,
     effects: EffectFiles = None,
+    system: System = None,
+    mapping: Mapping = None,
+    anyway: Anyway = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """A manoeuvre to learn a boat by: predicted, then written as CSV and ArduPilot Lua."""
-    from gateway.offline.plan import PlanOptions, make_plan
+    from gateway.offline.diagnose import DIAGNOSIS_TRIALS
+    from gateway.offline.plan import PlanOptions, make_plan, plan_files
     from gateway.terminal.identification import show_manoeuvres, show_plan
     from sim.excitation.catalogue import MANOEUVRES
 
@@ -265,5 +365,8 @@ def plan(
     )
     if log is not None and not log.is_file():
         raise BadInput(f"{log}: no such file")
-    done = make_plan(vessel_from(vessel, effects), options, out, log)
+    trials = replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping, anyway=anyway)
+    inputs = (log, vessel_path(vessel), mapping, *(effects or ()))
+    with guarded_outputs("plan", inputs, plan_files(excitation, log, out), force):
+        done = make_plan(vessel_from(vessel, effects), options, out, log, trials)
     print_result(json, done.to_dict, lambda: show_plan(done))

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import orjson
 import typer
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.ingest.open import FORMATS, names_of
 
 
@@ -47,7 +47,7 @@ def settings_from(
 
 def print_progress(text: str) -> None:
     """Print a line about long work on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    print(printable(text), file=sys.stderr, flush=True)
 
 
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:
@@ -80,6 +80,10 @@ EffectFiles = Annotated[
 System = Annotated[
     int | None, typer.Option("--system", help="MAVLink system id, where a log holds several boats.")
 ]
+Anyway = Annotated[
+    bool,
+    typer.Option("--anyway", help="Take the log of a copter, plane or submarine for a boat's."),
+]
 Mapping = Annotated[
     Path | None, typer.Option("--mapping", help="What the columns of a .csv mean (TOML).")
 ]
@@ -100,4 +104,8 @@ Record = Annotated[bool, typer.Option("--record/--no-record", help="Record to MC
 Publish = Annotated[bool | None, typer.Option("--publish/--no-publish", help="Publish on zenoh.")]
 ZenohName = Annotated[str | None, typer.Option("--name", help="Name on zenoh: shadow/NAME/…")]
 Config = Annotated[Path | None, typer.Option("--config", help="gateway.toml.")]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Replace files that this command did not write, inputs too."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output.")]

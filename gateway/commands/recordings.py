@@ -9,9 +9,11 @@ from typing import Annotated
 import typer
 
 from gateway.commands.options import (
+    Anyway,
     AsJson,
     Config,
     EffectFiles,
+    Force,
     LogFile,
     LogFiles,
     Mapping,
@@ -21,7 +23,6 @@ from gateway.commands.options import (
     Reference,
     System,
     VesselFile,
-    VesselFiles,
     ZenohName,
     effects_from,
     print_progress,
@@ -29,7 +30,15 @@ from gateway.commands.options import (
     settings_from,
     vessel_from,
 )
-from gateway.errors import BadInput, numerical_errors
+from gateway.errors import BadInput, numerical_errors, printable
+from gateway.files import vessel_path
+from gateway.outputs import guarded_outputs
+
+Length = Annotated[float | None, typer.Option(help="Length [m].")]
+Beam = Annotated[float | None, typer.Option(help="Beam [m].")]
+Mass = Annotated[float | None, typer.Option(help="Mass [kg].")]
+Thrust = Annotated[float | None, typer.Option(help="Full thrust of one motor [N].")]
+TopSpeed = Annotated[float | None, typer.Option(help="Top speed [m/s].")]
 
 
 def info(
@@ -41,28 +50,30 @@ def info(
     from gateway.terminal.recordings import show_survey
 
     found = survey(open_log(log, mapping), system)
-    print_result(json, found.to_dict, lambda: show_survey(found))
+    print_result(json, found.to_dict, lambda: show_survey(found, mapping))
 
 
 def init(
     log: LogFile,
     out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
     name: Annotated[str | None, typer.Option(help="Name of the boat.")] = None,
-    length: Annotated[float | None, typer.Option(help="Length [m].")] = None,
-    beam: Annotated[float | None, typer.Option(help="Beam [m].")] = None,
-    mass: Annotated[float | None, typer.Option(help="Mass [kg].")] = None,
-    thrust: Annotated[float | None, typer.Option(help="Full thrust of one motor [N].")] = None,
-    top_speed: Annotated[float | None, typer.Option(help="Top speed [m/s].")] = None,
+    length: Length = None,
+    beam: Beam = None,
+    mass: Mass = None,
+    thrust: Thrust = None,
+    top_speed: TopSpeed = None,
     system: System = None,
-    force: Annotated[bool, typer.Option(help="Replace the file if it is there.")] = False,
+    anyway: Anyway = False,
+    force: Force = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
     from gateway.offline.initial_vessel import init_vessel
     from gateway.terminal.recordings import show_initial_vessel
 
-    size = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
-    given = {key: value for key, value in size.items() if value is not None}
-    show_initial_vessel(init_vessel(log, out, name, given, system, force), out)
+    given = _size(length, beam, mass, thrust, top_speed)
+    with guarded_outputs("init", [log], [out], force):
+        made = init_vessel(log, out, name, given, system, anyway)
+    show_initial_vessel(made, out)
 
 
 def replay(
@@ -78,30 +89,36 @@ def replay(
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
+    anyway: Anyway = False,
     config: Config = None,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
+    from gateway.config import recorded_settings
     from gateway.offline import replay as work
     from gateway.plants import load_plant
     from gateway.terminal.console import progress_bar
     from gateway.terminal.recordings import show_replay
 
-    recorded = work.recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
+    recorded = recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
     settings = settings_from(config, reference, publish, recorded)
     if speed not in ("1", "max"):
         raise BadInput(f"--speed {speed}: expected 1 or max")
-    boat, played_by = vessel_from(vessel, effects), load_plant(plant, effects_from(effects))
     options = work.ReplayOptions(
         out=out if record else None, realtime=speed == "1", system=system, name=name,
-        mapping=mapping, settings=settings,
+        mapping=mapping, anyway=anyway, settings=settings,
     )  # fmt: skip
-    done = []
-    for log, chosen in zip(logs, work.options_by_log(logs, options), strict=True):
-        with numerical_errors(log, vessel), progress_bar(f"replaying {log.name}") as share_done:
-            done.append(work.replay(log, boat, played_by, chosen, share_done))
-        if not json:
-            show_replay(done[-1])
+    by_log = work.options_by_log(logs, options)
+    inputs = (*logs, vessel_path(vessel), mapping, config, *(effects or ()))
+    with guarded_outputs("replay", inputs, map(work.recording_file, logs, by_log), force):
+        boat, played_by = vessel_from(vessel, effects), load_plant(plant, effects_from(effects))
+        done = []
+        for log, chosen in zip(logs, by_log, strict=True):
+            with numerical_errors(log, vessel), progress_bar(f"replaying {log.name}") as share_done:
+                done.append(work.replay(log, boat, played_by, chosen, share_done))
+            if not json:
+                show_replay(done[-1])
     print_result(json, lambda: {"replays": [one.to_dict() for one in done]}, lambda: None)
 
 
@@ -111,35 +128,68 @@ def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> 
 
     done = work(file)
     state = "was whole already" if done.was_finished else f"made whole: {done.messages} messages"
-    print(f"{done.path}: {state}")
+    print(printable(f"{done.path}: {state}"))
 
 
 def report(
     logs: LogFiles,
-    vessel: VesselFiles,
+    vessel: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--vessel",
+            "-v",
+            help="Model of the boat; several are held side by side. Default: one is learnt from "
+            "the first part of the first LOG, and judged on the rest.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", help="The HTML file to write.")] = Path(
         "shadow-out/report.html"
     ),
     diagnose: Annotated[
-        bool, typer.Option(help="Also look for what the first vessel lacks (a minute or so).")
+        bool,
+        typer.Option(help="Also look for what the first vessel lacks; always without --vessel."),
     ] = False,
+    length: Length = None,
+    beam: Beam = None,
+    mass: Mass = None,
+    thrust: Thrust = None,
+    top_speed: TopSpeed = None,
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
+    anyway: Anyway = False,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
-    """One self-contained HTML file to mail: pictures, numbers, the vessel file, what is missing."""
-    from gateway.offline.report import make_report
+    """One self-contained HTML file to mail, from a log alone: verdict, pictures, vessel file."""
+    from gateway.offline.report import make_report, report_from_log
     from gateway.offline.trials import TrialOptions
     from gateway.terminal.console import status_line
     from gateway.terminal.recordings import show_report
 
-    with status_line("report") as progress:
-        done = make_report(
-            logs, vessel, out, diagnose=diagnose, effects=effects_from(effects), progress=progress,
-            options=TrialOptions(system=system, mapping=mapping),
-        )  # fmt: skip
+    given = _size(length, beam, mass, thrust, top_speed)
+    if vessel and given:
+        raise BadInput(f"--{next(iter(given)).replace('_', '-')}: the vessel file says it already")
+    options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
+    inputs = (*logs, *map(vessel_path, vessel or ()), mapping, *(effects or ()))
+    own = effects_from(effects)
+    with guarded_outputs("report", inputs, [out], force), status_line("report") as progress:
+        if vessel:
+            done = make_report(logs, vessel, out, diagnose=diagnose, options=options, effects=own,
+                               progress=progress)  # fmt: skip
+        else:
+            done = report_from_log(logs, out, given, options=options, effects=own,
+                                   progress=progress)  # fmt: skip
     print_result(json, done.to_dict, lambda: show_report(done))
+
+
+def _size(
+    length: float | None, beam: float | None, mass: float | None, thrust: float | None,
+    top_speed: float | None,
+) -> dict[str, float]:  # fmt: skip
+    """What was given of a boat's size."""
+    size = {"length": length, "beam": beam, "mass": mass, "thrust": thrust, "top_speed": top_speed}
+    return {key: value for key, value in size.items() if value is not None}
 
 
 def studio(
@@ -169,6 +219,7 @@ def studio(
     ] = None,
     config: Config = None,
     effects: EffectFiles = None,
+    mapping: Mapping = None,
 ) -> None:
     """The five steps in a browser: live, compare, diagnose, vessel, recordings. Ctrl-C ends."""
     from gateway.studio.serve import StudioOptions, run_studio
@@ -177,6 +228,7 @@ def studio(
         StudioOptions(
             tuple(logs or ()), vessel, tuple(folder or ()), out, tuple(effects or ()), port,
             browser, expose, tuple(origin or ()), connect, settings_from(config, None, None).studio,
+            mapping,
         ),
         print_progress,
     )  # fmt: skip
@@ -184,11 +236,13 @@ def studio(
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for what it writes.")] = Path("shadow-out/demo"),
+    force: Force = False,
 ) -> None:
     """The whole story on recordings that ship: replay, compare, diagnose, add, compare. Offline."""
-    from gateway.demo import run_demo
+    from gateway.demo import demo_files, run_demo
 
-    run_demo(out)
+    with guarded_outputs("demo", [], demo_files(out), force):
+        run_demo(out)
 
 
 def show_config(config: Config = None, json: AsJson = False) -> None:
@@ -196,4 +250,6 @@ def show_config(config: Config = None, json: AsJson = False) -> None:
     from gateway.config import as_tables, as_toml
 
     settings = settings_from(config, None, None)
-    print_result(json, lambda: as_tables(settings), lambda: print(as_toml(settings), end=""))
+    print_result(
+        json, lambda: as_tables(settings), lambda: print(printable(as_toml(settings)), end="")
+    )

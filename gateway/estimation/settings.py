@@ -16,6 +16,14 @@ from scipy.stats import chi2
 from gateway.errors import BadInput
 from gateway.estimation.names import MeasurementKind
 
+SMALLEST, LARGEST = 1e-9, 1e6  # of any number of the table, in SI
+LOWEST_CUTOFF_HZ = 0.1
+BOUNDS = {  # narrower where a wild value would cost time or memory without end
+    "gyro_delay_s": (0.0, 10.0),
+    "max_step_s": (1e-3, LARGEST),
+    "history_events": (2, 100_000),
+}
+
 
 @dataclass(frozen=True)
 class WhiteNoise:
@@ -27,6 +35,11 @@ class WhiteNoise:
     position_m: float = 0.1
     body_velocity_mps: float = 0.05
     acceleration_mps2: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not SMALLEST <= value <= LARGEST:
+                raise BadInput(f"[filter.sources] {name} = {value}: expected a positive number")
 
     def of(self, kind: MeasurementKind) -> float:
         """Standard deviation in the unit of that kind."""
@@ -97,9 +110,12 @@ class FilterModel(NamedTuple):
 def gyro_delay_s(cutoff_hz: float) -> float:
     """Cut-off of the autopilot's gyro filter [Hz] (INS_GYRO_FILTER) -> delay of its yaw rate [s].
 
-    That of a second-order Butterworth low-pass for slow motion. 0 Hz means no filter.
+    That of a second-order Butterworth low-pass for slow motion. 0 Hz means no filter; a cut-off
+    below what a boat can be steered with is none either.
     """
-    return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz) if cutoff_hz > 0.0 else 0.0
+    if not cutoff_hz >= LOWEST_CUTOFF_HZ:
+        return 0.0
+    return math.sqrt(2.0) / (2.0 * math.pi * cutoff_hz)
 
 
 @dataclass(frozen=True)
@@ -133,14 +149,13 @@ class FilterSettings:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if name == "gyro_delay_s" and value == 0.0:
-                continue
-            if name != "sources" and not 0.0 < value < float("inf"):
-                raise BadInput(f"[filter] {name} = {value}: expected a positive number")
+            low, high = BOUNDS.get(name, (SMALLEST, LARGEST))
+            if name != "sources" and not low <= value <= high:
+                raise BadInput(
+                    f"[filter] {name} = {value}: expected a positive number, {low:g} to {high:g}"
+                )
         if self.gate_probability >= 1.0:
             raise BadInput(f"[filter] gate_probability = {self.gate_probability}: expected < 1")
-        if self.history_events < 2:
-            raise BadInput(f"[filter] history_events = {self.history_events}: expected 2 or more")
 
     def with_parameters(self, parameters: Mapping[str, float]) -> "FilterSettings":
         """The same with the delay of the autopilot's gyro filter, where its parameters hold it."""

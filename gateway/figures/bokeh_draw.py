@@ -7,18 +7,22 @@ from typing import Any
 import numpy as np
 from bokeh.layouts import column, row
 from bokeh.models import (
+    Arrow,
     BoxSelectTool,
     ColumnDataSource,
+    CrosshairTool,
     FixedTicker,
     HoverTool,
     Legend,
     LegendItem,
+    OpenHead,
     Range1d,
+    Span,
 )
 from bokeh.plotting import figure as new_figure
 
 from gateway.figures.bokeh_marks import DrawnMark, draw_mark
-from gateway.figures.figure_data import Bars, FigureData, Line, Panel
+from gateway.figures.figure_data import Bars, FigureData, Line, Panel, SeriesRole
 from gateway.figures.style import COMPASS, EAST, HEADING, LIGHT, SELECTED, TIME, Theme
 
 HEIGHT, TIME_HEIGHT, STRIP_HEIGHT, MAP_HEIGHT, NAMES_HEIGHT = 230, 175, 130, 430, 320
@@ -29,13 +33,24 @@ LEGEND_LETTERS = 45  # that fit side by side on a phone
 
 @dataclass
 class LinkedView:
-    """What the figures of one page share: the theme, the time axis, and what is marked."""
+    """What the figures of one page share: the theme, the time axis, what is marked, the moment.
+
+    now, boats, arrow   the time cursor: time [s]; outlines of boats and a force on the track
+    on_tap              what a click on a time axis does, in the browser
+    """
 
     theme: Theme = LIGHT
     time: Any = None  # Range1d of every time axis, made by the first
     spans: Any = field(default_factory=lambda: ColumnDataSource({"x0": [], "x1": []}))
     points: Any = field(default_factory=lambda: ColumnDataSource({"x": [], "y": []}))
+    now: Any = field(default_factory=lambda: ColumnDataSource({"x": []}))
+    boats: Any = field(default_factory=lambda: ColumnDataSource({"xs": [], "ys": [], "colour": []}))
+    arrow: Any = field(
+        default_factory=lambda: ColumnDataSource({"x0": [], "y0": [], "x1": [], "y1": []})
+    )
+    hovered: Any = field(default_factory=lambda: Span(dimension="height", line_dash="dotted"))
     on_brush: Callable[[float, float], None] | None = None
+    on_tap: Any = None
 
     def time_range(self, panel: Panel) -> Any:
         """The range of all time axes, from the first panel; it bounds what can be panned to."""
@@ -88,6 +103,7 @@ class BokehFigure:
             fig.vstrip(x0="x0", x1="x1", source=self._view.spans, fill_color=SELECTED,
                        fill_alpha=0.25, line_color=None)  # fmt: skip
             self._add_brush(fig)
+            self._add_cursor(fig)
         items = []
         for mark in panel.marks:
             drawn = draw_mark(mark, fig, theme)
@@ -99,6 +115,13 @@ class BokehFigure:
         if panel.equal and panel.x == EAST:
             fig.line(x="x", y="y", source=self._view.points, line_color=SELECTED, line_width=6,
                      line_alpha=0.75, line_cap="round")  # fmt: skip
+            fig.patches("xs", "ys", source=self._view.boats, fill_color="colour", fill_alpha=0.6,
+                        line_color=theme.ink, line_width=1.5)  # fmt: skip
+            colour = theme.colour(SeriesRole.ERROR)
+            fig.add_layout(Arrow(
+                source=self._view.arrow, x_start="x0", y_start="y0", x_end="x1", y_end="y1",
+                line_color=colour, line_width=3, end=OpenHead(size=10, line_color=colour),
+            ))  # fmt: skip
         _axes(fig, panel)
         _hover(fig, panel)
         if items and first:
@@ -106,6 +129,15 @@ class BokehFigure:
             fig.add_layout(legend, "above")
             fig.height += LEGEND_ROW * ((len(items) - 1) // legend.ncols)
         return fig
+
+    def _add_cursor(self, fig: Any) -> None:
+        """The moment of the time cursor, and a line under the pointer in all figures at once."""
+        if self._view.on_tap is None:
+            return
+        fig.vspan(x="x", source=self._view.now, line_color=self._view.theme.ink, line_width=1.5)
+        self._view.hovered.line_color = self._view.theme.faint
+        fig.add_tools(CrosshairTool(dimensions="height", overlay=self._view.hovered))
+        fig.js_on_event("tap", self._view.on_tap)
 
     def _add_brush(self, fig: Any) -> None:
         """Draw a box over time: `on_brush` is called with its start and end."""

@@ -20,8 +20,8 @@ FORCES = (*MISSING_FORCES, Axis("missing force along it", "N"))
 def step_name(step: LadderStep) -> str:
     """What was done in a step of the ladder, in words."""
     if step.effects:
-        return f"+ {step.effects[-1]}"
-    return "as given" if step.base == "plain" else "base re-fitted"
+        return f"+ {' + '.join(step.effects[-step.new :])}"
+    return {"plain": "as given", "kept": "base kept"}.get(step.base, "base re-fitted")
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,20 @@ class ReportRecording:
 
 
 @dataclass(frozen=True)
+class FirstPage:
+    """What a client reads: sentences on what was tested, the verdict, what to do, what was assumed.
+
+    picture   measured, and the model before and after, or the model alone
+    """
+
+    tested: tuple[str, ...]
+    verdict: tuple[str, ...]
+    picture: ReportFigure | None
+    actions: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class ReportPage:
     """The page as values; `diagnosis` is what `shadow diagnose --json` prints, if asked for."""
 
@@ -77,6 +91,7 @@ class ReportPage:
     recordings: tuple[ReportRecording, ...]
     vessel_files: tuple[tuple[str, str], ...]  # heading, text
     versions: tuple[tuple[str, str], ...]
+    first: FirstPage
     diagnosis: Mapping[str, Any] | None = None
     ladder: ReportFigure | None = None
     evidence: tuple[ReportFigure, ...] = ()
@@ -102,6 +117,7 @@ def _within_limit(
     """Recordings with the figures that there is room for; the number of those left out."""
     files = sum(len(text.encode()) for _, text in page.vessel_files)
     room = LARGEST - PAGE_BYTES - files - sum(_size((f,)) for f in page.evidence)
+    room -= _size((page.first.picture,)) if page.first.picture else 0
     out: list[tuple[ReportRecording, tuple[ReportFigure, ...]]] = []
     left_out = 0
     for recording in page.recordings:

@@ -3,7 +3,6 @@
 The text of an SVG, for the report, is as narrow as a phone held upright can show.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from io import BytesIO, StringIO
@@ -32,7 +31,7 @@ from gateway.figures.figure_data import (
     worst_kept,
 )
 from gateway.figures.style import COLOUR, COLOUR_SCALE, COMPASS, HEADING
-from gateway.files import write_whole
+from gateway.files import picture_name, write_whole
 
 FORMATS = (".png", ".svg")
 RC_PARAMS = {
@@ -53,7 +52,6 @@ RC_PARAMS = {
 COLOURS = LinearSegmentedColormap.from_list("little_to_much", COLOUR_SCALE)
 WIDTH, ROW, STRIP_ROW, NAMES_ROW, MAP_ROW = 10.0, 2.3, 1.35, 3.6, 5.0  # inches
 NARROW = 5.6  # inches: at 360 px of a phone, text of 9 points is still read
-UNSAFE = re.compile(r"[^\w.-]+")  # in the name of a file
 SVG_COLUMNS, SVG_POINTS = 500, 1500  # of a line, of a coloured track
 
 
@@ -74,8 +72,7 @@ def save_figure(figure: FigureData, path: str | Path) -> Path:
 def save_figures(figures: Mapping[str, FigureData], folder: str | Path) -> list[Path]:
     """Write figures as NAME.png into a folder, with dashes for blanks and special characters."""
     return [
-        save_figure(figure, Path(folder) / (UNSAFE.sub("-", name).strip("-").lower() + ".png"))
-        for name, figure in figures.items()
+        save_figure(figure, Path(folder) / picture_name(name)) for name, figure in figures.items()
     ]
 
 

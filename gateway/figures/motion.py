@@ -145,12 +145,32 @@ def joined_runs(trial: Trial, prediction: Prediction) -> tuple[Floats, Floats]:
     return np.concatenate(time), np.concatenate(motion)
 
 
-def with_earlier_model(earlier: FigureData, now: FigureData) -> FigureData:
+def free_runs_on_rows(trial: Trial, prediction: Prediction) -> Floats:
+    """Free runs that follow one another (T, 6), NaN where there is none."""
+    out: Floats = np.full((len(trial), 6), np.nan)
+    time, motion = joined_runs(trial, prediction)
+    known = np.isfinite(motion).all(axis=1)
+    out[np.rint((time[known] - trial.time[0]) / trial.dt).astype(np.int64)] = motion[known]
+    return out
+
+
+def commands_over_time(trial: Trial) -> FigureData:
+    """Pulses of every channel, one below the other; nothing where the boat was disarmed."""
+    panels = tuple(
+        Panel(TIME, Axis(f"output {channel}", "µs"),
+              (Line(trial.time, trial.pwm[:, i], SeriesRole.CONTEXT, ""),))
+        for i, channel in enumerate(trial.channels)
+        if np.nanstd(trial.pwm[:, i]) > 0.0
+    )  # fmt: skip
+    return FigureData(f"{trial.name}: commands", panels, shared_x=True)
+
+
+def with_earlier_model(earlier: FigureData, now: FigureData, label: str = "as given") -> FigureData:
     """A figure of velocities with the model's lines of another one, of the vessel as given."""
 
     def models(panel: Panel) -> list[Line]:
         return [
-            replace(mark, role=SeriesRole.CONTEXT, label="as given")
+            replace(mark, role=SeriesRole.CONTEXT, label=label)
             for mark in panel.marks
             if isinstance(mark, Line) and mark.role is SeriesRole.MODEL
         ]

@@ -4,9 +4,11 @@
 
 Counters that are stamped at sending drive the clock; the narrow one of SERVO_OUTPUT_RAW and the
 sample times of a GNSS receiver only follow it. A jump of boot time by more than `JUMP` opens a new
-session once messages have agreed on it for `CONFIRM`: one late or damaged packet does not. Within a
-session the offset receipt − vehicle time is the lower envelope over one or two windows; it bounds
-the moment of messages without a counter, which otherwise share the delay of their neighbours.
+session once messages have agreed on it for `CONFIRM`: one late or damaged packet does not. So does
+a jump ahead by more than `SLEEP`, whatever the receipt says: a log without a receiver has no other
+clock than the one that jumped. Within a session the offset receipt − vehicle time is the lower
+envelope over one or two windows; it bounds the moment of messages without a counter, which
+otherwise share the delay of their neighbours.
 
 One compiled step serves the live link and the columns of a log: they cannot disagree.
 """
@@ -21,6 +23,7 @@ from sim.state import Ints
 
 SECOND = 1_000_000_000  # ns
 JUMP = 10 * SECOND  # a boot counter that jumps further has restarted
+SLEEP = 86_400 * SECOND  # no boat is silent for longer within one boot
 CONFIRM = 1 * SECOND  # receipt time over which a jump must persist
 AGREE = 2 * SECOND  # spread of receipt − boot within which packets show the same jump
 STEP_BACK = 2 * SECOND  # receipt clock set back
@@ -118,7 +121,7 @@ def _turns(s: Ints, counter_us: int, modulus_us: int) -> int:
 def _is_jump(s: Ints, boot: int, receive: int) -> bool:
     """Whether boot time moved in a way that neither lateness nor an outage explains."""
     ahead = boot - int(s[S.BOOT])
-    return ahead < -JUMP or ahead > JUMP + int(max(receive - s[S.RECEIVED], 0))
+    return ahead < -JUMP or ahead > min(JUMP + int(max(receive - s[S.RECEIVED], 0)), SLEEP)
 
 
 @compiled

@@ -195,6 +195,42 @@ class Log(ABC):
         return {}
 
 
+NOT_FLOATING = (  # words of vehicle types that no model of a boat fits
+    "copter", "rotor", "wing", "plane", "vtol", "submarine", "helicopter", "airship", "balloon",
+    "rocket", "kite", "parafoil",
+)  # fmt: skip
+
+
+def not_a_boat(boat: Boat) -> str:
+    """That the vehicle says it is no boat, as a sentence; empty where it may be one."""
+    if not any(word in boat.type for word in NOT_FLOATING):
+        return ""
+    return f"the vehicle says that it is a {boat.type}: no model of a boat fits it"
+
+
+def choose_floating(log: Log, system: int | None = None, anyway: bool = False) -> Boat:
+    """The boat asked for; BadInput where it says that it is none, unless taken `anyway`."""
+    boat = choose_boat(log, system)
+    if not anyway and not_a_boat(boat):
+        raise BadInput(f"{log.path}: {not_a_boat(boat)}: --anyway takes it as one")
+    return boat
+
+
+MAX_LISTED = 20  # boats that a message names
+MAX_BOATS = 255  # that are looked at without being asked for: one for each system id
+
+
+def boats_of(log: Log) -> tuple[Boat, ...]:
+    """All boats; BadInput where there are more than a log can hold that nobody made up."""
+    present = log.boats()
+    if len(present) > MAX_BOATS:
+        raise BadInput(
+            f"{log.path}: {len(present):,} vehicles in it, more than {MAX_BOATS} (MAX_BOATS): "
+            "choose one with --system"
+        )
+    return present
+
+
 def choose_boat(log: Log, system: int | None = None) -> Boat:
     """The boat asked for, or the only one; else BadInput with those present."""
     present = log.boats()
@@ -205,7 +241,8 @@ def choose_boat(log: Log, system: int | None = None) -> Boat:
     chosen = [boat for boat in present if boat.system == system]
     if chosen:
         return chosen[0]
-    listed = ", ".join(str(boat) for boat in present)
+    more = f" and {len(present) - MAX_LISTED} more" if len(present) > MAX_LISTED else ""
+    listed = ", ".join(str(boat) for boat in present[:MAX_LISTED]) + more
     if system is None:
         raise BadInput(f"{log.path}: several boats in it, choose one: {listed}")
     raise BadInput(f"{log.path}: no boat with system id {system}; present: {listed}")

@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 
 from gateway.ingest.clock import ClockReport
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, choose_boat
+from gateway.ingest.log import (
+    Boat,
+    BoatSamples,
+    Log,
+    Statistics,
+    boats_of,
+    choose_boat,
+    not_a_boat,
+)
 from gateway.ingest.parameters import Actuator, actuators
 from gateway.ingest.port_starboard import swap_notices
 from gateway.ingest.sources import PRIORITY, Choice, choose
@@ -15,7 +23,6 @@ from gateway.ingest.table_repair import repair_table
 from gateway.samples import Quantity
 
 FAST_HZ = 5.0  # slower commands or motion hide effects that act within a fraction of a second
-NOT_FLOATING = ("copter", "rotor", "wing", "plane", "vtol", "submarine", "helicopter", "airship")
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ class Survey:
 
 def survey(log: Log, system: int | None = None) -> Survey:
     """Looks at a whole recording, and at one boat of it or at all."""
-    chosen = log.boats() if system is None else (choose_boat(log, system),)
+    chosen = boats_of(log) if system is None else (choose_boat(log, system),)
     receipts = {name: log.table(name).receive_time_ns for name in log.counts()}
     return Survey(
         log.path,
@@ -151,8 +158,8 @@ def _ever_armed(choices: Mapping[str, Choice]) -> bool | None:
 def _limits(boat: Boat, choices: Mapping[str, Choice], ever_armed: bool | None) -> tuple[str, ...]:
     """What cannot be found from the recording, a sentence each with its reason; at least one."""
     found = [*_motion_limits(choices), *_command_limits(choices, ever_armed)]
-    if any(word in boat.type for word in NOT_FLOATING):
-        found.insert(0, f"the vehicle says that it is a {boat.type}: no model of a boat fits it")
+    if not_a_boat(boat):
+        found.insert(0, not_a_boat(boat))
     if "voltage" not in choices:
         found.append("no battery voltage: a sagging battery cannot be told from a weak motor")
     if "wind" not in choices:

@@ -102,6 +102,8 @@ def sample_times(time: Floats, values: Floats, rows: Ints, period: float) -> tup
     still = change <= STILL * np.median(change)
     last = int((time[-1] - period * number[-1] - phase[-1]) / period + SLIP)
     ends = np.append(np.where(still, number[1:], number[:-1] + 1), number[-1] + min(last, LONGEST))
+    seen = np.diff(np.append(rows, len(time))) * float(np.median(np.diff(time)))  # [s] in rows
+    ends = np.minimum(ends, number + (seen / period).astype(np.int64) + 2)  # a gap holds no fixes
     at, of = [], []
     for first, end, offset, row in zip(number, ends, phase, rows, strict=True):
         numbers = np.arange(first, max(end, first + 1))

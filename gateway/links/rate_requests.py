@@ -1,8 +1,12 @@
 """Message rates that the boats of a link are asked for, and when. Pure: time comes from outside.
 
+A rate that a boat denies is asked for again in steps, down to the lowest of `STEPS_HZ`: an
+autopilot whose loop runs at 50 Hz denies 50 and gives 40.
+
 Default telemetry is thin. Each boat is asked once for the rates configured, again after a reboot,
 and again when what it accepted does not arrive (a ground station may have set its own). Nothing but
-these requests and our own heartbeat is ever sent, and nothing at all on a silent link.
+these requests, those for parameters (`parameter_requests`) and our own heartbeat is ever sent, and
+nothing at all on a silent link.
 
 COMMAND_ACK names the command and the result, not the message that was asked for. So one boat is
 asked for one message at a time, and the next request waits for the answer to the one before; an
@@ -22,8 +26,9 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.boats import from_heartbeat
 from gateway.ingest.mavlink.definitions import ids_by_name
+from gateway.ingest.mavlink.mapping import from_heartbeat
+from gateway.links.parameter_requests import ParameterRequests
 from gateway.links.transmitter import SET_RATE, Identity
 
 MAX_RATE_HZ = 1000.0
@@ -59,6 +64,7 @@ REPEAT_NS = 30 * SECOND  # between two rounds of asking for what does not arrive
 MAX_ROUNDS = 3  # … after which it is reported and left
 SUFFICIENT_SHARE = 0.5  # of the rate asked for: a link that loses half of it is not asked again
 HEARTBEAT_NS = SECOND
+STEPS_HZ = (40.0, 25.0, 20.0, 10.0)  # of a rate that is denied
 RESULTS: Mapping[int, str] = {
     dialect.MAV_RESULT_ACCEPTED: "accepted",
     dialect.MAV_RESULT_TEMPORARILY_REJECTED: "rejected for now",
@@ -67,7 +73,9 @@ RESULTS: Mapping[int, str] = {
     dialect.MAV_RESULT_FAILED: "failed",
 }
 ACCEPTED = RESULTS[dialect.MAV_RESULT_ACCEPTED]
+DENIED = RESULTS[dialect.MAV_RESULT_DENIED]
 NO_ANSWER = "no answer"
+SIGNED_ONLY = ": a boat that takes signed frames alone answers with --signing-key"
 
 
 def check_rates(rates_hz: Mapping[str, float]) -> None:
@@ -130,6 +138,7 @@ class BoatRequests:
     tries: int = 0
     refusal: str = NO_ANSWER  # the result when the tries are used up
     accepted: frozenset[str] = frozenset()
+    denied: Mapping[str, float] = field(default_factory=dict)  # message -> highest rate denied
     rounds: int = 0  # of asking again for what does not arrive
     sent_ns: int = 0
     last_ack: int = -1  # its sequence number: links repeat frames
@@ -144,7 +153,8 @@ class BoatRequests:
         if not self.pending or now_ns < self.due_ns:
             return self, None, None
         if self.tries == len(ANSWER_TIMEOUTS_NS):
-            given_up = self._outcome(self.refusal)
+            never = self.refusal == NO_ANSWER and self.last_ack < 0
+            given_up = self._outcome(self.refusal + (SIGNED_ONLY if never else ""))
             after, request, _ = self._next(now_ns).due(now_ns)
             return after, request, given_up
         message = self.pending[0]
@@ -164,7 +174,15 @@ class BoatRequests:
         text = RESULTS.get(result, f"refused with result {result}")
         if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
             return replace(after, refusal=text), None  # the next try comes when it is due
-        accepted = self.accepted | ({self.pending[0]} if text == ACCEPTED else set())
+        message, rate = self.pending[0], self.rates_hz[self.pending[0]]
+        lower = [step for step in STEPS_HZ if step < rate]
+        if text == DENIED and lower:
+            rates, denied = {**self.rates_hz, message: lower[0]}, {message: rate, **self.denied}
+            again = replace(after, rates_hz=rates, denied=denied, tries=0, due_ns=now_ns)
+            return again, None
+        if text == ACCEPTED and message in self.denied:
+            text = _stepped_down(rate, self.denied[message])
+        accepted = self.accepted | ({message} if text.startswith(ACCEPTED) else set())
         return replace(after._next(now_ns), accepted=accepted), self._outcome(text)
 
     def observed(
@@ -197,6 +215,12 @@ class BoatRequests:
         return RequestOutcome(self.boat, self.pending[0], self.rates_hz[self.pending[0]], result)
 
 
+def _stepped_down(rate_hz: float, denied_hz: float) -> str:
+    """The result of a request that was taken at a lower rate, and what that costs."""
+    late = f"up to {1000.0 / rate_hz:.0f} ms old instead of {1000.0 / denied_hz:.0f}"
+    return f"{ACCEPTED}, {denied_hz:g} Hz denied: values are {late}"
+
+
 class DueMessages(NamedTuple):
     """Messages to send now, outcomes to report, and the state after them."""
 
@@ -216,6 +240,7 @@ class LinkRequests:
     rates_hz: Mapping[str, float] = field(default_factory=lambda: FULL_HZ)  # 0: not asked for
     announce: bool = False
     boats: Mapping[Address, BoatRequests] = field(default_factory=dict)
+    parameters: Mapping[Address, ParameterRequests] = field(default_factory=dict)
     outcomes: tuple[RequestOutcome, ...] = ()  # not reported yet
     heartbeat_ns: int | None = None  # when the next one is due; None: at once
 
@@ -223,20 +248,27 @@ class LinkRequests:
         check_rates(self.rates_hz)
 
     def take(self, message: Any, now_ns: int) -> "LinkRequests":
-        """A message of the link: only HEARTBEAT and COMMAND_ACK mean anything here."""
+        """A message of the link: HEARTBEAT, COMMAND_ACK and PARAM_VALUE mean something here."""
         kind = message.get_type()
         source = Address(message.get_srcSystem(), message.get_srcComponent())
-        if kind == "HEARTBEAT" and from_heartbeat(message) is not None:
-            return self.found(source, now_ns)
+        if kind == "HEARTBEAT" and (boat := from_heartbeat(message)) is not None:
+            return self.found(source, now_ns, boat.autopilot == "ArduPilot")
+        if kind == "PARAM_VALUE" and source in self.parameters:
+            answered = self.parameters[source].answered(message.param_id)
+            return replace(self, parameters={**self.parameters, source: answered})
         if kind == "COMMAND_ACK" and message.command == SET_RATE and self._is_for_us(message):
             return self.acknowledged(source, message.result, message.get_seq(), now_ns)
         return self
 
-    def found(self, boat: Address, now_ns: int) -> "LinkRequests":
+    def found(self, boat: Address, now_ns: int, ardupilot: bool = False) -> "LinkRequests":
         """A boat's heartbeat came: the first one starts the requests."""
         if self.identity is None or boat in self.boats:
             return self
-        return self._with(self._start(boat, now_ns))
+        after = self._with(self._start(boat, now_ns))
+        if not ardupilot:
+            return after
+        asked = {**self.parameters, boat: ParameterRequests(*boat)}
+        return replace(after, parameters=asked)
 
     def rebooted(self, boat: Address, now_ns: int) -> "LinkRequests":
         """Its clock jumped back: it has forgotten what it had accepted."""
@@ -269,7 +301,14 @@ class LinkRequests:
             boats[boat], request, outcome = requests.due(now_ns)
             messages += [request.command()] if request else []
             outcomes += [outcome] if outcome else []
-        after = replace(self, boats=boats, outcomes=(), heartbeat_ns=heartbeat_ns)
+        parameters = dict(self.parameters)
+        for boat, asked in self.parameters.items():
+            if not boats[boat].pending:  # rates first
+                parameters[boat], asks = asked.due(now_ns)
+                messages += asks
+        after = replace(
+            self, boats=boats, parameters=parameters, outcomes=(), heartbeat_ns=heartbeat_ns
+        )
         return DueMessages(after, tuple(messages), tuple(outcomes))
 
     @property
@@ -278,6 +317,10 @@ class LinkRequests:
         if not self._sends:
             return None
         times = [requests.due_ns for requests in self.boats.values() if requests.pending]
+        times += [
+            asked.due_ns for boat, asked in self.parameters.items()
+            if asked.next_ns is not None and not self.boats[boat].pending
+        ]  # fmt: skip
         return min([*times, self.heartbeat_ns or 0])
 
     @property

@@ -6,7 +6,8 @@ new stream may be at most a minute behind the newest timestamp that is known her
 pymavlink's own check is not used: it moves a stream's timestamp before it has verified the
 signature, so that one forged frame can lock a boat out for good.
 
-All that the gateway can send to a boat: its own heartbeat, and requests for message rates.
+All that the gateway can send to a boat: its own heartbeat, requests for message rates, and requests
+to read parameters.
 
 A shadow never commands a boat: every frame passes `permitted` before it reaches a transport.
 """
@@ -156,7 +157,8 @@ def permitted(raw: bytes) -> Any:
         message = dialect.MAVLink(None).decode(bytearray(raw))
     except dialect.MAVError as error:
         raise ValueError(f"never sent: {error}") from None
-    if not (_own_heartbeat(message) or _rate_request(message)):
+    reading = message.get_type() == "PARAM_REQUEST_READ"
+    if not (_own_heartbeat(message) or _rate_request(message) or reading):
         raise ValueError(f"never sent: {message.get_type()}")
     return message
 

@@ -76,3 +76,10 @@ class UdpTransport:
         if self._socket is not None:
             self._socket.close()
         self._selector = self._socket = None
+
+
+def free_udp_port() -> int:
+    """A port of this machine that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

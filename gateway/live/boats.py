@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.config import Settings
 from gateway.estimation.filter import Estimator
 from gateway.ingest.log import Boat
-from gateway.ingest.mavlink.boats import from_heartbeat
+from gateway.ingest.mavlink.mapping import from_heartbeat
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.intake import MessageIntake
@@ -61,7 +61,7 @@ class LiveBoat:
         self._settings = path.estimator.settings
         self._state = path.start()
         self._event_detector = EventDetector()
-        self._force_range = MissingForceRange.start()
+        self._force_range = MissingForceRange.start(path.model.vessel)
         self._model_monitor = ModelMonitor.of(path.model)
         self._intake = MessageIntake(boat, self._settings)
         self._parameters = self._intake.parameters
@@ -144,7 +144,7 @@ class LiveBoat:
             for rows in topic_rows(out, self._intake.origin):
                 yield BoatOutput([rows])
         receive, vehicle = int(inputs.receive_time_ns[-1]), int(inputs.vehicle_time_ns[-1])
-        self.health.filtered(filtered, receive, vehicle)
+        self.health.filtered(filtered, out, receive, vehicle)
         self._event_detector, events = self._event_detector.observe(inputs, filtered, out)
         self._force_range, range_events = self._force_range.observe(out)
         self._model_monitor, monitored, model_events = self._model_monitor.observe(out)

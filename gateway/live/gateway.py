@@ -10,7 +10,6 @@ follows from datagrams and ticks, which are recorded.
 """
 
 import gc
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -37,6 +36,7 @@ from gateway.plants import load_plant
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow.health import SECOND
 from gateway.shadow.inputs import TICK_S
+from gateway.stopping import Stop, stop_on_signals
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.effects.effect import Effect
 from sim.state import Progress
@@ -117,7 +117,7 @@ class Gateway:
     def __exit__(self, *exception: Any) -> None:
         self._scope.__exit__(*exception)
 
-    def run(self, stop: Event) -> None:
+    def run(self, stop: Stop | Event) -> None:
         """Shadow until `stop` is set."""
         while not stop.is_set():
             try:
@@ -193,7 +193,7 @@ class Gateway:
         self._dropped = dropped
 
     def _link_event(self, event: LinkEvent) -> None:
-        severity = "info" if event.kind in ("listening", "connected") else "warning"
+        severity = "info" if event.kind in ("listening", "connected", "heard") else "warning"
         text = f"{event.link}: {event.text}"
         self._progress(text)
         for boat in self.fleet.boats.values():
@@ -313,14 +313,7 @@ def _distinct(plans: list[BoatPlan], message: str) -> list[BoatPlan]:
 
 def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress: Progress) -> None:
     """Run until SIGINT or SIGTERM; then everything is finished cleanly."""
-    stop = Event()
-
-    def ask_to_stop(number: int, _: Any) -> None:
-        stop.set()
-        signal.signal(number, signal.SIG_DFL)  # a second signal ends it without waiting
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ask_to_stop)
+    stop = stop_on_signals()
     sys.setswitchinterval(SWITCH_S)
     progress("getting ready: the first start with a vessel compiles for a while")
     with Gateway(plans, options, progress) as gateway:

@@ -241,7 +241,7 @@ class MessageIntake:
                 self._held = self._held._replace(armed=m.values[0] != 0.0)
 
     def _note_parameter(self, message: Any) -> None:
-        """Parameters come when another program requests them: this one never does."""
+        """A parameter came: this program asks for some (not on a silent link), as others may."""
         low, high = GYRO_FILTER_HZ
         value = float(message.param_value)
         if message.param_id == GYRO_FILTER and (value == 0.0 or low <= value <= high):

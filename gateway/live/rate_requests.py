@@ -1,4 +1,4 @@
-"""The requests for message rates on all links: nothing else is ever sent to a boat.
+"""The requests for rates and parameters on all links: nothing else is ever sent to a boat.
 
 Only boats that are shadowed are asked. Times are those of a clock that never steps.
 """
@@ -36,7 +36,7 @@ class RateRequests:
         addresses = {boat.address: boat for boat in boats}
         for frame in datagram.frames:
             m = frame.message
-            if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK"):
+            if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE"):
                 continue
             boat = addresses.get((m.get_srcSystem(), m.get_srcComponent()))
             if boat is not None:

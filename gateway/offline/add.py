@@ -1,7 +1,6 @@
 """`shadow add`: effects of a diagnosis into a vessel file, with the base fitted along with them."""
 
 import inspect
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,17 +10,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.errors import BadInput
 from gateway.files import write_whole
+from gateway.toml_file import explain
 from gateway.user_effects import known_effects
-from gateway.vessel_file import (
-    Provenance,
-    VesselFile,
-    explain,
-    load_vessel,
-    read_vessel_file,
-    vessel_tables,
-)
-from sim.effects.effect import Effect
-from sim.identification.vessel_update import updated_vessel
+from gateway.vessel_file import load_vessel, read_vessel_file, vessel_tables
+from gateway.vessel_tables import AREAS_KEY, Provenance, VesselFile
+from sim.effects.effect import Effect, Formula
+from sim.identification.vessel_update import AREAS, updated_vessel
 from sim.vessel import AddedEffect, Vessel
 
 
@@ -58,6 +52,15 @@ class RecordingEntry(Entry):
     date: str = ""
 
 
+class FormulaEntry(Entry):
+    """A short law that does as well as the curve of what no effect explains."""
+
+    form: str
+    text: str
+    numbers: dict[str, float]
+    table: dict[str, float]
+
+
 class DiagnosisFile(Entry):
     """diagnosis.json, as `shadow diagnose --save` (or --json) writes it."""
 
@@ -65,6 +68,8 @@ class DiagnosisFile(Entry):
     effects: tuple[str, ...]
     ladder: tuple[StepEntry, ...] = Field(min_length=1)
     alternatives: tuple[StepEntry, ...] = ()
+    curve: StepEntry | None = None
+    formula: FormulaEntry | None = None
     recordings: tuple[RecordingEntry, ...] = ()
     version: str = ""
 
@@ -137,6 +142,17 @@ def read_diagnosis(source: str | Path) -> DiagnosisFile:
         ) from None
 
 
+def formula_in(source: str | Path) -> tuple[Mapping[str, float], Formula]:
+    """The table and the formula of a diagnosis; BadInput where it holds none."""
+    found = read_diagnosis(source).formula
+    if found is None:
+        raise BadInput(
+            f"{source}: holds no formula: no short law did as well as the curve, or none was "
+            "needed; leave out --from for a pattern"
+        )
+    return found.table, Formula(found.form, found.text, found.numbers, found.table)
+
+
 def _step_with(
     names: Sequence[str],
     diagnosis: DiagnosisFile,
@@ -191,15 +207,25 @@ def _provenance(step: StepEntry, diagnosis: DiagnosisFile) -> dict[str, Provenan
         "date": diagnosis.recordings[0].date if diagnosis.recordings else "",
         "version": diagnosis.version,
     }
-    numbers = {f"dynamics.{name}": n for name, n in step.base_parameters.items()}
+    base = dict(step.base_parameters)
+    areas = [base.pop(name) for name in AREAS if name in base]
+    numbers = {f"dynamics.{name}": n for name, n in base.items()}
     numbers |= {f"{e}.{key}": n for e, own in step.parameters.items() for key, n in own.items()}
-    return {key: Provenance(**common, ci95=n.ci95, says=n.doubt) for key, n in numbers.items()}
+    out = {key: Provenance(**common, ci95=n.ci95, says=n.doubt) for key, n in numbers.items()}
+    if areas:
+        ends = " and ".join(f"{n.ci95[0]:.3g} … {n.ci95[1]:.3g}" for n in areas)
+        says = f"fitted to the measured wind, 95 % intervals {ends} m²"
+        out[AREAS_KEY] = Provenance(**common, ci95=None, says=says)
+    return out
 
 
 def _effect_files(
     file: VesselFile, own: Iterable[Effect], vessel: Path, out: Path
 ) -> dict[str, str]:
-    """Effects that come from a Python file -> its path as seen from the new vessel file."""
+    """Effects that come from a Python file -> its path as seen from the new vessel file.
+
+    Files outside of its folder are left out: a vessel file cannot name them.
+    """
     paths = {
         str(entry["type"]): vessel.parent / str(entry["file"])
         for entry in file.effects
@@ -207,4 +233,8 @@ def _effect_files(
     }
     paths |= {e.name: Path(inspect.getfile(next(iter(e.laws.values())))) for e in own}
     folder = out.resolve().parent
-    return {name: os.path.relpath(path.resolve(), folder) for name, path in paths.items()}
+    return {
+        name: str(path.resolve().relative_to(folder))
+        for name, path in paths.items()
+        if path.resolve().is_relative_to(folder)
+    }

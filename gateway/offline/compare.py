@@ -24,7 +24,7 @@ from sim.vessel import Vessel
 
 @dataclass(frozen=True)
 class TrialComparison:
-    """One trial and its comparisons, one per vessel, on the scales of the first vessel."""
+    """One trial and its comparisons, one per vessel, all by one ruler."""
 
     trial: Trial
     comparisons: tuple[Comparison, ...]

@@ -26,9 +26,11 @@ from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.diagnosis.next_experiment import separations
+from sim.diagnosis.thresholds import MAX_BASE_SIGMAS
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
+from sim.identification.settings import BASE
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Progress
@@ -40,13 +42,18 @@ DIAGNOSIS_TRIALS = TrialOptions(rate_hz=5.0)
 GUESSED_PRIOR = (
     1.0  # share by which base numbers that were guessed may be off; chosen, not measured
 )
+LIMIT_SHARE = 0.98  # of the furthest that a number may go: it is there
 WORKERS = 2  # threads; the compiled kernels release the interpreter lock
 DEFAULT_PATTERN = "always"  # of `Effect.pattern_for`: the pattern where no other is declared
 
 
 @dataclass(frozen=True)
 class DiagnosisResult:
-    """The diagnosis, the vessel as it was given, and the recordings."""
+    """The diagnosis, the vessel as it was given, and the recordings.
+
+    prior         share by which the base numbers were allowed to be off
+    effect_files  with effects of one's own that were tried too
+    """
 
     diagnosis: Diagnosis
     before: Vessel
@@ -54,6 +61,24 @@ class DiagnosisResult:
     logs: tuple[str, ...]
     vessel_file: str
     notices: tuple[str, ...] = ()
+    prior: float = DiagnoseSettings.prior
+    effect_files: tuple[str, ...] = ()
+
+    @property
+    def at_limit(self) -> list[str]:
+        """Names of base numbers that went as far as they were allowed to."""
+        far = LIMIT_SHARE * MAX_BASE_SIGMAS * self.prior
+        numbers = self.diagnosis.ladder[-1].base_parameters
+        return [
+            e.name for e in numbers
+            if e.name in BASE and e.before and abs(e.value - e.before) >= far * abs(e.before)
+        ]  # fmt: skip
+
+    @property
+    def found_beside(self) -> list[str]:
+        """Effects found that alone are not among the most promising: only beside another."""
+        ranked = {row.effect for row in self.diagnosis.ranking}
+        return [name for name in self.diagnosis.effects if name not in ranked]
 
     @property
     def rivals(self) -> list[str]:
@@ -106,22 +131,33 @@ class DiagnosisResult:
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
+        own = "".join(f" --effects {quote(file)}" for file in self.effect_files)
         found, steps = self.diagnosis.effects, []
         if found and not out:
             if saved is None:
-                steps.append(f"shadow diagnose {logs} --vessel {vessel} --save diagnosis.json")
+                steps.append(f"shadow diagnose {logs} --vessel {vessel}{own} --save diagnosis.json")
             source = quote(saved or "diagnosis.json")
             steps.append(f"shadow add {' '.join(found)} --vessel {vessel} --from {source} "
-                         f"--out {better}")  # fmt: skip
+                         f"--out {better}{own}")  # fmt: skip
         if found:
             refit = " --refit voyage" if self.voyage_effects else ""
-            steps.append(f"shadow compare ANOTHER_LOG --vessel {vessel} --vessel {better}{refit}")
+            both = f"--vessel {vessel} --vessel {better}"
+            steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{own}")
         elif self.diagnosis.base_changed and not out:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}")
-        if self.diagnosis.verdict is Verdict.UNKNOWN:
+        if self.diagnosis.curve is not None:
+            names, source = " ".join(self.diagnosis.curve.effects), quote(saved or "diagnosis.json")
+            steps.append(
+                f"shadow add {names} --vessel {vessel} --from {source} --out {better}{own}"
+            )
+        if self.diagnosis.curve is not None and self.diagnosis.formula is not None:
+            curve = self.diagnosis.curve.effects[-1]
+            steps.append(f"shadow effects {curve} --write own.py --from {source}")
+            steps.append(f"shadow diagnose {logs} --vessel {vessel}{own} --effects own.py")
+        elif self.diagnosis.verdict is Verdict.UNKNOWN:
             on = next((d.on for d in self.diagnosis.depends_on), "")
             steps.append(f"shadow effects {pattern_for(on)} --write own.py")
-            steps.append(f"shadow diagnose {logs} --vessel {vessel} --effects own.py")
+            steps.append(f"shadow diagnose {logs} --vessel {vessel}{own} --effects own.py")
         return [*dict.fromkeys(plan), *steps]
 
 
@@ -189,7 +225,7 @@ def diagnose_logs(
     )
     notices = (*([notice] if guessed else []), *notices_of(trials, boat))
     return DiagnosisResult(
-        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices
+        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices, settings.prior
     )
 
 
@@ -208,9 +244,21 @@ def diagnose_trials(
     """
     names = ", ".join(str(log) for log in logs)
     trials = usable_trials(logs, options, progress)
+    return trials, diagnosed_trials(trials, boat, settings, names, progress, file)
+
+
+def diagnosed_trials(
+    trials: Sequence[Trial],
+    boat: Vessel,
+    settings: DiagnoseSettings,
+    names: str,
+    progress: Progress = lambda text: None,
+    file: str | Path | None = None,
+) -> Diagnosis:
+    """The diagnosis of trials; BadInput, which begins with `names`, where there can be none."""
     try:
         with numerical_errors(names, file or boat.name), ThreadPoolExecutor(WORKERS) as pool:
-            return trials, diagnose(trials, boat, settings, progress, pool.map)
+            return diagnose(trials, boat, settings, progress, pool.map)
     except NoUsableTimeError as error:
         raise BadInput(f"{names}: {error}") from None
     except DivergedError as error:

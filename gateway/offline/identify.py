@@ -21,13 +21,8 @@ from gateway.offline.usable_time import (
     limit_to_span,
     notices_of,
 )
-from gateway.vessel_file import (
-    DynamicsTable,
-    Provenance,
-    dump_vessel,
-    load_vessel,
-    read_vessel_file,
-)
+from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
+from gateway.vessel_tables import DynamicsTable, Provenance
 from sim.effects.effect import Effect
 from sim.identification.identify import Identification, identify
 from sim.identification.intervals import Estimate
@@ -66,13 +61,9 @@ def identify_logs(
     read = usable_trials(logs, options, progress)
     trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
     others = usable_trials(validate, options, progress)
-    try:
-        with numerical_errors(names, vessel, ADVICE):
-            found = identify(trials, boat, settings, others, progress)
-    except (UnknownNameError, DivergedError) as error:
-        raise BadInput(f"{vessel}: {error}") from None
-    except NoUsableTimeError as error:
-        raise BadInput(f"{names}: {error}") from None
+    found = identify_trials(
+        trials, boat, settings, others, names=names, file=vessel, progress=progress
+    )
     notices = (*notices_of((*trials, *others), boat), *voyage_notices(found))
     found = replace(found, notices=notices)
     if pictures is not None:
@@ -83,6 +74,27 @@ def identify_logs(
         text = dump_vessel(found.vessel, old | provenance(found.estimates, trials))
         write_whole(Path(out), text.encode(), "the vessel file")
     return found
+
+
+def identify_trials(
+    trials: Sequence[Trial],
+    boat: Vessel,
+    settings: IdentifySettings | None = None,
+    others: Sequence[Trial] = (),
+    *,
+    names: str,
+    file: str | Path | None = None,
+    progress: Progress = lambda text: None,
+) -> Identification:
+    """Fit on trials; BadInput, which begins with the name of what is to blame, where one cannot."""
+    vessel = file or boat.name
+    try:
+        with numerical_errors(names, vessel, ADVICE):
+            return identify(trials, boat, settings, others, progress)
+    except (UnknownNameError, DivergedError) as error:
+        raise BadInput(f"{vessel}: {error}") from None
+    except NoUsableTimeError as error:
+        raise BadInput(f"{names}: {error}") from None
 
 
 def identify_settings(

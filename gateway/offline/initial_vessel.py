@@ -12,17 +12,12 @@ from pydantic import ValidationError
 
 from gateway.errors import BadInput
 from gateway.files import write_whole
-from gateway.ingest.log import choose_boat
+from gateway.ingest.log import choose_floating
 from gateway.ingest.open import open_log
 from gateway.ingest.parameters import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
-from gateway.vessel_file import (
-    GUESSED,
-    Provenance,
-    VesselFile,
-    dump_vessel,
-    explain,
-    read_vessel_file,
-)
+from gateway.toml_file import explain
+from gateway.vessel_file import dump_vessel, read_vessel_file
+from gateway.vessel_tables import GUESSED, Provenance, VesselFile
 from sim.identification.settings import BASE
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
@@ -60,35 +55,43 @@ def init_vessel(
     name: str | None,
     given: Mapping[str, float],
     system: int | None = None,
-    force: bool = False,
+    anyway: bool = False,
 ) -> VesselFile:
     """Write an initial vessel file for the boat of a log -> what was written.
 
     `given` holds members of `BoatSize`; the others are assumed.
     """
-    for key, value in given.items():
-        if not 0.0 < value < float("inf"):
-            raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
-    if out.exists() and not force:
-        raise BadInput(f"{out}: there is such a file: give another name, or --force")
+    check_size(given)
     log = open_log(log_path)
-    parameters = log.parameters(choose_boat(log, system))
+    parameters = log.parameters(choose_floating(log, system, anyway))
     if not parameters:
         raise BadInput(
             f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
             "them with the ground station, or copy a file from configs/vessels"
         )
+    text = first_vessel(log_path, name or log_path.stem, actuators(parameters), given)
+    write_whole(out, text.encode(), "the vessel file")
+    return read_vessel_file(out)
+
+
+def check_size(given: Mapping[str, float]) -> None:
+    """BadInput where a size is none."""
+    for key, value in given.items():
+        if not 0.0 < value < float("inf"):
+            raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
+
+
+def first_vessel(
+    log_path: Path, name: str, found: list[Actuator], given: Mapping[str, float]
+) -> str:
+    """The text of an initial vessel file; `given` holds members of `BoatSize`."""
     try:
-        vessel, provenance = initial_vessel(
-            name or log_path.stem, actuators(parameters), BoatSize(**given), frozenset(given)
-        )
-        text = dump_vessel(vessel, provenance)
+        vessel, provenance = initial_vessel(name, found, BoatSize(**given), frozenset(given))
+        return dump_vessel(vessel, provenance)
     except BadInput as error:
         raise BadInput(f"{log_path}: {error}") from None
     except ValidationError as error:
         raise BadInput(f"{log_path}: no vessel comes of that: {explain(error)}") from None
-    write_whole(out, text.encode(), "the vessel file")
-    return read_vessel_file(out)
 
 
 def initial_vessel(

@@ -13,7 +13,7 @@ import numpy as np
 from gateway.errors import BadInput
 from gateway.figures.excitation import plan_motion, plan_track
 from gateway.figures.matplotlib_draw import save_figure
-from gateway.offline.diagnose import diagnose_trials
+from gateway.offline.diagnose import DIAGNOSIS_TRIALS, diagnose_trials
 from gateway.offline.plan_export import (
     SafetyLimits,
     pulse_bounds,
@@ -22,6 +22,7 @@ from gateway.offline.plan_export import (
     write_pulses,
     write_script,
 )
+from gateway.offline.trials import TrialOptions
 from gateway.user_effects import known_effects
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.diagnosis.next_experiment import SuggestedManoeuvre
@@ -141,10 +142,14 @@ class PlanResult:
 
 
 def make_plan(
-    vessel: Vessel, options: PlanOptions, out: Path | None, log: Path | None = None
+    vessel: Vessel,
+    options: PlanOptions,
+    out: Path | None,
+    log: Path | None = None,
+    trials: TrialOptions = DIAGNOSIS_TRIALS,
 ) -> PlanResult:
     """Choose, try on the model, weaken until it keeps within the radius, write."""
-    manoeuvre, ranking = choose_manoeuvre(vessel, options.excitation, log)
+    manoeuvre, ranking = choose_manoeuvre(vessel, options.excitation, log, trials)
     model = Model.of(vessel)
     plan = _plan_within(model, manoeuvre, options)
     safety = safety_for(plan, options.radius_m, options.highest_speed_mps, options.lowest_voltage_v)
@@ -154,21 +159,26 @@ def make_plan(
 
 
 def choose_manoeuvre(
-    vessel: Vessel, name: str | None, log: Path | None
+    vessel: Vessel,
+    name: str | None,
+    log: Path | None,
+    trials: TrialOptions = DIAGNOSIS_TRIALS,
 ) -> tuple[Manoeuvre, ManoeuvreRanking | None]:
     """The manoeuvre that is named; else the best one after a recording, else the default."""
     if name is not None and name not in BY_NAME:
         raise BadInput(f"--excitation {name}: there are {', '.join(BY_NAME)}")
     if name is not None or log is None:
         return BY_NAME[name or DEFAULT], None
-    ranking = rank_manoeuvres(log, vessel)
+    ranking = rank_manoeuvres(log, vessel, trials)
     return ranking.ranked[0].manoeuvre, ranking
 
 
-def rank_manoeuvres(log: str | Path, vessel: Vessel) -> ManoeuvreRanking:
+def rank_manoeuvres(
+    log: str | Path, vessel: Vessel, trials: TrialOptions = DIAGNOSIS_TRIALS
+) -> ManoeuvreRanking:
     """Diagnose a recording and rank manoeuvres by what they would add on what it leaves open."""
     settings = DiagnoseSettings(plan=True, effects=known_effects())
-    _, diagnosis = diagnose_trials([log], vessel, settings)
+    _, diagnosis = diagnose_trials([log], vessel, settings, options=trials)
     tied = next((c for c in diagnosis.ranking if c.confounded_with), None)
     if tied is not None:
         of = f"{tied.effect} against {' and '.join(tied.confounded_with)}"
@@ -194,12 +204,21 @@ def _plan_within(model: Model, manoeuvre: Manoeuvre, options: PlanOptions) -> Pl
     return tried[0]
 
 
+WRITTEN = ("{}.lua", "{}.csv", "{}-commands.csv", "{}-motion.png", "{}-track.png")
+
+
+def plan_files(name: str | None, log: Path | None, out: Path) -> list[Path]:
+    """What a plan may write: of every manoeuvre where a recording will choose."""
+    names = [name or DEFAULT] if name is not None or log is None else list(BY_NAME)
+    return [out / file.format(name) for name in names for file in WRITTEN]
+
+
 def _write(plan: Plan, safety: SafetyLimits, out: Path) -> tuple[Path, ...]:
-    name = plan.manoeuvre.name
+    script, pulses, commands, motion, track = plan_files(plan.manoeuvre.name, None, out)
     return (
-        write_script(plan, safety, version("shadow-gateway"), out / f"{name}.lua"),
-        write_pulses(plan, out / f"{name}.csv"),
-        write_commands(plan, out / f"{name}-commands.csv"),
-        save_figure(plan_motion(plan), out / f"{name}-motion.png"),
-        save_figure(plan_track(plan, safety.radius_m), out / f"{name}-track.png"),
+        write_script(plan, safety, version("shadow-gateway"), script),
+        write_pulses(plan, pulses),
+        write_commands(plan, commands),
+        save_figure(plan_motion(plan), motion),
+        save_figure(plan_track(plan, safety.radius_m), track),
     )

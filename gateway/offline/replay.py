@@ -15,16 +15,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import orjson
 from numpy.typing import NDArray
 
 from gateway.bus import Bus
-from gateway.config import Settings, as_tables, settings_of
+from gateway.config import Settings, as_tables
 from gateway.errors import BadInput
+from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.earth import Origin
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, choose_boat
+from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, choose_floating
 from gateway.ingest.mavlink.log import Frames, MavlinkLog
-from gateway.ingest.mcap import MAGIC
+from gateway.ingest.mcap.enclosed import enclosure_of_file
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.json_rows import TopicRows
@@ -38,6 +38,7 @@ from gateway.shadow.inputs import FilterInputs, filter_inputs_of, origin_of
 from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import ShadowPath, ShadowRows
 from gateway.shadow.topic_rows import attachments_of, event_rows, metadata_of, topic_rows
+from gateway.stopping import Interrupts
 from gateway.vessel_file import zenoh_key
 from sim.plants.table import PlantChoice
 from sim.state import Floats
@@ -198,6 +199,7 @@ class ReplayTotals:
 CHUNK_S = 5.0  # of received facts that are processed at a time
 PACE_S = 0.02  # the same at the speed at which it was recorded
 
+Pace = Callable[[float], None]  # sleeps for so many seconds, if above 0
 ShareDone = Callable[[float], None]  # called with the share of the work that is done, 0 to 1
 
 
@@ -210,6 +212,7 @@ class ReplayOptions:
     system: int | None = None
     name: str | None = None  # key on zenoh; default: the vessel's name in small letters
     mapping: Path | None = None  # of a .csv
+    anyway: bool = False  # take the log of a vehicle that says it is no boat
     stem: str | None = None  # of the recording's name; default: the log's
     settings: Settings = field(default_factory=Settings)
 
@@ -226,10 +229,13 @@ class ReplayInput:
 
 
 def replay_input_of(
-    log: Log, system: int | None = None, settings: Settings | None = None
+    log: Log,
+    system: int | None = None,
+    settings: Settings | None = None,
+    anyway: bool = False,
 ) -> ReplayInput:
     """Decode a log and choose its sources; BadInput where heading or velocity is missing."""
-    settings, boat = settings or Settings(), choose_boat(log, system)
+    settings, boat = settings or Settings(), choose_floating(log, system, anyway)
     settings = replace(settings, filter=settings.filter.with_parameters(log.parameters(boat)))
     decoded = log.decode(boat)
     choices = choose(decoded.samples)
@@ -239,15 +245,6 @@ def replay_input_of(
     origin = origin_of(decoded, choices)
     feed = filter_inputs_of(decoded, choices, origin, settings.filter)
     return ReplayInput(settings, log, decoded, origin, feed)
-
-
-def recorded_settings(log_path: Path) -> Settings | None:
-    """The configuration that a recording of ours was made with; None for any other log."""
-    with log_path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            return None
-    attached = Recording.open(log_path).attachments.get("config.json")
-    return None if attached is None else settings_of(orjson.loads(attached.data), str(log_path))
 
 
 def options_by_log(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayOptions]:
@@ -275,7 +272,7 @@ def replay(
     options = options or ReplayOptions()
     played_by = plant if isinstance(plant, PlantChoice) else PlantChoice(vessel=plant)
     log = open_log(log_path, options.mapping)
-    given = replay_input_of(log, options.system, options.settings)
+    given = replay_input_of(log, options.system, options.settings, options.anyway)
     following = given.settings.following
     path = ShadowPath.of(
         vessel,
@@ -285,22 +282,24 @@ def replay(
         follower=following.follower,
         rate_hz=following.rate_hz,
     )
+    interrupts = Interrupts()
+    pace = interrupts.sleep if options.realtime else None
     name, began, totals = options.name or zenoh_key(vessel), time.monotonic(), ReplayTotals()
     ours = log.recording if isinstance(log, MavlinkLog) else None
     live = ours if ours is not None and recorded_live(ours) else None
     if live is not None:
         plan = BoatPlan(vessel, played_by, name=name)
-        steps = _live_steps(live, plan, options.settings, options.realtime, progress)
+        steps = _live_steps(live, plan, options.settings, pace, progress)
     else:
-        steps = _log_steps(path, given, options.realtime, progress)
-    file = _recording_file(log, options)
+        steps = _log_steps(path, given, pace, progress)
+    file = recording_file(log.path, options)
     replaced = file is not None and file.exists()
-    with ExitStack() as scope:
+    with interrupts, ExitStack() as scope:
         outputs = open_outputs(
             scope,
             name,
             file,
-            attachments_of(vessel, played_by, as_tables(given.settings)),
+            [*attachments_of(vessel, played_by, as_tables(given.settings)), *_enclosed(log)],
             metadata_of(
                 name,
                 given.decoded.boat,
@@ -311,6 +310,7 @@ def replay(
             options.settings,
         )
         for step in steps:
+            interrupts.check()
             totals.add(step)
             outputs.write(step)
     if not totals.count:
@@ -320,14 +320,22 @@ def replay(
     return replace(summary, notes=(*summary.notes, *note))
 
 
-def _recording_file(log: Log, options: ReplayOptions) -> Path | None:
+def _enclosed(log: Log) -> list[Attachment]:
+    """The log itself, where it is not frames that are recorded one by one."""
+    if isinstance(log, MavlinkLog):
+        return []
+    table = isinstance(log, CsvLog) and Path(log.mapping.path)
+    return enclosure_of_file(Path(log.path), table or None)
+
+
+def recording_file(log_path: str | Path, options: ReplayOptions) -> Path | None:
     """Where a replay of that log is recorded; None where it is not."""
-    stem = options.stem or Path(log.path).stem
+    stem = options.stem or Path(log_path).stem
     return None if options.out is None else options.out / f"{stem}-shadow.mcap"
 
 
 def _log_steps(
-    path: ShadowPath, given: ReplayInput, realtime: bool, progress: ShareDone
+    path: ShadowPath, given: ReplayInput, pace: Pace | None, progress: ShareDone
 ) -> Iterator[ReplayStep]:
     """A log, chunk by chunk."""
     state, detector, monitor = path.start(), EventDetector(), ModelMonitor.of(path.model)
@@ -335,14 +343,14 @@ def _log_steps(
     feed, log = given.feed, given.log
     frames = log.frames if isinstance(log, MavlinkLog) else ()
     start, first_frame = 0, 0
-    for end in _chunk_ends(feed, PACE_S if realtime else CHUNK_S, realtime):
+    for end in _chunk_ends(feed, PACE_S if pace else CHUNK_S, pace):
         chunk = feed[start:end]
         state, out, filtered = path.advance(state, chunk)
         detector, events = detector.observe(chunk, filtered, out)
         rows = list(topic_rows(out, given.origin))
         monitor, monitored, warnings = monitor.observe(out)
         rows += [*monitored, event_rows([*events, *warnings])]
-        rows.append(health.advance(chunk.receive_time_ns, filtered))
+        rows.append(health.advance(chunk.receive_time_ns, filtered, out))
         last = end == len(feed)
         frame_end = len(frames) if last else int(chunk.order[-1]) + 1 if frames else 0
         frame_end = max(first_frame, frame_end)
@@ -359,23 +367,23 @@ def _frames_between(frames: Frames | tuple[()], start: int, end: int) -> LinkFra
 
 
 def _live_steps(
-    recording: Recording, plan: BoatPlan, settings: Settings, realtime: bool, progress: ShareDone
+    recording: Recording, plan: BoatPlan, settings: Settings, pace: Pace | None, progress: ShareDone
 ) -> Iterator[ReplayStep]:
     """A recording of `shadow live`: the same inputs in the same order give the same shadow."""
     raw = recording.raw()
     first_ns, began = int(raw.receive_time_ns[0]), time.monotonic()
     for one in rerun(fleet_of(recording, plan, settings), recording.path):
         k = one.frames.start
-        if realtime:
+        if pace:
             due = began + (int(raw.receive_time_ns[k]) - first_ns) * 1e-9
-            time.sleep(max(0.0, due - time.monotonic()))
+            pace(due - time.monotonic())
         frames = [raw.data[raw.start[i] : raw.end[i]] for i in range(k, one.frames.stop)]
         link, receipts = raw.links[raw.link[k]], raw.receive_time_ns[one.frames]
         yield ReplayStep(one.outs, one.rows, partial(LinkFrames, link, frames, receipts))
         progress(one.frames.stop / len(raw))
 
 
-def _chunk_ends(feed: FilterInputs, chunk_s: float, realtime: bool) -> Iterator[int]:
+def _chunk_ends(feed: FilterInputs, chunk_s: float, pace: Pace | None) -> Iterator[int]:
     """Where each chunk ends; at the recorded speed, each when its time has come."""
     receive = (feed.receive_time_ns - feed.receive_time_ns[0]) * 1e-9
     since = np.maximum.accumulate(receive)  # the receiver's clock may have stepped back
@@ -383,7 +391,7 @@ def _chunk_ends(feed: FilterInputs, chunk_s: float, realtime: bool) -> Iterator[
     while start < len(feed):
         end = int(np.searchsorted(since, since[start] + chunk_s, side="left"))
         end = max(end, start + 1)
-        if realtime:
-            time.sleep(max(0.0, began + float(since[end - 1]) - time.monotonic()))
+        if pace:
+            pace(began + float(since[end - 1]) - time.monotonic())
         yield end
         start = end

@@ -1,17 +1,21 @@
 """`shadow report`: compare, diagnose where asked, and put it all into one HTML file.
 
 compare → diagnose → compare with what was found → figures → page
+
+Without a vessel one is learnt from the first recording: begin → identify → diagnose → compare on
+the time that came after, and on the other recordings.
 """
 
 import math
 import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gateway.errors import BadInput
 from gateway.figures.comparison import error_strips, missing_force_by_regime, vessel_errors
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ladder_bars, ranking
 from gateway.figures.figure_data import FigureData
@@ -19,14 +23,23 @@ from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecordin
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
 from gateway.figures.style import HEADING, velocity_texts
+from gateway.figures.words import nowhere_text
 from gateway.files import write_whole
-from gateway.offline.compare import TrialComparison, compare_by_trial, distinct_vessels
+from gateway.offline.compare import (
+    TrialComparison,
+    compare_by_trial,
+    compare_models,
+    distinct_vessels,
+)
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
+from gateway.offline.first_page import first_page
+from gateway.offline.from_log import learn_from
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import ADEQUATE_FLOORS, Comparison
+from sim.comparison.compare import Comparison, Judgement
 from sim.diagnosis.evidence import evidence_of, evidence_of_rivals
 from sim.effects.effect import Effect
+from sim.model import Model
 from sim.state import Progress
 from sim.vessel import Vessel
 
@@ -65,8 +78,13 @@ def make_report(
     effects: Iterable[Effect] = (),
     progress: Progress = lambda text: None,
 ) -> ReportFile:
-    """All recordings against all vessels, and with `diagnose` against what the first one lacks."""
+    """All recordings against all vessels, and with `diagnose` against what the first one lacks.
+
+    Without vessel files: `report_from_log`.
+    """
     more = tuple(effects)
+    if not files:
+        return report_from_log(logs, out, {}, options=options, effects=more, progress=progress)
     vessels, answer = distinct_vessels(files, more), None
     if diagnose:
         coarse = replace(options, rate_hz=DIAGNOSIS_TRIALS.rate_hz)
@@ -76,6 +94,39 @@ def make_report(
     found = compare_by_trial(logs, vessels, options=options, progress=progress)
     progress("pictures")
     return write_report(report_of(found, vessels, answer), out)
+
+
+def report_from_log(
+    logs: Sequence[str | Path],
+    out: str | Path,
+    given: Mapping[str, float],
+    *,
+    options: TrialOptions = DEFAULT_TRIALS,
+    effects: Iterable[Effect] = (),
+    progress: Progress = lambda text: None,
+) -> ReportFile:
+    """A vessel learnt from the first recording alone, and how it does on time it never saw.
+
+    `given`: what the user knows of the boat (`BoatSize`).
+    """
+    if not logs:
+        raise BadInput("nothing to report on: give at least one recording")
+    learnt = learn_from(logs[0], given, options=options, effects=effects, progress=progress)
+    vessels = [learnt.plain]
+    if learnt.answer is not None and learnt.answer.diagnosis.effects:
+        vessels.append(_improved_vessel(learnt.answer))
+    models = [Model.of(vessel) for vessel in vessels]
+    found = compare_models(learnt.split.judge, models, None, progress)
+    if logs[1:]:
+        refit = learnt.answer is not None and bool(learnt.answer.voyage_effects)
+        found += compare_by_trial(
+            logs[1:], vessels, options=options, refit=refit, progress=progress
+        )
+    if not found:
+        raise BadInput(f"{logs[0]}: no stretch that is long enough to be compared over")
+    progress("pictures")
+    page = report_of(found, vessels, learnt.answer, learnt.plain.name, learnt.assumed)
+    return write_report(page, out)
 
 
 def write_report(page: ReportPage, out: str | Path) -> ReportFile:
@@ -90,17 +141,23 @@ def report_of(
     vessels: Sequence[Vessel],
     answer: DiagnosisResult | None,
     boat: str = "",
+    assumed: Sequence[str] = (),
 ) -> ReportPage:
-    """The whole page as values; `boat` where the vessels have other names than it."""
+    """The whole page as values; `boat` where the vessels have other names than it.
+
+    `assumed`: what had to be assumed, a sentence each.
+    """
+    first = first_page(found, answer, _headline(found), assumed)
     names = ", ".join(one.trial.name for one in found)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return ReportPage(
         title=f"{boat or vessels[0].name}: model against measurement",
         made=f"{names}. Made {now} by shadow-gateway {version('shadow-gateway')}.",
-        headline=_headline(found, answer),
+        headline=" ".join(first.verdict),
         recordings=tuple(_recording(one) for one in found),
         vessel_files=tuple((v.name, dump_vessel(v)) for v in vessels),
         versions=_versions(),
+        first=first,
         diagnosis=None if answer is None else answer.to_dict(),
         ladder=None if answer is None else _ladder(answer),
         evidence=() if answer is None else _evidence(answer),
@@ -113,21 +170,23 @@ def _improved_vessel(answer: DiagnosisResult) -> Vessel:
     return replace(vessel, name=f"{vessel.name} + {added}")
 
 
-def _headline(found: Sequence[TrialComparison], answer: DiagnosisResult | None) -> str:
-    """One sentence: the diagnosis if there is one, else how far above the noise."""
-    if answer is not None:
-        summary = answer.diagnosis.summary
-        return summary[0].upper() + summary[1:] + ("" if summary.endswith(".") else ".")
+def _headline(found: Sequence[TrialComparison]) -> str:
+    """One sentence: how far above the noise."""
     worst = max((one.comparisons[0] for one in found), key=_times_floor)
-    times = _times_floor(worst)
-    if times <= ADEQUATE_FLOORS:
+    floor = f"{worst.noise_floor_nrmse:.2f}"
+    if worst.judgement is Judgement.UNJUDGED:
+        return (
+            f"These recordings cannot judge {worst.vessel}: noise alone would show an error of "
+            f"{floor}, where 1 is as bad as knowing only the mean."
+        )
+    if worst.judgement is Judgement.ADEQUATE:
         return (
             f"{worst.vessel} is as good as these recordings can tell: its error of "
-            f"{worst.nrmse:.2f} is at the noise floor of {worst.noise_floor_nrmse:.2f}."
+            f"{worst.nrmse:.2f} is at the noise floor of {floor}."
         )
     return (
         f"Something is wrong with {worst.vessel}: on {worst.log} its error is {worst.nrmse:.2f}, "
-        f"{times:.1f} times what noise alone would show ({worst.noise_floor_nrmse:.2f})."
+        f"{_times_floor(worst):.1f} times what noise alone would show ({floor})."
     )
 
 
@@ -140,10 +199,17 @@ def _recording(one: TrialComparison) -> ReportRecording:
         one.trial.name,
         one.comparisons[0].seconds,
         tuple(row for c in one.comparisons for row in _rows(c)),
-        tuple((c.vessel, tuple(b.sentence for b in c.worst(WORST))) for c in one.comparisons),
+        tuple((c.vessel, _worst(c)) for c in one.comparisons),
         tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices)),
         tuple(_figures(one)),
     )
+
+
+def _worst(c: Comparison) -> tuple[str, ...]:
+    """Where it is worst, or why that is not said."""
+    nowhere = nowhere_text(c.nrmse, c.noise_floor_nrmse)
+    sentences = tuple(b.sentence for b in c.worst(WORST))
+    return sentences or (f"{nowhere[0].upper()}{nowhere[1:]}.",)
 
 
 def _rows(c: Comparison) -> list[dict[str, Any]]:

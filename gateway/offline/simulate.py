@@ -5,6 +5,7 @@ file, −1 … 1. Each row holds until the next.
 """
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput
+from gateway.ingest.mcap.enclosed import enclosure
 from gateway.json_rows import encode_rows
+from gateway.offline.usable_time import assumed_by
 from gateway.recording.recorder import Attachment, Recorder
 from gateway.shadow.path import follower_of
 from gateway.shadow.topic_rows import MOTION_FIELDS
@@ -28,14 +31,20 @@ LONGEST_S = 86400.0  # of a table of commands: a longer one is probably not in s
 
 @dataclass(frozen=True)
 class SimulationResult:
-    """Motion of the vessel and of its follower (T, 9), force on the follower (T, 3)."""
+    """Motion of the vessel and of its follower (T, 9), force on the follower (T, 3).
+
+    commands  (T, na) held over each interval
+    notices   what was assumed for the vessels' effects to act
+    """
 
     time: Floats
     motion: Floats
     follower: Floats | None
     control: Floats | None
     commanded: Floats
+    commands: Floats
     recording: Path
+    notices: tuple[str, ...] = ()
 
 
 def read_commands(path: Path, vessel: Vessel) -> tuple[Floats, Floats]:
@@ -96,11 +105,41 @@ def simulate(
     followed = forces = None
     if follow is not None:
         follower = follower_of(Model.of(follow), options or FollowerOptions())
-        _, followed, forces, _ = follower.advance(follower.start(), grid, motion)
-    recording = out / f"{commands.stem}-simulated.mcap"
-    result = SimulationResult(grid, motion, followed, forces, commanded, recording)
-    _record(result, [vessel] if follow is None else [vessel, follow])
-    return result
+        result = follower.advance(follower.start(), grid, motion)
+        followed, forces = result.shadows, result.forces
+    vessels = [vessel] if follow is None else [vessel, follow]
+    notices = tuple(notice for one in vessels for notice in assumed_by(one))
+    file = recording_file(commands, out)
+    simulated = SimulationResult(grid, motion, followed, forces, commanded, held, file, notices)
+    _record(simulated, vessels)
+    return simulated
+
+
+LOG_COLUMNS = {  # column of the table -> its unit, and the component of the motion
+    "north": ("m", 0), "east": ("m", 1), "yaw": ("rad", 2),
+    "surge": ("m/s", 3), "sway": ("m/s", 4), "yaw_rate": ("rad/s", 5),
+}  # fmt: skip
+
+
+def _as_log(result: SimulationResult, vessel: Vessel) -> list[Attachment]:
+    """The simulated voyage as a table with its mapping: what compare, identify, … read."""
+    channels, pulses = vessel.pulses(result.commands)
+    names = ["time", *LOG_COLUMNS, *(f"channel_{channel}" for channel in channels)]
+    motion = [result.motion[:, place] for _, place in LOG_COLUMNS.values()]
+    table = np.column_stack([result.time, *motion, pulses])
+    text = io.StringIO()
+    np.savetxt(text, table, fmt="%.9g", delimiter=",", header=",".join(names), comments="")
+    units = {name: unit for name, (unit, _) in LOG_COLUMNS.items()}
+    units |= {f"channel_{channel}": "us" for channel in channels}
+    lines = [f'{name} = {{ column = "{name}", unit = "{unit}" }}' for name, unit in units.items()]
+    mapping = "\n".join(['time = { column = "time", unit = "s" }', "[columns]", *lines, ""])
+    stem = result.recording.stem
+    return enclosure(text.getvalue().encode(), f"{stem}.csv", mapping.encode())
+
+
+def recording_file(commands: Path, out: Path) -> Path:
+    """Where the simulation of a table of commands is recorded."""
+    return out / f"{commands.stem}-simulated.mcap"
 
 
 def _record(result: SimulationResult, vessels: Sequence[Vessel]) -> None:
@@ -110,6 +149,7 @@ def _record(result: SimulationResult, vessels: Sequence[Vessel]) -> None:
         for name, vessel in zip(("vessel.toml", "follower.toml"), vessels, strict=False)
     ]
     now = np.round(result.time * 1e9).astype(np.int64)
+    files += _as_log(result, vessels[0])
     with Recorder(result.recording, attachments=files) as recorder:
         for start in range(0, len(now), BLOCK_ROWS):
             part = slice(start, start + BLOCK_ROWS)

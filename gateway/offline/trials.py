@@ -17,7 +17,7 @@ from gateway.estimation.events import Events
 from gateway.estimation.settings import SOURCES, FilterSettings
 from gateway.estimation.smoother import SmoothedMotion, smooth
 from gateway.ingest.earth import Origin
-from gateway.ingest.log import Log, choose_boat
+from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
@@ -64,6 +64,7 @@ class TrialOptions:
     settings: FilterSettings = AS_REPORTED
     system: int | None = None  # id of the boat, where a log holds several
     mapping: str | Path | None = None  # mapping file of .csv tables; default: the one beside each
+    anyway: bool = False  # take the log of a vehicle that says it is no boat
 
     def __post_init__(self) -> None:
         if not 0.5 <= self.rate_hz <= 200.0:
@@ -136,7 +137,7 @@ def date_of(trial: Trial) -> str:
 
 def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     """Decode a log and choose its sources; BadInput where something needed is missing."""
-    boat = choose_boat(log, options.system)
+    boat = choose_floating(log, options.system, options.anyway)
     decoded = log.decode(boat)
     table = repair_table(decoded, choose(decoded.samples))
     choices = table.choices

@@ -157,8 +157,14 @@ def _exclude(trial: Trial, exclusions: Sequence[Exclusion]) -> Trial:
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
+def assumed_by(vessel: Vessel) -> list[str]:
+    """What was assumed for the vessel's effects to act."""
+    return [f"{vessel.name}: {text}" for text in vessel.assumptions]
+
+
 def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
-    """Notices on the wiring, then those of the recordings, like ones in one sentence.
+    """Notices on the wiring and on what the vessel's effects assume, then those of the recordings,
+    like ones in one sentence.
 
     Notices are alike where they differ in numbers alone; the numbers shown are the first one's.
     """
@@ -166,7 +172,7 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
     for trial in trials:
         for notice in trial.notices:
             alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
-    out = list(wiring_notices(wiring_of(trials, vessel), vessel))
+    out = [*wiring_notices(wiring_of(trials, vessel), vessel), *assumed_by(vessel)]
     for group in alike.values():
         names = list(dict.fromkeys(name for name, _ in group))
         listed = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"

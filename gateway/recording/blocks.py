@@ -13,6 +13,7 @@ from typing import IO, NamedTuple
 
 import numpy as np
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -21,6 +22,7 @@ from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from gateway.errors import BadInput
 from gateway.jit import compiled
 
 Integers = NDArray[np.int64]
@@ -36,6 +38,12 @@ CHANNEL_ID, SEQUENCE, LOG_TIME, PUBLISH_TIME, DATA = (
 )  # offsets inside a message record
 PREFIX_BYTES = 9
 MESSAGE, SCHEMA, CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.CHANNEL)
+
+
+# A chunk of a few kilobytes can unpack to gigabytes. A recording of the gateway unpacks to ten
+# times its size, one of a boat at rest to forty.
+MAX_EXPANSION = 200  # times the size of the file …
+ALWAYS_UNPACKED = 64 * 1024 * 1024  # … and this many bytes of any file
 
 
 class Span(NamedTuple):
@@ -147,24 +155,45 @@ def read_content(stream: IO[bytes], span: Span) -> ReadDataStream:
     return ReadDataStream(BytesIO(stream.read(span.length)))
 
 
-def _unpacked(stream: IO[bytes], span: Span) -> bytes | None:
-    """The records inside a chunk, or None where it is damaged."""
+def _unpacked(stream: IO[bytes], span: Span, room: int) -> bytes | None:
+    """The records inside a chunk, or None where it is damaged; BadInput beyond `room` bytes."""
     try:
         chunk = Chunk.read(read_content(stream, span))
+        size = chunk.uncompressed_size
+        if chunk.compression == "zstd":  # what the packed data themselves ask for goes first
+            size = max(size, zstandard.get_frame_parameters(chunk.data).content_size)
+        if size > room:
+            raise BadInput(
+                f"it unpacks to more than {MAX_EXPANSION} times its size (MAX_EXPANSION): "
+                "no recording does"
+            )
+        if chunk.compression == "lz4":
+            unpacked = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+            return unpacked if len(unpacked) == size else None
         data, length = get_chunk_data_stream(chunk, validate_crc=True)
         return data.read(length)
-    except (McapError, CRCValidationError, RuntimeError, struct.error, zstandard.ZstdError):
+    except DAMAGE:
         return None
+
+
+DAMAGE = (  # what readers of a damaged record raise
+    McapError, CRCValidationError, RuntimeError, struct.error, zstandard.ZstdError, MemoryError,
+)  # fmt: skip
 
 
 def read_blocks(path: Path, spans: Spans) -> Iterator[Block | None]:
     """All messages in file order; None stands for a chunk that is damaged."""
+    room = ALWAYS_UNPACKED + MAX_EXPANSION * path.stat().st_size
     channels: dict[int, Channel] = {}
     schemas: dict[int, Schema] = {}
     with path.open("rb") as stream:
         for span in spans.records:
             if span.opcode == Opcode.CHUNK:
-                data = _unpacked(stream, span)
+                try:
+                    data = _unpacked(stream, span, room)
+                except BadInput as error:
+                    raise BadInput(f"{path}: {error}") from None
+                room -= 0 if data is None else len(data)
                 yield None if data is None else _block(data, channels, schemas)
             elif span.opcode in (MESSAGE, SCHEMA, CHANNEL):
                 stream.seek(span.start - PREFIX_BYTES)

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
-from gateway.recording.blocks import Block, Spans, read_blocks, read_content, read_spans
+from gateway.recording.blocks import DAMAGE, Block, Spans, read_blocks, read_content, read_spans
 from gateway.recording.recorder import LINK, RAW, Attachment
+
+DAMAGED = "{}: the file is damaged: use another copy of it"
 
 Integers = NDArray[np.int64]
 QUIET_SECONDS = 10.0
@@ -65,19 +67,23 @@ class Recording:
             spans = read_spans(stream, path.stat().st_size)
             metadata, attachments = {}, {}
             for span in spans.records:
-                if span.opcode == Opcode.METADATA:
-                    entry = records.Metadata.read(read_content(stream, span))
-                    metadata[entry.name] = entry.metadata
-                elif span.opcode == Opcode.ATTACHMENT:
-                    item = records.Attachment.read(read_content(stream, span))
-                    attachments[item.name] = Attachment(item.name, item.media_type, item.data)
+                try:
+                    if span.opcode == Opcode.METADATA:
+                        entry = records.Metadata.read(read_content(stream, span))
+                        metadata[entry.name] = entry.metadata
+                    elif span.opcode == Opcode.ATTACHMENT:
+                        item = records.Attachment.read(read_content(stream, span))
+                        attachments[item.name] = Attachment(item.name, item.media_type, item.data)
+                except (*DAMAGE, UnicodeDecodeError):
+                    if spans.finished:
+                        raise ShadowError(DAMAGED.format(path)) from None
         return cls(path, spans.finished, metadata, attachments, spans)
 
     def blocks(self) -> Iterator[Block]:
         """All messages, a chunk at a time. An unfinished file ends where it is damaged."""
         for block in read_blocks(self.path, self._spans):
             if block is None and self.finished:
-                raise ShadowError(f"{self.path}: the file is damaged: use another copy of it")
+                raise ShadowError(DAMAGED.format(self.path))
             if block is None:
                 return
             yield block

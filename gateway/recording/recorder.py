@@ -27,9 +27,10 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from gateway.errors import ShadowError
+from gateway.outputs import check_output, note_output
 from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows
-from gateway.topics import TOPICS
+from gateway.topics import topic_of
 
 RAW = "mavlink/raw"
 RAW_ENCODING = "mavlink"
@@ -93,8 +94,8 @@ class RecordingFile:
         self._sequence[channel] = sequence
 
     def topic(self, name: str) -> int:
-        """The channel of a topic of the table."""
-        entry = TOPICS[name]
+        """The channel of a topic of the tables."""
+        entry = topic_of(name)
         return self._json(name, entry.schema, orjson.dumps(entry.json_schema()))
 
     def well_known(self, channel: foxglove.Channel) -> int:
@@ -270,6 +271,7 @@ class Recorder:
             with self._disk():
                 for path in self.paths:
                     _part(path).replace(path)
+                    note_output(path)
         return self.paths
 
     def abandon(self) -> None:
@@ -328,6 +330,8 @@ class Recorder:
             path = path.with_name(f"{path.stem}-{len(self.paths) + 1}{path.suffix}")
         if self._live and path.exists():
             raise ShadowError(f"{path}: there is a recording already: choose another name")
+        if not self._live:
+            check_output(path)
         with self._disk():
             path.parent.mkdir(parents=True, exist_ok=True)
         self._guard_disk(path)

@@ -2,8 +2,9 @@
 
 A missing force is unusual when its mean over a block of a few seconds lies far outside the blocks
 of the last minutes (median and spread). Blocks, since the rows of a filter are correlated over
-seconds. Unusual blocks are not remembered, so that they do not become usual; after minutes of
-nothing else they do, and that is an event too.
+seconds. It is usual again when several blocks in a row are, and a force that is small beside the
+boat's own thrust is never unusual. Unusual blocks are not remembered, so that they do not become
+usual; after minutes of nothing else they do, and that is an event too.
 """
 
 from dataclasses import dataclass, replace
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 
 from gateway.estimation.filter import FilterRows
 from gateway.estimation.names import Flag
+from gateway.shadow.health import STEADY_S
 from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import BROKEN, ShadowRows, discontinuous
 from gateway.shadow.topic_rows import EventRow
 from sim.state import Floats
+from sim.vessel import Vessel
 
 # Chosen: ten minutes of a simulated boat that the model explains give no event (a slow test), an
 # effect that sets in gives one within 15 s. Not measured on real boats.
@@ -26,6 +29,8 @@ REMEMBERED_BLOCKS = 60  # five minutes
 NEEDED_BLOCKS = 12  # before anything is called unusual
 UNUSUAL_STDS = 6.0  # robust; blocks are not Gaussian, and there are thousands a day
 USUAL_STDS = 3.0  # … within which it is usual again
+USUAL_BLOCKS = 2  # in a row, before a force is usual again: what comes and goes is one event
+PRACTICAL_SHARE = 0.02  # of full thrust: what an owner would not notice is no event
 MIN_SPREAD = 0.1  # of the missing force's own std: a calm hour does not narrow the range further
 AXES = (("ahead", "N"), ("to starboard", "N"), ("clockwise", "N m"))
 
@@ -39,12 +44,18 @@ class MissingForceRange:
     count: int = 0
     began: float = -np.inf  # s
     unusual: tuple[bool, ...] = (False, False, False)
+    against: tuple[int, ...] = (0, 0, 0)  # blocks in a row that say otherwise
+    smallest: tuple[float, ...] = (0.0, 0.0, 0.0)  # that counts [N, N, N m]
     persisted: int = 0  # unusual blocks in a row
 
     @classmethod
-    def start(cls) -> "MissingForceRange":
-        """Before the first row."""
-        return cls(np.empty((0, 3)))
+    def start(cls, vessel: Vessel | None = None) -> "MissingForceRange":
+        """Before the first row; with a vessel, forces count that are large beside its thrust."""
+        if vessel is None or not vessel.thrusters:
+            return cls(np.empty((0, 3)))
+        thrust = PRACTICAL_SHARE * sum(t.thrust[1] for t in vessel.thrusters)
+        lever = 0.5 * max(vessel.hull.beam, 0.1)
+        return cls(np.empty((0, 3)), smallest=(thrust, thrust, thrust * lever))
 
     def observe(self, out: ShadowRows) -> tuple["MissingForceRange", list[EventRow]]:
         """A chunk of the path -> the range after it, and what left or entered it."""
@@ -58,9 +69,7 @@ class MissingForceRange:
                 events += changes
             x, y, n = now.total
             total = (x + X, y + Y, n + N)
-            now = MissingForceRange(
-                now.blocks, total, now.count + 1, now.began, now.unusual, now.persisted
-            )
+            now = replace(now, total=total, count=now.count + 1)
         return now, events
 
     def _closed(self, out: ShadowRows, k: int) -> tuple["MissingForceRange", list[EventRow]]:
@@ -74,22 +83,34 @@ class MissingForceRange:
         middle = np.median(self.blocks, axis=0)
         spread = 1.4826 * np.median(np.abs(self.blocks - middle), axis=0)
         width = np.maximum(spread, MIN_SPREAD * out.residuals.missing_std[k])
+        width = np.maximum(width, np.array(self.smallest) / UNUSUAL_STDS)
         limit = np.where(self.unusual, USUAL_STDS, UNUSUAL_STDS) * width
-        unusual = tuple((np.abs(mean - middle) > limit).tolist())
+        beyond = tuple((np.abs(mean - middle) > limit).tolist())
+        against = tuple(
+            n + 1 if far != was else 0
+            for n, far, was in zip(self.against, beyond, self.unusual, strict=True)
+        )
+        changed = tuple(
+            n >= (USUAL_BLOCKS if was else 1) for n, was in zip(against, self.unusual, strict=True)
+        )
+        unusual = tuple(was != turn for was, turn in zip(self.unusual, changed, strict=True))
+        against = tuple(0 if turn else n for n, turn in zip(against, changed, strict=True))
+        fresh = replace(fresh, unusual=unusual, against=against)
         if any(unusual) and self.persisted + 1 >= REMEMBERED_BLOCKS:
             minutes = REMEMBERED_BLOCKS * FORCE_BLOCK_S / 60.0
             text = f"unusual forces for {minutes:.0f} minutes: usual from here on"
-            return MissingForceRange.start(), [_range_event(out, k, False, text)]
+            again = MissingForceRange(np.empty((0, 3)), smallest=self.smallest)
+            return again, [_range_event(out, k, False, text)]
         half = UNUSUAL_STDS * width
         events = [
             _range_event(out, k, unusual[i], _range_text(i, unusual[i], mean, middle, half))
             for i in range(3)
             if unusual[i] != self.unusual[i]
         ]
-        if any(unusual):
-            return replace(fresh, unusual=unusual, persisted=self.persisted + 1), events
+        if any(beyond):
+            return replace(fresh, persisted=self.persisted + any(unusual)), events
         blocks = np.vstack([self.blocks, mean])[-REMEMBERED_BLOCKS:]
-        return replace(fresh, blocks=blocks, unusual=unusual, persisted=0), events
+        return replace(fresh, blocks=blocks, persisted=0), events
 
 
 def _range_event(out: ShadowRows, k: int, unusual: bool, text: str) -> EventRow:
@@ -121,6 +142,13 @@ _LIMITS: _Words = {
     False: ("limits_free", "info", "the plant's thrust limits no longer bind"),
 }
 _JUMP = ("jump", "warning", "the source jumped: a discontinuity, not motion")
+_DIVERGED = (
+    "shadow_diverged",
+    "error",
+    "the shadow left what a boat can do and began anew at the estimate: mass, damping or thrust of "
+    "the vessel's model cannot be right",
+)
+_STEADY = ("shadow_steady", "info", f"the shadow has not diverged for {STEADY_S:.0f} s")
 _RESTART = ("restart", "warning", "the filter started afresh: long silence or a new clock")
 
 
@@ -132,6 +160,7 @@ class EventDetector:
     fresh: bool = True
     from_model: bool = False
     limited: bool = False
+    diverged_s: float = -np.inf  # when the shadow last diverged; −inf: it is well
 
     def observe(
         self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows
@@ -146,11 +175,28 @@ class EventDetector:
         events += _changes(out, out.fresh, self.fresh, _TELEMETRY)
         events += _changes(out, out.from_model, self.from_model, _REFERENCE)
         events += _changes(out, out.limited, self.limited, _LIMITS)
+        diverged_s, divergences = _divergences(out, self.diverged_s)
+        events += divergences
         events.sort(key=lambda event: event.receive_time_ns)
         if not len(out):
             return self, events
         last = bool(out.fresh[-1]), bool(out.from_model[-1]), bool(out.limited[-1])
-        return EventDetector(True, *last), events
+        return EventDetector(True, *last, diverged_s), events
+
+
+def _divergences(out: ShadowRows, since: float) -> tuple[float, list[EventRow]]:
+    """When the shadow last diverged, and events: once for all that follow within `STEADY_S`."""
+    if np.isinf(since) and not out.diverged.any():
+        return since, []
+    events = []
+    for k, (time, diverged) in enumerate(zip(out.time_s, out.diverged, strict=True)):
+        if diverged:
+            events += [] if np.isfinite(since) else [EventRow.at(out, k, *_DIVERGED)]
+            since = float(time)
+        elif np.isfinite(since) and abs(time - since) >= STEADY_S:
+            events.append(EventRow.at(out, k, *_STEADY))
+            since = -np.inf
+    return since, events
 
 
 def _changes(

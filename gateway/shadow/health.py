@@ -16,6 +16,7 @@ from gateway.estimation.names import Flag
 from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.log import LATE, MavlinkLog
 from gateway.json_rows import TopicRows, encode
+from gateway.shadow.path import ShadowRows
 from gateway.topics import RATED
 from sim.state import Ints
 
@@ -30,18 +31,27 @@ WINDOW_NS = WINDOW_S * SECOND
 LATE_IN_LOG, LATE_ON_LINK = LATE, 128
 LATE_WITHIN_NS = SECOND
 
+STEADY_S = 60.0  # without another divergence, the shadow is well again
+
 TOO_LATE, GATED = int(Flag.REFUSED), int(Flag.GATED)
 LABEL = {name: label for label, names in RATED.items() for name in names}
 
 
 @dataclass
 class FilterCounts:
-    """What the filter did with measurements; `nis` and `used` start anew with each row."""
+    """What filter and shadow did since start; `nis` and `used` start anew with each row."""
 
     nis: float = 0.0
     used: int = 0
     late: int = 0
     gated: int = 0
+    divergences: int = 0
+    diverged_ns: int | None = None  # receipt that the last one came of
+
+    def diverge(self, receive_ns: int) -> None:
+        """The shadow left what a boat can do and began anew."""
+        self.divergences += 1
+        self.diverged_ns = receive_ns
 
     def add(self, rows: FilterRows, part: slice = slice(None)) -> None:
         """Count some rows of the filter."""
@@ -68,6 +78,7 @@ class FilterCounts:
         drops: int = 0,
     ) -> bytes:
         """The message of a moment; `received` and `lost` frames are those of the window."""
+        since = None if self.diverged_ns is None else now_ns - self.diverged_ns
         row: dict[str, float | int] = {
             "vehicle_time_ns": now_ns - offset_ns,
             "receive_time_ns": now_ns,
@@ -80,6 +91,8 @@ class FilterCounts:
             "loop_lateness_s": lateness_ns / SECOND,
             "late": self.late,
             "gated": self.gated,
+            "divergences": self.divergences,
+            "diverging": int(since is not None and since < STEADY_S * SECOND),
             "recorder_backlog": backlog,
             "recorder_drops": drops,
         }
@@ -122,20 +135,23 @@ class LogHealth:
         both = np.concatenate(stamps) if stamps else np.zeros((0, 2), np.int64)
         return cls(arrivals, _losses(log, decoded), both[np.argsort(both[:, 0], kind="stable")])
 
-    def advance(self, receive_time_ns: Ints, rows: FilterRows) -> TopicRows:
-        """The filter's rows of measurements received then -> one row for each second now over."""
+    def advance(self, receive_time_ns: Ints, rows: FilterRows, out: ShadowRows) -> TopicRows:
+        """The rows of measurements received then -> one row for each second now over."""
+        diverged = out.row[out.diverged]
         seconds = receive_time_ns // SECOND
         edges = np.flatnonzero(np.diff(seconds, prepend=-1, append=-1)).tolist()
-        out: list[tuple[int, int, bytes]] = []
+        found: list[tuple[int, int, bytes]] = []
         for start, end in pairwise(edges):  # in the order of receipt: chunks make no difference
             second = int(seconds[start])
             if self._is_over(second):
                 now = second * SECOND
                 offset = self._offset_ns(now)
-                out.append((now - offset, now, self._row(now, offset)))
+                found.append((now - offset, now, self._row(now, offset)))
             self.counts.add(rows, slice(start, end))
-        vehicle, receive = np.array([times[:2] for times in out], np.int64).reshape(-1, 2).T
-        return TopicRows("health", vehicle, receive, [payload for _, _, payload in out])
+            for k in diverged[(diverged >= start) & (diverged < end)]:
+                self.counts.diverge(int(receive_time_ns[k]))
+        vehicle, receive = np.array([times[:2] for times in found], np.int64).reshape(-1, 2).T
+        return TopicRows("health", vehicle, receive, [payload for _, _, payload in found])
 
     def _is_over(self, second: int) -> bool:
         """Is the second before this one over? A clock set back by long starts anew."""
@@ -238,9 +254,11 @@ class LiveHealth:
         if lost := numbers.note(sequence, receive_ns):
             self.lost.append((receive_ns, lost))
 
-    def filtered(self, rows: FilterRows, receive_ns: int, vehicle_ns: int) -> None:
-        """The filter's rows of a datagram's measurements."""
+    def filtered(self, rows: FilterRows, out: ShadowRows, receive_ns: int, vehicle_ns: int) -> None:
+        """The rows of a datagram's measurements."""
         self.counts.add(rows)
+        for _ in range(int(out.diverged.sum())):
+            self.counts.diverge(receive_ns)
         self.offsets.append((receive_ns, receive_ns - vehicle_ns))
 
     def late_by(self, delay_ns: int) -> None:

@@ -96,7 +96,8 @@ class ShadowRows:
     """K rows that go out: estimate, reference and shadow (K, 9), forces (K, 3), and their times.
 
     row (K,) is the place of each in the chunk; `fresh` where the estimate rests on measurements,
-    `limited` where the plant's thrust limits bind, `jumped` where the estimate is discontinuous.
+    `limited` where the plant's thrust limits bind, `jumped` where the estimate is discontinuous,
+    `diverged` where the model or the plant had left what a boat can do and began anew.
     """
 
     row: NDArray[np.int64]
@@ -112,6 +113,7 @@ class ShadowRows:
     shadow: Floats
     control: Floats
     limited: NDArray[np.bool_]
+    diverged: NDArray[np.bool_]
     residuals: ModelResiduals
     commands: Floats  # (K, na)
 
@@ -125,7 +127,7 @@ class ShadowRows:
         flag = np.zeros(0, np.bool_)
         return cls(
             number, np.zeros(0), number, number, motion, motion, flag, flag, motion, flag, motion,
-            force, flag, ModelResiduals(force, force, force, np.zeros((0, 3 * horizons))),
+            force, flag, flag, ModelResiduals(force, force, force, np.zeros((0, 3 * horizons))),
             np.zeros((0, 1)),
         )  # fmt: skip
 
@@ -231,6 +233,7 @@ class ShadowPath:
                 following.shadows,
                 following.forces,
                 following.limited,
+                following.diverged | reference.diverged,
                 residuals,
                 commands,
             ),

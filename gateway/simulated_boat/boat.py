@@ -22,16 +22,14 @@ from gateway.simulated_boat.command_responder import (
     start_streams,
     with_invalid_field,
 )
-from gateway.simulated_boat.faults import FaultyLink, TimedFrame
 from gateway.simulated_boat.hull import (
-    ENDURANCE_S,
     ActuatorOutputs,
     SensorModel,
     SensorState,
     SimulatedHull,
 )
 from gateway.simulated_boat.program import Program, program_of
-from gateway.simulated_boat.settings import SimulatedBoatSettings
+from gateway.simulated_boat.settings import FaultyLink, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.telemetry import (
     BANNER,
     CHANNELS,
@@ -170,7 +168,7 @@ class SimulatedBoat:
             throttle=past[-1].effort,
             amperes=truth.amperes,
             used_as=used_as,
-            remaining=1.0 - min(used_as / (self._hull.full_current * ENDURANCE_S), 1.0),
+            remaining=1.0 - self._hull.battery.drained(used_as),
             local=state.local,
             origin=self._origin,
         )

@@ -19,13 +19,11 @@ from scipy.signal import butter
 from gateway.errors import ShadowError
 from gateway.simulated_boat.program import Program
 from sim.body import Report
+from sim.hil.battery import Battery
 from sim.model import InputTable, Model, Runs
 from sim.state import Floats
 
 ONE = np.ones(1, np.int64)
-FULL_POWER_W_PER_N = 4.0  # electrical, of small propellers
-SAG, DRAINED = 0.06, 0.15  # share of the voltage lost at full current; when empty
-ENDURANCE_S = 3600.0  # at full current
 
 
 class ActuatorOutputs(NamedTuple):
@@ -56,10 +54,9 @@ class SimulatedHull:
     nominal_v: float
 
     @cached_property
-    def full_current(self) -> float:
-        """All thrusters full ahead [A]."""
-        thrust = sum(thruster.thrust[1] for thruster in self.model.vessel.thrusters)
-        return FULL_POWER_W_PER_N * thrust / self.nominal_v
+    def battery(self) -> Battery:
+        """Its size follows from the thrust."""
+        return Battery.of(self.model.vessel, self.nominal_v)
 
     @cached_property
     def remembered(self) -> int:
@@ -94,7 +91,7 @@ class SimulatedHull:
         self, state: Floats, tick: int, past: tuple[ActuatorOutputs, ...], used_as: float
     ) -> tuple[Floats, TrueState]:
         """State (nx,), the last `remembered` outputs with the present one last -> state, truth."""
-        volts = self._volts(past[-1].effort, used_as)
+        volts = self.battery.voltage(past[-1].effort, used_as)
         rows = np.array([outputs.command for outputs in past])[None]
         before = rows.shape[1] - 1
         inputs = InputTable.of(
@@ -108,13 +105,9 @@ class SimulatedHull:
                 "s of play: check the signs of its damping and its effects"
             )
         forward, starboard = self._specific_force(states[0])
-        amperes = self.full_current * past[-1].effort
+        amperes = self.battery.full_current * past[-1].effort
         report = Report(*reports[0, 0].tolist())
         return states[0, 1], TrueState(report, forward, starboard, volts, amperes)
-
-    def _volts(self, effort: float, used_as: float) -> float:
-        drained = min(used_as / (self.full_current * ENDURANCE_S), 1.0)
-        return self.nominal_v * (1.1 - SAG * effort - DRAINED * drained)
 
     def _specific_force(self, states: Floats) -> tuple[float, float]:
         """Two states (2, nx) -> mean acceleration at the IMU, forward and starboard [m/s²]."""

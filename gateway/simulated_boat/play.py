@@ -14,7 +14,6 @@ against the start, so it does not drift; what a stalled machine could not send i
 on a real link. After a long sleep of the machine the boats go on from where they were.
 """
 
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -26,12 +25,13 @@ from typing import Any, Self
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput, ShadowError
-from gateway.links.sources import transport_of
+from gateway.links.link import transport_of
 from gateway.links.transport import Arrival, Peer, Transport, Waker
 from gateway.simulated_boat.boat import BoatState, SimulatedBoat
 from gateway.simulated_boat.program import program_of
 from gateway.simulated_boat.settings import FAST, THIN, SimulatedBoatSettings
 from gateway.simulated_boat.telemetry import Message
+from gateway.stopping import Stop, stop_on_signals
 from sim.state import Progress
 from sim.vessel import Vessel
 
@@ -203,7 +203,7 @@ class PlayLoop:
 def play(
     boats: Sequence[SimulatedBoat],
     endpoint: str,
-    stop: Event,
+    stop: Stop | Event,
     *,
     seconds: float = float("inf"),
     clock: Clock = time.monotonic,
@@ -268,7 +268,7 @@ class ListenerNotice:
 def simulate_live(
     vessels: Sequence[Vessel],
     endpoint: str,
-    stop: Event,
+    stop: Stop | Event,
     *,
     system: int = 1,
     program: str | Path = "mixed",
@@ -319,9 +319,7 @@ def play_until_stopped(
     seconds: float,
 ) -> None:
     """Play a program over and over until SIGINT, SIGTERM, or that long has passed."""
-    stop = Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stop_on_signals()
     progress(f"playing {vessel.name} as system {system} on {endpoint}; Ctrl-C ends")
     status = simulate_live(
         [vessel], endpoint, stop, system=system, program=program, fast=fast, seed=seed,

@@ -2,7 +2,8 @@
 
 Files lie in the folders that were given, and nowhere else. On this machine everybody sees the
 pages; from elsewhere a token is needed. It stands in the address that is printed once; the first
-visit turns it into a cookie that scripts cannot read and pages of other sites cannot send.
+visit turns it into a cookie that scripts cannot read and pages of other sites cannot send. Requests
+are answered only under the names that the server was given.
 """
 
 import hmac
@@ -14,15 +15,19 @@ from pathlib import Path
 from typing import Any
 
 from bokeh.server.auth_provider import AuthProvider
+from tornado.httputil import HTTPServerRequest
+from tornado.routing import Matcher
 from tornado.web import RequestHandler
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.ingest.open import suffixes
+from gateway.vessel_file import read_vessel_file
 
 FILE_NAME = re.compile(r"[\w][\w .+-]{0,80}\.toml")
 TABLES = ("[dynamics]", "[hull]")  # by which a vessel file is recognised
 LARGEST_VESSEL = 1_000_000  # bytes
 COOKIE = "shadow_studio"
+UNKNOWN_HOST = "The studio does not know itself under this name: start it with --origin HOST:PORT"
 REFUSED = "Open the address that `shadow studio` printed: it ends in ?token=…"
 
 
@@ -50,6 +55,16 @@ class Folders:
     def vessels(self) -> list[Path]:
         """All vessel files, by name; also those saved."""
         return self._files(_is_vessel)
+
+    def refused_vessels(self) -> dict[Path, str]:
+        """Files that look like a vessel's and are none, each with the reason."""
+        out: dict[Path, str] = {}
+        for file in self._files(_looks_like_vessel):
+            try:
+                read_vessel_file(file)
+            except ShadowError as error:
+                out[file] = " ".join(str(error).split()).replace(f"{file.parent}/", "")
+        return out
 
     def checked(self, path: str | Path) -> Path:
         """A path that may be read; BadInput for every other."""
@@ -81,15 +96,49 @@ def _plain(file: Path, folder: Path) -> bool:
 
 
 def _is_vessel(file: Path) -> bool:
+    return all(table in _text_of(file) for table in TABLES)
+
+
+def _looks_like_vessel(file: Path) -> bool:
+    return any(table in _text_of(file) for table in TABLES)
+
+
+def _text_of(file: Path) -> str:
+    """Of a TOML file as large as a vessel's may be; empty for every other."""
     if file.suffix.lower() != ".toml" or file.stat().st_size > LARGEST_VESSEL:
-        return False
-    text = file.read_text(encoding="utf-8", errors="replace")
-    return all(table in text for table in TABLES)
+        return ""
+    return file.read_text(encoding="utf-8", errors="replace")
 
 
 def new_token() -> str:
     """A secret that cannot be guessed."""
     return secrets.token_urlsafe(24)
+
+
+class OtherHost(Matcher):  # type: ignore[misc]
+    """Requests under a name that the server was not given.
+
+    A page of another site can have its own name lead to this machine (DNS rebinding): its requests
+    then look like this page's own, but for the name.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._names = frozenset(name.lower() for name in names)
+
+    def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
+        """Empty where the request is to be refused, as tornado has it."""
+        host = (request.host or "").lower()
+        return None if host in self._names or f"{host}:80" in self._names else {}
+
+
+class OtherHostHandler(RequestHandler):  # type: ignore[misc]
+    """One line, status 403, whatever was asked for."""
+
+    def prepare(self) -> None:
+        """Answer a request of any method."""
+        self.set_status(403)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(UNKNOWN_HOST)
 
 
 class RefusedHandler(RequestHandler):  # type: ignore[misc]

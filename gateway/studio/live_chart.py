@@ -11,7 +11,7 @@ from bokeh.plotting import figure as new_figure
 from gateway.figures.bokeh_draw import style_figure
 from gateway.figures.figure_data import SeriesRole
 from gateway.figures.style import EAST, NORTH, VELOCITIES, Theme
-from gateway.monitor.watcher import Message
+from gateway.monitor import Message, VesselStatus
 from gateway.studio.live_history import WINDOW_S, WatchedBoat
 from gateway.studio.page import fill_source
 
@@ -21,6 +21,7 @@ HULLS = SERIES[:2]
 HULL = np.array(  # outline of a boat of 2 m: ahead, to starboard [m]
     [[1.0, 0.0], [0.3, 0.45], [-1.0, 0.4], [-1.0, -0.4], [0.3, -0.45]]
 )
+FADED = 0.25  # opacity of a boat that is not heard
 AGES = 5  # shades of a track
 SIGNIFICANT = 2.0  # standard deviations: a missing force below that is not drawn
 MOST_ROWS = int(WINDOW_S * 12)  # of a strip: some more than the history has
@@ -36,14 +37,14 @@ class Chart:
         )  # fmt: skip
         style_figure(self.figure, theme)
         self._tracks = {topic: _source("xs", "ys", "alpha") for topic, _, _ in HULLS}
-        self._hulls = {topic: _source("xs", "ys") for topic, _, _ in HULLS}
+        self._hulls = {topic: _source("xs", "ys", "alpha") for topic, _, _ in HULLS}
         for topic, role, _ in HULLS:
             colour = theme.colour(role)
             self.figure.multi_line("xs", "ys", source=self._tracks[topic], line_color=colour,
                                    line_width=2, line_alpha="alpha")  # fmt: skip
             self.figure.patches("xs", "ys", source=self._hulls[topic], fill_color=colour,
-                                fill_alpha=0.35, line_color=colour, line_width=2,
-                                legend_label=topic)  # fmt: skip
+                                fill_alpha="alpha", line_color=colour, line_alpha="alpha",
+                                line_width=2, legend_label=topic)  # fmt: skip
         self._forces = _source("x0", "y0", "x1", "y1")
         colour = theme.colour(SeriesRole.ERROR)
         self.figure.add_layout(Arrow(
@@ -63,15 +64,30 @@ class Chart:
     def show(self, boats: tuple[WatchedBoat, ...]) -> None:
         """All boats as they are now."""
         for topic, _, _ in HULLS:
-            tracks = (boat.tracks.get(topic, ([], [])) for boat in boats)
             fill_source(
-                self._tracks[topic], (piece for track in tracks for piece in _shaded(*track))
-            )
-            hulls = (boat.status.message(topic) for boat in boats)
-            fill_source(self._hulls[topic], (_hull(m) for m in hulls if m))
+                self._tracks[topic],
+                (piece for boat in boats
+                 for piece in _shaded(*boat.tracks.get(topic, ([], [])), strength(boat))),
+            )  # fmt: skip
+            hulls = ((boat, boat.status.message(topic)) for boat in boats)
+            fill_source(self._hulls[topic], ((*_hull(m), strength(boat)) for boat, m in hulls if m))
         fill_source(self._forces, (arrow for boat in boats if (arrow := _arrow(boat))))
-        motions = ((boat.status.name, boat.status.motion()) for boat in boats)
-        fill_source(self._names, ((m["east_m"], m["north_m"], name) for name, m in motions if m))
+        motions = ((boat.status, boat.status.motion()) for boat in boats)
+        fill_source(
+            self._names, ((m["east_m"], m["north_m"], _name(status)) for status, m in motions if m)
+        )
+
+
+def strength(boat: WatchedBoat) -> float:
+    """How strongly a boat is drawn: one that is not heard fades to its last place."""
+    return 1.0 if boat.status.silent_s is None else FADED
+
+
+def _name(status: VesselStatus) -> str:
+    """The name, and behind that of a boat that is not heard that it is so."""
+    if status.silent_s is None:
+        return status.name
+    return f"{status.name}: {'silent' if status.alive else 'gone'}, was here"
 
 
 class VelocityStrips:
@@ -97,7 +113,9 @@ class VelocityStrips:
         _legend_above(self.figures[0], theme)
 
     def clear(self) -> None:
-        """Another boat is shown from now on."""
+        """Another boat is shown from now on, or none."""
+        if not self._latest:
+            return
         self._latest.clear()
         for source in self._sources.values():
             source.data = {"t": [], "u": [], "v": [], "r": []}
@@ -125,11 +143,13 @@ def _legend_above(fig: Any, theme: Theme) -> None:
     legend.border_line_color, legend.margin, legend.padding = None, 2, 0
 
 
-def _shaded(east: list[float], north: list[float]) -> list[tuple[list[float], list[float], float]]:
+def _shaded(
+    east: list[float], north: list[float], strongest: float
+) -> list[tuple[list[float], list[float], float]]:
     """A track in pieces with their opacity, the older the fainter."""
     ends = [len(east) * k // AGES for k in range(AGES + 1)]
     return [
-        (east[max(a - 1, 0) : b], north[max(a - 1, 0) : b], (k + 1) / AGES)
+        (east[max(a - 1, 0) : b], north[max(a - 1, 0) : b], strongest * (k + 1) / AGES)
         for k, (a, b) in enumerate(pairwise(ends)) if b > a
     ]  # fmt: skip
 
@@ -143,12 +163,13 @@ def _hull(m: Message) -> tuple[list[float], list[float]]:
 
 
 def _arrow(boat: WatchedBoat) -> tuple[float, float, float, float] | None:
-    """The missing force from the boat on, its length logarithmic; None where it is not significant.
+    """The missing force from the boat on, its length logarithmic; None where it is not significant,
+    or not of now.
 
     East and north of both ends [m].
     """
     m, f = boat.status.motion(), boat.status.message("residual")
-    if m is None or f is None:
+    if m is None or f is None or boat.status.silent_s is not None:
         return None
     X, Y = f["missing_surge_n"], f["missing_sway_n"]
     size = math.hypot(X, Y)

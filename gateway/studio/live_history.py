@@ -4,6 +4,7 @@ It takes the statuses ten times a second. zenoh waits and joins here, never on t
 """
 
 from collections import defaultdict, deque
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
@@ -14,7 +15,7 @@ import numpy as np
 
 from gateway.errors import ShadowError
 from gateway.figures.style import DEGREES
-from gateway.monitor.watcher import BusWatcher, Message, MonitorOptions, VesselStatus
+from gateway.monitor import BusWatcher, Message, MonitorOptions, VesselStatus
 from sim.state import Floats
 
 PERIOD_S = 0.1
@@ -91,6 +92,7 @@ class LiveHistory:
         self._options = options
         self._lock, self._stop = Lock(), Event()
         self._boats: tuple[WatchedBoat, ...] = ()
+        self._removed: set[str] = set()  # of boats that were silent; they come back with a message
         self._thread = Thread(target=self._watch, name="live history", daemon=True)
 
     def __enter__(self) -> Self:
@@ -108,6 +110,13 @@ class LiveHistory:
         with self._lock:
             return self._boats
 
+    def remove_silent(self) -> None:
+        """Forget every boat that is gone or silent, until it is heard again."""
+        with self._lock:
+            silent = {b.status.name for b in self._boats if b.status.silent_s is not None}
+            self._removed |= silent
+            self._boats = tuple(b for b in self._boats if b.status.name not in silent)
+
     def _watch(self) -> None:
         histories: dict[str, BoatHistory] = defaultdict(BoatHistory)
         with ExitStack() as scope:
@@ -117,8 +126,20 @@ class LiveHistory:
                     statuses = watcher.statuses()
                 except ShadowError:
                     continue
-                for status in statuses:
-                    histories[status.name].add(status)
-                boats = tuple(histories[status.name].boat(status) for status in statuses)
-                with self._lock:
-                    self._boats = boats
+                self._take(statuses, histories)
+
+    def _take(self, statuses: Iterable[VesselStatus], histories: dict[str, BoatHistory]) -> None:
+        """Statuses into the histories, and the boats as pages see them."""
+        boats = []
+        for status in statuses:
+            heard = status.silent_s is None
+            with self._lock:
+                removed = status.name in self._removed and not heard
+                self._removed -= {status.name} if heard else set()
+            if removed:
+                histories.pop(status.name, None)
+                continue
+            histories[status.name].add(status)
+            boats.append(histories[status.name].boat(status))
+        with self._lock:
+            self._boats = tuple(boat for boat in boats if boat.status.name not in self._removed)

@@ -7,6 +7,7 @@ draws what has another revision than what it drew last.
 """
 
 import re
+import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,13 +21,12 @@ import panel as pn
 
 from gateway.config import StudioSettings
 from gateway.errors import ShadowError
-from gateway.figures.bokeh_draw import BokehFigure, LinkedView
-from gateway.figures.figure_data import FigureData
+from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.html_report import GLOSSARY
 from gateway.figures.style import LIGHT, THEMES
+from gateway.studio.address import Address
 from gateway.studio.live_history import LiveHistory
-from gateway.studio.session import Session
-from gateway.studio.tasks import TrialView
+from gateway.studio.session import Notice, Session
 from gateway.studio.worker import BUG
 from sim.effects.effect import LawError
 
@@ -58,6 +58,10 @@ CARD = {
     "overflow-x": "auto",
     "background": "var(--paper)", "border": "1px solid var(--line)", "border-radius": "10px",
     "padding": "10px 14px", "margin": "0 0 14px 0",
+}  # fmt: skip
+BAR = {  # messages, at the lower edge of what is seen
+    "background": "var(--paper)", "border-top": "1px solid var(--edge)", "padding": "6px 20px",
+    "box-shadow": "0 -2px 8px rgba(0, 0, 0, .15)", "align-items": "center",
 }  # fmt: skip
 FIXED = {"stylesheets": [STYLE], "sizing_mode": "fixed", "margin": (5, 0)}  # widgets in a row
 
@@ -213,13 +217,15 @@ class Page(ABC):
     period_ms: ClassVar[int] = PERIOD_MS
 
     def __init__(self, context: StudioContext) -> None:
-        self.context, self.session = context, context.session
+        self.context, self.session, self.address = context, context.session, Address()
         cookie = str((pn.state.cookies or {}).get("shadow_theme", ""))
         self.theme = THEMES.get(cookie, LIGHT)
         self.view = LinkedView(self.theme)
         self._seen: dict[tuple[str, ...], int] = {}
-        self._work = html(styles={"min-height": "42px"})
+        self._messages = html()
         self._cancel = button("Cancel", self.session.cancel, visible=False, width=90)
+        self._close = button("Close", self._close_notices, visible=False, width=90)
+        self._notice: Notice | None = None
 
     @abstractmethod
     def body(self) -> Any:
@@ -234,105 +240,72 @@ class Page(ABC):
 
     def show(self, entry: PageEntry) -> Any:
         """The page as the server wants it."""
-        work = pn.Row(self._work, self._cancel, sizing_mode="stretch_width")
-        template = pn.Template(TEMPLATE)
+        self._bar = pn.Row(self._messages, self._cancel, self._close, styles=BAR,
+                           sizing_mode="stretch_width", visible=False)  # fmt: skip
+        template = pn.Template(TEMPLATE, location=True)  # else no address follows what is shown
         template.add_variable("theme", self.theme.name)
         template.add_variable("here", entry)
         template.add_variable("pages", self.context.pages)
-        template.add_panel("main", stack(work, self.body()))
-        look = self.guarded(self._look)
-        look()
-        pn.state.add_periodic_callback(look, self.period_ms)
+        template.add_variable("run", self.session.run)
+        template.add_panel("messages", self._bar)
+        template.add_panel("main", stack(self.body()))
+        self._look()
+        pn.state.add_periodic_callback(self._look, self.period_ms)
         return template
 
+    def notify(self, text: str, good: bool = False) -> None:
+        """A line on this page alone, until the next thing that is done here; good news fade."""
+        self._notice = Notice(text, good, time.monotonic())
+
     def guarded(self, work: Callable[[], None]) -> Callable[[], None]:
-        """Work whose errors are a line on the page, never a traceback."""
+        """What a user does: it ends the message before; its errors are a line, no traceback."""
 
         def run() -> None:
-            try:
-                work()
-            except (ShadowError, LawError, RuntimeError) as error:
-                self.session.notify(" ".join(str(error).split()))
-            except Exception as error:  # the outermost loop of a page
-                print(traceback.format_exc(), file=stderr, flush=True)
-                self.session.notify(f"{BUG} ({type(error).__name__})")
+            self._notice = None
+            self.caught(work)
 
         return run
 
+    def caught(self, work: Callable[[], None]) -> None:
+        """Work whose errors are a line on the page, never a traceback."""
+        try:
+            work()
+        except (ShadowError, LawError, RuntimeError) as error:
+            self.notify(" ".join(str(error).split()))
+        except Exception as error:  # the outermost loop of a page
+            print(traceback.format_exc(), file=stderr, flush=True)
+            self.notify(f"{BUG} ({type(error).__name__})")
+
+    def _close_notices(self) -> None:
+        self._notice = self.session.notice = None
+
     def _look(self) -> None:
-        self.session.update()
+        self.caught(self.session.update)
         for kinds, work in self.watch().items():
             now = sum(self.session.revision[kind] for kind in kinds)
             if self._seen.get(kinds) != now:
                 self._seen[kinds] = now
-                self.guarded(work)()
-        self.tick()
-        self._show_work()
+                self.caught(work)
+        self.caught(self.tick)
+        self._show_messages()
 
-    def _show_work(self) -> None:
-        """What is under way, the last notice, and a way to stop it."""
+    def _show_messages(self) -> None:
+        """What is under way, what was said last, here and for all, and ways to stop and close."""
         slow, quick = self.session.slow, self.session.quick
         lines = []
         if slow.busy:
             lines.append(f"<strong>{escape(str(slow.job))}</strong>: {escape(slow.progress)} "
                          f"<span class='faint'>({slow.seconds:.0f} s)</span>")  # fmt: skip
-        elif quick.busy and quick.seconds > SHOW_QUICK_S:
+        if quick.busy and quick.seconds > SHOW_QUICK_S:
             lines.append(f"<strong>compare</strong>: {escape(quick.progress)}")
-        if self.session.notice:
-            tone, notice = "good" if self.session.good else "warn", escape(self.session.notice)
-            lines.append(f"<span class='{tone}' role='status'>{notice}</span>")
+        notices = [one for one in (self.session.notice, self._notice) if one and one.holds]
+        for one in notices:
+            tone, role = ("good", "status") if one.good else ("warn", "alert")
+            lines.append(f"<span class='{tone}' role='{role}'>{escape(one.text)}</span>")
         text = "".join(f"<p>{line}</p>" for line in lines)
-        if self._work.object != text:
-            self._work.object = text
-        if self._cancel.visible != slow.busy:
-            self._cancel.visible = slow.busy
-
-
-class FigurePlace:
-    """A place of a page for one figure, filled in place while new data have the same shape."""
-
-    def __init__(self, view: LinkedView, **more: Any) -> None:
-        self.part = stack(**more)
-        self.figure: BokehFigure | None = None
-        self._view = view
-
-    def show(self, data: FigureData | None) -> None:
-        """The figure of these data, or nothing."""
-        if data is None:
-            self.figure, self.part.objects = None, []
-        elif self.figure is None or not self.figure.update(data):
-            self.figure = BokehFigure(data, self._view)
-            self.part.objects = [bokeh_part(self.figure.layout)]
-
-
-def error_table(heading: str, trials: Sequence[TrialView]) -> str:
-    """The error of the vessel as given and as it is now, on recordings that were compared."""
-    rows = [
-        [escape(t.name), f"{t.vessels[0].nrmse:.3f}", f"{t.vessels[-1].nrmse:.3f}",
-         f"{t.vessels[-1].floor:.3f}"] for t in trials
-    ]  # fmt: skip
-    return table([heading, "error as given", "error now", word("noise floor")], rows)
-
-
-class SaveControls:
-    """Undo, a name, and a button that saves the vessel; a name is proposed at first."""
-
-    def __init__(
-        self, page: Page, label: str, ending: str, *more: Any, widths: tuple[int, int], **style: Any
-    ) -> None:
-        self._session, self._ending = page.session, ending
-        self._undo = button("Undo", page.guarded(page.session.undo), width=90)
-        self._name = field(label, width=widths[0])
-        save = button("Save vessel file", page.guarded(self._save), width=widths[1], **style)
-        self.part = control_row(self._undo, self._name, save, *more)
-
-    def update(self) -> None:
-        """After the vessel has changed."""
-        self._undo.disabled = len(self._session.versions) < 2
-        file = self._session.vessel_file
-        if file is not None and not self._name.value:
-            self._name.value = f"{file.stem}-{self._ending}.toml"
-
-    def _save(self) -> None:
-        file = self._session.save(self._name.value.strip())
-        self._session.notify(f"saved: {file}", good=True)
+        if self._messages.object != text:
+            self._messages.object = text
+        shown = ((self._cancel, slow.busy), (self._close, bool(notices)), (self._bar, bool(lines)))
+        for made, wanted in shown:
+            if made.visible != wanted:
+                made.visible = wanted

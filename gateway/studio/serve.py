@@ -1,5 +1,6 @@
 """The server of the studio: its pages on one session, for this machine alone by default."""
 
+import errno
 import logging
 import os
 import signal
@@ -14,19 +15,22 @@ from typing import Any
 
 import panel as pn
 from tornado.ioloop import IOLoop, PeriodicCallback
+from tornado.routing import Rule
 from tornado.websocket import WebSocketClosedError
 
 from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
 from gateway.files import RECORDINGS, VESSELS
-from gateway.monitor.watcher import MonitorOptions
-from gateway.studio.access import Folders, TokenAuth, new_token
+from gateway.monitor import MonitorOptions
+from gateway.studio.access import Folders, OtherHost, OtherHostHandler, TokenAuth, new_token
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import PageEntry, StudioContext, set_style
 from gateway.studio.pages.catalogue import known_pages
+from gateway.studio.routes import routes
 from gateway.studio.session import Session
 from gateway.studio.worker import BUG
+from gateway.user_effects import EffectFile
 from sim.state import Progress
 
 DEMO_LOGS = (RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog")
@@ -54,6 +58,7 @@ class StudioOptions:
     origins: tuple[str, ...] = ()
     connect: str = DEFAULT_ENDPOINT
     settings: StudioSettings = field(default_factory=StudioSettings)
+    mapping: Path | None = None  # what the columns of .csv tables mean
 
 
 def run_studio(options: StudioOptions, progress: Progress) -> None:
@@ -61,12 +66,14 @@ def run_studio(options: StudioOptions, progress: Progress) -> None:
     quieten_logs()
     set_style()
     session = session_of(options)
-    token = new_token() if options.expose else None
+    token = new_token() if options.expose is not None else None
     try:
         with LiveHistory(MonitorOptions(options.connect)) as live:
             context = StudioContext(session, live, options.settings, known_pages())
             server = server_of(context, options, token)
-            address = f"http://{options.expose or LOCAL}:{server.port}/{context.pages[0].path}"
+            address = (
+                f"http://{_in_url(options.expose or LOCAL)}:{server.port}/{context.pages[0].path}"
+            )
             address += f"?token={token}" if token else ""
             progress(f"studio: {address}  (Ctrl-C ends)")
             if options.browser:
@@ -83,11 +90,13 @@ def session_of(options: StudioOptions) -> Session:
     if not logs and not options.folders and vessel is None and DEMO_VESSEL.is_file():
         logs, vessel = tuple(log for log in DEMO_LOGS if log.is_file()), DEMO_VESSEL
     given = [*logs, *([vessel] if vessel else [])]
-    for file in (*given, *options.effects):
+    mapping = [options.mapping] if options.mapping is not None else []
+    for file in (*given, *options.effects, *mapping):
         if not file.is_file():
             raise BadInput(f"{file}: no such file")
     folders = Folders.of(given, options.folders or (() if given else (Path.cwd(),)), options.out)
-    session = Session(folders, (), None, tuple(str(file) for file in options.effects))
+    session = Session(folders, (), None, tuple(EffectFile(str(file)) for file in options.effects))
+    session.mapping = None if options.mapping is None else str(options.mapping)
     if vessel is not None:
         session.set_vessel(vessel)
     session.set_logs(logs)
@@ -100,32 +109,52 @@ def server_of(context: StudioContext, options: StudioOptions, token: str | None 
     apps = {entry.path: _app(entry, context) for entry in context.pages}
     titles = {entry.path: f"{entry.title} – Shadow studio" for entry in context.pages}
     more = {"auth_provider": TokenAuth(token)} if token else {}
-    address = options.expose or LOCAL
+    address = LOCAL if options.expose is None else options.expose
     _check_port(address, options.port)
     server = pn.io.server.get_server(
         apps, port=options.port, address=address, show=False, start=False, title=titles,
-        websocket_origin=origins_of(options), index=None, use_index=True,
-        redirect_root=True, keep_alive_milliseconds=10_000, **more,
+        websocket_origin=origins_of(options), use_index=False,
+        keep_alive_milliseconds=10_000, **more,
     )  # fmt: skip
+    # before all other routes, of pages and websockets and files
+    strangers = Rule(OtherHost(origins_of(options)), OtherHostHandler)
+    server._tornado.default_router.rules[:0] = [
+        strangers, *routes(context.session.run, context.pages[0].path)
+    ]  # fmt: skip
     server.start()
     return server
 
 
 def _check_port(address: str, port: int) -> None:
     """BadInput where the server could not listen."""
-    with socket.socket() as one:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            one.bind((address, port))
-        except OSError as error:
-            raise BadInput(
-                f"{address}:{port}: {error.strerror}: is another studio there? give --port"
-            ) from None
+    if not address:
+        raise BadInput("--expose: expected an address of this machine, as 192.168.1.20 or 0.0.0.0")
+    if not 0 <= port <= 65535:
+        raise BadInput(f"--port {port}: expected 0 to 65535")
+    try:
+        family, *_, place = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family) as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.bind(place)
+    except (socket.gaierror, UnicodeError):
+        raise BadInput(f"--expose {address}: no address of this machine") from None
+    except OSError as error:
+        advice = (
+            "not an address of this machine"
+            if error.errno == errno.EADDRNOTAVAIL
+            else "is another studio there? give --port"
+        )
+        raise BadInput(f"{address}:{port}: {error.strerror}: {advice}") from None
+
+
+def _in_url(address: str) -> str:
+    """An address as it stands in a URL: one of IPv6 in brackets."""
+    return f"[{address}]" if ":" in address else address
 
 
 def origins_of(options: StudioOptions) -> list[str]:
-    """Hosts whose pages may open a websocket: the server's own names."""
-    hosts = [LOCAL, "localhost", *([options.expose] if options.expose else [])]
+    """Names under which the server answers, and whose pages may open a websocket."""
+    hosts = [LOCAL, "localhost", *([_in_url(options.expose)] if options.expose else [])]
     return [*(f"{host}:{options.port}" for host in hosts), *options.origins]
 
 

@@ -4,10 +4,11 @@ Pages change the session and look at it a few times a second. The work is done b
 quick one that compares after every change, and one for what takes a minute.
 """
 
+import secrets
 import time
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,27 @@ from gateway.studio import tasks
 from gateway.studio.access import Folders
 from gateway.studio.tasks import DiagnosisView, LadderView, TrialView
 from gateway.studio.worker import JobMessage, Worker
+from gateway.user_effects import EffectFile, effect_file_beside
 from gateway.vessel_file import read_vessel_file
 
 GIVEN, NOW = "as given", "now"
 UPDATE_S = 0.05  # between two looks at the workers, however many pages are open
+GOOD_S = 15.0  # good news stay that long; what went wrong stays until it is no longer true
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A line for people: what went wrong, or well, and when it was said (monotonic clock [s])."""
+
+    text: str
+    good: bool
+    since: float
+    about: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is still to be shown."""
+        return not self.good or time.monotonic() - self.since < GOOD_S
 
 
 @dataclass(frozen=True)
@@ -42,25 +60,33 @@ class Version:
 class Session:
     """Recordings, vessel and answers; `revision` counts the changes of each kind.
 
-    Kinds: vessel, logs, trials, diagnosis, surveys, report, files, notice.
+    Kinds: vessel, logs, trials, diagnosis, surveys, report, files.
+
+    trials    what was compared last; with the vessels of `compared`, which may be those of before
+    refused   recordings that could not be compared, each with the reason
     """
 
     folders: Folders
     logs: tuple[Path, ...]
     vessel_file: Path | None
-    effect_files: tuple[str, ...] = ()
+    effect_files: tuple[EffectFile, ...] = ()
     quick: Worker = field(default_factory=Worker)
     slow: Worker = field(default_factory=Worker)
     versions: list[Version] = field(default_factory=list)
     trials: tuple[TrialView, ...] = ()
+    compared: tuple[tuple[str, str], ...] = ()
+    refused: Mapping[str, str] = field(default_factory=dict)
     diagnosis: DiagnosisView | None = None
     surveys: dict[str, Survey] = field(default_factory=dict)
-    notice: str = ""
-    good: bool = False
+    notice: Notice | None = None
     learn_from: tuple[Path, ...] = ()
     report: str = ""
+    mapping: str | None = None  # of .csv tables; default: the one beside each
+    run: str = field(default_factory=lambda: secrets.token_hex(8))  # names this run of the studio
     revision: Counter[str] = field(default_factory=Counter)
     _stale: bool = False
+    _saved: str = ""  # text of the vessel file that was saved last
+    _asked: tuple[Path, ...] = ()
     _updated: float = 0.0
     _done: Callable[[Any], None] | None = None
 
@@ -74,8 +100,11 @@ class Session:
         """Begin with a vessel file."""
         file = self.folders.checked(path)
         text, effect_files = _portable(file)
-        self.effect_files = tuple(dict.fromkeys((*self.effect_files, *effect_files)))
-        tasks.vessel_of(text, tasks.effects_in(self.effect_files))  # raises where it has a mistake
+        named = {Path(one.path).resolve() for one in self.effect_files if one.named}
+        more = [one for one in effect_files if Path(one.path).resolve() not in named]
+        every = tuple(dict.fromkeys((*self.effect_files, *more)))
+        tasks.vessel_of(text, tasks.effects_in(every))  # raises where it has a mistake
+        self.effect_files = every
         self.slow.cancel()  # an answer about another vessel is no longer wanted
         self.vessel_file, self.versions = file, [Version(text)]
         self.diagnosis = None
@@ -86,13 +115,23 @@ class Session:
         self.logs = tuple(self.folders.checked(path) for path in paths)
         self.slow.cancel()
         self.learn_from = tuple(p for p in self.learn_from if p in self.logs)
-        self.trials, self.diagnosis = (), None
+        self.trials, self.compared, self.refused, self.diagnosis = (), (), {}, None
         self._changed("trials", "diagnosis", "logs")
 
     @property
     def version(self) -> Version | None:
         """The vessel as it is now."""
         return self.versions[-1] if self.versions else None
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether nothing is lost when another vessel is taken."""
+        return not self.versions or self.versions[-1].text in (self.versions[0].text, self._saved)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether what was compared is the vessel as it is now."""
+        return bool(self.trials) and self.compared == tuple(self.vessels())
 
     def slide(self, text: str, change: str) -> None:
         """A number changes by a slider: one step back undoes the whole slide."""
@@ -126,13 +165,18 @@ class Session:
         file = self.folders.to_save(name)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, self.version.text.encode(), "the vessel file")
+        self._saved = self.version.text
         self._changed("files")
         return file
 
-    def notify(self, text: str, good: bool = False) -> None:
-        """A line on all pages."""
-        self.notice, self.good = text, good
-        self.revision["notice"] += 1
+    def notify(self, text: str, good: bool = False, about: str = "") -> None:
+        """A line on all pages; `about` names the work that it is about."""
+        self.notice = Notice(text, good, time.monotonic(), about)
+
+    def _settled(self, about: str) -> None:
+        """What was said about that work is no longer true."""
+        if self.notice is not None and self.notice.about == about:
+            self.notice = None
 
     # work
 
@@ -145,6 +189,7 @@ class Session:
         """
         self.slow.start(job, task, *arguments)
         self._done = done
+        self._settled(job)
 
     def diagnose(self) -> None:
         """Look for what the vessel lacks, from the recordings chosen for that."""
@@ -158,20 +203,30 @@ class Session:
             self._changed("diagnosis")
 
         self.start("diagnose", tasks.diagnose_task, logs, self.version.text, self.effect_files,
-                   done=done)  # fmt: skip
+                   self.mapping, done=done)  # fmt: skip
         self.diagnosis = None
         self._changed("diagnosis")
 
     def write_report(self) -> None:
         """Write an HTML report of the comparison and of the diagnosis if there is one."""
-        out = self.folders.write / time.strftime("report-%Y%m%d-%H%M%S.html")
-
-        def done(file: str) -> None:
-            self.report = file
-            self._changed("report")
-
         self.start("report", tasks.report_task, [str(p) for p in self.logs], self.vessels(),
-                   self.effect_files, str(out), self.diagnosis is not None, done=done)  # fmt: skip
+                   self.effect_files, self._report_file(), self.diagnosis is not None,
+                   self.mapping, done=self._reported)  # fmt: skip
+
+    def report_from_log(self, path: Path) -> None:
+        """Learn a vessel from a recording alone, and write the report on it."""
+        log = str(self.folders.checked(path))
+        self.start(f"report from {path.name} alone", tasks.log_report_task, log,
+                   self._report_file(), self.effect_files, self.mapping,
+                   done=self._reported)  # fmt: skip
+
+    def _report_file(self) -> str:
+        return str(self.folders.write / time.strftime("report-%Y%m%d-%H%M%S.html"))
+
+    def _reported(self, file: str) -> None:
+        self.report = file
+        self.notify(f"report written: {file}", good=True)
+        self._changed("report")
 
     def survey(self, path: Path) -> None:
         """Find out what is in a recording."""
@@ -180,7 +235,8 @@ class Session:
             self.surveys[found.path] = found
             self._changed("surveys")
 
-        self.start("look", tasks.survey_task, str(self.folders.checked(path)), done=done)
+        log = str(self.folders.checked(path))
+        self.start("look", tasks.survey_task, log, self.mapping, done=done)
 
     def vessels(self) -> list[tuple[str, str]]:
         """The vessels to compare: as given, and as it is now where that is another."""
@@ -198,18 +254,19 @@ class Session:
             self._compared(message)
         for message in self.slow.messages():
             if message.kind == "failed":
-                self.notify(message.value)
+                self.notify(f"{message.job}: {message.value}", about=message.job)
             elif message.kind == "done" and self._done is not None:
                 self._done(message.value)
         if self._stale and not self.quick.busy and self.logs and self.versions:
-            self._stale = False
-            self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs],
-                             self.vessels(), self.effect_files)  # fmt: skip
+            self._stale, self._asked = False, self.logs
+            vessels = tuple(self.vessels())
+            self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs], vessels,
+                             self.effect_files, self.mapping)  # fmt: skip
 
     def cancel(self) -> None:
         """Stop what takes long."""
         if self.slow.busy:
-            self.notify(f"cancelled: {self.slow.job}")
+            self.notify(f"cancelled: {self.slow.job}", good=True)
             self.slow.cancel()
 
     def close(self) -> None:
@@ -218,15 +275,22 @@ class Session:
         self.slow.cancel()
 
     def _compared(self, message: JobMessage) -> None:
+        """What the quick worker sent; what it says of other recordings than these is dropped."""
+        if self._asked != self.logs:
+            return
         if message.kind == "part":
             if message.value.name not in {t.name for t in self.trials}:
                 self.trials = (*self.trials, message.value)
                 self._changed("trials")
         elif message.kind == "done":
-            self.trials = message.value
+            self.trials, self.refused = message.value.trials, message.value.refused
+            self.compared = message.value.vessels
+            self._settled(message.job)
             self._changed("trials")
         elif message.kind == "failed":
-            self.notify(message.value)
+            self.refused = {str(path): message.value for path in self.logs}
+            self.notify(f"{message.job}: {message.value}", about=message.job)
+            self._changed("trials")
 
     def _changed(self, *kinds: str) -> None:
         """Count changes; a comparison of what was before is no longer wanted."""
@@ -235,11 +299,12 @@ class Session:
             self._stale = True
 
 
-def _portable(file: Path) -> tuple[str, tuple[str, ...]]:
+def _portable(file: Path) -> tuple[str, tuple[EffectFile, ...]]:
     """The text of a vessel file without paths that hold only where it lies, and those paths."""
     text = file.read_text(encoding="utf-8")
     entries = read_vessel_file(file).effects
-    paths = tuple(str(file.parent / str(e["file"])) for e in entries if "file" in e)
+    named = [e["file"] for e in entries if "file" in e]
+    paths = tuple(EffectFile(str(effect_file_beside(file, one)), named=False) for one in named)
     if not paths:
         return text, ()
     tables = tomllib.loads(text)

@@ -5,29 +5,38 @@ What the studio's workers do, each in a process of its own; plain values go in a
 A task's first argument, `send`, takes a line of progress or a part of the result.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.figures.comparison import error_strips, missing_force_by_regime
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
 from gateway.figures.figure_data import FigureData
-from gateway.figures.motion import horizon_velocities, measured_velocities, residuals, track
+from gateway.figures.motion import (
+    commands_over_time,
+    free_runs_on_rows,
+    horizon_velocities,
+    measured_series,
+    measured_velocities,
+    residuals,
+    track,
+)
+from gateway.figures.words import cause_text, diagnosis_texts
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.compare import TrialComparison, compare_models, distinct_vessels
-from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
-from gateway.offline.report import report_of, write_report
-from gateway.offline.trials import load_trials
+from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
+from gateway.offline.report import report_from_log, report_of, write_report
+from gateway.offline.trials import TrialOptions, load_trials
 from gateway.studio.worker import Send
-from gateway.user_effects import known_effects, load_effects
+from gateway.user_effects import EffectFile, known_effects
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison
 from sim.comparison.regimes import Regime, regimes_of
@@ -53,7 +62,11 @@ class RegimeView:
 
 @dataclass(frozen=True)
 class VesselView:
-    """One vessel on one recording."""
+    """One vessel on one recording.
+
+    motion  (T, 6) η and ν of its free predictions on the recording's rows, NaN between them
+    force   (T, 4) missing X, Y and their standard deviations [N]
+    """
 
     name: str
     rmse: Mapping[str, float]
@@ -62,6 +75,8 @@ class VesselView:
     floor: float
     worst: tuple[RegimeView, ...]
     figures: Mapping[str, FigureData]
+    motion: Floats | None = None
+    force: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -75,29 +90,49 @@ class TrialView:
     east: Floats  # (T,)
     north: Floats  # (T,)
     measured: FigureData
+    commands: FigureData
     vessels: tuple[VesselView, ...] = ()
     notices: tuple[str, ...] = ()
     origin_deg: tuple[float, float] | None = None
+    motion: Floats = field(default_factory=lambda: np.empty((0, 6)))  # (T, 6) η, ν as measured
+
+
+@dataclass(frozen=True)
+class ComparisonView:
+    """All recordings that could be compared, those that could not with the reason, and by what.
+
+    vessels   (label, vessel file's text) each, as they were asked for
+    """
+
+    trials: tuple[TrialView, ...]
+    refused: Mapping[str, str]
+    vessels: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
 class LadderView:
-    """One step that can be taken: the effects, the error then, and the vessel file's text then."""
+    """One step that can be taken: the effects, the error then, and the vessel file's text then.
+
+    says    what its last effect says with its fitted numbers, in a sentence
+    """
 
     effects: tuple[str, ...]
     bar: LadderBar
     text: str
+    says: str = ""
 
 
 @dataclass(frozen=True)
 class AlternativeView:
     """What was ranked but not chosen: its step, and its evidence where that is worth a look.
 
-    rival   these data cannot tell it from what was chosen
+    rival        these data cannot tell it from what was chosen
+    contradicted its own curve points the other way than what is missing: it is not offered
     """
 
     step: LadderView
     rival: bool
+    contradicted: bool = False
     evidence: FigureData | None = None
 
 
@@ -105,6 +140,8 @@ class AlternativeView:
 class DiagnosisView:
     """A diagnosis: what `shadow diagnose --json` prints, its steps, its figures.
 
+    headlines  the answer in sentences, what matters first
+    causes  effect that was found -> what it says with its fitted numbers
     looks   effect -> what it looks like
     before  effects that the vessel had when it was diagnosed
     """
@@ -119,6 +156,8 @@ class DiagnosisView:
     separations: tuple[str, ...] = ()
     before: tuple[str, ...] = ()
     alternatives: tuple[AlternativeView, ...] = ()
+    headlines: tuple[str, ...] = ()
+    causes: Mapping[str, str] = field(default_factory=dict)
 
     def up_to(self, step: LadderView) -> tuple[LadderView, ...]:
         """The steps on the way to one, and itself."""
@@ -135,7 +174,8 @@ class DiagnosisView:
 
     def next_steps(self, effects: tuple[str, ...]) -> list[LadderView]:
         """What can be added to these effects, what was chosen first."""
-        every = (*self.steps, *(alternative.step for alternative in self.alternatives))
+        others = (one.step for one in self.alternatives if not one.contradicted)
+        every = (*self.steps, *others)
         return [step for step in every if step.effects and step.effects[:-1] == effects]
 
 
@@ -145,19 +185,19 @@ EXPLAINS = 0.95  # of the error without any effect: what lowers it by less is no
 _last: dict[str, DiagnosisResult] = {}  # of this process, for the report
 
 
-def trials_in(path: str) -> tuple[Trial, ...]:
+def trials_in(path: str, mapping: str | None = None) -> tuple[Trial, ...]:
     """The trials of a recording with usable time; read again only when the file has changed."""
-    return _trials(path, Path(path).stat().st_mtime_ns)
+    return _trials(path, Path(path).stat().st_mtime_ns, mapping)
 
 
 @lru_cache(maxsize=12)
-def _trials(path: str, stamp: int) -> tuple[Trial, ...]:
-    return tuple(trial for trial in load_trials(path) if trial.usable.any())
+def _trials(path: str, stamp: int, mapping: str | None) -> tuple[Trial, ...]:
+    return tuple(t for t in load_trials(path, mapping=mapping) if t.usable.any())
 
 
-def effects_in(files: Sequence[str]) -> tuple[Effect, ...]:
+def effects_in(files: Sequence[EffectFile]) -> tuple[Effect, ...]:
     """Effects of the user's own files."""
-    return tuple(effect for file in files for effect in load_effects(file))
+    return tuple(effect for file in files for effect in file.load())
 
 
 def vessel_of(text: str, effects: Sequence[Effect]) -> Vessel:
@@ -168,27 +208,54 @@ def vessel_of(text: str, effects: Sequence[Effect]) -> Vessel:
         return load_vessel(file, effects)
 
 
-def survey_task(send: Send, path: str) -> Survey:
+def survey_task(send: Send, path: str, mapping: str | None = None) -> Survey:
     """What is in a recording."""
-    return survey(open_log(path))
+    return survey(open_log(path, mapping))
 
 
 def compare_task(
-    send: Send, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str]
-) -> tuple[TrialView, ...]:
-    """Every recording against (label, vessel file) each; measured motion is sent at once."""
+    send: Send,
+    paths: Sequence[str],
+    vessels: Sequence[tuple[str, str]],
+    files: Sequence[EffectFile],
+    mapping: str | None = None,
+) -> ComparisonView:
+    """Every recording against (label, vessel file) each; measured motion is sent at once.
+
+    One that cannot be read or compared leaves the others as they are.
+    """
     effects = effects_in(files)
     named = [replace(vessel_of(text, effects), name=label) for label, text in vessels]
-    models: list[Model] = []
+
+    @cache  # after the first measured motion was sent
+    def models() -> tuple[Model, ...]:
+        return tuple(Model.of(vessel) for vessel in distinct_vessels(named))
+
     out: list[TrialView] = []
+    refused: dict[str, str] = {}
     for path in paths:
         send(f"reading {Path(path).name}")
-        for trial in trials_in(path):
-            send(measured_view(trial, path))
-            models = models or [Model.of(vessel) for vessel in distinct_vessels(named)]
-            found = compare_models(trial, models, None, send)
-            out += [trial_view(one, path, models) for one in found]
-    return tuple(out)
+        try:
+            found = _compared(send, path, models, mapping)
+        except ShadowError as error:
+            refused[path] = " ".join(str(error).split())
+            continue
+        out += found
+        if not found:
+            refused[path] = f"{Path(path).name}: no stretch that is long enough to be compared over"
+    return ComparisonView(tuple(out), refused, tuple(vessels))
+
+
+def _compared(
+    send: Send, path: str, models: Callable[[], tuple[Model, ...]], mapping: str | None
+) -> list[TrialView]:
+    """The trials of one recording."""
+    out: list[TrialView] = []
+    for trial in trials_in(path, mapping):
+        send(measured_view(trial, path))
+        found = compare_models(trial, models(), None, send)
+        out += [trial_view(one, path, models()) for one in found]
+    return out
 
 
 def measured_view(trial: Trial, path: str) -> TrialView:
@@ -196,7 +263,8 @@ def measured_view(trial: Trial, path: str) -> TrialView:
     usable = float(trial.usable.sum()) * trial.dt
     return TrialView(
         trial.name, path, usable, trial.time, trial.eta[:, Eta.EAST], trial.eta[:, Eta.NORTH],
-        measured_velocities(trial), (), trial.notices, trial.origin_deg,
+        measured_velocities(trial), commands_over_time(trial), (), trial.notices, trial.origin_deg,
+        measured_series(trial).motion,
     )  # fmt: skip
 
 
@@ -220,8 +288,10 @@ def _vessel_view(trial: Trial, c: Comparison, regimes: dict[str, Regime]) -> Ves
         RegimeView(b.sentence, _times_in(b, trial, regimes[b.by])) for b in c.worst(WORST)
     )
     return VesselView(
-        c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.noise_floor_nrmse, worst, figures
-    )
+        c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.noise_floor_nrmse, worst, figures,
+        free_runs_on_rows(trial, c.prediction),
+        np.column_stack([c.missing.force[:, :2], c.missing.std[:, :2]]),
+    )  # fmt: skip
 
 
 def _times_in(one: Bin, trial: Trial, regime: Regime) -> TimeRanges:
@@ -237,14 +307,19 @@ def _times_in(one: Bin, trial: Trial, regime: Regime) -> TimeRanges:
 
 
 def diagnose_task(
-    send: Send, paths: Sequence[str], text: str, files: Sequence[str]
+    send: Send,
+    paths: Sequence[str],
+    text: str,
+    files: Sequence[EffectFile],
+    mapping: str | None = None,
 ) -> DiagnosisView:
     """What is missing, and every vessel on the way to it."""
     effects = effects_in(files)
     with TemporaryDirectory() as folder:
         given = Path(folder) / "vessel.toml"
         given.write_text(text, encoding="utf-8")
-        found = diagnose_logs(list(paths), given, effects=effects, progress=send)
+        options = replace(DIAGNOSIS_TRIALS, mapping=mapping)
+        found = diagnose_logs(list(paths), given, options=options, effects=effects, progress=send)
         steps = _ladder_views(found, found.diagnosis.ladder, given, effects)
         others = _ladder_views(found, found.diagnosis.alternatives, given, effects)
     _last["diagnosis"] = found
@@ -260,6 +335,8 @@ def diagnose_task(
         looks={effect.name: effect.looks_like for effect in (*known_effects(), *effects)},
         separations=tuple(s.description for s in found.separations.values()),
         alternatives=_alternatives(found, others),
+        headlines=diagnosis_texts(d),
+        causes={name: cause_text(d.ladder[-1], name) for name in d.ladder[-1].effects},
     )
 
 
@@ -271,11 +348,12 @@ def _ladder_views(
     out = []
     for step in steps:
         file = given
-        if step.base != "plain":
+        if step.base == "refitted":
             file = given.with_name("step.toml")
             add_from_diagnosis(step.effects, given, diagnosis, "the diagnosis", file, effects)
         text = file.read_text(encoding="utf-8")
-        out.append(LadderView(step.effects, LadderBar.of(step), text))
+        says = cause_text(step, step.effects[-1]) if step.effects else ""
+        out.append(LadderView(step.effects, LadderBar.of(step), text, says))
     return tuple(out)
 
 
@@ -289,17 +367,23 @@ def _alternatives(
     out = []
     for step, view in zip(d.alternatives, views, strict=True):
         effect, rival = step.effects[-1], any(step is t for t in tied)
-        proof = None
-        if rival or (step.heldout.nrmse < least and effect not in d.effects):
-            proof = evidence_on(step, effect, found.trials)
-        out.append(AlternativeView(view, rival, evidence_figure(proof) if proof else None))
+        proof = evidence_on(step, effect, found.trials)
+        against = proof is not None and proof.contradicts
+        shown = rival or (step.heldout.nrmse < least and effect not in d.effects)
+        figure = evidence_figure(proof) if proof and shown and not against else None
+        out.append(AlternativeView(view, rival, against, figure))
     return tuple(out)
 
 
 def report_task(
-    send: Send, paths: Sequence[str], vessels: Sequence[tuple[str, str]], files: Sequence[str],
-    out: str, diagnosed: bool,
-) -> str:  # fmt: skip
+    send: Send,
+    paths: Sequence[str],
+    vessels: Sequence[tuple[str, str]],
+    files: Sequence[EffectFile],
+    out: str,
+    diagnosed: bool,
+    mapping: str | None = None,
+) -> str:
     """Write the report of what is on the page; `diagnosed`: with this process's last diagnosis."""
     if diagnosed and "diagnosis" not in _last:
         raise BadInput("the answer went with a job that was cancelled: diagnose again first")
@@ -307,8 +391,17 @@ def report_task(
     read = [(label, vessel_of(text, effects)) for label, text in vessels]
     chosen = [replace(vessel, name=f"{vessel.name}, {label}") for label, vessel in read]
     models = [Model.of(vessel) for vessel in chosen]
-    found = [one for path in paths for trial in trials_in(path)
+    found = [one for path in paths for trial in trials_in(path, mapping)
              for one in compare_models(trial, models, None, send)]  # fmt: skip
     send("pictures")
     page = report_of(found, chosen, _last["diagnosis"] if diagnosed else None, read[0][1].name)
     return str(write_report(page, out).path)
+
+
+def log_report_task(
+    send: Send, path: str, out: str, files: Sequence[EffectFile], mapping: str | None = None
+) -> str:
+    """Learn a vessel from a recording alone, and write the report on it."""
+    options, effects = TrialOptions(mapping=mapping), effects_in(files)
+    report = report_from_log([path], out, {}, options=options, effects=effects, progress=send)
+    return str(report.path)

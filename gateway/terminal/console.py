@@ -7,10 +7,24 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.segment import Segment
 from rich.table import Table
 
+from gateway.errors import printable
 
-class ResultConsole(Console):
+
+class SafeConsole(Console):
+    """A console that shows control characters of names and messages instead of sending them."""
+
+    def _render_buffer(self, buffer: Iterable[Segment]) -> str:
+        """What goes out; rich's own commands to the terminal are segments of their own kind."""
+        return super()._render_buffer(
+            segment if segment.control else segment._replace(text=printable(segment.text))
+            for segment in buffer
+        )
+
+
+class ResultConsole(SafeConsole):
     """Standard output for results; the methods below print text as it is, without markup."""
 
     def notices(self, notices: Iterable[str]) -> None:
@@ -43,7 +57,7 @@ def result_table(title: str, first: str, *numbers: str, unit: bool = False) -> T
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
     """A bar while the block runs; call what it gives with the share done, 0 to 1."""
-    console = Console(stderr=True)
+    console = SafeConsole(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
@@ -55,7 +69,7 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
 @contextmanager
 def status_line(what: str) -> Iterator[Callable[[str], None]]:
     """A line that says what is being done; call what it gives with the next thing."""
-    console = Console(stderr=True)
+    console = SafeConsole(stderr=True)
     if not console.is_terminal:
         yield lambda text: None
         return

@@ -8,12 +8,15 @@ from rich.table import Table
 
 from gateway.figures.diagnosis import step_name
 from gateway.figures.style import probability_text
+from gateway.figures.words import diagnosis_texts
 from gateway.offline.add import AdditionResult
 from gateway.offline.diagnose import DiagnosisResult
 from gateway.terminal.console import ResultConsole, result_table
 from sim.diagnosis.answer import Candidate, Diagnosis, LadderStep
+from sim.diagnosis.thresholds import MAX_BASE_SIGMAS
 from sim.effects.effect import Scope
 from sim.identification.intervals import Estimate
+from sim.identification.settings import BASE
 from sim.vessel import Vessel
 
 
@@ -23,7 +26,9 @@ def show_diagnosis(
     """Verdict, ladder, parameters, ranking, doubts, files, and the next command lines."""
     console, d = ResultConsole(highlight=False), found.diagnosis
     console.notices(found.notices)
-    console.print(f"[bold]{d.verdict}[/bold]: {d.verdict.description}")
+    for text in diagnosis_texts(d):
+        console.print(text, style="bold", markup=False)
+    console.print(f"\n{d.verdict}: {d.verdict.description}", markup=False)
     console.print(f"{d.summary}\n", markup=False)
     console.print(_ladder(d))
     moved = "re-fitted, its numbers had to move"
@@ -32,9 +37,13 @@ def show_diagnosis(
     last = d.ladder[-1]
     if d.effects:
         estimates = [e for numbers in last.parameters.values() for e in numbers]
+        estimates += [e for e in last.base_parameters if e.name not in BASE]
         console.print(_parameters("what was found", map(_parameter_row, estimates)))
     console.print(_ranking(d.ranking))
-    console.bullets((*_doubts(last), *_of_voyages(found), *_look_alikes(found), *_unexplained(d)))
+    limits = (*_at_limit(found), *_found_beside(found))
+    console.bullets(
+        (*limits, *_doubts(last), *_of_voyages(found), *_look_alikes(found), *_unexplained(d))
+    )
     if d.refused:
         console.print("\nnot judged, for these data cannot show it:")
         reasons: dict[str, list[str]] = {}
@@ -102,6 +111,24 @@ def _ranking(ranking: Sequence[Candidate]) -> Table:
     none = max(1.0 - sum(row.probability for row in ranking), 0.0)
     table.add_row("none of these", probability_text(none), "", "", "")
     return table
+
+
+def _at_limit(found: DiagnosisResult) -> list[str]:
+    """Base numbers that would have gone further, and how to let them."""
+    names = found.at_limit
+    if not names:
+        return []
+    farther = "" if found.prior >= 1.0 else "; if the file was guessed, add --prior 1"
+    share = f"{100.0 * MAX_BASE_SIGMAS * found.prior:.0f} %"
+    return [f"{', '.join(names)}: as far from the file as is allowed ({share}){farther}"]
+
+
+def _found_beside(found: DiagnosisResult) -> list[str]:
+    """Effects that are not among the best of the catalogue alone."""
+    return [
+        f"{name}: found beside what else was found; alone it is not among the first"
+        for name in found.found_beside
+    ]
 
 
 def _doubts(step: LadderStep) -> list[str]:

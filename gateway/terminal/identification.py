@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from gateway.figures.style import DEGREES, velocity_texts
+from gateway.figures.words import nowhere_text
 from gateway.offline.plan import PlanResult
 from gateway.offline.plan_export import pulse_bounds
 from gateway.terminal.console import ResultConsole, result_table
@@ -38,7 +39,7 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
     out.notices(dict.fromkeys(n for comparison in found for n in comparison.notices))
     for one in found:
         worst = one.worst(WORST)
-        heading = "where it is worst" if worst else "no worse anywhere than noise"
+        heading = "where it is worst" if worst else nowhere_text(one.nrmse, one.noise_floor_nrmse)
         out.print(f"\n[bold]{escape(one.vessel)}[/bold] on {escape(one.log)}: {heading}")
         out.bullets(each.sentence for each in worst)
         if one.place is not None:

@@ -3,20 +3,22 @@
 import math
 from collections.abc import Sequence
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
 from gateway.figures.style import SURGE, SWAY, YAW_RATE
-from gateway.monitor.watcher import (
+from gateway.monitor import (
     HIGH_LOSS,
     HIGH_NIS,
     LINK_SILENT_S,
+    SILENT_S,
     Message,
     VesselStatus,
     time_of_day,
 )
+from gateway.terminal.console import SafeConsole
 from gateway.topics import HORIZONS_S, RATED
 
 KNOT_MPS = 1852.0 / 3600.0
@@ -25,7 +27,6 @@ FULL_LINES = 21  # of a vessel in full at 80 columns, WIDE_LINES at WIDE
 WIDE_LINES = 17
 MOTION_COLUMNS = 74
 EVENTS_SHOWN = 4
-SILENT_S = 2.0  # without a new message: this is shown
 SIGNIFICANT = 3.0  # standard deviations from which a missing force is marked
 SAME_TIME_NS = 5e8  # boat and shadow further apart are not compared
 LOOP_LATE_S = 0.1  # marked from there on
@@ -57,7 +58,7 @@ def waiting_view(where: str, connected: bool) -> RenderableType:
 
 def show_once(statuses: Sequence[VesselStatus]) -> None:
     """All vessels as they are now, on standard output."""
-    out = Console()
+    out = SafeConsole()
     out.print(monitor_view(statuses, out.width))
 
 
@@ -76,10 +77,13 @@ def _vessel(status: VesselStatus, width: int) -> Panel:
 
 
 def _state(status: VesselStatus) -> Text:
-    """Alive or gone, what the shadow follows, how often news comes."""
+    """Alive, diverging or gone, what the shadow follows, how often news comes."""
     if not status.alive:
         return Text("○ gone", style=BAD)
     words = Text("● alive", style=GOOD)
+    health = status.message("health")
+    if health is not None and health["diverging"]:
+        words = Text("● diverges", style=BAD)
     reference, age = status.message("reference"), status.age_s()
     if reference is not None:
         model = reference["source"] == "model"
@@ -189,6 +193,7 @@ def _link(health: Message | None) -> list[Text]:
         (f"NIS {_number(h['nis'], 2)}", h["nis"] > HIGH_NIS),
         (f"gated {h['gated']}", False),
         (f"late {h['late']}", False),
+        (f"diverged {h['divergences']}", h["diverging"] > 0),
         (f"loop {_number(1000 * h['loop_lateness_s'], 1)} ms", h["loop_lateness_s"] > LOOP_LATE_S),
         (f"to record {h['recorder_backlog']}", False),
         (f"not recorded {h['recorder_drops']}", h["recorder_drops"] > 0),

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import orjson
-from rich.console import Console
 from rich.live import Live
 
 from gateway.errors import BadInput, ShadowError
-from gateway.monitor.watcher import BusWatcher, MonitorOptions, VesselStatus
+from gateway.monitor import BusWatcher, MonitorOptions, VesselStatus
+from gateway.terminal.console import SafeConsole
 from gateway.terminal.monitor import monitor_view, show_once, waiting_view
 
 PERIOD_S = 0.25
@@ -60,7 +60,7 @@ def _absence(watcher: BusWatcher, options: MonitorOptions) -> str:
 
 
 def _screen(watcher: BusWatcher, options: MonitorOptions) -> None:
-    console = Console()
+    console = SafeConsole()
     if not console.is_terminal:
         raise BadInput("standard output is no terminal: use --once or --json")
     with Live(console=console, screen=True, auto_refresh=False) as live:

@@ -4,6 +4,7 @@ Runs: what a replay or a simulation did, which plants there are, and where a rep
 """
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,15 +12,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from gateway.figures.style import POSE, VELOCITIES, YAW_RATE
+from gateway.ingest.log import not_a_boat
+from gateway.ingest.parameters import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
 from gateway.offline.replay import ReplaySummary
 from gateway.offline.report import ReportFile
 from gateway.offline.simulate import SimulationResult
 from gateway.terminal.console import ResultConsole
-from gateway.vessel_file import RudderTable, ThrusterTable, VesselFile
+from gateway.vessel_tables import RudderTable, ThrusterTable, VesselFile
 
 
-def show_survey(found: Survey) -> None:
+def show_survey(found: Survey, mapping: Path | None = None) -> None:
     """The recording, its boats, its messages."""
     out, s = ResultConsole(), found.statistics
     out.print(
@@ -43,7 +46,33 @@ def show_survey(found: Survey) -> None:
         out.print("no boat in it: nobody but ground stations spoke, or nobody said what it is")
     _show_messages(out, found)
     if found.boats:
-        out.print(f"next: shadow init {found.path} --out boat.toml", highlight=False, markup=False)
+        out.print(
+            f"next: {next_step(found, mapping)}", highlight=False, markup=False, soft_wrap=True
+        )
+
+
+def next_step(found: Survey, mapping: Path | None = None) -> str:
+    """What can be done with a recording: a command that works on it, or why there is none."""
+    one = max(found.boats, key=lambda boat: boat.seconds)
+    words = [found.path]
+    words += ["--system", str(one.boat.system)] if len(found.boats) > 1 else []
+    words += ["--anyway"] if not_a_boat(one.boat) else []
+    if any(actuator.kind in THRUST_FUNCTIONS for actuator in one.actuators):
+        return shlex.join(["shadow", "init", *words, "--out", "boat.toml"])
+    missing = [what for what, needed in NEEDED.items() if not needed & set(one.sources)]
+    if missing:
+        return f"nothing: no {' and no '.join(missing)} in it, so that no model can be compared"
+    words += ["--mapping", str(mapping)] if mapping is not None else []
+    compare = shlex.join(["shadow", "compare", *words, "--vessel", "boat.toml"])
+    return (
+        "copy a file from configs/vessels to boat.toml and enter the channels (no parameter in "
+        f"the log names the motors), then {compare}"
+    )
+
+
+NEEDED = {  # what a comparison needs -> the quantities of which one tells it
+    "heading": {"yaw"}, "velocity or position": {"velocity", "position"}, "commands": {"commands"},
+}  # fmt: skip
 
 
 def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
@@ -142,6 +171,7 @@ def show_simulation(result: SimulationResult) -> None:
     """How far it went, how well the follower followed, where the recording is."""
     out = ResultConsole()
     last = result.motion[-1]
+    out.notices(result.notices)
     out.print(
         f"{result.time[-1]:.0f} s simulated; at the end {last[0]:.1f} m north, {last[1]:.1f} m "
         f"east, {last[3]:.2f} m/s ahead"

@@ -1,14 +1,16 @@
 """How far each model is from the measurement, beside the noise floor, and in which regimes."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 from sim.comparison.independence import Independence, independence
 from sim.comparison.regimes import Regime, regimes_of
 from sim.comparison.where import Bin, ErrorMap, Place, error_bins, error_map, worst_place
 from sim.model import Model
-from sim.prediction.free_runs import FreeRun, Prediction, free_run, predict
+from sim.prediction.free_runs import FreeRun, Prediction, free_run, predict, shared_ruler
 from sim.prediction.inputs import measured_motion
 from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
@@ -17,7 +19,25 @@ from sim.prediction.segments import CompareSettings
 from sim.trial import Trial, data_frame
 
 ADEQUATE_FLOORS = 1.2  # noise floors: an nrmse below is no failure; chosen, not measured
+MAX_JUDGING_FLOOR = 0.5  # noise floors: beyond it noise hides the motion; chosen, not measured
 MIN_EXCESS = 0.02  # share of the squared error beyond the share of time, to be named; chosen
+
+
+class Judgement(StrEnum):
+    """What an error beside its noise floor says of a model."""
+
+    ADEQUATE = "adequate"
+    WRONG = "wrong"
+    UNJUDGED = "unjudged"
+
+
+def judge(error: float, floor: float) -> Judgement:
+    """An nrmse beside the nrmse of noise alone; where noise hides the motion, neither is said."""
+    if not (math.isfinite(error) and math.isfinite(floor)):
+        return Judgement.UNJUDGED
+    if error > ADEQUATE_FLOORS * floor:
+        return Judgement.WRONG
+    return Judgement.ADEQUATE if floor <= MAX_JUDGING_FLOOR else Judgement.UNJUDGED
 
 
 @dataclass(frozen=True)
@@ -51,22 +71,24 @@ class Comparison:
     refit: tuple[Mapping[str, float], ...] = ()
 
     @property
-    def _only_noise(self) -> bool:
-        return self.nrmse <= ADEQUATE_FLOORS * self.noise_floor_nrmse
+    def judgement(self) -> Judgement:
+        """Whether the model is wrong, as far as these data can judge it."""
+        return judge(self.nrmse, self.noise_floor_nrmse)
 
     def worst(self, count: int = 5) -> tuple[Bin, ...]:
         """The bins that hold clearly more error than time, most excess first.
 
-        None where the whole error is no more than noise.
+        None where the whole error is no more than noise, or where noise hides the motion.
         """
-        if self._only_noise:
+        if self.judgement is not Judgement.WRONG:
             return ()
         return tuple(b for b in self.where if b.excess > MIN_EXCESS)[:count]
 
     @property
     def place(self) -> Place | None:
         """The square of the map that holds clearly more error than time; None where none does."""
-        place = None if self._only_noise else worst_place(self.error_map)
+        wrong = self.judgement is Judgement.WRONG
+        place = worst_place(self.error_map) if wrong else None
         return place if place is not None and place.excess > MIN_EXCESS else None
 
     def to_pandas(self) -> Any:
@@ -99,17 +121,17 @@ def compare(
     settings: CompareSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Comparison]:
-    """All models on one trial, the first giving the ruler.
+    """All models on one trial, by one ruler that does not depend on their order.
 
     NoUsableTimeError where no stretch can be compared over, DivergedError where a model leaves
     every segment at once.
     """
-    ruler, regimes = Ruler.of(trial, models[0], settings), regimes_of(trial, models[0])
+    ruler = shared_ruler(trial, models, settings)
     out = []
     for model in models:
         progress(model.vessel.name)
         found = comparison_of(
-            trial, model.vessel.name, ruler, regimes, predict(trial, model, ruler),
+            trial, model.vessel.name, ruler, regimes_of(trial, model), predict(trial, model, ruler),
             missing_force(trial, model), free_run(trial, model, ruler.scales),
         )  # fmt: skip
         out.append(replace(found, independence=independence(trial, model)))

@@ -25,7 +25,14 @@ from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.identification.starts import MOMENT_STARTS, start_points
 from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
-from sim.prediction.free_runs import DivergedError, FreeRun, Prediction, free_run, predict
+from sim.prediction.free_runs import (
+    DivergedError,
+    FreeRun,
+    Prediction,
+    free_run,
+    predict,
+    shared_ruler,
+)  # fmt: skip
 from sim.prediction.missing_force import MissingForce, missing_force
 from sim.prediction.scales import Ruler
 from sim.prediction.scores import nrmse
@@ -123,14 +130,14 @@ def compare_refitted(
 ) -> list[Comparison]:
     """As `compare`, each vessel with its parameters of the voyage estimated on other blocks."""
     folds = TwoFolds.of(trial)
-    ruler = Ruler.of(folds.trial, models[0], settings)
-    regimes = regimes_of(folds.trial, models[0])
+    ruler = shared_ruler(folds.trial, models, settings)
     out = []
     for model in models:
         progress(model.vessel.name)
         fit = cross_fit(folds, model.vessel, progress)
         found = comparison_of(
-            folds.trial, model.vessel.name, ruler, regimes, fit.predict(ruler),
+            folds.trial, model.vessel.name, ruler, regimes_of(folds.trial, model),
+            fit.predict(ruler),
             fit.missing_force(), fit.free_run(ruler.scales),
         )  # fmt: skip
         out.append(replace(found, refit=fit.values if fit.values[0] else ()))

@@ -1,18 +1,20 @@
 """What a diagnosis answers: verdict, ladder, ranking, refusals, and the better vessel."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
+from sim.diagnosis.assumed import AssumedNumbers, assumed_numbers, with_assumed_intervals
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScore, HeldOutScorer
 from sim.diagnosis.identifiability import Refusal
 from sim.diagnosis.next_experiment import SuggestedManoeuvre
 from sim.diagnosis.ranking import Ranking
 from sim.diagnosis.residual_terms import Dependence
+from sim.effects.effect import Formula
 from sim.identification.intervals import Estimate
 from sim.state import Floats
 from sim.trial import data_frame
@@ -42,8 +44,11 @@ class Verdict(StrEnum):
 class LadderStep:
     """One step of the ladder: effects, held-out error, numbers with intervals.
 
-    base    "plain" as the vessel was given, "refitted" with its base numbers fitted
+    base    "plain" as the vessel was given, "refitted" with its base numbers fitted, "kept" as
+            given because fitted they predict unseen time no better
     vessel  the whole vessel of this step
+    new     how many of the effects were not in the step below
+    assumed what had to be assumed for its numbers
     """
 
     effects: tuple[str, ...]
@@ -52,11 +57,16 @@ class LadderStep:
     base_parameters: tuple[Estimate, ...]
     parameters: Mapping[str, tuple[Estimate, ...]]
     vessel: Vessel
+    assumed: tuple[AssumedNumbers, ...] = ()
+    new: int = 1
 
     @classmethod
     def of(cls, fit: Fit, scorer: HeldOutScorer) -> "LadderStep":
         """A fit, with its error on held-out time."""
-        return cls(fit.names, "refitted", scorer.score_fit(fit), *fit.estimates(), fit.vessel())
+        (base, found), vessel = fit.estimates(), fit.vessel()
+        assumed = assumed_numbers(vessel, found)
+        found = with_assumed_intervals(found, assumed)
+        return cls(fit.names, "refitted", scorer.score_fit(fit), base, found, vessel, assumed)
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; without an interval where there is none."""
@@ -69,6 +79,20 @@ class LadderStep:
             },
         }  # fmt: skip
         return out | ({"ci95": list(self.heldout.ci95)} if self.heldout.ci95 else {})
+
+
+def falling(steps: Sequence[LadderStep]) -> tuple[LadderStep, ...]:
+    """The ladder without those effects' steps, but the last, that do not lower the error.
+
+    An effect may earn its place only beside one that came after it. The first two are the vessel
+    as it was given and its base.
+    """
+    out, last = list(steps[:2]), steps[-1]
+    for step in steps[2:]:
+        between = last.heldout.nrmse < step.heldout.nrmse < out[-1].heldout.nrmse
+        if step is last or between:
+            out.append(replace(step, new=len(step.effects) - len(out[-1].effects)))
+    return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -117,13 +141,31 @@ def _correlation(one: Floats, other: Floats) -> float:
 
 
 @dataclass(frozen=True)
+class ScoredFormula:
+    """A short law that predicts unseen time as well as a curve, with its error there."""
+
+    formula: Formula
+    nrmse: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "form": self.formula.form, "text": self.formula.text, "heldout_nrmse": self.nrmse,
+            "numbers": dict(self.formula.numbers), "table": dict(self.formula.values),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer; `vessel` is the best model found, `noise_floor` the nrmse of noise alone.
 
     alternatives   what was not chosen, each with its own fitted numbers: every effect of the
                    ranking alone beside the base, and the rivals of later steps beside the earlier
     noise_share    standard deviation of what is left in u, v, r over that of the measured
-                   velocities as the recordings state it; None where runs are not tied by a filter
+                   velocities as the recordings state it
+    curve          where something unknown is missing: the vessel with the curve of one variable
+                   that predicts unseen time best; None where none does
+    formula        a short law that does as well as the curve; None where none does
     """
 
     verdict: Verdict
@@ -137,9 +179,11 @@ class Diagnosis:
     refused: tuple[Refusal, ...]
     noise_floor: float
     vessel: Vessel
+    noise_share: tuple[float, float, float]
     suggested: tuple[SuggestedManoeuvre, ...] = ()
     alternatives: tuple[LadderStep, ...] = ()
-    noise_share: tuple[float, float, float] | None = None
+    curve: LadderStep | None = None
+    formula: ScoredFormula | None = None
 
     @property
     def next_manoeuvre(self) -> str | None:
@@ -177,7 +221,10 @@ class Diagnosis:
                 for s in self.suggested
             ],
             "noise_floor_nrmse": self.noise_floor,
-            "noise_share": None if self.noise_share is None else list(self.noise_share),
+            "assumed": [each.to_dict() for each in self.ladder[-1].assumed],
+            "noise_share": list(self.noise_share),
+            "curve": None if self.curve is None else self.curve.to_dict(),
+            "formula": None if self.formula is None else self.formula.to_dict(),
             "vessel": self.vessel.name,
         }  # fmt: skip
 

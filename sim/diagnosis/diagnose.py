@@ -9,17 +9,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.answer import Diagnosis, LadderStep, candidates_of
+from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, falling
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.free_curve import find_free_curve
 from sim.diagnosis.heldout import HeldOutScorer, gain
 from sim.diagnosis.identifiability import refusals
-from sim.diagnosis.ladder import EffectSearch, Selection, is_worth_it
+from sim.diagnosis.ladder import EffectSearch, Selection, is_at_floor, is_worth_it
 from sim.diagnosis.next_experiment import SuggestedManoeuvre, by_information, by_separation
 from sim.diagnosis.ranking import RankedEffect
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
     is_above_noise,
+    is_above_stated,
+    is_curve_above_form,
+    is_more_than_form,
     remaining_dependences,
     rivals_of,
     summary_of,
@@ -29,7 +33,6 @@ from sim.diagnosis.verdict import (
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.identification.parameters import unknowns_of
-from sim.identification.runs import unstable_share
 from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
@@ -46,7 +49,6 @@ class DiagnoseSettings:
     most      effects that are added at most; 1: only the first, 0: only the ranking
     horizons  of the free runs [s]
     effects   the catalogue that is tried
-    tied      fit short runs that a filter ties together; None: where the hull is unstable on course
     plan      also work out which manoeuvres would tell more, even if nothing is confounded
     """
 
@@ -54,13 +56,16 @@ class DiagnoseSettings:
     most: int = 4
     horizons: tuple[float, ...] = (1.0, 3.0, 6.0)
     effects: tuple[Effect, ...] = field(default=EFFECTS)
-    tied: bool | None = None
     plan: bool = False
 
     def identify(self, vessel: Vessel) -> IdentifySettings:
-        """How the base is fitted along: near what was given, where that is a number at all."""
+        """How the base is fitted along: near what was given, where that is a number at all.
+
+        Runs are tied by a filter: free ones leave the track of a hull that is unstable on course
+        whatever the model, and on other hulls they name no more effects (benchmarks/hidden).
+        """
         given = {n: self.prior for n in BASE if getattr(vessel.dynamics, n) != 0.0}
-        return IdentifySettings(horizons=self.horizons, priors=given)
+        return IdentifySettings(horizons=self.horizons, priors=given, tied=True)
 
 
 def diagnose(
@@ -81,22 +86,28 @@ def diagnose(
         raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {needed:.0f} s are needed")
     plain = Model.of(vessel)
     present = {added.effect.name for added in vessel.effects}
-    effects = [e for e in settings.effects if e.name not in present]
+    effects = [e for e in settings.effects if e.name not in present and e.tables is None]
     refused = refusals(effects, plain, trials)
     effects = [e for e in effects if e.name not in {r.effect for r in refused}]
     progress("re-fitting the base")
-    superset = SupersetModel.of(vessel, effects)
+    superset = SupersetModel.of(vessel, effects, trials)
     base = fit_base(superset, plain, trials, settings)
     scorer = HeldOutScorer.of(trials, plain)
-    search = EffectSearch(superset, tuple(effects), settings.most, progress, mapper, scorer)
+    given = LadderStep((), "plain", scorer.score_model(plain), (), {}, vessel)
+    error = given.heldout.nrmse
+    search = EffectSearch(superset, tuple(effects), settings.most, progress, mapper, scorer, error)
     selection = search.run(base)
     progress("what is left")
-    given = LadderStep((), "plain", scorer.score_model(plain), (), {}, vessel)
-    fits = (selection.base, *selection.fits)
-    ladder, floor = (given, *(LadderStep.of(fit, scorer) for fit in fits)), scorer.noise_floor
+    refitted = LadderStep.of(selection.base, scorer)
+    first = refitted if refitted.heldout.nrmse < error else replace(given, base="kept")
+    added = [LadderStep.of(fit, scorer) for fit in selection.fits]
+    ladder, floor = falling([given, first, *added]), scorer.noise_floor
     last = ladder[-1]
-    left = remaining_dependences(selection, last.heldout.nrmse > thresholds.MAX_FLOORS * floor)
     noise_share = selection.fit.noise_share
+    above = last.heldout.nrmse > thresholds.MAX_FLOORS * floor
+    predicted = bool(selection.fits) and last.heldout.nrmse <= floor
+    whole = is_at_floor(noise_share) and not above
+    left = [] if predicted or whole else remaining_dependences(selection, above)
     alone = [LadderStep.of(row.fit, scorer) for row in selection.first.finalists]
     rivals = [rivals_of(step, selection.fit.names) for step in selection.steps]
     later = [
@@ -105,13 +116,27 @@ def diagnose(
         if step is not selection.first
         for row in of
     ]
-    added = [a.effect for a in selection.fit.added]
-    verdict = verdict_of(selection, rivals, left, is_above_noise(added, ladder, floor))
+    effects_found = [a.effect for a in selection.fit.added]
+    beyond = is_above_noise(effects_found, ladder, floor) or is_above_stated(
+        effects_found, noise_share
+    )
+    verdict = verdict_of(selection, rivals, left, beyond)
+    assumed = [each.description for each in last.assumed]
     names = [row.name for row in rivals_of(selection.first, last.effects)]
+    curve = None
+    more = max(noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
+    if verdict is Verdict.UNKNOWN or more:
+        curve = find_free_curve(vessel, selection, scorer, error, progress, mapper)
+        if curve and verdict is not Verdict.UNKNOWN:
+            beyond_form = curve.replaces or (
+                is_more_than_form(curve.gain, selection, above)
+                and is_curve_above_form(curve, effects_found, ladder, floor)
+            )
+            verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
     return Diagnosis(
         verdict=verdict,
-        summary=summary_of(verdict, ladder, rivals, left, floor),
-        base_changed=_base_changed(selection.base),
+        summary="; ".join((summary_of(verdict, ladder, rivals, left, floor, curve), *assumed)),
+        base_changed=first is refitted and _base_changed(selection.base),
         effects=last.effects,
         ladder=ladder,
         ranking=candidates_of(selection.first, alone, names),
@@ -123,8 +148,12 @@ def diagnose(
         suggested=_suggested(selection, rivals, settings.plan, progress),
         noise_share=noise_share,
         alternatives=tuple(
-            step for step in (*alone, *later) if step.effects not in {s.effects for s in ladder}
+            step
+            for step in (*alone, *later, *([curve.step] if curve else ()))
+            if step.effects not in {s.effects for s in ladder}
         ),
+        curve=curve.step if curve else None,
+        formula=curve.formula if curve else None,
     )
 
 
@@ -137,20 +166,11 @@ def fit_base(
     """
     vessel, how = plain.vessel, settings.identify(plain.vessel)
     own = [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
-    tied = settings.tied
-    if tied is None:
-        tied = is_unstable(trials, plain, how)
-    how = replace(how, free=(*how.free, *own), tied=tied)
+    how = replace(how, free=(*how.free, *own))
     shot = fit_by_shooting(FitInputs(unknowns_of(plain, len(trials), how), trials, how))
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
     return fit_effects([], unknowns, problem, shot.z)
-
-
-def is_unstable(trials: Sequence[Trial], plain: Model, how: IdentifySettings) -> bool:
-    """Whether free runs of the hull leave the track for most of some trial."""
-    shares = [unstable_share(trial, plain, how) for trial in trials]
-    return max(shares) > thresholds.MIN_UNSTABLE_SHARE
 
 
 def _suggested(

@@ -32,6 +32,7 @@ CHANGE_S = 0.5  # over which a change of commands is taken
 ACCELERATION_S = 1.0  # over which an acceleration is taken
 BINS = 10
 MIN_BIN_S = 4.0  # of time in a bin
+AGAINST_ITSELF = 3.0  # standard errors by which a curve points the other way than its points
 CORRELATED_S = 1.0  # rows within it count as one
 FULL_CIRCLE = ("heading", "phase")  # variables with bins of equal width, all the way round
 
@@ -122,11 +123,23 @@ class Evidence:
         left = float(np.sum((self.mean - self.curve) ** 2))
         return max(1.0 - left / total, 0.0) if total > 0.0 else 0.0
 
+    @property
+    def contradicts(self) -> bool:
+        """Whether the curve points significantly away from the points that it is to explain.
+
+        Points are weighted by their own errors; that is their regression on the curve.
+        """
+        sigma = 0.25 * (self.high - self.low)
+        weight = 1.0 / np.maximum(sigma, 1e-9 + 1e-3 * np.abs(self.mean)) ** 2
+        size = float(np.sum(weight * self.curve**2))
+        slope = float(np.sum(weight * self.curve * self.mean))
+        return size > 0.0 and slope < -AGAINST_ITSELF * np.sqrt(size)
+
 
 def evidence(trials: Sequence[Trial], vessels: Sequence[Vessel], effect: Effect) -> Evidence | None:
     """One vessel with the effect per trial; None where no two bins hold enough time."""
     rows = _Rows.of(trials, vessels, effect)
-    against = effect.evidence or _best_axis(rows)
+    against = effect.evidence_axis(rows.added[0].values) or _best_axis(rows)
     return rows.binned(against, rows.values(against))
 
 
@@ -236,9 +249,13 @@ def _mean(force: Floats, block: Floats, dt: float) -> tuple[float, float]:
 
 
 def evidence_of(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Evidence]:
-    """For each effect that was found, from the best vessel with the numbers of each recording."""
-    best = diagnosis.ladder[-1]
+    """For each effect that was found, from the best vessel with the numbers of each recording, and
+    for the curve of what none of them explains.
+    """
+    best, curve = diagnosis.ladder[-1], diagnosis.curve
     found = [evidence_on(best, name, trials) for name in best.effects]
+    if curve is not None:
+        found.append(evidence_on(curve, curve.effects[-1], trials))
     return [one for one in found if one is not None]
 
 

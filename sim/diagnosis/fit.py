@@ -43,6 +43,7 @@ from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel
 
 Rows = NDArray[np.bool_] | slice
+MEASURED = "does not count: these recordings measured what it stands for"
 
 
 class FoldFits(NamedTuple):
@@ -106,12 +107,10 @@ class Fit:
         return out
 
     @property
-    def noise_share(self) -> tuple[float, float, float] | None:
+    def noise_share(self) -> tuple[float, float, float]:
         """Standard deviation of what is left in u, v, r, over what the trials state for their
-        measured velocities, the largest of all trials; None where runs are not tied by a filter.
+        measured velocities, the largest of all trials.
         """
-        if not self.problem.settings.tied:
-            return None
         run_sets = self.problem.run_sets_for(self.unknowns, self.z)
         shares = [noise_of_runs(w, self.unknowns, self.z).sigma / w.track_std for w in run_sets]
         u, v, r = np.max(shares, axis=0)
@@ -182,7 +181,9 @@ def _without_slope(fit: Fit, added: AddedEffect, fitted: set[str]) -> list[Estim
         if name not in fitted:
             event = known[key].kind is Kind.MOMENT
             ends = event_interval(fit, name) if event else (value, value)
-            out.append(Estimate(name, known[key].unit, value, value, ends, True))
+            # of numbers only those have no slope that a measurement stands for
+            doubt = MEASURED if key in added.effect.fit_parameters else ""
+            out.append(Estimate(name, known[key].unit, value, value, ends, True, doubt=doubt))
     return out
 
 
@@ -190,7 +191,7 @@ def unknowns_for(
     superset: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:
     """What is fitted with these effects in the vessel; they give where its effects start."""
-    free = [f"{a.effect.name}.{key}" for a in added for key in a.effect.fit_parameters]
+    free = [name for a in added for name in superset.free_names(a.effect)]
     model = superset.with_added(added)
     unknowns = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
     return replace(unknowns, each=tuple(_bounded(u) for u in unknowns.each))

@@ -32,21 +32,36 @@ from sim.vessel import AddedEffect, Vessel
 
 @dataclass(frozen=True)
 class SupersetModel:
-    """A vessel, and the model that holds all of `effects` switched off beside it."""
+    """A vessel, and the model that holds all of `effects` switched off beside it.
+
+    measured   names of the effects whose cause all trials measured
+    """
 
     vessel: Vessel
     model: Model
     effects: tuple[Effect, ...]
+    measured: frozenset[str] = frozenset()
 
     @classmethod
-    def of(cls, vessel: Vessel, effects: Iterable[Effect]) -> "SupersetModel":
+    def of(
+        cls, vessel: Vessel, effects: Iterable[Effect], trials: Sequence[Trial] = ()
+    ) -> "SupersetModel":
         """The vessel with every effect that can be switched off."""
         present = {added.effect.name for added in vessel.effects}
         some = [e for e in effects if e.name not in present and not vessel.unmet_needs(e)]
         neutral = [(e, neutral_values(e)) for e in some]
         added = [AddedEffect(e, values) for e, values in neutral if values is not None]
         model = Model.of(vessel.with_effects(*added))
-        return cls(vessel, model, tuple(a.effect for a in added))
+        measured = frozenset(e.name for e in some if _is_measured(e, trials))
+        return cls(vessel, model, tuple(a.effect for a in added), measured)
+
+    def free_names(self, effect: Effect) -> list[str]:
+        """Numbers that a fit with the effect moves, as the model names them: its own, or those of
+        the vessel where all trials measured what they stand for.
+        """
+        if effect.measured is not None and effect.name in self.measured:
+            return list(effect.measured.fitted)
+        return [f"{effect.name}.{key}" for key in effect.fit_parameters]
 
     def with_added(self, added: Sequence[AddedEffect]) -> Model:
         """A model of the vessel with these effects, the others switched off."""
@@ -60,14 +75,24 @@ class SupersetModel:
         return replace(model, theta=theta)
 
 
+def _is_measured(effect: Effect, trials: Sequence[Trial]) -> bool:
+    """Whether every trial measured the cause of an effect over nearly all of its usable time."""
+    if effect.measured is None or not trials:
+        return False
+    known = [np.isfinite(getattr(t, effect.measured.column)[t.usable]) for t in trials]
+    return all(
+        np.mean(k.reshape(len(k), -1).all(axis=1)) > thresholds.MIN_MEASURED_SHARE for k in known
+    )
+
+
 def neutral_values(effect: Effect) -> Mapping[str, float] | None:
     """Parameters with which the effect does nothing; None where its numbers cannot say so.
 
     Still air resists a boat that moves, so wind cannot be switched off. Mixed-up plugs are few
     enough for a kernel of their own, and would slow all others down.
     """
-    states = effect.thrust_rate or effect.angle_rate or effect.rate
-    if states or effect.wiring or all(p.neutral is None for p in effect.parameters):
+    apart = effect.tables or effect.thrust_rate or effect.angle_rate or effect.rate
+    if apart or effect.wiring or all(p.neutral is None for p in effect.parameters):
         return None
     return {p.name: p.start if p.neutral is None else p.neutral for p in effect.parameters}
 

@@ -17,7 +17,7 @@ are more alike than the whitening says: several rows count as one. p is the prio
 win `CATALOGUE_PRIOR_NATS` to be as probable as that nothing is missing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -101,12 +101,14 @@ class HeldOutScorer:
         """A vessel that was not fitted: all of its time is held out."""
         return _pooled([self._squares(i, [model]) for i in range(len(self.trials))])
 
-    def score_fit(self, fit: Fit) -> HeldOutScore:
-        """A fit, each block by the fit without it."""
+    def score_fit(self, fit: Fit, changed: Callable[[Floats], Floats] = np.array) -> HeldOutScore:
+        """A fit, each block by the fit without it; `changed`: parameters (P,) -> those to score."""
         model = fit.unknowns.model
         return _pooled([
             self._squares(
-                i, [replace(model, theta=t) for t in fit.unknowns.theta(fit.fold_fits.z, i)],
+                i,
+                [replace(model, theta=changed(t))
+                 for t in fit.unknowns.theta(fit.fold_fits.z, i)],
                 fit.problem.fold_at(i, trial.time),
             )
             for i, trial in enumerate(self.trials)

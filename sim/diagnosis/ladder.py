@@ -71,9 +71,27 @@ def is_worth_it(g: Gain) -> bool:
     return (large and in_most) or (enough and in_few)
 
 
+def is_at_floor(noise_share: Sequence[float]) -> bool:
+    """Whether no more is left in u, v, r than the recordings state as noise (`Fit.noise_share`)."""
+    return max(noise_share) < thresholds.MAX_NOISE_SHARE
+
+
+def helps(scorer: HeldOutScorer, before: Fit, after: Fit, given: float) -> bool:
+    """Whether predictions of unseen time become noticeably better, also than as `given`; at the
+    noise floor more is asked.
+    """
+    best = min(scorer.score_fit(before).nrmse, given)
+    at_floor = is_at_floor(before.noise_share) or best <= scorer.noise_floor
+    ratio = thresholds.MAX_NRMSE_RATIO_AT_FLOOR if at_floor else thresholds.MAX_NRMSE_RATIO
+    return scorer.score_fit(after).nrmse < ratio * best
+
+
 @dataclass(frozen=True)
 class EffectSearch:
-    """The catalogue of one diagnosis, how many effects may be added, and what scores them."""
+    """The catalogue of one diagnosis, how many effects may be added, and what scores them.
+
+    given   error on unseen time of the vessel as it was given: no effect may leave more
+    """
 
     superset: SupersetModel
     effects: tuple[Effect, ...]
@@ -81,6 +99,7 @@ class EffectSearch:
     progress: Progress
     mapper: Mapper
     scorer: HeldOutScorer
+    given: float
 
     def run(self, base: Fit) -> Selection:
         """Greedy, then swapped, then backward."""
@@ -97,7 +116,7 @@ class EffectSearch:
                 break
             ranking, more = self.ranked(fit, steps)
         steps, fit = self._backward(steps, fit)
-        if not steps:
+        if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")
         last = final_fit(fit)
@@ -125,16 +144,24 @@ class EffectSearch:
 
     def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
         """Whether one of a ranking should be added to what was found so far."""
-        won = sum(step.best.gain.nats for step in steps)
         least = thresholds.MIN_NATS_IN_FEW_BLOCKS if steps else 0.0
-        least = max(thresholds.MIN_SHARE_OF_EARLIER * won, least)
-        enough = is_missed(row.effect, row.gain) and row.gain.nats >= least
-        return enough and self.helps(fit, row.fit)
+        if not is_missed(row.effect, row.gain) or row.gain.nats < least:
+            return False
+        won = sum(step.best.gain.nats for step in steps)
+        is_more_than_form = row.gain.nats >= thresholds.MIN_SHARE_OF_EARLIER * won
+        return self.helps(fit, row.fit) and (is_more_than_form or self._is_large(fit, row.fit))
+
+    def _is_large(self, before: Fit, after: Fit) -> bool:
+        """Whether an effect takes away more of the error on unseen time than the form of earlier
+        effects leaves: who has found a strong current has not yet found a small offset.
+        """
+        error, left = (self.scorer.score_fit(fit).nrmse for fit in (before, after))
+        above = self.given**2 - self.scorer.noise_floor**2
+        return error**2 - left**2 > thresholds.MIN_SHARE_OF_BASE_ERROR * above
 
     def helps(self, before: Fit, after: Fit) -> bool:
         """Whether predictions become noticeably better."""
-        score = self.scorer.score_fit
-        return score(after).nrmse < thresholds.MAX_NRMSE_RATIO * score(before).nrmse
+        return helps(self.scorer, before, after, self.given)
 
     def rank(self, fit: Fit) -> Ranking:
         """What could come next."""
@@ -144,8 +171,12 @@ class EffectSearch:
         return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper)
 
     def _others(self, fit: Fit) -> list[Effect]:
-        """The effects that a fit does not hold."""
-        return [e for e in self.effects if e.name not in fit.names]
+        """The effects that a fit does not hold, whole or as a part of another."""
+        inside = {a.effect.contains for a in fit.added}
+        return [
+            e for e in self.effects
+            if e.name not in fit.names and e.name not in inside and e.contains not in fit.names
+        ]  # fmt: skip
 
     def _swapped(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """The earlier effects chosen again beside the last one."""

@@ -16,8 +16,11 @@ from sim.diagnosis.fit import Fit, fit_effects, with_given_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import Gain, gain, per_block, probabilities
 from sim.diagnosis.screening import Mapper, Progress, ScreeningResult, screen
+from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.model import Model
+
+CATALOGUE = frozenset(effect.name for effect in EFFECTS)
 
 
 @dataclass(frozen=True)
@@ -78,10 +81,17 @@ def rank(
 
 
 def select_finalists(results: Sequence[ScreeningResult]) -> list[ScreeningResult]:
-    """Those worth a whole fit: with a share of the best one's promise, and a few more."""
+    """Those worth a whole fit: with a share of the best one's promise, and a few more.
+
+    Fitted whatever they promise: an effect that is not of the catalogue, for somebody asks for it,
+    and the special case of a general form, which comes first if it does as well.
+    """
     costs, few = [r.cost for r in results], results[: thresholds.MAX_FINALISTS]
     least = max(costs) - thresholds.MIN_PROMISE * (max(costs) - costs[0])
-    return [r for i, r in enumerate(few) if i < thresholds.MIN_FINALISTS or r.cost < least]
+    chosen = [r for i, r in enumerate(few) if i < thresholds.MIN_FINALISTS or r.cost < least]
+    special = {r.added.effect.general_of for r in chosen}
+    wanted = [r for r in results if r.name in special or r.name not in CATALOGUE]
+    return [*chosen, *(r for r in wanted if r not in chosen)]
 
 
 def _rank_finalists(

@@ -1,8 +1,9 @@
 """Screening of the whole catalogue: where each effect would best begin, and what it promises.
 
-From each start one damped Gauss–Newton step of the effect's own numbers together with those of the
-reference, whose slopes are worked out once; from the best start a few more. This costs little
-enough to try a hundred starts: the fit that decides comes later, for the few that promise most.
+From each start a damped Gauss–Newton step or two of the effect's own numbers together with those
+of the reference, whose slopes are worked out once; from the best start as many as lead on. This
+costs little enough to try a hundred starts: the fit that decides comes later, for the few that
+promise most.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, start_values, unknowns_for
+from sim.diagnosis.fit import Fit, start_values, unknowns_for, with_given_base
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
@@ -54,23 +55,59 @@ def screen(
 ) -> list[ScreeningResult]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
 
-    `model` is the vessel as the reference has it: waves are looked for in what it lacks. `mapper`
-    may be that of a pool of threads: the kernels leave the interpreter free.
+    `model` is the vessel as the reference has it: waves are looked for in what it lacks. Where the
+    reference moved the base far, the search begins from the base as it was given too: what stands
+    in for the missing effect keeps it from its place. `mapper` may be that of a pool of threads:
+    the kernels leave the interpreter free.
     """
-    fine, coarse = (
-        _Screening.of(superset, reference, reference.problem.thinned(rows))
-        for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
-    )
+    given = with_given_base(reference.unknowns, reference.z)
+    references = [reference] if given is None else [reference, replace(reference, z=given)]
+    pairs = [
+        [
+            _Screening.of(superset, like, like.problem.thinned(rows))
+            for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
+        ]
+        for like in references
+    ]
 
     def best(effect: Effect) -> ScreeningResult | None:
         progress(effect.name)
-        starts = start_points(effect, model, reference.problem.trials)
-        return fine.best(
-            effect, coarse.few(effect, starts) if len(starts) > thresholds.MANY_STARTS else starts
-        )
+        starts, found = start_points(effect, model, reference.problem.trials), []
+        if effect.measured is not None and effect.name in superset.measured:
+            starts = [effect.measured.values]
+        for fine, coarse in pairs:
+            begins = [fine.at(effect, start) for start in starts]
+            many = len(starts) > thresholds.MANY_STARTS
+            found.append(fine.best(coarse.few(begins) if many else begins))
+        return min((r for r in found if r is not None), key=lambda r: r.cost, default=None)
 
-    results = [r for r in mapper(best, effects) if r is not None]
-    return sorted(results, key=lambda r: r.cost)
+    results = {r.name: r for r in mapper(best, effects) if r is not None}
+    for general in list(results.values()):
+        special = results.get(general.added.effect.general_of)
+        again = _from_general(pairs[0][0], special, general) if special else None
+        if again is not None and again.cost < results[again.name].cost:
+            results[again.name] = again
+    return sorted(results.values(), key=lambda r: r.cost)
+
+
+def _from_general(
+    screening: "_Screening", special: ScreeningResult, general: ScreeningResult
+) -> ScreeningResult | None:
+    """A special case begun where its general form ended; None where they share no parameter.
+
+    A general form with more starts may lead where those of the special case do not.
+    """
+    found, name = general.unknowns, general.name
+    theta = found.theta(np.clip(general.z, *found.bounds)[None], 0)[0]
+    own = {
+        key.partition(".")[2]: float(x)
+        for key, x in zip(found.model.names, theta, strict=True)
+        if key.startswith(f"{name}.")
+    }
+    start = {key: own.get(key, value) for key, value in special.added.values.items()}
+    if not own.keys() & start.keys():
+        return None
+    return screening.best([screening.at(special.added.effect, start)])
 
 
 @dataclass(frozen=True)
@@ -89,9 +126,9 @@ class _Screening:
         _, jacobian = residuals_and_jacobian(residuals, unknowns, z, np.arange(len(unknowns)))
         return cls(superset, reference, problem, jacobian)
 
-    def best(self, effect: Effect, starts: Sequence[Values]) -> ScreeningResult | None:
-        """From every start one step; from the best one a few more."""
-        tried = [r for r in (self._step(self._at(effect, s)) for s in starts) if r is not None]
+    def best(self, begins: Sequence[ScreeningResult]) -> ScreeningResult | None:
+        """From every beginning one step; from the best one more, as long as they lead on."""
+        tried = [r for r in map(self._step, begins) if r is not None]
         if not tried:
             return None
         best = min(tried, key=lambda r: r.cost)
@@ -100,29 +137,45 @@ class _Screening:
             if further is None or further.cost >= best.cost * (1.0 - thresholds.MIN_COST_DECREASE):
                 break
             best = further
-        moment = next((p.name for p in effect.parameters if p.kind is Kind.MOMENT), None)
+        parameters = best.added.effect.parameters
+        moment = next((p.name for p in parameters if p.kind is Kind.MOMENT), None)
         return best if moment is None else self._closed_in(best, moment)
 
     def _closed_in(self, best: ScreeningResult, moment: str) -> ScreeningResult:
-        """The moment of an event by bisection: no slope leads to it."""
+        """The moment of an event by bisection: no slope leads to it.
+
+        First all along the recording again: few rows may have none around the moment itself.
+        """
         longest = max(float(t.time[-1]) for t in self.problem.trials)
-        apart = 0.5 * longest / (MOMENT_STARTS + 1)
+        every = np.linspace(0.0, longest, 2 * MOMENT_STARTS + 3)[1:-1]
+        best = self._best_moment(best, moment, every)
+        apart = 0.25 * longest / (MOMENT_STARTS + 1)
         while apart > thresholds.MOMENT_RESOLUTION_S:
-            values, near = best.added.values, []
-            for d in (-apart, apart):
-                moved = self._at(best.added.effect, {**values, moment: values[moment] + d})
-                near.append(self._step(replace(moved, z=best.z)))
-            best = min([best, *(r for r in near if r is not None)], key=lambda r: r.cost)
+            now = best.added.values[moment]
+            best = self._best_moment(best, moment, (now - apart, now + apart))
             apart *= 0.5
         return best
 
-    def few(self, effect: Effect, starts: Sequence[Values]) -> list[Values]:
-        """The starts that lead furthest in one step."""
-        tried = [self._step(self._at(effect, s)) for s in starts]
-        costs = [(r.cost, i) for i, r in enumerate(tried) if r is not None]
-        return [starts[i] for _, i in sorted(costs)[: thresholds.MANY_STARTS // 2]]
+    def _best_moment(
+        self, best: ScreeningResult, moment: str, times: Iterable[float]
+    ) -> ScreeningResult:
+        """One step from each of these moments; the best where none leads further down."""
+        tried = []
+        for time in times:
+            moved = self.at(best.added.effect, {**best.added.values, moment: float(time)})
+            tried.append(self._step(replace(moved, z=best.z)))
+        return min([best, *(r for r in tried if r is not None)], key=lambda r: r.cost)
 
-    def _at(self, effect: Effect, start: Values) -> ScreeningResult:
+    def few(self, begins: Sequence[ScreeningResult]) -> list[ScreeningResult]:
+        """Where those lead that lead furthest: two steps from all, two more from every fourth."""
+        left, keep = list(begins), max(len(begins) // 4, thresholds.MANY_STARTS)
+        for most in (keep, thresholds.MANY_STARTS // 2):
+            for _ in range(thresholds.COARSE_STEPS):
+                left = [r for r in map(self._step, left) if r is not None]
+            left = sorted(left, key=lambda r: r.cost)[:most]
+        return left
+
+    def at(self, effect: Effect, start: Values) -> ScreeningResult:
         """A start, before the first step."""
         added = AddedEffect(effect, dict(start))
         trials, settings = len(self.problem.trials), self.problem.settings

@@ -4,13 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, Verdict
+from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.heldout import Gain
 from sim.diagnosis.ladder import Selection, is_worth_it
 from sim.diagnosis.ranking import RankedEffect, Ranking
 from sim.diagnosis.residual_terms import Dependence, dependences
 from sim.effects.effect import Effect
+
+TIME = "time"  # of `force_terms.GROUPS`
 
 
 def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]:
@@ -52,11 +56,39 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
     An effect in nature's own form may leave a few floors. Beside what is but a part of what nature
     does (one train of waves) the error alone tells nothing.
     """
-    base, last = ladder[1].heldout.nrmse, ladder[-1].heldout.nrmse
+    last = ladder[-1].heldout.nrmse
     floors = thresholds.MAX_FLOORS_WITH_EFFECTS if effects else thresholds.MAX_FLOORS
     if any(e.partial for e in effects) or last <= floors * floor:
         return False
-    return last**2 - floor**2 > thresholds.MIN_SHARE_OF_BASE_ERROR * (base**2 - floor**2)
+    return _is_more_than_form_leaves(last, floor, effects, ladder, floor)
+
+
+def is_curve_above_form(
+    curve: FreeCurve, effects: Sequence[Effect], ladder: Sequence[LadderStep], floor: float
+) -> bool:
+    """Whether a curve beside effects takes away more error than nature's own form leaves."""
+    last, after = ladder[-1].heldout.nrmse, curve.step.heldout.nrmse
+    return _is_more_than_form_leaves(last, after, effects, ladder, floor)
+
+
+def _is_more_than_form_leaves(
+    error: float, after: float, effects: Sequence[Effect], ladder: Sequence[LadderStep],
+    floor: float,
+) -> bool:  # fmt: skip
+    """Whether the squared error between two is a noticeable share of what the base alone left."""
+    share = max([thresholds.MIN_SHARE_OF_BASE_ERROR, *(e.unsteady for e in effects)])
+    return error**2 - after**2 > share * (ladder[1].heldout.nrmse ** 2 - floor**2)
+
+
+def is_above_stated(effects: Sequence[Effect], share: Sequence[float]) -> bool:
+    """Whether surge and sway are left with more than the recordings state as noise can be.
+
+    `share`: of u, v, r, `Diagnosis.noise_share`. The yaw rate tells nothing here: gusts shake it.
+    """
+    if any(e.partial for e in effects):
+        return False
+    most = thresholds.MAX_NOISE_SHARE_WITH_EFFECTS if effects else thresholds.MAX_NOISE_SHARE_ALONE
+    return max(share[:2]) > most
 
 
 def remaining_dependences(selection: Selection, above_noise: bool) -> list[Dependence]:
@@ -65,16 +97,25 @@ def remaining_dependences(selection: Selection, above_noise: bool) -> list[Depen
     However small: a free run of ten seconds may hardly tell what six hundred of them do.
     """
     return [
-        d for d in dependences(selection.fit) if is_more_than_form(d.gain, selection, above_noise)
+        d
+        for d in dependences(selection.fit)
+        if is_more_than_form(d.gain, selection, above_noise, of_time=d.on == TIME)
     ]
 
 
-def is_more_than_form(g: Gain, selection: Selection, above_noise: bool) -> bool:
-    """Whether what is left is more than a form that nature chose a little differently."""
+def is_more_than_form(
+    g: Gain, selection: Selection, above_noise: bool, *, of_time: bool = False
+) -> bool:
+    """Whether what is left is more than a form that nature chose a little differently.
+
+    `of_time`: it depends on the time, as gusts do that a steady wind leaves.
+    """
     won = sum(step.best.gain.nats for step in selection.steps)
     share = thresholds.MAX_FORM_SHARE_ABOVE_NOISE if above_noise else thresholds.MAX_FORM_SHARE
     if any(a.effect.partial for a in selection.fit.added):
         share = thresholds.MAX_FORM_SHARE_PARTIAL
+    if of_time:
+        share = max([share, *(a.effect.unsteady for a in selection.fit.added)])
     return is_worth_it(g) and g.nats > max(thresholds.MIN_RESIDUAL_NATS, share * won)
 
 
@@ -87,23 +128,43 @@ def unexplained_share(ladder: Sequence[LadderStep], floor: float) -> float:
 
 def summary_of(
     verdict: Verdict, ladder: Sequence[LadderStep], rivals: Sequence[Sequence[RankedEffect]],
-    left: Sequence[Dependence], floor: float,
+    left: Sequence[Dependence], floor: float, curve: FreeCurve | None = None,
 ) -> str:  # fmt: skip
     """The answer in one sentence."""
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
-    fell = f"the error on unseen time falls from {first:.3f} to {last:.3f} (noise {floor:.3f})"
+    fell = f"{_changed(first, last)} (noise {floor:.3f})"
     if verdict is Verdict.ADEQUATE:
-        return (
-            "no effect of the catalogue is missing as far as these data can tell: "
-            f"{first:.3f} as given, {base:.3f} with the base re-fitted (noise {floor:.3f})"
-        )
+        refit = f"{base:.3f} with the base re-fitted"
+        if ladder[1].base == "kept":
+            refit = "no better with the base re-fitted"
+        numbers = f"{first:.3f} as given, {refit} (noise {floor:.3f})"
+        if judge(min(first, base), floor) is Judgement.UNJUDGED:
+            return f"these data cannot tell whether anything is missing, noise hides it: {numbers}"
+        return f"no effect of the catalogue is missing as far as these data can tell: {numbers}"
     if verdict is Verdict.EXPLAINED:
         return f"{names}: {fell}"
     if verdict is Verdict.CONFOUNDED:
         others = sorted({r.name for step in rivals for r in step})
         return f"{names}: {fell}; these data cannot tell it from {' or '.join(others)}"
-    known = f"{names} helps, {fell}, but " if ladder[-1].effects else ""
+    known = f"{names} helps, {fell}, but " if names else ""
+    if curve is not None:
+        below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
+        nearest = f"; nearest to it comes {names}, {fell}" if names and curve.replaces else ""
+        if curve.formula is not None:
+            below += f"; as well does {curve.formula.formula.text} ({curve.formula.nrmse:.3f})"
+        return (
+            f"{'' if nearest else known}something is missing that the catalogue does not hold: "
+            f"{curve.description}; with that curve {below}{nearest}"
+        )
     no_noise = "what is left is no noise, and follows nothing that was looked for"
     rest = left[0].description if left else no_noise
     return f"{known}something is missing that the catalogue does not hold: {rest}"
+
+
+def _changed(first: float, last: float) -> str:
+    """From where to where the error on unseen time goes, as it is printed."""
+    a, b = f"{first:.3f}", f"{last:.3f}"
+    if a == b:
+        return f"the error on unseen time stays at {a}"
+    return f"the error on unseen time {'falls' if last < first else 'rises'} from {a} to {b}"

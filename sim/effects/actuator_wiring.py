@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
+from sim.effects.words import FittedValues
 
 MAX_ACTUATORS = 9  # one decimal digit each
 
@@ -54,6 +55,23 @@ def _mirrored(vessel: Any) -> str:
     return "".join(digits)
 
 
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    order, backwards = (str(int(p[name])) for name in ("order", "reversed"))
+    moved = [
+        (i, int(digit)) for i, digit in enumerate(order, 1) if order != "0" and int(digit) != i
+    ]
+    parts = []
+    if len(moved) == 2:
+        parts.append(f"outputs {moved[0][0]} and {moved[1][0]} are exchanged")
+    elif moved:
+        parts.append(", ".join(f"actuator {i} gets what is meant for {j}" for i, j in moved))
+    if backwards != "0":
+        verb = "runs" if len(backwards) == 1 else "run"
+        parts.append(f"actuator {' and '.join(backwards)} {verb} the wrong way round")
+    return " and ".join(parts) or "the actuators are wired as the vessel file says"
+
+
 EFFECT = Effect(
     name="actuator_wiring",
     scope=Scope.BOAT,
@@ -85,5 +103,6 @@ EFFECT = Effect(
     looks_like="turns to the wrong side, or goes astern, or turns when it should go straight on",
     evidence=EvidenceAxis(ForceAxis.YAW, "helm"),
     search=wirings,
+    in_words=in_words,
     example={"order": 21.0, "reversed": 0.0},
 )

@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -22,6 +23,13 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     inflow = flow.u * np.cos(drive.azimuth) + flow.v * np.sin(drive.azimuth)
     left = np.maximum(1.0 - p.per_mps * np.maximum(inflow, 0.0), 0.0)
     return F * (1.0 + (F > 0.0) * (left - 1.0))
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (
+        f"the propellers lose {p.size('per_mps', '%', 100.0)} of their thrust with each m/s ahead"
+    )
 
 
 EFFECT = Effect(
@@ -35,4 +43,5 @@ EFFECT = Effect(
     "motors stop",
     mistaken_for=("cubic_drag", "towed_load"),
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
+    in_words=in_words,
 )

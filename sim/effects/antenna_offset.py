@@ -11,6 +11,7 @@ from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import FittedValues
 from sim.state import to_world
 
 
@@ -30,6 +31,13 @@ def observe(report: Report, p: Any) -> Report:
     )
 
 
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    along, across = p.side("x", " ahead", " aft"), p.side("y", " to starboard", " to port")
+    return (f"the antenna does not sit where the file says, but {p.size('x', 'm', after=along)} "
+            f"and {p.size('y', 'm', after=across)} of there")  # fmt: skip
+
+
 EFFECT = Effect(
     name="antenna_offset",
     scope=Scope.BOAT,
@@ -42,4 +50,5 @@ EFFECT = Effect(
     "spots on the track that swing around the boat",
     mistaken_for=("cross_damping", "cg_offset"),
     evidence=EvidenceAxis(ForceAxis.SWAY, "turn_rate"),
+    in_words=in_words,
 )

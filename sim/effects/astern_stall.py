@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -22,6 +23,12 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     inflow = flow.u * np.cos(drive.azimuth) + flow.v * np.sin(drive.azimuth)
     left = np.maximum(1.0 - p.per_mps * np.maximum(inflow - p.above, 0.0), 0.0)
     return F * (1.0 + (F < 0.0) * (left - 1.0))
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (f"motors that go astern while the boat runs ahead lose {p.size('per_mps', '%', 100.0)} "
+            f"of their thrust with each m/s above {p['above']:.1f} m/s")  # fmt: skip
 
 
 EFFECT = Effect(
@@ -37,4 +44,5 @@ EFFECT = Effect(
     mistaken_for=("reverse_loss",),
     shown_by=(Shown.ASTERN,),
     evidence=EvidenceAxis(ForceAxis.SURGE, "astern"),
+    in_words=in_words,
 )

@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -22,6 +23,11 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     known = 1.0 * np.isfinite(flow.voltage)
     ratio = np.fmax(flow.voltage, 0.0) / p.nominal  # fmax: NaN becomes 0
     return F * (1.0 + known * (ratio * ratio - 1.0))
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"thrust falls with the battery: it is full at {p.size('nominal', 'V')}"
 
 
 EFFECT = Effect(
@@ -42,4 +48,5 @@ EFFECT = Effect(
         ),
         "thrust_curve": Separation("one run with a full and one with a tired battery", "ramp"),
     },
+    in_words=in_words,
 )

@@ -20,6 +20,7 @@ from sim.effects.effect import (
     Scope,
     Separation,
 )
+from sim.effects.words import FittedValues
 from sim.state import Inertia
 
 
@@ -30,6 +31,14 @@ def inertia(M: Inertia, flow: Flow, p: Any) -> Inertia:
 
 
 SPINS_BOTH_WAYS = Separation("spin on the spot to the left and to the right, and go astern", "spin")
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "the centre of gravity lies " + p.size(
+        "x_g", "m", after=p.side("x_g", " ahead of", " aft of") + " the middle"
+    )
+
 
 EFFECT = Effect(
     name="cg_offset",
@@ -55,4 +64,5 @@ EFFECT = Effect(
         "thruster_imbalance": SPINS_BOTH_WAYS,
         "thruster_misalignment": SPINS_BOTH_WAYS,
     },
+    in_words=in_words,
 )

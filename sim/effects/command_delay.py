@@ -9,11 +9,17 @@ and Murray, Feedback Systems, 2nd ed. 2021, (time delays).
 from typing import Any
 
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown, Symptom
+from sim.effects.words import FittedValues
 
 
 def delay(p: Any) -> float:
     """How much later all commands act [s]."""
     return p.delay
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"commands act {p.size('delay', 's')} late"
 
 
 EFFECT = Effect(
@@ -27,4 +33,5 @@ EFFECT = Effect(
     shown_by=(Shown.COMMANDS,),
     evidence=EvidenceAxis(ForceAxis.SURGE, "throttle_change"),
     explains=(Symptom.LATE_COMMANDS,),
+    in_words=in_words,
 )

@@ -8,12 +8,14 @@ for: permanent magnetism, small angles. Source: Bowditch, American Practical Nav
 chapters on compasses (semicircular deviation, coefficients B and C).
 """
 
+from math import degrees, hypot
 from typing import Any
 
 import numpy as np
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
+from sim.effects.words import FittedValues
 from sim.state import to_body
 
 
@@ -37,6 +39,12 @@ def observe(report: Report, p: Any) -> Report:
     )
 
 
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    most = degrees(hypot(p["b"], p["c"]))
+    return f"the compass is turned by iron on board, by up to {most:.1f}° on some headings"
+
+
 EFFECT = Effect(
     name="compass_deviation",
     scope=Scope.BOAT,
@@ -55,4 +63,5 @@ EFFECT = Effect(
             "full circles: a deviation changes with the heading, an offset does not", "circles"
         )
     },
+    in_words=in_words,
 )

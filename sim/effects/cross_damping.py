@@ -19,12 +19,21 @@ from sim.effects.effect import (
     Scope,
     Separation,
 )
+from sim.effects.words import FittedValues
 from sim.state import Wrench
 
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water -> X, Y, N [N, N, N m]."""
     return Wrench(0.0, p.Y_r * flow.r, p.N_v * flow.v)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (
+        f"a turn pushes the hull sideways, and slipping turns it: {p.size('Y_r', 'N')} to "
+        f"{p.side('Y_r', 'starboard', 'port')} at 1 rad/s to starboard"
+    )
 
 
 EFFECT = Effect(
@@ -44,5 +53,6 @@ EFFECT = Effect(
         ),
         "hull_lift": TURN_SLOW_AND_FAST,
     },
+    in_words=in_words,
     pattern_for=("always",),
 )

@@ -10,12 +10,21 @@ from typing import Any
 
 from sim.body import Flow
 from sim.effects.effect import COAST_DOWN, Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import FittedValues
 from sim.state import Wrench
 
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water, scalars or arrays -> X, Y, N [N, N, N m]."""
     return Wrench(p.X_uuu * flow.u**3, 0.0, 0.0)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (
+        f"drag rises more steeply at speed: {p.size('X_uuu', 'N')} more at 1 m/s, eight times "
+        "that at 2 m/s"
+    )
 
 
 EFFECT = Effect(
@@ -29,5 +38,6 @@ EFFECT = Effect(
     mistaken_for=("thrust_curve", "advance_loss"),
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
     separated={"thrust_curve": COAST_DOWN, "advance_loss": COAST_DOWN},
+    in_words=in_words,
     pattern_for=("speed",),
 )

@@ -13,6 +13,7 @@ import numpy as np
 
 from sim.body import Flow
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
+from sim.effects.words import FittedValues
 from sim.state import Wrench
 
 
@@ -20,6 +21,11 @@ def force(flow: Flow, p: Any) -> Wrench:
     """Velocity through the water and time -> X, Y, N [N, N, N m]."""
     damping = (flow.body.X_u + flow.body.X_uu * np.abs(flow.u)) * flow.u
     return Wrench(p.rate * np.maximum(flow.time, 0.0) * damping, 0.0, 0.0)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"drag grows by {p.size('rate', '%', 6000.0)} a minute"
 
 
 EFFECT = Effect(
@@ -39,4 +45,5 @@ EFFECT = Effect(
             "the same run at the beginning and at the end, with a coast to a stop in each", "steps"
         )
     },
+    in_words=in_words,
 )

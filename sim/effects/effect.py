@@ -1,15 +1,16 @@
 """What an effect is: one physical cause that a model may or may not contain.
 
 A law is a module-level function on floats or arrays, ufuncs only (`np.maximum`, never `if`), so
-that the very same function runs on arrays in numpy and compiled on scalars. `p` is a tuple of the
-effect's parameters by name. `command` and `angle` are asked once per interval of held commands,
-all others at every stage of a step. An effect acts in one or more places:
+that the very same function runs on arrays in numpy and compiled on scalars. `p` holds the effect's
+parameters by name. `command` and `angle` are evaluated once per interval of held commands, all
+others at every stage of a step. An effect acts in one or more places:
 
     wiring(commands, place, p) -> c      of all commands, that of the actuator at `place` (0, 1, …)
     command(c, drive, p) -> c            the command of a thruster, before its thrust curve
     thrust(F, drive, flow, p) -> F       the thrust of a thruster [N]
     thrust_rate(F, state, drive, p)      the thrust that acts becomes a state with this rate [N/s]
     turn(azimuth, drive, flow, p)        the direction of a thruster [rad]
+    reaction(F, drive, flow, p)          -> Wrench: force on the hull beside a thruster's own
     angle(δ, blade, p) -> δ              the angle of a rudder or steered motor [rad]
     angle_rate(δ, state, blade, p)       the angle that acts becomes a state with this rate [rad/s]
     delay(p) -> s                        all commands act that much later
@@ -27,14 +28,16 @@ manoeuvre tells it from another effect, which values show it.
 """
 
 import inspect
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import InitVar, dataclass, field, fields
 from enum import Enum, IntEnum
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim.effects.words import FittedValues
 from sim.state import Floats
 
 Law = Callable[..., Any]
@@ -58,12 +61,13 @@ class Kind(Enum):
     CIRCLE = "circle"  # an angle [rad]: all around is the same place
     MOMENT = "moment"  # of an event [s]: nothing changes until it passes a sample
     CHOICE = "choice"  # a whole number
+    FIXED = "fixed"  # no search moves it: the range of a table
 
 
 class Need(Enum):
     """What a vessel must have for an effect to act on it."""
 
-    WIND_AREA = "hull.wind_area, the frontal and lateral area above water [m²]"
+    WIND_AREA = "hull.wind_area, the frontal and lateral area above water [m²]"  # else assumed
     PORT_THRUSTER = "a thruster to port of the centre line"
     STEERING = "a rudder or a steered motor"
 
@@ -142,6 +146,7 @@ class ResidualForce(NamedTuple):
 
 
 Values = Mapping[str, float]
+Intervals = Mapping[str, tuple[float, float]]
 QUARTERS = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)  # rad, of a circle
 THIRDS = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)  # rad
 
@@ -172,8 +177,16 @@ class Parameter:
     role: Role | None = None
     starts: tuple[float, ...] = ()
     direction: str = ""
+    says: InitVar[str | None] = None  # the name of `description` in 0.1
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, says: str | None) -> None:
+        if says is not None:
+            warnings.warn(
+                f"parameter {self.name}: write description= instead of says=",
+                DeprecationWarning,
+                stacklevel=3,  # the line of the effect's file
+            )
+            object.__setattr__(self, "description", self.description or says)
         if not self.lower <= self.start <= self.upper:
             raise ValueError(
                 f"parameter {self.name}: start {self.start} is outside {self.lower} … {self.upper}"
@@ -192,6 +205,47 @@ def circular_parameter(
     )  # fmt: skip
 
 
+class Assumption(NamedTuple):
+    """What had to be assumed for the numbers of an effect that was found, and what that costs.
+
+    description  a sentence, without the name of the effect
+    ci95         parameter -> its interval with what was assumed being off
+    numbers      name with unit -> value, for programs
+    """
+
+    description: str
+    ci95: Mapping[str, tuple[float, float]]
+    numbers: Mapping[str, float]
+
+
+class Formula(NamedTuple):
+    """A short law that may stand for a table.
+
+    form     its name among those that `sim.effects.formulas` holds
+    text     the equation with its numbers
+    numbers  by name, SI
+    values   the table as the formula has it
+    """
+
+    form: str
+    text: str
+    numbers: Mapping[str, float]
+    values: "Values"
+
+
+class Measured(NamedTuple):
+    """An effect whose cause may be measured: its own parameters do not count there.
+
+    column  of a trial (`wind`), NaN where it was not measured
+    fitted  numbers of the vessel, by the names of `Body`, that are fitted instead
+    values  of the parameters: what acts where it was not measured
+    """
+
+    column: str
+    fitted: tuple[str, ...]
+    values: Values
+
+
 TIME_OF_CHANGE = Parameter(
     "time", "s", lower=0.0, upper=1e5, start=60.0, scale=5.0, description="after the first sample",
     kind=Kind.MOMENT,
@@ -199,7 +253,7 @@ TIME_OF_CHANGE = Parameter(
 
 
 LAWS = (
-    "wiring", "command", "thrust", "thrust_rate", "turn", "angle", "angle_rate",
+    "wiring", "command", "thrust", "thrust_rate", "turn", "reaction", "angle", "angle_rate",
     "delay", "water", "force", "inertia", "observe", "latency", "rate",
 )  # fmt: skip
 
@@ -221,13 +275,23 @@ class Effect:
     mistaken_for  effects that look alike
     shown_by      what a recording must hold to tell it
     general_of    the simpler effect that this one can always stand in for: that one comes first
+    contains      the effect that it holds as a whole: the two never stand side by side
     partial       one such effect follows only part of what nature does: a sea has many waves
-    evidence      what its evidence is drawn against; None: found from the data
+    unsteady      share of what it explains that it leaves by being taken for steady: gusts
+    evidence      what its evidence is drawn against, or that by its values; None: found from the
+                  data
     separated     other effect -> what tells the two apart; one of a pair declares it
     explains      what a fit of the base notices where this effect is missing
     search        (vessel, residual) -> where a search begins, if its parameters' own starts do not
                   serve; `residual()` is what the model leaves of the longest recording
+    tables        (vessel, extent of u, v, r) -> empty tables, where the effect has no law but takes
+                  any shape: no hypothesis of a search, fitted where none of them explains the data
+    in_words      (fitted values) -> what was found, in a sentence (`sim.effects.words`)
+    formulas      (vessel, values, standard deviations) -> short laws that may stand for a table
+    formula_source  (name, values, formula) -> the Python file of an effect with that law
     example       values that show it, if no number can be made stronger step by step
+    measured      what stands in a recording where the cause itself was measured
+    assumption    (vessel, values, intervals by parameter) -> what had to be assumed for them
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
     """
@@ -240,18 +304,27 @@ class Effect:
     needs: tuple[Need, ...] = ()
     shown_by: tuple[Shown, ...] = ()
     general_of: str = ""
+    contains: str = ""
     partial: bool = False
-    evidence: EvidenceAxis | None = None
+    unsteady: float = 0.0
+    evidence: EvidenceAxis | Callable[[Values], EvidenceAxis] | None = None
     separated: Mapping[str, Separation] = field(default_factory=dict, compare=False)
     explains: tuple[Symptom, ...] = ()
     search: Callable[[Any, Callable[[], ResidualForce]], Sequence[Values]] | None = None
+    tables: Callable[[Any, Mapping[str, tuple[float, float]]], Sequence[Values]] | None = None
+    in_words: Callable[[FittedValues], str] | None = None
+    formulas: Callable[[Any, Values, Values], Sequence[Formula]] | None = None
+    formula_source: Callable[[str, Values, Formula], str] | None = None
     example: Values | None = field(default=None, compare=False)
+    measured: Measured | None = field(default=None, compare=False)
+    assumption: Callable[[Any, Values, Intervals], Assumption | None] | None = None
     pattern_for: tuple[str, ...] = ()
     wiring: Law | None = None
     command: Law | None = None
     thrust: Law | None = None
     thrust_rate: Law | None = None
     turn: Law | None = None
+    reaction: Law | None = None
     angle: Law | None = None
     angle_rate: Law | None = None
     delay: Law | None = None
@@ -286,6 +359,10 @@ class Effect:
     def fit_parameters(self) -> tuple[str, ...]:
         """Names of the parameters that a fit moves: those where a small step changes a little."""
         return tuple(p.name for p in self.parameters if p.kind in (Kind.NUMBER, Kind.CIRCLE))
+
+    def evidence_axis(self, values: Values) -> EvidenceAxis | None:
+        """What its evidence is drawn against with these values; None: found from the data."""
+        return self.evidence(values) if callable(self.evidence) else self.evidence
 
     @property
     def module(self) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
+from sim.effects.words import DEG, FittedValues
 from sim.state import to_body
 
 
@@ -20,6 +21,13 @@ def observe(report: Report, p: Any) -> Report:
     u_dot, v_dot = to_body(report.u_dot, report.v_dot, p.angle)
     return Report(
         report.north, report.east, report.yaw + p.angle, u, v, report.r, u_dot, v_dot, report.r_dot
+    )
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "the compass reads " + p.size(
+        "angle", "°", DEG, after=" too far to " + p.side("angle", "starboard", "port")
     )
 
 
@@ -34,4 +42,5 @@ EFFECT = Effect(
     mistaken_for=("steady_current", "compass_deviation", "cg_offset"),
     shown_by=(Shown.OPPOSITE,),
     evidence=EvidenceAxis(ForceAxis.SWAY, "surge"),
+    in_words=in_words,
 )

@@ -12,6 +12,7 @@ from typing import Any
 
 from sim.body import Flow
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import FittedValues
 from sim.state import Wrench
 
 
@@ -23,6 +24,14 @@ def force(flow: Flow, p: Any) -> Wrench:
 
 def _coefficient(name: str, unit: str) -> Parameter:
     return Parameter(name, unit, lower=-5000.0, upper=5000.0, start=0.0, scale=5.0, neutral=0.0)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (
+        "the hull lifts like a wing when it slips or turns at speed: it is pushed sideways and "
+        "turned the more, the faster it goes"
+    )
 
 
 EFFECT = Effect(
@@ -38,5 +47,6 @@ EFFECT = Effect(
     looks_like="turns and slips as modelled on the spot, less (or more) the faster the boat goes",
     mistaken_for=("cross_damping",),
     evidence=EvidenceAxis(ForceAxis.YAW, "sway"),
+    in_words=in_words,
     pattern_for=("turn",),
 )

@@ -21,6 +21,7 @@ from sim.effects.effect import (
     Shown,
     circular_parameter,
 )
+from sim.effects.words import FittedValues
 from sim.state import Wrench, to_body
 
 
@@ -28,6 +29,11 @@ def force(flow: Flow, p: Any) -> Wrench:
     """Heading -> X, Y, N [N, N, N m]."""
     X, Y = to_body(p.force * np.cos(p.direction), p.force * np.sin(p.direction), flow.yaw)
     return Wrench(X, Y, 0.0)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"a steady force of {p.size('force', 'N')} pushes towards {p.towards('direction')}"
 
 
 EFFECT = Effect(
@@ -52,4 +58,5 @@ EFFECT = Effect(
     mistaken_for=("steady_current", "steady_wind"),
     shown_by=(Shown.OPPOSITE,),
     evidence=EvidenceAxis(ForceAxis.SURGE, "heading"),
+    in_words=in_words,
 )

@@ -20,6 +20,7 @@ from sim.effects.effect import (
     Scope,
     Shown,
 )
+from sim.effects.words import FittedValues
 from sim.state import Inertia
 
 
@@ -27,6 +28,13 @@ def inertia(M: Inertia, flow: Flow, p: Any) -> Inertia:
     """Mass matrix and time -> mass matrix [kg, kg m, kg m²]."""
     f = 1.0 + (flow.time >= p.time) * (p.factor - 1.0)
     return Inertia(f * M.m11, f * M.m12, f * M.m13, f * M.m22, f * M.m23, f * M.m33)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    weight = p.side("factor", " heavier", " lighter", 1.0)
+    changed = p.size("factor", "%", 100.0, 1.0, after=weight)
+    return f"the boat is {changed} from {p['time']:.0f} s on"
 
 
 EFFECT = Effect(
@@ -42,4 +50,5 @@ EFFECT = Effect(
     mistaken_for=("drag_growth", "thruster_fault"),
     shown_by=(Shown.CHANGE,),
     evidence=EvidenceAxis(ForceAxis.SURGE, "acceleration"),
+    in_words=in_words,
 )

@@ -10,11 +10,19 @@ from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
+from sim.effects.words import THAN, FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
     return F * (1.0 + (F < 0.0) * (p.factor - 1.0))
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "astern the motors push " + p.size(
+        "factor", "%", 100.0, 1.0, p.side("factor", " harder", " weaker", 1.0) + THAN
+    )
 
 
 EFFECT = Effect(
@@ -34,4 +42,5 @@ EFFECT = Effect(
             "astern from rest, and astern while still running ahead", "reversals"
         )
     },
+    in_words=in_words,
 )

@@ -21,6 +21,7 @@ from sim.effects.effect import (
     Shown,
     circular_parameter,
 )
+from sim.effects.words import FittedValues
 from sim.state import Pose, Water
 
 
@@ -30,6 +31,12 @@ def water(time: float, pose: Pose, p: Any) -> Water:
 
 
 DRIFT = Separation("drift with the motors off, then run one course at two speeds", "still")
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"a current of {p.size('speed', 'm/s')} sets towards {p.towards('direction')}"
+
 
 EFFECT = Effect(
     name="steady_current",
@@ -52,6 +59,7 @@ EFFECT = Effect(
     "whatever its speed",
     mistaken_for=(
         "varying_current",
+        "current_change",
         "steady_wind",
         "inertial_force",
         "heading_offset",
@@ -74,5 +82,6 @@ EFFECT = Effect(
             "full circles, ahead and astern: a deviation keeps its sign astern", "circles"
         ),
     },
+    in_words=in_words,
     pattern_for=("place", "flow"),
 )

@@ -7,10 +7,12 @@
 V, u_rw, v_rw [m/s] of the boat through the air; A_F, A_L [m²] frontal and lateral area, L [m]
 length of the hull; ρ = 1.225 kg/m³; c_x = 0.7, c_y = 0.825, c_n = 0.125, the middle of the
 published ranges. The wind blows at speed [m/s] from direction [rad from north]; where the boat
-measured the wind, that wind acts and the two parameters do not count. Gusts are not modelled. Valid
-for: hulls symmetric fore and aft and to the sides. Without areas a speed cannot be told: what is
-left is a force (`inertial_force`). Source: Fossen, Handbook of Marine Craft Hydrodynamics,
-2nd ed. 2021, §10.1 (wind coefficients of symmetrical craft).
+measured the wind, that wind acts and the two parameters do not count. Gusts are not modelled: what
+they leave is no sign of anything else (`unsteady`). Valid for: hulls symmetric fore and aft and to
+the sides. Areas that nobody measured are assumed from length and beam (`sim.wind_areas`): the
+motion then tells a force and a direction, and the speed as a range. Where the wind was measured,
+the areas are what is fitted. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021,
+§10.1 (wind coefficients of symmetrical craft).
 """
 
 from typing import Any
@@ -20,18 +22,28 @@ import numpy as np
 from sim.body import Flow
 from sim.effects.effect import (
     QUARTERS,
+    Assumption,
     Effect,
     EvidenceAxis,
     ForceAxis,
+    Intervals,
+    Measured,
     Need,
     Parameter,
     Scope,
     Separation,
     Shown,
+    Values,
     circular_parameter,
 )
-from sim.state import Wrench, to_body
-from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y
+from sim.effects.words import FittedValues
+from sim.state import Wrench
+from sim.wind_areas import AREA_FACTOR, areas_text
+from sim.wind_loads import AIR_DENSITY, C_X, C_Y, COEFFICIENT_FACTOR, wind_load
+
+SPEED_FACTOR = float(np.sqrt(AREA_FACTOR * COEFFICIENT_FACTOR))  # of a speed told from a force
+
+UNSTEADY = 0.16  # (2 I)² of gusts with an intensity I of 20 %: the force goes with V²
 
 
 def force(flow: Flow, p: Any) -> Wrench:
@@ -39,20 +51,48 @@ def force(flow: Flow, p: Any) -> Wrench:
     assumed = (flow.wind_known - 1.0) * p.speed  # it blows from there: hence the sign
     north = flow.wind_known * flow.wind_north + assumed * np.cos(p.direction)
     east = flow.wind_known * flow.wind_east + assumed * np.sin(p.direction)
-    u_w, v_w = to_body(north, east, flow.yaw)
-    u, v = flow.u_ground - u_w, flow.v_ground - v_w
-    body = flow.body
-    V = np.sqrt(u * u + v * v)  # V cos γ = u, V sin γ = −v
-    return Wrench(
-        -0.5 * AIR_DENSITY * C_X * body.area_front * V * u,
-        -0.5 * AIR_DENSITY * C_Y * body.area_side * V * v,
-        -AIR_DENSITY * C_N * body.area_side * body.length * u * v,
-    )
+    return wind_load(flow, north, east)
+
+
+def assumption(vessel: Any, values: Values, ci95: Intervals) -> Assumption | None:
+    """What a wind is worth of which only the force is known: [N] on the boat at rest, and the
+    speeds [m/s] that it may be: areas and coefficients may be off by their factors.
+    """
+    if vessel.hull.has_wind_area:
+        return None
+    front, side = vessel.hull.areas
+    low, high = ci95.get("speed", (values["speed"], values["speed"]))
+    low, high = max(low, 0.0) / SPEED_FACTOR, high * SPEED_FACTOR
+    pressure = 0.5 * AIR_DENSITY * values["speed"] ** 2
+    ahead, abeam = pressure * C_X * front, pressure * C_Y * side
+    come_from = np.degrees(values["direction"]) % 360.0
+    return Assumption(
+        f"from {come_from:.0f}° with about {_newtons(abeam)} abeam and {_newtons(ahead)} from "
+        f"ahead on the boat at rest, a wind of {low:.1f} … {high:.1f} m/s: "
+        f"{areas_text(front, side)}; half to twice that is allowed for",
+        {"speed": (low, high)},
+        {
+            "area_front_m2": front, "area_side_m2": side, "force_abeam_N": float(abeam),
+            "force_ahead_N": float(ahead), "from_deg": float(come_from), "speed_low_mps": low,
+            "speed_high_mps": high,
+        },
+    )  # fmt: skip
+
+
+def _newtons(force: float) -> str:
+    """A force in words, no finer than it is known."""
+    return f"{force:.0f} N" if force >= 10.0 else f"{force:.1f} N"
 
 
 CIRCLES = Separation(
     "full circles: wind changes its side, a motor does not; then motors off", "circles"
 )
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"a wind of {p.size('speed', 'm/s')} blows from {p.towards('direction')}"
+
 
 EFFECT = Effect(
     name="steady_wind",
@@ -69,12 +109,14 @@ EFFECT = Effect(
     "quartering headings; a boat with stopped motors drifts that way",
     mistaken_for=(
         "steady_current",
+        "wind_change",
         "inertial_force",
         "compass_deviation",
         "thruster_imbalance",
         "thruster_misalignment",
     ),
     shown_by=(Shown.OPPOSITE,),
+    unsteady=UNSTEADY,
     evidence=EvidenceAxis(ForceAxis.SURGE, "heading"),
     separated={
         "inertial_force": Separation(
@@ -87,5 +129,8 @@ EFFECT = Effect(
         "thruster_imbalance": CIRCLES,
         "thruster_misalignment": CIRCLES,
     },
+    in_words=in_words,
+    measured=Measured("wind", ("area_front", "area_side"), {"speed": 0.0, "direction": 0.0}),
+    assumption=assumption,
     pattern_for=("heading",),
 )

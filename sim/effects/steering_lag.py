@@ -20,6 +20,7 @@ from sim.effects.effect import (
     Separation,
     Shown,
 )
+from sim.effects.words import FittedValues
 
 
 def angle_rate(angle: float, state: float, blade: RudderParameters, p: Any) -> float:
@@ -30,6 +31,12 @@ def angle_rate(angle: float, state: float, blade: RudderParameters, p: Any) -> f
 STEPS_ONE_BY_ONE = Separation(
     "steps of the throttle with the helm still, then of the helm at one throttle", "steps"
 )
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"the steering follows its command {p.size('tau', 's')} late"
+
 
 EFFECT = Effect(
     name="steering_lag",
@@ -46,4 +53,5 @@ EFFECT = Effect(
     shown_by=(Shown.COMMANDS,),
     evidence=EvidenceAxis(ForceAxis.YAW, "helm_change"),
     separated={"thruster_lag": STEPS_ONE_BY_ONE, "command_delay": STEPS_ONE_BY_ONE},
+    in_words=in_words,
 )

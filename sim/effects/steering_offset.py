@@ -11,6 +11,7 @@ from typing import Any
 
 from sim.body import RudderParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
+from sim.effects.words import DEG, FittedValues
 
 
 def angle(δ: float, blade: RudderParameters, p: Any) -> float:
@@ -21,6 +22,14 @@ def angle(δ: float, blade: RudderParameters, p: Any) -> float:
 TWO_THROTTLES = Separation(
     "straight runs at two throttles, then coast with the helm amidships", "steps"
 )
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "amidships, the steering stands " + p.size(
+        "angle", "°", DEG, after=" to " + p.side("angle", "starboard", "port")
+    )
+
 
 EFFECT = Effect(
     name="steering_offset",
@@ -34,4 +43,5 @@ EFFECT = Effect(
     mistaken_for=("thruster_imbalance", "thruster_misalignment"),
     evidence=EvidenceAxis(ForceAxis.YAW, "surge"),
     separated={"thruster_imbalance": TWO_THROTTLES, "thruster_misalignment": TWO_THROTTLES},
+    in_words=in_words,
 )

@@ -14,11 +14,18 @@ import numpy as np
 
 from sim.body import ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import FittedValues
 
 
 def command(c: float, drive: ThrusterParameters, p: Any) -> float:
     """Command -> command that the curve of the vessel file takes [−1 … 1]."""
     return np.sign(c) * np.abs(c) ** p.exponent
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    half = 100.0 * 0.5 ** p["exponent"]
+    return f"half throttle works like {half:.0f} % throttle"
 
 
 EFFECT = Effect(
@@ -31,5 +38,6 @@ EFFECT = Effect(
     looks_like="right at full throttle, too slow (or too fast) at half, ahead and astern alike",
     mistaken_for=("thruster_deadband", "battery_sag", "cubic_drag"),
     evidence=EvidenceAxis(ForceAxis.SURGE, "throttle"),
+    in_words=in_words,
     pattern_for=("thrust",),
 )

@@ -13,11 +13,17 @@ import numpy as np
 
 from sim.body import ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.words import FittedValues
 
 
 def command(c: float, drive: ThrusterParameters, p: Any) -> float:
     """Command -> command that turns the propeller [−1 … 1]."""
     return np.sign(c) * np.maximum(np.abs(c) - p.width, 0.0) / (1.0 - p.width)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"the motors do not answer the first {p.size('width', '%', 100.0)} of throttle"
 
 
 EFFECT = Effect(
@@ -35,4 +41,5 @@ EFFECT = Effect(
             "a slow ramp of the throttle through neutral and up to full", "ramp"
         )
     },
+    in_words=in_words,
 )

@@ -22,6 +22,7 @@ from sim.effects.effect import (
     Separation,
     Shown,
 )
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -35,6 +36,13 @@ SAME_RUN_TWICE = Separation(
     "fails also turns the boat",
     "steps",
 )
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (f"thruster {p['thruster']:.0f} gives {p.size('gain', '%', 100.0)} of its thrust from "
+            f"{p['time']:.0f} s on")  # fmt: skip
+
 
 EFFECT = Effect(
     name="thruster_fault",
@@ -64,5 +72,6 @@ EFFECT = Effect(
         "payload_change": SAME_RUN_TWICE,
         "battery_sag": Separation("one run with a full and one with a tired battery", "steps"),
     },
+    in_words=in_words,
     pattern_for=("rhythm",),
 )

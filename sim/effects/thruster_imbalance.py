@@ -10,11 +10,19 @@ from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
+from sim.effects.words import THAN, FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
     return F * (1.0 + (drive.y < 0.0) * (p.port_gain - 1.0))
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "beside the starboard motor, the port motor pushes " + p.size(
+        "port_gain", "%", 100.0, 1.0, p.side("port_gain", " harder", " weaker", 1.0) + THAN
+    )
 
 
 EFFECT = Effect(
@@ -34,4 +42,5 @@ EFFECT = Effect(
             "spin on the spot to the left and to the right, and go astern", "reversals"
         )
     },
+    in_words=in_words,
 )

@@ -20,11 +20,17 @@ from sim.effects.effect import (
     Shown,
     Symptom,
 )
+from sim.effects.words import FittedValues
 
 
 def thrust_rate(thrust: float, state: float, drive: ThrusterParameters, p: Any) -> float:
     """Commanded and acting thrust [N] -> rate of the acting thrust [N/s]."""
     return (thrust - state) / p.tau
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"thrust follows the throttle {p.size('tau', 's')} late"
 
 
 EFFECT = Effect(
@@ -46,4 +52,5 @@ EFFECT = Effect(
         )
     },
     explains=(Symptom.LATE_COMMANDS,),
+    in_words=in_words,
 )

@@ -11,11 +11,19 @@ from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import DEG, FittedValues
 
 
 def turn(azimuth: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Direction of a thruster -> direction [rad]."""
     return azimuth + p.angle
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "the motors point " + p.size(
+        "angle", "°", DEG, after=" to " + p.side("angle", "starboard", "port")
+    )
 
 
 EFFECT = Effect(
@@ -29,4 +37,5 @@ EFFECT = Effect(
     "heading, and the other way astern",
     mistaken_for=("thruster_imbalance", "steering_offset", "cg_offset", "steady_wind"),
     evidence=EvidenceAxis(ForceAxis.SWAY, "throttle"),
+    in_words=in_words,
 )

@@ -14,6 +14,7 @@ import numpy as np
 
 from sim.body import Flow
 from sim.effects.effect import COAST_DOWN, Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import FittedValues
 from sim.state import Wrench
 
 
@@ -22,6 +23,14 @@ def force(flow: Flow, p: Any) -> Wrench:
     u, v = flow.u, flow.v + p.x * flow.r
     pull = -p.drag * np.sqrt(u * u + v * v)
     return Wrench(pull * u, pull * v, p.x * pull * v)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (
+        f"something holds the boat {abs(p['x']):.1f} m {p.side('x', 'ahead of', 'aft of')} the "
+        f"middle, with {p.size('drag', 'N')} at 1 m/s"
+    )
 
 
 EFFECT = Effect(
@@ -44,4 +53,5 @@ EFFECT = Effect(
     mistaken_for=("advance_loss",),
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
     separated={"advance_loss": COAST_DOWN},
+    in_words=in_words,
 )

@@ -23,6 +23,7 @@ from sim.effects.effect import (
     Shown,
     circular_parameter,
 )
+from sim.effects.words import FittedValues
 from sim.state import Pose, Water
 
 
@@ -33,6 +34,12 @@ def water(time: float, pose: Pose, p: Any) -> Water:
     change = p.speed * omega * np.cos(omega * time + p.phase)
     c, s = np.cos(p.direction), np.sin(p.direction)
     return Water(flow * c, flow * s, change * c, change * s)
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return (f"a current of up to {p.size('speed', 'm/s')} swings to and fro along "
+            f"{p.towards('direction')} every {p['period']:.0f} s")  # fmt: skip
 
 
 EFFECT = Effect(
@@ -59,9 +66,10 @@ EFFECT = Effect(
     ),
     looks_like="a velocity offset along one line in the world that swings from one side to the "
     "other as time goes by",
-    mistaken_for=("steady_current",),
+    mistaken_for=("steady_current", "current_change", "wind_change"),
     shown_by=(Shown.CHANGE,),
     general_of="steady_current",
     evidence=EvidenceAxis(ForceAxis.ALONG, "time"),
+    in_words=in_words,
     pattern_for=("time",),
 )

@@ -23,6 +23,7 @@ from sim.effects.effect import (
     Shown,
     Symptom,
 )
+from sim.effects.words import FittedValues
 from sim.state import to_world
 
 
@@ -53,6 +54,12 @@ QUICK_TURNS = Separation(
     "quick turns with a gyro in the log: a gyro is not late, a receiver's velocity is", "zigzag"
 )
 
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return f"reported positions and speeds are {p.size('delay', 's')} old"
+
+
 EFFECT = Effect(
     name="velocity_latency",
     scope=Scope.BOAT,
@@ -66,4 +73,5 @@ EFFECT = Effect(
     evidence=EvidenceAxis(ForceAxis.SURGE, "acceleration"),
     separated={"thruster_lag": QUICK_TURNS, "command_delay": QUICK_TURNS},
     explains=(Symptom.LATE_VELOCITY,),
+    in_words=in_words,
 )

@@ -22,6 +22,7 @@ times as long, in steps a third as wide, up to the whole voyage.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from sim.effects.effect import (
     Values,
     circular_parameter,
 )
+from sim.effects.words import FittedValues
 from sim.state import Floats, Wrench, to_body
 
 GRAVITY = 9.81  # m/s²
@@ -150,6 +152,13 @@ def _refined(
     return float(omega[best]), float(theta[best])
 
 
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    period = 2.0 * pi / p["omega"]
+    return (f"waves of a period of {period:.1f} s push with {p.size('force', 'N')} towards "
+            f"{p.towards('direction')}")  # fmt: skip
+
+
 EFFECT = Effect(
     name="wave_motion",
     scope=Scope.VOYAGE,
@@ -165,4 +174,5 @@ EFFECT = Effect(
     partial=True,
     evidence=EvidenceAxis(ForceAxis.ALONG, "phase", phase_at),
     search=strongest_trains,
+    in_words=in_words,
 )

@@ -10,6 +10,7 @@ from typing import Any
 
 from sim.body import Report
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.words import DEG, FittedValues
 
 
 def observe(report: Report, p: Any) -> Report:
@@ -27,6 +28,13 @@ def observe(report: Report, p: Any) -> Report:
     )
 
 
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "the gyro reads " + p.size(
+        "bias", "°/s", DEG, after=" too fast to " + p.side("bias", "starboard", "port")
+    )
+
+
 EFFECT = Effect(
     name="yaw_rate_bias",
     scope=Scope.VOYAGE,
@@ -37,4 +45,5 @@ EFFECT = Effect(
     looks_like="a turn rate that is off by the same amount always, at rest too, while the heading "
     "does not follow",
     evidence=EvidenceAxis(ForceAxis.YAW, "time"),
+    in_words=in_words,
 )

@@ -6,10 +6,19 @@ from typing import ClassVar, final
 import numpy as np
 from numpy.random import Generator
 
-from sim.excitation.legs import Constant, MotorsOff, Ramp, Reversals, Square, Steps
 from sim.excitation.manoeuvre import Manoeuvre, StickLimits
-from sim.excitation.oscillations import Chirp, Sinusoid
-from sim.excitation.stochastic import Joystick, Random
+from sim.excitation.sequences import (
+    Chirp,
+    Constant,
+    Joystick,
+    MotorsOff,
+    Ramp,
+    Random,
+    Reversals,
+    Sinusoid,
+    Square,
+    Steps,
+)
 from sim.excitation.turns import Circles, Spin, Zigzag
 from sim.state import Floats
 from sim.vessel import Vessel

@@ -72,16 +72,17 @@ def run_example(effect: Effect) -> EffectExample:
         if not np.isfinite(changed).all():
             break
         share = _shares(plain, changed)
-        channel = _channel(effect, share)
+        channel = _channel(effect, values, share)
         example = EffectExample(effect.name, values, time, plain, changed, channel)
         if share.max() > VISIBLE:
             break
     return example
 
 
-def _channel(effect: Effect, share: Floats) -> int:
+def _channel(effect: Effect, values: Mapping[str, float], share: Floats) -> int:
     """The channel that it acts on, if it is strong there; else the strongest."""
-    acts = effect.evidence.axis if effect.evidence else ForceAxis.SURGE
+    against = effect.evidence_axis(values)
+    acts = against.axis if against else ForceAxis.SURGE
     strongest = int(np.argmax(share))
     preferred = acts < len(share) and share[acts] > PREFERRED * share[strongest]
     return acts if preferred else strongest

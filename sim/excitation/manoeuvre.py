@@ -46,23 +46,23 @@ class StickLimits:
         return np.array([self.throttle_rate, self.steer_rate])
 
 
-def slew_limited(wanted: Floats, rates: Floats, dt: float) -> Floats:
+def slew_limited(desired: Floats, rates: Floats, dt: float) -> Floats:
     """Sticks (T, n) on a grid of dt [s] -> the same no faster than `rates` (n,) [1/s].
 
     The first row and the one after the last are neutral.
     """
-    if not len(wanted):
-        return wanted.copy()
+    if not len(desired):
+        return desired.copy()
     step = np.asarray(rates) * dt
-    reach = np.arange(len(wanted), 0, -1)[:, None] * step  # from which neutral is reached in time
-    columns = np.clip(wanted, -reach, reach).T.tolist()
+    reach = np.arange(len(desired), 0, -1)[:, None] * step  # from which neutral is reached in time
+    columns = np.clip(desired, -reach, reach).T.tolist()
     return np.array([_follow(column, s) for column, s in zip(columns, step, strict=True)]).T
 
 
-def _follow(wanted: list[float], step: float) -> list[float]:
+def _follow(desired: list[float], step: float) -> list[float]:
     """Follow from 0 with at most `step` a row."""
     out, now = [0.0], 0.0
-    for value in wanted[1:]:
+    for value in desired[1:]:
         now += min(max(value - now, -step), step)
         out.append(now)
     return out

@@ -87,11 +87,11 @@ def manoeuvre_sticks(
     adapted = manoeuvre.adapted_to(vessel, limits)
     count = max(round((adapted.seconds if seconds is None else seconds) / dt), 1)
     time = dt * np.arange(count, dtype=float) % adapted.seconds
-    wanted = adapted.sticks(time, np.random.default_rng(seed)) * limits.largest
-    wanted[:, Stick.STEER] = np.clip(
-        helm_gain(vessel) * wanted[:, Stick.STEER], -limits.steer, limits.steer
+    desired = adapted.sticks(time, np.random.default_rng(seed)) * limits.largest
+    desired[:, Stick.STEER] = np.clip(
+        helm_gain(vessel) * desired[:, Stick.STEER], -limits.steer, limits.steer
     )
-    return slew_limited(within_travel(vessel, wanted), limits.rates, dt)
+    return slew_limited(within_travel(vessel, desired), limits.rates, dt)
 
 
 def manoeuvre_commands(
@@ -155,12 +155,12 @@ def plan_of(
 ) -> Plan:
     """The sticks as the script will play them, and the motion that they make."""
     vessel = model.vessel
-    wanted = np.vstack(
+    desired = np.vstack(
         [manoeuvre_sticks(manoeuvre, vessel, DT, seed, limits, seconds), np.zeros(2)]
     )
-    time = DT * np.arange(len(wanted), dtype=float)
-    kept = corner_rows(time, wanted, TOLERANCE)
-    corners: Floats = np.round(wanted[kept], 3).astype(float)
+    time = DT * np.arange(len(desired), dtype=float)
+    kept = corner_rows(time, desired, TOLERANCE)
+    corners: Floats = np.round(desired[kept], 3).astype(float)
     sticks = polyline(time, time[kept], corners)
     commands = mix_sticks(vessel, sticks)
     motion = model.simulate(commands, DT)[1][0, :-1]

@@ -23,6 +23,8 @@ from sim.model import Model
 from sim.state import Floats, Tau
 from sim.vessel import Thruster, Vessel
 
+HIGHEST_GAIN = 1000.0  # [1/s, 1/s²]: a shadow that follows within a millisecond
+
 
 class Axes(StrEnum):
     """Which axes are controlled."""
@@ -57,11 +59,15 @@ class FollowerOptions:
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", Axes(self.axes))
         object.__setattr__(self, "law", ControlLaw(self.law))
-        if not self.rate > 0.0:
-            raise ValueError(f"following: rate must be above 0 1/s, not {self.rate}")
+        if not 0.0 < self.rate <= HIGHEST_GAIN:
+            raise ValueError(
+                f"following: rate must be above 0, at most {HIGHEST_GAIN:g} 1/s, not {self.rate}"
+            )
         for name in ("integral", "position", "heading"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"following: {name} must not be below 0, is {getattr(self, name)}")
+            if not 0.0 <= getattr(self, name) <= HIGHEST_GAIN:
+                raise ValueError(
+                    f"following: {name} must be 0 to {HIGHEST_GAIN:g}, is {getattr(self, name)}"
+                )
 
     @property
     def gains(self) -> Gains:
@@ -118,12 +124,14 @@ class FollowerResult(NamedTuple):
     shadows  (K, 9)  pose, velocity, acceleration
     forces   (K, 3)  τ_c [N, N, N m]
     limited  (K,)    thrust limits bind
+    diverged (K,)    the plant had left what a boat can do and was set to the reference
     """
 
     state: FollowerState
     shadows: Floats
     forces: Floats
     limited: NDArray[np.bool_]
+    diverged: NDArray[np.bool_]
 
 
 class Follower(Protocol):
@@ -149,7 +157,8 @@ class Follower(Protocol):
         """References (K, 9) at times (K,) [s] -> the shadow there.
 
         The plant starts at the first reference. `jumps` (K,) marks references that did not come
-        about by motion (an origin shift): there the plant is set anew.
+        about by motion (an origin shift): there the plant is set anew, as it is after a silence of
+        more than `LONGEST_SPAN_S` and where it has diverged.
         """
         ...
 
@@ -191,10 +200,10 @@ class VesselFollower:
         """References (K, 9) at times (K,) [s] -> the shadow there, see `Follower`."""
         count, carry = len(times), state.carry.copy()
         shadows, forces = np.empty((count, 9)), np.empty((count, 3))
-        limited = np.zeros(count, np.bool_)
+        limited, diverged = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         self.model.kernel.module.follow(
             self.model.theta, carry, np.array(self.options.gains), floats(times),
             floats(references), flags(jumps, count), *air(voltage, wind, count),
-            *self.limits, shadows, forces, limited,
+            *self.limits, shadows, forces, limited, diverged,
         )  # fmt: skip
-        return FollowerResult(FollowerState(frozen(carry)), shadows, forces, limited)
+        return FollowerResult(FollowerState(frozen(carry)), shadows, forces, limited, diverged)

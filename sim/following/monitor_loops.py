@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS, runs_on, within
 from sim.following.loops import predict
 from sim.jit import jitable as entry
 from sim.kernel.loops import held_inputs, report_from, report_of_state, set_row, true_motion
@@ -69,7 +70,8 @@ def forecast(
 
     runs (S, NX + 2): state, start time and time of each prediction, NaN where free; the first row
     follows the measurement and lends its memory to those that start. errors (H, 3): the latest
-    known error of u, v, r at each horizon [s], NaN before. A prediction starts `every` seconds.
+    known error of u, v, r at each horizon [s], NaN before. A prediction starts `every` seconds;
+    all are dropped after a long silence, and none is taken to be faster than a boat can be.
     motion (K, 9) as reported, commands (K, na) hold over the interval that ends at their row ->
     out (K, H, 3), measured − predicted. runs and errors are carried, changed in place.
     """
@@ -84,16 +86,19 @@ def forecast(
         inputs = held_inputs(commands[k], voltage[k], wind[k, 0], wind[k, 1], p)
         for s in range(len(runs)):
             before = runs[s, NX + 1]
-            if np.isfinite(before) and t > before:
+            if not runs_on(t, before):
+                newest = newest if np.isnan(before) else -np.inf
+                runs[s] = np.nan
+            elif t > before:
                 set_row(runs[s], predict(state_from(runs[s]), before, inputs, t - before, p))
                 runs[s, NX + 1] = t
                 if s > 0:
                     for h in range(len(horizons)):
                         if before - runs[s, NX] < horizons[h] <= t - runs[s, NX]:
                             predicted = report_of_state(state_from(runs[s]), t, inputs, p)
-                            errors[h, 0] = measured.u - predicted.u
-                            errors[h, 1] = measured.v - predicted.v
-                            errors[h, 2] = measured.r - predicted.r
+                            errors[h, 0] = measured.u - within(predicted.u, MAX_SPEED_MPS)
+                            errors[h, 1] = measured.v - within(predicted.v, MAX_SPEED_MPS)
+                            errors[h, 2] = measured.r - within(predicted.r, MAX_TURN_RADPS)
                     if t - runs[s, NX] >= longest:
                         runs[s, NX], runs[s, NX + 1] = np.nan, np.nan
         first = not np.isfinite(runs[0, NX])

@@ -39,11 +39,17 @@ class ReferenceState:
 
 
 class ReferenceResult(NamedTuple):
-    """The state after some rows, references (K, 9), and which of them are the model's (K,)."""
+    """The state after some rows, and the reference at each.
+
+    references  (K, 9)
+    from_model  (K,)  the model gives it
+    diverged    (K,)  … and had left what a boat can do: it began anew at the estimate
+    """
 
     state: ReferenceState
     references: Floats
     from_model: NDArray[np.bool_]
+    diverged: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -82,12 +88,13 @@ class Reference:
         """
         count, carry = len(times), state.carry.copy()
         from_model = self._from_model(flags(fresh, count))
-        out = np.empty((count, 9))
+        out, diverged = np.empty((count, 9)), np.zeros(count, np.bool_)
         self.model.kernel.module.compute_reference(
             self.model.theta, carry, self.fade, floats(times), floats(estimates), from_model,
             ~from_model, flags(jumps, count), floats(commands), *air(voltage, wind, count), out,
+            diverged,
         )  # fmt: skip
-        return ReferenceResult(ReferenceState(frozen(carry)), out, from_model)
+        return ReferenceResult(ReferenceState(frozen(carry)), out, from_model, diverged)
 
     def _from_model(self, fresh: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which rows the model gives (K,); at the others it is set to the estimate."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS, is_possible, runs_on, within
 from sim.following.follower import (
     Follower,
     FollowerOptions,
@@ -89,23 +90,32 @@ class PlantFollower:
         """References (K, 9) at times (K,) [s] -> the shadow there, see `Follower`."""
         count, carry, plant = len(times), state.carry.copy(), state.plant
         shadows, forces = np.empty((count, 9)), np.empty((count, 3))
-        limited, leaps = np.zeros(count, np.bool_), flags(jumps, count)
+        limited, diverged = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        leaps = flags(jumps, count)
         volts, winds = air(voltage, wind, count)
         for k, (time, row) in enumerate(zip(times.tolist(), floats(references), strict=True)):
             inputs = PlantInputs(time, volts[k], winds[k, 0], winds[k, 1])
-            if leaps[k] or not np.isfinite(carry[TIME]):
+            if leaps[k] or not runs_on(time, carry[TIME]):
                 plant, limited[k] = self._initialise(row, inputs, carry)
             plant, clipped = self._advance_row(plant, row, inputs, carry)
             limited[k] |= clipped
+            if not is_possible(*self.plant.motion(plant).velocity):
+                diverged[k] = True
+                plant, _ = self._initialise(row, inputs._replace(time=carry[TIME]), carry)
             tau, now = Wrench(*carry[FORCE]), inputs._replace(time=carry[TIME])
             motion = self.plant.motion(plant)
             shadows[k] = *motion.pose, *motion.velocity, *self.plant.acceleration(plant, tau, now)
             forces[k] = tau
-        return FollowerResult(FollowerState(frozen(carry), plant), shadows, forces, limited)
+        state = FollowerState(frozen(carry), plant)
+        return FollowerResult(state, shadows, forces, limited, diverged)
 
     def _initialise(self, row: Floats, inputs: PlantInputs, carry: Floats) -> tuple[Any, bool]:
         """The plant set to a reference row (9,) -> its state, and whether limits bind."""
-        motion = PlantMotion(Pose(*row[:3]), Velocity(*row[3:6]))
+        u, v, r = row[3:6]
+        velocity = Velocity(
+            within(u, MAX_SPEED_MPS), within(v, MAX_SPEED_MPS), within(r, MAX_TURN_RADPS)
+        )
+        motion = PlantMotion(Pose(*row[:3]), velocity)
         plant = self.plant.initial_state(motion, inputs)
         carry[INTEGRAL], carry[TIME], carry[LAST] = 0.0, inputs.time, row
         control = self._control(plant, row, carry, inputs, 0.0)
@@ -141,8 +151,8 @@ class PlantFollower:
         error = (a - b for a, b in zip(nu_ref, at.velocity, strict=True))
         grown = Velocity(*(i + h * e for i, e in zip(integral, error, strict=True)))
         gamma = commanded_acceleration(nu_ref, Velocity(*ref[6:]), at.velocity, grown, gains)
-        wanted = self.plant.required_force(plant, gamma, inputs)
-        tau = Wrench(wanted.X, gains.sway * wanted.Y, wanted.N)
+        desired = self.plant.required_force(plant, gamma, inputs)
+        tau = Wrench(desired.X, gains.sway * desired.Y, desired.N)
         if not len(self.limits.low):
             return _Control(tau, grown, False)
         tau, limited = allocate_thrust(tau, *self.limits)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
 from sim.identification.settings import IdentifySettings
+from sim.identification.vessel_update import AREAS
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import KNOT_PREFIX, next_knot
@@ -281,7 +282,7 @@ def _base(model: Model, name: str, start: float) -> Unknown:
         lower, upper = 0.05 * scale, 20.0 * scale
     elif key in ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr", "astern"):
         lower, upper = -100.0 * scale, 0.0
-    elif key == "area":
+    elif key in ("area", *AREAS):
         lower = 0.0
     elif key in ("angle_low", "angle_high"):
         lower, upper = (-MAX_TURN_RAD, 0.0) if start < 0.0 else (0.0, MAX_TURN_RAD)

@@ -17,7 +17,6 @@ from sim.identification.command_timing import sharpened_commands
 from sim.identification.innovations import Chain, estimate_chain_noise, follows_of, track_std
 from sim.identification.noise import Noise, RunErrors, estimate_noise
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
-from sim.identification.settings import IdentifySettings
 from sim.model import Model, Runs
 from sim.prediction.free_runs import memory_at
 from sim.prediction.inputs import input_table
@@ -106,15 +105,6 @@ def _mean_transitions(trial: Trial, model: Model, every: int) -> Floats:
         nearest = np.minimum(np.arange(len(trial)) // max(every // 2, 1), len(rows) - 1)
         A = transitions(model, trial, rows, every)[:, 3:, 3:][nearest]
     return A
-
-
-def unstable_share(trial: Trial, model: Model, settings: IdentifySettings) -> float:
-    """Share of the runs of the longest horizon in which an error of the start grows too much."""
-    every = max(round(settings.average / trial.dt), 1)
-    means = max(round(settings.horizons[-1] / trial.dt / every), MIN_MEANS)
-    runs = RunRows.divided(trial.usable, means, every)
-    growth = start_error_growth(_mean_transitions(trial, model, every), runs, every)
-    return float(np.mean(growth > settings.growth)) if len(growth) else 0.0
 
 
 def start_error_growth(per_mean: Floats, runs: RunRows, every: int) -> Floats:

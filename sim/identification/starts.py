@@ -32,6 +32,11 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
     if effect.search is not None:
         longest_trial = max(trials, key=lambda trial: (trial.usable.any(), len(trial)))
         return list(effect.search(model.vessel, partial(residual_force, model, longest_trial)))
+    if effect.tables is not None:
+        nu = np.concatenate([trial.nu[trial.usable] for trial in trials])
+        low, high = nu.min(axis=0), nu.max(axis=0)
+        extent = {n: (float(low[i]), float(high[i])) for i, n in enumerate("uvr")}
+        return list(effect.tables(model.vessel, extent))
     longest = max(float(t.time[-1]) for t in trials)
     directions = {p.direction for p in effect.parameters}
     values = [_values(p, p.name in directions, model.vessel, longest) for p in effect.parameters]

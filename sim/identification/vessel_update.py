@@ -18,8 +18,10 @@ HULL = ("length", "beam", "mass")
 def updated_vessel(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
     """The same vessel with other numbers; what is not named stays."""
     base = {f.name for f in fields(Dynamics)} & set(values)
-    hull = {key: values[key] for key in HULL if key in values}
-    area = _pair(vessel.hull.wind_area, AREAS, values)
+    hull: dict[str, Any] = {key: values[key] for key in HULL if key in values}
+    area = vessel.hull.wind_area  # what was assumed stays so until a fit gives another
+    if set(AREAS) & set(values):
+        area = _pair(vessel.hull.areas, AREAS, values)
     antenna = _pair(vessel.sensors.antenna, ANTENNA, values)
     return replace(
         vessel,

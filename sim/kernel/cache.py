@@ -33,16 +33,57 @@ from sim.kernel.sources import dependencies, fingerprint, sources_of
 Jit = Callable[[Callable[..., Any]], Any]
 
 
+OTHERS_MAY_WRITE = 0o022  # group and all
+
+
 def _cache_folder() -> Path:
-    """Where kernels are kept; a temporary folder where the user's cache cannot be written."""
+    """Where kernels are kept: what lies there is executed, so nobody else may write there.
+
+    A folder of the user's that others could write is made private and emptied: a cache. A temporary
+    folder where the user's cache cannot be written, or belongs to someone else.
+    """
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = base / "shadow-gateway" / "kernels"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        for one in (folder.parent, folder, folder / "__pycache__"):
+            if not _made_private(one):
+                break
+        else:
+            with tempfile.TemporaryFile(dir=folder):
+                return folder
     except OSError:
-        return Path(tempfile.mkdtemp(prefix="shadow-kernels-"))
+        pass
+    return _temporary_folder()
+
+
+@lru_cache(maxsize=1)
+def _temporary_folder() -> Path:
+    """One for this process."""
+    return Path(tempfile.mkdtemp(prefix="shadow-kernels-"))
+
+
+def _made_private(folder: Path) -> bool:
+    """Whether only the user can have written what is in a folder, after tightening it."""
+    if not folder.exists() or not hasattr(os, "getuid"):
+        return True
+    found = folder.stat()
+    if found.st_uid != os.getuid():
+        return False
+    if found.st_mode & OTHERS_MAY_WRITE:
+        folder.chmod(0o700)
+        for file in folder.iterdir():
+            if not file.is_dir():
+                file.unlink()
+    return all(_owner(file) in (found.st_uid, None) for file in folder.iterdir())
+
+
+def _owner(file: Path) -> int | None:
+    """User id of a file; None where another process has just removed it."""
+    try:
+        return file.lstat().st_uid
+    except FileNotFoundError:
+        return None
 
 
 def kernel_sources(s: Structure, text: str) -> set[str]:

@@ -16,7 +16,12 @@ from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.effect import Effect
 from sim.kernel.sources import source_text
 
-LOOPS = ("sim.kernel.loops", "sim.following.loops", "sim.following.monitor_loops")
+LOOPS = (
+    "sim.kernel.loops",
+    "sim.following.loops",
+    "sim.following.monitor_loops",
+    "sim.hil.loops",
+)
 MARK = "# -- the text from here on goes into the kernel --\n"
 
 HEADER = '''"""Kernel written by sim.kernel.generator for: {title}. Do not edit."""
@@ -219,6 +224,8 @@ def _actuator_wrench(s: Structure) -> str:
         lines.append(f"a{i} = p.t{i}.azimuth{turned.get(i, '')}")
         lines += [f"a{i} = turn_{e}(a{i}, p.t{i}, flow, p.e{e})" for e in s.acting("turn")]
         lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, a{i}, p.t{i}))")
+        beside = [f"reaction_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("reaction")]
+        lines += [f"tau = add_wrench(tau, {own})" for own in beside]
     for i, (motor, wash) in enumerate(s.rudders):
         if motor < 0:
             jet = f"slipstream(flow.u, F{wash}, p.r{i})" if wash >= 0 else "0.0"
@@ -283,6 +290,10 @@ def _dynamics(s: Structure) -> str:
         "balance(x, u_dot, v_dot, r_dot, water, flow, tau, p)": balance,
         "state_rates(x, time, inputs, p)": [
             *SURROUNDINGS, ACTUATORS, memory_dot, *solved, "return " + _tuple(six + rates)
+        ],
+        "state_rates_with_force(x, time, inputs, extra, p)": [
+            *SURROUNDINGS, ACTUATORS, memory_dot, "tau = add_wrench(tau, extra)", *solved,
+            "return " + _tuple(six + rates),
         ],
         "state_rates_under_force(x, time, inputs, tau, p)": [
             *SURROUNDINGS, *solved, "return " + _tuple(six + fluid)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from sim.body import HeldInputs, Report
-from sim.state import Floats, Wrench
+from sim.state import Floats, Pose, Water, Wrench
 
 State = tuple[Any, ...]
 Numbers = Any  # all parameters of the vessel by name
@@ -25,8 +25,11 @@ axpy: Callable[[State, float, State], State]  # x + h k
 static_actuation: Callable[[Floats, Numbers], tuple[Any, ...]]
 settle_memory: Rates  # the state with the memory that constant inputs lead to
 state_rates: Rates  # ẋ under the commands at a time [s]
+# ẋ under the commands and a force beside them
+state_rates_with_force: Callable[[State, float, HeldInputs, Wrench, Numbers], State]
 # ẋ under a force instead of the commands: actuators keep their memory
 state_rates_under_force: Callable[[State, float, HeldInputs, Wrench, Numbers], State]
+water_at: Callable[[float, Pose, Numbers], Water]  # motion of the water at a time [s] and place
 commanded_wrench: Callable[[State, float, HeldInputs, Numbers], Wrench]  # τ(commands)
 missing_wrench: Balance  # at this ν̇ and time: what the vessel needs beside its commanded forces
 required_wrench: Balance  # the same with no commanded forces: what this ν̇ takes

@@ -6,7 +6,7 @@ A steady current is a frame that moves: the boat meets the water with ν − c a
 c = (u_c, v_c, 0) and ċ = (r v_c, −r u_c, 0). Memory of actuators is left out of the slopes: it
 adds the same thrust on both sides of each difference.
 
-With wind areas the wind load is that of `sim.body`:
+With wind areas the wind load is that of `sim.wind_loads`:
 
     X = −½ ρ C_X A_F V u_rw,   Y = −½ ρ C_Y A_L V v_rw,   N = −ρ C_N A_L L u_rw v_rw
 

@@ -4,6 +4,7 @@ Many runs, one from every segment's start (`predict`), or one over the longest u
 trial (`free_run`, the paper's Table 6).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from sim.model import Model
 from sim.prediction.inputs import commands_around, input_table, measured_motion, runs_from
 from sim.prediction.scales import Ruler
-from sim.prediction.scores import Scores, scores
-from sim.prediction.segments import longest_stretch
+from sim.prediction.scores import Scores, nrmse, scores
+from sim.prediction.segments import CompareSettings, longest_stretch
 from sim.state import Eta, Floats, Ints, wrap
 from sim.trial import Trial
 
@@ -75,6 +76,30 @@ def predict(trial: Trial, model: Model, ruler: Ruler, command_offset: float = 0.
         np.where(within[..., None], counted, np.nan),
         np.asarray(lost.any(axis=1), np.bool_),
     )
+
+
+def shared_ruler(
+    trial: Trial, models: Sequence[Model], settings: CompareSettings | None = None
+) -> Ruler:
+    """One for several vessels in whatever order: that of the one which predicts best by its own.
+
+    An error of the start fades on one vessel and grows on another: horizons and noise floor depend
+    on whose growth is taken, and the best vessel's comes nearest to the boat's.
+    """
+    rulers = [Ruler.of(trial, model, settings) for model in models]
+    if len(rulers) == 1:
+        return rulers[0]
+    own = [_own_error(trial, *pair) for pair in zip(models, rulers, strict=True)]
+    return rulers[own.index(min(own))]
+
+
+def _own_error(trial: Trial, model: Model, ruler: Ruler) -> tuple[float, float]:
+    """nrmse of a model by its ruler, infinite where it has none, then the ruler's noise floor."""
+    try:
+        error = nrmse(predict(trial, model, ruler).predicted_rows()[2], ruler.scales)
+    except DivergedError:
+        error = np.inf
+    return error, ruler.noise_floor
 
 
 def free_reports(

@@ -56,12 +56,12 @@ class Ruler:
     blocks: Ints
 
     @classmethod
-    def of(cls, trial: Trial, first: Model, settings: CompareSettings | None = None) -> "Ruler":
-        """From the trial and the first vessel; NoUsableTimeError if nothing can be compared."""
+    def of(cls, trial: Trial, model: Model, settings: CompareSettings | None = None) -> "Ruler":
+        """From the trial and a vessel; NoUsableTimeError if nothing can be compared."""
         settings = settings or CompareSettings()
         require_finite(trial)
         whole, scales = segments_of(trial, settings), scales_of(trial)
-        phi = start_transitions(first, trial, whole)
+        phi = start_transitions(model, trial, whole)
         spread = start_variance(trial, whole, phi)
         nodes = nodes_within_limit(spread, whole, scales, trial.dt, settings)
         return cls(

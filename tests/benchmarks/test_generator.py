@@ -33,6 +33,20 @@ FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "hidden"
 EXAMPLES = {
     "steady_current": {"speed": 0.3, "direction": 1.0},
     "varying_current": {"speed": 0.3, "direction": 1.0, "period": 90.0, "phase": 0.4},
+    "current_change": {
+        "speed": 0.3,
+        "direction": 1.0,
+        "later_speed": 0.2,
+        "later_direction": 4.0,
+        "time": 10.0,
+    },
+    "wind_change": {
+        "speed": 8.0,
+        "direction": 2.0,
+        "later_speed": 4.0,
+        "later_direction": 5.0,
+        "time": 10.0,
+    },
     "steady_wind": {"speed": 8.0, "direction": 2.0},
     "inertial_force": {"force": 6.0, "direction": -1.0},
     "wave_motion": {"force": 15.0, "omega": 2.2, "direction": 0.5, "phase": 0.0},

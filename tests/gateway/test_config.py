@@ -131,9 +131,15 @@ MISTAKES = {
     "[[boats]]\nsystem_id = 1": "missing key boats[0].vessel",
     '[zenoh]\npublish = "yes"': "zenoh.publish = 'yes': input should be a valid boolean",
     '[following]\nrate_hz = "50"': "following.rate_hz = '50': input should be a valid number",
-    "[following]\nrate_hz = 0": "[following] rate_hz = 0.0: expected a positive number",
+    "[following]\nrate_hz = 0": "[following] rate_hz = 0.0: expected 0.1 to 1000 Hz",
     '[following]\nreference = "both"': "following.reference = 'both': input should be 'measured'",
-    "[following.follower]\nrate = -1.0": "rate must be above 0 1/s, not -1.0",
+    "[following.follower]\nrate = -1.0": "rate must be above 0, at most 1000 1/s, not -1.0",
+    "[filter]\ngyro_delay_s = 1e308": "[filter] gyro_delay_s = 1e+308: expected a positive",
+    "[filter]\nhistory_events = 99999999": "[filter] history_events = 99999999: expected a posi",
+    "[filter]\nmax_step_s = 1e-9": "[filter] max_step_s = 1e-09: expected a positive number, 0.001",
+    "[filter.sources.ATTITUDE]\nyaw_rad = -1.0": "yaw_rad = -1.0: expected a positive number",
+    "[following.follower]\nrate = 1e9": "rate must be above 0, at most 1000 1/s, not 1000000000.0",
+    "[following]\nrate_hz = 1e9": "[following] rate_hz = 1000000000.0: expected 0.1 to 1000 Hz",
     "[filter]\nsurge_tau_s = 0.0": "[filter] surge_tau_s = 0.0: expected a positive number",
     '[recording]\ncompression = "rar"': "recording.compression = 'rar': input should be 'lz4', ",
     "[recording]\nfoxglove_hz = 0": "[recording] foxglove_hz = 0.0: expected a positive number",
@@ -166,7 +172,7 @@ def test_what_is_no_configuration_is_said(tmp_path: Path) -> None:
     for path, expected in (
         (tmp_path / "absent.toml", "cannot read the configuration: No such file"),
         (tmp_path, "cannot read the configuration: Is a directory"),
-        (binary, "not a TOML file"),
+        (binary, "not a text file; the configuration is TOML"),
     ):
         with pytest.raises(BadInput, match=f"^{path}: {expected}"):
             load_settings(path)

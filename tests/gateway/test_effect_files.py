@@ -1,5 +1,7 @@
 """Effects from a user's file: they take part, an edit counts at once, mistakes are one line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,20 @@ def test_the_kernel_holds_the_laws_that_were_loaded_even_if_the_file_changed_sin
     assert ends[0][3] < ends[1][3] - 0.05
     assert "-2 *" in effect.source_code
     assert np.isfinite(ends).all()
+
+
+def test_a_file_of_release_0_1_says_what_a_parameter_means_under_the_old_name(tmp_path):
+    path = tmp_path / "line.py"
+    text = FILE.replace("FACTOR", "1")
+    path.write_text(text.replace("50.0, 5.0)", '50.0, 5.0, says="of the line")'))
+    with pytest.warns(DeprecationWarning, match="parameter k: write description= instead") as seen:
+        (old,) = load_effects(path)
+    assert seen[0].filename == str(path)
+    path.write_text(text.replace("50.0, 5.0)", '50.0, 5.0, description="of the line")'))
+    (new,) = load_effects(path)
+    assert old.parameters == new.parameters
+    assert old.parameters[0].description == "of the line"
+    assert replace(old.parameters[0], start=7.0).description == "of the line"
 
 
 @pytest.mark.parametrize(

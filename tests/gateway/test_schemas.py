@@ -10,9 +10,10 @@ from mcap.reader import make_reader
 
 from gateway.json_rows import encode
 from gateway.recording.recorder import Recorder
-from gateway.topics import TOPICS, FieldType, schema_files, write_schemas
+from gateway.topics import LOOP_TOPICS, TOPICS, FieldType, schema_files, write_schemas
 from tests.conftest import ROOT
 
+EVERY = {**TOPICS, **LOOP_TOPICS}
 FOLDER = ROOT / "docs" / "schemas"
 VALUES = {
     FieldType.NUMBER: 0.5,
@@ -23,7 +24,7 @@ VALUES = {
 
 def some_message(topic: str) -> bytes:
     """A message of any topic."""
-    row = {f.name: f.choices[0] if f.choices else VALUES[f.type] for f in TOPICS[topic].all_fields}
+    row = {f.name: f.choices[0] if f.choices else VALUES[f.type] for f in EVERY[topic].all_fields}
     payload = encode(topic, row)
     assert payload is not None
     return payload
@@ -51,15 +52,15 @@ def test_the_files_are_current() -> None:
 def test_a_topic_that_is_no_more_leaves_no_file(tmp_path: Path) -> None:
     (tmp_path / "former.json").write_text("{}")
     write_schemas(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {f"{topic}.json" for topic in TOPICS}
+    assert {path.name for path in tmp_path.iterdir()} == {f"{topic}.json" for topic in EVERY}
 
 
-@pytest.mark.parametrize("topic", TOPICS)
+@pytest.mark.parametrize("topic", EVERY)
 def test_a_message_obeys_its_file_and_a_changed_one_does_not(topic: str) -> None:
     schema = strict((FOLDER / f"{topic}.json").read_bytes())
     message = strict(some_message(topic))
     jsonschema.validate(message, schema)
-    first = TOPICS[topic].fields[0].name
+    first = EVERY[topic].fields[0].name
     for wrong in ({**message, first: None}, {**message, "more": 1}, {"vehicle_time_ns": 1}):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(wrong, schema)
@@ -69,7 +70,7 @@ def test_every_channel_of_a_recording_reads_as_strict_json_and_obeys_the_files(
     tmp_path: Path,
 ) -> None:
     with Recorder(tmp_path / "all.mcap", free=lambda _: 10**12) as recorder:
-        for topic in TOPICS:
+        for topic in EVERY:
             recorder.write_rows(topic, [10**18], [10**18], [some_message(topic)])
     seen = set()
     with (tmp_path / "all.mcap").open("rb") as stream:

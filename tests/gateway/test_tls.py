@@ -10,7 +10,7 @@ import pytest
 
 from gateway.bus import Bus, BusSettings
 from gateway.errors import ShadowError
-from gateway.monitor.watcher import join_bus
+from gateway.monitor import join_bus
 from tests.conftest import ROOT
 from tests.gateway.voyages import rows_of
 

@@ -3,8 +3,10 @@
 import jsonschema
 import pytest
 
-from gateway.topics import RATED, TOPICS, Field, FieldType, Overflow, Topic, markdown
+from gateway.topics import LOOP_TOPICS, RATED, TOPICS, Field, FieldType, Overflow, Topic, markdown
 from tests.conftest import ROOT
+
+EVERY = {**TOPICS, **LOOP_TOPICS}
 
 
 def test_the_topics_of_the_design_are_there() -> None:
@@ -19,18 +21,19 @@ def test_docs_are_current() -> None:
     assert text == markdown(), "run: python -m gateway.topics > docs/topics.md"
 
 
-@pytest.mark.parametrize("topic", TOPICS.values(), ids=list(TOPICS))
+@pytest.mark.parametrize("topic", EVERY.values(), ids=list(EVERY))
 def test_every_schema_is_a_json_schema(topic: Topic) -> None:
     jsonschema.Draft202012Validator.check_schema(topic.json_schema())
 
 
-@pytest.mark.parametrize("topic", TOPICS.values(), ids=list(TOPICS))
+@pytest.mark.parametrize("topic", EVERY.values(), ids=list(EVERY))
 def test_field_names_are_unique_and_carry_their_unit(topic: Topic) -> None:
     names = [field.name for field in topic.all_fields]
     assert len(names) == len(set(names))
     endings = {
         "m/s": "mps", "m/s²": "mps2", "rad/s": "radps", "rad/s²": "radps2", "m": "m", "rad": "rad",
         "N": "n", "N m": "nm", "°": "deg", "s": "s", "1/s": "hz", "ns": "ns",
+        "V": "v", "µs": "us",
     }  # fmt: skip
     for field in topic.all_fields:
         if field.unit:

@@ -1,5 +1,6 @@
 """Vessel files: what is written is what is read, and every mistake is one line that helps."""
 
+import hashlib
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -8,10 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import BadInput
-from gateway.user_effects import load_effects
-from gateway.vessel_file import Provenance, dump_vessel, load_vessel, read_vessel_file
+from gateway.user_effects import TRUSTED, load_effects, trust
+from gateway.user_state import remember
+from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
+from gateway.vessel_tables import Provenance
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel
+from sim.wind_areas import AREA_FACTOR, assumed_wind_areas
 from tests.conftest import ROOT
 from tests.gateway.test_effect_files import FILE
 from tests.sim.vessels import SHAPES, WAMV, every_effect
@@ -21,10 +25,13 @@ STEERED = (ROOT / "configs" / "vessels" / "steered.toml").read_text(encoding="ut
 TABLE = "[[-1, -1], [0, 0], [0.2, 0.4], [0.5, 0.3], [1, 1]]"
 CURRENT = '[[effects]]\ntype = "steady_current"\nspeed = 0.3\ndirection = 1.2\n'
 
-positive = st.floats(1e-6, 1e6)
-damping = st.floats(-1e6, 0.0)
+positive = st.floats(1.0, 1e6)
+damping = st.floats(-1e3, 0.0)
 number = st.floats(-1e6, 1e6)
-point = st.tuples(number, number)
+point = st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+length = st.floats(0.01, 500.0)
+areas = st.just((0.0, 0.0)) | st.tuples(positive, positive)
+share = st.floats(0.0, 1.0)  # of the range of a number
 word = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=12)
 servo = st.builds(
     Servo,
@@ -45,41 +52,48 @@ dynamics = st.builds(
     Dynamics,
     *[positive] * 3,
     *[damping] * 6,
-    *[number] * (len(fields(Dynamics)) - 9),
+    st.floats(-1e3, 1e3),
+    *[number] * (len(fields(Dynamics)) - 10),
 )
 
 
 @st.composite
 def vessels(draw: st.DrawFn) -> Vessel:
     """Any vessel that a file can hold."""
-    thrusters = draw(st.lists(thruster, min_size=1, max_size=4, unique_by=lambda t: t.name))
-    angle = st.floats(-1.5, 1.5)
+    distinct = (lambda t: t.name, lambda t: t.servo.channel)
+    thrusters = draw(st.lists(thruster, min_size=1, max_size=4, unique_by=distinct))
     rudder = st.builds(
         Rudder,
         word.map(lambda name: "rudder " + name),
         servo,
         point,
-        st.tuples(angle, angle),
+        st.tuples(st.floats(-1.5, -0.1), st.floats(-0.05, 1.5)),
         area=positive,
         aspect=positive,
         wash=st.none() | st.sampled_from([t.name for t in thrusters]),
         motor=st.none() | st.sampled_from([t.name for t in thrusters]),
     )
     names = {t.name for t in thrusters}
+    driven = {t.servo.channel for t in thrusters}
     rudders = draw(st.lists(rudder, max_size=2, unique_by=lambda r: r.name))
     bare = Vessel(
         draw(word),
-        draw(st.builds(Hull, positive, positive, positive, point)),
+        draw(st.builds(Hull, length, length, positive, areas)),
         draw(dynamics),
         tuple(thrusters),
-        tuple(r for r in rudders if r.name not in names),
+        tuple(r for r in rudders if r.name not in names and r.servo.channel not in driven),
         draw(st.builds(Sensors, point, point)),
         source=draw(word),
     )
     fitting = st.sampled_from([effect for effect in EFFECTS if not bare.unmet_needs(effect)])
     effects = draw(st.lists(fitting, max_size=3))
     return bare.with_effects(
-        *(AddedEffect(e, {p.name: draw(number) for p in e.parameters}) for e in effects)
+        *(
+            AddedEffect(
+                e, {p.name: p.lower + draw(share) * (p.upper - p.lower) for p in e.parameters}
+            )
+            for e in effects
+        )
     )
 
 
@@ -157,7 +171,30 @@ MISTAKES = {
     "no number": ("[hull]", CURRENT.replace("0.3", '"a"') + "[hull]", "effects[0].speed = 'a': e"),
     "not finite": ("[hull]", CURRENT.replace("0.3", "nan") + "[hull]", "effects[0].speed = nan:"),
     "no file": ("[hull]", CURRENT + 'file = "x.py"\n[hull]', "effects[0].file: "),
-    "no path": ("[hull]", CURRENT + "file = 3\n[hull]", "effects[0].file = 3: expected a path"),
+    "no path": ("[hull]", CURRENT + "file = 3\n[hull]", "effects[0].file: 3: expected a path"),
+    "one output": ("channel = 4", "channel = 3", "thrusters[1].channel = 3: drives 'main' too: "),
+    "rudder's": (
+        "channel = 1",
+        "channel = 3",
+        "rudders[0].channel = 3: is that of thruster 'main'",
+    ),
+    "reversed": ("[-0.6, 0.6]", "[0.6, -0.6]", "must be rad at command -1, then at 1, ascending"),
+    "170°": ("[hull]", CURRENT.replace("1.2", "170") + "[hull]", "170° are 2.967 rad"),
+    "knots": ("[hull]", CURRENT.replace("0.3", "300") + "[hull]", "effects[0].speed = 300: expec"),
+    "hard stop": ("X_u = -10.0", "X_u = -1.8e7", "stops the boat in less than 0.001 s"),
+    "too heavy": ("mass = 90.0", "mass = 1e20", "hull.mass = 1e+20: input should be less than"),
+    "too strong": ("[-60.0, 120.0]", "[-60.0, 3e301]", "thrusters[0].thrust = [-60.0, 3e+301]: mu"),
+    "far away": ("[-1.1, 0.0]", "[-1100.0, 0.0]", "thrusters[0].position[0] = -1100.0: input sh"),
+    "long word": ("mass = 90.0", f"mass = '{'9' * 9000}'", "9…: input should be a valid number"),
+    "long number": ("mass = 90.0", f"mass = {'9' * 5000}", "a number in it has too many digits"),
+    "nested": ("[hull]", f"a = {'[' * 9000}{']' * 9000}\n[hull]", "nest too deeply"),
+    "1,000 effects": ("[hull]", CURRENT * 1000 + "[hull]", "at most 40 items"),
+    "many digits": (
+        "[hull]",
+        CURRENT.replace("0.3", "9" * 400) + "[hull]",
+        "9…: expected a number",
+    ),
+    "padded": ("[hull]", "#" * 1_000_001 + "\n[hull]", "larger than 1,000,000 bytes (MAX_BYTES)"),
     "not TOML": ("[hull]", "[hull", "not a TOML file"),
 }
 
@@ -166,7 +203,9 @@ MISTAKES = {
 def test_a_mistake_is_one_line_with_key_and_what_was_expected(tmp_path: Path, mistake: str) -> None:
     right, wrong, expected = MISTAKES[mistake]
     assert right in STEERED
-    assert expected in message(tmp_path, STEERED.replace(right, wrong, 1))
+    says = message(tmp_path, STEERED.replace(right, wrong, 1))
+    assert expected in says
+    assert len(says) < 1000  # nothing quotes a file at length
 
 
 def test_a_whole_number_is_a_number(tmp_path: Path) -> None:
@@ -192,6 +231,7 @@ def test_an_effect_of_ones_own_is_found_beside_the_vessel_file(tmp_path: Path) -
     entry = '[[effects]]\ntype = "line_drag"\nk = 20.0\n'
     path = tmp_path / "boat.toml"
     path.write_text(STEERED + entry + 'file = "line.py"\n', encoding="utf-8")
+    trust(tmp_path / "line.py")
     named = load_vessel(path).effects
     path.write_text(STEERED + entry, encoding="utf-8")
     given_too = load_vessel(path, load_effects(tmp_path / "line.py")).effects
@@ -202,11 +242,13 @@ def test_an_effect_of_ones_own_is_found_beside_the_vessel_file(tmp_path: Path) -
 
 
 def test_a_broken_effect_file_is_one_line_that_names_both_files(tmp_path: Path) -> None:
-    (tmp_path / "line.py").write_text("def force(:\n")
+    good = FILE.replace("FACTOR", "1")
+    (tmp_path / "line.py").write_text(good + "from pathlib import Path\nPath('/absent').stat()\n")
+    remember(TRUSTED, hashlib.sha256((tmp_path / "line.py").read_bytes()).hexdigest(), {})
     entry = '[[effects]]\ntype = "line_drag"\nfile = "line.py"\nk = 20.0\n'
     says = message(tmp_path, STEERED + entry)
     assert "effects[0].file: " in says
-    assert "line.py: SyntaxError" in says
+    assert "line.py: FileNotFoundError" in says
 
 
 def test_two_files_differ_where_two_vessels_differ(tmp_path: Path) -> None:
@@ -216,10 +258,60 @@ def test_two_files_differ_where_two_vessels_differ(tmp_path: Path) -> None:
 
 def test_an_effect_that_cannot_act_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "boat.toml"
-    entry = '[[effects]]\ntype = "steady_wind"\nspeed = 5.0\ndirection = 0.0\n'
-    path.write_text(STEERED + entry, encoding="utf-8")
-    with pytest.raises(BadInput, match=rf"^{path}: effect steady_wind needs hull.wind_area"):
+    unsteered = replace(WAMV, effects=())
+    entry = '[[effects]]\ntype = "steering_lag"\ntau = 0.3\n'
+    path.write_text(dump_vessel(unsteered) + entry, encoding="utf-8")
+    with pytest.raises(BadInput, match=rf"^{path}: effect steering_lag needs a rudder"):
         load_vessel(path)
+
+
+WIND = '[[effects]]\ntype = "steady_wind"\nspeed = 5.0\ndirection = 0.0\n'
+
+
+def test_assumed_areas_are_written_with_their_origin_and_stay_assumed(tmp_path: Path) -> None:
+    path = tmp_path / "boat.toml"
+    path.write_text(STEERED + WIND, encoding="utf-8")
+    vessel = load_vessel(path)
+    assert vessel.hull.wind_area == (0.0, 0.0)
+    path.write_text(dump_vessel(vessel), encoding="utf-8")
+    written = read_vessel_file(path)
+    assert written.hull.wind_area == vessel.hull.areas
+    assert written.provenance["hull.wind_area"].says.startswith("assumed from length and beam")
+    assert load_vessel(path) == vessel
+    assert load_vessel(path).assumptions
+
+
+def test_areas_that_someone_put_in_the_place_of_assumed_ones_count(tmp_path: Path) -> None:
+    path = tmp_path / "boat.toml"
+    path.write_text(STEERED + WIND, encoding="utf-8")
+    front, side = load_vessel(path).hull.areas
+    text = dump_vessel(load_vessel(path))
+    assert text.count(str(side)) == 1
+    path.write_text(text.replace(str(side), "0.91"), encoding="utf-8")
+    assert load_vessel(path).hull.wind_area == (front, 0.91)
+    assert not load_vessel(path).assumptions
+
+
+def test_a_file_without_wind_has_no_areas_that_nobody_gave(tmp_path: Path) -> None:
+    path = tmp_path / "boat.toml"
+    path.write_text(STEERED, encoding="utf-8")
+    assert "wind_area" not in dump_vessel(load_vessel(path))
+
+
+def test_one_area_alone_is_a_mistake(tmp_path: Path) -> None:
+    text = STEERED.replace("[hull]\n", "[hull]\nwind_area = [0.2, 0.0]\n", 1)
+    assert "hull.wind_area = [0.2, 0.0]: must be the frontal and the lateral area" in message(
+        tmp_path, text
+    )
+
+
+@pytest.mark.parametrize("name", ["blueboat", "demo_boat", "wam-v"])
+def test_areas_of_shipped_vessels_are_half_to_twice_what_would_be_assumed(name: str) -> None:
+    hull = load_vessel(name).hull
+    for known, assumed in zip(
+        hull.wind_area, assumed_wind_areas(hull.length, hull.beam), strict=True
+    ):
+        assert 1.0 / AREA_FACTOR < known / assumed < AREA_FACTOR
 
 
 def test_a_table_of_thrust_comes_back_and_may_be_shared(tmp_path: Path) -> None:

@@ -108,9 +108,9 @@ def test_a_batch_equals_a_loop(vessel):
     thetas = model.theta * rng.uniform(0.8, 1.2, (4, len(model.theta)))
     states, reports = model.simulate(tables, DT, start, theta=thetas)
     for b in range(4):
-        one, said = model.simulate(tables[b], DT, start[b], theta=thetas[b])
+        one, reported = model.simulate(tables[b], DT, start[b], theta=thetas[b])
         np.testing.assert_array_equal(states[b], one[0])
-        np.testing.assert_array_equal(reports[b], said[0])
+        np.testing.assert_array_equal(reports[b], reported[0])
 
 
 def test_runge_kutta_is_of_fourth_order():

@@ -7,12 +7,38 @@ from benchmarks.hidden.nature import Cause
 from benchmarks.hidden.scene import Push, Scene, Stream
 
 GRAVITY, AIR = 9.81, 1.22  # m/s², kg/m³
+TURN_S = 12.0  # that a current or a wind takes to become another one
 
 
 def steady_current(speed: float, direction: float) -> Cause:
     """The water moves towards `direction` [rad] at `speed` [m/s]."""
     north, east = speed * math.cos(direction), speed * math.sin(direction)
     return Cause(water=lambda time, n, e: Stream(north, east))
+
+
+def _turned(time: float, at: float) -> float:
+    """0 before, 1 after, half at the moment itself: smooth, over about `TURN_S`."""
+    return 0.5 + 0.5 * math.tanh(2.0 * (time - at) / TURN_S)
+
+
+def _towards(speed: float, direction: float) -> tuple[float, float]:
+    return speed * math.cos(direction), speed * math.sin(direction)
+
+
+def current_change(
+    speed: float, direction: float, later_speed: float, later_direction: float, time: float
+) -> Cause:
+    """A current that becomes another one around `time`, over a few seconds."""
+    first, later = _towards(speed, direction), _towards(later_speed, later_direction)
+
+    def water(now: float, north: float, east: float) -> Stream:
+        w = _turned(now, time)
+        rate = 4.0 * w * (1.0 - w) / TURN_S
+        n, e = (a + w * (b - a) for a, b in zip(first, later, strict=True))
+        change = [rate * (b - a) for a, b in zip(first, later, strict=True)]
+        return Stream(n, e, change[0], change[1])
+
+    return Cause(water=water)
 
 
 def varying_current(speed: float, direction: float, period: float, phase: float) -> Cause:
@@ -30,21 +56,37 @@ def varying_current(speed: float, direction: float, period: float, phase: float)
 
 
 def steady_wind(speed: float, direction: float) -> Cause:
-    """Wind from `direction` at `speed`: Blendermann's coefficients (Trondheim 1994)."""
-    resistance, cross, shape = 0.6, 0.85, 0.5  # ahead, abeam, cross-force parameter
+    """Wind from `direction` at `speed`."""
+    air = _towards(-speed, direction)
+    return Cause(push=lambda s, thrusts: _blown(s, *air))
+
+
+def wind_change(
+    speed: float, direction: float, later_speed: float, later_direction: float, time: float
+) -> Cause:
+    """A wind that becomes another one around `time`, over a few seconds."""
+    first, later = _towards(-speed, direction), _towards(-later_speed, later_direction)
 
     def push(s: Scene, thrusts: Sequence[float]) -> Push:
-        ahead, right = s.in_body(-speed * math.cos(direction), -speed * math.sin(direction))
-        ahead, right = ahead - s.over_u, right - s.over_v
-        q = 0.5 * AIR * (ahead**2 + right**2)
-        off_bow = math.atan2(-right, -ahead)  # where it comes from, clockwise from the bow
-        thin = resistance * s.hull.frontal / s.hull.lateral / cross
-        full = 1.0 - 0.5 * shape * (1.0 - thin) * math.sin(2.0 * off_bow) ** 2
-        X = -q * s.hull.frontal * resistance * math.cos(off_bow) / full
-        Y = -q * s.hull.lateral * cross * math.sin(off_bow) / full
-        return Push(X, Y, 0.18 * (math.pi / 2.0 - abs(off_bow)) * s.hull.length * Y)
+        w = _turned(s.time, time)
+        return _blown(s, *(a + w * (b - a) for a, b in zip(first, later, strict=True)))
 
     return Cause(push=push)
+
+
+def _blown(s: Scene, north: float, east: float) -> Push:
+    """Of air that moves to north and east: Blendermann's coefficients (Trondheim 1994)."""
+    resistance, cross, shape = 0.6, 0.85, 0.5  # ahead, abeam, cross-force parameter
+
+    ahead, right = s.in_body(north, east)
+    ahead, right = ahead - s.over_u, right - s.over_v
+    q = 0.5 * AIR * (ahead**2 + right**2)
+    off_bow = math.atan2(-right, -ahead)  # where it comes from, clockwise from the bow
+    thin = resistance * s.hull.frontal / s.hull.lateral / cross
+    full = 1.0 - 0.5 * shape * (1.0 - thin) * math.sin(2.0 * off_bow) ** 2
+    X = -q * s.hull.frontal * resistance * math.cos(off_bow) / full
+    Y = -q * s.hull.lateral * cross * math.sin(off_bow) / full
+    return Push(X, Y, 0.18 * (math.pi / 2.0 - abs(off_bow)) * s.hull.length * Y)
 
 
 def inertial_force(force: float, direction: float) -> Cause:
@@ -71,5 +113,8 @@ def wave_motion(force: float, omega: float, direction: float, phase: float) -> C
 
 CAUSES: Mapping[str, Callable[..., Cause]] = {
     law.__name__: law
-    for law in (steady_current, varying_current, steady_wind, inertial_force, wave_motion)
-}
+    for law in (
+        steady_current, varying_current, current_change, steady_wind, wind_change,
+        inertial_force, wave_motion,
+    )
+}  # fmt: skip

@@ -22,9 +22,8 @@ Tables (.csv) as logs: a mapping file (see `mapping_file`) names what the column
 
 import csv
 import io
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,8 +31,10 @@ import numpy as np
 
 from gateway.errors import BadInput
 from gateway.ingest.clock import BoatClock
+from gateway.ingest.csv.time_column import repair_time
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.samples import CHANNELS, Quantity, Samples
+from gateway.toml_file import read_toml
 from sim.state import Floats, Ints
 
 T = TypeVar("T")
@@ -113,12 +114,7 @@ def beside(csv: Path) -> Path:
 
 def read_mapping(path: Path) -> CsvMapping:
     """A mapping file, checked."""
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BadInput(f"{path} cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: no TOML: {error}") from None
+    content = read_toml(path, "the mapping file")
     unknown = set(content) - {"time", "columns"}
     if unknown:
         raise BadInput(f"{path}: unknown key {sorted(unknown)[0]!r}: expected time, [columns]")
@@ -167,6 +163,7 @@ class CsvLog(Log):
     mapping: CsvMapping
     time_s: Floats
     columns: Mapping[str, Floats]
+    sessions_s: tuple[tuple[float, float], ...]
     statistics: Statistics
     kind: str = "csv"
 
@@ -192,16 +189,18 @@ class CsvLog(Log):
         known = np.abs(time) < LATEST_S  # NaN is not
         if known.sum() < 2:
             raise BadInput(f"{file}: fewer than two rows with a time in {plan.time_column!r}")
-        kept = time[known]
+        repaired = repair_time(time[known])
+        kept = repaired.time_s
+        absent = () if known.all() else (f"{int((~known).sum())} rows without a time left out",)
         statistics = Statistics(
             size_bytes=size,
-            accepted=int(known.sum()),
+            accepted=len(kept),
             duplicates=int((np.diff(kept) == 0).sum()),
-            time_backwards=int((np.diff(kept) < 0).sum()),
-            notes=() if known.all() else (f"{int((~known).sum())} rows without a time left out",),
+            time_backwards=int((np.diff(time[known][repaired.kept]) < 0).sum()),
+            notes=(*absent, *repaired.notes),
         )
-        columns = {name: column[known] for name, column in values.items()}
-        return cls(str(file), plan, kept, columns, statistics)
+        columns = {name: column[known][repaired.kept] for name, column in values.items()}
+        return cls(str(file), plan, kept, columns, repaired.sessions, statistics)
 
     def counts(self) -> Mapping[str, int]:
         """The table is one message."""
@@ -218,11 +217,10 @@ class CsvLog(Log):
         return (Boat(0, 0, "", "table"),)
 
     def decode(self, boat: Boat) -> BoatSamples:
-        """The mapped columns; the one clock of a table needs no repair."""
-        times = self.time_ns()
-        span = (int(times.min()), int(times.max()))
-        report = BoatClock(streams=1).report()
-        return BoatSamples(boat, self.samples(), report, (span,), tabular=True)
+        """The mapped columns; the clock of a table is repaired as it is read."""
+        spans = tuple((round(a * 1e9), round(b * 1e9)) for a, b in self.sessions_s)
+        report = replace(BoatClock(streams=1).report(), sessions=len(spans))
+        return BoatSamples(boat, self.samples(), report, spans, tabular=True)
 
     def channel_names(self) -> Mapping[int, str]:
         """Channel, from 1 -> name of its column."""

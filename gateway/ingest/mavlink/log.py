@@ -16,9 +16,8 @@ from gateway.errors import BadInput
 from gateway.ingest.decoding import decode_tables
 from gateway.ingest.format import looks_like
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, columns, frozen
-from gateway.ingest.mavlink.boats import from_heartbeats, from_motion
 from gateway.ingest.mavlink.definitions import checksum_seeds, definitions, ids_by_name, layout
-from gateway.ingest.mavlink.mapping import RULES
+from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
 from gateway.ingest.mavlink.walk import (
     GOOD,
     Bytes,

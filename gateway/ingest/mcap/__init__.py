@@ -1,4 +1,4 @@
-"""The gateway's own MCAP recordings as logs: their raw frames, decoded like any other."""
+"""The gateway's own MCAP recordings as logs: their raw frames, or the log that they enclose."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,15 +19,25 @@ def recognises(head: bytes, path: Path) -> bool:
 
 
 def open_mcap(path: str | Path, raw: bytes = b"", mapping: str | Path | None = None) -> "Log":
-    """All frames of a recording in order of handling; BadInput where it holds none."""
+    """All frames of a recording in order of handling, or the log that it encloses.
+
+    BadInput where it holds neither.
+    """
     from gateway.ingest.mavlink.log import Frames, MavlinkLog
+    from gateway.ingest.mcap.enclosed import open_enclosed
     from gateway.recording.reader import Recording
 
     recording = Recording.open(Path(path))
     rows = recording.raw()
     filled = rows.end > rows.start  # a tick of a live recording is an empty frame
     if not filled.any():
-        raise BadInput(f"{path}: holds no MAVLink frames: give a recording of a voyage")
+        enclosed = open_enclosed(recording, mapping)
+        if enclosed is not None:
+            return enclosed
+        raise BadInput(
+            f"{path}: holds no MAVLink frames and encloses no log: give a recording of a voyage "
+            "(`shadow simulate --log` writes one)"
+        )
     frames = Frames.from_buffer(
         rows.data, rows.start[filled], rows.end[filled], rows.receive_time_ns[filled]
     )

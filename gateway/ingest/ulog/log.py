@@ -23,7 +23,7 @@ from gateway.errors import BadInput
 from gateway.ingest.decoding import decode_tables
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, column, frozen
 from gateway.ingest.mapping import UNIX_FROM_US
-from gateway.ingest.mavlink.boats import vehicle_type
+from gateway.ingest.mavlink.mapping import vehicle_type
 from gateway.ingest.ulog.mapping import INSTANCE, OUTPUTS, RULES
 from sim.state import Ints
 

@@ -3,26 +3,29 @@
 What is marked in one figure is marked in all.
 """
 
+import re
 from collections.abc import Callable
+from functools import partial
 from html import escape
-from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gateway.figures.motion import with_earlier_model
 from gateway.figures.style import velocity_texts
+from gateway.figures.words import judgement_text, nowhere_text
 from gateway.ingest.earth import Origin
+from gateway.studio.address import ranges_in, ranges_text
+from gateway.studio.controls import FigurePlace, report_download
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import (
-    FigurePlace,
     Page,
     StudioContext,
     Watches,
+    bokeh_part,
     button,
     card,
     control_row,
-    download,
     html,
     section,
     select,
@@ -30,8 +33,10 @@ from gateway.studio.page import (
     table,
     word,
 )
+from gateway.studio.playback import Playback
+from gateway.studio.session import Session
 from gateway.studio.tasks import TimeRanges, TrialView, VesselView
-from sim.comparison.compare import ADEQUATE_FLOORS
+from sim.comparison.compare import Judgement, judge
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"
 FIGURES = {  # name -> heading, hint
@@ -40,6 +45,7 @@ FIGURES = {  # name -> heading, hint
         f"{THREE}. Drag along the time axis to mark a stretch: it is marked on the track too. "
         f"The model starts anew from the measurement at every gap: after one {word('horizon')}.",
     ),
+    "commands": ("Commands", "What was sent to each output; a gap where the boat was disarmed."),
     "residuals": ("Error over time: measured − model", ""),
     "track": ("Track", "North is up."),
     "strips": (
@@ -60,26 +66,37 @@ class ComparePage(Page):
         super().__init__(context)
         self._map = TileMap(context.settings, self.theme)
         self.view.on_brush = lambda start, end: self._marker(((start, end),))()
+        self._playback = Playback(self.view)
         self._places = {name: FigurePlace(self.view) for name in FIGURES}
         self._headline, self._numbers, self._worst = html(), html(), stack()
+        self._range = html()
         self._which = select("Recording", [], width=240)
         self._vessel = select("Vessel", [], width=240)
-        for choice in (self._which, self._vessel):
-            choice.param.watch(lambda _: self.guarded(self._show_chosen)(), "value")
-        self._clear = button("Clear the mark", lambda: self._mark(()), width=140)
+        for name, choice in (("recording", self._which), ("vessel", self._vessel)):
+            choice.param.watch(partial(self._chosen, name), "value")
+        self._clear = button("Clear the mark", self._marker(()), width=140)
         self._report = button("Write a report", self.guarded(self.session.write_report), width=140)
-        self._get = download(
-            "Download the report", "report.html",
-            lambda: BytesIO(Path(self.session.report).read_bytes()), width=180, visible=False,
-        )  # fmt: skip
+        self._get = report_download(self)
         self._window: tuple[float, float] | None = None
+        at = self.address.read("at") or ""
+        self._at = float(at) if re.fullmatch(r"\d+(\.\d+)?", at) else None
+        self._marked: TimeRanges = ()
+        self._shown = ""  # the trial whose time axis and mark are shown
+        self._quiet = False  # choices are made by the page itself
 
     def body(self) -> Any:
         """Numbers above, figures below."""
         choose = control_row(self._which, self._vessel, self._clear, self._report, self._get)
         more = {"track": (self._map.box, self._map.credit)}
+        moment = card(
+            html("<h2>The moment</h2><p class='faint'>Move the time or click on a time axis: all "
+                 "pictures show that moment. Space plays it. Boats on the track: measured and free "
+                 "prediction, the arrow is the missing force where it is more than noise.</p>"),
+            bokeh_part(self._playback.part), bokeh_part(self._playback.readout),
+        )  # fmt: skip
         return stack(
-            card(self._headline, self._numbers, choose),
+            card(self._headline, self._numbers, choose, self._range),
+            moment,
             section("Where it is worst", "Press one: it is marked in all pictures.", self._worst),
             *(section(*FIGURES[name], place.part, *more.get(name, ()))
               for name, place in self._places.items()),
@@ -87,7 +104,11 @@ class ComparePage(Page):
 
     def watch(self) -> Watches:
         """Everything follows the comparison."""
-        return {("trials",): self._show_trials, ("report",): self._show_report}
+        return {
+            ("trials",): self._show_trials,
+            ("trials", "vessel", "logs"): self._show_headline,
+            ("report",): self._show_report,
+        }
 
     def tick(self) -> None:
         """While the user pans and zooms, lines get as many points as the window deserves."""
@@ -98,20 +119,41 @@ class ComparePage(Page):
             for place in self._places.values():
                 if place.figure is not None:
                     place.figure.resample(*window)
+        if (moment := self._playback.left_at()) is not None:
+            self.address.write(at=f"{moment:.1f}")
         track, trial = self._places["track"].figure, self._trial()
         origin = trial.origin_deg if trial else None
         self._map.show(track.figures if track else [], Origin(*origin) if origin else None)
 
     def _show_trials(self) -> None:
         trials = self.session.trials
-        self._headline.object = _headline(trials)
         self._numbers.object = _numbers(trials)
         names = [trial.name for trial in trials]
-        if self._which.options != names:
-            self._which.options = names
-            if self._which.value not in names and names:
-                self._which.value = names[0]
+        first = self._which.value or (names[0] if names else None)
+        self._offer("recording", self._which, names, first)
         self._show_chosen()
+
+    def _offer(self, name: str, choice: Any, names: list[str], now: str | None = None) -> None:
+        """Names to choose from; what the address says is chosen, else `now`, else the last."""
+        if choice.options == names:
+            return
+        wanted = (self.address.read(name), now, *names[-1:])
+        self._quiet = True
+        choice.options = names
+        choice.value = next((one for one in wanted if one in names), None)
+        self._quiet = False
+
+    def _chosen(self, name: str, event: Any) -> None:
+        """The user chose a recording or a vessel: a mark belongs to its recording."""
+        if self._quiet:
+            return
+        self.address.write(**{name: event.new})
+        if name == "recording":
+            self.address.write(range=None)
+        self.caught(self._show_chosen)
+
+    def _show_headline(self) -> None:
+        self._headline.object = _headline(self.session)
 
     def _trial(self) -> TrialView | None:
         return next((t for t in self.session.trials if t.name == self._which.value), None)
@@ -123,28 +165,47 @@ class ComparePage(Page):
                 place.show(None)
             return
         self._set_time_axis(trial)
-        names = [v.name for v in trial.vessels]
-        if self._vessel.options != names:
-            self._vessel.options = names
-            self._vessel.value = names[-1] if names else None
+        self._offer("vessel", self._vessel, [v.name for v in trial.vessels])
         vessel = next((v for v in trial.vessels if v.name == self._vessel.value), None)
-        figures = vessel.figures if vessel else {"velocities": trial.measured}
+        figures = {"velocities": trial.measured, "commands": trial.commands}
+        figures |= vessel.figures if vessel else {}
+        if vessel is not None and vessel is not trial.vessels[0]:
+            figures["velocities"] = with_earlier_model(
+                trial.vessels[0].figures["velocities"], vessel.figures["velocities"]
+            )
+        self._playback.show(trial, vessel, self._at)
+        self._at = None
         for name, place in self._places.items():
             place.show(figures.get(name))
         self._show_regimes(vessel)
+        self._show_range()
+
+    def _show_range(self) -> None:
+        """The errors within what is marked, of the vessel that is shown, beside the whole."""
+        trial = self._trial()
+        vessel = next(
+            (v for v in (trial.vessels if trial else ()) if v.name == self._vessel.value), None
+        )
+        self._range.object = range_text(trial, vessel, self._marked) if trial and vessel else ""
 
     def _set_time_axis(self, trial: TrialView) -> None:
         """Another recording has another time axis."""
         time, start, end = self.view.time, float(trial.time[0]), float(trial.time[-1])
         if time is not None and time.bounds != (start, end):
             time.update(bounds=(start, end), start=start, end=end)
-            self._mark(())
+        if self._shown != trial.name:
+            self._shown = trial.name
+            self._mark(ranges_in(self.address.read("range")))
 
     def _show_regimes(self, vessel: VesselView | None) -> None:
         if vessel is None:
-            self._worst.objects = [html("<p class='faint'>comparing …</p>")]
+            self._worst.objects = [html("<p class='faint'>not compared yet</p>")]
         elif not vessel.worst:
-            self._worst.objects = [html("<p class='good'>Nowhere worse than noise.</p>")]
+            good = judge(vessel.nrmse, vessel.floor) is Judgement.ADEQUATE
+            text = nowhere_text(vessel.nrmse, vessel.floor)
+            self._worst.objects = [
+                html(f"<p class='{'good' if good else 'warn'}'>{text[0].upper()}{text[1:]}.</p>")
+            ]
         else:
             self._worst.objects = [
                 button(regime.text, self._marker(regime.times), sizing_mode="stretch_width",
@@ -156,9 +217,12 @@ class ComparePage(Page):
         return self.guarded(lambda: self._mark(times))
 
     def _mark(self, times: TimeRanges) -> None:
-        """Bands over time, and the same moments on the track."""
+        """Bands over time, and the same moments on the track; the address holds them."""
+        self.address.write(range=ranges_text(times))
         self.view.spans.data = {"x0": [a for a, _ in times], "x1": [b for _, b in times]}
+        self._marked = times
         trial = self._trial()
+        self._show_range()
         if trial is None:
             return
         inside = np.zeros(len(trial.time), bool)
@@ -171,23 +235,49 @@ class ComparePage(Page):
     def _show_report(self) -> None:
         if self.session.report:
             self._get.visible = True
-            self.session.notify(f"report written: {self.session.report}", good=True)
 
 
-def _headline(trials: tuple[TrialView, ...]) -> str:
-    """One sentence for each recording: is the model right?"""
-    parts = []
-    for trial in trials:
-        if not trial.vessels:
-            continue
-        first, last = trial.vessels[0], trial.vessels[-1]
-        times = last.nrmse / max(last.floor, 1e-9)
-        fell = f" (it was {first.nrmse:.2f} as given)" if len(trial.vessels) > 1 else ""
-        good = times <= ADEQUATE_FLOORS
-        text = "no more than noise" if good else f"{times:.1f} times what noise alone would show"
-        parts.append(f"<p>{escape(trial.name)}: error <strong>{last.nrmse:.2f}</strong>{fell}, "
-                     f"<span class='{'good' if good else 'warn'}'>{text}</span>.</p>")  # fmt: skip
-    return "<h1>Is the model right?</h1>" + ("".join(parts) or "<p>Comparing …</p>")
+def range_text(trial: TrialView, vessel: VesselView, times: TimeRanges) -> str:
+    """Errors of the free predictions within stretches of time; nothing where none is marked."""
+    if not times or vessel.motion is None:
+        return ""
+    inside = np.zeros(len(trial.time), bool)
+    for start, end in times:
+        inside |= (trial.time >= start) & (trial.time <= end)
+    error = (trial.motion - vessel.motion)[inside][:, 3:]
+    known = np.isfinite(error).all(axis=1)
+    seconds = sum(end - start for start, end in times)
+    if not known.any():
+        return f"<p>Marked: {seconds:.0f} s, without any prediction in them.</p>"
+    rmse = dict(zip("uvr", np.sqrt((error[known] ** 2).mean(axis=0)), strict=True))
+    u, v, r = velocity_texts(rmse)
+    return (f"<p>Marked: {seconds:.0f} s; there {escape(vessel.name)} is off by {u} m/s ahead, "
+            f"{v} m/s sideways and {r} °/s, root mean square.</p>")  # fmt: skip
+
+
+def _headline(session: Session) -> str:
+    """One sentence for each recording: is the model right? And why there is none."""
+    parts = [_verdict(trial, session.is_current) for trial in session.trials if trial.vessels]
+    parts += [f"<p class='warn'>Not compared: {escape(why)}</p>"
+              for why in session.refused.values()]  # fmt: skip
+    if not session.logs or not session.versions:
+        parts.append("<p>Choose a recording and a vessel under <a href='recordings'>Recordings</a>."
+                     "</p>")  # fmt: skip
+    elif not session.is_current and (session.quick.busy or not session.refused):
+        parts.append("<p class='faint'>Comparing the vessel as it is now …</p>")
+    return "<h1>Is the model right?</h1>" + "".join(parts)
+
+
+def _verdict(trial: TrialView, current: bool) -> str:
+    """Of one recording; in grey where the vessel has been changed since."""
+    first, last = trial.vessels[0], trial.vessels[-1]
+    fell = f" (it was {first.nrmse:.2f} as given)" if len(trial.vessels) > 1 else ""
+    good = judge(last.nrmse, last.floor) is Judgement.ADEQUATE
+    tone = ("good" if good else "warn") if current else "faint"
+    since = "" if current else "; the vessel has been changed since"
+    says = judgement_text(last.nrmse, last.floor) + since
+    return (f"<p>{escape(trial.name)}: error <strong>{last.nrmse:.2f}</strong>{fell}, "
+            f"<span class='{tone}'>{says}</span>.</p>")  # fmt: skip
 
 
 def _numbers(trials: tuple[TrialView, ...]) -> str:

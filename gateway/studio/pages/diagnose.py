@@ -10,17 +10,15 @@ from gateway.errors import BadInput
 from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
 from gateway.figures.style import probability_text
+from gateway.studio.controls import FigurePlace, SaveControls, error_table
 from gateway.studio.page import (
-    FigurePlace,
     Page,
-    SaveControls,
     StudioContext,
     Watches,
     boxes,
     bullets,
     button,
     card,
-    error_table,
     html,
     section,
     side_by_side,
@@ -74,7 +72,7 @@ class DiagnosePage(Page):
             ("logs",): self._show_logs,
             ("diagnosis",): self._show_diagnosis,
             ("diagnosis", "vessel"): self._show_ladder,
-            ("trials",): self._show_unseen,
+            ("trials", "vessel", "diagnosis"): self._show_unseen,
         }
 
     def tick(self) -> None:
@@ -94,7 +92,6 @@ class DiagnosePage(Page):
     def _start(self) -> None:
         if not self._learn.value:
             raise BadInput("choose at least one recording to learn from")
-        self.session.notice = ""
         self.session.diagnose()
 
     def _show_diagnosis(self) -> None:
@@ -106,8 +103,10 @@ class DiagnosePage(Page):
             return
         answer = diagnosis.answer
         text = Verdict(answer["verdict"]).description
+        says = "".join(f"<h2>{escape(line)}</h2>" for line in diagnosis.headlines)
         self._verdict.object = (
-            f"<h2>{text[0].upper()}{text[1:]}</h2><p>{escape(answer['summary'])}</p>"
+            f"{says}<p>{text[0].upper()}{text[1:]}.</p>"
+            f"<p class='faint'>{escape(answer['summary'])}</p>"
         )
         self._rest.object = _rest(diagnosis)
         self._show_evidence(diagnosis)
@@ -116,7 +115,9 @@ class DiagnosePage(Page):
         """What was found, then what was ranked beside it; a rival can be taken right there."""
         self._add_buttons = {}
         parts = [
-            self._proof(effect, _plain(effect), figure, diagnosis)
+            self._proof(
+                effect, _heading(diagnosis.causes.get(effect, ""), effect), figure, diagnosis
+            )
             for effect, figure in diagnosis.evidence.items()
         ]
         ranked = [
@@ -151,8 +152,9 @@ class DiagnosePage(Page):
         best = next((s for s in diagnosis.steps if len(s.effects) == len(effects)), None)
         against = f", {_plain(best.effects[-1])} {best.bar.error:.3f}" if best else ""
         tied = " <span class='warn'>cannot be told from it here</span>" if one.rival else ""
-        heading = (f"{_plain(effects[-1])}{there} <span class='faint'>error {error:.3f}{against}"
-                   f"</span>{tied}")  # fmt: skip
+        says = _heading(one.step.says, effects[-1])
+        heading = (f"{says}{there} <span class='faint'>error {error:.3f}{against}</span>"
+                   f"{tied}")  # fmt: skip
         return self._proof(effects[-1], heading, evidence, diagnosis, added)
 
     def _climber(self, step: LadderView) -> Callable[[], None]:
@@ -208,9 +210,11 @@ class DiagnosePage(Page):
             kind = "primary" if step in diagnosis.steps and not there else "default"
             text = "Added" if there else "Instead" if len(step.effects) == len(now) else "Add"
             add = button(text, self._climber(step), kind, width=90, disabled=there)
-            error = f"<strong>{_plain(effect)}</strong>: error {step.bar.error:.3f}"
+            says = escape(step.says or _said(effect))
+            text = f"<strong>{says}</strong>: error {step.bar.error:.3f}"
             looks = escape(diagnosis.looks.get(effect, ""))
-            rows.append(_row(add, error + _ranked(diagnosis, step), looks))
+            hint = f"{_plain(effect)}; looks like: {looks}"
+            rows.append(_row(add, text + _ranked(diagnosis, step), hint))
         return rows
 
     def _show_unseen(self) -> None:
@@ -218,9 +222,13 @@ class DiagnosePage(Page):
         diagnosis = self.session.diagnosis
         unseen = [
             trial for trial in self.session.trials
-            if diagnosis and trial.log not in diagnosis.logs and len(trial.vessels) > 1
+            if diagnosis and trial.log not in diagnosis.logs and trial.vessels
         ]  # fmt: skip
-        self._unseen.object = error_table("a recording it never saw", unseen) if unseen else ""
+        changed = len(self.session.vessels()) > 1
+        current = self.session.is_current
+        self._unseen.object = (
+            error_table("a recording it never saw", unseen, current) if unseen and changed else ""
+        )
 
 
 def _row(add: Any, text: str, hint: str) -> Any:
@@ -240,6 +248,13 @@ def _ranked(diagnosis: DiagnosisView, step: LadderView) -> str:
     tied = ", ".join(map(_plain, row["confounded_with"]))
     alike = f" <span class='warn'>cannot be told from {tied} here</span>" if tied else ""
     return f", {word('probability')} {escape(probability_text(row['probability']))}{alike}"
+
+
+def _heading(says: str, effect: str) -> str:
+    """What was found in words, the name of the effect small; without words the name alone."""
+    if not says:
+        return _plain(effect)
+    return f"{escape(says)} <span class='faint'>{_plain(effect)}</span>"
 
 
 def _said(effect: str) -> str:

@@ -8,13 +8,14 @@ import numpy as np
 import panel as pn
 
 from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
-from gateway.monitor.watcher import HIGH_LOSS, HIGH_NIS, LINK_SILENT_S, VesselStatus, time_of_day
+from gateway.monitor import HIGH_LOSS, HIGH_NIS, LINK_SILENT_S, VesselStatus, time_of_day
 from gateway.studio.live_chart import Chart, VelocityStrips
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import (
     NO_BUTTON,
     Page,
     StudioContext,
+    button,
     card,
     html,
     section,
@@ -28,7 +29,7 @@ MOVED_M = 20.0  # an origin further off is another one
 MOST_EVENTS = 8  # that are shown
 HEALTH = {  # name of a line -> its label
     "link": "link silent for", "messages": "messages", "nis": word("NIS"), "gated": word("gated"),
-    "clock": word("clock offset"), "recorder": "recorder",
+    "clock": word("clock offset"), "shadow": "shadow", "recorder": "recorder",
 }  # fmt: skip
 NO_HEALTH = "<p class='faint'>no health message yet</p>"
 
@@ -42,7 +43,11 @@ class LivePage(Page):
         super().__init__(context)
         self._which = select("Boat", [], width=240)
         self._which.param.watch(lambda _: self._begin_anew(), "value")
-        self._state, self._events = html(), html()
+        self._state, self._events, self._old = html(), html(), html()
+        self._remove = button(
+            "Remove boats that are not heard", self.guarded(context.live.remove_silent),
+            visible=False, width=240,
+        )  # fmt: skip
         self._health = {name: html() for name in HEALTH}
         self._no_health = html(NO_HEALTH)
         self._chart, self._strips = Chart(self.theme), VelocityStrips(self.theme)
@@ -58,13 +63,13 @@ class LivePage(Page):
         )  # fmt: skip
         health = [_labelled(HEALTH[name], value) for name, value in self._health.items()]
         numbers = stack(
-            card(self._which, self._state),
+            card(self._which, self._state, self._remove),
             card(html("<h2>Health</h2>"), self._no_health, *health),
             card(html("<h2>Events</h2>"), self._events),
         )
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
-        strips = section("Velocities", f"{three} over the last minute.",
-                         *map(pn.pane.Bokeh, self._strips.figures))  # fmt: skip
+        self._drawn = stack(*map(pn.pane.Bokeh, self._strips.figures))
+        strips = section("Velocities", f"{three} over the last minute.", self._old, self._drawn)
         return stack(side_by_side(chart, numbers), strips)
 
     def tick(self) -> None:
@@ -73,19 +78,24 @@ class LivePage(Page):
         names = [boat.status.name for boat in boats]
         if self._which.options != names:
             self._which.options = names
-            if self._which.value not in names and names:
+            asked = self.address.read("boat")
+            if asked in names:
+                self._which.value = asked
+            elif self._which.value not in names and names:
                 self._which.value = names[0]
         chosen = next((b for b in boats if b.status.name == self._which.value), None)
         self._chart.show(boats)
         if chosen is not None:
             self._origin = chart_origin(chosen.status, self._origin)
         self._map.show([self._chart.figure], self._origin)
+        silent = any(boat.status.silent_s is not None for boat in boats)
+        if self._remove.visible != silent:
+            self._remove.visible = silent
         if chosen is None:
-            where = escape(self.context.live.where)
-            _put(self._state, f"<p>Nobody publishes at {where} yet. Start "
-                 "<code>shadow live ENDPOINT --vessel FILE</code>.</p>")  # fmt: skip
+            self._show_nobody()
             return
         self._strips.show(chosen)
+        self._show_age(chosen.status)
         _put(self._state, _state(chosen.status))
         health = _health(chosen.status)
         _put(self._no_health, "" if health else NO_HEALTH)
@@ -93,8 +103,29 @@ class LivePage(Page):
             _put(place, health.get(name, ""))
         _put(self._events, _events(chosen.status))
 
+    def _show_nobody(self) -> None:
+        """No boat: where one would be looked for, and nothing of one that was."""
+        where = escape(self.context.live.where)
+        _put(self._state, f"<p>Nobody publishes at {where}. Start "
+             "<code>shadow live ENDPOINT --vessel FILE</code>.</p>")  # fmt: skip
+        _put(self._no_health, NO_HEALTH)
+        for place in (*self._health.values(), self._events, self._old):
+            _put(place, "")
+        self._origin = None
+        self._strips.clear()
+
+    def _show_age(self, status: VesselStatus) -> None:
+        """Strips of a boat that is not heard are grey, and say of when they are."""
+        old = status.silent_s is not None
+        _put(self._old, f"<p class='warn'>{_silence(status)}: this is the last that came.</p>"
+             if old else "")  # fmt: skip
+        styles = {"opacity": "0.4", "filter": "grayscale(1)"} if old else {}
+        if self._drawn.styles != styles:
+            self._drawn.styles = styles
+
     def _begin_anew(self) -> None:
         self._origin = None
+        self.address.write(boat=self._which.value)
         self._strips.clear()
 
 
@@ -110,11 +141,22 @@ def _labelled(label: str, value: Any) -> Any:
     return stack(name, value, styles={"flex-direction": "row"}, stylesheets=[NO_BUTTON], margin=0)
 
 
+def _silence(boat: VesselStatus) -> str:
+    """Gone or silent, and for how long where that is known."""
+    age = boat.silent_s
+    word = "silent" if boat.alive else "gone"
+    return word if age is None or math.isinf(age) else f"{word} for {age:.0f} s"
+
+
 def _state(boat: VesselStatus) -> str:
     """Speed, heading, and how far the shadow is from the boat."""
     m, s = boat.motion(), boat.message("shadow")
-    alive = boat.alive
-    life = "<span class='good'>● live</span>" if alive else "<span class='warn'>○ gone</span>"
+    heard = boat.silent_s is None
+    life = (
+        "<span class='good'>● live</span>"
+        if heard
+        else f"<span class='warn'>○ {_silence(boat)}</span>"
+    )
     if m is None:
         return f"<h1>{escape(boat.name)} {life}</h1>"
     speed, heading = math.hypot(m["surge_mps"], m["sway_mps"]), math.degrees(m["yaw_rad"]) % 360.0
@@ -123,8 +165,9 @@ def _state(boat: VesselStatus) -> str:
         away = math.hypot(s["north_m"] - m["north_m"], s["east_m"] - m["east_m"])
         off = f", shadow {away:.2f} m away"
     source = f", reference: {escape(s['source'])}" if s else ""
-    return (f"<h1>{escape(boat.name)} {life}</h1><p>{speed:.2f} m/s, heading {heading:03.0f}°{off}"
-            f"{source}</p>")  # fmt: skip
+    last = "" if heard else "last heard at "
+    return (f"<h1>{escape(boat.name)} {life}</h1><p>{last}{speed:.2f} m/s, "
+            f"heading {heading:03.0f}°{off}{source}</p>")  # fmt: skip
 
 
 def _health(boat: VesselStatus) -> dict[str, str]:
@@ -132,12 +175,16 @@ def _health(boat: VesselStatus) -> dict[str, str]:
     h = boat.message("health")
     if h is None:
         return {}
+    if (since := boat.silent_s) is not None:
+        text = "nothing known now" if math.isinf(since) else f"{h['link_age_s'] + since:.0f} s"
+        return {"link": f"<p>{text} <span class='warn'>look here</span></p>"}
     lines = {
         "link": (f"{h['link_age_s']:.1f} s", h["link_age_s"] > LINK_SILENT_S),
         "messages": (f"{h['rate_hz']:.0f} /s, lost {100 * h['loss']:.1f} %", h["loss"] > HIGH_LOSS),
         "nis": (f"{h['nis']:.2f}", h["nis"] > HIGH_NIS),
         "gated": (f"{h['gated']}, late {h['late']}", None),
         "clock": (f"{round(h['clock_offset_s'], 3) + 0.0:.3f} s", None),
+        "shadow": (f"diverged {h['divergences']} times", h["diverging"] > 0),
         "recorder": (f"{h['recorder_backlog']} waiting, {h['recorder_drops']} dropped",
                      h["recorder_drops"] > 0),
     }  # fmt: skip

@@ -9,16 +9,14 @@ from typing import Any
 import panel as pn
 
 from gateway.figures.motion import with_earlier_model
+from gateway.studio.controls import FigurePlace, SaveControls, error_table
 from gateway.studio.page import (
     STYLE,
-    FigurePlace,
     Page,
-    SaveControls,
     StudioContext,
     Watches,
     card,
     download,
-    error_table,
     html,
     section,
     side_by_side,
@@ -68,7 +66,10 @@ class VesselPage(Page):
 
     def watch(self) -> Watches:
         """The vessel, and what was compared."""
-        return {("vessel",): self._show_vessel, ("trials",): self._show_trials}
+        return {
+            ("vessel",): self._show_vessel,
+            ("trials", "vessel"): self._show_trials,
+        }
 
     def _show_vessel(self) -> None:
         version = self.session.version
@@ -114,7 +115,7 @@ class VesselPage(Page):
             start=low, end=high, value=value, step=(high - low) / 400.0, format="0.0000",
             stylesheets=[STYLE], sizing_mode="stretch_width", margin=(6, 10, 0, 10),
         )  # fmt: skip
-        made.param.watch(lambda event: self.guarded(partial(self._slid, key, event.new))(), "value")
+        made.param.watch(lambda event: self.caught(partial(self._slid, key, event.new)), "value")
         return made
 
     def _slid(self, key: str, value: float) -> None:
@@ -125,7 +126,10 @@ class VesselPage(Page):
 
     def _show_trials(self) -> None:
         compared = [trial for trial in self.session.trials if trial.vessels]
-        self._errors.object = error_table("recording", compared)
+        self._errors.object = error_table("recording", compared, self.session.is_current)
+        if not compared and self.session.refused:
+            reasons = " ".join(map(escape, self.session.refused.values()))
+            self._errors.object = f"<p class='warn'>Not compared: {reasons}</p>"
         if compared:
             given, now = compared[0].vessels[0].figures, compared[0].vessels[-1].figures
             self._velocities.show(with_earlier_model(given["velocities"], now["velocities"]))

@@ -7,8 +7,11 @@ import time
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gateway.command_line import READERS, SHADOW, Done, Run, command, one_line
+from tests.gateway.ingest.scripted import heartbeat
+from tests.gateway.pipelines.sailing import parameters, tlog, voyage
 
 
 def write_nothing(path: Path) -> None:
@@ -134,6 +137,25 @@ def test_an_option_that_cannot_be_used_is_one_line(
     heard = ["--publish"] if name == "replay" else []
     one_line(run(*words, *heard, *option.split()), 2, expected)
     assert not list(tmp_path.glob("out/*"))
+
+
+NEEDS_A_BOAT = {
+    "init": ["--out", "new.toml"], "replay": ["-v", "boat.toml", "--no-record"],
+    "compare": ["-v", "boat.toml"], "identify": ["-v", "boat.toml"],
+    "diagnose": ["-v", "boat.toml"], "report": ["-v", "boat.toml"], "plan": ["-v", "boat.toml"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NEEDS_A_BOAT)
+def test_a_copters_log_is_said_to_be_one(
+    run: Run, tmp_path: Path, boat: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    copter = heartbeat(type_=dialect.MAV_TYPE_QUADROTOR)
+    tlog(Path("copter.tlog"), [(0.0, copter), *parameters(), *voyage(10.0), (11.0, copter)])
+    words = [name, "copter.tlog", *NEEDS_A_BOAT[name]]
+    one_line(run(*words), 2, "says that it is a quadrotor: no model of a boat", "--anyway")
+    assert "quadrotor" not in run(*words, "--anyway").err
 
 
 @pytest.mark.parametrize("words", [["replay"], ["compare", "a.tlog"], ["nothing"], ["info"]])

@@ -55,7 +55,10 @@ def test_arithmetic_without_a_result_is_one_line_with_recording_vessel_and_advic
 ) -> None:
     target, advice = WORK[name]
     monkeypatch.setattr(target, failing(error))
-    out = {"replay": ["--out", tmp_path / "out", "--no-publish"], "report": ["--out", tmp_path]}
+    out = {
+        "replay": ["--out", tmp_path / "out", "--no-publish"],
+        "report": ["--out", tmp_path / "report.html"],
+    }
     done = run(name, log, "--vessel", boat, *out.get(name, []))
     vessel = "WAM-V" if name in ("compare", "report") else str(boat)
     one_line(done, 1, log.stem, f"with {vessel}", str(error.args[-1]), advice)

@@ -12,6 +12,7 @@ import pytest
 
 from gateway.config import Settings, as_tables, load_settings
 from gateway.ingest.csv.log import QUANTITIES
+from gateway.ingest.open import open_log
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel, load_vessel
 from tests.conftest import ROOT
@@ -79,9 +80,20 @@ def test_init_then_replay_then_compare_is_a_way_to_begin(
     assert done.status == 0
     assert "written" in done.out
     assert load_vessel(made).hull.mass == 180.0
-    one_line(run("init", log, "--out", made), 2, "there is such a file: give another name, or")
     assert run("replay", log, "-v", made, "--no-record", "--no-publish").status == 0
     assert run("compare", log, "-v", made).status == 0
+
+
+def test_simulate_writes_the_log_that_its_radio_would_have_made(
+    run: Run, tmp_path: Path, boat: Path
+) -> None:
+    file = tmp_path / "played.tlog"
+    done = run("simulate", "-v", boat, "--log", file, "--seconds", "6")
+    assert (done.status, done.out) == (0, "")
+    assert f"played into {file}" in " ".join(done.err.split())
+    assert open_log(file).counts()["ATTITUDE"] >= 20
+    both = run("simulate", "-v", boat, "--log", file, "--live", "udpout:127.0.0.1:1")
+    assert (both.status, "give one" in both.err) == (2, True)
 
 
 def test_simulate_makes_a_recording(run: Run, tmp_path: Path, boat: Path) -> None:

@@ -3,15 +3,26 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gateway.figures.html_report import LARGEST, ReportFigure, ReportPage, ReportRecording, render
+from gateway.figures.html_report import (
+    LARGEST,
+    FirstPage,
+    ReportFigure,
+    ReportPage,
+    ReportRecording,
+    render,
+)
 from gateway.offline.compare import TrialComparison
+from gateway.offline.first_page import first_page
 from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
+from sim.diagnosis.answer import Verdict
 from sim.model import Model
+from tests.gateway.figures.test_words import diagnosis
 from tests.sim.voyages import WAM_V, trial_of, voyage
 
 LOADS = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
@@ -52,7 +63,7 @@ def test_it_asks_for_nothing_outside_itself(page):
     assert parser.addresses == []
     assert parser.scripts == 0
     assert not re.search(r"https?://|//\w+\.\w+|@import|url\(", text)
-    assert len(parser.images) == 1 + 2 * 4
+    assert len(parser.images) == 1 + 1 + 2 * 4  # first page, errors of both, sections of each
     assert all(parser.images)
 
 
@@ -75,12 +86,19 @@ def test_a_model_at_the_floor_is_called_good(page):
     good = replace(first, nrmse=first.noise_floor_nrmse)
     headline = report_of([TrialComparison(found.trial, (good,))], [WAM_V], None).headline
     assert "as good as these recordings can tell" in headline
+    hidden = replace(first, nrmse=1.21, noise_floor_nrmse=12.4)
+    said = report_of([TrialComparison(found.trial, (hidden,))], [WAM_V], None)
+    assert "cannot judge" in said.headline
+    assert "as good as" not in render(said)
+    assert "owhere worse than noise" not in render(said)
+    assert "Use the model as it is" not in render(said)
 
 
 def test_figures_that_would_make_it_too_large_are_left_out_and_it_says_so():
     figure = ReportFigure("big", "", "x" * 1_500_000)
     recordings = tuple(ReportRecording(f"log {k}", 60.0, (), (), (), (figure,)) for k in range(5))
-    text = render(ReportPage("t", "m", "h", recordings, (("boat", "name"),), ()))
+    first = FirstPage((), ("h",), None, ())
+    text = render(ReportPage("t", "m", "h", recordings, (("boat", "name"),), (), first))
     assert len(text.encode()) < LARGEST
     assert "3 pictures of further recordings are left out" in text
 
@@ -114,3 +132,48 @@ def test_a_diagnosis_is_told_whole(page):
                  "full circles at two speeds", "battery sag: the voltage hardly changed",
                  "The ladder"):  # fmt: skip
         assert words in text, words
+
+
+def test_the_first_page_says_what_was_tested_what_came_of_it_and_what_to_do(page):
+    report, found = page
+    first = report.first
+    assert first.tested[0].startswith(f"{found.trial.name}, ")
+    assert "times what noise alone would show" in first.tested[0]
+    assert first.verdict == (report.headline,)
+    assert first.actions == ("Find out what is missing: the same command with --diagnose.",)
+    assert "before and after" in first.picture.title
+    text = render(report)
+    assert text.index("What was tested") < text.index("What to do") < text.index('id="numbers"')
+    assert "had to be assumed" not in text
+    assumed = render(replace(report, first=replace(first, assumed=("mass 30 kg",))))
+    assert "<li>mass 30 kg</li>" in assumed
+
+
+def test_the_picture_of_the_first_page_is_of_the_velocity_that_is_worst(page):
+    _, found = page
+    one = found.comparisons[0]
+    for i, name in enumerate(("Surge", "Sway", "Yaw rate")):
+        rmse = {axis: (1.0 if k == i else 1e-9) for k, axis in enumerate("uvr")}
+        worst = replace(one, scores=replace(one.scores, rmse={**one.scores.rmse, **rmse}))
+        report = report_of([TrialComparison(found.trial, (worst,))], [WAM_V], None)
+        assert report.first.picture.title.startswith(name)
+        assert "measured and predicted" in report.first.picture.title
+
+
+@pytest.mark.parametrize("after", [0.2, 15.75])
+def test_what_does_worse_where_it_is_judged_is_not_to_be_used(page, after):
+    """Found on one part of a recording, judged on the rest: an error that rises is said first."""
+    _, found = page
+    one, other = found.comparisons
+    judged = (replace(one, nrmse=0.87), replace(other, nrmse=after))
+    answer = SimpleNamespace(
+        diagnosis=diagnosis(Verdict.EXPLAINED, "heading_offset"), notices=(), improves=True,
+        voyage_effects=[], separations={},
+    )  # fmt: skip
+    answer.diagnosis.next_manoeuvre = None
+    first = first_page([TrialComparison(found.trial, judged)], answer, "")
+    failed = after > 0.87
+    assert ("rises from 0.87 to 15.75" in first.verdict[0]) == failed
+    assert any("The compass reads" in text for text in first.verdict)
+    assert any("Do not use" in text for text in first.actions) == failed
+    assert any("Use the better vessel" in text for text in first.actions) != failed

@@ -149,6 +149,22 @@ def test_one_damaged_counter_is_unplaced_and_opens_nothing() -> None:
     assert link.clock.report().unplaced == 2
 
 
+def test_without_a_receiver_one_wild_counter_is_unplaced_and_a_lasting_one_a_session() -> None:
+    clock, day_us = BoatClock(streams=1), 86_400_000_000
+    ticks = [1_000_000 + 100_000 * k for k in range(100)]
+
+    def stamped(counter_us: int) -> StampStatus:
+        return clock.stamp(0, Counter.BOOT_US, counter_us, counter_us * 1000)[1]
+
+    assert {stamped(tick) for tick in ticks[:50]} == {StampStatus.FRESH}
+    assert stamped(ticks[50] + 2 * day_us) is StampStatus.UNPLACED
+    assert {stamped(tick) for tick in ticks[51:]} == {StampStatus.FRESH}
+    assert clock.report().sessions == 1
+    later = [stamped(tick + 9 * day_us) for tick in ticks]
+    assert later.count(StampStatus.UNPLACED) == 10  # a second of them
+    assert clock.report().sessions == 2
+
+
 def test_burst_of_old_packets_is_not_a_reboot() -> None:
     link = Link()
     link.run(100.0, 0.0, 30.0)

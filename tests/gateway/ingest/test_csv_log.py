@@ -47,6 +47,52 @@ def test_columns_become_samples_in_si_units(tmp_path: Path) -> None:
     assert log.statistics.notes == ("1 rows without a time left out",)
 
 
+def timed(folder: Path, times_s: list[float]) -> CsvLog:
+    """A table with those times."""
+    rows = "".join(f"{t * 1000},90,63.4,10.3,2,1500\n" for t in times_s)
+    log = open_log(write(folder, "t,heading,lat,lon,speed,left\n" + rows))
+    assert isinstance(log, CsvLog)
+    return log
+
+
+CALM = [100.0 + 0.1 * k for k in range(400)]
+
+
+@pytest.mark.parametrize("wild", [1e12, 7200.0 + 120.0, 0.0, -1e9, 1e5])
+@pytest.mark.parametrize("row", [0, 200, 399])
+def test_a_cell_with_a_wild_time_is_left_out(tmp_path: Path, wild: float, row: int) -> None:
+    times = [*CALM]
+    times[row] = wild
+    log = timed(tmp_path, times)
+    if (row, wild) in ((399, 7320.0), (0, 0.0)):  # a silence at the end or the start
+        assert log.time_s == pytest.approx(times)
+        return
+    assert log.time_s == pytest.approx([t for k, t in enumerate(CALM) if k != row])
+    assert len(log.statistics.notes) == 1
+    (boat,) = log.boats()
+    assert len(log.decode(boat).sessions) == 1
+
+
+def test_a_silence_is_no_new_session_but_years_are(tmp_path: Path) -> None:
+    silent = [t + (3600.0 if t > 120.0 else 0.0) for t in CALM]
+    log = timed(tmp_path, silent)
+    assert log.time_s == pytest.approx(silent)
+    assert len(log.decode(log.boats()[0]).sessions) == 1
+    log = timed(tmp_path, [t + (1e9 if t > 120.0 else 0.0) for t in CALM])
+    assert len(log.time_s) == len(CALM)
+    assert len(log.decode(log.boats()[0]).sessions) == 2
+    assert log.statistics.notes == ("time leaps within the table: read as 2 sessions",)
+
+
+def test_a_clock_set_back_is_a_session_that_goes_on(tmp_path: Path) -> None:
+    log = timed(tmp_path, [t - (3600.0 if t > 120.0 else 0.0) for t in CALM])
+    assert np.all(np.diff(log.time_s) > 0.0)
+    assert log.statistics.time_backwards == 1
+    sessions = log.decode(log.boats()[0]).sessions
+    assert len(sessions) == 2
+    assert sessions[1][0] - sessions[0][1] == pytest.approx(1e9)
+
+
 def test_knots_and_half_a_velocity(tmp_path: Path) -> None:
     sway = MAPPING + 'sway = { column = "heading", unit = "m/s" }\n'
     log = open_log(write(tmp_path, mapping=sway))
@@ -76,7 +122,7 @@ def test_semicolons_and_a_byte_order_mark(tmp_path: Path) -> None:
         (("yaw", "yow"), "unknown quantity 'yow'"),
         (("[columns]", "[colums]"), "unknown key 'colums'"),
         (("unit = ", "units = "), r"time: expected time = \{ column"),
-        (("=", "=="), "no TOML"),
+        (("=", "=="), "not a TOML file"),
     ],
 )
 def test_mistakes_in_the_mapping_are_told(

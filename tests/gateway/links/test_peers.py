@@ -1,6 +1,6 @@
 """Where answers go, and when two addresses are two boats."""
 
-from gateway.links.peers import (
+from gateway.links.frame_reader import (
     ADDRESS_TIMEOUT_NS,
     CHANGE_WINDOW_NS,
     MAX_ADDRESSES,

@@ -4,12 +4,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
+from gateway.links.parameter_requests import WANTED
 from gateway.links.rate_requests import (
     ANSWER_TIMEOUTS_NS,
     FULL_HZ,
     MAX_ROUNDS,
     REPEAT_NS,
     SECOND,
+    STEPS_HZ,
     Address,
     LinkRequests,
 )
@@ -108,7 +110,19 @@ def test_three_tries_further_and_further_apart_then_no_answer(play):
         play.now += 1
     asks, _, says = play.due()
     assert asks == [("SYSTEM_TIME", 0)]
-    assert says == ["system 1: ATTITUDE at 50 Hz: no answer"]
+    assert says == [
+        "system 1: ATTITUDE at 50 Hz: no answer: "
+        "a boat that takes signed frames alone answers with --signing-key"
+    ]
+
+
+def test_a_boat_that_has_answered_before_needs_no_key(play):
+    play.due()
+    play.answer()
+    for wait in ANSWER_TIMEOUTS_NS:
+        play.due()
+        play.now += wait
+    assert play.due()[2] == ["system 1: SYSTEM_TIME at 1 Hz: no answer"]
 
 
 def test_a_lost_answer_is_asked_for_again(play):
@@ -120,13 +134,84 @@ def test_a_lost_answer_is_asked_for_again(play):
 
 
 @pytest.mark.parametrize(
-    ("result", "word"), [(DENIED, "denied"), (UNSUPPORTED, "unsupported"), (4, "failed"),
+    ("result", "word"), [(UNSUPPORTED, "unsupported"), (4, "failed"),
                          (42, "refused with result 42")],
 )  # fmt: skip
 def test_a_refusal_is_said_and_the_next_asked(play, result, word):
     play.due()
     play.answer(result)
     assert play.due() == ([("SYSTEM_TIME", 0)], 0, [f"system 1: ATTITUDE at 50 Hz: {word}"])
+
+
+def test_a_rate_that_is_denied_is_stepped_down_until_it_is_taken(play):
+    intervals = []
+    for result in (DENIED, DENIED, ACCEPTED):
+        said = play.requests.due(play.now)
+        play.requests = said.requests
+        intervals += [m.param2 for m in said.messages if m.get_type() == "COMMAND_LONG"]
+        assert said.outcomes == ()
+        play.answer(result)
+    assert intervals == [20_000, 25_000, 40_000]
+    assert play.due()[2] == [
+        "system 1: ATTITUDE at 25 Hz: accepted, 50 Hz denied: "
+        "values are up to 40 ms old instead of 20"
+    ]
+    play.answer()
+    play.now += REPEAT_NS  # 13 Hz are enough of 25 Hz, not of 50
+    play.requests = play.requests.observed(BOAT, {"ATTITUDE": 13.0, "SYSTEM_TIME": 1.0}, play.now)
+    assert play.due()[0] == []
+    play.requests = play.requests.rebooted(BOAT, play.now)
+    again = play.requests.due(play.now).messages
+    assert [m.param2 for m in again if m.get_type() == "COMMAND_LONG"] == [20_000]
+
+
+def test_a_boat_that_denies_every_rate_is_left_at_last(play):
+    for _ in range(1 + len(STEPS_HZ)):
+        play.due()
+        play.answer(DENIED)
+    assert play.due() == ([("SYSTEM_TIME", 0)], 0, ["system 1: ATTITUDE at 10 Hz: denied"])
+
+
+def parameters_asked(play, seconds):
+    """Names of the parameters that are asked for within that time."""
+    names = []
+    for _ in range(round(10 * seconds)):
+        said = play.requests.due(play.now)
+        play.requests = said.requests
+        asks = [m for m in said.messages if m.get_type() == "PARAM_REQUEST_READ"]
+        names += [m.param_id for m in asks]
+        play.wait(0.1)
+    return names
+
+
+def take(play, raw):
+    """A frame of the boat came."""
+    for message in decoded(raw):
+        play.requests = play.requests.take(message, play.now)
+
+
+def test_parameters_are_read_once_behind_the_rates_and_what_is_missing_once_more():
+    play, boat = Play(), Autopilot()
+    take(play, boat.heartbeat())
+    play.due()
+    play.answer()
+    assert parameters_asked(play, 0.9) == []  # the second rate is not answered yet
+    play.answer()
+    assert parameters_asked(play, 1.0) == list(WANTED[:5])
+    for name in WANTED[1:]:
+        take(play, boat.frame(dialect.MAVLink_param_value_message(name.encode(), 1.0, 9, 99, 3)))
+    assert parameters_asked(play, 100.0) == [WANTED[0]]  # the one that was not answered
+
+
+def test_another_autopilot_and_a_silent_link_are_not_asked_for_parameters():
+    play = Play()
+    play.requests = play.requests.found(BOAT, 0)
+    play.accept_all()
+    assert parameters_asked(play, 5.0) == []
+    silent = Play()
+    silent.requests = LinkRequests(None, TWO)
+    take(silent, Autopilot().heartbeat())
+    assert silent.requests.due(SECOND).messages == ()
 
 
 def test_rejected_for_now_is_tried_again_and_remembered(play):

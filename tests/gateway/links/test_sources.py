@@ -3,9 +3,9 @@
 import pytest
 
 from gateway.errors import BadInput
-from gateway.links import sources
+from gateway.links import link
+from gateway.links.link import SOURCES, LinkSource, transport_of
 from gateway.links.serial_port import DEFAULT_BAUD, SerialTransport
-from gateway.links.sources import SOURCES, LinkSource, transport_of
 from gateway.links.tcp import TcpClientTransport, TcpServerTransport
 from gateway.links.transport import Endpoint
 from gateway.links.udp import UdpTransport
@@ -67,16 +67,16 @@ def test_a_plug_in_adds_a_kind_of_link(monkeypatch):
     plugged = LinkSource("loop", "loop:NAME", "a queue within the process", Loopback)
     points = [Point(plugged), Point("something else")]
     monkeypatch.setattr(
-        sources, "entry_points", lambda group: points if group == "shadow.links" else []
+        link, "entry_points", lambda group: points if group == "shadow.links" else []
     )
-    sources.known_sources.cache_clear()
+    link.known_sources.cache_clear()
     try:
         assert transport_of("loop:a").address == "a"
         assert isinstance(transport_of("udp:h:1"), UdpTransport)
         with pytest.raises(BadInput, match=r"the name is missing; expected udpin.*, loop:NAME"):
             transport_of("loop:")
     finally:
-        sources.known_sources.cache_clear()
+        link.known_sources.cache_clear()
 
 
 def test_the_docs_describe_every_kind():

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from gateway.monitor.watcher import Latest, VesselStatus
+from gateway.monitor import Latest, VesselStatus
 from gateway.topics import TOPICS
 from tests.gateway.test_schemas import some_message
 

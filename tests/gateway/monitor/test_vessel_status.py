@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.monitor.watcher import decode
+from gateway.monitor import decode
 from tests.gateway.monitor.statuses import status
 from tests.gateway.test_schemas import some_message
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from gateway.bus import Bus, BusSettings, open_session
-from gateway.monitor.watcher import VesselSubscriber, join_bus
+from gateway.monitor import VesselSubscriber, join_bus
 from tests.conftest import ROOT
 from tests.gateway.monitor.statuses import free_endpoint, wait
 from tests.gateway.test_schemas import some_message

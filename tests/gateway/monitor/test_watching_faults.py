@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.bus import Bus, BusSettings
-from gateway.monitor.watcher import VesselStatus, VesselSubscriber, join_bus
+from gateway.monitor import VesselStatus, VesselSubscriber, join_bus
 from gateway.topics import TOPICS
 from tests.conftest import ROOT
 from tests.gateway.monitor.statuses import free_endpoint

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from gateway.errors import BadInput
+from gateway.user_effects import trust
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from tests.gateway.offline.diagnosis import FEW, KEEL, found_current, refused
 from tests.sim.voyages import WAM_V
@@ -43,6 +45,26 @@ def test_what_was_ranked_but_not_chosen_is_added_with_numbers_of_its_own(
     assert vars(vessel.dynamics) == pytest.approx(vars(rival.vessel.dynamics))
     assert vessel.effects[0].values == pytest.approx(rival.vessel.effects[0].values)
     assert read_vessel_file(better).provenance["heading_offset.angle"].recording == "voyage"
+
+
+def test_areas_that_were_fitted_go_into_the_hull_with_their_origin(run, saved, folder, tmp_path):
+    told = json.loads(saved.read_text())
+    numbers = told["ladder"][-1]["base_parameters"]
+    numbers["area_front"] = {"value": 0.8, "ci95": [0.7, 0.9]}
+    numbers["area_side"] = {"value": 1.6, "ci95": [1.4, 1.75]}
+    (tmp_path / "d.json").write_text(json.dumps(told))
+    words = ("add", "steady_current", "-v", folder / "boat.toml", "--out", tmp_path / "b.toml")
+    assert run(*words, "--from", tmp_path / "d.json")[0] == 0
+    file = read_vessel_file(tmp_path / "b.toml")
+    assert file.hull.wind_area == load_vessel(tmp_path / "b.toml").hull.wind_area == (0.8, 1.6)
+    origin = file.provenance["hull.wind_area"]
+    assert origin.says == (
+        "fitted to the measured wind, 95 % intervals 0.7 … 0.9 and 1.4 … 1.75 m²"
+    )
+    assert origin.recording == "voyage"
+    assert not {key for key in file.provenance if "area_" in key}
+    assert run(*words, "--from", saved)[0] == 0
+    assert "hull.wind_area" not in read_vessel_file(tmp_path / "b.toml").provenance
 
 
 WRONG = {
@@ -86,20 +108,26 @@ def test_a_file_that_is_no_diagnosis_is_one_line(run, folder, tmp_path, text, ex
     refused(done, str(file), expected)
 
 
-def test_the_file_of_a_users_effect_is_found_from_the_new_vessel_too(run, saved, tmp_path):
-    (tmp_path / "keel.py").write_text(KEEL)
+@pytest.mark.parametrize("place", [".", "out"])
+def test_the_file_of_a_users_effect_is_named_by_the_new_vessel_in_the_same_folder(
+    run, saved, tmp_path, place
+):
+    (tmp_path / "keel.py").write_text(f"{KEEL}# {tmp_path}\n")  # a module of its own
+    (own_effect,) = trust(tmp_path / "keel.py")
     (tmp_path / "out").mkdir()
     own = '[[effects]]\ntype = "keel"\nk = 12.0\nfile = "keel.py"\n'
     (tmp_path / "boat.toml").write_text(dump_vessel(WAM_V) + own)
-    better = tmp_path / "out" / "better.toml"
+    better = tmp_path / place / "better.toml"
     status, _, _ = run("add", "steady_current", "-v", tmp_path / "boat.toml", "--from", saved,
                           "--out", better)  # fmt: skip
     assert status == 0
-    assert [a.effect.name for a in load_vessel(better).effects] == ["keel", "steady_current"]
+    named = [] if place == "." else [own_effect]  # a vessel file reaches its own folder alone
+    assert [a.effect.name for a in load_vessel(better, named).effects] == ["keel", "steady_current"]
+    assert ('file = "keel.py"' in better.read_text()) is (place == ".")
 
 
 def test_a_users_effect_that_was_found_is_named_with_its_file(run, saved, folder, tmp_path):
-    (tmp_path / "keel.py").write_text(KEEL)
+    (tmp_path / "keel.py").write_text(f"{KEEL}# {tmp_path}\n")  # a module of its own
     told = json.loads(saved.read_text())
     told["ladder"][-1] |= {
         "effects": ["keel"], "parameters": {"keel": {"k": {"value": 9.0, "ci95": [8.0, 10.0]}}}
@@ -110,4 +138,7 @@ def test_a_users_effect_that_was_found_is_named_with_its_file(run, saved, folder
     status, _, _ = run(*words, "--out", tmp_path / "better.toml", "--effects",
                           tmp_path / "keel.py")  # fmt: skip
     assert status == 0
+    with pytest.raises(BadInput, match="was not trusted as it is now"):
+        load_vessel(tmp_path / "better.toml")
+    trust(tmp_path / "keel.py")
     assert load_vessel(tmp_path / "better.toml").effects[0].values == {"k": 9.0}

@@ -18,6 +18,7 @@ from sim.diagnosis.force_terms import GROUPS
 from sim.diagnosis.heldout import Gain
 from sim.diagnosis.residual_terms import Dependence
 from sim.effects.catalogue import named
+from sim.identification.settings import BASE
 from tests.gateway.offline.diagnosis import FEW, found_current, refused, sailed
 from tests.sim.voyages import WAM_V
 
@@ -35,10 +36,11 @@ def test_the_json_is_whole_and_names_where_it_comes_from(found):
 def test_the_verdict_comes_first_and_the_next_command_last(run, ready, folder):
     status, out, _ = run("diagnose", "voyage.tlog", "--vessel", folder / "boat.toml")
     assert status == 0
-    assert out.startswith("explained: ")
+    assert out.startswith("A current of 0.3")
+    assert out.split("\n\n")[1].startswith("explained: ")
     for part in ("95 % interval", "noise alone", "steady_current.speed", "--refit voyage"):
         assert part in out
-    assert out.index("as given") < out.index("base re-fitted") < out.index("+ steady_current")
+    assert out.index("as given") < out.index("base kept") < out.index("+ steady_current")
     assert "shadow add steady_current --vessel" in out.splitlines()[-2]
     assert ready["improve"] is True
 
@@ -193,6 +195,41 @@ def test_after_unknown_one_may_begin_an_effect_of_ones_own(found):
         assert named(write.split()[2])
         assert again.split()[:3] == ["shadow", "diagnose", "a.tlog"]
         assert again.endswith("--effects own.py")
+
+
+def test_the_next_commands_name_the_effects_of_ones_own(found):
+    told = replace(found, effect_files=("my keel.py",))
+    lines = [line for line in told.next_steps("d.json", None) if "shadow plan" not in line]
+    assert lines
+    assert all("--effects 'my keel.py'" in line for line in lines)
+    assert not any("--effects" in line for line in found.next_steps("d.json", None))
+
+
+def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
+    from gateway.terminal.diagnosis import show_diagnosis
+
+    *before, last = found.diagnosis.ladder
+    assert found.at_limit == []
+    first = next(e for e in last.base_parameters if e.name in BASE)
+    far = replace(first, before=10.0, value=10.0 * (1.0 + 3.0 * found.prior))
+    ladder = (*before, replace(last, base_parameters=(far,)))
+    off = replace(found, diagnosis=replace(found.diagnosis, ladder=ladder))
+    assert off.at_limit == [first.name]
+    show_diagnosis(off, None, None, None)
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"{first.name}: as far from the file as is allowed (45 %)" in said
+    assert "add --prior 1" in said
+    show_diagnosis(replace(off, prior=1.0), None, None, None)
+    assert "add --prior 1" not in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_effect_found_only_beside_another_is_told(found, capsys):
+    from gateway.terminal.diagnosis import show_diagnosis
+
+    assert found.found_beside == []
+    without = replace(found, diagnosis=replace(found.diagnosis, ranking=()))
+    show_diagnosis(without, None, None, None)
+    assert "steady_current: found beside" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.slow

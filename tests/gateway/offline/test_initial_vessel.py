@@ -121,16 +121,6 @@ def test_a_size_that_rounds_to_nothing_is_said(tmp_path: Path) -> None:
     )
 
 
-def test_a_file_that_is_there_is_kept_unless_forced(tmp_path: Path) -> None:
-    out = tmp_path / "boat.toml"
-    out.write_text("mine")
-    with pytest.raises(BadInput, match=f"^{out}: there is such a file"):
-        init_vessel(log(tmp_path), out, None, SIZE)
-    assert out.read_text() == "mine"
-    init_vessel(log(tmp_path), out, None, SIZE, force=True)
-    assert load_vessel(out).hull.mass == 80.0
-
-
 def test_where_it_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for out in (tmp_path / "file" / "boat.toml", tmp_path / "absent" / "boat.toml"):
@@ -138,5 +128,5 @@ def test_where_it_cannot_be_written_is_one_line(tmp_path: Path) -> None:
             init_vessel(log(tmp_path), out, None, SIZE)
         assert caught.value.exit_status == 1
     with pytest.raises(ShadowError, match="cannot write the vessel file: "):
-        init_vessel(log(tmp_path), tmp_path, None, SIZE, force=True)
+        init_vessel(log(tmp_path), tmp_path, None, SIZE)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["boat.tlog", "file"]

@@ -15,7 +15,7 @@ from gateway.offline.simulate import simulate
 from gateway.terminal.identification import show_plan
 from gateway.vessel_file import load_vessel
 from sim.excitation.manoeuvre import StickLimits, corner_rows, polyline
-from sim.excitation.oscillations import Chirp
+from sim.excitation.sequences import Chirp
 from sim.excitation.sticks import TOLERANCE, manoeuvre_sticks, plan_of
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import struct
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -28,6 +29,7 @@ from sim.following.reference import ReferenceMode
 from sim.vessel import AddedEffect, Vessel
 from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat
+from tests.gateway.ingest.test_dataflash import FMT_ITSELF, entry, fmt
 from tests.gateway.pipelines.sailing import frames, tlog, voyage
 from tests.gateway.test_effect_files import FILE
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
@@ -223,6 +225,51 @@ def test_progress_ends_at_all_of_it(log: Path) -> None:
 def test_logs_of_one_name_get_recordings_of_their_own(tmp_path: Path) -> None:
     logs = [Path("a/x.tlog"), Path("b/x.BIN"), Path("y.tlog")]
     assert [o.stem for o in options_by_log(logs, ReplayOptions())] == ["x", "x-2", "y"]
+
+
+TABLE_COLUMNS = """time = { column = "t", unit = "s" }
+[columns]
+yaw = { column = "yaw", unit = "rad" }
+surge = { column = "u", unit = "m/s" }
+sway = { column = "v", unit = "m/s" }
+"""
+MODES = [ReferenceMode.AUTO, ReferenceMode.MODEL]
+
+
+def dataflash(times_s: list[float]) -> bytes:
+    """A log of a boat that goes straight ahead, of XKF1 alone."""
+    columns = "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD,GX,GY,GZ,OH"
+    rows = [
+        struct.pack("<QBhhH7f3hi", round(t * 1e6), 0, 0, 0, 0, 1.0, 0, 0, 0, t - 9.0, *[0.0] * 2,
+                    *[0] * 4)
+        for t in times_s
+    ]  # fmt: skip
+    head = FMT_ITSELF + fmt(9, "XKF1", "QBccCfffffffccce", columns)
+    return head + b"".join(entry(9, row) for row in rows)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    "wild", [[1e6], [1e6, 1e6 + 0.1], [4e9], [9e5 + 1e3 * k for k in range(9)]]
+)
+@pytest.mark.parametrize("suffix", [".BIN", ".csv"])
+def test_wild_times_are_no_eternity(
+    tmp_path: Path, suffix: str, wild: list[float], mode: ReferenceMode
+) -> None:
+    """A span of 10⁶ s is 10⁸ steps of the follower if it is simulated; 4·10⁹ s is a century."""
+    times = [10.0 + 0.1 * k for k in range(300)]
+    times[150 : 150 + len(wild)] = wild
+    path = tmp_path / f"wild{suffix}"
+    if suffix == ".csv":
+        path.write_text("t,yaw,u,v\n" + "".join(f"{t},0,1,0\n" for t in times))
+        (tmp_path / "mapping.toml").write_text(TABLE_COLUMNS)
+    else:
+        path.write_bytes(dataflash(times))
+    summary = replay(path, WAMV, None, options(None, mode))
+    ticks = 300 * len(wild)  # each silence is filled with at most thirty seconds of ticks
+    assert 270 <= summary.rows <= 300 + ticks
+    if mode is ReferenceMode.AUTO:
+        assert summary.rmse[3] < 0.1
 
 
 def test_a_vessels_name_becomes_a_key() -> None:

@@ -3,9 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
-from gateway.offline.replay import ReplayOptions, recorded_settings, replay
+import pytest
+
+from gateway.config import Settings, recorded_settings
+from gateway.errors import BadInput
+from gateway.offline.replay import ReplayOptions, replay
 from gateway.recording.reader import TICK_LINK, Recording
-from gateway.simulated_boat.faults import Faults, Silence
+from gateway.recording.recorder import Attachment, Recorder
+from gateway.simulated_boat.settings import Faults, Silence
 from sim.following.follower import FollowerOptions
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, datagrams, played
 from tests.sim.vessels import WAMV
@@ -53,3 +58,48 @@ def test_a_recording_knows_its_configuration_and_other_logs_have_none(tmp_path: 
     other = tmp_path / "other.tlog"
     other.write_bytes(b"\x00" * 32)
     assert recorded_settings(other) is None
+
+
+def with_config(folder: Path, text: bytes) -> Path:
+    """A stranger's recording with a configuration of its own."""
+    attached = [Attachment("config.json", "application/json", text)]
+    with Recorder(folder / "stranger.mcap", attachments=attached) as recorder:
+        recorder.write_raw([b"\xfd"], [1_700_000_000_000_000_000])
+    return folder / "stranger.mcap"
+
+
+def test_where_to_listen_call_and_write_is_never_taken_from_a_recording(tmp_path: Path) -> None:
+    path = with_config(
+        tmp_path,
+        b"""{"zenoh": {"publish": true, "endpoint": "tcp/0.0.0.0:7999", "config_file": "/x"},
+        "links": {"endpoints": ["tcp:203.0.113.9:1"]}, "foxglove": {"address": "0.0.0.0:8765"},
+        "boats": [{"vessel": "/etc/passwd"}], "recording": {"minimum_free_bytes": 0},
+        "studio": {"tiles": "http://203.0.113.9/{Z}/{X}/{Y}"}, "what": 1,
+        "following": {"rate_hz": 20.0}, "filter": {"gyro_delay_s": 0.05}}""",
+    )
+    told = recorded_settings(path)
+    assert told is not None
+    assert (told.following.rate_hz, told.filter.gyro_delay_s) == (20.0, 0.05)
+    plain = Settings()
+    for table in ("zenoh", "links", "foxglove", "boats", "recording", "studio"):
+        assert getattr(told, table) == getattr(plain, table), table
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (b"{", "config.json is damaged: give the configuration with --config"),
+        (b"[1]", "config.json is damaged"),
+        (b'{"filter": 3}', "config.json: filter"),
+        (b'{"filter": {"gyro_delay_s": 1e308}}', "gyro_delay_s = 1e+308: expected"),
+        (b"[" * 100_000, "config.json is damaged"),
+    ],
+)
+def test_a_damaged_configuration_in_a_recording_is_one_line(
+    tmp_path: Path, text: bytes, says: str
+) -> None:
+    with pytest.raises(BadInput) as caught:
+        recorded_settings(with_config(tmp_path, text))
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500

@@ -7,8 +7,8 @@ import pytest
 
 from gateway.offline.plan_export import SafetyLimits, pulse_bounds, safety_for, script_text
 from sim.excitation.catalogue import MANOEUVRES
-from sim.excitation.legs import Steps
 from sim.excitation.manoeuvre import StickLimits
+from sim.excitation.sequences import Steps
 from sim.excitation.sticks import plan_of
 from sim.excitation.turns import Zigzag
 from sim.model import Model

@@ -1,6 +1,7 @@
 """Commands in, motion out, as a recording; what is no table of commands is one line."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -12,8 +13,10 @@ from gateway.errors import BadInput
 from gateway.offline.simulate import read_commands, simulate
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
+from sim.effects.catalogue import named
 from sim.following.follower import FollowerOptions
 from sim.model import Model
+from sim.vessel import AddedEffect
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
 TABLE = "time,left,right\n10.0,0.0,0.0\n12.0,0.8,0.6\n20.0,-0.5,0.5\n30.0,0,0\n"
@@ -36,6 +39,16 @@ def test_the_motion_is_that_of_the_vessel_under_held_commands(tmp_path: Path) ->
     assert result.motion == pytest.approx(expected, abs=1e-12)
     assert result.commanded[300] == pytest.approx([0.8 * 90 + 0.6 * 90, 0.0, 0.7 * 0.2 * 90])
     assert result.follower is None
+
+
+def test_areas_that_a_wind_was_run_on_and_nobody_gave_are_told(tmp_path: Path) -> None:
+    wind = AddedEffect(named("steady_wind"), {"speed": 6.0, "direction": 0.5})
+    bare = replace(WAMV, name="bare", hull=replace(WAMV.hull, wind_area=(0.0, 0.0)))
+    out = tmp_path / "out"
+    (told,) = simulate(table(tmp_path), bare.with_effects(wind), WAMV, out).notices
+    assert told.startswith("bare: areas above water assumed from length and beam: frontal 1.13 m²")
+    assert not simulate(table(tmp_path), WAMV.with_effects(wind), None, out).notices
+    assert not simulate(table(tmp_path), bare, None, out).notices
 
 
 def test_a_second_vessel_follows_the_first(tmp_path: Path) -> None:

@@ -223,13 +223,20 @@ USABLE = {
 @pytest.mark.parametrize("name", USABLE)
 def test_every_odd_log_gives_trials_or_says_what_is_missing(shared_data: Path, name: str) -> None:
     path = shared_data / "odd-logs" / name
-    motion = load_trials(path, options=TrialOptions(motion_only=True))
+    motion = load_trials(path, options=TrialOptions(motion_only=True, anyway=True))
     assert all(np.isfinite(trial.nu).all() and np.isfinite(trial.std()).all() for trial in motion)
     if USABLE[name]:
         with pytest.raises(BadInput, match=f"{name}: {USABLE[name]}"):
-            load_trials(path)
+            load_trials(path, options=TrialOptions(anyway=True))
     else:
-        assert any(trial.usable.any() for trial in load_trials(path))
+        trials = load_trials(path, options=TrialOptions(anyway=True))
+        assert any(trial.usable.any() for trial in trials)
+
+
+@pytest.mark.parametrize("name", ["bluerov.tlog", "bluerov.BIN"])
+def test_a_log_of_a_submarine_is_said_to_be_one(shared_data: Path, name: str) -> None:
+    with pytest.raises(BadInput, match=r"says that it is a submarine: .*--anyway"):
+        load_trials(shared_data / "odd-logs" / name)
 
 
 LOG = ROOT / "recordings" / "voyage_1.tlog"

@@ -17,9 +17,9 @@ from gateway.live.boats import BoatPlan, LiveBoat
 from gateway.live.gateway import Gateway, LiveOptions
 from gateway.recording.recorder import RecordingSettings
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.faults import TimedFrame as OnWire
 from gateway.simulated_boat.program import program_of
 from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
+from gateway.simulated_boat.settings import TimedFrame as OnWire
 from sim.following.reference import ReferenceMode
 from sim.state import Floats
 from sim.vessel import Vessel

@@ -1,6 +1,7 @@
 """The health topic counts what came and what is missing, second by second."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,11 @@ from gateway.estimation.filter import Estimator, FilterRows
 from gateway.estimation.names import Flag
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import replay_input_of
-from gateway.shadow.health import SECOND, WINDOW_S, LogHealth
+from gateway.shadow.health import SECOND, STEADY_S, WINDOW_S, LogHealth
+from gateway.shadow.path import ShadowRows
 from tests.gateway.pipelines.sailing import RATE_HZ, frames, parameters, voyage
+
+NO_ROWS = ShadowRows.none(0)
 
 
 def health(raw: list[bytes]) -> dict[int, dict[str, Any]]:
@@ -19,7 +23,7 @@ def health(raw: list[bytes]) -> dict[int, dict[str, Any]]:
     meter = LogHealth.of(given.log, given.decoded)
     estimator = Estimator()
     _, filtered = estimator.advance(estimator.start(), given.feed.events)
-    rows = meter.advance(given.feed.receive_time_ns, filtered)
+    rows = meter.advance(given.feed.receive_time_ns, filtered, NO_ROWS)
     first = int(given.feed.receive_time_ns[0]) // SECOND
     found = [json.loads(payload) for payload in rows.payloads]
     return {row["receive_time_ns"] // SECOND - first: row for row in found}
@@ -102,7 +106,7 @@ def told(receive_s: list[float], cuts: list[int], **more: Any) -> list[dict[str,
     payloads: list[bytes] = []
     for chunk in np.split(np.arange(len(times)), cuts):
         nis = [float(k + 1) for k in chunk]
-        payloads += meter.advance(times[chunk], rows_of(nis, **more)).payloads
+        payloads += meter.advance(times[chunk], rows_of(nis, **more), NO_ROWS).payloads
     return [json.loads(payload) for payload in payloads]
 
 
@@ -115,6 +119,18 @@ def test_what_the_filter_refused_is_counted_from_the_start() -> None:
     found = told([10.0, 10.5, 11.0, 12.0], [], flags=int(Flag.GATED | Flag.REFUSED))
     assert [row["gated"] for row in found] == [2, 3]
     assert [row["late"] for row in found] == [2, 3]
+
+
+def test_a_shadow_that_diverged_is_counted_and_said_for_a_minute() -> None:
+    none = ShadowRows.none(0)
+    seconds = np.arange(100)
+    times, meter = (seconds + 10) * SECOND, LogHealth({}, none.row, np.zeros((0, 2), np.int64))
+    twice = replace(none, row=seconds, diverged=(seconds == 20) | (seconds == 22))
+    found = [json.loads(p) for p in meter.advance(times, rows_of([0.0] * 100), twice).payloads]
+    by_second = {row["receive_time_ns"] // SECOND - 10: row for row in found}
+    assert [by_second[k]["divergences"] for k in (20, 21, 22, 23, 99)] == [0, 1, 1, 2, 2]
+    last = 22 + int(STEADY_S)
+    assert [by_second[k]["diverging"] for k in (20, 21, last - 1, last)] == [0, 1, 1, 0]
 
 
 def test_the_clocks_are_apart_by_the_least_delay() -> None:

@@ -12,8 +12,7 @@ from gateway.errors import BadInput
 from gateway.links.inbox import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.recording.reader import TICK_LINK, Recording
-from gateway.simulated_boat.faults import Faults, Silence
-from gateway.simulated_boat.settings import THIN
+from gateway.simulated_boat.settings import THIN, Faults, Silence
 from sim.following.reference import ReferenceMode
 from sim.model import Model
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played

@@ -20,8 +20,7 @@ from gateway.links.inbox import Datagram, Frame
 from gateway.live import outputs
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder, open_new
-from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
-from gateway.simulated_boat.settings import SimulatedBoatSettings
+from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence, SimulatedBoatSettings
 from tests.gateway.pipelines.aboard import Deck, Heard, datagrams, played, truth
 
 SECONDS = 30.0

@@ -23,8 +23,8 @@ from gateway.links.transmitter import SET_RATE, Identity
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.rerun import fleet_of, rerun
 from gateway.recording.reader import Recording, repair
-from gateway.simulated_boat.faults import Faults, Reboot, Silence
 from gateway.simulated_boat.play import playing
+from gateway.simulated_boat.settings import Faults, Reboot, Silence
 from tests.conftest import ROOT
 from tests.gateway.pipelines.aboard import SETTINGS, Heard
 from tests.gateway.pipelines.running import (
@@ -183,9 +183,9 @@ def test_silent_means_that_nothing_at_all_is_sent() -> None:
     assert heard_by_the_boat(silent=True) == []
 
 
-def test_else_only_heartbeats_and_requests_for_rates_are_sent_under_an_id_of_our_own() -> None:
+def test_else_only_heartbeats_and_requests_are_sent_under_an_id_of_our_own() -> None:
     got = heard_by_the_boat(silent=False)
-    assert {m.get_type() for m in got} == {"HEARTBEAT", "COMMAND_LONG"}
+    assert {m.get_type() for m in got} - {"PARAM_REQUEST_READ"} == {"HEARTBEAT", "COMMAND_LONG"}
     assert {m.get_srcSystem() for m in got} == {Identity().system}
     assert {m.command for m in got if m.get_type() == "COMMAND_LONG"} == {SET_RATE}
     assert {m.autopilot for m in got if m.get_type() == "HEARTBEAT"} == {8}

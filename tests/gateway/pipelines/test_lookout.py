@@ -13,9 +13,8 @@ from gateway.shadow.model_monitor import FIRST_S, ModelMonitor, clock_text
 from gateway.shadow.path import ShadowRows
 from gateway.shadow.residuals import ModelResiduals
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.faults import TimedFrame
 from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings, TimedFrame
 from gateway.topics import TOPICS
 from sim.effects.catalogue import EFFECTS
 from sim.model import Model
@@ -41,7 +40,7 @@ def path_rows(seconds: float, seed: int = 1, **changed: Any) -> ShadowRows:
         "row": number, "time_s": times, "vehicle_time_ns": (times * 1e9).astype(np.int64),
         "receive_time_ns": (times * 1e9).astype(np.int64), "estimate": estimate,
         "std": np.full((count, 9), 0.03), "fresh": yes, "jumped": ~yes, "reference": estimate,
-        "from_model": ~yes, "shadow": estimate, "control": force, "limited": ~yes,
+        "from_model": ~yes, "shadow": estimate, "control": force, "limited": ~yes, "diverged": ~yes,
         "residuals": ModelResiduals(missing, 10.0 * force, force, errors),
         "commands": np.full((count, 2), 0.3),
     }  # fmt: skip

@@ -61,7 +61,7 @@ def outcome(path: ShadowPath, size: int) -> dict[str, list[bytes]]:
         state, out, filtered = path.advance(state, chunk)
         watchman, happened = watchman.observe(chunk, filtered, out)
         rows = [*topic_rows(out, given.origin), event_rows(happened)]
-        for part in [*rows, meter.advance(chunk.receive_time_ns, filtered)]:
+        for part in [*rows, meter.advance(chunk.receive_time_ns, filtered, out)]:
             said.setdefault(part.topic, []).extend(part.payloads)
     return said
 
@@ -235,6 +235,49 @@ def test_rows_go_out_no_faster_than_asked() -> None:
     out = slow.advance(slow.start(), material().feed)[1]
     assert np.diff(out.time_s).min() >= 0.9 / 5.0
     assert len(out) < 0.35 * len(shadowed(ReferenceMode.MEASURED))
+
+
+RUNAWAY = replace(WAMV, dynamics=replace(WAMV.dynamics, X_u=400.0, X_uu=50.0))
+
+
+def test_a_shadow_that_diverges_begins_anew_and_is_told_once() -> None:
+    given, path = material(NEVER), path_of(ReferenceMode.MODEL, RUNAWAY)
+    _, out, filtered = path.advance(path.start(), given.feed)
+    assert out.diverged.sum() > 1
+    assert np.abs(out.shadow[:, 3:6]).max() <= 150.0
+    _, told = EventDetector().observe(given.feed, filtered, out)
+    assert [h.kind for h in told].count("shadow_diverged") == 1
+    assert "mass, damping or thrust" in next(h.text for h in told if h.kind == "shadow_diverged")
+    assert not path.advance(path_of(ReferenceMode.MODEL).start(), given.feed)[1].diverged[0]
+
+
+def test_a_shadow_that_has_not_diverged_for_a_minute_is_said_to_be_well() -> None:
+    rows = 130
+    one = ShadowRows.none(0)
+    seconds, yes = np.arange(rows), np.ones(rows, np.bool_)
+    out = replace(
+        one, row=seconds, time_s=seconds * 1.0, vehicle_time_ns=seconds, receive_time_ns=seconds,
+        fresh=yes, from_model=~yes, limited=~yes, diverged=(seconds == 3) | (seconds == 20),
+    )  # fmt: skip
+    assert said_of(out, [rows]) == ["started", "shadow_diverged", "shadow_steady"]
+    assert said_of(out, [5, 79, rows]) == ["started", "shadow_diverged", "shadow_steady"]
+    assert said_of(out, [79]) == ["started", "shadow_diverged"]
+
+
+def said_of(out: ShadowRows, ends: list[int]) -> list[str]:
+    """Kinds of events of made-up rows, in chunks that end there."""
+    detector, kinds = EventDetector(), list[str]()
+    no_filter = path_of(ReferenceMode.MEASURED)
+    _, _, filtered = no_filter.advance(no_filter.start(), material().feed[:0])
+    for start, end in zip([0, *ends], ends, strict=False):
+        part = replace(out, **{
+            name: getattr(out, name)[start:end]
+            for name in ("row", "time_s", "vehicle_time_ns", "receive_time_ns", "fresh",
+                         "from_model", "limited", "diverged")
+        })  # fmt: skip
+        detector, events = detector.observe(material().feed[:0], filtered, part)
+        kinds += [event.kind for event in events]
+    return kinds
 
 
 def test_what_happened_is_told_once_each() -> None:

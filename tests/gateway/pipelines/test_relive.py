@@ -9,7 +9,7 @@ from gateway.links.inbox import Datagram
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.rerun import fleet_of, loop_inputs, rerun
 from gateway.recording.reader import TICK_LINK, Recording
-from gateway.simulated_boat.faults import Burst, Faults, Reboot, Silence
+from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence
 from sim.plants.table import PlantChoice
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played
 from tests.sim.vessels import IACQUABOT, WAMV

@@ -5,13 +5,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.shadow.events import FORCE_BLOCK_S, NEEDED_BLOCKS, REMEMBERED_BLOCKS, MissingForceRange
+from gateway.shadow.events import (
+    FORCE_BLOCK_S,
+    NEEDED_BLOCKS,
+    PRACTICAL_SHARE,
+    REMEMBERED_BLOCKS,
+    MissingForceRange,
+)
 from gateway.shadow.path import ShadowRows
 from gateway.shadow.residuals import ModelResiduals
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.faults import TimedFrame
 from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
+from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings, TimedFrame
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect
 from tests.gateway.pipelines.aboard import Deck, datagrams
@@ -30,7 +35,7 @@ def rows(missing: Any, std: float = 30.0) -> ShadowRows:
     residuals = ModelResiduals(np.asarray(missing, float), std * one, one, np.zeros((count, 9)))
     return ShadowRows(
         number, number * 1.0, number * 10**9, number * 10**9, none, none, ~flag, flag, none, flag,
-        none, one, flag, residuals, one,
+        none, one, flag, flag, residuals, one,
     )  # fmt: skip
 
 
@@ -62,6 +67,25 @@ def test_little_is_no_matter_however_calm_it_was_before() -> None:
     missing = noise(NEEDED_BLOCKS + 40, 0.01)
     missing[100:] += 10.0
     assert kinds(missing) == []
+
+
+def test_a_force_that_comes_and_goes_is_one_event() -> None:
+    missing = noise(NEEDED_BLOCKS + 40)
+    for start in range(100, 180, 10):  # five seconds on, five off
+        missing[start : start + 5, 0] += 60.0
+    assert kinds(missing) == ["residual_unusual", "residual_usual"]
+
+
+def test_what_is_small_beside_the_thrust_is_no_event() -> None:
+    missing = noise(NEEDED_BLOCKS + 40, 0.01)
+    missing[100:150, 0] += 3.0
+    said = [
+        [h.kind for h in MissingForceRange.start(vessel).observe(rows(missing, 0.05))[1]]
+        for vessel in (WAMV, None)
+    ]
+    thrust = sum(t.thrust[1] for t in WAMV.thrusters)
+    assert 3.0 < PRACTICAL_SHARE * thrust < 60.0
+    assert said == [[], ["residual_unusual", "residual_usual"]]
 
 
 def test_what_stays_for_minutes_is_usual_in_the_end_and_that_is_said() -> None:

@@ -53,3 +53,10 @@ def test_nothing_is_written_over_and_what_was_saved_is_offered(folders):
 def test_a_folder_that_is_not_there_is_bad_input(tmp_path):
     with pytest.raises(BadInput, match="no such folder"):
         Folders.of([], [tmp_path / "nowhere"], tmp_path)
+
+
+def test_a_file_that_looks_like_a_vessels_and_is_none_is_named_with_the_reason(folders):
+    """No reason holds the folder: it is shown beside the list."""
+    reasons = folders.refused_vessels()
+    assert {file.name for file in reasons} == {"boat.toml"}
+    assert "/" not in next(iter(reasons.values())).split(":")[0]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.monitor.watcher import Latest, VesselStatus
+from gateway.monitor import Latest, VesselStatus
 from gateway.studio import live_history
 from gateway.studio.live_history import BoatHistory, LiveHistory
 

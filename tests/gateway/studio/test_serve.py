@@ -13,7 +13,7 @@ from tornado.ioloop import IOLoop
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from gateway.errors import BadInput
-from gateway.monitor.watcher import MonitorOptions
+from gateway.monitor import MonitorOptions
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import PageEntry, StudioContext
 from gateway.studio.pages import catalogue
@@ -91,11 +91,71 @@ def test_every_page_answers_and_listens_here_alone(open_server):
     assert {one.getsockname()[0] for one in address.values()} == {"127.0.0.1"}
 
 
+def test_the_root_leads_to_the_first_page_and_keeps_what_stands_behind_it(open_server):
+    served = open_server()
+    for path, leads_to in (("", "/compare"), ("?token=secret", "/compare?token=secret")):
+        answer = served.get(path)
+        assert answer.code == 302
+        assert answer.headers["Location"] == leads_to
+
+
+def test_open_pages_can_tell_one_run_of_the_server_from_the_next(open_server):
+    served = open_server("secret-token")
+    first = served.get("alive")
+    assert first.code == 200
+    assert first.headers["Cache-Control"] == "no-store"
+    assert b"secret" not in first.body
+    page = served.get("compare?token=secret-token")
+    assert first.body in page.body
+    assert first.body != session_of(served.options).run.encode()
+
+
 def test_pages_of_others_get_no_websocket(open_server):
     served = open_server()
     for origin in ("http://evil.example", "http://evil.example:5006", "null"):
         with pytest.raises(HTTPClientError, match="403"):
             served.websocket(origin)
+
+
+@pytest.mark.parametrize("host", ["evil:{port}", "evil", "127.0.0.1:1", "127.0.0.1.evil:{port}"])
+def test_a_name_that_is_not_our_own_gets_nothing(open_server, host):
+    """DNS rebinding: the name of another site leads here, its pages ask under their own origin."""
+    served = open_server()
+    name = host.format(port=served.options.port)
+    for path in ("compare", "", "static/js/bokeh.min.js", "refused", "nothing"):
+        answer = served.get(path, headers={"Host": name})
+        assert answer.code == 403, path
+        assert b"--origin" in answer.body
+    posted = served.get("compare", headers={"Host": name}, method="POST", body="x")
+    assert posted.code == 403
+    with pytest.raises(HTTPClientError, match="403"):
+        served.websocket(f"http://{name}", Host=name)
+    for own in (served.at, f"localhost:{served.options.port}", f"LOCALHOST:{served.options.port}"):
+        assert served.get("compare", headers={"Host": own}).code == 200
+
+
+def test_an_exposed_websocket_without_a_token_is_refused_without_a_word(open_server, capfd):
+    served = open_server("secret-token")
+    for path in ("compare/ws", "compare/ws?token=no", "compare/ws?bokeh-session-id=%ff"):
+        with pytest.raises(HTTPClientError, match=r"40[013]"):
+            served.websocket(f"http://{served.at}", path)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("address", "port", "says"),
+    [
+        ("nonsense.invalid", 5006, "--expose nonsense.invalid: no address of this machine"),
+        ("a b", 5006, "--expose a b: no address of this machine"),
+        ("", 5006, "--expose: expected an address of this machine"),
+        ("192.0.2.1", 5006, "not an address of this machine"),
+        ("127.0.0.1", 99999, "--port 99999: expected 0 to 65535"),
+    ],
+)
+def test_where_it_cannot_be_exposed_is_one_line(open_server, address, port, says):
+    served = open_server()
+    with pytest.raises(BadInput, match=says):
+        server_of(served.context, replace(served.options, expose=address, port=port))
 
 
 def test_an_exposed_page_wants_the_token_and_remembers_it(open_server):

@@ -3,6 +3,7 @@
 import shutil
 import tomllib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,14 @@ def test_a_rival_takes_the_place_of_the_chosen_one_with_its_own_error_and_undo(s
     assert [s.error for s in session.version.ladder] == [0.6, 0.5, 0.4]
 
 
+def test_a_cause_that_its_own_evidence_contradicts_is_not_offered(session):
+    found = diagnosis_on(session)
+    rival = LadderView(("c",), LadderBar("+ c", 0.2, None), "c")
+    for contradicted in (False, True):
+        one = replace(found, alternatives=(AlternativeView(rival, True, contradicted),))
+        assert (rival in one.next_steps(())) != contradicted
+
+
 def test_a_second_diagnosis_goes_on_from_the_first(session):
     session.diagnosis = diagnosis_on(session)
     session.climb(session.diagnosis.steps[2])
@@ -105,7 +114,8 @@ def test_a_second_diagnosis_goes_on_from_the_first(session):
 def test_what_cannot_begin_yet_loses_no_answer(session):
     session.logs, session.diagnosis = (session.folders.read[0] / "a.tlog",), diagnosis_on(session)
     session.report, session.slow.job = "report.html", "look"
-    for work in (session.diagnose, session.write_report):
+    alone = partial(session.report_from_log, session.folders.read[0] / "a.tlog")
+    for work in (session.diagnose, session.write_report, alone):
         with pytest.raises(RuntimeError, match="busy with look"):
             work()
     assert session.diagnosis == diagnosis_on(session)
@@ -145,7 +155,8 @@ def test_a_vessel_file_with_a_mistake_changes_nothing(session):
 
 def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_their_times():
     sent: list[object] = []
-    (view,) = compare_task(sent.append, [str(LOG)], [("as given", BOAT.read_text())], ())
+    found = compare_task(sent.append, [str(LOG)], [("as given", BOAT.read_text())], ())
+    (view,) = found.trials
     parts = [one for one in sent if isinstance(one, TrialView)]
     assert [one.vessels for one in parts] == [()]
     (vessel,) = view.vessels
@@ -162,7 +173,8 @@ def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_th
 
 
 def test_the_error_over_time_is_what_the_scores_are_made_of():
-    (view,) = compare_task(lambda _: None, [str(LOG)], [("as given", BOAT.read_text())], ())
+    found = compare_task(lambda _: None, [str(LOG)], [("as given", BOAT.read_text())], ())
+    (view,) = found.trials
     line = view.vessels[0].figures["residuals"].panels[1].marks[1]
     rms = float(np.sqrt(np.nanmean(line.y**2)))
     assert rms == pytest.approx(view.vessels[0].rmse["v"], rel=0.15)

@@ -6,7 +6,7 @@ import json
 import pytest
 from rich.console import Console
 
-from gateway.monitor.watcher import Latest, VesselStatus, decode
+from gateway.monitor import Latest, VesselStatus, decode
 from gateway.terminal.monitor import monitor_view
 from gateway.topics import TOPICS
 from tests.gateway.monitor.statuses import message, status
@@ -27,7 +27,8 @@ def test_the_view_shows_state_residual_errors_health_and_events(width: int) -> N
             shadow={"surge_mps": 1.25, "sway_mps": 0.0, "yaw_rate_radps": 0.1},
             residual={"missing_surge_n": -42.5, "missing_surge_n_std": 3.25,
                       "error_surge_mps_10s": -0.77},
-            health={"link_age_s": 7.25, "loss": 0.125, "nis": 1.37, "rate_attitude_hz": 31.0},
+            health={"diverging": 0, "link_age_s": 7.25, "loss": 0.125, "nis": 1.37,
+                    "rate_attitude_hz": 31.0},
         ),
         width=width,
     )  # fmt: skip
@@ -40,6 +41,16 @@ def test_the_view_shows_state_residual_errors_health_and_events(width: int) -> N
         assert words in words_shown
     assert "event 4" not in words_shown
     assert "…" not in text
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_a_shadow_that_diverges_is_not_said_to_be_alive_and_well(width: int) -> None:
+    well = shown(status(health={"diverging": 0, "divergences": 3}), width=width)
+    assert "● alive" in well
+    assert "diverged 3" in well
+    ill = shown(status(health={"diverging": 1, "divergences": 3}), width=width)
+    assert "● diverges" in ill
+    assert "alive" not in ill
 
 
 @pytest.mark.parametrize("width", [80, 120])

@@ -43,11 +43,14 @@ def test_the_better_model_has_the_smaller_error_and_the_ruler_is_one(found):
     assert low < wrong.nrmse < high
 
 
-def test_the_floor_and_horizons_are_those_of_the_first_vessel(found):
+def test_the_floor_and_horizons_are_those_of_the_best_vessel_in_whatever_order(found):
     alone = compare(simulated(WAM_V), [Model.of(SLUGGISH)])[0]
-    beside = found[1]
-    assert beside.noise_floor_nrmse == found[0].noise_floor_nrmse
+    right, beside, _ = found
+    assert beside.noise_floor_nrmse == right.noise_floor_nrmse
     assert alone.noise_floor_nrmse != beside.noise_floor_nrmse
+    turned = compare(simulated(WAM_V), [Model.of(v) for v in (AWAY, SLUGGISH, WAM_V)])
+    assert [one.nrmse for one in turned] == [one.nrmse for one in reversed(found)]
+    assert [one.noise_floor_nrmse for one in turned] == [right.noise_floor_nrmse] * 3
 
 
 def test_a_free_run_that_diverges_says_so(found):

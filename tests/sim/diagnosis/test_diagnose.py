@@ -26,7 +26,9 @@ def test_a_complete_model_is_adequate() -> None:
     found = diagnose([sailed()], WAM_V, FEW)
     assert found.verdict is Verdict.ADEQUATE
     assert found.effects == ()
-    assert [step.base for step in found.ladder] == ["plain", "refitted"]
+    assert [step.base for step in found.ladder] == ["plain", "kept"]  # there is nothing to fit
+    assert found.vessel == WAM_V
+    assert "no better with the base re-fitted" in found.summary
 
 
 def test_what_is_missing_is_named_and_the_error_falls() -> None:
@@ -60,6 +62,20 @@ def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_named() -> Non
     found = diagnose([pushed], WAM_V, FEW)
     assert found.verdict is Verdict.UNKNOWN
     assert "turn" in [d.on for d in found.depends_on]
+    curve = found.curve  # N = 250 v, as a table
+    assert curve is not None
+    assert curve.effects == ("learned",)
+    assert curve.heldout.nrmse < 0.5 * found.ladder[-1].heldout.nrmse
+    filled = curve.vessel.effects[-1].values
+    moment = 0.5 * WAM_V.hull.length * filled["full"] * (filled["f8"] - filled["f0"])
+    assert moment / (filled["high"] - filled["low"]) == pytest.approx(250.0, rel=0.1)
+    assert found.formula is not None
+    assert found.formula.formula.form == "linear"
+    assert found.formula.formula.numbers["c"] == pytest.approx(250.0, rel=0.1)
+    assert found.formula.nrmse <= 1.03 * curve.heldout.nrmse
+    assert found.formula.formula.text in found.summary
+    assert "a moment to starboard" in found.summary
+    assert "the speed sideways" in found.summary
     assert diagnose([trial], WAM_V, FEW).verdict is Verdict.ADEQUATE
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.evidence import VARIABLES, evidence
+from sim.diagnosis.evidence import VARIABLES, Evidence, evidence
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.model import Model
@@ -55,7 +55,7 @@ def with_effect(effect: Effect) -> Vessel:
 
 
 def test_every_effect_of_the_catalogue_declares_what_its_evidence_is_drawn_against():
-    declared = [effect.evidence for effect in EFFECTS]
+    declared = [effect.evidence_axis(with_effect(effect).effects[0].values) for effect in EFFECTS]
     assert None not in declared
     assert {d.by for d in declared if d is not None and d.variable is None} <= set(VARIABLES)
 
@@ -68,6 +68,8 @@ def test_what_is_missing_lies_on_the_curve_of_the_effect(effect):
     size = float(np.sqrt(np.mean(found.curve**2)))
     assert size > 0.05  # N or N m
     assert np.sqrt(np.mean((found.mean - found.curve) ** 2)) < 0.35 * size
+    assert not found.contradicts
+    assert replace(found, curve=-found.curve).contradicts
     assert np.all((found.low <= found.mean) & (found.mean <= found.high))
     assert np.all((found.start <= found.at + 1e-9) & (found.at <= found.end + 1e-9))
 
@@ -105,3 +107,17 @@ def test_an_effect_that_is_not_in_the_table_is_shown_where_it_is_seen():
     assert found is not None
     assert found.axis == 2
     assert found.by in ("turn_rate", "sway", "helm")
+
+
+def test_only_a_curve_that_points_away_from_the_points_contradicts_them():
+    """What noise may have turned round is no contradiction, nor is a curve of nothing."""
+    one, x = np.ones(4), np.arange(4.0)
+
+    def points(mean: float, curve: float, half: float) -> Evidence:
+        mean_, curve_ = mean * one, curve * one
+        return Evidence("any", 0, "surge", x, x + 1, x, mean_, mean_ - half, mean_ + half, curve_)
+
+    assert points(5.0, -1.0, 1.0).contradicts
+    assert not points(5.0, 1.0, 1.0).contradicts
+    assert not points(0.5, -1.0, 1.0).contradicts
+    assert not points(5.0, 0.0, 1.0).contradicts

@@ -1,28 +1,29 @@
 """Which effect comes next on the ladder: the rules, on made-up rankings."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from sim.diagnosis.heldout import Gain
-from sim.diagnosis.ladder import EffectSearch
-from sim.diagnosis.ranking import RankedEffect, Ranking
+from sim.diagnosis.ladder import EffectSearch, helps
+from sim.diagnosis.ranking import RankedEffect, Ranking, select_finalists
 from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIER
 from sim.diagnosis.verdict import rivals_of
-from sim.effects.catalogue import named
+from sim.effects.catalogue import EFFECTS, named
+from sim.effects.effect import Effect
 
 HIDDEN = "steering_lag"  # worth most, and yet no prediction is better with it
-FIRST: Any = SimpleNamespace(names=())
+FIRST: Any = SimpleNamespace(names=(), nrmse=0.5)
 BLOCK = np.repeat(np.arange(8), 10)
 
 
-def row(name: str, gain: Gain, left: float = 1.0) -> RankedEffect:
-    """One of a ranking; `left` of the residual on unseen time."""
+def row(name: str, gain: Gain, left: float = 1.0, nrmse: float = 0.495) -> RankedEffect:
+    """One of a ranking; `left` of the residual on unseen time, with that error there."""
     residual = np.full(len(BLOCK), left)
     problem = SimpleNamespace(block=BLOCK)
-    fit: Any = SimpleNamespace(name=name, problem=problem, heldout_residual=residual)
+    fit: Any = SimpleNamespace(name=name, problem=problem, heldout_residual=residual, nrmse=nrmse)
     return RankedEffect(named(name), fit, gain, 0.5)
 
 
@@ -40,7 +41,8 @@ class Made(EffectSearch):
 
 def made(*rows: RankedEffect) -> Made:
     nothing: Any = None
-    search = Made(nothing, (), 4, lambda _: None, map, nothing)
+    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.1)
+    search = Made(nothing, (), 4, lambda _: None, map, scorer, 1.0)
     object.__setattr__(search, "rows", rows)
     return search
 
@@ -76,6 +78,8 @@ def test_a_later_effect_is_more_than_the_form_of_an_earlier_one(won: float, enou
     earlier = row("hull_lift", Gain(2.0, 0.5, 5.0, won, 0.0))
     steps = [search.rank(FIRST).led_by(earlier)]
     assert search.justified(SOME, steps, FIRST) is enough
+    noticeable = row("heading_offset", SOME.gain, nrmse=0.45)  # of an error of 1 as given
+    assert search.justified(noticeable, steps, FIRST)
 
 
 def test_few_blocks_may_tell_if_hardly_any_contradicts() -> None:
@@ -89,7 +93,74 @@ def test_few_blocks_may_tell_if_hardly_any_contradicts() -> None:
         assert search.justified(braking, [], FIRST) is enough
 
 
+def test_an_effect_of_ones_own_is_fitted_whatever_it_promises() -> None:
+    def screened(name: str, cost: float) -> Any:
+        effect = SimpleNamespace(general_of="")
+        return SimpleNamespace(name=name, cost=cost, added=SimpleNamespace(effect=effect))
+
+    many = [screened(effect.name, 10.0 + i) for i, effect in enumerate(EFFECTS[:12])]
+    keel = screened("keel", 99.0)
+    plain, asked = select_finalists(many), select_finalists([*many, keel])
+    assert 0 < len(plain) <= 6
+    assert keel in asked
+    assert keel not in select_finalists([keel, *many])[1:]
+
+
+def test_a_special_case_is_fitted_wherever_its_general_form_is() -> None:
+    def screened(name: str, cost: float) -> Any:
+        return SimpleNamespace(name=name, cost=cost, added=SimpleNamespace(effect=named(name)))
+
+    others = (
+        "hull_lift",
+        "towed_load",
+        "cg_offset",
+        "cross_damping",
+        "cubic_drag",
+        "antenna_offset",
+    )
+    few = [screened("current_change", 1.0), *(screened(n, 5.0 + i) for i, n in enumerate(others))]
+    last = screened("steady_current", 90.0)
+    assert last in select_finalists([*few, last])
+    assert last not in select_finalists([*few[1:], last])
+
+
+def test_what_holds_another_effect_whole_never_stands_beside_it() -> None:
+    change, steady, lift = (named(n) for n in ("current_change", "steady_current", "hull_lift"))
+    nothing: Any = None
+    search = EffectSearch(nothing, (change, steady, lift), 4, nothing, map, nothing, 1.0)
+
+    def beside(*effects: Effect) -> list[str]:
+        added = [SimpleNamespace(effect=e) for e in effects]
+        fit: Any = SimpleNamespace(added=added, names=tuple(e.name for e in effects))
+        return [e.name for e in search._others(fit)]
+
+    assert beside(change) == ["hull_lift"]
+    assert beside(steady) == ["hull_lift"]
+    assert beside(lift) == ["current_change", "steady_current"]
+
+
 def test_what_was_found_beside_it_is_no_rival() -> None:
     ranking = made(SOME, MUCH).rank(FIRST)
     assert [r.name for r in rivals_of(ranking)] == [HIDDEN]
     assert rivals_of(ranking, ("heading_offset", HIDDEN)) == []
+
+
+def test_an_effect_must_predict_better_than_what_was_given_too() -> None:
+    assert helped(given=0.3)
+    assert not helped(given=0.16)  # re-fitted it was worse than as given
+
+
+def test_where_no_more_than_noise_is_left_an_effect_must_help_more() -> None:
+    assert helped(given=0.3, after=0.197)
+    assert not helped(given=0.3, after=0.197, share=(0.6, 0.7, 0.8))
+    assert helped(given=0.3, after=0.17, share=(0.6, 0.7, 0.8))
+    assert not helped(given=0.3, after=0.197, floor=0.25)
+    assert helped(given=0.3, after=0.19, floor=0.25)
+
+
+def helped(
+    given: float, after: float = 0.17, share: Any = (2.0, 2.0, 2.0), floor: float = 0.1
+) -> bool:
+    base, effect = SimpleNamespace(nrmse=0.2, noise_share=share), SimpleNamespace(nrmse=after)
+    scorer = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=floor)
+    return helps(*cast(Any, (scorer, base, effect)), given)

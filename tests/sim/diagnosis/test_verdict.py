@@ -1,14 +1,18 @@
 """From what was found to an answer: the rules, one by one, on made-up findings."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from sim.diagnosis.answer import LadderStep, Verdict
+from sim.diagnosis.answer import LadderStep, Verdict, falling
 from sim.diagnosis.heldout import Gain, HeldOutScore
 from sim.diagnosis.verdict import (
     is_above_noise,
+    is_above_stated,
+    is_curve_above_form,
     is_more_than_form,
     summary_of,
     unexplained_share,
@@ -71,6 +75,24 @@ def test_little_is_left_by_a_form_that_nature_chose_differently() -> None:
     assert not matters(gained(300.0, lost=0.5, t=1.0), True, won=100.0)
 
 
+def test_what_gusts_leave_of_a_wind_is_no_sign_of_anything_else() -> None:
+    """Only what depends on the time, only beside a wind, and only about as much as gusts are."""
+
+    def matters(nats: float, name: str, *, of_time: bool) -> bool:
+        wind = selection(won=1000.0, name=name)
+        return is_more_than_form(gained(nats), wind, above_noise=True, of_time=of_time)
+
+    assert not matters(150.0, "steady_wind", of_time=True)
+    assert matters(150.0, "steady_wind", of_time=False)
+    assert matters(150.0, "steady_current", of_time=True)
+    assert matters(170.0, "steady_wind", of_time=True)
+    ladder = [step(2.0), step(2.0), step(0.7, "steady_wind")]
+    assert not is_above_noise([named("steady_wind")], ladder, 0.1)
+    assert is_above_noise([named("steady_current")], ladder, 0.1)
+    ladder = [step(2.0), step(2.0), step(0.9, "steady_wind")]
+    assert is_above_noise([named("steady_wind")], ladder, 0.1)
+
+
 @pytest.mark.parametrize(("last", "share"), [(0.5, 1.0), (0.1, 0.0), (0.05, 0.0), (0.13**0.5, 0.5)])
 def test_the_share_unexplained_runs_from_all_to_none(last: float, share: float) -> None:
     assert unexplained_share([step(0.5), step(last)], 0.1) == pytest.approx(share)
@@ -90,3 +112,85 @@ def test_the_sentence_names_what_was_found_and_what_it_may_be_taken_for() -> Non
     assert summary_of(Verdict.UNKNOWN, ladder, [[]], [LEFT], 0.09).endswith("follows the heading")
     assert summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.05).endswith("that was looked for")
     assert "no effect" in summary_of(Verdict.ADEQUATE, ladder[:2], [], [], 0.09)
+
+
+def test_a_base_that_fitted_predicts_no_better_is_not_told_as_better() -> None:
+    kept = replace(step(0.2), base="kept")
+    said = summary_of(Verdict.ADEQUATE, [step(0.2), kept], [], [], 0.19)
+    assert "0.200 as given, no better with the base re-fitted" in said
+    said = summary_of(Verdict.ADEQUATE, [step(0.2), step(0.1)], [], [], 0.19)
+    assert "0.200 as given, 0.100 with the base re-fitted" in said
+
+
+def test_no_step_of_the_ladder_raises_the_error() -> None:
+    a, b, c = step(0.6, "hull_lift"), step(0.3, "hull_lift", "cg_offset"), "cubic_drag"
+    last = step(0.2, "hull_lift", "cg_offset", c)
+    assert errors(falling([step(0.5), step(0.4), a, b, last])) == [0.5, 0.4, 0.3, 0.2]
+    assert errors(falling([step(0.5), step(0.4), step(0.1, "hull_lift"), last])) == [0.5, 0.4, 0.2]
+    assert falling([step(0.5), step(0.4), a, b, last])[2].new == 2
+    assert errors(falling([step(0.5), step(0.4)])) == [0.5, 0.4]
+
+
+def errors(ladder: Sequence[LadderStep]) -> list[float]:
+    return [s.heldout.nrmse for s in ladder]
+
+
+def test_more_than_the_stated_noise_in_surge_or_sway_is_no_noise() -> None:
+    found = [named("hull_lift")]
+    assert is_above_stated([], (1.6, 0.6, 0.6))
+    assert is_above_stated(found, (0.6, 2.6, 0.6))
+    assert not is_above_stated([], (0.8, 0.8, 9.0))  # gusts
+    assert not is_above_stated(found, (1.6, 0.6, 0.6))  # nature's own form
+    assert not is_above_stated([named("wave_motion")], (9.0, 9.0, 0.6))
+
+
+def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
+    ladder = [step(0.5), step(0.4), step(0.3, "hull_lift")]
+
+    def said(*effects: str, formula: Any = None) -> str:
+        below: Any = SimpleNamespace(
+            step=step(0.2, *effects), replaces=len(effects) == 1, description="a force",
+            formula=formula,
+        )  # fmt: skip
+        return summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.1, below)
+
+    beside, instead = said("hull_lift", "x"), said("x")
+    assert beside.startswith("hull_lift helps, ")
+    assert "nearest" not in beside
+    assert instead.startswith("something is missing that the catalogue does not hold: a force; ")
+    assert (
+        "falls from 0.500 to 0.200 (noise 0.100); nearest to it comes hull_lift, the error on"
+        in instead
+    )
+    assert "as well does" not in instead
+    line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
+    assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
+
+
+def test_a_curve_beside_an_effect_counts_where_it_takes_away_a_noticeable_error() -> None:
+    ladder = [step(0.645), step(0.613), step(0.125, "steady_wind")]
+
+    def counts(after: float, effect: str = "steady_wind") -> bool:
+        below: Any = SimpleNamespace(step=step(after))
+        return is_curve_above_form(below, [named(effect)], ladder, 0.099)
+
+    assert not counts(0.099)  # the form of the wind
+    ladder = [step(0.645), step(0.613), step(0.3, "hull_lift")]
+    assert counts(0.1, "hull_lift")
+    assert not counts(0.29, "hull_lift")
+
+
+def test_an_error_that_does_not_fall_is_not_said_to_fall() -> None:
+    def said(last: float) -> str:
+        ladder = [step(2.694), step(2.694), step(last, "hull_lift")]
+        return summary_of(Verdict.EXPLAINED, ladder, [[]], [], 0.1)
+
+    assert "rises from 2.694 to 4.336" in said(4.336)
+    assert "stays at 2.694" in said(2.6942)
+    assert "falls from 2.694 to 0.300" in said(0.3)
+
+
+def test_data_whose_noise_hides_the_motion_do_not_say_that_nothing_is_missing() -> None:
+    ladder = [step(1.21), step(1.21)]
+    assert "cannot tell whether" in summary_of(Verdict.ADEQUATE, ladder, [], [], 12.4)
+    assert "cannot tell whether" not in summary_of(Verdict.ADEQUATE, ladder, [], [], 1.0 / 3.0)

@@ -16,7 +16,7 @@ from tests.sim.vessels import RUDDER_BOAT, WAMV, added, excitation
 DT = 0.02
 TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
-TURNED_ROUND = ("direction", "angle", "y", "bias", "c")  # parameters with a side
+TURNED_ROUND = ("direction", "later_direction", "angle", "y", "bias", "c")  # have a side
 OTHER_SIDE = {"thruster_fault": {"thruster": 2.0}, "actuator_wiring": {"reversed": 1.0}}
 ONE_SIDED = ("thruster_imbalance",)  # knows port only
 
@@ -62,7 +62,7 @@ def test_at_its_neutral_values_an_effect_does_nothing(effect):
 
 def test_only_these_have_no_neutral_values():
     without = {e.name for e in EFFECTS if all(p.neutral is None for p in e.parameters)}
-    assert without == {"steady_wind", "battery_sag", "thruster_lag", "steering_lag"}
+    assert without == {"steady_wind", "wind_change", "battery_sag", "thruster_lag", "steering_lag"}
 
 
 @pytest.mark.parametrize("name", TAKE_ENERGY)

@@ -65,12 +65,56 @@ def test_a_measured_wind_counts_and_the_assumed_one_does_not():
     np.testing.assert_allclose(run(other, commands, wind=blowing)[1], assumed, atol=1e-12)
 
 
-def test_wind_needs_areas():
-    bare = replace(WAMV, hull=Hull(4.9, 2.3, 180.0))
-    with pytest.raises(ValueError, match=r"steady_wind needs hull\.wind_area.*WAM-V has none"):
-        with_effect(bare, "steady_wind", speed=5.0, direction=0.0)
-    assert bare.unmet_needs(named("steady_wind"))
-    assert not WAMV.unmet_needs(named("steady_wind"))
+BARE = replace(WAMV, hull=Hull(4.9, 2.3, 180.0))
+
+
+def test_wind_acts_on_assumed_areas_where_there_are_none():
+    """The same force as with these very areas given; another one with others."""
+    wind = {"speed": 5.0, "direction": 0.7}
+    given = replace(BARE, hull=replace(BARE.hull, wind_area=BARE.hull.areas))
+    assumed = with_effect(BARE, "steady_wind", **wind)
+    here = first_push(assumed, [0, 0, 0.3, 0.5, 0.1, 0])
+    np.testing.assert_array_equal(
+        here, first_push(with_effect(given, "steady_wind", **wind), [0, 0, 0.3, 0.5, 0.1, 0])
+    )
+    other = first_push(with_effect(WAMV, "steady_wind", **wind), [0, 0, 0.3, 0.5, 0.1, 0])
+    assert np.abs(here - other).max() > 1.0
+    assert not BARE.unmet_needs(named("steady_wind"))
+
+
+def test_only_a_vessel_whose_effects_need_areas_that_it_lacks_says_assumed():
+    wind = {"speed": 5.0, "direction": 0.7}
+    (text,) = with_effect(BARE, "steady_wind", **wind).assumptions
+    assert "frontal 1.13 m², lateral 2.88 m²" in text
+    assert "hull.wind_area" in text
+    assert not BARE.assumptions
+    assert not with_effect(WAMV, "steady_wind", **wind).assumptions
+    assert not with_effect(BARE, "steady_current", speed=0.3, direction=0.0).assumptions
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.7, 1.0, 1.4, 2.0])
+def test_the_range_of_a_wind_holds_the_true_speed_for_areas_of_half_to_twice(factor):
+    """Areas k times as large and a wind 1/√k times as fast push a boat at rest alike."""
+    true = 8.0
+    front, side = BARE.hull.areas
+    real = replace(BARE, hull=replace(BARE.hull, wind_area=(factor * front, factor * side)))
+    push = first_push(with_effect(real, "steady_wind", speed=true, direction=0.7), np.zeros(6))
+    told = {"speed": true * np.sqrt(factor), "direction": 0.7}
+    alike = first_push(with_effect(BARE, "steady_wind", **told), np.zeros(6))
+    np.testing.assert_allclose(alike, push, rtol=1e-9)
+    found = named("steady_wind").assumption(BARE, told, {"speed": (told["speed"],) * 2})
+    low, high = found.ci95["speed"]
+    assert low - 1e-9 <= true <= high + 1e-9
+    assert high / low == pytest.approx(2.0 * 1.4)  # areas, and the coefficients beside them
+    abeam = first_push(with_effect(BARE, "steady_wind", speed=told["speed"], direction=np.pi / 2),
+                       np.zeros(6))  # fmt: skip
+    assert found.numbers["force_abeam_N"] == pytest.approx(-abeam[1])
+    assert f"from 40° with about {-abeam[1]:.0f} N abeam" in found.description
+
+
+def test_nothing_is_assumed_of_a_wind_on_known_areas():
+    told = {"speed": 8.0, "direction": 0.7}
+    assert named("steady_wind").assumption(WAMV, told, {"speed": (7.0, 9.0)}) is None
 
 
 def test_steering_effects_need_something_that_steers():
@@ -204,12 +248,12 @@ def test_a_late_receiver_shows_the_boats_own_past(plain):
     _, now = run(WAMV, commands, plain=plain)
     for steps in (5, 7.5):
         late = with_effect(WAMV, "velocity_latency", delay=steps * DT)
-        _, seen = run(late, commands, plain=plain)
-        np.testing.assert_array_equal(seen[:, [2, 5, 6, 7, 8]], now[:, [2, 5, 6, 7, 8]])
+        _, reported = run(late, commands, plain=plain)
+        np.testing.assert_array_equal(reported[:, [2, 5, 6, 7, 8]], now[:, [2, 5, 6, 7, 8]])
         low, high = int(np.floor(steps)), int(np.ceil(steps))
         track, at = over_ground(now), np.arange(high, len(now))
         past = 0.5 * (track[at - low] + track[at - high])
-        np.testing.assert_allclose(over_ground(seen)[high:], past, atol=1e-12)
+        np.testing.assert_allclose(over_ground(reported)[high:], past, atol=1e-12)
 
 
 def test_a_late_receiver_shows_an_extrapolation_where_the_past_is_not_known():
@@ -217,9 +261,9 @@ def test_a_late_receiver_shows_an_extrapolation_where_the_past_is_not_known():
     commands = np.full((400, 2), 0.7)
     states, now = run(WAMV, commands)
     late = with_effect(WAMV, "velocity_latency", delay=0.1)
-    _, seen = run(late, commands[200:], states[200])
-    np.testing.assert_allclose(over_ground(seen)[:20], over_ground(now)[195:215], atol=1e-3)
-    assert np.abs(over_ground(seen)[:20] - over_ground(now)[200:220]).max() > 0.05
+    _, reported = run(late, commands[200:], states[200])
+    np.testing.assert_allclose(over_ground(reported)[:20], over_ground(now)[195:215], atol=1e-3)
+    assert np.abs(over_ground(reported)[:20] - over_ground(now)[200:220]).max() > 0.05
 
 
 def test_the_true_motion_is_found_behind_all_sensors_at_once():
@@ -234,13 +278,13 @@ def test_the_true_motion_is_found_behind_all_sensors_at_once():
     rng = np.random.default_rng(4)
     states = rng.uniform(-2.0, 2.0, (200, 6))
     commands = np.zeros((1, 4))
-    seen = np.stack([model.simulate(commands, DT, x)[1][0, 0] for x in states])
-    np.testing.assert_allclose(model.true_states(seen), states, rtol=0, atol=1e-9)
+    reported = np.stack([model.simulate(commands, DT, x)[1][0, 0] for x in states])
+    np.testing.assert_allclose(model.true_states(reported), states, rtol=0, atol=1e-9)
 
 
 def test_deviation_goes_round_with_the_heading():
     vessel = with_effect(WAMV, "compass_deviation", b=0.1, c=0.05)
     for yaw, d in ((0.0, 0.05), (0.5 * np.pi, 0.1), (np.pi, -0.05), (-0.5 * np.pi, -0.1)):
-        _, seen = run(vessel, np.zeros((1, 2)), np.array([0.0, 0.0, yaw, 1.0, 0.0, 0.0]))
-        assert seen[0, 2] == pytest.approx(yaw + d)
-        assert seen[0, 4] == pytest.approx(-np.sin(d))
+        _, reported = run(vessel, np.zeros((1, 2)), np.array([0.0, 0.0, yaw, 1.0, 0.0, 0.0]))
+        assert reported[0, 2] == pytest.approx(yaw + d)
+        assert reported[0, 4] == pytest.approx(-np.sin(d))

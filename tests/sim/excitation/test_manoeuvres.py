@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sim.excitation.catalogue import BY_NAME, MANOEUVRES, Mixed
-from sim.excitation.legs import MotorsOff, Ramp, Square
 from sim.excitation.manoeuvre import Stick, StickLimits, slew_limited
+from sim.excitation.sequences import MotorsOff, Ramp, Square
 from sim.excitation.sticks import manoeuvre_commands, manoeuvre_sticks, mix_sticks, mixing_matrix
 from sim.excitation.turns import Circles, Spin, Zigzag
 from sim.model import Model

@@ -1,4 +1,4 @@
-"""The follower: law, limits, plants (issue item 8), and that chunks make no difference."""
+"""The follower: law, limits, plants, and that chunks make no difference."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sim.effects.effect import Effect, Parameter, Scope
+from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS
 from sim.following.follower import Axes, ControlLaw, FollowerOptions, VesselFollower
 from sim.following.stepwise import PlantFollower, follower_for
 from sim.model import Model
@@ -207,6 +208,36 @@ def test_chunks_make_no_difference(kind, size):
     np.testing.assert_array_equal(np.concatenate([p.shadows for p in parts]), whole.shadows)
     np.testing.assert_array_equal(np.concatenate([p.forces for p in parts]), whole.forces)
     np.testing.assert_array_equal(state.carry, whole.state.carry)
+
+
+@pytest.mark.parametrize("kind", [VesselFollower, PlantFollower])
+def test_a_wild_time_is_no_span_to_run_over(kind):
+    """One row eleven days ahead: 10⁸ steps if it were followed."""
+    model = Model.of(WAMV)
+    follower = kind.of(model if kind is VesselFollower else VesselPlant(model))
+    times, rows = moving(IACQUABOT, 2.0)
+    whole = follower.advance(follower.start(), times, rows)
+    wild = times.copy()
+    wild[40] = 1e6
+    out = follower.advance(follower.start(), wild, rows)
+    np.testing.assert_array_equal(out.shadows[:40], whole.shadows[:40])
+    np.testing.assert_array_equal(out.shadows[40:42, :6], rows[40:42, :6])  # set anew, twice
+    np.testing.assert_allclose(out.shadows[-1, :6], rows[-1, :6], atol=0.05)
+    assert not out.diverged.any()
+
+
+@pytest.mark.parametrize("kind", [VesselFollower, PlantFollower])
+def test_a_plant_that_diverges_begins_anew_and_says_so(kind):
+    light = replace(WAMV, dynamics=replace(WAMV.dynamics, m11=1e-3, m33=1e-3, X_uu=-1e3))
+    model = Model.of(light)
+    follower = kind.of(model if kind is VesselFollower else VesselPlant(model))
+    times, rows = steady(1.0, u=2.0)
+    rows[20:, 3] = 5.0
+    out = follower.advance(follower.start(), times, rows)
+    assert out.diverged.any()
+    assert not out.diverged[0]
+    assert np.abs(out.shadows[:, 3:5]).max() <= MAX_SPEED_MPS
+    assert np.abs(out.shadows[:, 5]).max() <= MAX_TURN_RADPS
 
 
 def test_a_step_returns_a_new_state():

@@ -1,9 +1,12 @@
 """ν_ref: measured, model and auto; hand-overs without a bump; chunks make no difference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sim.effects import heading_offset, thruster_lag
+from sim.following.bounds import MAX_SPEED_MPS
 from sim.following.reference import Reference, ReferenceMode
 from sim.model import Model
 from tests.sim.vessels import WAMV, added, excitation
@@ -30,7 +33,7 @@ def outage(count, start, end):
 def test_measured_is_the_estimate_itself():
     times, rows, commands = voyage()
     reference = Reference(Model.of(BOAT), ReferenceMode.MEASURED)
-    _, out, from_model = reference.advance(
+    _, out, from_model, _ = reference.advance(
         reference.start(), times, rows, outage(len(times), 300, 500), commands
     )
     np.testing.assert_array_equal(out, rows)
@@ -42,11 +45,39 @@ def test_the_model_alone_reproduces_a_boat_that_is_as_the_model_says():
     blind = rows.copy()
     blind[1:] = 1e6  # only the first estimate may be looked at
     reference = Reference(Model.of(BOAT), ReferenceMode.MODEL)
-    _, out, from_model = reference.advance(
+    _, out, from_model, _ = reference.advance(
         reference.start(), times, blind, np.ones(len(times), bool), commands
     )
     assert from_model.all()
     np.testing.assert_allclose(out[:, :6], rows[:, :6], atol=1e-9)
+
+
+def test_a_wild_time_is_no_span_to_predict_over():
+    times, rows, commands = voyage(4.0, WAMV)  # no memory that would start settled
+    reference = Reference(Model.of(WAMV), ReferenceMode.MODEL)
+    wild = times.copy()
+    wild[100] = 1e9
+    fresh = np.ones(len(times), bool)
+    out = reference.advance(reference.start(), wild, rows, fresh, commands)
+    np.testing.assert_allclose(out.references[100:102, :6], rows[100:102, :6], atol=1e-9)
+    np.testing.assert_allclose(out.references[-1, :6], rows[-1, :6], atol=1e-6)
+    assert not out.diverged.any()
+
+
+def test_a_model_that_diverges_begins_anew_at_the_estimate_and_says_so():
+    runaway = replace(WAMV, dynamics=replace(WAMV.dynamics, X_u=400.0, X_uu=50.0))
+    times, rows, commands = voyage(20.0, WAMV)
+    reference = Reference(Model.of(runaway), ReferenceMode.MODEL)
+    fresh = np.ones(len(times), bool)
+    out = reference.advance(reference.start(), times, rows, fresh, commands)
+    (first, *_), count = np.flatnonzero(out.diverged), int(out.diverged.sum())
+    assert 1 <= count < 100
+    np.testing.assert_allclose(out.references[first, :6], rows[first, :6], atol=1e-9)
+    assert np.abs(out.references[:, 3:5]).max() <= MAX_SPEED_MPS
+    measured = Reference(Model.of(runaway), ReferenceMode.MEASURED)
+    assert not measured.advance(
+        measured.start(), times, rows, fresh, commands
+    ).diverged.any()  # nobody looks at the model
 
 
 def test_auto_bridges_a_silent_link():
@@ -57,7 +88,7 @@ def test_auto_bridges_a_silent_link():
     frozen[300:600] = rows[299]
     reference = Reference(Model.of(BOAT))
     start = reference.start()
-    _, out, from_model = reference.advance(start, times, frozen, fresh, commands)
+    _, out, from_model, _ = reference.advance(start, times, frozen, fresh, commands)
     np.testing.assert_allclose(out[:, :6], rows[:, :6], atol=1e-7)
     np.testing.assert_array_equal(from_model, ~fresh)
 
@@ -68,7 +99,7 @@ def wrong_model_voyage(jumps=None):
     fresh = outage(len(times), 500, 800)
     reference = Reference(Model.of(WAMV))  # neither lag nor heading offset
     start, commands = reference.start(), 0.8 * commands
-    _, out, _ = reference.advance(start, times, rows, fresh, commands, jumps=jumps)
+    _, out, *_ = reference.advance(start, times, rows, fresh, commands, jumps=jumps)
     return times, rows, fresh, out
 
 
@@ -114,7 +145,7 @@ def test_an_origin_shift_is_not_a_bump_to_be_hidden():
     jumps = np.zeros(len(times), bool)
     jumps[[450, 700]] = True
     reference = Reference(Model.of(BOAT))
-    _, out, _ = reference.advance(reference.start(), times, rows, fresh, commands, jumps=jumps)
+    _, out, *_ = reference.advance(reference.start(), times, rows, fresh, commands, jumps=jumps)
     np.testing.assert_allclose(out[:, :6], rows[:, :6], atol=1e-7)
 
 

@@ -1,0 +1,148 @@
+"""day.toml: what a day brings to a boat in the loop. TOML → validated tables → `sim.hil.day.Day`.
+
+docs/hil.md describes the format. Every mistake is one line: file, key, what was expected.
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+from annotated_types import Ge, Gt, Le
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from gateway.errors import BadInput
+from gateway.toml_file import explain, validated
+from gateway.user_effects import known_effects
+from gateway.vessel_tables import StrictTable
+from sim.effects.effect import Effect
+from sim.hil.day import Day, Moment, Wind
+from sim.hil.waves import Sea
+from sim.vessel import AddedEffect
+
+NotNegative = Annotated[float, Ge(0.0)]
+
+
+class WindTable(StrictTable):
+    """[wind]: speed [m/s], direction that it blows from [rad from north]"""
+
+    speed: NotNegative
+    direction: float
+
+
+class WavesTable(StrictTable):
+    """[waves]: significant height [m], peak period [s], direction that they run to [rad]"""
+
+    height: NotNegative
+    period: Annotated[float, Gt(0.0)]
+    direction: float = 0.0
+
+
+class StartTable(StrictTable):
+    """[start]: where the boat lies at first [m, m, rad], and where that is counted from [deg]"""
+
+    north: float = 0.0
+    east: float = 0.0
+    yaw: float = 0.0
+    latitude: Annotated[float, Ge(-89.0), Le(89.0)] = Day().place[0]
+    longitude: Annotated[float, Ge(-180.0), Le(180.0)] = Day().place[1]
+
+
+class MomentTable(StrictTable):
+    """[[moments]]: what changes `at` [s]; numbers of an effect stand beside its name"""
+
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+
+    at: NotNegative
+    over: NotNegative = 0.0
+    effect: str | None = None
+    thruster: str | None = None
+    gain: NotNegative | None = None
+    wind: WindTable | None = None
+
+
+class DayFile(StrictTable):
+    """A day as written."""
+
+    depth: Annotated[float, Gt(0.0)] | None = None
+    start: StartTable = StartTable()
+    wind: WindTable | None = None
+    waves: WavesTable | None = None
+    effects: tuple[dict[str, Any], ...] = ()
+    moments: Annotated[tuple[MomentTable, ...], Field()] = ()
+
+
+_DAY_FILE = TypeAdapter(DayFile)
+
+
+def load_day(file: Path, more_effects: Sequence[Effect] = ()) -> tuple[Day, str]:
+    """A day and its text; BadInput with one line where it is wrong."""
+    known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
+    try:
+        text = file.read_text(encoding="utf-8")
+        read = validated(_DAY_FILE, tomllib.loads(text))
+    except ValidationError as error:
+        raise BadInput(f"{file}: {explain(error)}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{file}: not a TOML file: {error}") from None
+    except UnicodeDecodeError:
+        raise BadInput(f"{file}: not a text file; a day is TOML") from None
+    except OSError as error:
+        raise BadInput(f"{file}: cannot read the day: {error.strerror}") from None
+    try:
+        return _day(read, known), text
+    except ValueError as error:
+        raise BadInput(f"{file}: {error}") from None
+
+
+def _day(read: DayFile, known: Mapping[str, Effect]) -> Day:
+    return Day(
+        effects=tuple(_effect(i, entry, known) for i, entry in enumerate(read.effects)),
+        moments=tuple(_moment(i, table, known) for i, table in enumerate(read.moments)),
+        wind=None if read.wind is None else Wind(**dict(read.wind)),
+        sea=None if read.waves is None else Sea(**dict(read.waves)),
+        depth=read.depth,
+        start=(read.start.north, read.start.east, read.start.yaw),
+        place=(read.start.latitude, read.start.longitude),
+    )
+
+
+def _effect(i: int, entry: dict[str, Any], known: Mapping[str, Effect]) -> AddedEffect:
+    values = dict(entry)
+    effect = _known(f"effects[{i}].type", values.pop("type", None), known)
+    return AddedEffect(effect, _numbers(f"effects[{i}]", values))
+
+
+def _moment(i: int, table: MomentTable, known: Mapping[str, Effect]) -> Moment:
+    key = f"moments[{i}]"
+    values = _numbers(key, table.model_extra or {})
+    changes = [table.effect, table.thruster, table.wind]
+    if all(change is None for change in changes):
+        raise ValueError(f"{key}: nothing changes: expected effect, thruster or wind")
+    if (table.thruster is None) != (table.gain is None):
+        raise ValueError(f"{key}: thruster and gain (share of its thrust that is left) go together")
+    if table.effect is None and values:
+        raise ValueError(f"{key}: unknown key {next(iter(values))}")
+    effect = None if table.effect is None else _known(f"{key}.effect", table.effect, known)
+    names = [p.name for p in effect.parameters] if effect is not None else []
+    unknown = [name for name in values if name not in names]
+    if effect is not None and (unknown or not values):
+        what = f"unknown key {unknown[0]}" if unknown else "no number of it changes"
+        raise ValueError(f"{key}: {what}: {effect.name} has {', '.join(names)}")
+    wind = None if table.wind is None else Wind(**dict(table.wind))
+    gain = 1.0 if table.gain is None else table.gain
+    return Moment(table.at, table.over, effect, values, table.thruster, gain, wind)
+
+
+def _known(key: str, name: Any, known: Mapping[str, Effect]) -> Effect:
+    if name not in known:
+        raise ValueError(f"{key} = {name!r}: expected one of {', '.join(sorted(known))}")
+    return known[name]
+
+
+def _numbers(key: str, values: Mapping[str, Any]) -> dict[str, float]:
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            raise ValueError(f"{key}.{name} = {value!r}: expected a number")
+    return {name: float(value) for name, value in values.items()}

@@ -1,0 +1,187 @@
+"""PX4's simulator protocol: sensors out, actuator controls in, as MAVLink. Pure.
+
+HIL_SENSOR with id 0 is the firmware's clock: it goes out 250 times a second of the boat's time.
+With it go HIL_STATE_QUATERNION (the truth, for the firmware's log alone) and, ten times a second,
+HIL_GPS. HIL_ACTUATOR_CONTROLS come back, −1 … 1 per output, 0 … 1 for a motor that cannot reverse,
+all 0 unless armed. Firmware that runs as a program says by a flag that it is in lock-step: then the
+next sensors wait for its controls. Before the first controls, and for a board, sensors go out at
+the pace of the clock.
+
+The magnetic field is that of the World Magnetic Model at the place of the run: the firmware takes
+the declination that it expects from the same model.
+
+Source: PX4 user guide, "Simulation" (MAVLink messages, default ports, lock-step); scaling of
+outputs from PX4's pwm_out_sim.
+"""
+
+from datetime import UTC, datetime
+from functools import lru_cache
+from math import atan2, cos, degrees, hypot, sin
+from typing import Any
+
+from pygeomag import GeoMag
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gateway.hil.session import Played, Session
+from gateway.ingest.earth import Origin
+from gateway.links.transport import Peer
+from gateway.simulated_boat.telemetry import degrees_e7
+from sim.hil.inertial import Attitude, to_hull
+from sim.hil.sensors import Readings
+from sim.vessel import Vessel
+
+STEP_S = 0.004  # what PX4 expects of a simulator: 250 Hz
+SLOW_STEPS = 5  # magnetometer and barometer: each 20 ms
+GPS_STEPS = 25  # each 100 ms
+FIRST_S = 1.0  # on the firmware's clock: 0 means that there is none
+PATIENCE_S = 1.0  # for controls, before the sensors go on without them
+BEHIND_S = 0.25  # what is later than this is not made up for
+ACCELEROMETER, GYRO, MAGNETOMETER, BAROMETER = 0x7, 0x38, 0x1C0, 0x1A00  # of fields_updated
+ARMED, LOCK_STEP = 128, 1  # of mode; of flags
+SEA_LEVEL_HPA, HPA_PER_M = 1013.25, 0.12
+TEMPERATURE_C = 15.0
+GAUSS_PER_NT = 1e-5
+SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
+
+
+@lru_cache(maxsize=4)
+def magnetic_field(place: Origin, year: float) -> tuple[float, float, float]:
+    """North, east, down [gauss] at sea level."""
+    model = GeoMag(coefficients_file="wmm/WMM_2025.COF")
+    found = model.calculate(
+        glat=place.latitude_deg, glon=place.longitude_deg, alt=0.0, time=year,
+        allow_date_outside_lifespan=True,
+    )  # fmt: skip
+    return found.x * GAUSS_PER_NT, found.y * GAUSS_PER_NT, found.z * GAUSS_PER_NT
+
+
+def pulses_of(controls: tuple[float, ...], vessel: Vessel) -> dict[int, float]:
+    """Controls of outputs 1 … 16 (−1 … 1) -> the pulses [µs] that stand for them, by channel."""
+    out = {n: 1500.0 + 500.0 * control for n, control in enumerate(controls, 1)}
+    for servo in (actuator.servo for actuator in vessel.actuators):
+        if servo.channel <= len(controls):
+            low, neutral, high = servo.pwm
+            control = controls[servo.channel - 1]
+            span = high - neutral if control > 0.0 else neutral - low
+            out[servo.channel] = neutral + span * control
+    return out
+
+
+class Px4Session(Session):
+    """One firmware; it is paced by its own answers, or by the clock where it gives none."""
+
+    def __init__(self, played: Played, speed: float = 1.0) -> None:
+        super().__init__(played)
+        self._speed, self._place = speed, Origin(*played.boat.day.place)
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._packer = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
+        now = datetime.now(UTC)
+        self._unix_us = round(now.timestamp() * 1e6)
+        self._field = magnetic_field(self._place, now.year + now.month / 12.0)
+        self._peer: Peer | None = None
+        self._controls: tuple[float, ...] = (0.0,) * 16
+        self._step = 0
+        self._next = self._sent = 0.0
+        self._lock_step = self._owed = False
+
+    def wait_s(self, now: float) -> float:
+        """How long nothing is due [s]."""
+        if self._peer is None or (self._owed and self._lock_step):
+            return PATIENCE_S
+        return min(max(self._next - now, 0.0), PATIENCE_S)
+
+    def received(self, data: bytes, peer: Peer, now: float) -> list[bytes]:
+        """Controls are noted; `due` answers them."""
+        if peer != self._peer and self._peer is not None:
+            self.played.notice("second", f"{peer} speaks as well: one firmware for each endpoint")
+            return []
+        for message in self._parser.parse_buffer(data) or ():
+            kind = message.get_type()
+            if kind == "HIL_ACTUATOR_CONTROLS":
+                self._note_controls(message)
+            elif kind == "BAD_DATA":
+                self.played.notice("malformed", "bytes that are no MAVLink; they are passed over")
+        return []
+
+    def due(self, now: float, peers: tuple[Peer, ...]) -> list[bytes]:
+        """The next sensors, where it is time for them."""
+        if self._peer not in peers:
+            self._peer = None
+            if peers:
+                self._begin(peers[0], now)
+        if self._peer is None or now < self._next:
+            return []
+        if self._owed and self._lock_step:
+            if now - self._sent < PATIENCE_S:
+                return []
+            self.played.notice("late", f"no controls for {PATIENCE_S:.0f} s: it goes on")
+        self._sent, self._owed = now, True
+        speed = self._speed if self._lock_step else 1.0
+        self._next = max(self._next + STEP_S / speed, now - BEHIND_S)
+        pulses = pulses_of(self._controls, self.played.boat.vessel)
+        readings = self.played.step(pulses, STEP_S)
+        frames = [message.pack(self._packer) for message in self._messages(readings)]
+        self._step += 1
+        return [b"".join(frames)]
+
+    def _begin(self, peer: Peer, now: float) -> None:
+        again = self.played.frames > 0
+        text = "the firmware is there again: the boat starts anew" if again else "there is firmware"
+        self.played.start("restart" if again else "there", text)
+        self._peer, self._step, self._next = peer, 0, now
+        self._controls, self._lock_step, self._owed = (0.0,) * 16, False, False
+
+    def _note_controls(self, message: Any) -> None:
+        self._owed = False
+        self._lock_step = bool(message.flags & LOCK_STEP)
+        controls = tuple(map(float, message.controls))
+        if any(c != c for c in controls):
+            self.played.notice("nan", "controls that are not a number; they are taken as 0")
+        armed = message.mode & ARMED
+        self._controls = tuple(c if armed and c == c else 0.0 for c in controls)
+
+    def _messages(self, r: Readings) -> list[Any]:
+        time_us = round((FIRST_S + r.time) * 1e6)
+        out = [self._sensor(r, time_us), self._state(r, time_us)]
+        if self._step % GPS_STEPS == 0:
+            out.append(self._gps(r))
+        return out
+
+    def _sensor(self, r: Readings, time_us: int) -> Any:
+        field = to_hull(Attitude(*r.attitude, *(0.0,) * 6), *self._field)
+        pressure = SEA_LEVEL_HPA + HPA_PER_M * r.position[2]
+        slow = MAGNETOMETER | BAROMETER if self._step % SLOW_STEPS == 0 else 0
+        return mavlink.MAVLink_hil_sensor_message(
+            time_us, *r.accel, *r.gyro, *field, pressure, 0.0, -r.position[2], TEMPERATURE_C,
+            ACCELEROMETER | GYRO | slow, 0,
+        )  # fmt: skip
+
+    def _gps(self, r: Readings) -> Any:
+        (north, east, down), (vn, ve, vd) = r.position, r.velocity
+        speed, course = hypot(vn, ve), degrees(atan2(ve, vn)) % 360.0
+        return mavlink.MAVLink_hil_gps_message(
+            self._unix_us + round(r.time * 1e6), 3, *degrees_e7(self._place, north, east),
+            round(-1000.0 * down), 30, 40, round(100.0 * speed), round(100.0 * vn),
+            round(100.0 * ve), round(100.0 * vd), round(100.0 * course) % 36000, 14, 0, 0,
+        )  # fmt: skip
+
+    def _state(self, r: Readings, time_us: int) -> Any:
+        """Airspeeds are 0: a boat has none."""
+        vn, ve, vd = r.velocity
+        accel = [round(1000.0 * f / 9.80665) for f in r.accel]
+        return mavlink.MAVLink_hil_state_quaternion_message(
+            time_us, quaternion(*r.attitude), *r.gyro, *degrees_e7(self._place, *r.position[:2]),
+            round(-1000.0 * r.position[2]), *(round(100.0 * v) for v in (vn, ve, vd)), 0, 0, *accel,
+        )  # fmt: skip
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
+    """Angles [rad] -> w, x, y, z."""
+    (cf, sf), (ct, st), (cy, sy) = ((cos(a / 2.0), sin(a / 2.0)) for a in (roll, pitch, yaw))
+    return [
+        cf * ct * cy + sf * st * sy,
+        sf * ct * cy - cf * st * sy,
+        cf * st * cy + sf * ct * sy,
+        cf * ct * sy - sf * st * cy,
+    ]

@@ -1,0 +1,330 @@
+"""`shadow hil`: boats in the loop, each on an endpoint of its own, until Ctrl-C.
+
+An endpoint is `PROTOCOL:ADDRESS`; the protocols are one table. Each boat has a thread that waits
+for its autopilot, steps, and answers; nothing is sent to anybody else.
+"""
+
+import signal
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Thread
+from typing import NamedTuple
+
+import numpy as np
+
+from gateway.errors import NUMERICAL_ERRORS, BadInput, ShadowError
+from gateway.hil.ahrs import WARNING, AhrsSession
+from gateway.hil.ardupilot_json import JsonSession
+from gateway.hil.checkpoint import Checkpoint
+from gateway.hil.px4 import Px4Session
+from gateway.hil.recording import TruthRecording, loop_recorder
+from gateway.hil.servo_outputs import ServoOutputs, check_link
+from gateway.hil.session import Notices, Played, Session
+from gateway.links.inbox import LinkEventKind
+from gateway.links.serial_port import SerialTransport
+from gateway.links.tcp import TcpServerTransport
+from gateway.links.transport import Closing, Endpoint, Transport, Waker
+from gateway.links.udp import UdpTransport
+from gateway.recording.thread import RecordingThread
+from gateway.vessel_file import dump_vessel, zenoh_key
+from sim.hil.boat import Boat
+from sim.hil.day import Day
+from sim.state import Progress
+from sim.vessel import Vessel
+
+DEFAULT_ENDPOINT = "json:127.0.0.1:9002"
+PX4_BAUD = 921600  # of a board in HITL mode
+AHRS_BAUD = 230400  # of an external AHRS: three packets at 100, 50 and 5 Hz take 14 kB/s
+LOOK_S = 0.1  # so often it looks whether it is to stop
+SILENT_S = 5.0  # an autopilot that has said nothing for so long is reported
+
+
+class LoopProtocol(NamedTuple):
+    """A protocol in which an autopilot asks for sensors."""
+
+    name: str
+    form: str
+    description: str
+    transport: Callable[[str], Transport]  # of the address; ValueError where it is none
+    session: Callable[[Played, "LoopOptions", ExitStack], Session]
+    warning: str = ""  # said before anything is sent
+
+
+def _datagrams(address: str) -> Transport:
+    return UdpTransport(Endpoint(f"udpin:{address}", "udpin", address))
+
+
+def _stream(address: str) -> Transport:
+    if address.startswith("/"):
+        device, colon, baud = address.partition(":")
+        text = f"{device}:{baud}" if colon else f"{device}:{PX4_BAUD}"
+        return SerialTransport(Endpoint(f"serial:{text}", "serial", text))
+    return TcpServerTransport(Endpoint(f"tcpin:{address}", "tcpin", address))
+
+
+def _device(address: str) -> Transport:
+    """A serial port; HOST:PORT is one of firmware that runs as a program."""
+    if address.startswith("/"):
+        device, colon, baud = address.partition(":")
+        text = f"{device}:{baud if colon else AHRS_BAUD}"
+        return SerialTransport(Endpoint(f"serial:{text}", "serial", text))
+    return TcpServerTransport(Endpoint(f"tcpin:{address}", "tcpin", address))
+
+
+def _ahrs_session(played: Played, options: "LoopOptions", scope: ExitStack) -> Session:
+    outputs = scope.enter_context(ServoOutputs(check_link(options.outputs)))
+    return AhrsSession(played, outputs)
+
+
+PROTOCOLS = {
+    protocol.name: protocol
+    for protocol in (
+        LoopProtocol(
+            "json",
+            "json:HOST:PORT",
+            "ArduPilot's JSON interface",
+            _datagrams,
+            lambda played, options, scope: JsonSession(played),
+        ),
+        LoopProtocol(
+            "px4",
+            "px4:HOST:PORT or px4:/dev/NAME[:BAUD]",
+            "PX4's simulator protocol",
+            _stream,
+            lambda played, options, scope: Px4Session(played, options.speed),
+        ),
+        LoopProtocol(
+            "ahrs",
+            "ahrs:/dev/NAME[:BAUD]",
+            "the external AHRS of an ArduPilot board",
+            _device,
+            _ahrs_session,
+            WARNING,
+        ),
+    )
+}
+
+
+@dataclass(frozen=True)
+class LoopPlan:
+    """A boat and the endpoint that its autopilot calls."""
+
+    endpoint: str
+    name: str
+    vessel: Vessel
+
+
+@dataclass(frozen=True)
+class LoopOptions:
+    """Day, its text for the recording, seed, folder of the recordings (None: none), how long.
+
+    `seconds` is of the clock on the wall. `speed`: times real time, for PX4 in lock-step.
+    `outputs`: the link on which the servo outputs of a board come back.
+    """
+
+    day: Day = field(default_factory=Day)
+    day_text: str | None = None
+    seed: int = 0
+    out: Path | None = None
+    seconds: float = float("inf")
+    speed: float = 1.0
+    outputs: str | None = None
+
+
+def protocol_of(endpoint: str) -> tuple[LoopProtocol, Transport]:
+    """An endpoint -> its protocol and transport, still closed; BadInput lists the forms."""
+    kind, _, address = endpoint.partition(":")
+    try:
+        if kind not in PROTOCOLS:
+            raise ValueError("not an endpoint of an autopilot")
+        return PROTOCOLS[kind], PROTOCOLS[kind].transport(address)
+    except ValueError as error:
+        forms = ", ".join(protocol.form for protocol in PROTOCOLS.values())
+        raise BadInput(f'endpoint "{endpoint}": {error}; expected {forms}') from None
+
+
+def plans_of(
+    endpoints: Sequence[str], vessels: Sequence[str], load: Callable[[str], Vessel]
+) -> list[LoopPlan]:
+    """Endpoints and `[NAME=]FILE` in the same order -> plans; names are those of the vessels."""
+    if len(endpoints) != len(vessels):
+        raise BadInput(
+            f"{len(endpoints)} endpoints and {len(vessels)} vessels: give a --vessel for each "
+            "endpoint, in the same order"
+        )
+    if len(set(endpoints)) < len(endpoints):
+        raise BadInput("an endpoint is given twice: each boat needs a port of its own")
+    plans = []
+    for endpoint, given in zip(endpoints, vessels, strict=True):
+        protocol_of(endpoint)
+        name, equals, file = given.partition("=")
+        vessel = load(file if equals else given)
+        plans.append(LoopPlan(endpoint, name if equals else zenoh_key(vessel), vessel))
+    names = [plan.name for plan in plans]
+    if len(set(names)) < len(names):
+        raise BadInput(f"two boats of one name ({', '.join(names)}): give --vessel NAME=FILE")
+    return plans
+
+
+class BoatLoop:
+    """One boat on one endpoint; `run` returns when the waker is woken or it has failed."""
+
+    def __init__(
+        self, plan: LoopPlan, options: LoopOptions, progress: Progress, scope: ExitStack
+    ) -> None:
+        self.plan = plan
+        try:
+            boat = Boat.of(plan.vessel, options.day, options.seed)
+        except ValueError as error:
+            raise BadInput(f"{plan.name}: {error}") from None
+        self.recording: RecordingThread | None = None
+        self._truth: TruthRecording | None = None
+        checkpoint = None
+        if options.out is not None:
+            recorder = loop_recorder(
+                options.out, plan.name, boat.vessel, options.day_text, options.seed
+            )
+            self.recording = scope.enter_context(RecordingThread(recorder))
+            self._truth = TruthRecording(plan.name, self.recording, time.time_ns())
+            identity = f"{dump_vessel(boat.vessel)}{options.day_text}{options.seed}"
+            state_file = options.out / f"{plan.name}-hil.state"
+            checkpoint = scope.enter_context(Checkpoint(state_file, identity))
+        self.notices = Notices(plan.name, progress)
+        self.played = Played(plan.name, boat, self.notices, self._truth, checkpoint)
+        protocol, self._transport = protocol_of(plan.endpoint)
+        self._session = protocol.session(self.played, options, scope)
+        self._warning = protocol.warning
+        self.failure: Exception | None = None
+        self.wall_s = 0.0  # from the first frame to the last
+        self.latencies: list[float] = []  # s from a packet to its answer
+
+    def open(self, waker: Waker) -> None:
+        """Bind the port; ShadowError where it is taken."""
+        if self._warning:
+            self.notices.say("warning", self._warning)
+        try:
+            self._transport.open(waker, self._link_event)
+        except OSError as error:
+            reason = error.strerror or error
+            raise ShadowError(f"{self.plan.endpoint}: cannot listen there: {reason}") from None
+        self.notices.say("listening", f"waiting for an autopilot on {self.plan.endpoint}")
+
+    def close(self) -> None:
+        """Close the port; allowed in any state."""
+        self._transport.close()
+
+    def run(self) -> None:
+        """Answer until woken."""
+        try:
+            self._serve()
+        except Closing:
+            pass
+        except (ShadowError, OSError, *NUMERICAL_ERRORS) as error:
+            self.failure = error
+        finally:
+            self.close()
+            if self._truth is not None:
+                self._truth.flush()
+
+    def _serve(self) -> None:
+        begun, heard = None, time.monotonic()
+        while True:
+            arrivals = self._transport.receive(self._session.wait_s(time.monotonic()))
+            now = time.monotonic()
+            for arrival in arrivals:
+                begun, heard = begun or now, now
+                for answer in self._session.received(arrival.data, arrival.peer, now):
+                    self._transport.send(answer, arrival.peer)
+                self._note_latency(time.monotonic() - now)
+                self.wall_s = now - begun
+            peers = self._transport.connected() or ()
+            for raw in self._session.due(time.monotonic(), peers):
+                self._transport.send(raw, peers[0])
+                self.wall_s = now - begun if begun is not None else 0.0
+            if begun is not None and self._session.talks and now - heard > SILENT_S:
+                self.notices.say("silent", f"the autopilot is silent for {now - heard:.0f} s")
+                if self._truth is not None:
+                    self._truth.flush()
+
+    def _note_latency(self, seconds: float) -> None:
+        if len(self.latencies) < MAX_LATENCIES:
+            self.latencies.append(seconds)
+        else:
+            self.latencies[self.played.frames % MAX_LATENCIES] = seconds
+
+    def _link_event(self, kind: LinkEventKind, text: str) -> None:
+        if kind is not LinkEventKind.LISTENING:
+            self.notices.say(f"link {kind}", text)
+
+    def summary(self) -> str:
+        """What was played, in one line."""
+        played = self.played
+        if not played.frames:
+            return "no autopilot came"
+        pace = played.seconds / self.wall_s if self.wall_s > 0.0 else 0.0
+        text = f"{played.seconds:.0f} s in {played.frames} frames, {pace:.1f} × real time"
+        text += f", {played.restarts} restarts" if played.restarts else ""
+        if self.latencies:
+            p50, p99 = 1e6 * np.percentile(self.latencies, (50, 99))
+            text += f", answers after {p50:.0f} µs (p99 {p99:.0f})"
+        odd = ", ".join(f"{count} {kind}" for kind, count in sorted(played.counts.items()))
+        return text + (f"; {odd}" if odd else "")
+
+
+MAX_LATENCIES = 100_000  # the last of them are kept
+
+
+def run_loops(
+    plans: Sequence[LoopPlan],
+    options: LoopOptions,
+    progress: Progress,
+    stop: Callable[[], bool],
+    ready: Callable[[], None] = lambda: None,
+) -> list[BoatLoop]:
+    """Play until `stop` says so, the time is over, or every boat has failed."""
+    with ExitStack() as scope:
+        loops = [BoatLoop(plan, options, progress, scope) for plan in plans]
+        waker = scope.enter_context(Waker())
+        for loop in loops:
+            scope.callback(loop.close)
+            loop.open(waker)
+        ready()
+        threads = [Thread(target=loop.run, name=loop.plan.name, daemon=True) for loop in loops]
+        for thread in threads:
+            thread.start()
+        end = time.monotonic() + options.seconds
+        while not stop() and time.monotonic() < end:
+            if not any(thread.is_alive() for thread in threads):
+                break
+            time.sleep(min(LOOK_S, max(end - time.monotonic(), 0.0)))
+        waker.wake()
+        for thread in threads:
+            thread.join()
+    for loop in loops:
+        _report(loop, progress)
+    failures = [loop.failure for loop in loops if loop.failure is not None]
+    if failures:
+        raise ShadowError(str(failures[0])) from failures[0]
+    return loops
+
+
+def _report(loop: BoatLoop, progress: Progress) -> None:
+    progress(f"{loop.plan.name}: {loop.summary()}")
+    if loop.recording is not None:
+        for path in loop.recording.paths:
+            progress(f"{loop.plan.name}: recorded to {path}")
+        if loop.recording.failure is not None:
+            progress(f"{loop.plan.name}: {loop.recording.failure}")
+
+
+def run_until_stopped(
+    plans: Sequence[LoopPlan], options: LoopOptions, progress: Progress
+) -> list[BoatLoop]:
+    """Play until SIGINT or SIGTERM."""
+    asked: list[int] = []  # no Event: its lock may be held just when the signal comes
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: asked.append(number))
+    return run_loops(plans, options, progress, lambda: bool(asked))

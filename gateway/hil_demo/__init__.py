@@ -1,0 +1,1 @@
+"""The closed story of the loop in one command: `shadow hil-demo`."""

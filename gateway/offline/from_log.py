@@ -1,0 +1,202 @@
+"""A vessel from a log alone: begun from what the log says, learnt on its first part.
+
+begin (parameters, else assumed outputs) → split the time → identify → diagnose
+
+Nothing is asked for: what the log does not say is assumed, and every assumption is a sentence.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from gateway.errors import BadInput
+from gateway.ingest.log import choose_floating
+from gateway.ingest.open import open_log
+from gateway.ingest.parameters import THRUST_FUNCTIONS, Actuator, actuators
+from gateway.offline.assumed_outputs import assumed_actuators
+from gateway.offline.diagnose import (
+    DIAGNOSIS_TRIALS,
+    GUESSED_PRIOR,
+    DiagnosisResult,
+    diagnosed_trials,
+)
+from gateway.offline.identify import identify_trials
+from gateway.offline.initial_vessel import ASTERN, BoatSize, check_size, first_vessel
+from gateway.offline.trials import TrialOptions, usable_trials
+from gateway.offline.usable_time import TimeSpan, limit_to_span, notices_of
+from gateway.user_effects import known_effects
+from gateway.vessel_file import load_vessel
+from sim.diagnosis.diagnose import DiagnoseSettings
+from sim.effects.effect import Effect
+from sim.state import Nu, Progress
+from sim.trial import Trial
+from sim.vessel import Vessel
+
+# Chosen, not measured:
+LEARN_SHARE = 0.6  # of the usable time, from its beginning
+SHORTEST_LEARN_S, SHORTEST_JUDGE_S = 60.0, 30.0
+TOP_SPEED_SHARE = 0.99  # quantile of the speeds that is taken for the top speed
+UNITS = {"length": "m", "beam": "m", "mass": "kg", "thrust": "N", "top_speed": "m/s"}
+WORDS = {"thrust": "full thrust of each motor", "top_speed": "top speed"}
+
+
+@dataclass(frozen=True)
+class TimeSplit:
+    """The longest trial of a log, cut in two; one and the same where it is too short for that.
+
+    cut     [s after its first sample]; None where it was not cut
+    """
+
+    learn: Trial
+    judge: Trial
+    cut: float | None
+
+    @property
+    def sentence(self) -> str:
+        """What was learnt from and what it is judged on."""
+        if self.cut is None:
+            return (
+                f"{self.learn.name} is too short to hold time back: errors are those on the "
+                "time that was learnt from, and say little about another day"
+            )
+        seconds = [float(t.usable.sum()) * t.dt for t in (self.learn, self.judge)]
+        return (
+            f"learnt from the first {seconds[0]:.0f} s of {self.learn.name}, judged on the "
+            f"{seconds[1]:.0f} s that came after"
+        )
+
+
+@dataclass(frozen=True)
+class LearntVessel:
+    """What came of a log alone.
+
+    plain    its nine numbers fitted, without any effect
+    answer   the diagnosis of it; None where the time is too short for one
+    assumed  what had to be assumed, a sentence each
+    """
+
+    plain: Vessel
+    answer: DiagnosisResult | None
+    split: TimeSplit
+    assumed: tuple[str, ...]
+
+    @property
+    def vessels(self) -> tuple[Vessel, ...]:
+        """What is compared: the fitted vessel, and that with the effects that were found."""
+        if self.answer is None or not self.answer.diagnosis.effects:
+            return (self.plain,)
+        return (self.plain, self.answer.diagnosis.vessel)
+
+
+def learn_from(
+    log: str | Path,
+    given: Mapping[str, float],
+    *,
+    options: TrialOptions,
+    effects: Iterable[Effect] = (),
+    progress: Progress = lambda text: None,
+) -> LearntVessel:
+    """Begin a vessel, identify it and diagnose it on the first part of a log.
+
+    `given`: members of `BoatSize` that the user knows; BadInput where nothing can be learnt.
+    """
+    check_size(given)
+    split = split_time(_longest(usable_trials([log], options, progress)))
+    text, assumed = begin_vessel(Path(log), given, split.learn, options)
+    own = tuple(effects)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / f"{Path(log).stem}.toml"
+        file.write_text(text, encoding="utf-8")
+        boat = load_vessel(file, own)
+    progress("identifying")
+    found = identify_trials([split.learn], boat, names=str(log), progress=progress)
+    name, source = f"{Path(log).stem} fitted", f"learnt from {Path(log).name} alone"
+    plain = replace(found.vessel, name=name, source=source)
+    answer = _diagnosed(Path(log), plain, split, options, own, progress)
+    said = (split.sentence, *assumed)
+    return LearntVessel(plain, answer, split, said)
+
+
+def split_time(trial: Trial) -> TimeSplit:
+    """Cut a trial where most of its usable time lies behind."""
+    usable = np.flatnonzero(trial.usable)
+    cut = float(trial.time[usable[int(LEARN_SHARE * (len(usable) - 1))]])
+    learn = limit_to_span(trial, TimeSpan(None, cut))
+    judge = limit_to_span(trial, TimeSpan(cut, None))
+    long_enough = (
+        float(learn.usable.sum()) * trial.dt >= SHORTEST_LEARN_S
+        and float(judge.usable.sum()) * trial.dt >= SHORTEST_JUDGE_S
+    )
+    return TimeSplit(learn, judge, cut) if long_enough else TimeSplit(trial, trial, None)
+
+
+def begin_vessel(
+    log: Path, given: Mapping[str, float], trial: Trial, options: TrialOptions
+) -> tuple[str, tuple[str, ...]]:
+    """The text of a first vessel file, and what had to be assumed for it."""
+    opened = open_log(log, options.mapping)
+    parameters = opened.parameters(choose_floating(opened, options.system, options.anyway))
+    outputs = actuators(parameters)
+    if any(a.kind in THRUST_FUNCTIONS for a in outputs):
+        wiring = _outputs_text(outputs)
+    else:
+        outputs, wiring = assumed_actuators(trial)
+        wiring = f"the log does not say what its outputs drive: {wiring}"
+    top = float(np.quantile(np.abs(trial.nu[trial.usable, Nu.U]), TOP_SPEED_SHARE))
+    size = {"top_speed": max(round(top, 2), 0.1), **given}
+    text = first_vessel(log, log.stem, outputs, size)
+    return text, (*_size_texts(given, size["top_speed"]), wiring)
+
+
+def _outputs_text(outputs: Sequence[Actuator]) -> str:
+    said = ", ".join(f"{a.kind} on output {a.channel}" for a in outputs)
+    return f"from the log's parameters: {said}"
+
+
+def _size_texts(given: Mapping[str, float], top: float) -> list[str]:
+    """What was taken for the boat's size: from the log, or because nobody said it."""
+    assumed = {
+        name: value for name, value in vars(BoatSize()).items()
+        if name not in given and name != "top_speed"
+    }  # fmt: skip
+    out = [] if "top_speed" in given else [f"top speed {top:g} m/s, the fastest in the log"]
+    if assumed:
+        numbers = ", ".join(
+            f"{WORDS.get(name, name)} {value:g} {UNITS[name]}" for name, value in assumed.items()
+        )
+        flags = " ".join(f"--{name}" for name in assumed)
+        out.append(f"assumed, because no log says it: {numbers} (give {flags})")
+    out.append(
+        f"astern the motors are taken to push {100.0 * ASTERN:.0f} % of what they push ahead"
+    )
+    if {"mass", "thrust"} & set(assumed):
+        out.append(
+            "forces, masses and damping are right in proportion to one another only: motion is the "
+            "same for a boat of twice the mass with twice the thrust"
+        )
+    return out
+
+
+def _longest(trials: Sequence[Trial]) -> Trial:
+    return max(trials, key=lambda trial: int(trial.usable.sum()))
+
+
+def _diagnosed(
+    log: Path, plain: Vessel, split: TimeSplit, options: TrialOptions, effects: tuple[Effect, ...],
+    progress: Progress,
+) -> DiagnosisResult | None:  # fmt: skip
+    """The diagnosis on the same first part, on its coarser grid; None where that is too short."""
+    coarse = replace(options, rate_hz=DIAGNOSIS_TRIALS.rate_hz)
+    trial = _longest(usable_trials([log], coarse, progress))
+    learn = trial if split.cut is None else limit_to_span(trial, TimeSpan(None, split.cut))
+    settings = DiagnoseSettings(effects=(*known_effects(), *effects), prior=GUESSED_PRIOR)
+    try:
+        diagnosis = diagnosed_trials([learn], plain, settings, str(log), progress)
+    except BadInput as error:
+        progress(f"no diagnosis: {error}")
+        return None
+    notices = notices_of([learn], plain)
+    return DiagnosisResult(diagnosis, plain, (learn,), (str(log),), f"{log.stem}.toml", notices)

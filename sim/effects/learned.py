@@ -1,0 +1,193 @@
+"""Learned curve: a cause without a law, as a table over one variable that measurements filled in.
+
+    y(x) = linear between nine knots x_k = low + k (high − low) / 8, constant beyond them
+    acts 1 (surge)   X = y F          acts 2 (sway)   Y = y F, N = x_F Y
+    acts 3 (yaw)     N = y F L / 2    acts 4 (thrust) F_i → F_i (1 + y)
+
+f0 … f8 are y at the knots; F [N] the scale `full`; x_F [m] the place `x` where a push acts; L [m]
+the hull's length; F_i [N] the thrust of motor i. The variable x is, by `by`: 1 speed ahead through
+the water [m/s], 2 speed sideways [m/s], 3 yaw rate [rad/s], 4 heading [rad] from `low` all around,
+5 the thrust of a motor as a share of its full thrust ahead; then each motor has a force of its own.
+Valid for: the range between `low` and `high` that was sailed; a table explains nothing, and holds
+no further than its data. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions
+with local support).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sim.body import Flow, ThrusterParameters
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
+from sim.effects.learned_axes import (
+    AHEAD,
+    DRAWN_AGAINST,
+    HEADING,
+    KNOTS,
+    MOTOR,
+    NAMES,
+    SIDEWAYS,
+    SURGE,
+    SWAY,
+    THRUST,
+    TURNING,
+    UNITS,
+    YAW,
+)
+from sim.effects.learned_formula import formula_source, formulas
+from sim.effects.words import FittedValues
+from sim.jit import jitable
+from sim.state import Wrench
+
+
+@jitable
+def table(x: float, p: Any) -> float:
+    """y(x) of the table."""
+    span = np.maximum(p.high - p.low, 1e-9)
+    around = p.by == HEADING
+    turns = np.floor((x - p.low) / span)
+    x = x - around * turns * span  # a heading has no end
+    s = np.minimum(np.maximum((x - p.low) / span, 0.0), 1.0) * (KNOTS - 1.0)
+    last = p.f8 + around * (p.f0 - p.f8)
+    return (
+        p.f0 * np.maximum(1.0 - np.abs(s), 0.0)
+        + p.f1 * np.maximum(1.0 - np.abs(s - 1.0), 0.0)
+        + p.f2 * np.maximum(1.0 - np.abs(s - 2.0), 0.0)
+        + p.f3 * np.maximum(1.0 - np.abs(s - 3.0), 0.0)
+        + p.f4 * np.maximum(1.0 - np.abs(s - 4.0), 0.0)
+        + p.f5 * np.maximum(1.0 - np.abs(s - 5.0), 0.0)
+        + p.f6 * np.maximum(1.0 - np.abs(s - 6.0), 0.0)
+        + p.f7 * np.maximum(1.0 - np.abs(s - 7.0), 0.0)
+        + last * np.maximum(1.0 - np.abs(s - 8.0), 0.0)
+    )
+
+
+@jitable
+def motion(flow: Flow, p: Any) -> float:
+    """The variable of a hull's motion that the table is over; zero where it is a motor's thrust."""
+    return (
+        (p.by == AHEAD) * flow.u
+        + (p.by == SIDEWAYS) * flow.v
+        + (p.by == TURNING) * flow.r
+        + (p.by == HEADING) * flow.yaw
+    )
+
+
+@jitable
+def wrench(y: float, length: float, p: Any) -> Wrench:
+    """A share of the scale as a force and moment on the hull."""
+    push = y * p.full
+    side = (p.acts == SWAY) * push
+    turn = (p.acts == YAW) * push * 0.5 * length
+    return Wrench((p.acts == SURGE) * push, side, p.x * side + turn)
+
+
+def force(flow: Flow, p: Any) -> Wrench:
+    """Motion -> X, Y, N [N, N, N m]."""
+    y = (p.by != MOTOR) * table(motion(flow, p), p)
+    return wrench(y, flow.body.length, p)
+
+
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
+    """Thrust, motion -> thrust [N]."""
+    share = F / np.maximum(drive.ahead, 1e-9)
+    x = motion(flow, p) + (p.by == MOTOR) * share
+    return F * (1.0 + (p.acts == THRUST) * table(x, p))
+
+
+def reaction(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> Wrench:
+    """Thrust of one motor -> what comes with it on the hull [N, N, N m]."""
+    y = (p.by == MOTOR) * table(F / np.maximum(drive.ahead, 1e-9), p)
+    return wrench(y, flow.body.length, p)
+
+
+def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
+    """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r."""
+    full = float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
+    low = min((t.thrust[0] / t.thrust[1] for t in vessel.thrusters), default=-1.0)
+    ranges = {by: extent[name] for by, name in zip((AHEAD, SIDEWAYS, TURNING), "uvr", strict=True)}
+    ranges |= {HEADING: (0.0, 2.0 * math.pi)}
+    pairs = [(by, acts) for by in ranges for acts in (SURGE, SWAY, YAW)]
+    pairs += [(AHEAD, THRUST)]
+    if vessel.thrusters:
+        ranges |= {MOTOR: (low, 1.0)}
+        pairs += [(MOTOR, acts) for acts in (SURGE, SWAY, YAW, THRUST)]
+    return [
+        {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full,
+         "x": 0.0, **{f"f{k}": 0.0 for k in range(KNOTS)}}
+        for by, acts in pairs
+    ]  # fmt: skip
+
+
+def evidence_axis(values: Values) -> EvidenceAxis:
+    """The missing force of the table's axis over the table's variable."""
+    axis = {SWAY: ForceAxis.SWAY, YAW: ForceAxis.YAW}.get(values["acts"], ForceAxis.SURGE)
+    return EvidenceAxis(axis, DRAWN_AGAINST[values["by"]])
+
+
+def in_words(values: FittedValues) -> str:
+    """Force or share at every second knot."""
+    by, acts = values["by"], values["acts"]
+    unit, size = UNITS[by]
+    places = np.linspace(values["low"], values["high"], KNOTS)
+    shares = [values[f"f{k}"] for k in range(KNOTS)]
+    if acts == THRUST:
+        what, told = "a share of the thrust that changes", [f"{100.0 * y:+.0f} %" for y in shares]
+    else:
+        at = f" {values['x']:+.2f} m from the origin" if acts == SWAY else ""
+        turn = "a moment to starboard, as a force at half the hull's length,"
+        what = {SURGE: "a force ahead", SWAY: f"a force to starboard{at}", YAW: turn}[acts]
+        told = [f"{y * values['full']:+.3g} N" for y in shares]
+    points = ", ".join(
+        f"{y} at {x / size:.3g} {unit}" for x, y in list(zip(places, told, strict=True))[::2]
+    )
+    return f"{what} with the {NAMES[by]}: {points}"
+
+
+EFFECT = Effect(
+    name="learned",
+    scope=Scope.BOAT,
+    force=force,
+    thrust=thrust,
+    reaction=reaction,
+    parameters=(
+        Parameter(
+            "by", "1", lower=1.0, upper=5.0, start=1.0, kind=Kind.CHOICE,
+            description="1 speed ahead, 2 sideways, 3 yaw rate, 4 heading, 5 a motor's thrust",
+        ),
+        Parameter(
+            "acts", "1", lower=1.0, upper=4.0, start=1.0, kind=Kind.CHOICE,
+            description="1 surge, 2 sway, 3 yaw, 4 share of the thrust",
+        ),
+        Parameter(
+            "low", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=-1.0, kind=Kind.FIXED,
+            description="first knot",
+        ),
+        Parameter(
+            "high", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=1.0, kind=Kind.FIXED,
+            description="last knot",
+        ),
+        Parameter(
+            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
+            description="force of a value of one",
+        ),
+        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
+        *(
+            Parameter(f"f{k}", "1", lower=-2.0, upper=2.0, start=0.0, scale=0.1, neutral=0.0)
+            for k in range(KNOTS)
+        ),
+    ),
+    looks_like="follows one variable, by no law of the catalogue",
+    evidence=evidence_axis,
+    tables=tables,
+    in_words=in_words,
+    formulas=formulas,
+    formula_source=formula_source,
+    example={
+        "by": 1.0, "acts": 1.0, "low": 0.0, "high": 2.0, "full": 100.0, "x": 0.0,
+        "f0": 0.0, "f1": 0.0, "f2": -0.1, "f3": -0.2, "f4": -0.3, "f5": -0.2, "f6": -0.1,
+        "f7": 0.0, "f8": 0.0,
+    },
+)  # fmt: skip

@@ -1,0 +1,67 @@
+"""Words for the numbers of an effect: sizes, sides and directions, with 95 % intervals.
+
+Each effect says what was found in a sentence of its own (`Effect.in_words`), made of these.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import degrees, floor, log10, pi
+
+COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+SMALLEST_DECIMALS, MOST_DECIMALS = 0, 3
+DEG = 180.0 / pi
+THAN = " than modelled"
+
+
+@dataclass(frozen=True)
+class FittedValues:
+    """Values of an effect's parameters by name, and their 95 % intervals where there are any."""
+
+    values: Mapping[str, float]
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+    def size(
+        self, name: str, unit: str, factor: float = 1.0, neutral: float = 0.0, after: str = ""
+    ) -> str:
+        """How far a number is from neutral, whichever way: "7.5° AFTER (6.9–8.2°)"."""
+        value = factor * (self.values[name] - neutral)
+        decimals = _decimals(value)
+        text = _with_unit(f"{abs(value):.{decimals}f}", unit) + after
+        if name not in self.ci95:
+            return text
+        low, high = sorted(factor * (end - neutral) for end in self.ci95[name])
+        if value < 0.0:
+            low, high = -high, -low
+        if low == high:
+            return text
+        ends = (f"{end:.{decimals}f}".replace("-", "−") for end in (low, high))
+        return f"{text} ({_with_unit((' to ' if low < 0.0 else '–').join(ends), unit)})"
+
+    def side(self, name: str, positive: str, negative: str, neutral: float = 0.0) -> str:
+        """One of two words, by the sign."""
+        return positive if self.values[name] >= neutral else negative
+
+    def towards(self, name: str) -> str:
+        """A direction [rad from north] in degrees and as a point of the compass."""
+        angle = degrees(self.values[name]) % 360.0
+        return f"{angle:.0f}° ({COMPASS[round(angle / 45.0) % 8]})"
+
+
+def _decimals(value: float) -> int:
+    """Of a number that is told with two digits."""
+    size = abs(value)
+    return min(max(1 - floor(log10(size)), SMALLEST_DECIMALS), MOST_DECIMALS) if size > 0 else 1
+
+
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text}{unit}" if unit == "°" else f"{text} {unit}"
+
+
+def until_and_after(p: FittedValues, what: str, does: str, way: str) -> str:
+    """A current or a wind that became another one: "until 338 s a current of … sets towards …"."""
+    return (f"until {p['time']:.0f} s a {what} of {p.size('speed', 'm/s')} {does} "
+            f"{p.towards('direction')}, from then on one of {p.size('later_speed', 'm/s')} "
+            f"{way} {p.towards('later_direction')}")  # fmt: skip

@@ -1,0 +1,99 @@
+"""day.toml: what it says is what the day is; each mistake is one line that names file and key."""
+
+import pytest
+
+from gateway.errors import BadInput
+from gateway.hil.day_file import load_day
+from sim.hil.day import Wind
+from sim.hil.waves import Sea
+
+WHOLE = """
+depth = 8.0
+[start]
+north = 5.0
+yaw = 1.5
+[wind]
+speed = 4.0
+direction = 0.5
+[waves]
+height = 0.3
+period = 3.0
+direction = 2.0
+[[effects]]
+type = "steady_current"
+speed = 0.2
+direction = 1.0
+[[moments]]
+at = 120.0
+over = 10.0
+effect = "steady_current"
+speed = 0.6
+[[moments]]
+at = 300.0
+thruster = "left"
+gain = 0.0
+[[moments]]
+at = 400.0
+wind = { speed = 9.0, direction = 2.0 }
+"""
+
+
+def written(folder, text):
+    file = folder / "day.toml"
+    file.write_text(text)
+    return file
+
+
+def test_a_day_is_what_its_file_says(tmp_path):
+    day, text = load_day(written(tmp_path, WHOLE))
+    assert text == WHOLE
+    assert (day.depth, day.start) == (8.0, (5.0, 0.0, 1.5))
+    assert day.wind == Wind(4.0, 0.5)
+    assert day.sea == Sea(0.3, 3.0, 2.0)
+    assert [(e.effect.name, dict(e.values)) for e in day.effects] == [
+        ("steady_current", {"speed": 0.2, "direction": 1.0})
+    ]
+    rises, fails, turns = day.moments
+    assert (rises.at, rises.over, rises.effect.name, rises.values) == (
+        120.0, 10.0, "steady_current", {"speed": 0.6}
+    )  # fmt: skip
+    assert (fails.at, fails.thruster, fails.gain) == (300.0, "left", 0.0)
+    assert (turns.at, turns.wind) == (400.0, Wind(9.0, 2.0))
+
+
+def test_an_empty_day_is_a_calm_one(tmp_path):
+    day, _ = load_day(written(tmp_path, ""))
+    assert (day.effects, day.moments, day.wind, day.sea) == ((), (), None, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("[weather]\nspeed = 1", "unknown key weather"),
+        ("[wind]\nspeed = 1", "missing key wind.direction"),
+        ("[waves]\nheight = 2.0\nperiod = 2.0", "such waves break"),
+        ("[waves]\nheight = -1.0\nperiod = 2.0", "waves.height = -1.0"),
+        ('[[effects]]\ntype = "tide"', "effects[0].type = 'tide': expected one of"),
+        ('[[effects]]\ntype = "steady_current"', "steady_current takes speed, direction; missing"),
+        ('[[effects]]\ntype = "steady_current"\nspeed = "1"', "effects[0].speed = '1'"),
+        ("[[moments]]\nat = 1.0", "moments[0]: nothing changes"),
+        ("[[moments]]\nat = -1.0", "moments[0].at = -1.0"),
+        ('[[moments]]\nat = 1.0\nthruster = "left"', "thruster and gain"),
+        ('[[moments]]\nat = 1.0\neffect = "steady_current"', "no number of it changes"),
+        ('[[moments]]\nat = 1.0\neffect = "steady_current"\nknots = 1', "unknown key knots"),
+        ('[[moments]]\nat = 1.0\nthruster = "left"\ngain = 0\nspeed = 1', "unknown key speed"),
+        ("not toml", "not a TOML file"),
+    ],
+)
+def test_a_mistake_is_one_line_with_file_and_key(tmp_path, text, wrong):
+    file = written(tmp_path, text)
+    with pytest.raises(BadInput) as failed:
+        load_day(file)
+    assert str(failed.value).startswith(f"{file}: ")
+    assert wrong in str(failed.value)
+    assert "\n" not in str(failed.value)
+
+
+def test_a_day_that_is_not_there(tmp_path):
+    with pytest.raises(BadInput, match="cannot read the day"):
+        load_day(tmp_path / "none.toml")

@@ -1,0 +1,346 @@
+"""ArduPilot's JSON interface, held against a stand-in that asks and reads as the firmware does."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput, ShadowError
+from gateway.hil.ardupilot_json import MalformedPacket, parse_packet, reply
+from gateway.hil.run import LoopOptions, LoopPlan, plans_of, protocol_of
+from gateway.recording.reader import Recording
+from gateway.vessel_file import load_vessel
+from sim.hil.boat import Boat
+from sim.hil.day import Day, Moment, Wind
+from sim.hil.sensors import Readings
+from tests.gateway.hil.firmware import StandIn, free_port, looping, packet, parsed
+
+OTTER = load_vessel("otter")
+NEUTRAL = {1: 1500, 3: 1500}
+AHEAD = {1: 1800, 3: 1800}
+
+
+@pytest.fixture
+def plan():
+    return LoopPlan(f"json:127.0.0.1:{free_port()}", "otter", OTTER)
+
+
+@pytest.fixture
+def stand_in():
+    """Makes stand-ins, and closes them."""
+    made = []
+
+    def make(plan, **options):
+        made.append(StandIn(port_of(plan), **options))
+        return made[-1]
+
+    yield make
+    for firmware in made:
+        firmware.close()
+
+
+def port_of(plan):
+    return int(plan.endpoint.rpartition(":")[2])
+
+
+def readings(**changed):
+    still = (0.0, 0.0, 0.0)
+    plain = Readings(
+        1.5, still, (0.0, 0.0, -9.8), still, (1.0, 2.0, 3.0), still, None, None, 12.5, 3.0, None
+    )
+    return plain._replace(**changed)
+
+
+def test_a_packet_of_16_and_of_32_pulses():
+    for outputs in (16, 32):
+        pulses = tuple(range(1100, 1100 + outputs))
+        assert parse_packet(packet(7, pulses, 1200)) == (1200, 7, pulses)
+
+
+@pytest.mark.parametrize(
+    ("data", "wrong"),
+    [
+        (b"", "0 bytes"),
+        (b"\x1a", "1 bytes"),
+        (packet(0, [1500] * 16, magic=18459), "magic 18459"),
+        (packet(0, [1500] * 16, magic=29569), "40 bytes with magic 29569"),
+        (packet(0, [1500] * 16) + b"\0", "41 bytes"),
+        (packet(0, [1500] * 16, rate=0), "frame rate of 0"),
+        (b"GET / HTTP/1.1\r\n\r\n", "magic"),
+    ],
+)
+def test_what_is_no_packet_is_refused_with_a_reason(data, wrong):
+    with pytest.raises(MalformedPacket, match=wrong):
+        parse_packet(data)
+
+
+def test_a_reply_reads_as_the_firmware_reads_it():
+    air = readings(wind=(3.0, -4.0), vane=(0.5, 6.0), depth=8.25)
+    values = parsed(reply(air))
+    assert values["timestamp"] == (1.5,)
+    assert values["accel_body"] == (0.0, 0.0, -9.8)
+    assert values["velocity"] == (1.0, 2.0, 3.0), "not that of the wind, though its key begins so"
+    assert values["velocity_wind"] == (3.0, -4.0, 0.0)
+    assert (values["direction"], values["speed"]) == ((0.5,), (6.0,))
+    assert (values["voltage"], values["current"], values["rng_1"]) == ((12.5,), (3.0,), (8.25,))
+    assert b": " not in reply(air), "the firmware does not skip a space"
+    assert not {"velocity_wind", "direction", "rng_1"} & parsed(reply(readings())).keys()
+
+
+def test_the_stand_in_is_as_strict_as_the_firmware():
+    with pytest.raises(AssertionError):
+        parsed(reply(readings())[1:])
+    assert "gyro" not in parsed(b'\n{"imu":{"gyro": [1,2,3]}}\n')
+    swapped = parsed(b'\n{"velocity_wind":[9,9,9],"velocity":[1,2,3]}\n')
+    assert "velocity" not in swapped
+
+
+def test_lock_step_goes_by_the_rate_that_is_asked_for(plan, stand_in):
+    with looping([plan]):
+        firmware = stand_in(plan, rate=1200)
+        at = 0.0
+        for rate in (1200, 400, 50, 1, 400):
+            firmware.rate = rate
+            time = firmware.frame(AHEAD)["timestamp"][0]
+            assert time - at == pytest.approx(1.0 / rate)
+            at = time
+        assert firmware.sail(AHEAD, 5.0)["velocity"][0] > 0.5
+
+
+def test_a_repeated_count_gets_the_same_answer_and_no_step(plan, stand_in):
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        firmware.sail(AHEAD, 1.0)
+        before = firmware.last
+        again = firmware.frame(AHEAD, count=firmware.count - 1)
+        assert firmware.last == before
+        assert firmware.frame(AHEAD)["timestamp"][0] == pytest.approx(
+            again["timestamp"][0] + 1 / 400
+        )
+    assert running.said("asked again")
+    assert "1 repeated" in running.lines[-1]
+
+
+def test_count_0_is_a_restart_and_the_boat_starts_anew(plan, stand_in):
+    with looping([plan]) as running:
+        first = stand_in(plan)
+        assert first.sail(AHEAD, 4.0)["position"][0] > 0.5
+        first.close()
+        second = stand_in(plan)
+        values = second.frame(NEUTRAL)
+        assert values["timestamp"][0] == pytest.approx(1 / 400)
+        assert values["position"] == (0.0, 0.0, 0.0)
+    assert running.said("has restarted")
+    assert running.loops[0].played.restarts == 1
+
+
+def test_firmware_that_runs_already_is_taken_as_it_is(plan, stand_in):
+    """The gateway was restarted: the count is high, and goes on."""
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        firmware.count = 5000
+        assert firmware.sail(AHEAD, 2.0)["timestamp"][0] == pytest.approx(2.0)
+    assert running.said("frame 5000")
+    assert not running.said("restarted")
+
+
+def test_a_boat_goes_on_where_its_program_ended(plan, stand_in, tmp_path):
+    """Firmware waits while `shadow hil` is started again: nothing may jump."""
+    options = LoopOptions(out=tmp_path)
+    with looping([plan], options):
+        firmware = stand_in(plan)
+        before = firmware.sail(AHEAD, 4.0)
+    with looping([plan], options) as running:
+        after = firmware.frame(AHEAD)
+        assert after["timestamp"][0] == pytest.approx(before["timestamp"][0] + 1 / 400)
+        for name, size in (("position", 0.02), ("velocity", 0.01), ("attitude", 0.01)):
+            assert after[name] == pytest.approx(before[name], abs=size)
+        assert after["position"][0] > 0.5
+        more = firmware.sail(AHEAD, 1.0)
+        assert more["position"][0] > after["position"][0]
+    assert running.said("the boat goes on where it was")
+    times = Recording.open(running.loops[0].recording.paths[0]).columns("truth/otter")
+    assert (np.diff(times["vehicle_time_ns"]) > 0).all()
+
+
+@pytest.mark.parametrize("change", ["frame", "seed", "vessel"])
+def test_it_goes_on_for_no_other_frame_seed_or_vessel(plan, stand_in, tmp_path, change):
+    with looping([plan], LoopOptions(out=tmp_path)):
+        firmware = stand_in(plan)
+        firmware.sail(AHEAD, 2.0)
+    seed = 1 if change == "seed" else 0
+    if change == "vessel":
+        plan = replace(plan, vessel=replace(OTTER, hull=replace(OTTER.hull, beam=1.2)))
+    if change == "frame":
+        firmware.count += 1
+    with looping([plan], LoopOptions(out=tmp_path, seed=seed)) as running:
+        assert firmware.frame(AHEAD)["position"] == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
+    assert not running.said("goes on where it was")
+
+
+def test_lost_and_late_frames_are_noticed(plan, stand_in):
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        firmware.sail(NEUTRAL, 0.1)
+        firmware.frame(NEUTRAL, count=firmware.count + 3)
+        time = firmware.frame(NEUTRAL)["timestamp"][0]
+        firmware.send(packet(5, [1500] * 16))
+        with pytest.raises(TimeoutError):
+            firmware.receive(0.3)
+        assert firmware.frame(NEUTRAL)["timestamp"][0] == pytest.approx(time + 1 / 400)
+    assert running.said("3 frames of the firmware were lost")
+    assert "1 gap, 1 late" in running.lines[-1]
+
+
+def test_malformed_packets_are_survived_each_kind_one_line(plan, stand_in):
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        firmware.frame(NEUTRAL)
+        for junk in (b"", b"x", packet(1, [1500] * 16, magic=1), packet(1, [0] * 16) * 2):
+            firmware.send(junk)
+            with pytest.raises(TimeoutError):
+                firmware.receive(0.1)
+        assert firmware.sail(AHEAD, 3.0)["velocity"][0] > 0.3
+    assert len(running.said("passed over")) == 1, "what repeats is not said each time"
+    assert "4 malformed" in running.lines[-1]
+
+
+@pytest.mark.parametrize("dead", [0, 65535])
+def test_no_pulse_is_no_thrust(plan, dead, stand_in):
+    with looping([plan]):
+        firmware = stand_in(plan)
+        assert firmware.sail({1: dead, 3: dead}, 2.0)["velocity"] == (0.0, 0.0, 0.0)
+
+
+def test_absurd_pulses_are_said_once_and_do_no_harm(plan, stand_in):
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        speed = firmware.sail({1: 60000, 3: 60000}, 3.0)["velocity"][0]
+    full = Boat.of(OTTER)
+    state = full.start()
+    for _ in range(1200):
+        state, expected, _ = full.step(state, {1: 2000.0, 3: 2000.0}, 1 / 400)
+    assert speed == pytest.approx(expected.velocity[0], rel=1e-3)
+    assert len(running.said("60000 µs on output 1")) == 1
+
+
+def test_an_output_that_the_vessel_does_not_have_is_said_once(plan, stand_in):
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        for k in range(200):
+            firmware.frame({1: 1500, 3: 1500, 4: 1500 + k})
+    assert len(running.said("drives output 4, where the vessel has nothing: it has 1 (left)")) == 1
+
+
+def test_an_output_that_the_firmware_does_not_drive_is_said_once(plan, stand_in):
+    with looping([plan]) as running:
+        stand_in(plan, rate=50).sail({1: 1600}, 21.0)
+    assert len(running.said("output 3 (right) gets no pulses: set SERVO3_FUNCTION")) == 1
+    assert not running.said("output 1 (left) gets no pulses")
+
+
+def test_it_sails_a_square_to_places(plan, stand_in):
+    with looping([plan]) as running:
+        firmware = stand_in(plan, rate=100)
+        for place in ((20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)):
+            assert firmware.go_to(*place, seconds=90.0), place
+    assert "restarts" not in running.lines[-1]
+    p50, p99 = map(int, re.findall(r"after (\d+) µs \(p99 (\d+)\)", running.lines[-1])[0])
+    assert 0 < p50 <= p99 < 1_000_000
+
+
+def test_several_boats_on_several_ports_do_not_mix(stand_in):
+    plans = [LoopPlan(f"json:127.0.0.1:{free_port()}", name, OTTER) for name in ("one", "two")]
+    with looping(plans) as running:
+        one, two = (stand_in(plan) for plan in plans)
+        for _ in range(800):
+            ahead, astern = one.frame(AHEAD), two.frame({1: 1200, 3: 1200})
+        assert ahead["position"][0] > 0.1
+        assert astern["position"][0] < -0.1
+    assert {line.partition(":")[0] for line in running.lines} == {"one", "two"}
+
+
+def test_two_runs_of_one_seed_are_the_same_byte_for_byte(plan, stand_in):
+    def track(seed):
+        with looping([plan], LoopOptions(seed=seed, day=Day(wind=Wind(5.0, 1.0)))):
+            firmware = stand_in(plan)
+            out = []
+            for _ in range(50):
+                firmware.frame(AHEAD)
+                out.append(firmware.last)
+            return out
+
+    noisy = replace(OTTER, sensors=replace(OTTER.sensors, gyro_noise=1e-3))
+    plan = replace(plan, vessel=noisy)
+    assert track(1) == track(1)
+    assert track(1) != track(2)
+
+
+def test_a_motor_fails_at_its_moment(plan, stand_in):
+    day = Day(moments=(Moment(at=3.0, thruster="left", gain=0.0),))
+    with looping([plan], LoopOptions(day=day)):
+        firmware = stand_in(plan)
+        assert abs(firmware.sail(AHEAD, 2.9)["gyro"][2]) < 1e-6
+        assert firmware.sail(AHEAD, 1.0)["gyro"][2] < -0.1, "the right one turns it to port"
+
+
+def test_a_port_that_is_taken_is_one_line(plan):
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", port_of(plan)))
+        with pytest.raises(ShadowError, match="cannot listen there"), looping([plan]):
+            pass
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "wrong"),
+    [
+        ("udpin:127.0.0.1:9002", "not an endpoint of an autopilot; expected json:HOST:PORT"),
+        ("json:127.0.0.1", "host or port is missing"),
+        ("json:127.0.0.1:port", 'the port "port" is no positive number'),
+        ("json:127.0.0.1:99999", "there is no port 99999"),
+    ],
+)
+def test_an_endpoint_that_is_none(endpoint, wrong):
+    with pytest.raises(BadInput, match=wrong):
+        protocol_of(endpoint)
+
+
+def test_plans_need_a_vessel_for_each_endpoint_and_names_of_their_own():
+    ends = ["json:127.0.0.1:9002", "json:127.0.0.1:9012"]
+    load = lambda file: load_vessel(file)  # noqa: E731
+    assert [p.name for p in plans_of(ends, ["a=otter", "b=otter"], load)] == ["a", "b"]
+    assert plans_of(ends[:1], ["otter"], load)[0].name == "otter"
+    for wrong, ends_given, vessels in (
+        ("2 endpoints and 1 vessels", ends, ["otter"]),
+        ("two boats of one name", ends, ["otter", "otter"]),
+        ("given twice", ends[:1] * 2, ["a=otter", "b=otter"]),
+    ):
+        with pytest.raises(BadInput, match=wrong):
+            plans_of(ends_given, vessels, load)
+
+
+def test_nothing_is_sent_to_anybody_but_who_asked(plan, stand_in):
+    """A second socket that has not asked receives nothing, and no answer comes unasked."""
+    import socket
+
+    with looping([plan]), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        other.settimeout(0.2)
+        firmware = stand_in(plan)
+        firmware.sail(AHEAD, 0.2)
+        with pytest.raises(TimeoutError):
+            other.recv(100)
+        with pytest.raises(TimeoutError):
+            firmware.receive(0.2)
+
+
+def test_true_wind_and_the_vane_agree_when_the_boat_lies_still(plan, stand_in):
+    with looping([plan], LoopOptions(day=Day(wind=Wind(6.0, math.pi / 2)))):
+        values = stand_in(plan).frame(NEUTRAL)
+        assert values["velocity_wind"] == pytest.approx((0.0, -6.0, 0.0), abs=1e-9)
+        assert values["direction"][0] == pytest.approx(math.pi / 2)  # bow north: on starboard
+        assert values["speed"][0] == pytest.approx(6.0)

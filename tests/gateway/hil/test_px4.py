@@ -1,0 +1,219 @@
+"""PX4's simulator protocol, held against a stand-in that connects and answers as PX4 does."""
+
+import contextlib
+import math
+import socket
+import time
+from dataclasses import replace
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gateway.hil.px4 import STEP_S, magnetic_field, pulses_of, quaternion
+from gateway.hil.run import LoopOptions, LoopPlan
+from gateway.ingest.earth import Origin
+from gateway.vessel_file import load_vessel
+from sim.hil.day import Day
+from tests.gateway.hil.firmware import looping, wait_for
+
+OTTER = load_vessel("otter")
+FAST = LoopOptions(speed=1000.0)
+
+
+class StandIn:
+    """Firmware that connects and answers each HIL_SENSOR with controls."""
+
+    def __init__(self, port):
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+        self._parser = mavlink.MAVLink(None)
+        self._packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._waiting = []
+        self.last = {}
+
+    def close(self):
+        self._socket.close()
+
+    def send(self, data):
+        self._socket.sendall(data)
+
+    def controls(self, left, right, *, armed=True, flags=1):
+        row = [left, 0.0, right] + [0.0] * 13
+        message = mavlink.MAVLink_hil_actuator_controls_message(0, row, 1 | 128 * armed, flags)
+        self.send(message.pack(self._packer))
+
+    def sensor(self):
+        """The next HIL_SENSOR; what came before it is in `last` by name."""
+        while True:
+            while self._waiting:
+                message = self._waiting.pop(0)
+                self.last[message.get_type()] = message
+                if message.get_type() == "HIL_SENSOR":
+                    return message
+            self._waiting += self._parser.parse_buffer(self._socket.recv(65536)) or []
+
+    def drain(self, seconds):
+        """How many HIL_SENSOR come within that time."""
+        count, end = 0, time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._socket.settimeout(left)
+            with contextlib.suppress(TimeoutError):
+                self.sensor()
+                count += 1
+        self._socket.settimeout(5.0)
+        return count
+
+    def sail(self, left, right, seconds, **options):
+        """Lock-step for that long -> the last HIL_STATE_QUATERNION and what else came."""
+        for _ in range(round(seconds / STEP_S)):
+            self.controls(left, right, **options)
+            self.sensor()
+        return self.last
+
+
+@pytest.fixture
+def stand_in():
+    made = []
+
+    def make(plan):
+        made.append(StandIn(int(plan.endpoint.rpartition(":")[2])))
+        return made[-1]
+
+    yield make
+    for firmware in made:
+        firmware.close()
+
+
+@pytest.fixture
+def plan():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    return LoopPlan(f"px4:127.0.0.1:{port}", "otter", OTTER)
+
+
+def test_sensors_come_without_being_asked_then_each_waits_for_controls(plan, stand_in):
+    with looping([plan], FAST):
+        firmware = stand_in(plan)
+        first = firmware.sensor()
+        assert firmware.sensor().time_usec - first.time_usec == pytest.approx(4000, abs=1)
+        firmware.sail(0.0, 0.0, 1.0)
+        firmware.drain(0.3)
+        assert firmware.drain(0.3) == 0, "no controls: no sensors"
+        firmware.controls(0.0, 0.0)
+        assert firmware.drain(0.3) == 1
+
+
+def test_what_the_sensors_read_at_rest(plan, stand_in):
+    place = (51.5, -0.1)
+    with looping([plan], replace(FAST, day=Day(place=place, start=(0.0, 0.0, math.pi / 2)))):
+        firmware = stand_in(plan)
+        sensor = firmware.sensor()
+        while not {"HIL_GPS", "HIL_STATE_QUATERNION"} <= firmware.last.keys():
+            firmware.sensor()
+    assert (sensor.xacc, sensor.yacc) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert sensor.zacc == pytest.approx(-9.80665)
+    assert sensor.time_usec > 0
+    assert sensor.abs_pressure == pytest.approx(1013.25)
+    assert sensor.fields_updated == 0x7 | 0x38 | 0x1C0 | 0x1A00
+    north, east, down = magnetic_field(Origin(*place), time.gmtime().tm_year)
+    assert (sensor.xmag, sensor.ymag) == pytest.approx((east, -north), abs=1e-3), "bow to the east"
+    assert sensor.zmag == pytest.approx(down, abs=1e-3)
+    gps = firmware.last["HIL_GPS"]
+    assert (gps.lat, gps.lon, gps.fix_type) == (515000000, -1000000, 3)
+    state = firmware.last["HIL_STATE_QUATERNION"]
+    assert state.attitude_quaternion == pytest.approx([0.5**0.5, 0.0, 0.0, 0.5**0.5])
+
+
+def test_a_known_field():
+    """Zürich, 2026: 48.4 µT, 3.6° east of north, 63.5° down, by the model's own calculator."""
+    north, east, down = magnetic_field(Origin(47.397742, 8.545594), 2026.5)
+    assert math.degrees(math.atan2(east, north)) == pytest.approx(3.61, abs=0.05)
+    assert math.hypot(north, east, down) == pytest.approx(0.484, abs=1e-3)
+    assert down > 0.43
+
+
+def test_controls_move_the_boat_only_when_armed(plan, stand_in):
+    with looping([plan], FAST):
+        firmware = stand_in(plan)
+        assert firmware.sail(0.8, 0.8, 2.0, armed=False)["HIL_STATE_QUATERNION"].vx == 0
+        moved = firmware.sail(0.8, 0.8, 8.0)
+    assert moved["HIL_STATE_QUATERNION"].vx > 50, "cm/s"
+    assert moved["HIL_GPS"].lat > round(47.397742e7)
+    assert moved["HIL_GPS"].vel == pytest.approx(moved["HIL_STATE_QUATERNION"].vx, abs=5)
+    assert moved["HIL_GPS"].cog in range(100)
+
+
+def test_opposite_controls_turn_it_clockwise(plan, stand_in):
+    with looping([plan], FAST):
+        last = stand_in(plan).sail(0.5, -0.5, 2.0)
+    assert last["HIL_SENSOR"].zgyro > 0.1
+
+
+def test_firmware_that_comes_again_finds_the_boat_at_its_start(plan, stand_in):
+    with looping([plan], FAST) as running:
+        firmware = stand_in(plan)
+        firmware.sail(0.8, 0.8, 4.0)
+        firmware.close()
+        assert wait_for(lambda: running.said("went away"))
+        again = stand_in(plan)
+        assert again.sensor().time_usec == pytest.approx(1e6 + 4000, abs=1)
+        again.sensor()
+        assert again.last["HIL_STATE_QUATERNION"].vx == 0
+    assert running.said("the firmware is there again")
+
+
+def test_controls_that_stay_away_are_said_and_it_goes_on(plan, stand_in):
+    with looping([plan], FAST) as running:
+        firmware = stand_in(plan)
+        firmware.sail(0.0, 0.0, 0.1)
+        firmware.drain(0.3)
+        assert firmware.drain(3.0) >= 1
+        assert running.said("no controls for 1 s")
+
+
+def test_a_board_without_lock_step_is_paced_by_the_clock(plan, stand_in):
+    with looping([plan], LoopOptions(speed=1.0)):
+        firmware = stand_in(plan)
+        firmware.sensor()
+        firmware.controls(0.3, 0.3, flags=0)
+        begun, first = time.monotonic(), firmware.sensor().time_usec
+        while time.monotonic() - begun < 1.0:
+            last = firmware.sensor().time_usec
+    assert (last - first) * 1e-6 == pytest.approx(1.0, abs=0.3)
+
+
+def test_what_is_no_mavlink_or_no_number_is_survived(plan, stand_in):
+    with looping([plan], FAST) as running:
+        firmware = stand_in(plan)
+        firmware.sail(0.0, 0.0, 0.1)
+        firmware.send(b"GET / HTTP/1.1\r\n\r\n" + bytes(range(256)))
+        firmware.sail(math.nan, math.nan, 0.1)
+        assert firmware.sail(0.8, 0.8, 2.0)["HIL_STATE_QUATERNION"].vx > 10
+    assert len(running.said("no MAVLink")) == 1
+    assert len(running.said("not a number")) == 1
+
+
+def test_a_second_firmware_is_said_and_not_listened_to(plan, stand_in):
+    with looping([plan], FAST) as running:
+        first, second = stand_in(plan), None
+        first.sail(0.0, 0.0, 0.1)
+        second = stand_in(plan)
+        second.controls(1.0, 1.0)
+        assert wait_for(lambda: running.said("one firmware for each endpoint"))
+        assert first.sail(0.0, 0.0, 1.0)["HIL_STATE_QUATERNION"].vx == 0
+
+
+def test_controls_are_pulses_of_the_servos_that_the_vessel_has():
+    servo = replace(OTTER.thrusters[0].servo, pwm=(1000, 1400, 2000))
+    vessel = replace(OTTER, thrusters=(replace(OTTER.thrusters[0], servo=servo),))
+    for control, pulse in ((-1.0, 1000.0), (0.0, 1400.0), (0.5, 1700.0), (1.0, 2000.0)):
+        assert pulses_of((control,) * 2, vessel) == {1: pulse, 2: 1500.0 + 500.0 * control}
+
+
+def test_the_quaternion_turns_as_the_angles_do():
+    assert quaternion(0.0, 0.0, 0.0) == [1.0, 0.0, 0.0, 0.0]
+    w, x, y, z = quaternion(0.1, -0.2, 0.7)
+    assert math.hypot(w, x, y, z) == pytest.approx(1.0)
+    assert math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) == pytest.approx(0.1)
+    assert math.asin(2 * (w * y - z * x)) == pytest.approx(-0.2)
+    assert math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) == pytest.approx(0.7)

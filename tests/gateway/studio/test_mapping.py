@@ -1,0 +1,32 @@
+"""The studio takes a mapping file for tables, as the commands do."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.errors import BadInput
+from gateway.studio.serve import StudioOptions, session_of
+from gateway.studio.tasks import survey_task, trials_in
+from tests.gateway.terminal.test_next_step import COMMANDED, table
+
+
+def test_a_table_is_read_with_the_mapping_that_was_given(tmp_path: Path) -> None:
+    path, mapping = table(tmp_path, COMMANDED).path, str(tmp_path / "columns of mine.toml")
+    sent: list[object] = []
+    assert survey_task(sent.append, path, mapping).kind == "csv"
+    (trial,) = trials_in(path, mapping)
+    assert trial.channels == (1,)
+    with pytest.raises(BadInput, match="needs a mapping file"):
+        trials_in(path)
+
+
+def test_the_session_holds_it_and_a_missing_one_is_one_line(tmp_path: Path) -> None:
+    log = Path(table(tmp_path, COMMANDED).path)
+    mapping = tmp_path / "columns of mine.toml"
+    session = session_of(StudioOptions((log,), mapping=mapping, out=tmp_path))
+    try:
+        assert session.mapping == str(mapping)
+    finally:
+        session.close()
+    with pytest.raises(BadInput, match=r"absent\.toml: no such file"):
+        session_of(StudioOptions((log,), mapping=tmp_path / "absent.toml", out=tmp_path))

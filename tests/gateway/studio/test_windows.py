@@ -1,0 +1,217 @@
+"""A server that ends, two windows, reloads: in a real browser nothing goes on looking well."""
+
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, Watched, chromium, running
+from tests.gateway.studio.test_serve import free_port
+
+pytestmark = pytest.mark.slow
+
+sync_api = pytest.importorskip("playwright.sync_api")
+NOTICED_S = 3.0
+STILL_S = 8.0  # two questions without an answer, and the second between them
+GONE = "ERR_CONNECTION_REFUSED"  # what the browser says of a server that has ended
+COMPARED = re.compile("no more than noise|times what noise alone would show")
+# What is marked on the page, asked of Bokeh itself.
+MARKS = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
+    .filter(m => m.type === "ColumnDataSource" && m.data.x0 && m.data.x1 && !m.data.y0)
+    .map(m => [Array.from(m.data.x0), Array.from(m.data.x1)])"""
+# Ends of the time axes of lines that hold points.
+AXES = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
+    .filter(m => m.type === "Range1d" && m.bounds && m.min_interval).map(m => m.bounds)"""
+
+OPACITY = "getComputedStyle(document.querySelector('main')).opacity"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    where = chromium()
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=where, args=list(FLAGS))
+        yield opened
+        opened.close()
+
+
+@contextmanager
+def studio(port: int, folder, name: str) -> Iterator:
+    command = ("studio", "--no-browser", "--port", str(port), "--out", str(folder), "--connect",
+               "tcp/127.0.0.1:1")  # fmt: skip
+    with running(*command, until="studio:", log=folder / f"{name}.log") as process:
+        yield process
+
+
+@contextmanager
+def window(browser, port: int, path: str = "") -> Iterator[Watched]:
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="light")
+    one = Watched(context.new_page(), f"127.0.0.1:{port}")
+    one.page.goto(f"http://127.0.0.1:{port}/{path}")
+    yield one
+    context.close()
+
+
+def compared(one: Watched) -> None:
+    one.page.get_by_text(COMPARED).nth(1).wait_for(timeout=PATIENCE_MS)
+
+
+def test_a_page_without_its_server_says_so_and_goes_on_by_itself(browser, tmp_path):
+    port = free_port()
+    with studio(port, tmp_path, "first") as server, window(browser, port, "live") as one:
+        page, lost = one.page, one.page.locator("#lost")
+        page.get_by_text("Nobody publishes").wait_for()
+        page.wait_for_timeout(1500)
+        assert not lost.is_visible()
+        one.is_clean()
+        server.kill()
+        began = time.monotonic()
+        lost.wait_for(state="visible")
+        assert time.monotonic() - began < NOTICED_S
+        assert "has ended" in lost.inner_text()
+        page.wait_for_timeout(400)
+        assert (
+            float(page.evaluate("getComputedStyle(document.querySelector('main')).opacity")) < 0.5
+        )
+        one.shot("server-gone")
+        with studio(port, tmp_path, "second"):
+            lost.wait_for(state="hidden")
+            page.get_by_text("Nobody publishes").wait_for()
+            page.wait_for_timeout(1500)
+            assert not lost.is_visible()
+        assert [text for text in one.wrong if GONE not in text] == []
+
+
+def test_a_server_that_stands_still_is_noticed(browser, tmp_path):
+    port = free_port()
+    with studio(port, tmp_path, "still") as server, window(browser, port, "live") as one:
+        one.page.get_by_text("Nobody publishes").wait_for()
+        one.page.wait_for_timeout(1500)
+        server.send_signal(19)  # SIGSTOP
+        began = time.monotonic()
+        one.page.get_by_text("does not answer").wait_for()
+        took = time.monotonic() - began
+        server.send_signal(18)  # SIGCONT
+        assert took < STILL_S
+        one.page.locator("#lost").wait_for(state="hidden")
+
+
+def test_two_windows_hold_their_own_views_and_share_the_work(browser, tmp_path):
+    port = free_port()
+    second = "compare?recording=voyage_2&range=40.0:70.0"
+    with studio(port, tmp_path, "two"), window(browser, port) as one, \
+            window(browser, port, second) as two:  # fmt: skip
+        assert one.page.url.endswith("/compare")
+        assert one.page.title() == "Compare – Shadow studio"
+        for each in (one, two):
+            compared(each)
+        two.page.wait_for_function(f"() => ({MARKS})().some(m => m[0][0] === 40)")
+        assert one.page.get_by_label("Recording").input_value() == "voyage_1"
+        assert two.page.get_by_label("Recording").input_value() == "voyage_2"
+        assert one.page.evaluate(AXES)[0][1] > two.page.evaluate(AXES)[0][1] > 200.0
+        assert one.page.evaluate(MARKS)[0][0] == []
+        moved(one, port)
+        two.page.get_by_text("as given)").first.wait_for(timeout=PATIENCE_MS)
+        one.page.get_by_role("link", name="Compare").click()
+        one.page.get_by_text("as given)").first.wait_for(timeout=PATIENCE_MS)
+        two.page.reload()
+        two.page.get_by_text("as given)").first.wait_for(timeout=PATIENCE_MS)
+        two.page.wait_for_function(f"() => ({MARKS})().some(m => m[0][0] === 40)")
+        assert two.page.get_by_label("Recording").input_value() == "voyage_2"
+        two.page.get_by_role("button", name="Clear the mark").click()
+        two.page.wait_for_function("() => !location.search.includes('range')")
+        two.page.get_by_label("Recording").select_option("voyage_1")
+        two.page.wait_for_function("() => location.search.includes('voyage_1')")
+        two.page.go_back()
+        two.page.wait_for_function(f"() => ({MARKS})().length > 0")
+        two.page.wait_for_timeout(2000)
+        assert two.page.get_by_label("Recording").input_value() == "voyage_2"
+        for each, name in ((one, "one"), (two, "two")):
+            each.shot(f"window-{name}")
+            each.is_clean()
+
+
+def moved(one: Watched, port: int) -> None:
+    """An edit; choosing the same files again keeps it."""
+    page = one.page
+    page.get_by_role("link", name="Vessel").click()
+    page.get_by_text("error now").wait_for(timeout=PATIENCE_MS)
+    page.wait_for_timeout(1500)
+    handle = page.locator(".noUi-handle").first
+    handle.focus()
+    for _ in range(8):
+        handle.press("PageUp")
+    page.get_by_text("m11 moved by hand").wait_for(timeout=PATIENCE_MS)
+    page.get_by_role("link", name="Recordings").click()
+    page.get_by_role("button", name="Work on these").click()
+    page.get_by_text("working on").wait_for()
+    page.get_by_role("link", name="Vessel").click()
+    page.get_by_text("m11 moved by hand").wait_for(timeout=PATIENCE_MS)
+
+
+def test_what_cannot_be_read_is_said_where_it_is_looked_for(browser, tmp_path):
+    port = free_port()
+    (tmp_path / "no-log.tlog").write_bytes(b"this is no recording")
+    (tmp_path / "no-vessel.toml").write_text("[hull]\nlength = -1.0\n")
+    log = tmp_path / "folder.log"
+    command = ("studio", str(tmp_path / "no-log.tlog"), "--vessel", "configs/vessels/otter.toml",
+               "--folder", str(tmp_path), "--no-browser", "--port", str(port), "--out",
+               str(tmp_path / "out"))  # fmt: skip
+    with running(*command, until="studio:", log=log), window(browser, port) as one:
+        one.page.get_by_text("Not compared: ").wait_for(timeout=PATIENCE_MS)
+        assert one.page.get_by_text("Comparing").count() == 0
+        one.page.get_by_role("link", name="Recordings").click()
+        one.page.get_by_text("no-vessel.toml: ").wait_for()
+        one.page.get_by_text("no-log.tlog: ").first.wait_for()
+        one.page.get_by_role("button", name="Look into no-log.tlog").scroll_into_view_if_needed()
+        one.page.get_by_role("button", name="Look into no-log.tlog").click()
+        bar = one.page.locator("#messages")
+        bar.get_by_text("look: ").wait_for(timeout=PATIENCE_MS)
+        box = bar.bounding_box()
+        assert box["y"] + box["height"] <= 901.0
+        one.shot("unreadable")
+        bar.get_by_role("button", name="Close").click()
+        bar.get_by_text("look: ").wait_for(state="detached")
+        one.is_clean()
+
+
+def test_a_recording_is_played_and_every_picture_shows_the_same_moment(browser, tmp_path):
+    port = free_port()
+    with studio(port, tmp_path, "play") as _, window(browser, port, "compare?at=60.0") as one:
+        page = one.page
+        compared(one)
+        page.wait_for_function(f"() => ({MOMENT})().boats === 2")
+        there = page.evaluate(MOMENT)
+        assert there["time"] == there["cursor"] == 60.0
+        assert there["text"].startswith("60.0 s")
+        page.locator("h1").first.click()
+        page.keyboard.press("Space")
+        page.wait_for_function(f"() => ({MOMENT})().time > 61")
+        page.keyboard.press("Space")
+        page.wait_for_function("() => !location.search.includes('at=60.0')")
+        later = page.evaluate(MOMENT)
+        page.wait_for_timeout(1000)
+        assert page.evaluate(MOMENT) == later  # it stands
+        assert later["cursor"] == pytest.approx(later["time"], abs=0.01)
+        assert later["place"] != there["place"]
+        one.shot("moment")
+        figure = page.locator(".bk-Figure").first
+        figure.scroll_into_view_if_needed()
+        page.wait_for_timeout(500)
+        box = figure.bounding_box()
+        page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + box["height"] / 2)
+        page.wait_for_function(f"() => ({MOMENT})().time > 200")
+        one.is_clean()
+
+
+# The moment that is shown, asked of Bokeh itself: slider, line on the time axes, boats, numbers.
+MOMENT = """() => { const every = Bokeh.documents.flatMap(d => [...d._all_models.values()]);
+    const sources = every.filter(m => m.type === "ColumnDataSource").map(m => m.data);
+    const boats = sources.find(d => "colour" in d);
+    const text = every.find(m => m.type === "Div" && m.text.includes("model"));
+    return {time: every.find(m => m.type === "Slider").value, boats: boats.xs.length,
+        place: boats.xs.length ? [boats.xs[0][0], boats.ys[0][0]] : null,
+        cursor: sources.filter(d => Object.keys(d).join() === "x").map(d => d.x[0])[0],
+        text: text ? text.text.replace(/<[^>]*>/g, "") : ""}; }"""

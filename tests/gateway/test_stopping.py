@@ -1,0 +1,87 @@
+"""Ends that a signal asks for: no lock, nothing left in the middle, never lost."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from gateway.stopping import LOOK_S, Interrupts, Stop
+
+
+def interrupt() -> None:
+    """Ctrl-C, handled before this returns."""
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+
+
+def test_a_stop_is_set_once_and_wakes_who_waits() -> None:
+    stop = Stop()
+    assert not stop.wait(0.01)
+    began = time.monotonic()
+    threading.Timer(0.1, stop.set).start()
+    assert stop.wait(30.0)
+    assert time.monotonic() - began < 0.1 + 20 * LOOK_S
+    assert stop.is_set()
+
+
+def test_an_interrupt_waits_for_a_moment_that_suits() -> None:
+    done = []
+
+    def work() -> None:
+        with Interrupts() as interrupts:
+            interrupt()
+            done.append("the step is finished")
+            interrupts.check()
+            done.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["the step is finished"]
+
+
+def test_an_interrupt_ends_a_sleep() -> None:
+    began = time.monotonic()
+    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt), Interrupts() as interrupts:
+        interrupts.sleep(30.0)
+    assert time.monotonic() - began < 10.0
+
+
+def test_an_interrupt_at_the_very_end_is_not_lost() -> None:
+    with pytest.raises(KeyboardInterrupt), Interrupts():
+        interrupt()
+
+
+def test_a_second_interrupt_does_not_wait() -> None:
+    seen = []
+
+    def work() -> None:
+        with Interrupts():
+            interrupt()
+            seen.append("first")
+            interrupt()
+            seen.append("second")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert seen == ["first"]
+
+
+def test_handlers_are_as_before_and_another_thread_is_left_alone() -> None:
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    with Interrupts():
+        assert signal.getsignal(signal.SIGINT) != before[0]
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+    seen = []
+
+    def work() -> None:
+        with Interrupts() as interrupts:
+            interrupts.sleep(0.0)
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [before[0]]
