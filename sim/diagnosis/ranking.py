@@ -2,8 +2,9 @@
 
     screen all → noise as the most promising leaves it → fit the few → held-out blocks → order
 
-The noise is that of the most promising explanation. Estimated from what the reference leaves, it
-would take the very thing that is looked for as a slow error of the sensors, and forgive it.
+The noise is that of the most promising explanation, which is the one that the screening finds most
+likely under the noise that it leaves itself. Estimated from what the reference leaves, it would
+take the very thing that is looked for as a slow error of the sensors, and forgive it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -86,9 +87,9 @@ def select_finalists(results: Sequence[ScreeningResult]) -> list[ScreeningResult
     Fitted whatever they promise: an effect that is not of the catalogue, for somebody asks for it,
     and the special case of a general form, which comes first if it does as well.
     """
-    costs, few = [r.cost for r in results], results[: thresholds.MAX_FINALISTS]
-    least = max(costs) - thresholds.MIN_PROMISE * (max(costs) - costs[0])
-    chosen = [r for i, r in enumerate(few) if i < thresholds.MIN_FINALISTS or r.cost < least]
+    deviance, few = [r.deviance for r in results], results[: thresholds.MAX_FINALISTS]
+    least = max(deviance) - thresholds.MIN_PROMISE * (max(deviance) - deviance[0])
+    chosen = [r for i, r in enumerate(few) if i < thresholds.MIN_FINALISTS or r.deviance < least]
     special = {r.added.effect.general_of for r in chosen}
     wanted = [r for r in results if r.name in special or r.name not in CATALOGUE]
     return [*chosen, *(r for r in wanted if r not in chosen)]

@@ -36,12 +36,16 @@ Mapper = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # maps 
 
 @dataclass(frozen=True)
 class ScreeningResult:
-    """One effect at the best start found: z (n,) of its unknowns, and the cost there."""
+    """One effect at the best start found: z (n,) of its unknowns, and the cost there.
+
+    deviance  −2 log likelihood under the noise that it leaves itself; known once it is the best
+    """
 
     added: AddedEffect
     unknowns: Unknowns
     z: Floats
     cost: float
+    deviance: float = np.inf
 
     @property
     def name(self) -> str:
@@ -54,6 +58,11 @@ def screen(
     progress: Progress = lambda _: None, mapper: Mapper = map,
 ) -> list[ScreeningResult]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
+
+    Each start is judged under the noise that the reference leaves; the effects are then put in
+    order under the noise that each of them leaves. What is missing may be most of the noise of the
+    reference, and under that noise the cause itself is forgiven (a compass that is off by a few
+    degrees is as good as a receiver whose sway errs by as much).
 
     `model` is the vessel as the reference has it: waves are looked for in what it lacks. Where the
     reference moved the base far, the search begins from the base as it was given too: what stands
@@ -87,7 +96,9 @@ def screen(
         again = _from_general(pairs[0][0], special, general) if special else None
         if again is not None and again.cost < results[again.name].cost:
             results[again.name] = again
-    return sorted(results.values(), key=lambda r: r.cost)
+    fine = pairs[0][0]
+    judged = mapper(fine.with_deviance, results.values())
+    return sorted(judged, key=lambda r: r.deviance)
 
 
 def _from_general(
@@ -174,6 +185,10 @@ class _Screening:
                 left = [r for r in map(self._step, left) if r is not None]
             left = sorted(left, key=lambda r: r.cost)[:most]
         return left
+
+    def with_deviance(self, r: ScreeningResult) -> ScreeningResult:
+        """The same, judged under its own noise."""
+        return replace(r, deviance=self.problem.deviance(r.unknowns, r.z))
 
     def at(self, effect: Effect, start: Values) -> ScreeningResult:
         """A start, before the first step."""

@@ -55,7 +55,7 @@ class Chain:
     state    (S, m, 6) of (δ, ε before the run) in these rows; moved (S, 6, 3): δ to the next run's
     gain     (S, 6, m) of whitened innovations in that of the next run, unit (S, m, m) whitens them
     spread   (3,) of the innovations of u, v, r, robust: 1 where the noise is right
-    cost     −2 log likelihood of the errors that it was made from
+    deviance −2 log likelihood of the errors that it was made from
     """
 
     follows: Floats
@@ -66,7 +66,7 @@ class Chain:
     gain: Floats
     unit: Floats
     spread: Floats
-    cost: float
+    deviance: float
 
     @classmethod
     def of(
@@ -99,8 +99,8 @@ class Chain:
         white = chain.whitened(errors.error[None])[0][errors.within > 0]
         spread = np.sqrt(np.median(white**2, axis=0) / CHI2_MEDIAN) if len(white) else np.ones(3)
         determinant = size - 2.0 * np.log(np.maximum(_diagonal(rows), 1e-300)).sum()
-        cost = float(np.sum(np.clip(white, -CLIP_STD, CLIP_STD) ** 2) + determinant)
-        return replace(chain, spread=np.maximum(spread, 1e-3), cost=cost)
+        deviance = float(np.sum(np.clip(white, -CLIP_STD, CLIP_STD) ** 2) + determinant)
+        return replace(chain, spread=np.maximum(spread, 1e-3), deviance=deviance)
 
     def whitened(self, error: Floats) -> Floats:
         """Errors and gaps (K, S, n + 1, 3) -> whitened innovations (K, S, n, 3)."""
@@ -140,9 +140,9 @@ def estimate_chain_noise(
             spread = chain_of(errors, noise, follows, stated, mean_s).spread
             sigma = np.maximum(noise.sigma * spread, MIN_NOISE_SHARE * stated)
             noise = noise._replace(sigma=sigma)
-        cost = chain_of(errors, noise, follows, stated, mean_s).cost
-        if best is None or cost < best[0]:
-            best = cost, noise
+        deviance = chain_of(errors, noise, follows, stated, mean_s).deviance
+        if best is None or deviance < best[0]:
+            best = deviance, noise
     assert best is not None
     return best[1]
 

@@ -177,10 +177,10 @@ def _channel_fit(e: RunErrors, noise: Noise, i: int, rho: float) -> tuple[float,
         squares = np.sum(np.clip(left[..., i], -CLIP_STD * typical, CLIP_STD * typical) ** 2)
         size = max(float(noise.sigma[i] * np.sqrt(squares / freedom)), float(MIN_SIGMA[i]))
         noise = noise.with_channel(i, size, rho)
-    return _cost(e, noise), noise
+    return restricted_deviance(e, noise), noise
 
 
-def _cost(e: RunErrors, noise: Noise) -> float:
+def restricted_deviance(e: RunErrors, noise: Noise) -> float:
     """−2 log of the restricted likelihood, but for a constant."""
     left, _, _ = project_out_starts(e, noise)
     whitener, size = timing_whitener(e, noise)

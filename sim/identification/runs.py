@@ -14,8 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.identification.command_timing import sharpened_commands
-from sim.identification.innovations import Chain, estimate_chain_noise, follows_of, track_std
-from sim.identification.noise import Noise, RunErrors, estimate_noise
+from sim.identification.innovations import (
+    Chain,
+    chain_of,
+    estimate_chain_noise,
+    follows_of,
+    track_std,
+)
+from sim.identification.noise import Noise, RunErrors, estimate_noise, restricted_deviance
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
 from sim.model import Model, Runs
 from sim.prediction.free_runs import memory_at
@@ -196,6 +202,15 @@ class RunSet:
         if self.follows is None:
             return estimate_noise(errors, self.mean_s, self.noise)
         return estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s)
+
+    def deviance_of(self, errors: RunErrors) -> float:
+        """−2 log likelihood of errors of these runs under the noise that they show, but for a
+        constant.
+        """
+        noise = self.noise_of(errors)
+        if self.follows is None:
+            return restricted_deviance(errors, noise)
+        return chain_of(errors, noise, self.follows, self.track_std, self.mean_s).deviance
 
     @property
     def track_std(self) -> Floats:

@@ -256,6 +256,13 @@ def noise_of_runs(run_set: RunSet, unknowns: Unknowns, z: Floats) -> Noise:
     return run_set.noise_of(errors)
 
 
+def deviance_of_runs(run_set: RunSet, unknowns: Unknowns, z: Floats) -> float:
+    """−2 log likelihood of what a model with parameters z (n,) leaves, under its own noise."""
+    if not len(run_set.rows.first):
+        return 0.0
+    return run_set.deviance_of(errors_and_sensitivity(run_set, unknowns, z))
+
+
 def fit_result(
     z: Floats, residual: Floats, jacobian: Floats, weight: Floats,
     run_sets: Sequence[RunSet], tracks: Sequence[TrialTrack], at_mean: bool = False,

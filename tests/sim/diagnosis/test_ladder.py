@@ -94,9 +94,9 @@ def test_few_blocks_may_tell_if_hardly_any_contradicts() -> None:
 
 
 def test_an_effect_of_ones_own_is_fitted_whatever_it_promises() -> None:
-    def screened(name: str, cost: float) -> Any:
+    def screened(name: str, deviance: float) -> Any:
         effect = SimpleNamespace(general_of="")
-        return SimpleNamespace(name=name, cost=cost, added=SimpleNamespace(effect=effect))
+        return SimpleNamespace(name=name, deviance=deviance, added=SimpleNamespace(effect=effect))
 
     many = [screened(effect.name, 10.0 + i) for i, effect in enumerate(EFFECTS[:12])]
     keel = screened("keel", 99.0)
@@ -107,8 +107,10 @@ def test_an_effect_of_ones_own_is_fitted_whatever_it_promises() -> None:
 
 
 def test_a_special_case_is_fitted_wherever_its_general_form_is() -> None:
-    def screened(name: str, cost: float) -> Any:
-        return SimpleNamespace(name=name, cost=cost, added=SimpleNamespace(effect=named(name)))
+    def screened(name: str, deviance: float) -> Any:
+        return SimpleNamespace(
+            name=name, deviance=deviance, added=SimpleNamespace(effect=named(name))
+        )
 
     others = (
         "hull_lift",

@@ -84,7 +84,7 @@ def test_innovations_are_the_likelihood_of_all_errors(timing: float) -> None:
     white = chain.whitened(e.error[None])[0]
     assert np.sum(white**2) == pytest.approx(left @ np.linalg.solve(C, left), rel=1e-6)
     clipped = np.sum(np.clip(white, -5.0, 5.0) ** 2)
-    assert chain.cost - clipped == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-6)
+    assert chain.deviance - clipped == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-6)
 
 
 def test_innovations_are_linear_in_the_errors() -> None:
