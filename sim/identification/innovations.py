@@ -15,6 +15,7 @@ residuals are linear in the errors. Source: Ljung, System Identification, 2nd ed
 Forssell and Ljung, IEEE Trans. Automatic Control 45, 2000 (unstable systems).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -129,11 +130,15 @@ def chain_of(
 
 
 def estimate_chain_noise(
-    errors: RunErrors, follows: Floats, stated: Floats, mean_s: float
-) -> Noise:
-    """The noise under which the innovations are most likely, of one spread in each channel."""
+    errors: RunErrors, follows: Floats, stated: Floats, mean_s: float,
+    timings: Sequence[float] = COMMAND_TIMINGS,
+) -> Noise:  # fmt: skip
+    """The noise under which the innovations are most likely, of one spread in each channel.
+
+    timings  multiples of a message interval that are tried for command timing
+    """
     best: tuple[float, Noise] | None = None
-    timings = COMMAND_TIMINGS if errors.timing_covariance is not None else (0.0,)
+    timings = timings if errors.timing_covariance is not None else (0.0,)
     for tau, timing in product(CORRELATION_TIMES_S, timings):
         noise = Noise(stated, np.full(3, np.exp(-mean_s / tau)), timing)
         for _ in range(NOISE_ROUNDS):

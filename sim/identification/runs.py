@@ -205,11 +205,12 @@ class RunSet:
 
     def deviance_of(self, errors: RunErrors) -> float:
         """−2 log likelihood of errors of these runs under the noise that they show, but for a
-        constant.
+        constant; of tied runs with command timing as it is.
         """
-        noise = self.noise_of(errors)
         if self.follows is None:
-            return restricted_deviance(errors, noise)
+            return restricted_deviance(errors, self.noise_of(errors))
+        held = (self.noise.command_timing,)
+        noise = estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s, held)
         return chain_of(errors, noise, self.follows, self.track_std, self.mean_s).deviance
 
     @property

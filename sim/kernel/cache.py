@@ -105,14 +105,15 @@ def _fingerprint(s: Structure, text: str) -> str:
     return fingerprint(texts, kernel_sources(s, text))[:24]
 
 
-def _load(file: Path, s: Structure, jit: Jit, entry: Jit) -> ModuleType:
-    """Execute a kernel file with its laws and `jit` in place."""
+def _load(file: Path, s: Structure, jit: Jit, entry: Jit, branch: Jit) -> ModuleType:
+    """Execute a kernel file with its laws and its decorators in place."""
     spec = importlib.util.spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
         raise ImportError(f"cannot load the kernel {file}")
     module = importlib.util.module_from_spec(spec)
     module.__dict__["jit"] = jit
     module.__dict__["entry"] = entry
+    module.__dict__["branch"] = branch
     for e, effect in enumerate(s.effects):
         for place, law in effect.laws.items():
             module.__dict__[f"{place}_{e}"] = jit(law)
@@ -142,10 +143,15 @@ class Kernel(NamedTuple):
 
 
 def _jit(function: Callable[..., Any]) -> Any:
-    """For what only compiled code calls: without the wrappers for Python it compiles faster."""
+    """For what only compiled code calls: without the wrappers for Python it compiles faster.
+
+    Each call is put in its place: as arguments, the numbers of thirty effects cost more than their
+    laws.
+    """
     return numba.njit(
-        nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )(function)
+        nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True,
+        forceinline=True,
+    )(function)  # fmt: skip
 
 
 def _entry(function: Callable[..., Any]) -> Any:
@@ -155,6 +161,11 @@ def _entry(function: Callable[..., Any]) -> Any:
 
 def _uncompiled(function: Callable[..., Any]) -> Any:
     return function
+
+
+def _never(test: Callable[..., Any]) -> Any:
+    """For a branch in plain Python: it may be asked of arrays, that are not all one."""
+    return lambda numbers: False
 
 
 def _empty_runs(s: Structure, count: int) -> tuple[Any, ...]:
@@ -214,7 +225,7 @@ def _check_laws(kernel: Kernel, names: str) -> None:
 def kernel_for(s: Structure) -> Kernel:
     """The kernel of a structure: compiled, or in numpy where a law cannot be compiled."""
     text = kernel_text(s)
-    module = _load(_write(text, _fingerprint(s, text)), s, _jit, _entry)
+    module = _load(_write(text, _fingerprint(s, text)), s, _jit, _entry, _jit)
     problem = _compilation_problem(module, s)
     if problem is None:
         return Kernel(module, s, True)
@@ -231,5 +242,5 @@ def kernel_for(s: Structure) -> Kernel:
 def plain_kernel_for(s: Structure) -> Kernel:
     """The kernel of a structure in plain Python: on floats, or on arrays over a batch."""
     text = kernel_text(s)
-    module = _load(_write(text, _fingerprint(s, text)), s, _uncompiled, _uncompiled)
+    module = _load(_write(text, _fingerprint(s, text)), s, _uncompiled, _uncompiled, _never)
     return Kernel(module, s, False)

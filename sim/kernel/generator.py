@@ -1,7 +1,9 @@
 """Source text of a kernel: the laws of one vessel composed into one Python module.
 
-The text is unrolled over thrusters, rudders and effects, has no branches and calls each law by
-name; `sim.kernel.signatures` lists the composed functions. Effects act in the order of the
+The text is unrolled over thrusters, rudders and effects, and calls each law by name. Its only
+branches pass over an effect whose numbers are neutral: a model that holds thirty effects switched
+off costs little more than the bare vessel. On arrays they are never taken (`branch`).
+`sim.kernel.signatures` lists the composed functions. Effects act in the order of the
 catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they stand
 in their files, with the imports that those files have.
 """
@@ -106,6 +108,16 @@ class Structure(NamedTuple):
         """Numbers of the effects that act there."""
         return (i for i, effect in enumerate(self.effects) if getattr(effect, place) is not None)
 
+    def is_off(self, effect: int) -> str:
+        """The test that the numbers of an effect are neutral; empty where none are."""
+        neutral = {p.name: p.neutral for p in self.effects[effect].parameters}
+        return " and ".join(f"p.{n} == {x!r}" for n, x in neutral.items() if x is not None)
+
+    def applied(self, effect: int, name: str, to: str) -> str:
+        """The line that gives `name` its value after an effect, unless that is switched off."""
+        unless = f"{name} if off_{effect}(p.e{effect}) else " if self.is_off(effect) else ""
+        return f"{name} = {unless}{to}"
+
     def memory(self, effect: int, place: str, actuator: int) -> int:
         """Position in the state of that memory."""
         return 6 + self.memories.index((effect, place, actuator))
@@ -141,6 +153,13 @@ def _unpack(s: Structure) -> str:
     return text + _function("unpack(theta)", [f"return Numbers({', '.join(parts)})"])
 
 
+def _switches(s: Structure) -> str:
+    """`off_E`: whether effect E does nothing, by its numbers."""
+    tests = {e: s.is_off(e) for e in range(len(s.effects))}
+    made = (_function(f"off_{e}(p)", [f"return {test}"]) for e, test in tests.items() if test)
+    return "".join(made).replace("@jit", "@branch")
+
+
 def _state(s: Structure) -> str:
     """Arithmetic on states, the delay of all commands and the age of reports."""
     n = s.nx
@@ -157,7 +176,10 @@ def _state(s: Structure) -> str:
 def _surroundings(s: Structure) -> str:
     """`water_at` and `flow_at`: how the boat moves through water and world."""
     lines = ["water = Water(0.0, 0.0, 0.0, 0.0)"]
-    lines += [f"water = add_water(water, water_{e}(time, pose, p.e{e}))" for e in s.acting("water")]
+    lines += [
+        s.applied(e, "water", f"add_water(water, water_{e}(time, pose, p.e{e}))")
+        for e in s.acting("water")
+    ]
     return _function("water_at(time, pose, p)", [*lines, "return water"]) + _function(
         "flow_at(x, time, inputs, water, p)",
         [
@@ -189,7 +211,9 @@ def _static_actuation(s: Structure) -> str:
     for i in range(s.thrusters):
         names.append(f"F{i}")
         lines.append(f"c{i} = c[{i}]")
-        lines += [f"c{i} = command_{e}(c{i}, p.t{i}, p.e{e})" for e in s.acting("command")]
+        lines += [
+            s.applied(e, f"c{i}", f"command_{e}(c{i}, p.t{i}, p.e{e})") for e in s.acting("command")
+        ]
         table = s.tables[i] if s.tables else -1
         lines.append(
             f"F{i} = thrust_of(c{i}, p.t{i})"
@@ -216,13 +240,18 @@ def _actuator_wrench(s: Structure) -> str:
             turned[motor] = f" - d{i}"
     for i in range(s.thrusters):
         lines.append(f"F{i} = inputs.actuation[{i}]")
-        lines += [f"F{i} = thrust_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("thrust")]
+        lines += [
+            s.applied(e, f"F{i}", f"thrust_{e}(F{i}, p.t{i}, flow, p.e{e})")
+            for e in s.acting("thrust")
+        ]
         for e in s.acting("thrust_rate"):
             at = s.memory(e, "thrust_rate", i)
             commanded[at] = f"F{i}_{e}"
             lines += [f"F{i}_{e} = F{i}", f"F{i} = x[{at}]"]
         lines.append(f"a{i} = p.t{i}.azimuth{turned.get(i, '')}")
-        lines += [f"a{i} = turn_{e}(a{i}, p.t{i}, flow, p.e{e})" for e in s.acting("turn")]
+        lines += [
+            s.applied(e, f"a{i}", f"turn_{e}(a{i}, p.t{i}, flow, p.e{e})") for e in s.acting("turn")
+        ]
         lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, a{i}, p.t{i}))")
         beside = [f"reaction_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("reaction")]
         lines += [f"tau = add_wrench(tau, {own})" for own in beside]
@@ -262,11 +291,11 @@ def _dynamics(s: Structure) -> str:
     balance = [
         "pose, nu = Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5])",
         "M = base_inertia(p.body)",
-        *(f"M = inertia_{e}(M, flow, p.e{e})" for e in s.acting("inertia")),
+        *(s.applied(e, "M", f"inertia_{e}(M, flow, p.e{e})") for e in s.acting("inertia")),
     ]
     for e in s.acting("force"):
         own = f", x[{s.memory(e, 'rate', 0)}]" if s.effects[e].rate else ""
-        balance.append(f"tau = add_wrench(tau, force_{e}(flow{own}, p.e{e}))")
+        balance.append(s.applied(e, "tau", f"add_wrench(tau, force_{e}(flow{own}, p.e{e}))"))
     balance += [
         "rel_dot = acceleration_through(water, pose, nu, Velocity(u_dot, v_dot, r_dot))",
         "return M, balance_residual(M, p.body, relative_velocity(flow), rel_dot, tau)",
@@ -309,7 +338,7 @@ def _observe(s: Structure) -> str:
     """`observe`: lever arm of the antenna, then sensor effects; `observe_undelayed`: none late."""
 
     def chain(effects: Iterable[int]) -> list[str]:
-        laws = [f"report = observe_{e}(report, p.e{e})" for e in effects]
+        laws = [s.applied(e, "report", f"observe_{e}(report, p.e{e})") for e in effects]
         return ["report = at_antenna(report, p.body)", *laws, "return report"]
 
     undelayed = (e for e in s.acting("observe") if s.effects[e].latency is None)
@@ -324,8 +353,8 @@ def kernel_text(s: Structure) -> str:
         ", ".join(effect.name for effect in s.effects) or "no effects"
     )
     imports = "\n".join(line for name in LOOPS for line in _loop(name).imports)
-    parts = [HEADER.format(title=title, nx=s.nx, imports=imports), _unpack(s), _state(s)]
-    parts += [_surroundings(s), _static_actuation(s), _actuator_wrench(s), _memory(s)]
+    parts = [HEADER.format(title=title, nx=s.nx, imports=imports), _unpack(s), _switches(s)]
+    parts += [_state(s), _surroundings(s), _static_actuation(s), _actuator_wrench(s), _memory(s)]
     parts += [_dynamics(s), _observe(s)]
     return "".join([*parts, *(_loop(name).text for name in LOOPS)])
 
