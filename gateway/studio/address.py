@@ -4,7 +4,8 @@ from urllib.parse import parse_qsl, urlencode
 
 import panel as pn
 
-TimeRanges = tuple[tuple[float, float], ...]
+from gateway.studio.views import TimeRanges
+
 MOST_RANGES = 60  # that an address holds: one that is longer than 1 kB is cut by mail programs
 
 

@@ -19,7 +19,7 @@ from gateway.studio.page import (
     table,
     word,
 )
-from gateway.studio.tasks import TrialView
+from gateway.studio.views import TrialView
 
 
 class FigurePlace:

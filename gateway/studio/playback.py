@@ -14,7 +14,7 @@ from bokeh.models import ColumnDataSource, CustomJS, Div, Select, Slider, Toggle
 from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.figure_data import SeriesRole
 from gateway.studio.page import STYLE
-from gateway.studio.tasks import TrialView, VesselView
+from gateway.studio.views import TrialView, VesselView
 from sim.state import Floats
 
 SCRIPT = (Path(__file__).parent / "playback.js").read_text(encoding="utf-8")

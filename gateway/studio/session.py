@@ -21,7 +21,7 @@ from gateway.files import write_whole
 from gateway.ingest.survey import Survey
 from gateway.studio import tasks
 from gateway.studio.access import Folders
-from gateway.studio.tasks import DiagnosisView, LadderView, TrialView
+from gateway.studio.views import DiagnosisView, LadderView, TrialView
 from gateway.studio.worker import JobMessage, Worker
 from gateway.user_effects import EffectFile, effect_file_beside
 from gateway.vessel_file import read_vessel_file

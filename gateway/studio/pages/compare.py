@@ -35,7 +35,7 @@ from gateway.studio.page import (
 )
 from gateway.studio.playback import Playback
 from gateway.studio.session import Session
-from gateway.studio.tasks import TimeRanges, TrialView, VesselView
+from gateway.studio.views import TimeRanges, TrialView, VesselView
 from sim.comparison.compare import Judgement, judge
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"

@@ -26,7 +26,7 @@ from gateway.studio.page import (
     table,
     word,
 )
-from gateway.studio.tasks import AlternativeView, DiagnosisView, LadderView
+from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
 from sim.diagnosis.answer import Verdict
 
 MOST_CANDIDATES = 6  # that are offered

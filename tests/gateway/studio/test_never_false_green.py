@@ -19,7 +19,7 @@ from gateway.studio.live_history import BoatHistory, LiveHistory, WatchedBoat
 from gateway.studio.page import Page
 from gateway.studio.pages import compare, diagnose, live, recordings, vessel
 from gateway.studio.session import GOOD_S, NOW, Session, with_values
-from gateway.studio.tasks import (
+from gateway.studio.views import (
     ComparisonView,
     DiagnosisView,
     LadderView,

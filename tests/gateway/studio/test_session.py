@@ -13,14 +13,8 @@ from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
 from gateway.studio.access import Folders
 from gateway.studio.session import Session, with_values
-from gateway.studio.tasks import (
-    AlternativeView,
-    DiagnosisView,
-    LadderView,
-    TrialView,
-    compare_task,
-    report_task,
-)
+from gateway.studio.tasks import compare_task, report_task
+from gateway.studio.views import AlternativeView, DiagnosisView, LadderView, TrialView
 from gateway.vessel_file import load_vessel
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -1,0 +1,140 @@
+"""What the pages show, as plain values that cross from one process into another."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gateway.figures.diagnosis import LadderBar
+from gateway.figures.figure_data import FigureData
+from sim.state import Floats
+
+TimeRanges = tuple[tuple[float, float], ...]  # from, to [s]
+
+
+@dataclass(frozen=True)
+class RegimeView:
+    """A regime in words, and the stretches of time that belong to it."""
+
+    text: str
+    times: TimeRanges
+
+
+@dataclass(frozen=True)
+class VesselView:
+    """One vessel on one recording.
+
+    motion  (T, 6) η and ν of its free predictions on the recording's rows, NaN between them
+    force   (T, 4) missing X, Y and their standard deviations [N]
+    """
+
+    name: str
+    rmse: Mapping[str, float]
+    nrmse: float
+    ci95: tuple[float, float] | None
+    floor: float
+    worst: tuple[RegimeView, ...]
+    figures: Mapping[str, FigureData]
+    motion: Floats | None = None
+    force: Floats | None = None
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """One stretch of a recording; without vessels while it is still being compared."""
+
+    name: str
+    log: str
+    seconds: float
+    time: Floats  # (T,)
+    east: Floats  # (T,)
+    north: Floats  # (T,)
+    measured: FigureData
+    commands: FigureData
+    vessels: tuple[VesselView, ...] = ()
+    notices: tuple[str, ...] = ()
+    origin_deg: tuple[float, float] | None = None
+    motion: Floats = field(default_factory=lambda: np.empty((0, 6)))  # (T, 6) η, ν as measured
+
+
+@dataclass(frozen=True)
+class ComparisonView:
+    """All recordings that could be compared, those that could not with the reason, and by what.
+
+    vessels   (label, vessel file's text) each, as they were asked for
+    """
+
+    trials: tuple[TrialView, ...]
+    refused: Mapping[str, str]
+    vessels: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class LadderView:
+    """One step that can be taken: the effects, the error then, and the vessel file's text then.
+
+    says    what its last effect says with its fitted numbers, in a sentence
+    """
+
+    effects: tuple[str, ...]
+    bar: LadderBar
+    text: str
+    says: str = ""
+
+
+@dataclass(frozen=True)
+class AlternativeView:
+    """What was ranked but not chosen: its step, and its evidence where that is worth a look.
+
+    rival        these data cannot tell it from what was chosen
+    contradicted its own curve points the other way than what is missing: it is not offered
+    """
+
+    step: LadderView
+    rival: bool
+    contradicted: bool = False
+    evidence: FigureData | None = None
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    """A diagnosis: what `shadow diagnose --json` prints, its steps, its figures.
+
+    headlines  the answer in sentences, what matters first
+    causes  effect that was found -> what it says with its fitted numbers
+    looks   effect -> what it looks like
+    before  effects that the vessel had when it was diagnosed
+    """
+
+    answer: Mapping[str, Any]
+    logs: tuple[str, ...]
+    floor: float
+    steps: tuple[LadderView, ...]
+    ranking: FigureData | None
+    evidence: Mapping[str, FigureData]
+    looks: Mapping[str, str] = field(default_factory=dict)
+    separations: tuple[str, ...] = ()
+    before: tuple[str, ...] = ()
+    alternatives: tuple[AlternativeView, ...] = ()
+    headlines: tuple[str, ...] = ()
+    causes: Mapping[str, str] = field(default_factory=dict)
+
+    def up_to(self, step: LadderView) -> tuple[LadderView, ...]:
+        """The steps on the way to one, and itself."""
+        if step in self.steps:
+            return self.steps[: self.steps.index(step) + 1]
+        n = len(step.effects)
+        below = (s for s in self.steps if s.effects == step.effects[: len(s.effects)])
+        return (*(s for s in below if len(s.effects) < n), step)
+
+    def added_since(self, effects: tuple[str, ...]) -> tuple[str, ...] | None:
+        """Which of a vessel's effects were added since; None where it is another vessel."""
+        n = len(self.before)
+        return effects[n:] if effects[:n] == self.before else None
+
+    def next_steps(self, effects: tuple[str, ...]) -> list[LadderView]:
+        """What can be added to these effects, what was chosen first."""
+        others = (one.step for one in self.alternatives if not one.contradicted)
+        every = (*self.steps, *others)
+        return [step for step in every if step.effects and step.effects[:-1] == effects]
