@@ -5,8 +5,9 @@
 With the actuators as in the vessel file, a boat turns towards its commanded moment: the correlation
 is positive whatever the hull, for the best of a few times T. Clearly negative, in yaw alone, port
 and starboard are swapped; in surge and yaw, the motors run the wrong way round; in surge alone,
-both. Only what was excited counts: a boat that was never steered, or never turned, determines
-nothing. The uncertainty of the slope comes from blocks of time.
+both. Where neither follows its command, one motor of a pair may run the wrong way round: then both
+follow theirs with that one turned. Only what was excited counts: a boat that was never steered, or
+never turned, determines nothing. The uncertainty of the slope comes from blocks of time.
 """
 
 from collections.abc import Sequence
@@ -86,12 +87,14 @@ class Wiring:
     yaw, surge   1 as commanded, −1 the other way round, 0 not determined
     runs         recordings that contradict them
     correlation  the clearest of those
+    backwards    the one thruster that runs the wrong way round; the others are as with it turned
     """
 
     yaw: int
     surge: int
     runs: tuple[str, ...]
     correlation: float
+    backwards: int | None = None
 
     @property
     def swapped(self) -> bool:
@@ -106,18 +109,30 @@ class Wiring:
 
 def wiring_of(trials: Sequence[Trial], vessel: Vessel) -> Wiring:
     """All recordings together: the clear responses of each axis vote on its sign."""
+    found, pair = _votes(trials, vessel), pair_of(vessel)
+    if found.yaw or found.surge or pair is None:
+        return found
+    for i in pair:
+        turned = _votes(trials, _with_turned(vessel, [i]), wrong=(-1, 1))
+        if turned.surge > 0 and turned.yaw:
+            return replace(turned, backwards=i)
+    return found
+
+
+def _votes(trials: Sequence[Trial], vessel: Vessel, wrong: tuple[int, ...] = (-1,)) -> Wiring:
+    """The signs of both axes; `wrong`: those that contradict the vessel file."""
     model = Model.of(vessel)
     signs: dict[Nu, int] = {}
-    wrong: list[tuple[str, CommandResponse]] = []
+    against: list[tuple[str, CommandResponse]] = []
     for axis in (Nu.R, Nu.U):
         all_of_axis = [(t.name, _response(t, model, axis)) for t in trials]
         clear = [(name, response) for name, response in all_of_axis if response and response.sign]
         total = sum(response.sign for _, response in clear)
         signs[axis] = int(np.sign(total)) if abs(total) > 0.5 * len(clear) else 0
-        if signs[axis] < 0:
-            wrong += [(name, response) for name, response in clear if response.sign < 0]
-    clearest = min((response.correlation for _, response in wrong), default=0.0)
-    runs = tuple(dict.fromkeys(name for name, _ in wrong))
+        if signs[axis] in wrong:
+            against += [(name, r) for name, r in clear if r.sign == signs[axis]]
+    clearest = max((r.correlation for _, r in against), key=abs, default=0.0)
+    runs = tuple(dict.fromkeys(name for name, _ in against))
     return Wiring(signs[Nu.R], signs[Nu.U], runs, clearest)
 
 
@@ -141,25 +156,41 @@ def pair_of(vessel: Vessel) -> tuple[int, int] | None:
     return (port[0], starboard[0]) if alone else None
 
 
+def _with_turned(vessel: Vessel, which: Sequence[int]) -> Vessel:
+    """The vessel with some of its motors running the other way round."""
+    thrusters = [
+        replace(t, servo=replace(t.servo, reversed=not t.servo.reversed)) if i in which else t
+        for i, t in enumerate(vessel.thrusters)
+    ]
+    return replace(vessel, thrusters=tuple(thrusters))
+
+
 def rewired(vessel: Vessel, wiring: Wiring) -> Vessel:
     """The vessel with its channels as the recordings have them."""
+    if wiring.backwards is not None:
+        vessel = _with_turned(vessel, [wiring.backwards])
     thrusters = list(vessel.thrusters)
     pair = pair_of(vessel)
     if wiring.swapped and pair is not None:
         port, starboard = (thrusters[i] for i in pair)
         thrusters[pair[0]] = replace(port, servo=starboard.servo)
         thrusters[pair[1]] = replace(starboard, servo=port.servo)
-    if wiring.reversed:
-        thrusters = [
-            replace(t, servo=replace(t.servo, reversed=not t.servo.reversed)) for t in thrusters
-        ]
-    return replace(vessel, thrusters=tuple(thrusters))
+    swapped = replace(vessel, thrusters=tuple(thrusters))
+    return _with_turned(swapped, range(len(thrusters))) if wiring.reversed else swapped
 
 
 def wiring_notices(wiring: Wiring, vessel: Vessel) -> tuple[str, ...]:
     """What is wrong, in which runs, and what to do: a sentence each."""
     where = f"{', '.join(wiring.runs)}: correlation {wiring.correlation:.2f}"
     notices = []
+    if wiring.backwards is not None:
+        one = vessel.thrusters[wiring.backwards]
+        vessel = _with_turned(vessel, [wiring.backwards])
+        notices.append(
+            "one motor looks as if it ran the wrong way round: the boat follows neither its "
+            "commanded force nor its commanded moment, and both with that motor turned; in the "
+            f"vessel file exchange `reversed` of {one.name} ({one.servo.channel}) ({where})"
+        )
     if wiring.swapped:
         notices.append(f"{_swap_notice(vessel)} ({where})")
     if wiring.reversed:

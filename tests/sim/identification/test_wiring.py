@@ -40,6 +40,32 @@ def test_what_is_plugged_wrong_is_told_and_put_right(sailed, swap, turn):
         assert "left (2)" in told[0]
 
 
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("which", [0, 1])
+def test_one_motor_the_wrong_way_round_is_told_and_put_right(sailed, swap, which):
+    right = plugged(swap)
+    motors = [
+        replace(t, servo=replace(t.servo, reversed=i == which))
+        for i, t in enumerate(right.thrusters)
+    ]
+    vessel = replace(right, thrusters=tuple(motors))
+    found = wiring_of(sailed, vessel)
+    assert rewired(vessel, found) == WAMV
+    told = wiring_notices(found, vessel)
+    assert len(told) == 1 + swap
+    name = f"`reversed` of {motors[which].name} ({motors[which].servo.channel})"
+    assert "one motor" in told[0]
+    assert name in told[0]
+    assert sum("swapped" in text for text in told) == swap
+
+
+def test_no_motor_is_turned_of_a_boat_that_only_drifted(sailed):
+    adrift = [replace(t, nu=np.random.default_rng(5).normal(0.0, 0.3, t.nu.shape)) for t in sailed]
+    found = wiring_of(adrift, WAMV)
+    assert found.backwards is None
+    assert not wiring_notices(found, WAMV)
+
+
 def test_the_effect_that_is_named_cures_it(sailed):
     vessel = plugged(swap=True)
     order = wiring_notices(wiring_of(sailed, vessel), vessel)[0].partition("order = ")[2].split()[0]
