@@ -201,6 +201,7 @@ def diagnose(
     )
     from gateway.terminal.console import status_line
     from gateway.terminal.diagnosis import show_diagnosis
+    from sim.diagnosis.ranking import FIRST_IMPRESSION
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
@@ -213,7 +214,7 @@ def diagnose(
     drawn = pictures_there(pictures, ("ladder", "ranking", "evidence"))
     with (
         guarded_outputs("diagnose", inputs, [save, out, *drawn], force),
-        status_line("diagnosing") as progress,
+        status_line("diagnosing", keep=FIRST_IMPRESSION) as progress,
     ):
         found = diagnose_logs(
             logs, vessel, improve=improve, prior=prior, options=options, effects=own,

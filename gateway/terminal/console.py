@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 
 from rich.console import Console
 from rich.markup import escape
@@ -67,11 +68,21 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def status_line(what: str) -> Iterator[Callable[[str], None]]:
-    """A line that says what is being done; call what it gives with the next thing."""
+def status_line(what: str, keep: str = "") -> Iterator[Callable[[str], None]]:
+    """A line that says what is being done; call what it gives with the next thing.
+
+    `keep`: what begins so stays on the screen, with the time that it took.
+    """
     console = SafeConsole(stderr=True)
     if not console.is_terminal:
         yield lambda text: None
         return
+    begun = perf_counter()
     with console.status(what) as line:
-        yield lambda text: line.update(f"{what}: {text}")
+
+        def show(text: str) -> None:
+            if keep and text.startswith(keep):
+                console.print(f"{text} ({perf_counter() - begun:.0f} s; tested now)")
+            line.update(f"{what}: {text}")
+
+        yield show

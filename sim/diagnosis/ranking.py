@@ -22,6 +22,7 @@ from sim.effects.effect import Effect
 from sim.model import Model
 
 CATALOGUE = frozenset(effect.name for effect in EFFECTS)
+FIRST_IMPRESSION = "first impression"  # begins the line of progress that is worth keeping
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,9 @@ def rank(
         return Ranking(reference, ())
     results = select_finalists(results)
     name = results[0].name
+    if not reference.names and len(results) > 1:
+        others = " or ".join(r.name for r in results[1:3])
+        progress(f"{FIRST_IMPRESSION}: most like {name}, then {others}, if anything is missing")
     leader: ScreeningResult | Fit = results[0]
     for _ in range(thresholds.MAX_NOISE_ROUNDS):
         progress(f"fitting {', '.join(r.name for r in results)}")
