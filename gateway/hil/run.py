@@ -4,7 +4,6 @@ An endpoint is `PROTOCOL:ADDRESS`; the protocols are one table. Each boat has a 
 for its autopilot, steps, and answers; nothing is sent to anybody else.
 """
 
-import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -29,6 +28,7 @@ from gateway.links.tcp import TcpServerTransport
 from gateway.links.transport import Closing, Endpoint, Transport, Waker
 from gateway.links.udp import UdpTransport
 from gateway.recording.thread import RecordingThread
+from gateway.stopping import stop_on_signals
 from gateway.vessel_file import dump_vessel, zenoh_key
 from sim.hil.boat import Boat
 from sim.hil.day import Day
@@ -324,7 +324,4 @@ def run_until_stopped(
     plans: Sequence[LoopPlan], options: LoopOptions, progress: Progress
 ) -> list[BoatLoop]:
     """Play until SIGINT or SIGTERM."""
-    asked: list[int] = []  # no Event: its lock may be held just when the signal comes
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: asked.append(number))
-    return run_loops(plans, options, progress, lambda: bool(asked))
+    return run_loops(plans, options, progress, stop_on_signals().is_set)

@@ -6,13 +6,13 @@ shadow live udpin:127.0.0.1:14550 --vessel otter            # its digital shadow
 """
 
 import argparse
-import signal
 import sys
 
 from gateway.errors import ShadowError
 from gateway.simulated_boat.play import BoatPort
 from gateway.stand_in.autopilot import StandIn, on_the_air
 from gateway.stand_in.pilots import PlanPilot
+from gateway.stopping import stop_on_signals
 from gateway.vessel_file import load_vessel
 from sim.excitation.catalogue import BY_NAME
 from sim.excitation.manoeuvre import StickLimits
@@ -33,9 +33,7 @@ def main() -> int:
         "--excitation", default="mixed", choices=BY_NAME, metavar="NAME", help="shadow plan --list"
     )
     words = parser.parse_args()
-    asked: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: asked.append(number))
+    stop = stop_on_signals()
     try:
         vessel = load_vessel(words.vessel)
         limits = StickLimits(throttle=0.7)
@@ -43,7 +41,7 @@ def main() -> int:
         with BoatPort(words.mavlink) as port:
             StandIn(vessel).drive(
                 words.sensors, pilot, float("inf"), each=on_the_air(port), real_time=True,
-                stop=lambda: bool(asked),
+                stop=stop.is_set,
             )  # fmt: skip
     except ShadowError as error:
         print(f"error: {error}", file=sys.stderr)
