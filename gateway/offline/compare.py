@@ -12,11 +12,11 @@ from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, excluded_summar
 from gateway.offline.usable_time import notices_of
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison, compare
-from sim.comparison.refit import MIN_BLOCKS, compare_refitted
+from sim.comparison.refit import TooShortError, compare_refitted
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError
-from sim.prediction.segments import BLOCK_S, CompareSettings, NoUsableTimeError
+from sim.prediction.segments import CompareSettings, NoUsableTimeError
 from sim.state import Progress
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -28,6 +28,11 @@ class TrialComparison:
 
     trial: Trial
     comparisons: tuple[Comparison, ...]
+
+    def with_notice(self, text: str) -> "TrialComparison":
+        """The same, each comparison with one notice more."""
+        told = (replace(one, notices=(*one.notices, text)) for one in self.comparisons)
+        return replace(self, comparisons=tuple(told))
 
 
 def compare_logs(
@@ -89,9 +94,8 @@ def compare_by_trial(
         trials += read
     if not out:
         names = ", ".join(str(log) for log in logs)
-        needed = f" (--refit needs {MIN_BLOCKS} blocks of {BLOCK_S:g} s)" if refit else ""
         why = excluded_summary(trials) or "all are too short"
-        raise BadInput(f"{names}: no stretch that can be compared over{needed}: {why}")
+        raise BadInput(f"{names}: no stretch that can be compared over: {why}")
     return out
 
 
@@ -102,11 +106,20 @@ def compare_models(
     progress: Progress,
     refit: bool = False,
 ) -> list[TrialComparison]:
-    """All models on one trial, as a list of one; an empty list where no time can be used."""
+    """All models on one trial, as a list of one; an empty list where no time can be used.
+
+    A trial too short to estimate on one half what is scored on the other is compared without, and
+    says so.
+    """
     how = compare_refitted if refit else compare
     try:
         with numerical_errors(trial.name, ", ".join(model.vessel.name for model in models)):
             found = how(trial, models, settings, lambda name: progress(f"{trial.name}: {name}"))
+    except TooShortError as error:
+        return [
+            one.with_notice(f"not re-estimated for this voyage: {error}")
+            for one in compare_models(trial, models, settings, progress)
+        ]
     except DivergedError as error:
         raise BadInput(f"{trial.name}: {error}") from None
     except NoUsableTimeError as error:

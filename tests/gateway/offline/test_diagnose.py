@@ -165,7 +165,13 @@ def test_compare_refits_what_is_of_the_day(run, trial, folder, tmp_path, monkeyp
     refused(run(*words, "--refit", "boat"), "--refit boat: expected voyage")
     short = replace(trial, usable=trial.time < 50.0)
     monkeypatch.setattr("gateway.offline.compare.load_trials", lambda *_: [short])
-    refused(run(*words, "--refit", "voyage"), "--refit needs 4 blocks of 25 s")
+    status, out, _ = run(*words, "--refit", "voyage", "--json")
+    assert status == 0
+    for one in json.loads(out)["trials"]:
+        assert "refit" not in one
+        assert any("not re-estimated for this voyage" in text for text in one["notices"])
+    assert "of the 4 blocks of 25 s" in " ".join(run(*words, "--refit", "voyage")[1].split())
+    assert "estimated anew" not in run(*words, "--refit", "voyage")[1]
 
 
 def test_numbers_that_were_guessed_may_be_far_off(trial, tmp_path, monkeypatch):
