@@ -56,6 +56,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "trust": model.trust,
     "plants": live.show_plants,
     "config": recordings.show_config,
+    "export": recordings.export,
     "repair": recordings.repair,
     "monitor": live.monitor,
     "demo": recordings.demo,

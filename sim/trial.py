@@ -83,13 +83,17 @@ class Trial:
 
     def to_pandas(self) -> Any:
         """One row per time: motion, its standard deviations (`..._std`), pulses, voltage, wind."""
+        return data_frame(self.columns())
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """The columns of `to_pandas` by name: (T,) each."""
         motion = np.concatenate([self.eta, self.nu, self.nu_dot], axis=1)
         columns = {name: motion[:, i] for i, name in enumerate(MOTION_NAMES)}
         columns |= {f"{name}_std": self.std()[:, i] for i, name in enumerate(MOTION_NAMES)}
         pulses = {f"pwm_{channel}": self.pwm[:, i] for i, channel in enumerate(self.channels)}
         air = {"wind_north": self.wind[:, 0], "wind_east": self.wind[:, 1]}
         more = {"voltage": self.voltage, **air, "usable": self.usable}
-        return data_frame({"time": self.time, **columns, **pulses, **more})
+        return {"time": self.time, **columns, **pulses, **more}
 
     def std(self) -> Floats:
         """Standard deviations of (eta, nu, nu_dot): (T, 9)."""

@@ -122,6 +122,66 @@ def replay(
     print_result(json, lambda: {"replays": [one.to_dict() for one in done]}, lambda: None)
 
 
+def export(
+    log: LogFile,
+    to: Annotated[
+        str, typer.Option("--to", metavar="csv|parquet|tlog|mcap", help="What LOG becomes.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="The file to write. Default: shadow-out/LOG-export.csv, …"),
+    ] = None,
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--topic",
+            metavar="NAME",
+            help="Only this message (ATTITUDE) or topic of a recording (shadow); may be repeated. "
+            "Without it a table is the aligned trial, anything else is whole.",
+        ),
+    ] = None,
+    channel: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--channel",
+            metavar="N",
+            help="Only this servo output; may be repeated.",
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            help="Rows a second of a table (default 10); of frames and topics, at most so many of "
+            "each kind a second."
+        ),
+    ] = None,
+    system: System = None,
+    mapping: Mapping = None,
+    anyway: Anyway = False,
+    force: Force = False,
+    json: AsJson = False,
+) -> None:
+    """A log as a table (csv, parquet), as its own MAVLink frames (tlog), or for players (mcap).
+
+    A table is the aligned trial: smoothed motion, its errors, pulses, voltage and wind on one time
+    grid. What is exported opens in info, compare, identify and diagnose; a .csv brings the mapping
+    file that this takes.
+    """
+    from gateway.offline.export import export as work
+    from gateway.terminal.recordings import show_export
+
+    if to not in set(work.ExportFormat):
+        raise BadInput(f"--to {to}: expected {', '.join(work.ExportFormat)}")
+    options = work.ExportOptions(
+        work.ExportFormat(to), tuple(topic or ()), tuple(channel or ()), rate, system, mapping,
+        anyway,
+    )  # fmt: skip
+    files = work.export_files(log, out, options)
+    with guarded_outputs("export", [log, mapping], files, force), numerical_errors(log):
+        done = work.export(log, files, options)
+    print_result(json, done.to_dict, lambda: show_export(done))
+
+
 def repair(file: Annotated[Path, typer.Argument(help="An MCAP recording.")]) -> None:
     """Make a recording whole that was cut off (power, kill): rewritten in one piece."""
     from gateway.recording.reader import repair as work

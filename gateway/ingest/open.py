@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.errors import BadInput
-from gateway.ingest import csv, dataflash, mavlink, mcap, ulog
+from gateway.ingest import csv, dataflash, mavlink, mcap, parquet, ulog
 from gateway.ingest.format import HEAD, LogFormat, read_bytes
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ FORMATS: tuple[LogFormat, ...] = (  # in the order in which they are asked
     mcap.FORMAT,
     dataflash.FORMAT,
     ulog.FORMAT,
+    parquet.FORMAT,
     csv.FORMAT,
     mavlink.FORMAT,  # last: it takes everything but text
 )

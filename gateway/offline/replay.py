@@ -324,8 +324,8 @@ def _enclosed(log: Log) -> list[Attachment]:
     """The log itself, where it is not frames that are recorded one by one."""
     if isinstance(log, MavlinkLog):
         return []
-    table = isinstance(log, CsvLog) and Path(log.mapping.path)
-    return enclosure_of_file(Path(log.path), table or None)
+    beside = isinstance(log, CsvLog) and log.mapping.path != log.path and Path(log.mapping.path)
+    return enclosure_of_file(Path(log.path), beside or None)
 
 
 def recording_file(log_path: str | Path, options: ReplayOptions) -> Path | None:

@@ -175,6 +175,18 @@ def _rewrite(recording: Recording, writer: Writer) -> int:
         writer.add_metadata(name, dict(entries))
     for item in recording.attachments.values():
         writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+    return copy_messages(recording, writer)
+
+
+def copy_messages(
+    recording: Recording,
+    writer: Writer,
+    chosen: Callable[[Block], NDArray[np.bool_]] | None = None,
+) -> int:
+    """Copy messages with their schemas and channels -> how many.
+
+    chosen  a block -> (K,) bool: which of its messages; None: all of them
+    """
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
     count = 0
@@ -190,19 +202,21 @@ def _rewrite(recording: Recording, writer: Writer) -> int:
                     schemas[channel.schema_id],
                     channel.metadata,
                 )
-        for number, sequence, log_time, publish_time, start, end in _messages(block):
+        messages = _messages(block)
+        if chosen is not None:
+            messages = messages[chosen(block)]
+        for number, sequence, log_time, publish_time, start, end in messages.tolist():
             data = block.data[start:end]
             writer.add_message(channels[number], log_time, data, publish_time, sequence)
-        count += len(block.channel)
+        count += len(messages)
     writer.finish()
     return count
 
 
-def _messages(block: Block) -> list[list[int]]:
-    """Channel, sequence, log time, publish time, start and end of each message."""
+def _messages(block: Block) -> Integers:
+    """Channel, sequence, log time, publish time, start and end of each message: (K, 6)."""
     columns = (block.channel, block.sequence, block.log_time_ns, block.publish_time_ns)
-    messages: list[list[int]] = np.column_stack([*columns, block.start, block.end]).tolist()
-    return messages
+    return np.column_stack([*columns, block.start, block.end])
 
 
 def _chosen(block: Block, topic: str) -> NDArray[np.intp]:

@@ -133,9 +133,13 @@ class RecordingFile:
         """Close the open chunk and hand everything to the operating system."""
         self._writer.flush()
 
+    def complete(self) -> None:
+        """Write the index that makes the file whole."""
+        self._writer.finish()
+
     def finish(self) -> None:
         """Write the index that makes the file whole, and close it."""
-        self._writer.finish()
+        self.complete()
         self._stream.close()
 
 

@@ -15,6 +15,7 @@ from gateway.figures.style import POSE, VELOCITIES, YAW_RATE
 from gateway.ingest.log import not_a_boat
 from gateway.ingest.parameters import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
+from gateway.offline.export.export import Exported
 from gateway.offline.replay import ReplaySummary
 from gateway.offline.report import ReportFile
 from gateway.offline.simulate import SimulationResult
@@ -151,6 +152,18 @@ def show_replay(summary: ReplaySummary) -> None:
         out.print(f"note: {note}", highlight=False, markup=False)
     for path in summary.recordings:
         out.path("recorded", path)
+
+
+def show_export(done: Exported) -> None:
+    """How much was written, and where."""
+    out = ResultConsole()
+    out.print(f"[bold]{escape(done.log)}[/bold]: {done.count} {done.unit}")
+    if done.columns:
+        out.print(f"columns: {', '.join(done.columns)}", highlight=False, markup=False)
+    for note in done.notes:
+        out.print(f"note: {note}", highlight=False, markup=False)
+    for file, label in zip(done.files, ("written", "mapping"), strict=False):
+        out.path(label, file)
 
 
 def show_plants(known: Sequence[Mapping[str, str]]) -> None:

@@ -181,10 +181,13 @@ class CsvLog(Log):
                 f"there are: {', '.join(name for name in header if name)}"
             )
         values = {name: _numbers(file, name, rows, header.index(name)) for name in wanted}
-        return cls._of(file, plan, values, len(raw))
+        return cls.from_columns(file, plan, values, len(raw))
 
     @classmethod
-    def _of(cls, file: Path, plan: CsvMapping, values: Mapping[str, Floats], size: int) -> "CsvLog":
+    def from_columns(
+        cls, file: Path, plan: CsvMapping, values: Mapping[str, Floats], size: int
+    ) -> "CsvLog":
+        """Columns (K,) by name, NaN where empty, that a mapping names; `size` of the file [B]."""
         time = values[plan.time_column] * plan.time_unit_s
         known = np.abs(time) < LATEST_S  # NaN is not
         if known.sum() < 2:

@@ -78,6 +78,10 @@ WRITERS: dict[tuple[str, str], tuple[Callable[[Path], Words], Callable[[Path], l
         lambda at: ["report", at / "voyage.tlog", "-v", at / "boat.toml", "--out", at / "r.html"],
         lambda at: [at / "r.html"],
     ),
+    ("export", "out"): (
+        lambda at: ["export", at / "voyage.tlog", "--to", "csv", "--out", at / "table.csv"],
+        lambda at: [at / "table.csv", at / "table.toml"],
+    ),
     ("plan", "out"): (
         lambda at: ["plan", "-v", at / "boat.toml", "--seconds", "5", "--out", at / "made"],
         lambda at: plan_files(None, None, at / "made"),
@@ -101,7 +105,7 @@ WRITERS: dict[tuple[str, str], tuple[Callable[[Path], Words], Callable[[Path], l
 }  # fmt: skip
 QUICK = [  # what ends in seconds is also run to its end
     ("init", "out"), ("replay", "out"), ("simulate", "out"), ("compare", "pictures"),
-    ("plan", "out"), ("effects", "picture"), ("effects", "write"),
+    ("export", "out"), ("plan", "out"), ("effects", "picture"), ("effects", "write"),
 ]  # fmt: skip
 
 

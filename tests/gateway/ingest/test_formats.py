@@ -25,14 +25,14 @@ def test_every_folder_with_a_format_is_in_the_table() -> None:
         for path in FOLDER.glob("*/__init__.py")
         if "FORMAT = LogFormat(" in path.read_text(encoding="utf-8")
     }
-    assert declaring == {"mavlink", "dataflash", "ulog", "csv", "mcap"}
+    assert declaring == {"mavlink", "dataflash", "ulog", "csv", "mcap", "parquet"}
     assert len(opening.FORMATS) == len(declaring)
-    assert opening.suffixes() >= {".tlog", ".bin", ".ulg", ".csv", ".mcap"}
+    assert opening.suffixes() >= {".tlog", ".bin", ".ulg", ".csv", ".mcap", ".parquet"}
 
 
 def test_formats_are_told_with_the_most_usual_first() -> None:
     assert opening.names_of(opening.FORMATS) == (
-        "a .tlog, an MCAP recording, a DataFlash .BIN, a PX4 .ulg or a .csv table"
+        "a .tlog, an MCAP recording, a DataFlash .BIN, a PX4 .ulg, a .parquet table or a .csv table"
     )
 
 

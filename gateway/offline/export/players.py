@@ -1,0 +1,162 @@
+"""An MCAP for players: chosen messages of a recording, or a log packed with its motion.
+
+The motion of a packed log is that of the aligned trial, as the topic `measured`: smoothed, with
+all data before and after each moment.
+"""
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from gateway.errors import BadInput
+from gateway.ingest.csv.log import CsvLog
+from gateway.ingest.log import Log
+from gateway.ingest.mavlink.definitions import ids_by_name
+from gateway.ingest.mavlink.log import MavlinkLog
+from gateway.ingest.mcap.enclosed import FOLDER, enclosure_of_file
+from gateway.json_rows import encode_rows
+from gateway.offline.export.frames import chosen_frames, frames_of, message_keys, names_in, thinned
+from gateway.offline.trials import TrialOptions, trials_of
+from gateway.recording.blocks import Block
+from gateway.recording.foxglove import PlayerRows
+from gateway.recording.reader import Recording, copy_messages
+from gateway.recording.recorder import RAW, Compression, RecordingFile
+from gateway.shadow.topic_rows import MOTION_FIELDS
+
+CHUNK_BYTES = 2 * 1024 * 1024
+SHOWN_HZ = 10.0  # of what players draw
+
+
+def copied_recording(
+    recording: Recording,
+    stream: IO[bytes],
+    names: Collection[str],
+    rate_hz: float | None,
+    system: int | None,
+) -> int:
+    """Chosen topics and messages of a recording, at most so many a second -> how many."""
+    writer = Writer(stream, compression=CompressionType.ZSTD)
+    writer.start(profile="")
+    for name, entries in recording.metadata.items():
+        writer.add_metadata(name, dict(entries))
+    for item in recording.attachments.values():
+        if not (names and item.name.startswith(FOLDER)):  # the log itself holds all messages
+            writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+    present = recording.counts()
+    messages = {name for name in names if name not in present}
+    unknown = sorted(messages - set(ids_by_name())) or (
+        sorted(messages) if RAW not in present else []
+    )
+    if unknown:
+        raise BadInput(
+            f"{recording.path}: no {unknown[0]} in it; there are: {', '.join(sorted(present))}"
+        )
+    wanted = {ids_by_name()[name] for name in messages}
+    return copy_messages(recording, writer, _Choice(set(names), wanted, rate_hz, system))
+
+
+class _Choice:
+    """Which messages of a block are copied; remembers what went before, for the rate."""
+
+    def __init__(
+        self, topics: set[str], messages: set[int], rate_hz: float | None, system: int | None
+    ) -> None:
+        self._topics, self._messages = topics, messages
+        self._rate_hz, self._system = rate_hz, system
+        self._last: dict[tuple[int, ...], int] = {}
+
+    def __call__(self, block: Block) -> NDArray[np.bool_]:
+        topic_of = {number: channel.topic for number, channel in block.channels.items()}
+        everything = not self._topics
+        numbers = [n for n, topic in topic_of.items() if everything or topic in self._topics]
+        keep = np.isin(block.channel, numbers)
+        raw = np.isin(block.channel, [n for n, topic in topic_of.items() if topic == RAW])
+        keys = np.full((len(keep), 4), -1, np.int64)
+        keys[:, 0] = block.channel
+        keys[raw, 1:] = message_keys(block.data, block.start[raw], block.end[raw])
+        keep |= raw & np.isin(keys[:, 3], list(self._messages))
+        if self._system is not None:
+            keep &= ~raw | (keys[:, 1] == self._system)
+        if self._rate_hz is not None:
+            rows = np.flatnonzero(keep)
+            rows = rows[thinned(keys[rows], block.log_time_ns[rows], self._rate_hz)]
+            keep[:] = False
+            keep[rows[self._new(keys[rows], block.log_time_ns[rows])]] = True
+        return keep
+
+    def _new(self, keys: NDArray[np.int64], time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(K,): the first of its key in its time step, blocks before this one counted."""
+        assert self._rate_hz is not None
+        step = max(round(1e9 / self._rate_hz), 1)
+        new = np.ones(len(keys), np.bool_)
+        for k, (key, at) in enumerate(zip(keys.tolist(), (time_ns // step).tolist(), strict=True)):
+            new[k] = self._last.get(tuple(key)) != at
+            self._last[tuple(key)] = at
+        return new
+
+
+def packed_log(
+    log: Log,
+    stream: IO[bytes],
+    messages: Collection[str],
+    rate_hz: float | None,
+    system: int | None,
+    mapping: Path | None,
+    anyway: bool,
+) -> tuple[int, tuple[str, ...]]:
+    """A log as an MCAP -> number of messages, and what could not be shown, a sentence each."""
+    file = RecordingFile(stream, Compression.ZSTD, CHUNK_BYTES)
+    if isinstance(log, MavlinkLog):
+        frames = frames_of(log)
+        absent = sorted(set(messages) - set(names_in(frames)))
+        if absent:
+            raise BadInput(f"{log.path}: no {absent[0]} in it")
+        chosen = chosen_frames(frames, messages, rate_hz, system)
+        file.start((), {})
+        times = np.maximum(chosen.receive_time_ns, 0).tolist()
+        file.write(file.raw(""), times, times, chosen.frames())
+        count = len(chosen)
+    elif messages or rate_hz is not None:
+        raise BadInput(
+            f"{log.path}: a {log.kind} log goes whole into an MCAP: without --topic and --rate, or "
+            "with --to csv or parquet"
+        )
+    else:
+        beside = isinstance(log, CsvLog) and log.mapping.path != log.path and log.mapping.path
+        file.start(enclosure_of_file(Path(log.path), Path(beside) if beside else mapping), {})
+        count = 0
+    notes: tuple[str, ...] = ()
+    if not messages:
+        shown, notes = _write_motion(file, log, system, anyway)
+        count += shown
+    file.complete()
+    return count, notes
+
+
+def _write_motion(
+    file: RecordingFile, log: Log, system: int | None, anyway: bool
+) -> tuple[int, tuple[str, ...]]:
+    """The aligned trials as `measured` -> rows; a sentence where there are none."""
+    options = TrialOptions(system=system, motion_only=True, anyway=anyway)
+    try:
+        trials = trials_of(log, options)
+    except BadInput as error:
+        return 0, (f"without its motion: {error}",)
+    count, players = 0, PlayerRows(SHOWN_HZ)
+    for trial in trials:
+        times = trial.start_time_ns + np.round(trial.time * 1e9).astype(np.int64)
+        motion = np.concatenate([trial.eta, trial.nu, trial.nu_dot], axis=1)
+        values = np.hstack([motion[:, MOTION_FIELDS], trial.std()[:, MOTION_FIELDS]])
+        rows = encode_rows("measured", times, times, values, {"source": "measured"})
+        stamps = rows.receive_time_ns
+        file.write(file.topic("measured"), stamps.tolist(), stamps.tolist(), rows.payloads)
+        count += len(rows.payloads)
+        for shown in players.of("measured", stamps, rows.payloads):
+            at = stamps[shown.rows].tolist()
+            file.write(file.well_known(shown.channel), at, at, shown.payloads)
+            count += len(shown.payloads)
+    return count, ()
