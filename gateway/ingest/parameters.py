@@ -35,7 +35,7 @@ FUNCTIONS: Mapping[int, OutputFunction] = {  # SERVOn_FUNCTION
     **dict.fromkeys(range(51, 67), OutputFunction.PASSTHROUGH),
 }
 LIMITS_US = (("MIN", 1100.0), ("TRIM", 1500.0), ("MAX", 1900.0))  # ArduPilot's own, where unset
-BANNER = re.compile(r"(Ardu\w+|PX4|Blimp)\b.*\d+\.\d+")  # "ArduRover V4.6.3 (3fc7011a)"
+BANNER = re.compile(r"(Ardu\w+|APM\w*|PX4|Blimp)\b.*\d+\.\d+")  # "ArduRover V4.6.3 (3fc7011a)"
 
 
 @dataclass(frozen=True)

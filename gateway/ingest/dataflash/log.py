@@ -43,13 +43,18 @@ WEEK_S = 604_800
 LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
 REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
 PRIMARY_LANE = (("XKF4", "PI"), ("NKF4", "PI"))  # message and column with the primary lane
-GYRO_BIAS = ("XKF1", "NKF1")  # column GZ [deg/s], column C where there are several lanes
+GYRO_BIAS = ("XKF1", "NKF1", "EKF1")  # column GZ [deg/s], column C where there are several lanes
 VEHICLES = {  # how the banner begins -> what the vehicle is
     "ArduRover": "rover or boat",
     "ArduSub": "submarine",
     "ArduCopter": "multicopter",
     "ArduPlane": "plane",
+    "APM:Rover": "rover or boat",  # until 2016
+    "APMrover2": "rover or boat",
+    "APM:Copter": "multicopter",
+    "APM:Plane": "plane",
 }
+GPS_TIME = (("GWk", "GMS"), ("Week", "TimeMS"))  # columns of week and time of week, now and in 2014
 
 
 @compiled
@@ -80,10 +85,14 @@ def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> I
 
 
 def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
-    """Columns of GPS -> Unix time minus boat time by the first with a known time, or 0 [ns]."""
-    if not {"GWk", "GMS", "TimeUS"} <= set(gps):
+    """Unix time minus boat time by the first known time of GPS, or 0 [ns].
+
+    gps  its columns, and `time_us`, the boat's time of each row
+    """
+    names = next((names for names in GPS_TIME if set(names) <= set(gps)), None)
+    if names is None:
         return 0
-    week, tow_ms, boot_us = gps["GWk"], gps["GMS"], gps["TimeUS"]
+    week, tow_ms, boot_us = gps[names[0]], gps[names[1]], gps["time_us"]
     known = np.flatnonzero(week > 0)
     if not len(known):
         return 0
@@ -185,7 +194,10 @@ class DataflashLog(Log):
     def unix_minus_boot_ns(self) -> int:
         """Unix time minus boat time [ns]; 0 where the GPS never knew the time."""
         layout = self._by_name.get("GPS")
-        return unix_minus_boot_ns(self._columns(layout)) if layout else 0
+        if layout is None:
+            return 0
+        time_us = self.time_us[self._rows(layout)]
+        return unix_minus_boot_ns({**self._columns(layout), "time_us": time_us})
 
     def _found(self) -> Statistics:
         """What was found while reading."""

@@ -25,7 +25,7 @@ EVENT_ARMED, EVENT_DISARMED = 10, 11
 
 
 def kalman(m: Any) -> Facts:
-    """XKF1, NKF1 of one lane -> position from the origin, velocity, yaw."""
+    """XKF1, NKF1 of one lane, EKF1 -> position from the origin, velocity, yaw."""
     return (
         (Quantity.POSITION, (m.PN, m.PE)),
         (Quantity.VELOCITY, (m.VN, m.VE)),
@@ -53,8 +53,9 @@ def gps(m: Any) -> Facts:
 
 
 def bat(m: Any) -> Facts:
-    """BAT, CURR -> battery voltage."""
-    return ((Quantity.VOLTAGE, (known(m.Volt, 0.0),)),)
+    """BAT, CURR -> battery voltage; until 2016 a whole number of centivolts."""
+    unit = 0.01 if np.asarray(m.Volt).dtype.kind in "iu" else 1.0
+    return ((Quantity.VOLTAGE, (known(m.Volt, 0.0) * unit,)),)
 
 
 def arm(m: Any) -> Facts:
@@ -74,13 +75,20 @@ def wind_vane(m: Any) -> Facts:
 
 
 def outputs(first: int, last: int) -> Callable[[Any], Facts]:
-    """RCOU, RCO2, RCO3 -> pulses of their channels; older logs hold fewer of them."""
-    numbers = range(first, last + 1)
-    return lambda m: servo_pulses(first, [getattr(m, f"C{i}", 0) for i in numbers])
+    """RCOU, RCO2, RCO3 -> pulses of their channels: C1, or Ch1 until 2015, which has fewer."""
+
+    def pulses(m: Any) -> Facts:
+        letters = "C" if hasattr(m, f"C{first}") else "Ch"
+        none = np.zeros_like(getattr(m, f"{letters}{first}"))
+        numbers = range(first, last + 1)
+        return servo_pulses(first, [getattr(m, f"{letters}{i}", none) for i in numbers])
+
+    return pulses
 
 
 def _rule(message: str, facts: Callable[[Any], Facts], *instance: str, **more: Any) -> Rule:
-    return Rule(message, facts, Counter.BOOT_US, instance=instance, field="TimeUS", **more)
+    # the clock of the log itself: logs of 2014 count milliseconds (TimeMS), their GPS has no clock
+    return Rule(message, facts, Counter.BOOT_US, instance=instance, field="time_us", **more)
 
 
 IMU = {Quantity.YAW_RATE: "GyrZ", Quantity.ACCELERATION: "AccX AccY"}  # bias of the gyro included
@@ -88,6 +96,7 @@ LANE = "C"  # column that numbers the lane of the autopilot's filter
 RULES: tuple[Rule, ...] = (
     _rule("XKF1", kalman, LANE),
     _rule("NKF1", kalman, LANE),
+    _rule("EKF1", kalman, equivalent="NKF1"),  # until 2016
     _rule("ATT", att),
     _rule("IMU", as_given(IMU), "I"),
     _rule("GPS", gps, "I"),
