@@ -32,8 +32,8 @@ def live(
     endpoints: Annotated[
         list[str] | None,
         typer.Argument(
-            help="udpin:HOST:PORT, udpout:…, tcp:…, tcpin:…, /dev/NAME[,BAUD]. Default: those of "
-            "the configuration."
+            help="udpin:HOST:PORT, udpout:…, tcp:…, tcpin:…, /dev/NAME[,BAUD], zenoh:KEY. Default: "
+            "those of the configuration."
         ),
     ] = None,
     vessel: Annotated[

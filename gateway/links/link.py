@@ -24,6 +24,8 @@ from gateway.links.tcp import TcpClientTransport, TcpServerTransport
 from gateway.links.transmitter import Identity, Signatures, Transmitter, permitted
 from gateway.links.transport import Arrival, Closing, Endpoint, Transport, Waker
 from gateway.links.udp import UdpTransport
+from gateway.links.zenoh_key import FORM as ZENOH_FORM
+from gateway.links.zenoh_key import ZenohTransport
 
 
 class LinkSource(NamedTuple):
@@ -42,6 +44,7 @@ SOURCES = (
     LinkSource("tcp", "tcp:HOST:PORT", "join a server", TcpClientTransport),
     LinkSource("tcpin", "tcpin:HOST:PORT", "be the server", TcpServerTransport),
     LinkSource("serial", SERIAL_FORM, "a serial port with its baud rate", SerialTransport),
+    LinkSource("zenoh", ZENOH_FORM, "a zenoh key with frames: BlueOS", ZenohTransport),
 )
 ALIASES = {"udp": "udpin"}
 

@@ -9,6 +9,7 @@ from gateway.links.serial_port import DEFAULT_BAUD, SerialTransport
 from gateway.links.tcp import TcpClientTransport, TcpServerTransport
 from gateway.links.transport import Endpoint
 from gateway.links.udp import UdpTransport
+from gateway.links.zenoh_key import ZenohTransport
 from tests.conftest import ROOT
 
 
@@ -42,6 +43,7 @@ def test_every_form(text, kind, listens, address):
     "text",
     ["", "14550", "udpin", "udpin:", "udpin:14550", "udpin:host:", "udpin:host:0", "udpin:host:x",
      "udpin:host:65536", "udpin:host:-1", "udpin:host:１４", "mcast:14550", "serial:",
+     "zenoh:", "zenoh:mavlink raw", "zenoh:**", "zenoh:a//b", "zenoh:/a", "zenoh:a@host",
      "serial:COM3", "COM3", "/dev/ttyUSB0,fast", "tcp::5760", "UDPIN:host:1"],
 )  # fmt: skip
 def test_a_wrong_one_lists_the_forms_that_exist(text):
@@ -51,6 +53,22 @@ def test_a_wrong_one_lists_the_forms_that_exist(text):
     assert f'"{text}"' in line
     assert all(source.form in line for source in SOURCES)
     assert "\n" not in line
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "router", "answer"),
+    [
+        ("zenoh:mavlink_raw/out", "mavlink_raw/out", "tcp/127.0.0.1:7447", "mavlink_raw/in"),
+        ("zenoh:a/out@tcp/10.0.0.2:7448", "a/out", "tcp/10.0.0.2:7448", "a/in"),
+        ("zenoh:frames@udp/[::1]:1", "frames", "udp/[::1]:1", None),
+    ],
+)
+def test_a_zenoh_key_and_its_router(text, key, router, answer):
+    transport = transport_of(text)
+    assert type(transport) is ZenohTransport
+    assert (transport.key, transport.router, transport.answer_key) == (key, router, answer)
+    assert not transport.listens
+    assert not transport.speaks_first
 
 
 def test_a_plug_in_adds_a_kind_of_link(monkeypatch):
