@@ -39,6 +39,7 @@ from gateway.ingest.mcap import MAGIC
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.plants import plant_relative_to
 from gateway.recording.foxglove_server import parse_address
+from gateway.recording.origin_gate import ORIGIN
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings
 from gateway.toml_file import explain, read_toml, validated
@@ -133,10 +134,16 @@ class FoxgloveSettings:
     """Table `[foxglove]`: a live WebSocket server, where an address is given."""
 
     address: str | None = None  # [HOST:]PORT
+    origins: tuple[str, ...] = ()  # of web pages that may watch, beside Foxglove's and Lichtblick's
 
     def __post_init__(self) -> None:
         if self.address is not None:
             parse_address(self.address)
+        for origin in self.origins:
+            if not ORIGIN.fullmatch(origin):
+                raise BadInput(
+                    f'[foxglove] origins: "{origin}": expected such as https://example.org:8443'
+                )
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,15 @@
 pymavlink's own splitter trusts the length behind every magic byte: one stray byte of noise swallows
 up to 280 bytes of good frames. Here, as in logs (`gateway.ingest.mavlink.walk`), a frame is
 accepted when its checksum holds, and anything else moves the search on by one byte. `Peers` keeps
-the addresses from which each system id sends, and tells whether two boats share an id.
+the addresses from which each system id sends; of two that use one id the first holds it, and the
+frames of the other are left out.
 """
 
 import re
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -23,9 +26,13 @@ from gateway.links.transport import Arrival, Peer, peer_text
 
 MAX_ADDRESSES = 8  # kept per system id
 ADDRESS_TIMEOUT_NS = 60_000_000_000  # an address silent for so long is not sent to
-# Two addresses are two boats with one id after so many changes between them, each within this time
-# of the one before: a reconnection under another port changes once. Chosen, not measured.
-SHARED_ID_CHANGES, CHANGE_WINDOW_NS = 4, 10_000_000_000
+# Of two addresses that use one id the first holds it until it was silent for so long: a sender that
+# comes back under another port waits for that. Boats speak at least once a second. Chosen.
+HOLD_NS = 2_000_000_000
+# Two addresses are two boats with one id once the holder has spoken again so often after the other
+# one, each within this time of the turn before: a reconnection changes once. Chosen, not measured.
+SHARED_ID_TURNS, TURN_WINDOW_NS = 4, 10_000_000_000
+MAX_LISTED = 32  # systems that a link tells of by name
 
 
 class SenderChange(Enum):
@@ -33,34 +40,81 @@ class SenderChange(Enum):
 
     NONE = auto()
     FIRST = auto()  # the first frame under this system id
-    SHARED = auto()  # two addresses use this system id: reported once
+    APART = auto()  # another address holds this id: the frame is not for use
+    SHARED = auto()  # two addresses use this id: reported once, with a frame of its holder
+
+
+@dataclass
+class _Holder:
+    """The address that speaks for a system and component."""
+
+    peer: Peer
+    spoke_ns: int
+    other: bool = False  # another address has spoken since
+    turns: int = 0
+    turned_ns: int = 0
+    reported: bool = False
 
 
 class Peers:
-    """Addresses by the system ids that were received from them; two threads use it."""
+    """Addresses by the system ids that were received from them; two threads use it.
 
-    def __init__(self) -> None:
+    connected  the peers that are connected now, None where only what they send tells of them: one
+               that hung up holds no id
+    """
+
+    def __init__(self, connected: Callable[[], tuple[Peer, ...] | None] = lambda: None) -> None:
+        self._connected = connected
         self._lock = threading.Lock()
         self._received_ns: dict[int, dict[Peer, int]] = {}
         self._latest: dict[int, Peer] = {}
-        self._changes: dict[int, tuple[int, int]] = {}  # count, time of the last
+        self._holders: dict[tuple[int, int], _Holder] = {}  # by system and component
 
-    def note(self, system: int, peer: Peer, now_ns: int) -> SenderChange:
-        """A frame of a system came from that peer."""
+    def note(self, system: int, component: int, peer: Peer, now_ns: int) -> SenderChange:
+        """A frame of a system and component came from that peer."""
         with self._lock:
-            known = self._received_ns.setdefault(system, {})
-            known[peer] = now_ns
-            before = self._latest.get(system)
-            self._latest[system] = peer
-            if before is None or before == peer:
-                return SenderChange.FIRST if before is None else SenderChange.NONE
-            if len(known) > MAX_ADDRESSES:
-                del known[min(known, key=known.__getitem__)]
-            count, when = self._changes.get(system, (0, now_ns))
-            close = count >= SHARED_ID_CHANGES or now_ns - when < CHANGE_WINDOW_NS
-            count = count + 1 if close else 1
-            self._changes[system] = (count, now_ns)
-            return SenderChange.SHARED if count == SHARED_ID_CHANGES else SenderChange.NONE
+            holder = self._holders.get((system, component))
+            if holder is None or (holder.peer != peer and self._gone(holder, now_ns)):
+                holder = self._holders[system, component] = _Holder(peer, now_ns)
+            if holder.peer != peer:
+                holder.other = True
+                return SenderChange.APART
+            first = system not in self._latest
+            self._address(system, peer, now_ns)
+            shared = self._turn(holder, now_ns)
+        if shared:
+            return SenderChange.SHARED
+        return SenderChange.FIRST if first else SenderChange.NONE
+
+    def note_address(self, system: int, peer: Peer, now_ns: int) -> None:
+        """A system was received from that peer, in a frame that is not for use."""
+        with self._lock:
+            self._address(system, peer, now_ns)
+
+    def _gone(self, holder: _Holder, now_ns: int) -> bool:
+        connected = self._connected()
+        hung_up = connected is not None and holder.peer not in connected
+        return hung_up or now_ns - holder.spoke_ns > HOLD_NS
+
+    def _address(self, system: int, peer: Peer, now_ns: int) -> None:
+        known = self._received_ns.setdefault(system, {})
+        known[peer] = now_ns
+        self._latest[system] = peer
+        if len(known) > MAX_ADDRESSES:
+            del known[min(known, key=known.__getitem__)]
+
+    @staticmethod
+    def _turn(holder: _Holder, now_ns: int) -> bool:
+        """The holder speaks again -> are there two boats, said for the first time?"""
+        holder.spoke_ns = now_ns
+        if not holder.other:
+            return False
+        close = now_ns - holder.turned_ns < TURN_WINDOW_NS
+        holder.other, holder.turned_ns = False, now_ns
+        holder.turns = holder.turns + 1 if close else 1
+        found = holder.turns >= SHARED_ID_TURNS and not holder.reported
+        holder.reported |= found
+        return found
 
     def addresses(self, system: int | None, now_ns: int) -> tuple[Peer, ...]:
         """Of a system, of all for None; the latest of each even after a long silence."""
@@ -144,6 +198,7 @@ class FrameReader:
         self._signatures, self._reporter = signatures, reporter
         self._decoder = dialect.MAVLink(None)
         self._unfinished: dict[Peer, bytes] = {}
+        self._systems = 0  # that were heard
 
     def read(self, arrival: Arrival) -> tuple[Frame, ...]:
         """The frames that one read of the link completed."""
@@ -155,7 +210,8 @@ class FrameReader:
                 del self._unfinished[next(iter(self._unfinished))]
             self._unfinished[arrival.peer] = split.rest
         accepted = (frame for frame in split.frames if self._signed_well(frame, arrival))
-        return tuple(self._decoded(frame, arrival.peer) for frame in accepted)
+        decoded = (self._decoded(frame, arrival.peer) for frame in accepted)
+        return tuple(frame for frame in decoded if frame is not None)
 
     def forget(self) -> None:
         """The link was lost: unfinished frames will never be completed."""
@@ -169,7 +225,7 @@ class FrameReader:
         if status is not SignatureStatus.VALID:
             self._refuse(status)
         if status is SignatureStatus.OLD:  # a boat behind in time learns the time from our frames
-            self._peers.note(frame.raw[5], arrival.peer, time.monotonic_ns())
+            self._peers.note_address(frame.raw[5], arrival.peer, time.monotonic_ns())
         return status is SignatureStatus.VALID
 
     def _refuse(self, status: SignatureStatus) -> None:
@@ -183,24 +239,38 @@ class FrameReader:
             f"signature, {c.old_signature} with an old timestamp",
         )
 
-    def _decoded(self, frame: RawFrame, peer: Peer) -> Frame:
+    def _decoded(self, frame: RawFrame, peer: Peer) -> Frame | None:
+        """A frame for use; None where its sender is kept apart."""
         raw = frame.raw
+        system, component = raw[5:7] if raw[0] == 0xFD else raw[3:5]
+        if frame.known and not self._from_holder(system, component, peer):
+            self._counts.apart += 1
+            return None
         self._counts.frames += 1
         if not frame.known:
             self._counts.unknown += 1
             return Frame(raw, None)
-        self._note_sender(raw[5] if raw[0] == 0xFD else raw[3], peer)
         return Frame(raw, self._decoder.decode(bytearray(raw)))
 
-    def _note_sender(self, system: int, peer: Peer) -> None:
-        """Remember the address of a system; report it when it is new or looks like two."""
-        change = self._peers.note(system, peer, time.monotonic_ns())
+    def _from_holder(self, system: int, component: int, peer: Peer) -> bool:
+        """Remember the address of a system; report it when it is new, or when there are two."""
+        change = self._peers.note(system, component, peer, time.monotonic_ns())
         if change is SenderChange.FIRST:
-            text = f"system {system} heard from {peer_text(peer)}"
-            self._reporter.report(LinkEventKind.HEARD, text)
+            self._report_new(system, peer)
         elif change is SenderChange.SHARED:
             self._reporter.report(
                 LinkEventKind.SHARED_ID,
                 f"system {system} speaks from {peer_text(peer)} and from another address: "
-                "two boats with one id, or one boat by two ways",
+                "two boats with one id, or one boat by two ways; the first holds the id, what "
+                "comes from the other is left out",
             )
+        return change is not SenderChange.APART
+
+    def _report_new(self, system: int, peer: Peer) -> None:
+        """Name a new system; of many, say only that there are more."""
+        self._systems += 1
+        text = f"system {system} heard from {peer_text(peer)}"
+        if self._systems > MAX_LISTED:
+            text = f"more than {MAX_LISTED} systems heard: further ones are not named"
+        if self._systems <= MAX_LISTED + 1:
+            self._reporter.report(LinkEventKind.HEARD, text)

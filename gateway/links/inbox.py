@@ -27,6 +27,7 @@ class LinkCounts:
     unsigned: int = 0  # refused, as the next two
     wrong_signature: int = 0
     old_signature: int = 0
+    apart: int = 0  # of a second sender under an id that the first one holds
     faults: int = 0
     losses: int = 0  # of the connection
     sent: int = 0

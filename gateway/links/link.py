@@ -101,7 +101,7 @@ class Link:
         self._inbox = inbox
         self._signatures = None if key is None else Signatures(key)
         self._transmitter = None if identity is None else Transmitter(identity, key, number)
-        self._peers, self._counts = Peers(), LinkCounts()
+        self._peers, self._counts = Peers(self._transport.connected), LinkCounts()
         self._reporter = EventReporter(self.name, inbox)
         self._reader = FrameReader(self._counts, self._peers, self._signatures, self._reporter)
         self._up: bool | None = None  # None: not tried yet

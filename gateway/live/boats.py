@@ -176,11 +176,15 @@ class LiveBoat:
 
 
 MAX_BOATS = 32  # invented system ids may not use up files and memory
+MAX_LISTED = 8  # boats without a vessel that are named
+MAX_OTHERS = (
+    8  # systems that are no boat of ours whose frames a recording holds: ground stations, …
+)
 
 
 @dataclass(frozen=True)
 class BoatPlan:
-    """A vessel for one boat (by system id), or for any other (None)."""
+    """A vessel for one boat (by system id), or for the first that no other plan is for (None)."""
 
     vessel: Vessel
     plant: PlantChoice = OWN_VESSEL
@@ -212,6 +216,8 @@ class Fleet:
     ) -> None:
         self.boats: dict[int, LiveBoat] = {}
         self._ignored_systems: set[int] = set()  # that no plan is for
+        self._taken: set[int] = set()  # plans for any boat that have found theirs
+        self._others: set[int] = set()  # systems beside the boats whose frames are recorded
         self._plans = tuple(plans)
         self._found, self._ignored = found, ignored
         following = settings.following
@@ -263,11 +269,20 @@ class Fleet:
                 yield FleetOutput(boat, output)
 
     def frames_of(self, frames: Sequence[Frame], boat: LiveBoat) -> list[bytes]:
-        """The frames for a boat's recording: its own, and those of no boat."""
-        others = self.boats.keys() - {boat.boat.system}
-        return [
-            f.raw for f in frames if f.message is None or f.message.get_srcSystem() not in others
-        ]
+        """The frames for a boat's recording: its own, and those of a few systems that are no boat.
+
+        A flood of invented ids neither fills the disk nor delays the boat.
+        """
+        own = boat.boat.system
+        return [f.raw for f in frames if (system := sender(f.raw)) == own or self._beside(system)]
+
+    def _beside(self, system: int) -> bool:
+        """Is it one of the few systems that are no boat and are recorded?"""
+        if system in self.boats or system in self._ignored_systems:
+            return False
+        if len(self._others) < MAX_OTHERS:
+            self._others.add(system)
+        return system in self._others
 
     def _find_boat(self, heartbeat: Any) -> None:
         system = heartbeat.get_srcSystem()
@@ -279,9 +294,12 @@ class Fleet:
         index = self._plan_for(system)
         if index is None or len(self.boats) >= MAX_BOATS:
             self._ignored_systems.add(system)
+            self._others.discard(system)
             self._ignored(boat)
             return
         plan = self._plans[index]
+        if plan.system is None:
+            self._taken.add(index)
         self.boats[system] = LiveBoat(boat, self._name(plan, system), self._paths[index])
         self._found(self.boats[system], plan)
 
@@ -295,12 +313,18 @@ class Fleet:
         return name
 
     def _plan_for(self, system: int) -> int | None:
-        """The plan for this very boat, else the one for any."""
+        """The plan for this very boat, else one for any that has not found its boat yet."""
         for wanted in (system, None):
             for index, plan in enumerate(self._plans):
-                if plan.system == wanted:
+                if plan.system == wanted and index not in self._taken:
                     return index
         return None
+
+
+def sender(raw: bytes) -> int:
+    """System id of a frame; 0 where it is too short to have one."""
+    place = 5 if raw[:1] == b"\xfd" else 3
+    return raw[place] if len(raw) > place else 0
 
 
 def _warm_up_messages(boot_ms: int) -> list[Any]:

@@ -29,7 +29,7 @@ from gateway.ingest.log import Boat
 from gateway.links.inbox import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
-from gateway.live.boats import BoatPlan, Fleet, LiveBoat
+from gateway.live.boats import MAX_LISTED, BoatPlan, Fleet, LiveBoat
 from gateway.live.outputs import BoatOutputs, EarlyDatagrams, start_recording
 from gateway.live.rate_requests import RateRequests
 from gateway.plants import load_plant
@@ -87,6 +87,7 @@ class Gateway:
         self._leading = plans[0] if plans else None  # its boat has the topics of a recording
         self._early = EarlyDatagrams()
         self._dropped = 0
+        self._ignored = 0  # boats without a vessel
         self._checked_s = 0
         self._fault_ns = -REPORT_INTERVAL_NS
 
@@ -101,7 +102,10 @@ class Gateway:
             if options.settings.foxglove.address is not None:
                 self._foxglove = scope.enter_context(
                     FoxgloveServer(
-                        options.settings.foxglove.address, options.settings.recording.foxglove_hz
+                        options.settings.foxglove.address,
+                        options.settings.recording.foxglove_hz,
+                        options.settings.foxglove.origins,
+                        self._progress,
                     )
                 )
                 self._progress(self._foxglove.text)
@@ -240,9 +244,14 @@ class Gateway:
             outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
 
     def _report_ignored(self, boat: Boat) -> None:
-        self._progress(
-            f"{boat}: ignored, no vessel is given for it; --vessel {boat.system}=FILE does"
-        )
+        self._ignored += 1
+        if self._ignored <= MAX_LISTED:
+            self._progress(
+                f"{boat}: not followed, no vessel is given for it; --vessel {boat.system}=FILE "
+                "does that"
+            )
+        elif self._ignored == MAX_LISTED + 1:
+            self._progress("more boats are heard than are named here: none of them is followed")
 
     def _status(self, boat: LiveBoat) -> Callable[[], bytes]:
         """The answer of the queryable `status`, made on a thread of zenoh."""

@@ -10,7 +10,7 @@ that the same layout fits; those of other boats begin with their names.
 
 import ipaddress
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from threading import Thread
 from typing import Any, Self
@@ -21,6 +21,7 @@ from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows
+from gateway.recording.origin_gate import ORIGINS, OriginGate, inner_host
 from gateway.recording.recorder import JSON, JSON_SCHEMA
 from gateway.topics import TOPICS
 
@@ -44,6 +45,7 @@ def on_this_machine(host: str) -> bool:
 
 
 BACKLOG = 1024  # messages that wait for one client: about three seconds of a boat at 50 Hz
+MAX_TOLD = 8  # pages that were refused and are named
 STOP_S = 0.5  # a client that does not read would hold up the end
 NAME = "digital shadow"
 
@@ -90,24 +92,42 @@ class BoatView:
 
 
 class FoxgloveServer:
-    """Listens while inside; `address` is [HOST:]PORT."""
+    """Listens while inside.
 
-    def __init__(self, address: str, rate_hz: float) -> None:
+    address   [HOST:]PORT
+    origins   of web pages that may connect, beside `ORIGINS` and those of this machine
+    progress  is told of pages that were refused
+    """
+
+    def __init__(
+        self,
+        address: str,
+        rate_hz: float,
+        origins: Sequence[str] = (),
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> None:
         self.host, self._port = parse_address(address)
         self._rate_hz = rate_hz
+        self._origins, self._progress = (*ORIGINS, *origins), progress
         self._server: Any = None
+        self._gate: OriginGate | None = None
+        self._refused: set[str] = set()
         self._plain_given = False
 
     def __enter__(self) -> Self:
         self._sdk = _library()
         self._context = self._sdk.Context()
+        inner = inner_host()
         try:
             self._server = self._sdk.start_server(
-                name=NAME, host=self.host, port=self._port, context=self._context,
-                message_backlog_size=BACKLOG,
+                name=NAME, host=inner, port=0, context=self._context, message_backlog_size=BACKLOG,
             )  # fmt: skip
-        except RuntimeError as error:
-            why = str(error).rpartition("Failed to bind port: ")[2].split(" (os error")[0]
+            inside = inner, int(self._server.port)
+            gate = OriginGate((self.host, self._port), inside, self._origins, self._refuse)
+            self._gate = gate.__enter__()
+        except (RuntimeError, OSError) as error:
+            self.__exit__()
+            why = (getattr(error, "strerror", None) or str(error)).split(" (")[0]
             raise BadInput(
                 f"Foxglove server on {self.host}:{self._port}: cannot listen there: {why}; "
                 "is another program using the port?"
@@ -115,6 +135,9 @@ class FoxgloveServer:
         return self
 
     def __exit__(self, *_: object) -> None:
+        gate, self._gate = self._gate, None
+        if gate is not None:
+            gate.__exit__()
         server, self._server = self._server, None
         if server is None:  # the library does not stand being stopped twice
             return
@@ -125,7 +148,8 @@ class FoxgloveServer:
     @property
     def port(self) -> int:
         """Where it listens."""
-        return int(self._server.port)
+        assert self._gate is not None
+        return self._gate.port
 
     @property
     def text(self) -> str:
@@ -133,6 +157,15 @@ class FoxgloveServer:
         host = f"[{self.host}]" if ":" in self.host else self.host
         others = "" if on_this_machine(self.host) else ", for everyone who reaches this machine"
         return f"Foxglove WebSocket on ws://{host}:{self.port}{others}"
+
+    def _refuse(self, origin: str) -> None:
+        """Tell of a page that was refused, once for each of the first few."""
+        if origin not in self._refused and len(self._refused) < MAX_TOLD:
+            self._refused.add(origin)
+            self._progress(
+                f"Foxglove: a web page of {origin[:100] or 'several origins'} was refused; "
+                "origins under [foxglove] in gateway.toml lists those that may watch"
+            )
 
     def boat(self, name: str, leading: bool) -> BoatView:
         """Channels for a boat; the first leading one has the topics of a recording."""

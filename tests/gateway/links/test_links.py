@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
+from gateway.links.frame_reader import MAX_LISTED
 from gateway.links.inbox import Inbox, LinkEventKind
 from gateway.links.link import Link
 from gateway.links.rate_requests import heartbeat
@@ -268,26 +269,35 @@ def test_closing_ends_the_thread_at_once(inbox, endpoint):
     assert not link.send_message(heartbeat())
 
 
-def test_two_boats_with_one_system_id_are_noticed(inbox):
+def test_of_two_boats_with_one_system_id_the_first_is_taken(inbox):
     port = free_port()
-    with Link(f"udpin:127.0.0.1:{port}", inbox), udp_socket() as a, udp_socket() as b:
-        for _ in range(5):
-            for line in (a, b):
-                line.sendto(Autopilot().attitude(), ("127.0.0.1", port))
-        found = items(
-            inbox,
-            lambda found: any(getattr(i, "kind", 0) is LinkEventKind.SHARED_ID for i in found),
-        )
-        assert "two boats with one id" in found[-1].text
-    rest = [inbox.get(0) for _ in range(len(inbox))]
-    kinds = [getattr(item, "kind", None) for item in rest]
-    assert LinkEventKind.SHARED_ID not in kinds  # reported once
+    first, second = Autopilot(), Autopilot()
+    with Link(f"udpin:127.0.0.1:{port}", inbox) as link, udp_socket() as a, udp_socket() as b:
+        sent = []
+        for k in range(6):
+            sent.append(first.attitude(k))
+            a.sendto(sent[-1], ("127.0.0.1", port))
+            b.sendto(second.attitude(900 + k), ("127.0.0.1", port))
+        found = items(inbox, lambda found: sum(not hasattr(i, "kind") for i in found) == 6)
+        deadline = time.monotonic() + PATIENCE_S
+        while link.counts().apart < 6:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    found += [inbox.get(0) for _ in range(len(inbox))]
+    taken = [frame.raw for item in found if not hasattr(item, "kind") for frame in item.frames]
+    shared = [i for i in found if getattr(i, "kind", None) is LinkEventKind.SHARED_ID]
+    assert taken == sent
+    assert len(shared) == 1  # reported once
+    assert "two boats with one id" in shared[0].text
+    assert "what comes from the other is left out" in shared[0].text
 
 
-def test_a_sender_that_comes_back_under_another_port_is_no_second_boat(inbox):
+def test_a_sender_that_comes_back_under_another_port_is_no_second_boat(inbox, monkeypatch):
+    monkeypatch.setattr("gateway.links.frame_reader.HOLD_NS", 50_000_000)
     port = free_port()
     with Link(f"udpin:127.0.0.1:{port}", inbox, US) as link:
         for _ in range(2):
+            time.sleep(0.06)
             with udp_socket() as line:
                 for _ in range(5):
                     line.sendto(Autopilot().attitude(), ("127.0.0.1", port))
@@ -295,6 +305,18 @@ def test_a_sender_that_comes_back_under_another_port_is_no_second_boat(inbox):
                 assert LinkEventKind.SHARED_ID not in [getattr(i, "kind", None) for i in got]
                 assert link.send_message(heartbeat())
                 assert heard(line.recv(300)) == OURS
+
+
+def test_a_flood_of_systems_is_not_named_one_by_one(inbox):
+    port = free_port()
+    with Link(f"udpin:127.0.0.1:{port}", inbox), udp_socket() as line:
+        for system in range(1, 201):
+            line.sendto(Autopilot(system).attitude(), ("127.0.0.1", port))
+            time.sleep(0.0005)
+        found = items(inbox, lambda found: sum(not hasattr(i, "kind") for i in found) == 200)
+    told = [i.text for i in found if getattr(i, "kind", None) is LinkEventKind.HEARD]
+    assert len(told) == MAX_LISTED + 1
+    assert told[-1] == f"more than {MAX_LISTED} systems heard: further ones are not named"
 
 
 def test_a_full_inbox_drops_and_counts_but_never_blocks():

@@ -12,7 +12,7 @@ from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.ingest.log import Boat
 from gateway.links.inbox import Datagram, Frame
-from gateway.live.boats import MAX_BOATS, BoatPlan, Fleet, LiveBoat
+from gateway.live.boats import MAX_BOATS, MAX_OTHERS, BoatPlan, Fleet, LiveBoat, sender
 from gateway.live.gateway import plans_in, plans_of
 from gateway.vessel_file import dump_vessel
 from tests.gateway.pipelines.aboard import SETTINGS
@@ -87,18 +87,48 @@ def test_only_the_autopilots_own_words_are_heard() -> None:
     assert orjson.loads(payload)["rate_hz"] == 2 / 5
 
 
-def test_whoever_invents_system_ids_meets_an_end() -> None:
-    harbour = Harbour(BoatPlan(WAMV)).beat(*range(1, 251))
+def test_a_vessel_for_any_boat_follows_the_first_and_no_other() -> None:
+    harbour = Harbour(BoatPlan(WAMV)).beat(9, 1, 9, *range(10, 251))
+    assert list(harbour.fleet.boats) == [9]
+    assert harbour.ignored == [1, *range(10, 251)]
+
+
+def test_a_boat_that_has_its_own_plan_does_not_use_up_that_for_any() -> None:
+    harbour = Harbour(BoatPlan(WAMV), BoatPlan(IACQUABOT, system=2)).beat(2, 3, 4)
+    assert harbour.found == [("iacquabot", "IAcquaBot"), ("wam-v", "WAM-V")]
+    assert harbour.ignored == [4]
+
+
+def test_whoever_is_asked_for_by_id_is_bounded() -> None:
+    plans = [BoatPlan(WAMV, system=number) for number in range(1, MAX_BOATS + 3)]
+    harbour = Harbour(*plans).beat(*range(1, MAX_BOATS + 3))
     assert len(harbour.found) == MAX_BOATS
-    assert len(harbour.ignored) == 250 - MAX_BOATS
+    assert harbour.ignored == [MAX_BOATS + 1, MAX_BOATS + 2]
 
 
 def test_a_recording_holds_the_frames_of_its_boat_and_of_no_other() -> None:
-    harbour = Harbour(BoatPlan(WAMV)).beat(1, 2)
+    harbour = Harbour(BoatPlan(WAMV, system=1), BoatPlan(WAMV, system=2)).beat(1, 2, 3)
     said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
-    frames = (framed(said, 1), framed(said, 2), framed(said, 255), Frame(b"unknown", None))
+    unknown = Frame(framed(said, 255).raw, None)
+    frames = (*(framed(said, system) for system in (1, 2, 3, 255)), unknown)
     kept = harbour.fleet.frames_of(frames, harbour.fleet.boats[1])
-    assert kept == [frames[0].raw, frames[2].raw, b"unknown"]
+    assert kept == [frames[0].raw, frames[3].raw, unknown.raw]  # 3 is a boat without a vessel
+
+
+def test_invented_systems_do_not_fill_a_recording() -> None:
+    harbour = Harbour(BoatPlan(WAMV)).beat(1)
+    said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+    frames = tuple(framed(said, system) for system in range(2, 250))
+    for _ in range(2):
+        kept = harbour.fleet.frames_of(frames, harbour.fleet.boats[1])
+        assert kept == [frame.raw for frame in frames[:MAX_OTHERS]]
+    assert harbour.fleet.frames_of((framed(said, 1),), harbour.fleet.boats[1])
+
+
+def test_frames_too_short_for_a_sender_have_none() -> None:
+    assert sender(b"") == 0
+    assert sender(b"\xfd\0\0\0\0") == 0
+    assert sender(b"\xfe\0\0\x07") == 7
 
 
 @pytest.fixture

@@ -235,17 +235,19 @@ def test_hostile_datagrams_do_no_harm() -> None:
     sane(heard())
 
 
-def test_two_boats_with_one_system_id_are_noticed() -> None:
+def test_of_two_boats_with_one_system_id_one_is_shadowed() -> None:
     port = free_port()
     with (
-        running(f"udpin:127.0.0.1:{port}") as (_, heard, told),
+        running(f"udpin:127.0.0.1:{port}") as (gateway, heard, told),
         playing([boat()], f"udpout:127.0.0.1:{port}"),
         playing([boat(start=(8.0, 5.0, 0.0), boot_s=900.0)], f"udpout:127.0.0.1:{port}"),
     ):
         wait(lambda: "link_shared_id" in heard().events())
         count = len(heard().payloads["shadow"])
         wait(lambda: len(heard().payloads["shadow"]) > count + 100)
+        assert gateway.links[0].counts().apart > 100
     assert any("two boats with one id" in says for says in told)
+    assert "reboot" not in heard().events()  # the other one's clock is not this boat's
     sane(heard())
 
 

@@ -65,7 +65,7 @@ def test_each_of_several_boats_on_one_link_runs_again_from_its_own_recording(
         deck.hear(datagrams(first, second, stranger), until_s=17.0)
     for system, name, plan in ((1, "wam-v", plans[0]), (7, "iacquabot", plans[1])):
         check(deck.heard(system), again(only(tmp_path, name), plan), rows=300)
-    assert sum("ignored" in says for says in deck.told) == 1
+    assert sum("not followed" in says for says in deck.told) == 1
 
 
 def test_how_frames_are_packed_into_datagrams_makes_no_difference() -> None:
