@@ -2,13 +2,14 @@
 # make hil-demo  the same with an autopilot in the loop; AUTOPILOT=PATH is ardurover for SITL
 # make test      set up and run checks and tests
 # make test-slow set up and run what takes long
+# make fuzz      damaged files and packets against every parser, a minute each; MINUTES=10 for ten
 # make docs      the documentation as a site, with search: out/site/index.html
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo hil-demo test test-slow docs chromium check format constraints clean
+.PHONY: demo hil-demo test test-slow fuzz docs chromium check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
@@ -21,6 +22,10 @@ test: $(READY) check
 
 test-slow: $(READY) chromium
 	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m slow
+
+fuzz: $(READY)
+	$(RUN)/python -m tests.fuzz --minutes $(or $(MINUTES),1) $(if $(ONLY),--only $(ONLY)) \
+		$(if $(SEED),--seed $(SEED))
 
 docs: $(READY)
 	$(RUN)/python -m pip install --quiet --disable-pip-version-check \

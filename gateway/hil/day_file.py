@@ -3,7 +3,6 @@
 docs/hil.md describes the format. Every mistake is one line: file, key, what was expected.
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -13,7 +12,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import BadInput
-from gateway.toml_file import explain, validated
+from gateway.toml_file import explain, read_toml, validated
 from gateway.user_effects import known_effects
 from gateway.vessel_tables import StrictTable
 from sim.effects.effect import Effect
@@ -80,18 +79,11 @@ def load_day(file: Path, more_effects: Sequence[Effect] = ()) -> tuple[Day, str]
     """A day and its text; BadInput with one line where it is wrong."""
     known = {effect.name: effect for effect in (*known_effects(), *more_effects)}
     try:
-        text = file.read_text(encoding="utf-8")
-        read = validated(_DAY_FILE, tomllib.loads(text))
+        read = validated(_DAY_FILE, read_toml(file, "the day"))
     except ValidationError as error:
         raise BadInput(f"{file}: {explain(error)}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"{file}: not a TOML file: {error}") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{file}: not a text file; a day is TOML") from None
-    except OSError as error:
-        raise BadInput(f"{file}: cannot read the day: {error.strerror}") from None
     try:
-        return _day(read, known), text
+        return _day(read, known), file.read_text(encoding="utf-8")
     except ValueError as error:
         raise BadInput(f"{file}: {error}") from None
 

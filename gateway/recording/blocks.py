@@ -149,6 +149,16 @@ def _block(data: bytes, channels: dict[int, Channel], schemas: dict[int, Schema]
     return Block(data, channel, sequence, log_time, publish_time, start, end, channels, schemas)
 
 
+def _block_of(
+    data: bytes, channels: dict[int, Channel], schemas: dict[int, Schema]
+) -> Block | None:
+    """The messages in a run of records; None where a schema or channel among them is damaged."""
+    try:
+        return _block(data, channels, schemas)
+    except DAMAGE:
+        return None
+
+
 def read_content(stream: IO[bytes], span: Span) -> ReadDataStream:
     """The content of a record, for the library's `read` of its kind."""
     stream.seek(span.start)
@@ -178,6 +188,7 @@ def _unpacked(stream: IO[bytes], span: Span, room: int) -> bytes | None:
 
 DAMAGE = (  # what readers of a damaged record raise
     McapError, CRCValidationError, RuntimeError, struct.error, zstandard.ZstdError, MemoryError,
+    UnicodeDecodeError,
 )  # fmt: skip
 
 
@@ -194,10 +205,10 @@ def read_blocks(path: Path, spans: Spans) -> Iterator[Block | None]:
                 except BadInput as error:
                     raise BadInput(f"{path}: {error}") from None
                 room -= 0 if data is None else len(data)
-                yield None if data is None else _block(data, channels, schemas)
+                yield None if data is None else _block_of(data, channels, schemas)
             elif span.opcode in (MESSAGE, SCHEMA, CHANNEL):
                 stream.seek(span.start - PREFIX_BYTES)
                 data = stream.read(PREFIX_BYTES + span.length)
-                yield _block(data, channels, schemas)
+                yield _block_of(data, channels, schemas)
             elif span.opcode == Opcode.DATA_END:
                 return

@@ -74,7 +74,7 @@ class Recording:
                     elif span.opcode == Opcode.ATTACHMENT:
                         item = records.Attachment.read(read_content(stream, span))
                         attachments[item.name] = Attachment(item.name, item.media_type, item.data)
-                except (*DAMAGE, UnicodeDecodeError):
+                except DAMAGE:
                     if spans.finished:
                         raise ShadowError(DAMAGED.format(path)) from None
         return cls(path, spans.finished, metadata, attachments, spans)
