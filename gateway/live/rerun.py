@@ -17,7 +17,8 @@ from gateway.errors import BadInput
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boats import BoatPlan, Fleet, FleetOutput
-from gateway.recording.reader import TICK_LINK, RawFrames, Recording
+from gateway.recording.reader import RawFrames, Recording
+from gateway.recording.recorder import TICK_LINK
 from gateway.shadow.path import ShadowRows
 from gateway.shadow.topic_rows import LIVE, METADATA
 

@@ -24,7 +24,6 @@ DAMAGED = "{}: the file is damaged: use another copy of it"
 
 Integers = NDArray[np.int64]
 QUIET_SECONDS = 10.0
-TICK_LINK = "tick"  # its frames are empty: moments at which the loop ran without telemetry
 
 
 @dataclass(frozen=True)

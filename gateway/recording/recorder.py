@@ -33,8 +33,19 @@ from gateway.recording.foxglove import PlayerRows
 from gateway.topics import topic_of
 
 RAW = "mavlink/raw"
-RAW_ENCODING = "mavlink"
 LINK = "link"
+TICK_LINK = "tick"  # its frames are empty: moments at which the loop ran without telemetry
+# Players show an error for every channel in an encoding that they do not know, with a schema or
+# without. What frames of MAVLink 1 and 2 have in common fits a message of ROS 1, which leaves out
+# what follows it: a player shows the first eight bytes, and the message is the frame byte for byte.
+RAW_ENCODING, RAW_SCHEMA_ENCODING = "ros1", "ros1msg"
+RAW_METADATA = {"encoding": "mavlink"}  # what the messages really are
+FRAME_SCHEMA = (
+    "mavlink/Frame",
+    b"# A MAVLink frame, whole: these are the first bytes of it, for MAVLink 1 and 2 alike.\n"
+    b"uint8 magic\nuint8 payload_length\nuint8[6] header\n",
+)
+TICK_SCHEMA = "mavlink/Tick", b"# A moment without telemetry: nothing.\n"
 JSON = "json"
 JSON_SCHEMA = "jsonschema"
 
@@ -106,19 +117,26 @@ class RecordingFile:
         """The channel of the frames of one link."""
         found = self._channels.get((RAW, link))
         if found is None:
-            number = self._writer.register_channel(RAW, RAW_ENCODING, 0, {LINK: link})
+            name, text = TICK_SCHEMA if link == TICK_LINK else FRAME_SCHEMA
+            schema = self._schema(name, RAW_SCHEMA_ENCODING, text)
+            about = {LINK: link, **RAW_METADATA}
+            number = self._writer.register_channel(RAW, RAW_ENCODING, schema, about)
             found = self._remember(RAW, link, number)
         return found
 
     def _json(self, topic: str, schema: str, text: bytes) -> int:
         found = self._channels.get((topic, ""))
         if found is None:
-            if schema not in self._schemas:
-                number = self._writer.register_schema(schema, JSON_SCHEMA, text)
-                self._schemas[schema] = number
-            number = self._writer.register_channel(topic, JSON, self._schemas[schema])
+            number = self._schema(schema, JSON_SCHEMA, text)
+            number = self._writer.register_channel(topic, JSON, number)
             found = self._remember(topic, "", number)
         return found
+
+    def _schema(self, name: str, encoding: str, text: bytes) -> int:
+        """The schema of that name, written when it is first used."""
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(name, encoding, text)
+        return self._schemas[name]
 
     def _remember(self, topic: str, link: str, channel: int) -> int:
         self._channels[topic, link] = channel

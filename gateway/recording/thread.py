@@ -16,8 +16,7 @@ import numpy as np
 
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
-from gateway.recording.reader import TICK_LINK
-from gateway.recording.recorder import Recorder
+from gateway.recording.recorder import TICK_LINK, Recorder
 
 WRITE_S = 0.1  # so often what came is written; a flush follows each half second
 AT_ONCE = 2000  # items written before the disk is looked after again

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from gateway.errors import ShadowError
 from gateway.recording import foxglove
-from gateway.recording.recorder import Compression, Recorder, RecordingSettings
+from gateway.recording.recorder import TICK_LINK, Compression, Recorder, RecordingSettings
 from gateway.topics import TOPICS
 from tests.gateway.voyages import (
     LATE,
@@ -316,3 +316,27 @@ def test_recordings_are_ordinary_files(tmp_path: Path) -> None:
     (path,) = record(tmp_path / "deep" / "down" / "a.mcap")
     assert stat.S_ISREG(path.stat().st_mode)
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_players_know_the_encoding_of_every_channel(tmp_path: Path) -> None:
+    """As Lichtblick's and Foxglove's `parseChannel`: of other pairs they show an error."""
+    known = {("json", "jsonschema"), ("ros1", "ros1msg")}
+    with Recorder(tmp_path / "a.mcap", free=lambda _: 10**12) as recorder:
+        recorder.write_rows(*rows_of("shadow", 3))
+        recorder.write_raw([b"\xfd" + bytes(11)], [1], link="udpin:a")
+        recorder.write_raw([b""], [2], link=TICK_LINK)
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    found = {
+        (channel.topic, channel.metadata.get("link")): (channel, summary.schemas[channel.schema_id])
+        for channel in summary.channels.values()
+    }
+    assert {(c.message_encoding, schema.encoding) for c, schema in found.values()} == known
+    frames, frame = found["mavlink/raw", "udpin:a"]
+    assert frames.metadata["encoding"] == "mavlink"
+    fields = [line for line in frame.data.decode().splitlines() if not line.startswith("#")]
+    sizes = {"uint8": 1, "uint8[6]": 6}
+    assert sum(sizes[line.split()[0]] for line in fields) == 8  # no frame is shorter
+    _, tick = found["mavlink/raw", TICK_LINK]
+    assert all(line.startswith(b"#") for line in tick.data.splitlines())  # an empty one fits

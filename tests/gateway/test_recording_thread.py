@@ -12,8 +12,8 @@ import pytest
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording import thread as thread_module
-from gateway.recording.reader import TICK_LINK, Recording
-from gateway.recording.recorder import Recorder, RecordingSettings, open_new
+from gateway.recording.reader import Recording
+from gateway.recording.recorder import TICK_LINK, Recorder, RecordingSettings, open_new
 from gateway.recording.thread import Raw, RecordingThread, merged
 from tests.gateway.voyages import event, rows_of
 

@@ -8,8 +8,8 @@ import pytest
 from gateway.config import Settings, recorded_settings
 from gateway.errors import BadInput
 from gateway.offline.replay import ReplayOptions, replay
-from gateway.recording.reader import TICK_LINK, Recording
-from gateway.recording.recorder import Attachment, Recorder
+from gateway.recording.reader import Recording
+from gateway.recording.recorder import TICK_LINK, Attachment, Recorder
 from gateway.simulated_boat.settings import Faults, Silence
 from sim.following.follower import FollowerOptions
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, datagrams, played

@@ -25,6 +25,7 @@ from gateway.links.inbox import LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan
 from gateway.recording import foxglove
 from gateway.recording.foxglove_server import STOP_S, FoxgloveServer, parse_address
+from gateway.recording.recorder import RAW
 from gateway.simulated_boat.play import playing
 from gateway.simulated_boat.settings import THIN
 from gateway.topics import TOPICS
@@ -90,7 +91,7 @@ def voyage(tmp_path_factory: pytest.TempPathFactory) -> Voyage:
     (path,) = out.glob("first-*.mcap")
     with path.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
-            if schema is not None:
+            if schema is not None and channel.topic != RAW:  # frames are not served
                 schemas[channel.topic] = (schema.name, schema.data.decode())
                 recorded[channel.topic].append((message.log_time, message.data))
     return Voyage(heard, from_ns, schemas, recorded)

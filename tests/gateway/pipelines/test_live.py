@@ -11,7 +11,8 @@ from gateway.config import FollowingSettings
 from gateway.errors import BadInput
 from gateway.links.inbox import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet
-from gateway.recording.reader import TICK_LINK, Recording
+from gateway.recording.reader import Recording
+from gateway.recording.recorder import TICK_LINK
 from gateway.simulated_boat.settings import THIN, Faults, Silence
 from sim.following.reference import ReferenceMode
 from sim.model import Model

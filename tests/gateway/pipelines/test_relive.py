@@ -8,7 +8,8 @@ from gateway.errors import BadInput
 from gateway.links.inbox import Datagram
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.rerun import fleet_of, loop_inputs, rerun
-from gateway.recording.reader import TICK_LINK, Recording
+from gateway.recording.reader import Recording
+from gateway.recording.recorder import TICK_LINK
 from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence
 from sim.plants.table import PlantChoice
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played
