@@ -28,24 +28,13 @@ from numpy.typing import NDArray
 
 from gateway.errors import ShadowError
 from gateway.outputs import check_output, note_output
-from gateway.recording import foxglove
+from gateway.recording import foxglove, raw_schema
 from gateway.recording.foxglove import PlayerRows
 from gateway.topics import topic_of
 
 RAW = "mavlink/raw"
 LINK = "link"
 TICK_LINK = "tick"  # its frames are empty: moments at which the loop ran without telemetry
-# Players show an error for every channel in an encoding that they do not know, with a schema or
-# without. What frames of MAVLink 1 and 2 have in common fits a message of ROS 1, which leaves out
-# what follows it: a player shows the first eight bytes, and the message is the frame byte for byte.
-RAW_ENCODING, RAW_SCHEMA_ENCODING = "ros1", "ros1msg"
-RAW_METADATA = {"encoding": "mavlink"}  # what the messages really are
-FRAME_SCHEMA = (
-    "mavlink/Frame",
-    b"# A MAVLink frame, whole: these are the first bytes of it, for MAVLink 1 and 2 alike.\n"
-    b"uint8 magic\nuint8 payload_length\nuint8[6] header\n",
-)
-TICK_SCHEMA = "mavlink/Tick", b"# A moment without telemetry: nothing.\n"
 JSON = "json"
 JSON_SCHEMA = "jsonschema"
 
@@ -117,10 +106,10 @@ class RecordingFile:
         """The channel of the frames of one link."""
         found = self._channels.get((RAW, link))
         if found is None:
-            name, text = TICK_SCHEMA if link == TICK_LINK else FRAME_SCHEMA
-            schema = self._schema(name, RAW_SCHEMA_ENCODING, text)
-            about = {LINK: link, **RAW_METADATA}
-            number = self._writer.register_channel(RAW, RAW_ENCODING, schema, about)
+            name, text = raw_schema.TICK if link == TICK_LINK else raw_schema.FRAME
+            schema = self._schema(name, raw_schema.SCHEMA_ENCODING, text)
+            about = {LINK: link, **raw_schema.METADATA}
+            number = self._writer.register_channel(RAW, raw_schema.ENCODING, schema, about)
             found = self._remember(RAW, link, number)
         return found
 
