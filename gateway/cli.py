@@ -18,7 +18,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from gateway.commands import live, model, recordings
+from gateway.commands import fleet, live, model, recordings
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 from sim.effects.effect import LawError
 
@@ -50,6 +50,8 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "diagnose": model.diagnose,
     "add": model.add,
     "report": recordings.report,
+    "fleet": fleet.fleet,
+    "wear": fleet.wear,
     "studio": recordings.studio,
     "plan": model.plan,
     "effects": model.show_effects,

@@ -107,7 +107,7 @@ LAYERS = {
         prediction excitation plants
         following identification hil
         comparison
-        diagnosis monitoring
+        diagnosis monitoring wear
         api
     """,
     "gateway": """
@@ -120,6 +120,7 @@ LAYERS = {
         config
         live figures
         offline
+        fleet
         simulated_boat terminal api
         studio demo hil stand_in
         hil_demo

@@ -1,0 +1,121 @@
+"""Commands for many recordings of many boats."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.commands.options import Anyway, AsJson, EffectFiles, Force, effects_from, print_result
+from gateway.errors import BadInput
+from gateway.outputs import guarded_outputs
+
+EXTRA = ("distributed", "pyarrow")  # what the extra `fleet` of the package installs
+
+
+def require_extra() -> None:
+    """BadInput where the packages that a fleet needs are missing."""
+    missing = [name for name in EXTRA if find_spec(name) is None]
+    if missing:
+        raise BadInput(
+            f"{', '.join(missing)}: not installed: pip install 'shadow-gateway[fleet]' "
+            "(in a checkout: .venv/bin/pip install -c constraints.txt -e '.[fleet]')"
+        )
+
+
+Folder = Annotated[Path, typer.Option("--out", help="Folder of the table, and of what is known.")]
+
+
+def fleet(
+    recordings: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOLDER|GLOB", help="Recordings: folders, globs, files, or URLs (s3://…)."
+        ),
+    ],
+    vessels: Annotated[
+        Path | None,
+        typer.Option("--vessels", help="Which boat sailed which recording (fleet.toml)."),
+    ] = None,
+    vessel: Annotated[
+        Path | None, typer.Option("--vessel", "-v", help="All are of this one boat (TOML).")
+    ] = None,
+    out: Folder = Path("shadow-out/fleet"),
+    steps: Annotated[
+        str, typer.Option(help="Of compare, identify and diagnose, separated by commas.")
+    ] = "compare,identify",
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Fit this too, as shadow identify. Without --free and --fix: every thruster's "
+            "thrust ahead, and the inertia is held."
+        ),
+    ] = None,
+    fix: Annotated[list[str] | None, typer.Option(help="Leave this as it is.")] = None,
+    prior: Annotated[
+        list[str] | None, typer.Option(help="NAME=SHARE: known beforehand to within that share.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes on this machine. Default: one a core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp://HOST:PORT", help="An existing Dask scheduler, instead of this machine."
+        ),
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run again what failed before.")] = False,
+    effects: EffectFiles = None,
+    anyway: Anyway = False,
+    force: Force = False,
+    json: AsJson = False,
+) -> None:
+    """Many recordings of many boats: compare, identify, diagnose on all cores; one table."""
+    require_extra()
+    from gateway.fleet.analysis import AnalysisSettings
+    from gateway.fleet.fleet_file import fleet_of_one, read_fleet
+    from gateway.fleet.results import RESULTS_FILE
+    from gateway.fleet.run import run_fleet
+    from gateway.fleet.table import FILES
+    from gateway.fleet.wear import wear_of
+    from gateway.terminal.fleet import fleet_as_dict, fleet_progress, show_fleet
+
+    if (vessels is None) == (vessel is None):
+        raise BadInput("give --vessels fleet.toml (many boats), or --vessel boat.toml (one)")
+    own = effects_from(effects)
+    boats = read_fleet(vessels) if vessels else fleet_of_one(vessel or "", own)
+    settings = AnalysisSettings(
+        tuple(dict.fromkeys(s.strip() for s in steps.split(","))), tuple(free or ()),
+        tuple(fix or ()), tuple(prior or ()),
+        tuple(str(file.resolve()) for file in effects or ()), anyway,
+    )  # fmt: skip
+    inputs = [vessels, vessel, *(effects or ())]
+    written = [out / name for name in (*FILES, RESULTS_FILE)]
+    with guarded_outputs("fleet", inputs, written, force), fleet_progress() as progress:
+        result = run_fleet(
+            recordings, boats, out, settings, scheduler=scheduler, workers=workers, retry=retry,
+            progress=progress,
+        )  # fmt: skip
+    found = wear_of(out)
+    print_result(
+        json, lambda: fleet_as_dict(result) | {"changes": [one.text for one in found.changes]},
+        lambda: show_fleet(result, found),
+    )  # fmt: skip
+
+
+def wear(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="What shadow fleet --out wrote.")
+    ] = Path("shadow-out/fleet"),
+    boat: Annotated[
+        list[str] | None, typer.Option(help="This boat alone; as often as needed.")
+    ] = None,
+    json: AsJson = False,
+) -> None:
+    """What has worn or changed on which boat of a fleet, since when, and by how much."""
+    require_extra()
+    from gateway.fleet.wear import wear_of
+    from gateway.terminal.fleet import show_wear
+
+    found = wear_of(folder, boat or ())
+    print_result(json, found.to_dict, lambda: show_wear(found))

@@ -1,0 +1,229 @@
+"""`shadow fleet`: recordings as tasks on Dask -> the table.
+
+    find → digest → what is known already → analyse → table
+
+The workers may be anywhere that sees the same paths: nothing here depends on the kind of cluster.
+"""
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, as_completed
+
+from gateway.errors import ShadowError
+from gateway.fleet.analysis import (
+    DUPLICATE,
+    FAILED,
+    FAULT,
+    Analysis,
+    AnalysisSettings,
+    Row,
+    Task,
+    analyse,
+)
+from gateway.fleet.fleet_file import Boat, boat_of
+from gateway.fleet.recording_files import digest, find_recordings
+from gateway.fleet.results import ResultStore, settings_digest
+from gateway.fleet.table import write_table
+
+SAVE_S = 30.0  # the table is written so often while work goes on; chosen, not measured
+CONNECT_S = 20.0  # that a scheduler may take to answer
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands: recordings that have their row, by work of this run (`worked`) or not.
+
+    last  the row that came in last
+    """
+
+    done: int
+    total: int
+    worked: int
+    failed: int
+    seconds: float
+    last: Row
+
+    @property
+    def seconds_left(self) -> float | None:
+        """At the speed so far; None before the first is worked out."""
+        return self.seconds / self.worked * (self.total - self.done) if self.worked else None
+
+
+@dataclass
+class FleetResult:
+    """All rows; `known` of them were worked out on an earlier run."""
+
+    folder: Path
+    rows: dict[str, Row] = field(default_factory=dict)
+    estimates: dict[str, tuple[Row, ...]] = field(default_factory=dict)
+    known: int = 0
+
+    def add(self, recording: str, row: Row, estimates: Sequence[Row] = ()) -> None:
+        """Put a recording's row in, and its estimates."""
+        shared = {key: row.get(key) for key in ("recording", "sha256", "boat", "started")}
+        self.rows[recording] = row
+        self.estimates[recording] = tuple(shared | dict(one) for one in estimates)
+
+    def save(self) -> None:
+        """Write the table of what there is."""
+        names = sorted(self.rows)
+        write_table(
+            self.folder,
+            [self.rows[name] for name in names],
+            [one for name in names for one in self.estimates[name]],
+        )
+
+
+@contextmanager
+def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """A client of an existing scheduler, or of a cluster of this machine's that ends with it."""
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise ShadowError(f"{scheduler}: no Dask scheduler answers there: {error}") from None
+        with client:
+            yield client
+        return
+    with local_cluster(workers) as cluster, Client(cluster) as client:
+        yield client
+
+
+def local_cluster(workers: int | None = None, processes: bool = True) -> LocalCluster:
+    """Workers on this machine, default one a core; nothing of it listens to other machines.
+
+    One thread each: numpy and the compiled kernels are what works, not waiting.
+    """
+    return LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=processes, host="127.0.0.1",
+        protocol="tcp", silence_logs=logging.CRITICAL, dashboard_address="127.0.0.1:0",
+        worker_dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+    )  # fmt: skip
+
+
+def run_fleet(
+    named: Sequence[str],
+    boats: Sequence[Boat],
+    folder: Path,
+    settings: AnalysisSettings,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    retry: bool = False,
+    progress: Callable[[Progress], None] = lambda _: None,
+) -> FleetResult:
+    """Every recording once; the table is whole whenever this ends, also by an interrupt.
+
+    `retry`: what failed on an earlier run is run again.
+    """
+    recordings = find_recordings(named)
+    sailed = {recording: boat_of(recording, boats) for recording in recordings}
+    asked = {boat: settings_digest(boat, settings) for boat in boats}
+    store, result = ResultStore(folder), FleetResult(folder)
+    with connected(scheduler, workers) as client:
+        digests = _digests(client, store, recordings)
+        run = _Run(result, store, digests, sailed, asked, len(recordings), progress)
+        try:
+            tasks = [Task(r, boat, settings) for r in recordings if (boat := run.open(r, retry))]
+            run.work_through(client, tasks)
+        finally:
+            result.save()
+    return result
+
+
+def _digests(client: Client, store: ResultStore, recordings: Sequence[str]) -> dict[str, str]:
+    """Content of every recording, read where the work will be."""
+    known = {r: d for r in recordings if (d := store.known_digest(r)) is not None}
+    new = [r for r in recordings if r not in known]
+    try:
+        found = dict(zip(new, client.gather(client.map(digest, new, pure=False)), strict=True))
+    except (KilledWorker, CancelledError, OSError) as error:
+        raise ShadowError(f"the cluster could not read the recordings: {error}") from None
+    store.note_digests(found)
+    return known | found
+
+
+@dataclass
+class _Run:
+    """The state of one run."""
+
+    result: FleetResult
+    store: ResultStore
+    digests: Mapping[str, str]
+    sailed: Mapping[str, Boat | None]
+    asked: Mapping[Boat, str]
+    total: int
+    progress: Callable[[Progress], None]
+    worked: int = 0
+    begun: float = field(default_factory=time.monotonic)
+    first: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def open(self, recording: str, retry: bool) -> Boat | None:
+        """The boat of a recording that has to be worked through; None where its row is clear."""
+        boat, content = self.sailed[recording], self.digests[recording]
+        if boat is None:
+            self._add(recording, {"state": FAILED, "why": "no entry of the fleet file names it"})
+            return None
+        original = self.first.setdefault((content, boat.name), recording)
+        if content and original != recording:
+            self._add(recording, {"state": DUPLICATE, "why": f"the same as {original}"})
+            return None
+        known = self.store.get(content, self.asked[boat])
+        if known is None or (retry and known.row["state"] == FAILED):
+            return boat
+        self.result.known += 1
+        self._add(recording, known.row, known.estimates)
+        return None
+
+    def work_through(self, client: Client, tasks: Sequence[Task]) -> None:
+        """Analyse, and keep each result as it comes in."""
+        task_of = dict(zip(client.map(analyse, tasks, pure=False), tasks, strict=True))
+        saved = time.monotonic()
+        for future in as_completed(list(task_of)):
+            task = task_of.pop(future)  # a worker keeps a result as long as somebody holds it
+            found = _outcome(future, client, len(task_of) + 1)
+            boat, content = task.boat, self.digests[task.recording]
+            self.store.put(content, self.asked[boat], found)
+            self.worked += 1
+            self._add(task.recording, found.row, found.estimates)
+            if time.monotonic() - saved > SAVE_S:
+                self.result.save()
+                saved = time.monotonic()
+
+    def _add(self, recording: str, row: Row, estimates: Sequence[Row] = ()) -> None:
+        boat = self.sailed[recording]
+        whole = {
+            "recording": recording, "sha256": self.digests[recording],
+            "boat": boat.name if boat else None, "vessel_file": boat.vessel_file if boat else None,
+        } | row  # fmt: skip
+        self.result.add(recording, whole, estimates)
+        rows = self.result.rows.values()
+        failed = sum(one["state"] in (FAILED, FAULT) for one in rows)
+        self.progress(
+            Progress(
+                len(rows), self.total, self.worked, failed,
+                time.monotonic() - self.begun, whole,
+            )
+        )  # fmt: skip
+
+
+def _outcome(future: "Future[Any]", client: Client, left: int) -> Analysis:
+    """What a task gave; a row where its worker died, ShadowError where the scheduler is gone."""
+    if future.status == "finished":
+        found: Analysis = future.result()
+        return found
+    if future.status == "error":
+        error = future.exception()
+        return Analysis(
+            {"state": FAULT, "why": f"its worker died: {type(error).__name__}: {error}"}
+        )
+    raise ShadowError(
+        f"{client.scheduler.address if client.scheduler else 'the scheduler'}: the Dask scheduler "
+        f"is gone: {left} recordings are left; the same command goes on with them"
+    )

@@ -1,0 +1,140 @@
+"""A fleet in the terminal: progress with what is left, a line a boat, what failed and why."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import PurePosixPath
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import Progress as Bar
+
+from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
+from gateway.fleet.run import FleetResult, Progress
+from gateway.fleet.table import ESTIMATES_FILE, RECORDINGS_FILE
+from gateway.fleet.wear import FleetWear
+from gateway.terminal.console import ResultConsole, SafeConsole, result_table
+from sim.wear import MIN_RECORDINGS
+
+MOST_SHOWN = 10  # sentences of recordings that failed
+
+
+@contextmanager
+def fleet_progress() -> Iterator[Callable[[Progress], None]]:
+    """A bar on a terminal, else a line for each recording; both say what is left."""
+    console = SafeConsole(stderr=True, highlight=False)
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("starting the workers", total=None)
+
+        def show(now: Progress) -> None:
+            bar.update(task, total=now.total, completed=now.done, description=_standing(now))
+            if not console.is_terminal and now.worked:
+                name = PurePosixPath(now.last["recording"]).name
+                text = f"{now.done} of {now.total}: {name}: {now.last['state']}; {_standing(now)}"
+                console.print(text, markup=False, soft_wrap=True)
+
+        yield show
+
+
+def _standing(now: Progress) -> str:
+    """What is left, and how many failed."""
+    left, failed = now.seconds_left, f", {now.failed} failed" if now.failed else ""
+    return failed.lstrip(", ") if left is None else f"about {_duration(left)} left{failed}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def show_fleet(result: FleetResult, wear: FleetWear) -> None:
+    """A line a boat, what failed and why, what has changed, and where the table is."""
+    console = ResultConsole()
+    rows = list(result.rows.values())
+    table = result_table(
+        f"{len(rows)} recordings, {result.known} of them known already", "boat",
+        "recordings", "usable", "error", "noise floor", "from", "to",
+    )  # fmt: skip
+    for boat, own in by_boat(rows).items():
+        table.add_row(boat, *_cells(own))
+    console.print(table)
+    failed = [row for row in rows if row["state"] not in (DONE, DUPLICATE)]
+    shown = [_problem(row) for row in failed[:MOST_SHOWN]]
+    more = [f"{len(failed) - MOST_SHOWN} more, see `why` in the table"]
+    console.bullets(shown + (more if len(failed) > MOST_SHOWN else []))
+    _show_changes(console, wear)
+    console.path("recordings", result.folder / RECORDINGS_FILE)
+    console.path("numbers", result.folder / ESTIMATES_FILE)
+
+
+def show_wear(wear: FleetWear) -> None:
+    """A line a number, then what has changed."""
+    console = ResultConsole()
+    table = result_table("over all recordings", "number", "recordings", "first", "last", "scatter",
+                         unit=True)  # fmt: skip
+    for one in wear.numbers:
+        table.add_row(
+            f"{one.boat}: {one.name}", str(len(one.values)),
+            *(f"{float(one.course.mean[end]):.4g}" for end in (0, -1)),
+            f"{one.course.scatter:.2g}", one.unit,
+        )  # fmt: skip
+    if wear.numbers:
+        console.print(table)
+    _show_changes(console, wear)
+
+
+def _show_changes(console: ResultConsole, wear: FleetWear) -> None:
+    """What has changed; that nothing has, and where recordings are too few to say so."""
+    console.bullets(one.text for one in wear.changes)
+    if wear.numbers and not wear.changes:
+        console.bullets([f"nothing has changed: {len(wear.numbers)} numbers were followed"])
+    console.bullets(
+        f"{boat}: {count} numbers in fewer than {MIN_RECORDINGS} recordings: too few to tell wear"
+        for boat, count in wear.too_few.items()
+    )
+
+
+def _problem(row: Mapping[str, Any]) -> str:
+    """Why a recording is not done, its name once."""
+    name = row["recording"]
+    return f"{name}: {row['state']}: {row['why'].removeprefix(f'{name}: ')}"
+
+
+def by_boat(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    """Rows of each boat, by name; those that no entry names under an own heading."""
+    out: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
+    for row in rows:
+        out[row["boat"] or "no boat"].append(row)
+    return dict(sorted(out.items()))
+
+
+def _cells(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    good = [row for row in rows if row["state"] in (DONE, PARTLY)]
+    compared = [row for row in good if row.get("nrmse") is not None]
+    dates = sorted(row["started"][:10] for row in good)
+
+    def mean(key: str) -> str:
+        return f"{sum(row[key] for row in compared) / len(compared):.3f}" if compared else "–"
+
+    return [
+        f"{len(good)} of {len(rows)}", f"{sum(row['usable_s'] for row in good) / 60.0:.0f} min",
+        mean("nrmse"), mean("noise_floor_nrmse"), *(dates[:1] or ["–"]), *(dates[-1:] or ["–"]),
+    ]  # fmt: skip
+
+
+def fleet_as_dict(result: FleetResult) -> dict[str, Any]:
+    """What `shadow fleet --json` prints."""
+    return {
+        "recordings": len(result.rows), "known": result.known,
+        "states": {
+            state: sum(row["state"] == state for row in result.rows.values())
+            for state in sorted({row["state"] for row in result.rows.values()})
+        },
+        "table": [str(result.folder / name) for name in (RECORDINGS_FILE, ESTIMATES_FILE)],
+        "failed": [
+            {"recording": row["recording"], "state": row["state"], "why": row["why"]}
+            for row in result.rows.values() if row["state"] not in (DONE, DUPLICATE)
+        ],
+    }  # fmt: skip

@@ -1,0 +1,66 @@
+"""`shadow fleet` at the command line, and everything else without its packages."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.gateway.command_line import one_line
+
+BLOCKED = """
+import sys
+for name in ("distributed", "dask", "pyarrow", "fsspec"):
+    sys.modules[name] = None
+import importlib.util
+real = importlib.util.find_spec
+importlib.util.find_spec = lambda n, *a: None if sys.modules.get(n, 0) is None else real(n, *a)
+from gateway.cli import main
+main()
+"""
+
+
+def without_the_extra(*words):
+    command = [sys.executable, "-c", BLOCKED, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_the_program_runs_without_the_extra_and_says_what_is_missing(folder):
+    assert without_the_extra("effects").returncode == 0
+    assert without_the_extra("fleet", "--help").returncode == 0
+    done = without_the_extra("fleet", folder / "logs", "--vessels", folder / "fleet.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "pip install 'shadow-gateway[fleet]'" in done.stderr
+
+
+def test_json_counts_what_came_of_it(run, folder, cluster):
+    done = run("fleet", folder / "logs", "--vessels", folder / "fleet.toml", "--out",
+               folder / "out", "--steps", "compare", "--scheduler", cluster.scheduler_address,
+               "--json")  # fmt: skip
+    assert done.status == 0
+    told = json.loads(done.out)
+    assert told["states"] == {"done": 2, "failed": 2}
+    assert {one["why"] for one in told["failed"]} >= {"no entry of the fleet file names it"}
+    assert "4 of 4: " in done.err
+    assert "about 0 s left" in done.err
+    shown = run("fleet", folder / "logs", "--vessels", folder / "fleet.toml", "--out",
+                folder / "out", "--steps", "compare", "--scheduler",
+                cluster.scheduler_address)  # fmt: skip
+    text = " ".join(shown.out.split())
+    assert "4 recordings, 3 of them known already" in text
+    assert "│ heron │ 2 of 3 │" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "give --vessels fleet.toml"),
+        (["--vessels", "nowhere.toml"], "cannot read the fleet file"),
+        (["--vessel", "otter", "--steps", "compare,sail"], "--steps sail: expected some of"),
+        (["--vessel", "otter", "--prior", "m11"], "--prior m11: expected NAME=SHARE"),
+        (["--vessel", "nowhere.toml"], "nowhere.toml: cannot read the vessel file"),
+    ],
+)
+def test_a_mistake_is_one_line_before_any_work(run, folder, words, expected):
+    one_line(run("fleet", folder / "logs", "--out", folder / "out", *words), 2, expected)
+    assert not (folder / "out").exists()

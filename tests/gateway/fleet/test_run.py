@@ -1,0 +1,181 @@
+"""A fleet's run: every recording one row, nothing twice, and a whole table however it ends."""
+
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from distributed import LocalCluster
+
+from gateway.errors import BadInput, ShadowError
+from gateway.fleet import run as running
+from gateway.fleet.analysis import AnalysisSettings
+from gateway.fleet.fleet_file import read_fleet
+from gateway.fleet.run import FleetResult, Progress, local_cluster, run_fleet
+from gateway.fleet.table import read_estimates, read_recordings
+
+COMPARE = AnalysisSettings(steps=("compare",))
+
+
+def go(folder: Path, cluster: LocalCluster, settings=COMPARE, **more) -> FleetResult:
+    return run_fleet(
+        [str(folder / "logs")], read_fleet(folder / "fleet.toml"), folder / "out", settings,
+        scheduler=cluster.scheduler_address, **more,
+    )  # fmt: skip
+
+
+def states(folder: Path) -> dict[str, str]:
+    return {Path(r["recording"]).stem: r["state"] for r in read_recordings(folder / "out")}
+
+
+def test_every_recording_is_one_row_and_a_bad_one_says_why(folder, cluster):
+    go(folder, cluster)
+    assert states(folder) == {
+        "monday": "done", "tuesday": "done", "short": "failed", "stray": "failed",
+    }  # fmt: skip
+    rows = {Path(r["recording"]).stem: r for r in read_recordings(folder / "out")}
+    assert rows["stray"]["why"] == "no entry of the fleet file names it"
+    assert "no servo outputs" in rows["short"]["why"]
+    monday = rows["monday"]
+    assert monday["boat"] == "heron"
+    assert 30.0 < monday["usable_s"] <= 40.0
+    assert 0.0 < monday["nrmse"] < 10.0
+    assert monday["distance_m"] == pytest.approx(
+        monday["usable_s"] * monday["top_speed_mps"], rel=0.9
+    )
+    assert monday["why"] is None
+
+
+def test_identify_writes_numbers_with_intervals(folder, cluster):
+    shutil.rmtree(folder / "logs" / "heron")
+    (folder / "logs" / "stray.tlog").rename(folder / "logs" / "otter_1.tlog")
+    go(folder, cluster, AnalysisSettings(steps=("identify",)))
+    rows = {row["name"]: row for row in read_estimates(folder / "out")}
+    assert {"X_u", "N_r", "left.ahead", "right.ahead"} <= rows.keys()
+    assert not {"m11", "m22", "m33"} & rows.keys()
+    assert all(r["low"] <= r["value"] <= r["high"] for r in rows.values())
+    assert {r["boat"] for r in rows.values()} == {"otter-1"}
+
+
+def test_what_is_known_is_not_run_again_until_it_changes(folder, cluster, monkeypatch):
+    go(folder, cluster)
+    (folder / "logs" / "heron" / "monday.tlog").rename(folder / "logs" / "heron" / "renamed.tlog")
+    again = go(folder, cluster)
+    assert again.known == 3
+    assert states(folder).keys() == {"renamed", "tuesday", "short", "stray"}
+    with (folder / "boat.toml").open("a") as file:
+        file.write("\n# edited\n")
+    assert go(folder, cluster).known == 0
+    assert go(folder, cluster, AnalysisSettings(steps=("compare",), anyway=True)).known == 0
+    with (folder / "logs" / "heron" / "tuesday.tlog").open("ab") as file:
+        file.write(b"\0" * 40)
+    assert go(folder, cluster).known == 2
+
+
+def test_failures_are_run_again_when_asked(folder, cluster):
+    go(folder, cluster)
+    assert go(folder, cluster, retry=True).known == 2
+
+
+def test_a_copy_is_told_as_one(folder, cluster):
+    logs = folder / "logs" / "heron"
+    shutil.copy(logs / "monday.tlog", logs / "zz.tlog")
+    go(folder, cluster)
+    row = next(r for r in read_recordings(folder / "out") if r["recording"].endswith("zz.tlog"))
+    assert (row["state"], row["nrmse"]) == ("duplicate", None)
+    assert row["why"].endswith("monday.tlog")
+
+
+def test_an_interrupt_leaves_a_whole_table_and_the_next_run_goes_on(folder, cluster):
+    def interrupt(now: Progress) -> None:
+        if now.worked == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        go(folder, cluster, progress=interrupt)
+    assert len(pq.read_table(folder / "out" / "recordings.parquet")) == 2  # the stray, and one
+    assert go(folder, cluster).known == 1
+    assert len(states(folder)) == 4
+
+
+def test_a_line_that_was_cut_off_costs_that_line_alone(folder, cluster):
+    go(folder, cluster)
+    file = folder / "out" / "results.jsonl"
+    file.write_bytes(file.read_bytes()[:-30])
+    assert go(folder, cluster).known == 2
+    assert go(folder, cluster).known == 3
+
+
+def test_progress_counts_up_and_says_what_is_left(folder, cluster):
+    seen: list[Progress] = []
+    go(folder, cluster, progress=seen.append)
+    assert [one.done for one in seen] == [1, 2, 3, 4]
+    assert {one.total for one in seen} == {4}
+    assert seen[0].seconds_left is None
+    assert seen[-2].seconds_left > 0.0
+    assert (seen[-1].seconds_left, seen[-1].failed) == (0.0, 2)
+
+
+def test_a_url_is_read_where_the_worker_is(folder, cluster):
+    boats = read_fleet(folder / "fleet.toml")
+    url = f"file://{folder}/logs/heron"
+    run_fleet([url], boats, folder / "out", COMPARE, scheduler=cluster.scheduler_address)
+    rows = read_recordings(folder / "out")
+    assert [row["state"] for row in rows] == ["done", "done"]
+    assert all(row["recording"].startswith("file:///") for row in rows)
+
+
+def test_what_is_not_there_is_one_line(folder, cluster, monkeypatch):
+    boats = read_fleet(folder / "fleet.toml")
+    with pytest.raises(BadInput, match="no recordings there"):
+        run_fleet([str(folder / "logs" / "*.ulg")], boats, folder / "out", COMPARE)
+    monkeypatch.setattr(running, "CONNECT_S", 0.5)
+    with pytest.raises(ShadowError, match="no Dask scheduler answers there"):
+        run_fleet([str(folder / "logs")], boats, folder / "out", COMPARE,
+                  scheduler="tcp://127.0.0.1:1")  # fmt: skip
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_table_of_before(folder, cluster, monkeypatch):
+    go(folder, cluster)
+    before = (folder / "out" / "recordings.parquet").read_bytes()
+    (folder / "boat.toml").write_text((folder / "boat.toml").read_text() + "\n")
+    results = folder / "out" / "results.jsonl"
+    real = Path.open
+
+    def full(self: Path, *mode, **more):
+        if self == results and mode and "a" in mode[0]:
+            raise OSError(28, "No space left on device")
+        return real(self, *mode, **more)
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(ShadowError, match="No space left"):
+        go(folder, cluster)
+    table = pq.read_table(folder / "out" / "recordings.parquet")
+    assert len(table) >= 1  # what was known, whole
+    assert before
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_nothing_and_a_lost_scheduler_keeps_what_was_done(folder):
+    with local_cluster(1) as cluster:
+        killed: list[int] = []
+
+        def kill(now: Progress) -> None:
+            if now.worked == 1 and not killed:
+                (nanny,) = cluster.workers.values()
+                killed.append(nanny.pid)
+                nanny.process.process.kill()
+
+        go(folder, cluster, progress=kill)
+        assert killed
+        assert states(folder)["monday"] == states(folder)["tuesday"] == "done"
+
+        def gone(now: Progress) -> None:
+            if now.worked == 1:
+                cluster.close(timeout=10)
+
+        (folder / "boat.toml").write_text((folder / "boat.toml").read_text() + "\n")
+        with pytest.raises(ShadowError, match="scheduler is gone: 2 recordings are left"):
+            go(folder, cluster, progress=gone)
+    with local_cluster(1) as cluster:
+        assert go(folder, cluster).known == 1
