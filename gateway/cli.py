@@ -18,7 +18,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from gateway.commands import fleet, live, model, recordings
+from gateway.commands import fleet, live, model, recordings, vessel
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 from sim.effects.effect import LawError
 
@@ -65,6 +65,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
 }
 for name, command in COMMANDS.items():
     app.command(name)(command)
+app.add_typer(vessel.app, name="vessel")
 
 
 def _version(wanted: bool) -> None:

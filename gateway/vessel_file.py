@@ -5,7 +5,9 @@ docs/vessel.md describes the format. Every mistake is one line: file, key, what 
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite, radians
+from datetime import UTC, datetime
+from importlib.metadata import version
+from math import isclose, isfinite, nan, radians
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from gateway.vessel_tables import (
     DynamicsTable,
     HullTable,
     Provenance,
+    Revision,
     RudderTable,
     SensorsTable,
     ThrusterTable,
@@ -29,6 +32,7 @@ from gateway.vessel_tables import (
     check_tables,
 )
 from sim.effects.effect import Effect, Kind, Parameter
+from sim.model import parameters_of
 from sim.vessel import (
     AddedEffect,
     Dynamics,
@@ -53,7 +57,7 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
     check_tables(file, read)
     given = {effect.name: effect for effect in more_effects}
     try:
-        return Vessel(
+        vessel = Vessel(
             name=read.name,
             source=read.source,
             hull=_hull(read),
@@ -67,6 +71,42 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
         )
     except ValueError as error:  # an effect that cannot act on this vessel
         raise BadInput(f"{file}: {error}") from None
+    _check_provenance(file, read, vessel)
+    return vessel
+
+
+def edited_numbers(read: VesselFile, vessel: Vessel) -> dict[str, tuple[float, Provenance]]:
+    """Numbers that are no longer what their provenance says: key -> the number now, and that."""
+    numbers, out = parameters_of(vessel), {}
+    for key, origin in read.provenance.items():
+        now = numbers.get(number_name(key))
+        if now is not None and origin.value is not None and not _same(now, origin.value):
+            out[key] = now, origin
+    return out
+
+
+def number_name(key: str) -> str:
+    """The name that a model gives to what a key of the provenance is about."""
+    return key.removeprefix("dynamics.")
+
+
+def _same(one: float, other: float) -> bool:
+    return isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)
+
+
+def _check_provenance(file: Path, read: VesselFile, vessel: Vessel) -> None:
+    """BadInput where a number was edited to what its provenance speaks against."""
+    for key, (now, origin) in edited_numbers(read, vessel).items():
+        if origin.ci95 is None or not origin.ci95[0] <= now <= origin.ci95[1]:
+            interval = "" if origin.ci95 is None else f" ({_ends(origin.ci95)})"
+            raise BadInput(
+                f"{file}: {key} = {now:g}: {origin.recording} gave {origin.value:g}{interval}: put "
+                f'that back, or take [provenance."{key}"] out where the new number is meant'
+            )
+
+
+def _ends(ci95: tuple[float, float]) -> str:
+    return f"{ci95[0]:.4g} … {ci95[1]:.4g}"
 
 
 def read_vessel_file(path: str | Path) -> VesselFile:
@@ -152,13 +192,20 @@ def _effects_in(file: Path, key: str, source: Any) -> tuple[Effect, ...]:
 
 
 def vessel_tables(
-    vessel: Vessel, provenance: dict[str, Provenance] | None = None
+    vessel: Vessel,
+    provenance: dict[str, Provenance] | None = None,
+    history: Sequence[Revision] = (),
 ) -> dict[str, Any]:
-    """A vessel as the tables of its file; defaults are left out.
+    """A vessel as the tables of its file; defaults are left out, and provenance of other numbers.
 
     Areas above water that its effects need and nobody gave are written as assumed.
     """
-    hull, provenance = vessel.hull, dict(provenance or {})
+    numbers, hull = parameters_of(vessel), vessel.hull
+    provenance = {
+        key: origin
+        for key, origin in (provenance or {}).items()
+        if origin.value is None or _same(numbers.get(number_name(key), nan), origin.value)
+    }
     if vessel.assumes_wind_area:
         hull = replace(hull, wind_area=hull.areas)
         provenance[AREAS_KEY] = Provenance(says=ASSUMED_AREAS)
@@ -172,6 +219,7 @@ def vessel_tables(
         sensors=SensorsTable(**vars(vessel.sensors)),
         effects=tuple({"type": a.effect.name, **a.values} for a in vessel.effects),
         provenance=provenance,
+        history=tuple(history),
     )
     return file.model_dump(exclude_defaults=True)
 
@@ -181,9 +229,27 @@ def _flat(actuator: Thruster | Rudder) -> dict[str, Any]:
     return values | vars(values.pop("servo"))
 
 
-def dump_vessel(vessel: Vessel, provenance: dict[str, Provenance] | None = None) -> str:
+def dump_vessel(
+    vessel: Vessel,
+    provenance: dict[str, Provenance] | None = None,
+    history: Sequence[Revision] = (),
+) -> str:
     """A vessel as the text of its file: `load_vessel` of it gives the same vessel."""
-    return tomli_w.dumps(vessel_tables(vessel, provenance))
+    return tomli_w.dumps(vessel_tables(vessel, provenance, history))
+
+
+def revised(
+    old: VesselFile, before: Vessel, now: Vessel, by: str, recording: str
+) -> tuple[Revision, ...]:
+    """The history of a file with one revision more: what `by` changed, found on `recording`."""
+    was, new = parameters_of(before), parameters_of(now)
+    changed = {k: v for k, v in new.items() if k not in was or not _same(v, was[k])}
+    revision = Revision(
+        date=datetime.now(UTC).date().isoformat(), by=by, recording=recording,
+        version=version("shadow-gateway"),
+        before={k: was[k] for k in changed if k in was}, now=changed,
+    )  # fmt: skip
+    return (*old.history, revision) if changed else old.history
 
 
 def zenoh_key(vessel: Vessel) -> str:

@@ -163,13 +163,30 @@ AREAS_KEY = "hull.wind_area"
 
 
 class Provenance(StrictTable):
-    """[provenance."KEY"]: where a number came from."""
+    """[provenance."KEY"]: where a number came from.
+
+    value  what was written then: a number that is another one now was edited since
+    fit    what found it: "identify, shooting, 240 s"
+    """
 
     recording: str = ""
     date: str = ""
     version: str = ""
+    fit: str = ""
+    value: float | None = None
     ci95: Point | None = None
     says: str = ""
+
+
+class Revision(StrictTable):
+    """[[history]]: a command that changed numbers, with what they were and what they are."""
+
+    date: str
+    by: str
+    recording: str = ""
+    version: str = ""
+    before: dict[str, float] = Field(default_factory=dict)
+    now: dict[str, float] = Field(default_factory=dict)
 
 
 class VesselFile(StrictTable):
@@ -184,6 +201,7 @@ class VesselFile(StrictTable):
     sensors: SensorsTable = SensorsTable()
     effects: Annotated[tuple[dict[str, Any], ...], Field(max_length=MAX_EFFECTS)] = ()
     provenance: dict[str, Provenance] = Field(default_factory=dict)
+    history: tuple[Revision, ...] = ()
 
     @property
     def guessed(self) -> bool:

@@ -47,7 +47,7 @@ class Model:
     @classmethod
     def of(cls, vessel: Vessel) -> "Model":
         """Compose and compile, or load from the cache."""
-        parameters = _parameters(vessel)
+        parameters = parameters_of(vessel)
         theta = np.array(list(parameters.values()), dtype=float)
         return cls(vessel, kernel_for(_structure(vessel)), tuple(parameters), theta)
 
@@ -289,8 +289,8 @@ def _structure(vessel: Vessel) -> Structure:
     )
 
 
-def _parameters(vessel: Vessel) -> dict[str, float]:
-    """All parameters by name, in the order of theta."""
+def parameters_of(vessel: Vessel) -> dict[str, float]:
+    """All numbers of a vessel by name, in the order of theta: m11, left.ahead, EFFECT.NAME."""
     h, s = vessel.hull, vessel.sensors
     known = {
         "length": h.length, "beam": h.beam, "mass": h.mass, "area_front": h.areas[0],

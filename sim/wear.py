@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 from scipy.special import logsumexp
-from scipy.stats import false_discovery_control
 from scipy.stats import t as student
 
 from sim.state import Floats
@@ -34,7 +33,7 @@ from sim.state import Floats
 # Chosen, not measured:
 EDGE = 3  # recordings on either side of a change: fewer are a bad day
 MIN_RECORDINGS = 2 * EDGE
-ALARM = 0.05  # share of fleets in which nothing wears that may raise any alarm
+ALARM = 0.05  # share of fleets that may raise any false alarm
 ORDERS = (500, 20_000)  # random orders: of every number, and of those that may be significant
 PROMISING = 0.1  # p-value below which the second is run
 MOST_MOMENTS = 100  # at which a change is tried; among more recordings, evenly spread
@@ -55,7 +54,7 @@ class Series:
 class Change(NamedTuple):
     """A change: step or drift, the moment [days] and its 95 % range, the level before, now.
 
-    share  change relative to the level before, with its 95 % interval
+    share  change relative to the level before, with its 95 % interval; a loss is negative
     """
 
     kind: str
@@ -211,20 +210,23 @@ def _fitted(
     left = white - A @ fitted
     covariance = np.linalg.inv(A.T @ A) * float(left @ left) / (len(white) - 2)
     before, change = float(fitted[0]), float(fitted[1] * candidate.form[-1])
-    size = max(abs(before), 1e-300)
-    gradient = np.array([-change / size * np.sign(before), candidate.form[-1]]) / size
+    size = before or 1e-300
+    gradient = np.array([-change / size, candidate.form[-1]]) / size
     return before, before + change, change / size, float(np.sqrt(gradient @ covariance @ gradient))
 
 
 def believed(p_values: Sequence[float]) -> NDArray[np.bool_]:
     """Which changes of a whole fleet are believed: (n,) p-values -> (n,).
 
-    Benjamini and Hochberg (J. R. Stat. Soc. B 57, 1995): where nothing changes, a fleet of any size
-    raises an alarm in at most `ALARM` of all cases.
+    Holm (Scandinavian Journal of Statistics 6, 1979): a fleet of any size raises any false alarm in
+    at most `ALARM` of all cases, whatever else wears in it.
     """
-    if not len(p_values):
-        return np.zeros(0, np.bool_)
-    return np.asarray(false_discovery_control(p_values) <= ALARM)
+    n, out = len(p_values), np.zeros(len(p_values), np.bool_)
+    for rank, i in enumerate(np.argsort(p_values, kind="stable")):
+        if p_values[i] > ALARM / (n - rank):
+            break
+        out[i] = True
+    return out
 
 
 def course_of(series: Series, change: Change | None = None) -> Course:

@@ -6,7 +6,15 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.options import Anyway, AsJson, EffectFiles, Force, effects_from, print_result
+from gateway.commands.options import (
+    Anyway,
+    AsJson,
+    EffectFiles,
+    Force,
+    effects_from,
+    print_progress,
+    print_result,
+)
 from gateway.errors import BadInput
 from gateway.outputs import guarded_outputs
 
@@ -94,13 +102,20 @@ def fleet(
     with guarded_outputs("fleet", inputs, written, force), fleet_progress() as progress:
         result = run_fleet(
             recordings, boats, out, settings, scheduler=scheduler, workers=workers, retry=retry,
-            progress=progress,
+            progress=progress, interrupted=_interrupted,
         )  # fmt: skip
     found = wear_of(out)
     print_result(
         json, lambda: fleet_as_dict(result) | {"changes": [one.text for one in found.changes]},
         lambda: show_fleet(result, found),
     )  # fmt: skip
+
+
+def _interrupted(done: int, total: int) -> None:
+    """What an interrupt leaves."""
+    print_progress(
+        f"interrupted: {done} of {total} recordings are in the table; the same command goes on"
+    )
 
 
 def wear(

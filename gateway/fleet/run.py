@@ -117,8 +117,11 @@ def run_fleet(
     workers: int | None = None,
     retry: bool = False,
     progress: Callable[[Progress], None] = lambda _: None,
+    interrupted: Callable[[int, int], None] = lambda done, total: None,
 ) -> FleetResult:
     """Every recording once; the table is whole whenever this ends, also by an interrupt.
+
+    `interrupted`: called then, with how many of how many recordings are in the table.
 
     `retry`: what failed on an earlier run is run again.
     """
@@ -132,6 +135,9 @@ def run_fleet(
         try:
             tasks = [Task(r, boat, settings) for r in recordings if (boat := run.open(r, retry))]
             run.work_through(client, tasks)
+        except KeyboardInterrupt:
+            interrupted(len(result.rows), len(recordings))
+            raise
         finally:
             result.save()
     return result

@@ -51,10 +51,8 @@ class Wear:
         return "" if self.change is None else f"{self.boat}: {self._changed(self.change)}"
 
     def _changed(self, change: Change) -> str:
-        verb = "lost" if abs(change.now) < abs(change.before) else "gained"
-        low, high = sorted(100.0 * end for end in change.share95)
-        if change.share < 0.0:
-            low, high = -high, -low
+        verb, sign = ("lost", -100.0) if change.share < 0.0 else ("gained", 100.0)
+        low, high = sorted(sign * end for end in change.share95)
         since = "since" if change.kind == "step" else "steadily since about"
         first, last = (self.date(moment) for moment in change.moment95)
         range_ = "" if first == last else f", between {first} and {last}"

@@ -4,6 +4,7 @@ import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -12,7 +13,7 @@ from gateway.errors import BadInput
 from gateway.files import write_whole
 from gateway.toml_file import explain
 from gateway.user_effects import known_effects
-from gateway.vessel_file import load_vessel, read_vessel_file, vessel_tables
+from gateway.vessel_file import load_vessel, read_vessel_file, revised, vessel_tables
 from gateway.vessel_tables import AREAS_KEY, Provenance, VesselFile
 from sim.effects.effect import Effect, Formula
 from sim.identification.vessel_update import AREAS, updated_vessel
@@ -115,7 +116,9 @@ def add_from_diagnosis(
     known = {effect.name: effect for effect in (*known_effects(), *own)}
     step = _step_with(names, diagnosis, source, known)
     better = _with_numbers(boat, step, known, vessel)
-    tables = vessel_tables(better, file.provenance | _provenance(step, diagnosis))
+    recordings = ", ".join(r.name for r in diagnosis.recordings)
+    history = revised(file, boat, better, "shadow add", recordings)
+    tables = vessel_tables(better, file.provenance | _provenance(step, diagnosis), history)
     files = _effect_files(file, own, Path(vessel), Path(out))
     for entry in tables.get("effects", ()):
         if entry["type"] in files:
@@ -202,16 +205,20 @@ def _with_numbers(
 
 def _provenance(step: StepEntry, diagnosis: DiagnosisFile) -> dict[str, Provenance]:
     """Where each number came from: recordings, date, version, interval, doubt."""
-    common = {
+    common: dict[str, Any] = {
         "recording": ", ".join(r.name for r in diagnosis.recordings),
         "date": diagnosis.recordings[0].date if diagnosis.recordings else "",
         "version": diagnosis.version,
+        "fit": " ".join(["shadow diagnose", *step.effects]),
     }
     base = dict(step.base_parameters)
     areas = [base.pop(name) for name in AREAS if name in base]
     numbers = {f"dynamics.{name}": n for name, n in base.items()}
     numbers |= {f"{e}.{key}": n for e, own in step.parameters.items() for key, n in own.items()}
-    out = {key: Provenance(**common, ci95=n.ci95, says=n.doubt) for key, n in numbers.items()}
+    out = {
+        key: Provenance(**common, value=n.value, ci95=n.ci95, says=n.doubt)
+        for key, n in numbers.items()
+    }
     if areas:
         ends = " and ".join(f"{n.ci95[0]:.3g} … {n.ci95[1]:.3g}" for n in areas)
         says = f"fitted to the measured wind, 95 % intervals {ends} m²"

@@ -21,7 +21,7 @@ from gateway.offline.usable_time import (
     limit_to_span,
     notices_of,
 )
-from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
+from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file, revised
 from gateway.vessel_tables import DynamicsTable, Provenance
 from sim.effects.effect import Effect
 from sim.identification.identify import Identification, identify
@@ -70,8 +70,12 @@ def identify_logs(
         progress("pictures")
         save_figures(_figures(found, boat, trials, others), pictures)
     if out is not None:
-        old = read_vessel_file(vessel).provenance
-        text = dump_vessel(found.vessel, old | provenance(found.estimates, trials))
+        old = read_vessel_file(vessel)
+        origins = provenance(found.estimates, trials, f"{found.method}, {found.seconds:.0f} s")
+        history = revised(
+            old, boat, found.vessel, "shadow identify", ", ".join(trial.name for trial in trials)
+        )
+        text = dump_vessel(found.vessel, old.provenance | origins, history)
         write_whole(Path(out), text.encode(), "the vessel file")
     return found
 
@@ -114,8 +118,10 @@ def identify_settings(
         raise BadInput(str(error)) from None
 
 
-def provenance(estimates: Sequence[Estimate], trials: Sequence[Trial]) -> dict[str, Provenance]:
-    """Where each number came from: recording, date, version, interval.
+def provenance(
+    estimates: Sequence[Estimate], trials: Sequence[Trial], fit: str
+) -> dict[str, Provenance]:
+    """Where each number came from: recording, fit, date, version, value, interval.
 
     Of a number that each recording has for itself, the file holds that of the first.
     """
@@ -125,6 +131,8 @@ def provenance(estimates: Sequence[Estimate], trials: Sequence[Trial]) -> dict[s
             recording=e.trial or names,
             date=date_of(trials[0]),
             version=version("shadow-gateway"),
+            fit=f"shadow identify, {fit}",
+            value=e.value,
             ci95=e.ci95,
             says="; ".join(filter(None, (e.doubt, *_on_other_recordings(e, estimates)))),
         )

@@ -68,7 +68,7 @@ def test_units_and_signs_do_not_matter():
     found = evidence_of(one)
     turned = evidence_of(Series(one.time, -1e-3 * one.value, 1e-3 * one.std))
     assert turned.p_value == found.p_value
-    assert turned.change.share == pytest.approx(-found.change.share)
+    assert turned.change.share == pytest.approx(found.change.share)
     assert turned.change.moment == found.change.moment
 
 

@@ -93,7 +93,7 @@ def test_of_a_number_that_each_recording_has_the_first_is_kept_and_that_is_said(
         for i in (1, 2)
     ]
     mass = Estimate("m11", "kg", 120.0, 126.0, (125.0, 127.0), True)
-    told = provenance((mass, *speeds), trials)
+    told = provenance((mass, *speeds), trials, "shooting, 60 s")
     assert told["dynamics.m11"].recording == "day 1, day 2"
     assert told["steady_current.speed"].recording == "day 1"
     assert "0.2 m/s on day 2" in told["steady_current.speed"].says
