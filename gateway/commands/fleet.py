@@ -82,7 +82,6 @@ def fleet(
     require_extra()
     from gateway.fleet.analysis import AnalysisSettings
     from gateway.fleet.fleet_file import fleet_of_one, read_fleet
-    from gateway.fleet.results import RESULTS_FILE
     from gateway.fleet.run import run_fleet
     from gateway.fleet.table import FILES
     from gateway.fleet.wear import wear_of
@@ -98,7 +97,7 @@ def fleet(
         tuple(str(file.resolve()) for file in effects or ()), anyway,
     )  # fmt: skip
     inputs = [vessels, vessel, *(effects or ())]
-    written = [out / name for name in (*FILES, RESULTS_FILE)]
+    written = [out / name for name in FILES]
     with guarded_outputs("fleet", inputs, written, force), fleet_progress() as progress:
         result = run_fleet(
             recordings, boats, out, settings, scheduler=scheduler, workers=workers, retry=retry,

@@ -2,7 +2,8 @@
 
     key = SHA-256 of the content of the recording, SHA-256 of the settings and the vessel file
 
-Lines are added as results come in: a run that was killed goes on after the last whole one. A
+Lines are added as results come in, and nothing else is ever done to the file: a run that was killed
+goes on after the last whole one. A
 recording whose content and settings have not changed is not run again, wherever it lies now.
 """
 
@@ -19,7 +20,6 @@ from gateway.fleet.analysis import LASTING, Analysis, AnalysisSettings
 from gateway.fleet.fleet_file import Boat
 from gateway.fleet.recording_files import stamp
 from gateway.fleet.table import SCHEMA_VERSION
-from gateway.outputs import note_output
 
 RESULTS_FILE = "results.jsonl"
 
@@ -84,7 +84,6 @@ class ResultStore:
                 stream.write(b"\n" * cut + json.dumps(entry).encode() + b"\n")
         except OSError as error:
             raise ShadowError(f"{self._file}: cannot write a result: {error.strerror}") from None
-        note_output(self._file)
 
 
 def _lines(file: Path) -> Iterator[dict[str, Any]]:

@@ -167,6 +167,7 @@ class _Run:
     total: int
     progress: Callable[[Progress], None]
     worked: int = 0
+    failed: int = 0
     begun: float = field(default_factory=time.monotonic)
     first: dict[tuple[str, str], str] = field(default_factory=dict)
 
@@ -209,11 +210,10 @@ class _Run:
             "boat": boat.name if boat else None, "vessel_file": boat.vessel_file if boat else None,
         } | row  # fmt: skip
         self.result.add(recording, whole, estimates)
-        rows = self.result.rows.values()
-        failed = sum(one["state"] in (FAILED, FAULT) for one in rows)
+        self.failed += row["state"] in (FAILED, FAULT)
         self.progress(
             Progress(
-                len(rows), self.total, self.worked, failed,
+                len(self.result.rows), self.total, self.worked, self.failed,
                 time.monotonic() - self.begun, whole,
             )
         )  # fmt: skip

@@ -51,6 +51,15 @@ def test_json_counts_what_came_of_it(run, folder, cluster):
     assert "│ heron │ 2 of 3 │" in text
 
 
+def test_after_a_kill_the_same_command_goes_on(run, folder, cluster):
+    words = ["fleet", folder / "logs", "--vessels", folder / "fleet.toml", "--out", folder / "out",
+             "--steps", "compare", "--scheduler", cluster.scheduler_address, "--json"]  # fmt: skip
+    assert run(*words).status == 0
+    with (folder / "out" / "results.jsonl").open("a") as file:
+        file.write('{"sha256": "cut off')
+    assert json.loads(run(*words).out)["known"] == 3
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
