@@ -124,12 +124,23 @@ def wear(
     boat: Annotated[
         list[str] | None, typer.Option(help="This boat alone; as often as needed.")
     ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="Folder for pictures (PNG) of the courses.")
+    ] = None,
+    force: Force = False,
     json: AsJson = False,
 ) -> None:
     """What has worn or changed on which boat of a fleet, since when, and by how much."""
     require_extra()
+    from gateway.figures.matplotlib_draw import save_figures
+    from gateway.files import picture_name
     from gateway.fleet.wear import wear_of
     from gateway.terminal.fleet import show_wear
 
     found = wear_of(folder, boat or ())
+    if pictures is not None:
+        figures = {one.figure.title: one.figure for one in found.numbers}
+        drawn = [pictures / picture_name(title) for title in figures]
+        with guarded_outputs("wear", [], drawn, force):
+            save_figures(figures, pictures)
     print_result(json, found.to_dict, lambda: show_wear(found))

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from gateway.figures.figure_data import FigureData
+from gateway.figures.wear import course_figure
 from gateway.fleet.table import read_estimates
 from gateway.user_effects import known_effects
 from sim.effects.effect import Scope
@@ -40,7 +42,7 @@ class Wear:
     unit: str
     recordings: tuple[str, ...]
     dates: tuple[datetime, ...]
-    values: tuple[float, ...]
+    series: Series
     course: Course
     change: Change | None
     p_value: float
@@ -66,6 +68,14 @@ class Wear:
         day = self.dates[0] + timedelta(days=moment)
         return f"{day.day} {day:%b} {day.year}"
 
+    @property
+    def figure(self) -> FigureData:
+        """Recordings and course."""
+        return course_figure(
+            f"{self.boat} {self.name}", self.unit, self.date(0.0), self.series, self.course,
+            self.text or "nothing has changed",
+        )  # fmt: skip
+
     def to_dict(self) -> dict[str, Any]:
         """What `shadow wear --json` prints."""
         change = None
@@ -77,7 +87,8 @@ class Wear:
         return {
             "boat": self.boat, "name": self.name, "unit": self.unit,
             "recordings": list(self.recordings),
-            "dates": [date.isoformat() for date in self.dates], "values": list(self.values),
+            "dates": [date.isoformat() for date in self.dates],
+            "values": self.series.value.tolist(),
             "course": {key: list(getattr(self.course, key)) for key in ("mean", "low", "high")},
             "scatter": self.course.scatter, "change": change, "text": self.text,
             "p_value": self.p_value,
@@ -158,6 +169,6 @@ def _wear(
     change = evidence.change if sure else None
     return Wear(
         boat, name, rows[0]["unit"], tuple(row["recording"] for row in rows),
-        tuple(row["started"].astimezone(UTC) for row in rows), tuple(series.value.tolist()),
-        course_of(series, change), change, evidence.p_value,
+        tuple(row["started"].astimezone(UTC) for row in rows), series, course_of(series, change),
+        change, evidence.p_value,
     )  # fmt: skip

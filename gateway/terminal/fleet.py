@@ -76,7 +76,7 @@ def show_wear(wear: FleetWear) -> None:
                          unit=True)  # fmt: skip
     for one in wear.numbers:
         table.add_row(
-            f"{one.boat}: {one.name}", str(len(one.values)),
+            f"{one.boat}: {one.name}", str(len(one.dates)),
             *(f"{float(one.course.mean[end]):.4g}" for end in (0, -1)),
             f"{one.course.scatter:.2g}", one.unit,
         )  # fmt: skip

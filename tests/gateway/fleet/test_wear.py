@@ -77,6 +77,19 @@ def test_the_command_tells_it_in_words_and_as_json(run, folder):
     )
 
 
+def test_pictures_of_every_course(run, folder, tmp_path):
+    done = run("wear", folder, "--pictures", tmp_path / "drawn")
+    assert done.status == 0
+    assert {file.name for file in (tmp_path / "drawn").iterdir()} == {
+        "heron-left.ahead.png", "heron-right.ahead.png", "heron-x_u.png", "otter-left.ahead.png"
+    }  # fmt: skip
+    (one,) = (w for w in wear_of(folder, ["heron"]).numbers if w.name == "left.ahead")
+    _, line, dots = one.figure.panels[0].marks
+    assert one.figure.caption == one.text
+    assert (dots.y == one.series.value).all()
+    assert (line.y == one.course.mean).all()
+
+
 def test_names_in_words():
     assert worded("left.ahead") == "the left thruster"
     assert worded("X_uu") == "X_uu"
