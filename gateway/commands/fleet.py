@@ -86,11 +86,14 @@ def fleet(
     from gateway.fleet.table import FILES
     from gateway.fleet.wear import wear_of
     from gateway.terminal.fleet import fleet_as_dict, fleet_progress, show_fleet
+    from gateway.vessel_file import load_vessel
 
     if (vessels is None) == (vessel is None):
         raise BadInput("give --vessels fleet.toml (many boats), or --vessel boat.toml (one)")
     own = effects_from(effects)
     boats = read_fleet(vessels) if vessels else fleet_of_one(vessel or "", own)
+    for boat in boats:
+        load_vessel(boat.vessel_file, own)  # mistakes in it, before the work
     settings = AnalysisSettings(
         tuple(dict.fromkeys(s.strip() for s in steps.split(","))), tuple(free or ()),
         tuple(fix or ()), tuple(prior or ()),

@@ -73,3 +73,10 @@ def test_after_a_kill_the_same_command_goes_on(run, folder, cluster):
 def test_a_mistake_is_one_line_before_any_work(run, folder, words, expected):
     one_line(run("fleet", folder / "logs", "--out", folder / "out", *words), 2, expected)
     assert not (folder / "out").exists()
+
+
+def test_a_broken_vessel_file_is_found_before_any_work(run, folder):
+    (folder / "boat.toml").write_text('name = "heron"\n', encoding="utf-8")
+    words = ["--vessels", folder / "fleet.toml", "--out", folder / "out"]
+    one_line(run("fleet", folder / "logs", *words), 2, "boat.toml: missing key")
+    assert not (folder / "out").exists()
