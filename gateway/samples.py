@@ -31,6 +31,7 @@ class Quantity(IntEnum):
     FIX = 12  # GNSS fix type (0–1 none, 2 2-D, 3 3-D, 4 DGPS, 5 RTK float, 6 RTK fixed)
     ORIGIN = 13  # latitude_deg, longitude_deg of the autopilot's local origin
     UNIX_TIME = 14  # Unix time by the boat's own clock [s]
+    ESTIMATOR = 15  # bits of `gateway.ingest.mapping.EstimatorFault`: 0 the autopilot's EKF is well
 
 
 @dataclass(frozen=True)

@@ -228,6 +228,7 @@ def _health() -> tuple[Field, ...]:
         Field("clock_offset_s", "s", "receipt minus boat time, lower envelope"),
         Field("nis", "", "innovations squared over their expected value; 1 = noise is honest"),
         Field("loop_lateness_s", "s", "worst delay from receipt to published estimate"),
+        Field("unfit_s", "s", "time since the boat's data could last judge the model; 0: they can"),
     )
     counts = (
         ("late", "measurements since start that came too late to be used"),
@@ -237,7 +238,11 @@ def _health() -> tuple[Field, ...]:
         ("recorder_backlog", "messages now waiting to be recorded"),
         ("recorder_drops", "messages since start that were not recorded"),
     )
-    return (*numbers, *(Field(name, "", text, FieldType.INTEGER) for name, text in counts))
+    unfit = Field(
+        "unfit", "", "what makes the data unfit and since when; empty: they are fit",
+        FieldType.STRING,
+    )  # fmt: skip
+    return (*numbers, *(Field(n, "", text, FieldType.INTEGER) for n, text in counts), unfit)
 
 
 EVENT = (

@@ -12,7 +12,7 @@ linearised filter would seem to observe it, and turn a good sway into a bad one.
 added to what is reported.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +152,7 @@ class FilterRows:
     nis         (K,)       normalised innovation squared of the event
     used        (K,)       components used: degrees of freedom of `nis`; 0 where none was
     flags       (K,)       bits of `Flag`
+    faults      (K,)       bits of `SensorFault`: what makes the boat's data unfit then
     """
 
     time_s: Floats
@@ -161,6 +162,7 @@ class FilterRows:
     nis: Floats
     used: NDArray[np.int8]
     flags: NDArray[np.uint8]
+    faults: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __len__(self) -> int:
         return len(self.time_s)

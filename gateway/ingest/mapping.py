@@ -8,7 +8,7 @@ the table of rules of each format stand in its own folder (`mavlink/mapping.py`,
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,16 @@ Facts = tuple[tuple[Quantity, tuple[Column, ...]], ...]
 SHORTEST_US, LONGEST_US = 400.0, 2600.0  # outside these a servo gets no pulse that it understands
 FIX_2D = 2  # GNSS fix type
 UNIX_FROM_US = 1_000_000_000_000_000  # larger counters are Unix time (2001), not time since boot
+
+
+class EstimatorFault(IntFlag):
+    """What an autopilot's filter says is wrong with it."""
+
+    ATTITUDE = 1  # it has none
+    VELOCITY = 2  # none over ground
+    POSITION = 4  # none, or it is held constant
+    GLITCH = 8  # of the GNSS receiver
+    REJECTS = 16  # innovations at or near the gate: the estimate and a sensor disagree
 
 
 class Counter(IntEnum):

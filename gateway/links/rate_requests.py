@@ -42,6 +42,7 @@ FULL_HZ: Mapping[str, float] = MappingProxyType(
         "SYS_STATUS": 2.0,
         "BATTERY_STATUS": 2.0,
         "SYSTEM_TIME": 1.0,
+        "EKF_STATUS_REPORT": 1.0,
     }
 )
 RADIO_HZ: Mapping[str, float] = MappingProxyType(
@@ -54,6 +55,7 @@ RADIO_HZ: Mapping[str, float] = MappingProxyType(
         "SYS_STATUS": 1.0,
         "BATTERY_STATUS": 0.0,  # the voltage is in SYS_STATUS too
         "SYSTEM_TIME": 1.0,
+        "EKF_STATUS_REPORT": 1.0,
     }
 )
 PRESETS: Mapping[str, Mapping[str, float]] = MappingProxyType({"full": FULL_HZ, "radio": RADIO_HZ})

@@ -27,6 +27,7 @@ from gateway.shadow.health import SECOND, LiveHealth
 from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import Freshness, ShadowPath, ShadowRows
+from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
 from gateway.vessel_file import zenoh_key
 from sim.plants.table import OWN_VESSEL, PlantChoice
@@ -35,11 +36,23 @@ from sim.vessel import Vessel
 BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S, TICK_S))
 
 
+# events that `shadow live` prints: what becomes of the boat's data and of its model
+TOLD = frozenset({
+    "started", "telemetry_silent", "telemetry_back", "sensor_failed", "sensor_restored",
+    "model_wrong", "model_explained", "model_right", "residual_unusual", "residual_usual",
+    "shadow_diverged", "shadow_steady",
+})  # fmt: skip
+
+
 class BoatOutput(NamedTuple):
-    """Messages that go out; with the last ones of an estimate, the path's rows behind them."""
+    """Messages that go out; with the last ones of an estimate, the path's rows behind them.
+
+    events  those among the messages that a person at the terminal wants to read
+    """
 
     rows: list[TopicRows]
     out: ShadowRows | None = None
+    events: tuple[EventRow, ...] = ()
 
 
 class NewestTimes(NamedTuple):
@@ -127,7 +140,13 @@ class LiveBoat:
         self.reboots = self._intake.reboots
         self.health.rebooted()
         filter_state = self._path.estimator.start()
-        self._state = replace(self._state, filter=filter_state, freshness=Freshness(), jumped=True)
+        self._state = replace(
+            self._state,
+            filter=filter_state,
+            freshness=Freshness(),
+            jumped=True,
+            sensors=SensorMemory(),
+        )
         return self.event("reboot", "warning", "the autopilot rebooted", now_ns)
 
     def _note_times(self, inputs: FilterInputs, receive_time_ns: int) -> None:
@@ -149,7 +168,8 @@ class LiveBoat:
         self._force_range, range_events = self._force_range.observe(out)
         self._model_monitor, monitored, model_events = self._model_monitor.observe(out)
         events += [*range_events, *model_events]
-        yield BoatOutput([*monitored, event_rows(events)] if events else monitored, out)
+        told = tuple(event for event in events if event.kind in TOLD)
+        yield BoatOutput([*monitored, event_rows(events)] if events else monitored, out, told)
 
     def _apply_parameters(self) -> None:
         """Use what the autopilot's parameters say about the filter, from here on."""

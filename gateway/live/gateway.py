@@ -145,14 +145,17 @@ class Gateway:
 
     def _datagram(self, datagram: Datagram) -> None:
         """Publish as it is made; all else can wait until then."""
-        published = []
+        published, told = [], list[str]()
         for boat, output in self.fleet.datagram(datagram):
             if output.rows:
                 self.outputs[boat.boat.system].publish(output.rows)
                 published.append((boat, output.rows))
+            told += [f"{boat.name}: {event.text}" for event in output.events]
         late_ns = self._clock() - datagram.receive_time_ns
         for boat in {boat.boat.system: boat for boat, _ in published}.values():
             boat.health.late_by(late_ns)
+        for text in told:
+            self._progress(text)
         self._record_frames(datagram)
         for boat, rows in published:
             self.outputs[boat.boat.system].record(rows)
@@ -175,6 +178,8 @@ class Gateway:
                 outputs.recording.tick(now_ns)
             for output in boat.tick(now_ns):
                 outputs.send(output.rows)
+                for event in output.events:
+                    self._progress(f"{boat.name}: {event.text}")
         for outcome in self._rate_requests.due(self.fleet.boats.values(), self._steady()):
             self._progress(outcome.text)
             boat = self.fleet.boats[outcome.boat.system]

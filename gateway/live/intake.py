@@ -143,6 +143,8 @@ class HeldValues(NamedTuple):
     armed: bool = True
     voltage: float = np.nan
     wind: tuple[float, ...] = (np.nan, np.nan)
+    gps_fix: float = np.nan
+    estimator: float = np.nan  # bits of `EstimatorFault`
 
 
 class MessageIntake:
@@ -237,6 +239,10 @@ class MessageIntake:
                 self._held = self._held._replace(voltage=m.values[0])
             case Quantity.WIND if max(map(abs, m.values)) < MAX_WIND_MPS:
                 self._held = self._held._replace(wind=m.values)
+            case Quantity.FIX:
+                self._held = self._held._replace(gps_fix=m.values[0])
+            case Quantity.ESTIMATOR:
+                self._held = self._held._replace(estimator=m.values[0])
             case Quantity.ARMED:
                 self._held = self._held._replace(armed=m.values[0] != 0.0)
 
@@ -285,4 +291,6 @@ class MessageIntake:
             pulses,
             np.full(count, now.voltage),
             wind,
+            np.full(count, now.gps_fix),
+            np.full(count, now.estimator),
         )

@@ -4,7 +4,8 @@ A missing force is unusual when its mean over a block of a few seconds lies far 
 of the last minutes (median and spread). Blocks, since the rows of a filter are correlated over
 seconds. It is usual again when several blocks in a row are, and a force that is small beside the
 boat's own thrust is never unusual. Unusual blocks are not remembered, so that they do not become
-usual; after minutes of nothing else they do, and that is an event too.
+usual; after minutes of nothing else they do, and that is an event too. A block is judged one
+block later: a sensor that fails is noticed within seconds, and what it spoilt is never judged.
 """
 
 from dataclasses import dataclass, replace
@@ -18,12 +19,13 @@ from gateway.estimation.names import Flag
 from gateway.shadow.health import STEADY_S
 from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import BROKEN, ShadowRows, discontinuous
+from gateway.shadow.sensor_checks import WORDS, reasons_in
 from gateway.shadow.topic_rows import EventRow
 from sim.state import Floats
 from sim.vessel import Vessel
 
 # Chosen: ten minutes of a simulated boat that the model explains give no event (a slow test), an
-# effect that sets in gives one within 15 s. Not measured on real boats.
+# effect that sets in gives one within 20 s. Not measured on real boats.
 FORCE_BLOCK_S = 5.0
 REMEMBERED_BLOCKS = 60  # five minutes
 NEEDED_BLOCKS = 12  # before anything is called unusual
@@ -32,6 +34,7 @@ USUAL_STDS = 3.0  # … within which it is usual again
 USUAL_BLOCKS = 2  # in a row, before a force is usual again: what comes and goes is one event
 PRACTICAL_SHARE = 0.02  # of full thrust: what an owner would not notice is no event
 MIN_SPREAD = 0.1  # of the missing force's own std: a calm hour does not narrow the range further
+NOTHING = (0.0, 0.0, 0.0)
 AXES = (("ahead", "N"), ("to starboard", "N"), ("clockwise", "N m"))
 
 
@@ -47,6 +50,7 @@ class MissingForceRange:
     against: tuple[int, ...] = (0, 0, 0)  # blocks in a row that say otherwise
     smallest: tuple[float, ...] = (0.0, 0.0, 0.0)  # that counts [N, N, N m]
     persisted: int = 0  # unusual blocks in a row
+    waiting: Floats | None = None  # mean (3,) of the block before, not judged yet
 
     @classmethod
     def start(cls, vessel: Vessel | None = None) -> "MissingForceRange":
@@ -63,6 +67,8 @@ class MissingForceRange:
         rows = zip(out.time_s.tolist(), out.residuals.missing.tolist(), strict=True)
         for k, (time, (X, Y, N)) in enumerate(rows):
             if not isfinite(X + Y + N):
+                if now.count or now.waiting is not None:
+                    now = replace(now, total=NOTHING, count=0, began=-np.inf, waiting=None)
                 continue
             if time - now.began >= FORCE_BLOCK_S:
                 now, changes = now._closed(out, k)
@@ -74,10 +80,12 @@ class MissingForceRange:
 
     def _closed(self, out: ShadowRows, k: int) -> tuple["MissingForceRange", list[EventRow]]:
         """The block ends before row k."""
-        fresh = replace(self, total=(0.0, 0.0, 0.0), count=0, began=float(out.time_s[k]))
-        if self.count == 0:
+        ended = np.array(self.total) / self.count if self.count else None
+        began = float(out.time_s[k])
+        fresh = replace(self, total=NOTHING, count=0, began=began, waiting=ended)
+        mean = self.waiting
+        if mean is None:
             return fresh, []
-        mean = np.array(self.total) / self.count
         if len(self.blocks) < NEEDED_BLOCKS:
             return replace(fresh, blocks=np.vstack([self.blocks, mean])), []
         middle = np.median(self.blocks, axis=0)
@@ -99,7 +107,7 @@ class MissingForceRange:
         if any(unusual) and self.persisted + 1 >= REMEMBERED_BLOCKS:
             minutes = REMEMBERED_BLOCKS * FORCE_BLOCK_S / 60.0
             text = f"unusual forces for {minutes:.0f} minutes: usual from here on"
-            again = MissingForceRange(np.empty((0, 3)), smallest=self.smallest)
+            again = MissingForceRange(np.empty((0, 3)), smallest=self.smallest, began=began)
             return again, [_range_event(out, k, False, text)]
         half = UNUSUAL_STDS * width
         events = [
@@ -161,6 +169,8 @@ class EventDetector:
     from_model: bool = False
     limited: bool = False
     diverged_s: float = -np.inf  # when the shadow last diverged; −inf: it is well
+    faults: int = 0  # of the boat's data, as told so far; 0: they are fit
+    unfit_s: float = -np.inf  # since when
 
     def observe(
         self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows
@@ -176,12 +186,43 @@ class EventDetector:
         events += _changes(out, out.from_model, self.from_model, _REFERENCE)
         events += _changes(out, out.limited, self.limited, _LIMITS)
         diverged_s, divergences = _divergences(out, self.diverged_s)
-        events += divergences
+        now, sensor_events = self._sensors(inputs, rows)
+        events += [*divergences, *sensor_events]
         events.sort(key=lambda event: event.receive_time_ns)
         if not len(out):
-            return self, events
+            return now, events
         last = bool(out.fresh[-1]), bool(out.from_model[-1]), bool(out.limited[-1])
-        return EventDetector(True, *last, diverged_s), events
+        return EventDetector(True, *last, diverged_s, now.faults, now.unfit_s), events
+
+    def _sensors(
+        self, inputs: FilterInputs, rows: FilterRows
+    ) -> tuple["EventDetector", list[EventRow]]:
+        """What makes the boat's data unfit: each fault once, until all of them are over."""
+        told, since, events = self.faults, self.unfit_s, list[EventRow]()
+        if not told and not rows.faults.any():
+            return self, events
+        for k, (time, bits) in enumerate(
+            zip(inputs.events.time_s.tolist(), rows.faults.tolist(), strict=True)
+        ):
+            words = None
+            if found := reasons_in(bits & ~told):
+                since, told = time if not told else since, told | bits
+                what = _joined([WORDS[fault][0] for fault in found])
+                text = f"{what}: until that is over the model is not judged"
+                words = "sensor_failed", "warning", text
+            elif told and not bits:
+                what = _joined([WORDS[fault][1] for fault in reasons_in(told)])
+                text = f"{what}, after {time - since:.0f} s: the model is judged again"
+                told, words = 0, ("sensor_restored", "info", text)
+            if words is not None:
+                at = int(inputs.vehicle_time_ns[k]), int(inputs.receive_time_ns[k])
+                events.append(EventRow(*at, *words))
+        return replace(self, faults=told, unfit_s=since), events
+
+
+def _joined(texts: list[str]) -> str:
+    """Several sentences as one."""
+    return " and ".join(texts).replace(" and the autopilot's EKF has", " and")
 
 
 def _divergences(out: ShadowRows, since: float) -> tuple[float, list[EventRow]]:

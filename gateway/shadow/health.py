@@ -17,6 +17,7 @@ from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.log import LATE, MavlinkLog
 from gateway.json_rows import TopicRows, encode
 from gateway.shadow.path import ShadowRows
+from gateway.shadow.sensor_checks import SensorFault, reasons_in, unfit_text
 from gateway.topics import RATED
 from sim.state import Ints
 
@@ -47,14 +48,29 @@ class FilterCounts:
     gated: int = 0
     divergences: int = 0
     diverged_ns: int | None = None  # receipt that the last one came of
+    faults: int = 0  # bits of `SensorFault` now …
+    fault_ns: dict[SensorFault, int] = field(default_factory=dict)  # … and since when
+    unfit_ns: int | None = None  # receipt since which the boat's data cannot judge a model
 
     def diverge(self, receive_ns: int) -> None:
         """The shadow left what a boat can do and began anew."""
         self.divergences += 1
         self.diverged_ns = receive_ns
 
-    def add(self, rows: FilterRows, part: slice = slice(None)) -> None:
-        """Count some rows of the filter."""
+    def sense(self, faults: int, receive_ns: int) -> None:
+        """What makes the boat's data unfit from now on: bits of `SensorFault`."""
+        now = reasons_in(faults)
+        self.fault_ns = {fault: self.fault_ns.get(fault, receive_ns) for fault in now}
+        self.unfit_ns = (self.unfit_ns or receive_ns) if faults else None
+        self.faults = faults
+
+    def add(self, rows: FilterRows, receive_time_ns: Ints, part: slice = slice(None)) -> None:
+        """Count some rows of the filter, received then (K,)."""
+        faults = rows.faults[part]
+        if (faults != self.faults).any():
+            for bits, moment in zip(faults.tolist(), receive_time_ns[part].tolist(), strict=True):
+                if bits != self.faults:
+                    self.sense(bits, moment)
         for nis, used, flags in zip(
             rows.nis[part].tolist(), rows.used[part].tolist(), rows.flags[part].tolist(),
             strict=True,
@@ -79,7 +95,7 @@ class FilterCounts:
     ) -> bytes:
         """The message of a moment; `received` and `lost` frames are those of the window."""
         since = None if self.diverged_ns is None else now_ns - self.diverged_ns
-        row: dict[str, float | int] = {
+        row: dict[str, float | int | str] = {
             "vehicle_time_ns": now_ns - offset_ns,
             "receive_time_ns": now_ns,
             "link_age_s": max(age_ns, 0) / SECOND,
@@ -89,12 +105,14 @@ class FilterCounts:
             "clock_offset_s": offset_ns / SECOND,
             "nis": self.nis / max(self.used, 1),
             "loop_lateness_s": lateness_ns / SECOND,
+            "unfit_s": 0.0 if self.unfit_ns is None else max(now_ns - self.unfit_ns, 0) / SECOND,
             "late": self.late,
             "gated": self.gated,
             "divergences": self.divergences,
             "diverging": int(since is not None and since < STEADY_S * SECOND),
             "recorder_backlog": backlog,
             "recorder_drops": drops,
+            "unfit": unfit_text(self.faults, self.fault_ns),
         }
         self.nis, self.used = 0.0, 0
         payload = encode("health", row)
@@ -147,7 +165,7 @@ class LogHealth:
                 now = second * SECOND
                 offset = self._offset_ns(now)
                 found.append((now - offset, now, self._row(now, offset)))
-            self.counts.add(rows, slice(start, end))
+            self.counts.add(rows, receive_time_ns, slice(start, end))
             for k in diverged[(diverged >= start) & (diverged < end)]:
                 self.counts.diverge(int(receive_time_ns[k]))
         vehicle, receive = np.array([times[:2] for times in found], np.int64).reshape(-1, 2).T
@@ -256,7 +274,7 @@ class LiveHealth:
 
     def filtered(self, rows: FilterRows, out: ShadowRows, receive_ns: int, vehicle_ns: int) -> None:
         """The rows of a datagram's measurements."""
-        self.counts.add(rows)
+        self.counts.add(rows, np.full(len(rows), receive_ns, np.int64))
         for _ in range(int(out.diverged.sum())):
             self.counts.diverge(receive_ns)
         self.offsets.append((receive_ns, receive_ns - vehicle_ns))

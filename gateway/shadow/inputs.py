@@ -42,6 +42,8 @@ class FilterInputs:
     pulses           (K, 32)   latest pulse of each servo channel [µs], NaN = none or disarmed
     voltage          (K,)      latest battery voltage [V]
     wind             (K, 2)    latest velocity of the air [m/s]
+    gps_fix          (K,)      latest GNSS fix type, NaN = none was reported
+    estimator        (K,)      latest bits of `EstimatorFault`, NaN = none were reported
     """
 
     events: Events
@@ -52,6 +54,8 @@ class FilterInputs:
     pulses: Floats
     voltage: Floats
     wind: Floats
+    gps_fix: Floats
+    estimator: Floats
 
     def __len__(self) -> int:
         return len(self.order)
@@ -84,6 +88,8 @@ def filter_inputs_of(
         _pulses(decoded, choices, order),
         _latest(choices, "voltage", order, 1)[:, 0],
         _latest(choices, "wind", order, 2),
+        _latest(choices, "fix", order, 1)[:, 0],
+        _latest(choices, "estimator", order, 1)[:, 0],
     )
 
 

@@ -3,16 +3,17 @@
     rows → means over a second → estimates of current and wind, misfit → topic rows, events
 
 Once a second, whatever the rate of the estimates; the means are sums in the order of the rows, so
-that chunks make no difference. A second with a jump or without telemetry is left out.
+that chunks make no difference. A second with a jump, without telemetry or with data unfit to judge
+by is left out.
 """
 
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 
 import numpy as np
 
 from gateway.json_rows import TopicRows, encode_rows
 from gateway.shadow.path import ShadowRows
+from gateway.shadow.sensor_checks import clock_text
 from gateway.shadow.topic_rows import EventRow
 from gateway.topics import HORIZONS_S
 from sim.model import Model
@@ -27,6 +28,7 @@ from sim.monitoring.live_second import (
 from sim.state import Eta, Floats
 
 SECOND_S = 1.0
+DOUBTFUL_S = 4  # seconds before a fault of the data is noticed, see `sensor_checks`
 MAX_STEP_S = 0.6  # between rows: a longer step leaves part of the second unknown
 FIRST_S = 30  # seconds before anything is published
 SEVERITY = {ModelEvent.WRONG: "warning", ModelEvent.EXPLAINED: "warning", ModelEvent.RIGHT: "info"}
@@ -67,6 +69,7 @@ class ModelMonitor:
     alarm: Alarm
     second: Second = field(default_factory=Second)
     known: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
+    earlier: tuple[Alarm, ...] = ()  # of the last seconds, oldest first
 
     @classmethod
     def of(cls, model: Model) -> "ModelMonitor":
@@ -116,11 +119,16 @@ class ModelMonitor:
         s = self.second
         fresh = replace(self, second=Second(), known=s.errors)
         if s.incomplete or not whole or not s.count:
-            return replace(fresh, alarm=self.alarm.after_gap()), [], []
+            return replace(fresh, alarm=self._undone().after_gap(), earlier=()), [], []
         alarm, event = self.alarm.observe(self.estimator, means := s.means(self.known))
-        fresh = replace(fresh, alarm=alarm)
+        fresh = replace(fresh, alarm=alarm, earlier=(*self.earlier, self.alarm)[-DOUBTFUL_S:])
         events = [] if event is None else [fresh._event_row(out, k, event, self.alarm)]
         return fresh, fresh._topic_rows(out, k, means), events
+
+    def _undone(self) -> Alarm:
+        """The state before the last seconds: what failed had failed before it was noticed."""
+        before = self.earlier[0] if self.earlier else self.alarm
+        return before if before.misfit.wrong == self.alarm.misfit.wrong else self.alarm
 
     def _event_row(self, out: ShadowRows, k: int, event: ModelEvent, before: Alarm) -> EventRow:
         since = (before if event is ModelEvent.RIGHT else self.alarm).misfit.since
@@ -158,11 +166,6 @@ def std(covariance: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
 
-def clock_text(time_ns: int) -> str:
-    """Unix time [ns] -> the time of day in UTC."""
-    return f"{datetime.fromtimestamp(time_ns // 1_000_000_000, UTC):%H:%M:%S} UTC"
-
-
 def _columns(out: ShadowRows) -> Floats:
     """The columns of which a second takes the mean: (K, 20)."""
     yaw, residuals = out.estimate[:, Eta.YAW], out.residuals
@@ -175,4 +178,4 @@ def _columns(out: ShadowRows) -> Floats:
 def _unusable(out: ShadowRows) -> Floats:
     """Rows that leave their second incomplete: (K,)."""
     unknown = ~np.isfinite(out.residuals.missing.sum(axis=1))
-    return np.asarray(~out.fresh | out.jumped | unknown)
+    return np.asarray(~out.fit | out.jumped | unknown)

@@ -20,6 +20,7 @@ from gateway.estimation.settings import FilterSettings
 from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.residuals import ModelResiduals, ResidualEvaluator, ResidualState
+from gateway.shadow.sensor_checks import SensorMemory
 from sim.following.follower import Follower, FollowerOptions
 from sim.following.reference import Reference, ReferenceMode, ReferenceState
 from sim.following.stepwise import follower_for
@@ -89,6 +90,7 @@ class PathState:
     published: float = -np.inf  # time of the last row that went out [s]
     freshness: Freshness = field(default_factory=Freshness)
     jumped: bool = False  # a discontinuity since the last row that went out
+    sensors: SensorMemory = field(default_factory=SensorMemory)
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,8 @@ class ShadowRows:
 
     row (K,) is the place of each in the chunk; `fresh` where the estimate rests on measurements,
     `limited` where the plant's thrust limits bind, `jumped` where the estimate is discontinuous,
-    `diverged` where the model or the plant had left what a boat can do and began anew.
+    `diverged` where the model or the plant had left what a boat can do and began anew, `fit` where
+    the boat's data are fresh and fit to judge its model by.
     """
 
     row: NDArray[np.int64]
@@ -116,6 +119,7 @@ class ShadowRows:
     diverged: NDArray[np.bool_]
     residuals: ModelResiduals
     commands: Floats  # (K, na)
+    fit: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.row)
@@ -128,7 +132,7 @@ class ShadowRows:
         return cls(
             number, np.zeros(0), number, number, motion, motion, flag, flag, motion, flag, motion,
             force, flag, flag, ModelResiduals(force, force, force, np.zeros((0, 3 * horizons))),
-            np.zeros((0, 1)),
+            np.zeros((0, 1)), flag,
         )  # fmt: skip
 
 
@@ -193,11 +197,14 @@ class ShadowPath:
         `spend`: the caller has no more use for `state`, see `Estimator.advance`.
         """
         filter_state, rows = self.estimator.advance(state.filter, inputs.events, True, spend)
-        state = replace(state, filter=filter_state)
+        sensors, faults = state.sensors.check(inputs)
+        rows = replace(rows, faults=faults)
+        state = replace(state, filter=filter_state, sensors=sensors)
         state, chosen, fresh, jumped = self._choose(state, inputs, rows)
         if not len(chosen):
             return state, self._no_rows, rows
         times, estimate = rows.time_s[chosen], rows.motion[chosen]
+        fit = fresh & (faults[chosen] == 0)
         voltage, wind = inputs.voltage[chosen], inputs.wind[chosen]
         state, commands = self._acting_commands(state, times, inputs.pulses[chosen])
         reference = self.reference.advance(
@@ -210,7 +217,7 @@ class ShadowPath:
         residual_state, residuals = self.residuals.advance(
             state.residuals, times, estimate, rows.covariance[chosen], commands, voltage, wind
         )
-        residuals = replace(residuals, missing=np.where(fresh[:, None], residuals.missing, np.nan))
+        residuals = replace(residuals, missing=np.where(fit[:, None], residuals.missing, np.nan))
         state = replace(
             state,
             reference=reference.state,
@@ -236,6 +243,7 @@ class ShadowPath:
                 following.diverged | reference.diverged,
                 residuals,
                 commands,
+                fit,
             ),
             rows,
         )

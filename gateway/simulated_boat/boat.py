@@ -5,7 +5,7 @@
 It moves in ticks of the autopilot's loop, so it does not matter how time is cut into calls.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.random import PCG64, Generator
@@ -24,6 +24,7 @@ from gateway.simulated_boat.command_responder import (
 )
 from gateway.simulated_boat.hull import (
     ActuatorOutputs,
+    SensedValues,
     SensorModel,
     SensorState,
     SimulatedHull,
@@ -68,6 +69,7 @@ class BoatState:
     waiting: tuple[TimedFrame, ...]  # on the link
     sensor_rng: Any  # state of the random generator of sensor errors …
     fault_rng: Any  # … and of faults: they do not change what the boat sends
+    held: dict[str, SensedValues] = field(default_factory=dict)  # by frozen sensors
 
 
 class SimulatedBoat:
@@ -158,6 +160,8 @@ class SimulatedBoat:
         past = (*state.past, self._hull.outputs_at(now, armed))[-self._hull.remembered :]
         hull, truth = self._hull.step(state.hull, state.tick, past, state.used_as)
         sensors, sensed = self._sensors.read(state.sensors, truth, sensor_rng)
+        faults = self.settings.sensor_faults
+        sensed, held = faults.reported(sensed, state.held, now)
         used_as = state.used_as + truth.amperes * self.dt
         snapshot = BoatSnapshot(
             boot_us=round((now - state.zero_s) * 1e6),
@@ -171,9 +175,17 @@ class SimulatedBoat:
             remaining=1.0 - self._hull.battery.drained(used_as),
             local=state.local,
             origin=self._origin,
+            fix=faults.fix(now),
+            ekf_flags=faults.ekf_flags(now),
         )
         state = replace(
-            state, tick=state.tick + 1, hull=hull, past=past, sensors=sensors, used_as=used_as
+            state,
+            tick=state.tick + 1,
+            hull=hull,
+            past=past,
+            sensors=sensors,
+            used_as=used_as,
+            held=held,
         )
         return self._transmit(state, snapshot, now, fault_rng)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from numpy.random import Generator
 
 from gateway.errors import BadInput
+from gateway.simulated_boat.sensor_faults import SensorFaults
 from gateway.simulated_boat.telemetry import MESSAGES
 
 LATE_FROM_S, LATE_TO_S = 0.02, 0.25  # delay of a frame that others overtake
@@ -131,6 +132,7 @@ THIN: Rates = {  # what a telemetry radio leaves room for
     "HEARTBEAT": 1.0, "ATTITUDE": 4.0, "LOCAL_POSITION_NED": 3.0, "GLOBAL_POSITION_INT": 3.0,
     "GPS_RAW_INT": 2.0, "SERVO_OUTPUT_RAW": 2.0, "RAW_IMU": 2.0, "VFR_HUD": 4.0,
     "SYS_STATUS": 2.0, "BATTERY_STATUS": 0.5, "SYSTEM_TIME": 1.0, "GPS_GLOBAL_ORIGIN": 0.1,
+    "EKF_STATUS_REPORT": 1.0,
 }  # fmt: skip
 FAST: Rates = {  # of a companion computer that requested more
     **THIN, "ATTITUDE": 50.0, "LOCAL_POSITION_NED": 25.0, "SERVO_OUTPUT_RAW": 25.0,
@@ -157,6 +159,7 @@ class SimulatedBoatSettings:
     station: bool = False  # a ground station sends on the same link
     signing_key: bytes | None = None  # 32 bytes: every frame is signed with it
     faults: Faults = field(default_factory=Faults)
+    sensor_faults: SensorFaults = field(default_factory=SensorFaults)
 
     def __post_init__(self) -> None:
         if not 1 <= self.system_id <= 254:

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.earth import Origin, metres_per_degree
 from gateway.simulated_boat.hull import GPS_AGE, GRAVITY, SensedValues
+from gateway.simulated_boat.sensor_faults import WELL
 from sim.vessel import Servo, Thruster, Vessel
 
 Message = Any
@@ -41,6 +42,8 @@ class BoatSnapshot(NamedTuple):
     remaining: float  # 1 full … 0 empty
     local: tuple[float, float]  # where the local frame starts [m from the origin of the run]
     origin: Origin  # of the run
+    fix: int = mavlink.GPS_FIX_TYPE_3D_FIX
+    ekf_flags: int = WELL
 
 
 def heartbeat(m: BoatSnapshot) -> Message:
@@ -79,7 +82,7 @@ def gps_raw_int(m: BoatSnapshot) -> Message:
     speed = math.hypot(s.gps_north_mps, s.gps_east_mps)
     course = round(math.degrees(math.atan2(s.gps_east_mps, s.gps_north_mps)) * 100.0) % 36000
     return mavlink.MAVLink_gps_raw_int_message(
-        max(m.boot_us - round(GPS_AGE * 1e6), 0), mavlink.GPS_FIX_TYPE_3D_FIX,
+        max(m.boot_us - round(GPS_AGE * 1e6), 0), m.fix,
         *degrees_e7(m.origin, s.gps_north, s.gps_east), 0, 80, 140, round(speed * 100.0), course,
         14, 0, 900, 1500, 120,
     )  # fmt: skip
@@ -124,6 +127,10 @@ def battery_status(m: BoatSnapshot) -> Message:
         0, 0, 1, 32767, cells, round(m.amperes * 100.0), round(m.used_as / 3.6), -1,
         round(m.remaining * 100.0),
     )  # fmt: skip
+
+
+def ekf_status_report(m: BoatSnapshot) -> Message:
+    return mavlink.MAVLink_ekf_status_report_message(m.ekf_flags, 0.1, 0.1, 0.1, 0.05, 0.0)
 
 
 def system_time(m: BoatSnapshot) -> Message:
@@ -173,6 +180,7 @@ MESSAGES: Mapping[str, tuple[Callable[[BoatSnapshot], Message], ...]] = {
     "SYS_STATUS": (sys_status,),
     "BATTERY_STATUS": (battery_status,),
     "SYSTEM_TIME": (system_time,),
+    "EKF_STATUS_REPORT": (ekf_status_report,),
     "GPS_GLOBAL_ORIGIN": (gps_global_origin,),
     "AUTOPILOT_VERSION": (autopilot_version,),
 }

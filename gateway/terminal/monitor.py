@@ -84,6 +84,8 @@ def _state(status: VesselStatus) -> Text:
     health = status.message("health")
     if health is not None and health["diverging"]:
         words = Text("● diverges", style=BAD)
+    if health is not None and health["unfit"]:
+        words = words if health["diverging"] else Text("● cannot judge", style=WARN)
     reference, age = status.message("reference"), status.age_s()
     if reference is not None:
         model = reference["source"] == "model"
@@ -203,7 +205,8 @@ def _link(health: Message | None) -> list[Text]:
         for name in RATED
         if h[f"rate_{name}_hz"] > 0.0
     ]
-    return [link, inside, _words("rates", *rates)]
+    unfit = [_words("data", (h["unfit"], True))] if h["unfit"] else []
+    return [link, *unfit, inside, _words("rates", *rates)]
 
 
 def _words(head: str, *parts: tuple[str, bool]) -> Text:

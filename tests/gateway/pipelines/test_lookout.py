@@ -9,9 +9,10 @@ import jsonschema
 import numpy as np
 import pytest
 
-from gateway.shadow.model_monitor import FIRST_S, ModelMonitor, clock_text
+from gateway.shadow.model_monitor import FIRST_S, ModelMonitor
 from gateway.shadow.path import ShadowRows
 from gateway.shadow.residuals import ModelResiduals
+from gateway.shadow.sensor_checks import clock_text
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.program import program_of
 from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings, TimedFrame
@@ -42,7 +43,7 @@ def path_rows(seconds: float, seed: int = 1, **changed: Any) -> ShadowRows:
         "std": np.full((count, 9), 0.03), "fresh": yes, "jumped": ~yes, "reference": estimate,
         "from_model": ~yes, "shadow": estimate, "control": force, "limited": ~yes, "diverged": ~yes,
         "residuals": ModelResiduals(missing, 10.0 * force, force, errors),
-        "commands": np.full((count, 2), 0.3),
+        "commands": np.full((count, 2), 0.3), "fit": changed.get("fresh", yes),
     }  # fmt: skip
     return ShadowRows(**{**values, **changed})
 

@@ -27,7 +27,7 @@ def test_the_view_shows_state_residual_errors_health_and_events(width: int) -> N
             shadow={"surge_mps": 1.25, "sway_mps": 0.0, "yaw_rate_radps": 0.1},
             residual={"missing_surge_n": -42.5, "missing_surge_n_std": 3.25,
                       "error_surge_mps_10s": -0.77},
-            health={"diverging": 0, "link_age_s": 7.25, "loss": 0.125, "nis": 1.37,
+            health={"diverging": 0, "unfit": "", "link_age_s": 7.25, "loss": 0.125, "nis": 1.37,
                     "rate_attitude_hz": 31.0},
         ),
         width=width,
@@ -73,6 +73,16 @@ def test_a_vessel_that_is_gone_or_silent_is_shown_so() -> None:
     assert "gone" in shown(VesselStatus("otter", False, last, 0.0))
     assert "nothing new for 12 s" in shown(VesselStatus("otter", True, last, 0.0))
     assert "no estimate yet" in shown(VesselStatus("otter", True, {}, 0.0))
+
+
+def test_data_that_cannot_judge_are_said_to_be_so_and_since_when() -> None:
+    why = "the GPS has no fix since 14:32:05 UTC"
+    text = shown(status(health={"diverging": 0, "unfit": why}))
+    assert "● cannot judge" in text
+    assert f"data: {why}" in text
+    well = shown(status(health={"diverging": 0, "unfit": ""}))
+    assert "● alive" in well
+    assert "data:" not in well
 
 
 def test_a_silent_boat_is_not_compared_with_its_shadow() -> None:

@@ -1,0 +1,276 @@
+"""Are the boat's own data fit to judge a model by? What GPS, autopilot's filter, compass and each
+source say of themselves, event by event.
+
+    compass   J = Σ (Δψ − ∫ r dt), forgotten over `JUMP_MEMORY_S`: beyond `MIN_JUMP_RAD` the heading
+              moved though the gyro saw no such turn
+    frozen    the same value to the last bit for `FROZEN_S`, where the source has digits to spare;
+              one with few digits only where another source says that it should have moved
+
+What is found makes measurements unfit from that event on until it is well again, and for
+`SETTLE_S` more: the autopilot's filter has to find back. A compass that jumped and stays there is
+believed after `JUMP_HELD_S`: which of the two headings was right, the model's errors then tell.
+"""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from enum import IntFlag
+
+import numpy as np
+
+from gateway.estimation.names import MeasurementKind
+from gateway.jit import compiled
+from gateway.shadow.inputs import FilterInputs
+from sim.state import Floats, Ints
+
+# All chosen, not measured.
+FIX_3D = 3.0  # GPS_FIX_TYPE_3D_FIX of MAVLink
+SETTLE_S = 5.0
+MIN_JUMP_RAD = 0.17  # ten degrees: what an autopilot's filter corrects in seconds is less
+JUMP_BACK_RAD = 0.09
+JUMP_MEMORY_S = 5.0
+JUMP_HELD_S = 120.0
+CONFIRMED_S = 0.5  # a jump: until then it may be one wild value
+MAX_ANGLE_RAD = 1e4  # beyond it a heading or turn rate is a damaged field
+MAX_YAW_GAP_S = 1.0  # between headings, for the gyro to be compared
+FROZEN_S, FROZEN_COUNT = 3.0, 8
+FROZEN_COARSE_S = 5.0  # of a source with few digits
+MOVING_MPS = 0.3  # above it a position cannot stand still
+TURNED_RAD = 0.2  # by the gyro, while a coarse heading stood still
+
+
+class SensorFault(IntFlag):
+    """What makes measurements unfit to judge a model by."""
+
+    GPS = 1
+    EKF_ATTITUDE = 2
+    EKF_VELOCITY = 4
+    EKF_POSITION = 8
+    EKF_GLITCH = 16
+    EKF_REJECTS = 32
+    COMPASS = 64
+    FROZEN_HEADING = 128
+    FROZEN_TURN = 256
+    FROZEN_VELOCITY = 512
+    FROZEN_POSITION = 1024
+    SETTLING = 2048  # all is well again, but only just
+
+
+REASONS = tuple(fault for fault in SensorFault if fault is not SensorFault.SETTLING)
+# what is said while it lasts, and once it is over
+WORDS: dict[SensorFault, tuple[str, str]] = {
+    SensorFault.GPS: ("the GPS has no fix", "the GPS has a fix again"),
+    SensorFault.EKF_ATTITUDE: (
+        "the autopilot's EKF has no attitude", "the autopilot's EKF has its attitude again",
+    ),
+    SensorFault.EKF_VELOCITY: (
+        "the autopilot's EKF has no velocity", "the autopilot's EKF has its velocity again",
+    ),
+    SensorFault.EKF_POSITION: (
+        "the autopilot's EKF has no position", "the autopilot's EKF has its position again",
+    ),
+    SensorFault.EKF_GLITCH: (
+        "the autopilot's EKF reports a GPS glitch", "the GPS glitch is over",
+    ),
+    SensorFault.EKF_REJECTS: (
+        "the autopilot's EKF is at odds with its sensors",
+        "the autopilot's EKF agrees with its sensors again",
+    ),
+    SensorFault.COMPASS: (
+        "the heading jumped though the gyro saw no such turn",
+        "the heading is believed again",
+    ),
+    SensorFault.FROZEN_HEADING: ("the heading is frozen", "the heading moves again"),
+    SensorFault.FROZEN_TURN: ("the gyro is frozen", "the gyro moves again"),
+    SensorFault.FROZEN_VELOCITY: ("the velocity is frozen", "the velocity moves again"),
+    SensorFault.FROZEN_POSITION: ("the position is frozen", "the position moves again"),
+}  # fmt: skip
+
+YAW, YAW_RATE = int(MeasurementKind.YAW), int(MeasurementKind.YAW_RATE)
+VELOCITY, POSITION = int(MeasurementKind.VELOCITY), int(MeasurementKind.POSITION)
+BODY_VELOCITY = int(MeasurementKind.BODY_VELOCITY)
+GPS, COMPASS, SETTLING = (
+    int(fault) for fault in (SensorFault.GPS, SensorFault.COMPASS, SensorFault.SETTLING)
+)
+EKF_SHIFT = 1  # of the bits of `gateway.ingest.mapping.EstimatorFault` among these
+FROZEN_BIT = np.zeros(len(MeasurementKind), np.int64)
+for _kind, _fault in (
+    (YAW, SensorFault.FROZEN_HEADING), (YAW_RATE, SensorFault.FROZEN_TURN),
+    (VELOCITY, SensorFault.FROZEN_VELOCITY), (BODY_VELOCITY, SensorFault.FROZEN_VELOCITY),
+    (POSITION, SensorFault.FROZEN_POSITION),
+):  # fmt: skip
+    FROZEN_BIT[_kind] = int(_fault)
+
+# columns of what is remembered of each kind of measurement …
+Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
+# … and places of the rest: rate and integral of the gyro, that at the last heading, the heading's
+# sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault
+TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED = range(10)
+
+
+@compiled
+def wrapped(angle: float) -> float:
+    """An angle [rad] within ±π."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+@compiled
+def fine(kind: int, value: float) -> bool:
+    """Has the source more digits than hundredths of a degree, cm/s, mrad/s?"""
+    per_unit = 100.0
+    if kind == YAW:
+        per_unit = 18000.0 / np.pi
+    elif kind == YAW_RATE:
+        per_unit = 1000.0
+    steps = value * per_unit
+    return bool(np.abs(steps - np.rint(steps)) > 1e-4)
+
+
+@compiled
+def note_turn(kinds: Floats, rest: Floats, time: float, rate: float) -> None:
+    """Add to the integral of the gyro."""
+    step = time - kinds[YAW_RATE, TIME]
+    if 0.0 < step <= MAX_YAW_GAP_S:
+        rest[ANGLE] += 0.5 * step * (rate + rest[TURN])
+    rest[TURN] = rate
+
+
+@compiled
+def note_heading(kinds: Floats, rest: Floats, time: float, yaw: float) -> None:
+    """Compare the step of a heading that moved with the gyro's, as long as that moves too."""
+    step = time - kinds[YAW, CHANGED]
+    gyro = time - kinds[YAW_RATE, TIME]
+    angle = rest[ANGLE] + (rest[TURN] * gyro if 0.0 < gyro <= MAX_YAW_GAP_S else 0.0)
+    stuck = kinds[YAW_RATE, SAME] >= 3.0 and fine(YAW_RATE, rest[TURN])
+    if stuck:
+        rest[LEAK] = 0.0
+    elif 0.0 < step <= MAX_YAW_GAP_S and gyro <= MAX_YAW_GAP_S:
+        unseen = wrapped(yaw - kinds[YAW, Z0]) - (angle - rest[ANGLE_THEN])
+        rest[LEAK] = rest[LEAK] * np.exp(-step / JUMP_MEMORY_S) + unseen
+        if np.isfinite(rest[JUMPED]):
+            rest[OFFSET] += unseen
+            # back where it was, or there for so long that it is believed
+            if np.abs(rest[OFFSET]) < JUMP_BACK_RAD or time - rest[JUMPED] > JUMP_HELD_S:
+                rest[JUMPED] = np.inf
+                rest[LEAK] = 0.0
+        elif np.abs(rest[LEAK]) > MIN_JUMP_RAD:
+            rest[JUMPED], rest[OFFSET] = time, rest[LEAK]
+    elif step > MAX_YAW_GAP_S:
+        rest[LEAK] = 0.0
+    rest[ANGLE_THEN] = angle
+
+
+@compiled
+def frozen(kinds: Floats, rest: Floats, kind: int) -> bool:
+    """Does that kind of measurement stand still though it cannot?"""
+    one = kinds[kind]
+    seconds = one[TIME] - one[CHANGED]
+    if one[SAME] < FROZEN_COUNT or seconds < FROZEN_S:
+        return False
+    if kind == POSITION:
+        return bool(rest[SPEED] > MOVING_MPS)
+    if fine(kind, one[Z0]) or ((kind in (VELOCITY, BODY_VELOCITY)) and fine(kind, one[Z1])):
+        return True
+    if seconds < FROZEN_COARSE_S:
+        return False
+    if kind == YAW:
+        return bool(np.abs(rest[ANGLE] - one[TURNED_THEN]) > TURNED_RAD)
+    return bool(kind != YAW_RATE and rest[SPEED] > MOVING_MPS)
+
+
+@compiled
+def check_events(
+    kinds: Floats,
+    rest: Floats,
+    events: tuple[Floats, Ints, Floats],
+    held: tuple[Floats, Floats, Floats],
+    out: Ints,
+) -> None:
+    """K events with what held at each -> bits of `SensorFault` (K,); memory changes in place.
+
+    events  time (K,), kind (K,), z (K, 2)
+    held    GPS fix (K,) and faults of the estimator (K,), NaN where unknown; armed (K,), 1 or 0
+    """
+    time, kind, z = events
+    fix, estimator, armed = held
+    for k in range(len(time)):
+        what, now = kind[k], time[k]
+        sane = np.abs(z[k, 0]) < MAX_ANGLE_RAD or what == POSITION
+        if FROZEN_BIT[what] and sane and np.isfinite(now) and now > kinds[what, TIME]:
+            if what == YAW_RATE:
+                note_turn(kinds, rest, now, z[k, 0])
+            elif what == YAW and z[k, 0] != kinds[YAW, Z0]:
+                note_heading(kinds, rest, now, z[k, 0])
+            elif what in (VELOCITY, BODY_VELOCITY):
+                rest[SPEED] = np.hypot(z[k, 0], z[k, 1])
+            one = kinds[what]
+            one[TIME] = now
+            if z[k, 0] == one[Z0] and (z[k, 1] == one[Z1] or what in (YAW, YAW_RATE)):
+                one[SAME] += 1.0
+            else:
+                one[SAME], one[CHANGED], one[TURNED_THEN] = 0.0, now, rest[ANGLE]
+            one[Z0], one[Z1] = z[k, 0], z[k, 1]
+            bit = FROZEN_BIT[what]
+            was = bool(int(rest[BITS]) & bit) and one[SAME] > 0.0
+            stuck = armed[k] > 0.0 and (was or frozen(kinds, rest, what))
+            rest[BITS] = (int(rest[BITS]) | bit) if stuck else (int(rest[BITS]) & ~bit)
+        if fix[k] >= FIX_3D:
+            rest[HAD_FIX] = 1.0
+        bits = int(rest[BITS])
+        unknown = not np.isfinite(estimator[k])
+        if fix[k] < FIX_3D and (rest[HAD_FIX] > 0.0 or unknown):
+            bits |= GPS
+        if not unknown:
+            bits |= int(estimator[k]) << EKF_SHIFT
+        jumped = now - rest[JUMPED]
+        if jumped >= CONFIRMED_S:
+            bits |= COMPASS
+        if bits or jumped >= 0.0:
+            rest[UNFIT] = now
+        if bits == 0 and 0.0 <= now - rest[UNFIT] < SETTLE_S:
+            bits = SETTLING
+        out[k] = bits
+
+
+def clock_text(time_ns: int) -> str:
+    """Unix time [ns] -> the time of day in UTC."""
+    return f"{datetime.fromtimestamp(time_ns // 1_000_000_000, UTC):%H:%M:%S} UTC"
+
+
+class SensorMemory:
+    """What the checks remember; never changed once it was handed out."""
+
+    def __init__(self, kinds: Floats | None = None, rest: Floats | None = None) -> None:
+        if kinds is None or rest is None:
+            kinds = np.zeros((len(FROZEN_BIT), 6))
+            kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
+            rest = np.zeros(10)
+            rest[JUMPED], rest[UNFIT] = np.inf, -np.inf
+        self._kinds, self._rest = kinds, rest
+
+    def check(self, inputs: FilterInputs) -> tuple["SensorMemory", Ints]:
+        """K inputs in order of receipt -> the memory after them, bits of `SensorFault` (K,)."""
+        after = SensorMemory(self._kinds.copy(), self._rest.copy())
+        out = np.zeros(len(inputs), np.int64)
+        events = inputs.events
+        armed = np.asarray(np.isfinite(inputs.pulses).any(axis=1), np.float64)
+        check_events(
+            after._kinds,
+            after._rest,
+            (events.time_s, events.kind, events.z),
+            (inputs.gps_fix, inputs.estimator, armed),
+            out,
+        )
+        return after, out
+
+
+def unfit_text(bits: int, since_ns: Mapping[SensorFault, int]) -> str:
+    """What makes the data unfit and since when (receipt), for people; empty while they are fit."""
+    found = reasons_in(bits)
+    if not found:
+        return "all well again, settling" if bits else ""
+    return "; ".join(f"{WORDS[fault][0]} since {clock_text(since_ns[fault])}" for fault in found)
+
+
+def reasons_in(bits: int) -> list[SensorFault]:
+    """The faults among those bits."""
+    return [fault for fault in REASONS if bits & fault]
