@@ -198,7 +198,8 @@ def _pairs(*rows: tuple[str, str, str]) -> tuple[Field, ...]:
 
 
 _UNITS = {"mps": "m/s", "n": "N"}
-EXPLANATIONS = ("none", "current", "wind", "current or wind")
+EXPLANATIONS = ("none", "current", "wind", "current or wind", "thrust", "compass", "drag",
+                "several", "none of these")  # fmt: skip
 
 
 def _surroundings() -> tuple[Field, ...]:
@@ -238,10 +239,8 @@ def _health() -> tuple[Field, ...]:
         ("recorder_backlog", "messages now waiting to be recorded"),
         ("recorder_drops", "messages since start that were not recorded"),
     )
-    unfit = Field(
-        "unfit", "", "what makes the data unfit and since when; empty: they are fit",
-        FieldType.STRING,
-    )  # fmt: skip
+    text = "what makes the data unfit and since when; empty: they are fit"
+    unfit = Field("unfit", "", text, FieldType.STRING)
     return (*numbers, *(Field(n, "", text, FieldType.INTEGER) for n, text in counts), unfit)
 
 

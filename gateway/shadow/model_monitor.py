@@ -32,13 +32,13 @@ DOUBTFUL_S = 4  # seconds before a fault of the data is noticed, see `sensor_che
 MAX_STEP_S = 0.6  # between rows: a longer step leaves part of the second unknown
 FIRST_S = 30  # seconds before anything is published
 SEVERITY = {ModelEvent.WRONG: "warning", ModelEvent.EXPLAINED: "warning", ModelEvent.RIGHT: "info"}
-COLUMNS = 20  # estimate, cos and sin of yaw, missing, its variance, commanded
+COLUMNS = 20  # estimate, cos and sin of yaw, missing, its variance, commanded; then commands
 ERRORS = [3 * HORIZONS_S.index(s) + i for s in WATCHED_HORIZONS_S for i in range(3)]
 
 
 @dataclass(frozen=True)
 class Second:
-    """The second under way: sums (20,) over `count` rows since `began`, and its last row."""
+    """The second under way: sums (20 + na,) over `count` rows since `began`, and its last row."""
 
     began: float = -np.inf
     total: Floats = field(default_factory=lambda: np.zeros(COLUMNS))
@@ -57,7 +57,7 @@ class Second:
         new = (self.errors != before).reshape(-1, 3).any(axis=1, keepdims=True)
         return SecondMeans(
             self.time, motion, self.variance, mean[11:14], np.sqrt(mean[14:17]), mean[17:20],
-            self.commands, np.where(new, self.errors.reshape(-1, 3), np.nan),
+            self.commands, np.where(new, self.errors.reshape(-1, 3), np.nan), mean[COLUMNS:],
         )  # fmt: skip
 
 
@@ -100,7 +100,8 @@ class ModelMonitor:
         if end == first:
             return self
         s, last = self.second, end - 1
-        total = np.vstack([s.total, table[first:end]]).cumsum(axis=0)[-1]
+        before = s.total if s.count else np.zeros(table.shape[1])
+        total = np.vstack([before, table[first:end]]).cumsum(axis=0)[-1]
         return replace(self, second=Second(
             s.began if s.count else float(out.time_s[first]),
             total,
@@ -119,7 +120,8 @@ class ModelMonitor:
         s = self.second
         fresh = replace(self, second=Second(), known=s.errors)
         if s.incomplete or not whole or not s.count:
-            return replace(fresh, alarm=self._undone().after_gap(), earlier=()), [], []
+            alarm = self._undone() if s.incomplete else self.alarm
+            return replace(fresh, alarm=alarm.after_gap(), earlier=()), [], []
         alarm, event = self.alarm.observe(self.estimator, means := s.means(self.known))
         fresh = replace(fresh, alarm=alarm, earlier=(*self.earlier, self.alarm)[-DOUBTFUL_S:])
         events = [] if event is None else [fresh._event_row(out, k, event, self.alarm)]
@@ -167,11 +169,11 @@ def std(covariance: Floats) -> Floats:
 
 
 def _columns(out: ShadowRows) -> Floats:
-    """The columns of which a second takes the mean: (K, 20)."""
+    """The columns of which a second takes the mean: (K, 20 + na)."""
     yaw, residuals = out.estimate[:, Eta.YAW], out.residuals
     return np.column_stack([
         out.estimate, np.cos(yaw), np.sin(yaw), residuals.missing, residuals.missing_std**2,
-        residuals.commanded,
+        residuals.commanded, out.commands,
     ])  # fmt: skip
 
 

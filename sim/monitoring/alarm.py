@@ -16,6 +16,7 @@ import numpy as np
 from sim.comparison.regimes import COMPASS
 from sim.monitoring.consistency import Misfit
 from sim.monitoring.disturbances import (
+    MIN_SCORE_BETWEEN_NATS,
     Cause,
     DisturbanceEstimate,
     DisturbanceEstimator,
@@ -24,13 +25,17 @@ from sim.monitoring.disturbances import (
 from sim.monitoring.live_second import SecondMeans, WindModel, air_velocity
 from sim.state import Floats, Nu
 
-# All chosen, not measured; what they give: benchmarks/results/live_diagnosis.md.
+# Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
+# benchmarks/results/live_naming.md.
 WATCHED_HORIZONS_S = (5, 10)  # of the predictions that are compared
-STEADY_S = 15.0  # an explanation must last that long
+STEADY_S = 10.0  # an explanation must last that long
 MIN_INTERVAL_S = 60.0  # between two explanations that are reported
+MIN_DOUBT_INTERVAL_S = 20.0  # the same after one that left it open
+DOUBTS = (Cause.NOTHING, Cause.EITHER, Cause.SEVERAL, Cause.OTHER)
 MIN_CHANGE = 0.5  # of the disturbance that was reported, and …
 MIN_CHANGE_SIGMAS = 4.0  # … of its present standard deviation: it is reported again
-MIN_SECONDS = 120  # before it is said that nothing explains it
+MIN_TROUBLE_S = 15.0  # before any explanation of it
+MIN_SECONDS = 150  # before it is said that nothing explains it
 FEW_HEADINGS = 2  # on so few, water and air are not told apart
 # Where the model is wrong
 REGIME_MEMORY_S = 300.0
@@ -163,13 +168,16 @@ class Alarm:
     def _after(self, estimator: DisturbanceEstimator, second: SecondMeans) -> "Alarm | None":
         """The state after one more second; None where it holds no finite numbers."""
         estimate, balance = estimator.observe(self.estimate, second)
-        means = (estimate.boat.mean, estimate.water.mean, estimate.air.mean)
+        filters = (estimate.boat, estimate.water, estimate.air, *estimate.own)
+        means = [one.mean for one in filters]
         if not all(np.isfinite(x).all() for x in (balance.system_matrix, *means)):
             return None
         misfit, errors = self.misfit.observe(second, balance, WATCHED_HORIZONS_S), self.errors
         if np.isfinite(misfit.z):
             ahead = sum(t.thrust[1] for t in estimator.model.vessel.thrusters)
             errors = errors.observe(second, misfit.z, ahead)
+        if np.isfinite(misfit.since) and not np.isfinite(self.misfit.since):
+            estimate = estimator.reopened(estimate, second.time)
         now = replace(self, estimate=estimate, misfit=misfit, errors=errors)
         explanation = now.cause, now.cause is Cause.NOTHING and not now.too_early
         if explanation == self.explanation:
@@ -184,6 +192,8 @@ class Alarm:
     def cause(self) -> Cause:
         """What explains the missing force, with its doubts on few headings."""
         cause = self.estimate.cause
+        if self.just_begun:
+            return Cause.NOTHING
         if self.few_headings and cause in (Cause.CURRENT, Cause.WIND):
             return Cause.EITHER
         return cause
@@ -196,13 +206,20 @@ class Alarm:
     @property
     def too_early(self) -> bool:
         """Whether it means nothing yet that nothing explains it."""
-        return self.few_headings or self.estimate.count < MIN_SECONDS
+        seconds = min(self.estimate.count, self.estimate.time - self.estimate.opened)
+        return self.few_headings or seconds < MIN_SECONDS
+
+    @property
+    def just_begun(self) -> bool:
+        """Whether the trouble is too young for any explanation."""
+        return self.estimate.time - self.estimate.opened < MIN_TROUBLE_S
 
     @property
     def _filter(self) -> DisturbanceFilter | None:
         """The filter of the explanation, where there is one."""
-        filters = {Cause.CURRENT: self.estimate.water, Cause.WIND: self.estimate.air}
-        return filters.get(self.cause)
+        if self.cause in DOUBTS:
+            return None
+        return next(one for kind, one in self.estimate.ranked if kind is self.cause)
 
     def _with_report(self, time: float) -> "Alarm":
         disturbance = None if self._filter is None else self._filter.disturbance
@@ -212,7 +229,9 @@ class Alarm:
 
     def _has_news(self, time: float) -> bool:
         """Whether there is another explanation that has lasted, or the same one has moved."""
-        if time - self.explanation_since < STEADY_S or time - self.reported_at < MIN_INTERVAL_S:
+        definite = self.reported[0] not in DOUBTS
+        interval = MIN_INTERVAL_S if definite else MIN_DOUBT_INTERVAL_S
+        if time - self.explanation_since < STEADY_S or time - self.reported_at < interval:
             return False
         return self.explanation != self.reported or self._moved()
 
@@ -220,9 +239,9 @@ class Alarm:
         now, before = self._filter, self.reported_disturbance
         if now is None or before is None:
             return False
-        change, size = now.disturbance - before, float(np.hypot(*before))
+        change, size = now.disturbance - before, float(np.linalg.norm(before))
         far = now.squared_distance(before) > MIN_CHANGE_SIGMAS**2
-        return far and float(np.hypot(*change)) > MIN_CHANGE * size
+        return far and float(np.linalg.norm(change)) > MIN_CHANGE * size
 
 
 def event_text(event: ModelEvent, alarm: Alarm, air: WindModel, since: str) -> str:
@@ -238,18 +257,55 @@ def event_text(event: ModelEvent, alarm: Alarm, air: WindModel, since: str) -> s
 
 def _cause_text(alarm: Alarm, air: WindModel) -> str:
     """What explains it, as far as that can be told."""
-    current = current_text(alarm.estimate.water.disturbance)
-    wind = wind_text(alarm.estimate.air.disturbance, air)
+    estimate = alarm.estimate
+    current, wind = (_kind_text(kind, estimate, air) for kind in (Cause.CURRENT, Cause.WIND))
     match alarm.cause:
-        case Cause.CURRENT:
-            return f"looks like {current}"
-        case Cause.WIND:
-            return f"looks like {wind}"
         case Cause.EITHER:
             return f"looks like current or wind ({current}, or {wind}): other headings tell"
-    if alarm.too_early:
-        return "too little seen so far to tell current or wind from an error of the boat's own"
-    return "neither a current nor a wind explains it"
+        case Cause.SEVERAL:
+            several = " or ".join(_kind_text(kind, estimate, air) for kind in estimate.likely)
+            return f"looks like {several}: turns, other headings and speeds tell"
+        case Cause.NOTHING if alarm.too_early:
+            return "too little seen so far to tell what it looks like"
+        case Cause.NOTHING | Cause.OTHER:
+            return "none of current, wind, thrusters, compass and drag explains it"
+    return f"looks like {_kind_text(alarm.cause, estimate, air)}"
+
+
+def _kind_text(kind: Cause, estimate: DisturbanceEstimate, air: WindModel) -> str:
+    """One explanation with its size."""
+    best = next(one for other, one in estimate.ranked if other is kind)
+    size = float(best.disturbance[0])
+    match kind:
+        case Cause.CURRENT:
+            return current_text(best.disturbance)
+        case Cause.WIND:
+            return wind_text(best.disturbance, air)
+        case Cause.THRUST:
+            return f"{_thrusters(estimate)} giving {_percent(size)} thrust"
+        case Cause.COMPASS:
+            side = "starboard" if size > 0.0 else "port"
+            return f"the compass reading {abs(np.degrees(size)):.0f}° too far to {side}"
+        case Cause.DRAG:
+            return f"{_percent(size)} drag ahead"
+    return "something else"
+
+
+def _percent(share: float) -> str:
+    """−0.45 -> "45 % less"."""
+    return f"{abs(100.0 * share):.0f} % {'less' if share < 0.0 else 'more'}"
+
+
+def _thrusters(estimate: DisturbanceEstimate) -> str:
+    """The thruster that explains it best, and those that do so about as well."""
+    one_by_one = [
+        (one.score, name)
+        for kind, name, one in zip(estimate.kinds, estimate.names, estimate.own, strict=True)
+        if kind is Cause.THRUST
+    ]
+    best = max(one_by_one)[0]
+    near = [name for score, name in one_by_one if best - score < MIN_SCORE_BETWEEN_NATS]
+    return f"thruster {' or '.join(near)}"
 
 
 def current_text(current: Floats) -> str:

@@ -1,28 +1,32 @@
-"""Current and wind, estimated under way: three explanations of the missing force, each a filter.
+"""What is wrong with a boat under way: explanations of the missing force, each a filter.
 
-    f = B(ν, τ) b + e                                nothing but the boat itself
+    f = B(ν, τ) b + e                                nothing but the small errors of a right model
     f = B(ν − c, τ) b + F(ν) − F(ν − c) + e          the water moves: c north, east [m/s]
     f = B(ν, τ) b + w(ψ, ν; g) + e                   the air pushes: g north, east
+    f = B(ν, τ) b + h(o) + e                         a thruster, the compass, the drag, anything
+                                                     (`sim.monitoring.own_causes`)
 
-f is the missing force, averaged over a second, F the balance of the vessel. b are errors of the
-boat's own model (a constant force, the scale of its thrust and of its damping, a heading offset),
-with priors: what stays fixed to the boat is not put down to water or air. Damping goes with the
-velocity through the water: written over ground, a boat that drifts along with a current would look
-like one without sway damping. e starts with the standard deviation that the estimate states, and
-then follows what the best explanation leaves. With wind areas g = |V| V of the wind, else it is a
-force [N].
+f is the missing force, averaged over a second, F the balance of the vessel. b are small errors of
+the boat's own model (a constant force, the scale of its thrust and of its damping, a heading
+offset), with priors. Damping goes with the velocity through the water: written over ground, a boat
+that drifts along with a current would look like one without sway damping. e starts with the
+standard deviation that the estimate states, and then follows what the best explanation leaves. With
+wind areas g = |V| V of the wind, else it is a force [N].
 
-Each explanation is an extended Kalman filter of x = (b, o), o the disturbance (c, g or nothing):
+Each explanation is an extended Kalman filter of x = (b, o), o the disturbance (c, g, … or nothing):
 
     x ← x + K m,     m = f − B b − h(o),     S = H P Hᵀ + R,     H = [B ∂h/∂o]
-    score ← score e^(−dt/T) − ½ (mᵀ S⁻¹ m + ln |S|) / 2
+    score ← score e^(−dt/T) − ½ (mᵀ S⁻¹ m + ln |S|) / 1.5
 
 The score is how well each second was predicted. Consecutive seconds are more alike than R says:
-two count as one. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
+three count as two. When trouble begins (`reopened`) all start anew with the boat as it was known
+before: what set in halfway has not been near zero for long. A named explanation has to beat the
+boat itself and all other named ones; where a force that wanders freely beats them all by far, it is
+none of these. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
 Navigation, 2001, §5.4 and §11.6 (multiple models); Joseph's form of the covariance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -37,24 +41,32 @@ from sim.monitoring.live_second import (
     current_shift,
     world_to_body,
 )
+from sim.monitoring.own_causes import OwnCause, own_causes
 from sim.state import Floats
 
 # Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,
 # a current named in half a minute to two minutes, to 0.05 m/s and 10 degrees.
 BOAT_ERRORS = 10  # components of b
 SCORE_MEMORY_S = 180.0
-SECONDS_PER_INDEPENDENT_SECOND = 2.0
+SECONDS_PER_INDEPENDENT_SECOND = 1.5
 MAX_SQUARED_DISTANCE = 16.0  # mᵀ S⁻¹ m over three axes: beyond this noise is not Gaussian
 DRIFT_S = 1800.0  # in which the random walk of o reaches its prior's width
 BOAT_DRIFT_S = 20000.0  # the same of b
 SIGNIFICANT_SIGMAS = 3.0  # of o, to be called different from nothing
 CURRENT_PRIOR_MPS = 0.5  # of either component
 MIN_SCORE_NATS = 8.0  # by which an explanation must beat the boat itself …
-MIN_SCORE_BETWEEN_NATS = 4.0  # … and water the air, or the other way round
+MIN_SCORE_BETWEEN_NATS = 5.0  # … and each other one
+MIN_SCORE_OTHER_NATS = 12.0  # by which a wandering force must beat all of them: none of these
+MIN_CALM_SECONDS = 60  # before trouble, for the boat's own errors to be known
 NOISE_MEMORY_S = 60.0  # of the variance of e
 NOISE_LIMITS = (0.1, 10.0)  # its variance over the stated one: at least, at most
 MIN_NOISE = 0.01  # of the priors of b as forces: no estimate is perfect
 MAX_SILENCE_S = 600.0  # a longer silence counts as this long
+
+
+# standard deviations of b: share of the thrust full ahead; shares; rad
+BOAT_FORCE, BOAT_SCALES, BOAT_HEADING = 0.03, (0.08, 0.08, 0.1, 0.1, 0.1), 0.03
+NONE = np.zeros(0)
 
 
 class MeasurementModel(NamedTuple):
@@ -77,38 +89,48 @@ class DisturbanceFilter:
     covariance: Floats
     innovation_ratio: Floats
     score: float = 0.0
+    drift_s: float = DRIFT_S
 
     @classmethod
-    def start(cls, boat: Floats, disturbance: float | None = None) -> "DisturbanceFilter":
-        """Standard deviations of b (10,) and of either component of o, where there is any."""
-        prior = boat if disturbance is None else np.append(boat, [disturbance, disturbance])
-        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3))
+    def start(
+        cls, boat: Floats, disturbance: Floats = NONE, drift_s: float = DRIFT_S
+    ) -> "DisturbanceFilter":
+        """Standard deviations of b (10,) and of o (n,), and the time of its walk [s]."""
+        prior = np.append(boat, disturbance)
+        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3), 0.0, drift_s)
+
+    def reopened(self, before: "DisturbanceFilter") -> "DisturbanceFilter":
+        """As if the disturbance had only begun: b as it was before it, o as unknown as at first."""
+        mean, covariance = np.zeros(len(self.prior)), np.diag(self.prior**2)
+        mean[:BOAT_ERRORS] = before.mean[:BOAT_ERRORS]
+        covariance[:BOAT_ERRORS, :BOAT_ERRORS] = before.covariance[:BOAT_ERRORS, :BOAT_ERRORS]
+        return replace(self, mean=mean, covariance=covariance, score=0.0)
 
     @property
     def disturbance(self) -> Floats:
-        """o: north, east (2,)."""
+        """o: (n,), of water and air north, east."""
         return self.mean[BOAT_ERRORS:]
 
     @property
     def disturbance_covariance(self) -> Floats:
-        """Of o: (2, 2)."""
+        """Of o: (n, n)."""
         return self.covariance[BOAT_ERRORS:, BOAT_ERRORS:]
 
     def squared_distance(self, disturbance: Floats) -> float:
-        """How far o is from another (2,), in squared standard deviations."""
+        """How far o is from another (n,), in squared standard deviations."""
         off = self.disturbance - disturbance
         return float(off @ np.linalg.solve(self.disturbance_covariance, off))
 
     @property
     def significant(self) -> bool:
         """Whether o is clearly different from nothing."""
-        return self.squared_distance(np.zeros(2)) > SIGNIFICANT_SIGMAS**2
+        return self.squared_distance(np.zeros(len(self.disturbance))) > SIGNIFICANT_SIGMAS**2
 
     def updated(
         self, force: Floats, variance: Floats, measured: MeasurementModel, dt: float
     ) -> "DisturbanceFilter":
         """After a missing force (3,) with its variance (3,), `dt` [s] after the last."""
-        walk = np.where(np.arange(len(self.prior)) < BOAT_ERRORS, BOAT_DRIFT_S, DRIFT_S)
+        walk = np.where(np.arange(len(self.prior)) < BOAT_ERRORS, BOAT_DRIFT_S, self.drift_s)
         P = self.covariance + np.diag(self.prior**2 * dt / walk)
         H, R = np.hstack([measured.boat, measured.slope]), np.diag(variance)
         m = force - measured.boat @ self.mean[:BOAT_ERRORS] - measured.force
@@ -123,40 +145,83 @@ class DisturbanceFilter:
         nats = -0.5 * distance / SECONDS_PER_INDEPENDENT_SECOND
         score = self.score * float(np.exp(-dt / SCORE_MEMORY_S)) + nats
         return DisturbanceFilter(
-            self.prior, self.mean + K @ m, A @ P @ A.T + K @ R @ K.T, ratio, score
+            self.prior, self.mean + K @ m, A @ P @ A.T + K @ R @ K.T, ratio, score, self.drift_s
         )
 
 
 class Cause(Enum):
-    """What the surroundings do that the vessel does not know."""
+    """What is wrong: around the boat or on it; one of several; none of these."""
 
     NOTHING = "none"
     CURRENT = "current"
     WIND = "wind"
     EITHER = "current or wind"
+    THRUST = "thrust"
+    COMPASS = "compass"
+    DRAG = "drag"
+    OTHER = "none of these"
+    SEVERAL = "several"
+
+
+KIND_OF = {
+    "thrust": Cause.THRUST, "compass": Cause.COMPASS, "drag": Cause.DRAG, "anything": Cause.OTHER,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class DisturbanceEstimate:
-    """The three explanations after `count` seconds; noise (3,): variance of e over the stated."""
+    """The explanations after `count` seconds; noise (3,): variance of e over the stated.
+
+    own      one filter for each of `DisturbanceEstimator.own`
+    opened   when trouble began, and all explanations with it [s]; −inf: from the beginning
+    """
 
     boat: DisturbanceFilter
     water: DisturbanceFilter
     air: DisturbanceFilter
+    own: tuple[DisturbanceFilter, ...]
+    kinds: tuple[Cause, ...]  # of each of them …
+    names: tuple[str, ...]  # … and of its thruster
     noise: Floats
     time: float = -np.inf
     count: int = 0
+    opened: float = -np.inf
+
+    @property
+    def ranked(self) -> list[tuple[Cause, DisturbanceFilter]]:
+        """All explanations, the one that predicts best first."""
+        named = zip(self.kinds, self.own, strict=True)
+        both = [(Cause.CURRENT, self.water), (Cause.WIND, self.air), *named]
+        return sorted(both, key=lambda one: -one[1].score)
+
+    @property
+    def likely(self) -> tuple[Cause, ...]:
+        """Those that explain the missing force about as well as the best; none where none does."""
+        other = max(one.score for kind, one in self.ranked if kind is Cause.OTHER)
+        named = [(kind, one) for kind, one in self.ranked if kind is not Cause.OTHER]
+        best = named[0][1].score
+        if max(best, other) - self.boat.score < MIN_SCORE_NATS:
+            return ()
+        if other - best >= MIN_SCORE_OTHER_NATS:
+            return (Cause.OTHER,)
+        near = [kind for kind, one in named if best - one.score < MIN_SCORE_BETWEEN_NATS]
+        doubt = [Cause.OTHER] if other - best >= MIN_SCORE_BETWEEN_NATS else []
+        return tuple(dict.fromkeys([*near, *doubt]))
 
     @property
     def cause(self) -> Cause:
         """What explains the missing force best, as far as these seconds tell."""
-        water, air = self.water.score - self.boat.score, self.air.score - self.boat.score
-        if max(water, air) < MIN_SCORE_NATS:
+        likely = self.likely
+        if not likely:
             return Cause.NOTHING
-        better = self.water if water > air else self.air
-        if abs(water - air) < MIN_SCORE_BETWEEN_NATS or not better.significant:
+        if set(likely) == {Cause.CURRENT, Cause.WIND}:
             return Cause.EITHER
-        return Cause.CURRENT if water > air else Cause.WIND
+        if len(likely) > 1:
+            return Cause.SEVERAL
+        best = next(one for kind, one in self.ranked if kind is likely[0])
+        if best.significant or likely[0] is Cause.OTHER:
+            return likely[0]
+        return Cause.EITHER if likely[0] in (Cause.CURRENT, Cause.WIND) else Cause.SEVERAL
 
 
 @dataclass(frozen=True)
@@ -166,6 +231,7 @@ class DisturbanceEstimator:
     model: Model
     air: WindModel
     prior: Floats
+    own: tuple[OwnCause, ...] = ()
 
     @classmethod
     def of(cls, model: Model) -> "DisturbanceEstimator":
@@ -173,19 +239,32 @@ class DisturbanceEstimator:
         vessel = model.vessel
         thrust = sum(t.thrust[1] for t in vessel.thrusters) or 0.5 * vessel.hull.mass
         lever = 0.5 * vessel.hull.beam
-        force = [0.1 * thrust, 0.1 * thrust, 0.1 * thrust * lever]
-        scale = [0.2, 0.2, 0.2, 0.15, 0.2]  # of thrust, of turning, of damping in u, v, r
-        heading = -0.2 * vessel.dynamics.Y_v  # N s/m: a heading that is off by 0.2 rad
+        force = BOAT_FORCE * thrust * np.array([1.0, 1.0, lever])
+        scale = BOAT_SCALES  # of thrust, of turning, of damping in u, v, r
+        heading = -BOAT_HEADING * vessel.dynamics.Y_v  # N s/m
         prior = np.array([*force, *scale, heading, heading * lever])
-        return cls(model, WindModel.of(vessel, thrust), prior)
+        return cls(model, WindModel.of(vessel, thrust), prior, own_causes(model, DRIFT_S))
 
     def start(self) -> DisturbanceEstimate:
         """Before the first second."""
+        current, wind = np.full(2, CURRENT_PRIOR_MPS), np.full(2, self.air.prior)
+        boat, water, air = (DisturbanceFilter.start(self.prior, o) for o in (NONE, current, wind))
+        own = tuple(DisturbanceFilter.start(self.prior, c.prior, c.drift_s) for c in self.own)
+        kinds = tuple(KIND_OF[cause.kind] for cause in self.own)
+        names = tuple(cause.name for cause in self.own)
+        return DisturbanceEstimate(boat, water, air, own, kinds, names, np.ones(3))
+
+    def reopened(self, estimate: DisturbanceEstimate, time: float) -> DisturbanceEstimate:
+        """Trouble has begun: what explains it is judged by what comes from now on.
+
+        What was learnt of the boat before is kept if there was time to learn anything.
+        """
+        before = estimate.boat if estimate.count >= MIN_CALM_SECONDS else self.start().boat
         boat, water, air = (
-            DisturbanceFilter.start(self.prior, disturbance)
-            for disturbance in (None, CURRENT_PRIOR_MPS, self.air.prior)
+            one.reopened(before) for one in (estimate.boat, estimate.water, estimate.air)
         )
-        return DisturbanceEstimate(boat, water, air, np.ones(3))
+        own = tuple(one.reopened(before) for one in estimate.own)
+        return replace(estimate, boat=boat, water=water, air=air, own=own, opened=time)
 
     def observe(
         self, estimate: DisturbanceEstimate, second: SecondMeans
@@ -196,6 +275,7 @@ class DisturbanceEstimator:
         silence = max(second.time - estimate.time, 0.0)
         dt = min(silence, MAX_SILENCE_S) if estimate.count else 0.0
         variance = estimate.noise * second.missing_std**2 + (MIN_NOISE * self.prior[:3]) ** 2
+        errors = self._errors(second, second.nu)
         boat, water, air = (
             one.updated(second.missing, variance, measured, dt)
             for one, measured in (
@@ -204,10 +284,22 @@ class DisturbanceEstimator:
                 (estimate.air, self._air(second, estimate.air.disturbance)),
             )
         )
-        ratio = max((boat, water, air), key=lambda one: one.score).innovation_ratio
+        own = tuple(
+            one.updated(
+                second.missing,
+                variance,
+                MeasurementModel(errors, *cause.force(second, one.disturbance)),
+                dt,
+            )
+            for one, cause in zip(estimate.own, self.own, strict=True)
+        )
+        ratio = max((boat, water, air, *own), key=lambda one: one.score).innovation_ratio
         change = 1.0 + (np.minimum(ratio, 9.0) - 1.0) * min(dt / NOISE_MEMORY_S, 0.1)
         noise = np.clip(estimate.noise * change, *NOISE_LIMITS)
-        after = DisturbanceEstimate(boat, water, air, noise, second.time, estimate.count + 1)
+        after = replace(
+            estimate, boat=boat, water=water, air=air, own=own, noise=noise, time=second.time,
+            count=estimate.count + 1,
+        )  # fmt: skip
         return after, balance
 
     def _boat(self, second: SecondMeans) -> MeasurementModel:

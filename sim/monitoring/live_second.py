@@ -39,6 +39,7 @@ class SecondMeans:
     missing      (3,)  X, Y, N [N, N, N m]            missing_std  (3,)  as stated
     commanded    (3,)  τ(commands)                    commands     (na,) the latest
     errors       (H, 3) u, v, r: latest prediction errors that came due, NaN where none did
+    mean_commands (na,)  their mean
     """
 
     time: float
@@ -49,6 +50,7 @@ class SecondMeans:
     commanded: Floats
     commands: Floats
     errors: Floats
+    mean_commands: Floats
 
     @property
     def yaw(self) -> float:

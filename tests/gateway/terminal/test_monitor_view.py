@@ -45,10 +45,10 @@ def test_the_view_shows_state_residual_errors_health_and_events(width: int) -> N
 
 @pytest.mark.parametrize("width", [80, 120])
 def test_a_shadow_that_diverges_is_not_said_to_be_alive_and_well(width: int) -> None:
-    well = shown(status(health={"diverging": 0, "divergences": 3}), width=width)
+    well = shown(status(health={"diverging": 0, "divergences": 3, "unfit": ""}), width=width)
     assert "● alive" in well
     assert "diverged 3" in well
-    ill = shown(status(health={"diverging": 1, "divergences": 3}), width=width)
+    ill = shown(status(health={"diverging": 1, "divergences": 3, "unfit": ""}), width=width)
     assert "● diverges" in ill
     assert "alive" not in ill
 
