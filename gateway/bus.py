@@ -24,6 +24,7 @@ from gateway.errors import BadInput, ShadowError
 from gateway.topics import TOPICS, Overflow, Topic
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+OTHERS_S = 0.5  # for other gateways to answer that they are there
 MODEL_ENCODING = "application/toml"
 STATUS_ENCODING = "application/json"
 CONGESTION = {Overflow.DROP: zenoh.CongestionControl.DROP}
@@ -173,6 +174,7 @@ class Bus:
         self._given = session
         self._scope = ExitStack()
         self._channels: dict[str, _Channel] = {}
+        self.others = False  # does another gateway publish under the same name?
 
     def __enter__(self) -> Self:
         _check_name(self._root)
@@ -183,7 +185,9 @@ class Bus:
                 self._channels[name] = _Channel(session, key, topic, scope)
             self._serve(session, scope, "model", lambda: self._model, MODEL_ENCODING)
             self._serve(session, scope, "status", self._status, STATUS_ENCODING)
-            token = session.liveliness().declare_token(f"{self._root}/alive")
+            alive = f"{self._root}/alive"
+            self.others = any(True for _ in session.liveliness().get(alive, timeout=OTHERS_S))
+            token = session.liveliness().declare_token(alive)
             scope.callback(token.undeclare)
             self._scope = scope.pop_all()
         return self

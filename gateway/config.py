@@ -13,6 +13,7 @@ ATTITUDE = 20.0
 [filter]     see gateway.estimation.settings
 [zenoh]      publish, endpoint, config_file
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
+[metrics]    address = "9464", or "HOST:PORT": Prometheus metrics of `shadow live`
 [recording]  see gateway.recording.recorder
 [following]  reference, rate_hz, and the follower's options
 [studio]                    the map, fetched once somebody switches it on
@@ -147,6 +148,17 @@ class FoxgloveSettings:
 
 
 @dataclass(frozen=True)
+class MetricsSettings:
+    """Table `[metrics]`: Prometheus metrics over HTTP, where an address is given."""
+
+    address: str | None = None  # [HOST:]PORT
+
+    def __post_init__(self) -> None:
+        if self.address is not None:
+            parse_address(self.address, "metrics")
+
+
+@dataclass(frozen=True)
 class FollowingSettings:
     """Table `[following]`: what the shadow follows, how, and how often it goes out."""
 
@@ -168,6 +180,7 @@ class Settings:
     filter: FilterSettings = field(default_factory=FilterSettings)
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     foxglove: FoxgloveSettings = field(default_factory=FoxgloveSettings)
+    metrics: MetricsSettings = field(default_factory=MetricsSettings)
     recording: RecordingSettings = field(default_factory=RecordingSettings)
     following: FollowingSettings = field(default_factory=FollowingSettings)
     studio: StudioSettings = field(default_factory=StudioSettings)
@@ -180,14 +193,16 @@ class Settings:
 
 
 for _table in (
-    BoatSettings, LinkSettings, ZenohSettings, FoxgloveSettings, FollowingSettings, Settings,
-    FilterSettings, WhiteNoise, RecordingSettings, FollowerOptions, StudioSettings,
+    BoatSettings, LinkSettings, ZenohSettings, FoxgloveSettings, MetricsSettings,
+    FollowingSettings, Settings, FilterSettings, WhiteNoise, RecordingSettings, FollowerOptions,
+    StudioSettings,
 ):  # fmt: skip
     with_config(ConfigDict(extra="forbid"))(_table)
 
 _SETTINGS = TypeAdapter(Settings)
 HINTS = {  # comments of `as_toml` below the heads of tables
     "[links.rates]": '# Hz; 0: not asked for. preset = "radio": what a pair at 57600 baud carries',
+    "[metrics]": '# address = "9464" or "HOST:PORT": Prometheus metrics',
     "[foxglove]": '# address = "8765" or "HOST:PORT": a live WebSocket server',
 }
 

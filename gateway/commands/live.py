@@ -25,6 +25,7 @@ from gateway.commands.options import (
 )
 from gateway.errors import BadInput
 from gateway.files import DAYS, vessel_path
+from gateway.log_line import LogFormat, print_line
 from gateway.outputs import guarded_outputs
 
 
@@ -57,6 +58,13 @@ def live(
             metavar="[HOST:]PORT", help="A WebSocket for Foxglove and Lichtblick, usually 8765."
         ),
     ] = None,
+    metrics: Annotated[
+        str | None,
+        typer.Option(metavar="[HOST:]PORT", help="Prometheus metrics, usually 9464."),
+    ] = None,
+    log: Annotated[
+        LogFormat, typer.Option("--log", help="Lines for people, or a JSON object each.")
+    ] = LogFormat.TEXT,
     silent: Annotated[bool, typer.Option("--silent", help="Send nothing at all.")] = False,
     signing_key: Annotated[
         Path | None, typer.Option(help="Key file: only frames signed with it are taken.")
@@ -70,6 +78,8 @@ def live(
     settings = settings_from(config, reference, publish)
     if foxglove is not None:
         settings = replace(settings, foxglove=replace(settings.foxglove, address=foxglove))
+    if metrics is not None:
+        settings = replace(settings, metrics=replace(settings.metrics, address=metrics))
     links = tuple(endpoints or settings.links.endpoints)
     if not links:
         raise BadInput("nowhere to listen: give an endpoint, such as udpin:0.0.0.0:14550")
@@ -80,7 +90,7 @@ def live(
     if not plans:
         raise BadInput("no model of the boat: give --vessel FILE, or [[boats]] in --config FILE")
     options = LiveOptions(links, out if record else None, silent, signing_key, settings)
-    run_until_stopped(plans, options, print_progress)
+    run_until_stopped(plans, options, lambda text: print_line(text, log))
 
 
 def show_plants(json: AsJson = False) -> None:

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import orjson
 import typer
 
-from gateway.errors import BadInput, printable
+from gateway.errors import BadInput
 from gateway.ingest.open import FORMATS, names_of
+from gateway.log_line import print_line
 
 
 def vessel_from(path: Path, effects: list[Path] | None) -> Any:
@@ -47,7 +48,7 @@ def settings_from(
 
 def print_progress(text: str) -> None:
     """Print a line about long work on standard error."""
-    print(printable(text), file=sys.stderr, flush=True)
+    print_line(text)
 
 
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:

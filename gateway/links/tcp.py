@@ -21,6 +21,10 @@ from gateway.links.transport import (
 )
 
 KEEPALIVE = {"TCP_KEEPIDLE": 5, "TCP_KEEPINTVL": 2, "TCP_KEEPCNT": 3}  # a loss shows within 11 s
+USER_TIMEOUT_MS = 5000  # … also where our heartbeats wait for an acknowledgement
+SILENT_S = (
+    3.0  # a boat sends a heartbeat a second: a line that is silent for longer may be half open
+)
 MAX_CONNECTIONS = 16  # at once: peers may not use up the files of this process
 
 
@@ -36,9 +40,11 @@ class TcpClientTransport:
         self.fixed_peer: Peer | None = endpoint.text
         self._socket: socket.socket | None = None
         self._selector: LineSelector | None = None
+        self._heard = False  # anything, since it was opened
 
     def open(self, waker: Waker, report: EventSink, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
         family, address = resolve(self.address, socket.SOCK_STREAM)
+        self._heard = False
         self._socket = socket.socket(family, socket.SOCK_STREAM)
         _prepare(self._socket)
         self._selector = LineSelector(waker)
@@ -59,12 +65,15 @@ class TcpClientTransport:
     def receive(self, timeout_s: float | None = None) -> list[Arrival]:
         assert self._selector is not None
         assert self._socket is not None
-        self._selector.wait(timeout_s)
+        watched = self._heard and timeout_s is None
+        if not self._selector.wait(SILENT_S if watched else timeout_s) and watched:
+            raise TimeoutError(f"nothing came for {SILENT_S:.0f} s")
         with suppress(BlockingIOError):
             data = self._socket.recv(READ_BYTES)
             now = time.time_ns()
             if not data:
                 raise ConnectionError("closed by the other side")
+            self._heard = True
             return [Arrival(data, self._name, now)]
         return []
 
@@ -177,6 +186,8 @@ def _prepare(connection: socket.socket) -> None:
     for name, value in KEEPALIVE.items():
         if hasattr(socket, name):  # not every system has all three
             connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+    if hasattr(socket, "TCP_USER_TIMEOUT"):
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, USER_TIMEOUT_MS)
 
 
 def _send_whole(connection: socket.socket, raw: bytes) -> bool:

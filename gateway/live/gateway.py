@@ -30,12 +30,15 @@ from gateway.links.inbox import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
 from gateway.live.boats import MAX_LISTED, BoatPlan, Fleet, LiveBoat
-from gateway.live.outputs import BoatOutputs, EarlyDatagrams, start_recording
+from gateway.live.metrics import Metrics
+from gateway.live.outputs import FIRST_RETRY_S, BoatOutputs, EarlyDatagrams, start_recording
 from gateway.live.rate_requests import RateRequests
+from gateway.log_line import LogLine
 from gateway.plants import load_plant
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow.health import SECOND
 from gateway.shadow.inputs import TICK_S
+from gateway.shadow.topic_rows import EventRow
 from gateway.stopping import Stop, stop_on_signals
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.effects.effect import Effect
@@ -80,10 +83,12 @@ class Gateway:
         self.links: list[Link] = []
         self.outputs: dict[int, BoatOutputs] = {}  # by system
         self.faults = 0
+        self._boat_plans: dict[int, BoatPlan] = {}
         self._progress, self._clock, self._steady, self._strict = progress, clock, steady, strict
         self._scope = ExitStack()
         self._session: Any = None
         self._foxglove: FoxgloveServer | None = None
+        self._metrics: Metrics | None = None
         self._leading = plans[0] if plans else None  # its boat has the topics of a recording
         self._early = EarlyDatagrams()
         self._dropped = 0
@@ -109,6 +114,15 @@ class Gateway:
                     )
                 )
                 self._progress(self._foxglove.text)
+            if options.settings.metrics.address is not None:
+                self._metrics = scope.enter_context(
+                    Metrics(
+                        options.settings.metrics.address,
+                        lambda: {link.name: vars(link.counts()) for link in self.links},
+                        lambda: self.faults,
+                    )
+                )
+                self._progress(self._metrics.text)
             key = None if options.signing_key is None else load_key(options.signing_key)
             identity = None if options.silent else Identity()
             for number, text in enumerate(options.endpoints):
@@ -145,12 +159,12 @@ class Gateway:
 
     def _datagram(self, datagram: Datagram) -> None:
         """Publish as it is made; all else can wait until then."""
-        published, told = [], list[str]()
+        published, told = [], list[LogLine]()
         for boat, output in self.fleet.datagram(datagram):
             if output.rows:
                 self.outputs[boat.boat.system].publish(output.rows)
                 published.append((boat, output.rows))
-            told += [f"{boat.name}: {event.text}" for event in output.events]
+            told += [_line(boat, event) for event in output.events]
         late_ns = self._clock() - datagram.receive_time_ns
         for boat in {boat.boat.system: boat for boat, _ in published}.values():
             boat.health.late_by(late_ns)
@@ -179,7 +193,7 @@ class Gateway:
             for output in boat.tick(now_ns):
                 outputs.send(output.rows)
                 for event in output.events:
-                    self._progress(f"{boat.name}: {event.text}")
+                    self._progress(_line(boat, event))
         for outcome in self._rate_requests.due(self.fleet.boats.values(), self._steady()):
             self._progress(outcome.text)
             boat = self.fleet.boats[outcome.boat.system]
@@ -193,9 +207,21 @@ class Gateway:
         dropped = sum(link.counts().dropped for link in self.links)
         for system, boat in self.fleet.boats.items():
             outputs = self.outputs[system]
-            outputs.send(boat.status(now_ns, outputs.backlog, outputs.drops))
+            status = boat.status(now_ns, outputs.backlog, outputs.drops)
+            outputs.send(status)
+            if self._metrics is not None:
+                for part in status:
+                    if part.topic == "health":
+                        self._metrics.health(boat.name, part.payloads[-1])
             if failure := outputs.new_failure():
                 self._send_event(boat, "recording_failed", "error", failure)
+            if stall := outputs.new_stall():
+                self._send_event(boat, "recording_stalled", "warning", stall)
+            now_s = self._steady() / SECOND
+            if outputs.wants_retry(now_s):
+                self._record_again(boat, outputs, now_s)
+            if again := outputs.new_recovery(now_s):
+                self._send_event(boat, "recording_again", "warning", again)
             if dropped > self._dropped:
                 text = f"{dropped - self._dropped} datagrams dropped: more came than can be handled"
                 self._send_event(boat, "overload", "error", text)
@@ -204,14 +230,14 @@ class Gateway:
     def _link_event(self, event: LinkEvent) -> None:
         severity = "info" if event.kind in ("listening", "connected", "heard") else "warning"
         text = f"{event.link}: {event.text}"
-        self._progress(text)
+        self._progress(LogLine(text, severity, f"link_{event.kind}"))
         for boat in self.fleet.boats.values():
             rows = boat.event(f"link_{event.kind}", severity, text, event.receive_time_ns)
             self.outputs[boat.boat.system].send(rows)
 
     def _send_event(self, boat: LiveBoat, kind: str, severity: str, text: str) -> None:
         if severity != "info":
-            self._progress(f"{boat.name}: {text}")
+            self._progress(LogLine(f"{boat.name}: {text}", severity, kind, boat.name))
         self.outputs[boat.boat.system].send(boat.event(kind, severity, text, self._clock()))
 
     def _fault(self, error: Exception) -> None:
@@ -220,7 +246,7 @@ class Gateway:
         if self._steady() - self._fault_ns >= REPORT_INTERVAL_NS:
             self._fault_ns = self._steady()
             text = f"defect of the gateway, {self.faults} so far: {error!r}"
-            self._progress(text)
+            self._progress(LogLine(text, "error", "fault"))
             for boat in self.fleet.boats.values():
                 rows = boat.event("fault", "error", text, self._clock())
                 self.outputs[boat.boat.system].send(rows)
@@ -228,11 +254,18 @@ class Gateway:
     def _add_boat(self, boat: LiveBoat, plan: BoatPlan) -> None:
         """Give a new boat its keys and its recording."""
         outputs = self.outputs[boat.boat.system] = BoatOutputs()
+        self._boat_plans[boat.boat.system] = plan
         self._progress(f"{boat.boat}: shadowed as {boat.name}")
         if self._session is not None:
             model, status = dump_vessel(plan.vessel).encode(), self._status(boat)
             bus = Bus(boat.name, model=model, status=status, session=self._session)
             outputs.bus = self._scope.enter_context(bus)
+            if bus.others:
+                text = (
+                    f"{boat.name}: another gateway publishes under that name too: subscribers get "
+                    "both; --name gives this one a name of its own"
+                )
+                self._progress(LogLine(text, "warning", "name_taken", boat.name))
         if self._foxglove is not None:
             outputs.view = self._foxglove.boat(boat.name, leading=plan is self._leading)
         if self.options.out is not None:
@@ -247,6 +280,17 @@ class Gateway:
         for datagram in self._early.take_all():
             frames = [frame.raw for frame in datagram.frames]
             outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
+
+    def _record_again(self, boat: LiveBoat, outputs: BoatOutputs, now_s: float) -> None:
+        """After a disk was full, or the like: another file, as soon as it takes one."""
+        assert self.options.out is not None
+        plan, folder = self._boat_plans[boat.boat.system], self.options.out
+        try:
+            recording = start_recording(boat, plan, folder, self.options.settings, self._scope)
+        except ShadowError as error:
+            outputs.failure, outputs.retry_s = str(error), now_s + FIRST_RETRY_S
+            return
+        outputs.record_with(recording, now_s)
 
     def _report_ignored(self, boat: Boat) -> None:
         self._ignored += 1
@@ -267,6 +311,11 @@ class Gateway:
             return orjson.dumps({**about, "links": links, "faults": self.faults})
 
         return status
+
+
+def _line(boat: LiveBoat, event: EventRow) -> LogLine:
+    """An event of a boat as a line."""
+    return LogLine(f"{boat.name}: {event.text}", event.severity, event.kind, boat.name)
 
 
 def _make_folder(folder: Path) -> None:

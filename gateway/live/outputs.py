@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +21,11 @@ from gateway.shadow.topic_rows import attachments_of, metadata_of
 MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before any boat was known
 
 
+STUCK_S = 3.0  # without a write, though the thread writes ten times a second
+FIRST_RETRY_S, LAST_RETRY_S = 2.0, 120.0  # from a failed recording to the next
+PROOF_S = 1.5  # that the next one must last to be told
+
+
 @dataclass
 class BoatOutputs:
     """Publishes and records; a recording that fails is reported once and leaves the rest alone."""
@@ -29,7 +34,12 @@ class BoatOutputs:
     recording: RecordingThread | None = None
     view: BoatView | None = None  # for Foxglove and its kin
     failure: str | None = None  # of a recording that could not begin
+    retry_s: float | None = None  # when recording is tried again, after a failure
+    failures: int = 0  # in a row
     _reported: bool = False
+    _begun_s: float = 0.0  # when the recording began that followed one that failed
+    _earlier_drops: int = 0  # of recordings that failed
+    _stuck: bool = False
 
     def publish(self, rows: Sequence[TopicRows]) -> None:
         """To zenoh."""
@@ -67,7 +77,49 @@ class BoatOutputs:
     @property
     def drops(self) -> int:
         """Messages that were not recorded though they should have been."""
-        return self.recording.drops if self.recording is not None else 0
+        now = self.recording.drops if self.recording is not None else 0
+        return self._earlier_drops + now
+
+    def wants_retry(self, now_s: float) -> bool:
+        """Is it time to begin another recording, after one that failed?"""
+        failed = self.failure or (self.recording is not None and self.recording.failure)
+        if not failed:
+            return False
+        if self.retry_s is None:
+            self.retry_s = now_s + min(FIRST_RETRY_S * 2.0**self.failures, LAST_RETRY_S)
+        return now_s >= self.retry_s
+
+    def record_with(self, recording: RecordingThread, now_s: float) -> None:
+        """Another recording instead of one that failed."""
+        if self.recording is not None:
+            self._earlier_drops += self.recording.drops
+            self.recording.leave()
+        self.recording, self.failure, self.retry_s = recording, None, None
+        self.failures += 1  # until this one has proved itself
+        self._begun_s = now_s
+
+    def new_recovery(self, now_s: float) -> str | None:
+        """Where it is recorded again, once that has lasted for a moment."""
+        recording = self.recording
+        if not self._reported or recording is None or recording.failure or self.failure:
+            return None
+        if now_s - self._begun_s < PROOF_S:
+            return None
+        self._reported, self.failures = False, 0
+        return f"recording again: {recording.paths[-1]}"
+
+    def new_stall(self) -> str | None:
+        """That the disk does not take anything any more, or does so again, once each."""
+        if self.recording is None or self.recording.failure is not None:
+            return None
+        stuck_s = self.recording.stuck_s
+        if stuck_s > STUCK_S and not self._stuck:
+            self._stuck = True
+            return f"the disk has taken nothing for {stuck_s:.0f} s: what comes waits in memory"
+        if stuck_s <= STUCK_S and self._stuck:
+            self._stuck = False
+            return "the disk takes what is recorded again"
+        return None
 
     def new_failure(self) -> str | None:
         """Why recording failed, once."""
@@ -103,14 +155,20 @@ def start_recording(
     boat: LiveBoat, plan: BoatPlan, folder: Path, settings: Settings, scope: ExitStack
 ) -> RecordingThread:
     """A recording of that boat, open until `scope` closes; ShadowError where it cannot begin."""
+    path = unused_path(folder, f"{boat.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
     recorder = Recorder(
-        unused_path(folder, f"{boat.name}-{datetime.now(UTC):%Y%m%d-%H%M%S}"),
+        path,
         attachments=attachments_of(plan.vessel, plan.plant, as_tables(settings)),
         metadata=metadata_of(boat.name, boat.boat, plant=plan.plant, live=True),
         settings=settings.recording,
         live=True,
     )
-    return scope.enter_context(RecordingThread(recorder))
+    try:
+        return scope.enter_context(RecordingThread(recorder))
+    except ShadowError:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # nothing but an empty beginning
+        raise
 
 
 def unused_path(folder: Path, stem: str) -> Path:

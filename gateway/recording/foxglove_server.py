@@ -28,12 +28,12 @@ from gateway.topics import TOPICS
 HOST = "127.0.0.1"
 
 
-def parse_address(text: str) -> tuple[str, int]:
+def parse_address(text: str, what: str = "Foxglove server") -> tuple[str, int]:
     """ "8765", "0.0.0.0:8765" or "[::1]:8765" -> host, port; port 0 is any that is free."""
     host, mark, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]") if mark else HOST
     if not host or not (port.isascii() and port.isdigit()) or int(port) > 65535:
-        raise BadInput(f'Foxglove server on "{text}": expected [HOST:]PORT, as in 8765')
+        raise BadInput(f'{what} on "{text}": expected [HOST:]PORT, as in 8765')
     return host, int(port)
 
 

@@ -5,6 +5,7 @@ computed again. What went wrong on the disk is told to the loop, which runs on w
 """
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
@@ -50,6 +51,7 @@ class RecordingThread:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._put = self._refused = 0  # messages; counted by the loop …
         self._done = self._lost = 0  # … and by the thread
+        self._moved_s = time.monotonic()  # when the thread last did something
         self.failure: str | None = None
 
     def __enter__(self) -> Self:
@@ -64,6 +66,15 @@ class RecordingThread:
         self._thread.join(FINISH_S)
         if self._thread.is_alive():
             self.failure = f"the disk did not finish the recording within {FINISH_S:.0f} s"
+
+    def leave(self) -> None:
+        """End without waiting: what failed is not written to any more."""
+        self._end.set()
+
+    @property
+    def stuck_s(self) -> float:
+        """For how long the disk has kept the thread waiting [s]."""
+        return time.monotonic() - self._moved_s
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -113,7 +124,9 @@ class RecordingThread:
                 for item in merged([self._queue.popleft() for _ in range(count)]):
                     self._lost += 0 if self._guarded(self._write, item) else _size(item)
                     self._done += _size(item)
+                    self._moved_s = time.monotonic()
             self._guarded(self._recorder.finish if ended else self._recorder.flush_if_due)
+            self._moved_s = time.monotonic()
 
     def _write(self, item: Item) -> None:
         if isinstance(item, TopicRows):
