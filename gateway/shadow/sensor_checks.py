@@ -1,8 +1,9 @@
 """Are the boat's own data fit to judge a model by? What GPS, autopilot's filter, compass and each
 source say of themselves, event by event.
 
-    compass   J = Σ (Δψ − ∫ r dt), forgotten over `JUMP_MEMORY_S`: beyond `MIN_JUMP_RAD` the heading
-              moved though the gyro saw no such turn
+    compass   J = Σ (Δψ − ∫ r dt), forgotten over `JUMP_MEMORY_S`: beyond `MIN_JUMP_RAD`, and what
+              r itself explains (its low-pass, scale and time stamps), the heading moved though
+              the gyro saw no such turn
     frozen    the same value to the last bit for `FROZEN_S`, where the source has digits to spare;
               one with few digits only where another source says that it should have moved
 
@@ -29,9 +30,10 @@ MIN_JUMP_RAD = 0.17  # ten degrees: what an autopilot's filter corrects in secon
 JUMP_BACK_RAD = 0.09
 JUMP_MEMORY_S = 5.0
 JUMP_HELD_S = 120.0
+GYRO_SLACK_S = 0.25  # of the turn rate: low-pass, scale, time stamps; real logs need as much
 CONFIRMED_S = 0.5  # a jump: until then it may be one wild value
 MAX_ANGLE_RAD = 1e4  # beyond it a heading or turn rate is a damaged field
-MAX_YAW_GAP_S = 1.0  # between headings, for the gyro to be compared
+MAX_YAW_GAP_S = 0.5  # between headings, for the gyro to be compared
 FROZEN_S, FROZEN_COUNT = 3.0, 8
 FROZEN_COARSE_S = 5.0  # of a source with few digits
 MOVING_MPS = 0.3  # above it a position cannot stand still
@@ -103,8 +105,9 @@ for _kind, _fault in (
 # columns of what is remembered of each kind of measurement …
 Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
 # … and places of the rest: rate and integral of the gyro, that at the last heading, the heading's
-# sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault
-TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED = range(10)
+# sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault, …,
+# mean turn rate and how far it has been from that
+TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD = range(12)
 
 
 @compiled
@@ -131,6 +134,9 @@ def note_turn(kinds: Floats, rest: Floats, time: float, rate: float) -> None:
     step = time - kinds[YAW_RATE, TIME]
     if 0.0 < step <= MAX_YAW_GAP_S:
         rest[ANGLE] += 0.5 * step * (rate + rest[TURN])
+        kept = np.exp(-step / JUMP_MEMORY_S)
+        rest[MEAN] = kept * rest[MEAN] + (1.0 - kept) * rate
+        rest[SPREAD] = max(kept * rest[SPREAD], np.abs(rate - rest[MEAN]))
     rest[TURN] = rate
 
 
@@ -145,14 +151,18 @@ def note_heading(kinds: Floats, rest: Floats, time: float, yaw: float) -> None:
         rest[LEAK] = 0.0
     elif 0.0 < step <= MAX_YAW_GAP_S and gyro <= MAX_YAW_GAP_S:
         unseen = wrapped(yaw - kinds[YAW, Z0]) - (angle - rest[ANGLE_THEN])
+        least = MIN_JUMP_RAD + (rest[SPREAD] + np.abs(rest[MEAN])) * (0.5 * step + GYRO_SLACK_S)
         rest[LEAK] = rest[LEAK] * np.exp(-step / JUMP_MEMORY_S) + unseen
         if np.isfinite(rest[JUMPED]):
             rest[OFFSET] += unseen
+            lasted = time - rest[JUMPED]
             # back where it was, or there for so long that it is believed
-            if np.abs(rest[OFFSET]) < JUMP_BACK_RAD or time - rest[JUMPED] > JUMP_HELD_S:
+            if np.abs(rest[OFFSET]) < JUMP_BACK_RAD or lasted > JUMP_HELD_S:
                 rest[JUMPED] = np.inf
                 rest[LEAK] = 0.0
-        elif np.abs(rest[LEAK]) > MIN_JUMP_RAD:
+            elif lasted < CONFIRMED_S and np.abs(rest[OFFSET]) < least:
+                rest[JUMPED] = np.inf  # the gyro, a moment later, explains it after all
+        elif np.abs(rest[LEAK]) > least:
             rest[JUMPED], rest[OFFSET] = time, rest[LEAK]
     elif step > MAX_YAW_GAP_S:
         rest[LEAK] = 0.0
@@ -243,7 +253,7 @@ class SensorMemory:
         if kinds is None or rest is None:
             kinds = np.zeros((len(FROZEN_BIT), 6))
             kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
-            rest = np.zeros(10)
+            rest = np.zeros(12)
             rest[JUMPED], rest[UNFIT] = np.inf, -np.inf
         self._kinds, self._rest = kinds, rest
 

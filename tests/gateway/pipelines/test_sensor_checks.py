@@ -188,6 +188,20 @@ def test_a_heading_that_stays_where_it_jumped_is_believed_in_the_end() -> None:
     )
 
 
+@pytest.mark.parametrize(("hz", "rate_radps"), [(20.0, 7.0), (2.5, 1.4)])
+def test_a_turn_that_a_slow_gyro_or_a_thin_stream_blurs_is_no_jump(
+    hz: float, rate_radps: float
+) -> None:
+    """As in real logs: the rate passes a filter of 50 ms, or comes twice and a half a second."""
+    time = np.arange(0.0, 60.0, 1.0 / hz)
+    turning_now = (time > 20.0) & (time < 24.0) | (time > 40.0)
+    yaw = np.interp(time, [0, 20, 24, 40, 60], np.cumsum([0, 0, 4, 0, 20]) * rate_radps)
+    delayed = np.interp(time - 0.05, time, turning_now * rate_radps)
+    dice = 1e-3 * np.random.default_rng(0).standard_normal(len(time))
+    bits = faults(inputs((yaw + np.pi) % (2 * np.pi) - np.pi, delayed + dice, hz=hz))
+    assert not (bits & SensorFault.COMPASS).any()
+
+
 @pytest.mark.parametrize("step", [0.05, 0.6])
 def test_only_a_jump_that_no_filter_would_make_counts(step: float) -> None:
     yaw, rate = turning(300)
