@@ -159,9 +159,7 @@ def _position() -> tuple[Field, ...]:
 
 
 def _control() -> tuple[Field, ...]:
-    control = (
-        Field(name, unit, f"{text} that the follower asks for") for name, unit, text in FORCE
-    )
+    control = (Field(n, unit, f"{text} that the follower asks for") for n, unit, text in FORCE)
     command = (
         Field(f"command_{name}", unit, f"{text} of the boat's commanded actuators")
         for name, unit, text in FORCE
@@ -174,10 +172,7 @@ def _residual() -> tuple[Field, ...]:
         Field(f"missing_{name}", unit, f"missing {text}: what the vessel's model lacks")
         for name, unit, text in FORCE
     ]
-    stds = [
-        Field(f"missing_{name}_std", unit, f"standard deviation of missing_{name}")
-        for name, unit, _ in FORCE
-    ]
+    stds = [Field(f"{f.name}_std", f.unit, f"standard deviation of {f.name}") for f in force]
     errors = [
         Field(f"error_{name}_{horizon}s", unit, f"{name}, measured − predicted {horizon} s ago")
         for horizon in HORIZONS_S

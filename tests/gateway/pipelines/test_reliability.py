@@ -1,7 +1,7 @@
 """Each fault at the real boundary: the shadow goes on or says why not, little is lost, it recovers.
 
-A gateway runs as a program of its own; sockets, terminals, files and processes are real. The rows
-that these tests note make the table of docs/reliability.md (`python -m benchmarks.reliability`).
+The gateway is a program of its own; the rows that are noted here make the table of
+docs/reliability.md (`python -m benchmarks.reliability`).
 """
 
 import os
@@ -12,8 +12,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -352,21 +352,12 @@ def test_a_subscriber_never_reads(tmp_path: Path) -> None:
              "nothing: it loses samples", 0.0, late))  # fmt: skip
 
 
-@contextmanager
-def two(tmp_path: Path) -> Iterator[tuple[Program, Program]]:
-    """Two gateways with one name on one bus."""
+def test_two_gateways_on_one_boat(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     with (
         program(tmp_path / "a") as first,
         program(tmp_path / "b", endpoint=first.endpoint) as second,
-    ):
-        yield first, second
-
-
-def test_two_gateways_on_one_boat(tmp_path: Path) -> None:
-    with (
-        two(tmp_path) as (first, second),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line,
         Pump(None) as pump,
     ):
