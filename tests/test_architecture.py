@@ -112,7 +112,7 @@ LAYERS = {
     """,
     "gateway": """
         errors jit samples stopping topics user_state
-        outputs toml_file
+        outputs toml_file log_line
         files json_rows
         user_effects estimation recording bus vessel_tables
         vessel_file ingest monitor
