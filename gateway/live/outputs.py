@@ -24,6 +24,7 @@ MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before an
 STUCK_S = 3.0  # without a write, though the thread writes ten times a second
 FIRST_RETRY_S, LAST_RETRY_S = 2.0, 120.0  # from a failed recording to the next
 PROOF_S = 1.5  # that the next one must last to be told
+LASTED_S = 60.0  # after which a failure is another matter
 
 
 @dataclass
@@ -86,6 +87,8 @@ class BoatOutputs:
         if not failed:
             return False
         if self.retry_s is None:
+            if now_s - self._begun_s > LASTED_S:
+                self.failures = 0
             self.retry_s = now_s + min(FIRST_RETRY_S * 2.0**self.failures, LAST_RETRY_S)
         return now_s >= self.retry_s
 
@@ -95,7 +98,7 @@ class BoatOutputs:
             self._earlier_drops += self.recording.drops
             self.recording.leave()
         self.recording, self.failure, self.retry_s = recording, None, None
-        self.failures += 1  # until this one has proved itself
+        self.failures += 1
         self._begun_s = now_s
 
     def new_recovery(self, now_s: float) -> str | None:
@@ -105,7 +108,7 @@ class BoatOutputs:
             return None
         if now_s - self._begun_s < PROOF_S:
             return None
-        self._reported, self.failures = False, 0
+        self._reported = False
         return f"recording again: {recording.paths[-1]}"
 
     def new_stall(self) -> str | None:

@@ -208,7 +208,10 @@ def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     monkeypatch.setattr(outputs, "Recorder", partial(Recorder, opener=full(room)))
     monkeypatch.setattr("gateway.recording.thread.WRITE_S", 0.001)
     heard = shadowed(played(SECONDS), out=tmp_path)
-    (failed,) = [m for m in heard.messages("event") if m["kind"] == "recording_failed"]
+    events = [m for m in heard.messages("event") if m["kind"].startswith("recording_")]
+    failed = events[0]  # it is tried again, more and more seldom
+    assert failed["kind"] == "recording_failed"
+    assert len(events) <= 8
     assert failed["severity"] == "error"
     assert "No space left on device" in failed["says"]
     assert heard.payloads["shadow"] == clean.payloads["shadow"]
@@ -216,4 +219,5 @@ def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     assert last["recorder_backlog"] == 0
     if room > 10:
         assert last["recorder_drops"] > 1000
-        assert not Recording.open(next(tmp_path.glob("*.mcap"))).finished
+        first = min(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+        assert not Recording.open(first).finished
