@@ -31,6 +31,7 @@ JUMP_BACK_RAD = 0.09
 JUMP_MEMORY_S = 5.0
 JUMP_HELD_S = 120.0
 GYRO_SLACK_S = 0.25  # of the turn rate: low-pass, scale, time stamps; real logs need as much
+STATUS_CONFIRMED_S = 1.2  # of fix and EKF: longer than one damaged report a second lasts
 CONFIRMED_S = 0.5  # a jump: until then it may be one wild value
 MAX_ANGLE_RAD = 1e4  # beyond it a heading or turn rate is a damaged field
 MAX_YAW_GAP_S = 0.5  # between headings, for the gyro to be compared
@@ -106,8 +107,10 @@ for _kind, _fault in (
 Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
 # … and places of the rest: rate and integral of the gyro, that at the last heading, the heading's
 # sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault, …,
-# mean turn rate and how far it has been from that
-TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD = range(12)
+# mean turn rate and how far it has been from that, since when fix or EKF are reported to be ill
+TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD, STATUS = (
+    range(13)
+)
 
 
 @compiled
@@ -225,16 +228,19 @@ def check_events(
             rest[BITS] = (int(rest[BITS]) | bit) if stuck else (int(rest[BITS]) & ~bit)
         if fix[k] >= FIX_3D:
             rest[HAD_FIX] = 1.0
-        bits = int(rest[BITS])
+        bits, status = int(rest[BITS]), 0
         unknown = not np.isfinite(estimator[k])
         if fix[k] < FIX_3D and (rest[HAD_FIX] > 0.0 or unknown):
-            bits |= GPS
+            status |= GPS
         if not unknown:
-            bits |= int(estimator[k]) << EKF_SHIFT
+            status |= int(estimator[k]) << EKF_SHIFT
+        rest[STATUS] = min(rest[STATUS], now) if status else np.inf
+        if status and now - rest[STATUS] >= STATUS_CONFIRMED_S:
+            bits |= status
         jumped = now - rest[JUMPED]
         if jumped >= CONFIRMED_S:
             bits |= COMPASS
-        if bits or jumped >= 0.0:
+        if bits or status or jumped >= 0.0:
             rest[UNFIT] = now
         if bits == 0 and 0.0 <= now - rest[UNFIT] < SETTLE_S:
             bits = SETTLING
@@ -253,8 +259,8 @@ class SensorMemory:
         if kinds is None or rest is None:
             kinds = np.zeros((len(FROZEN_BIT), 6))
             kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
-            rest = np.zeros(12)
-            rest[JUMPED], rest[UNFIT] = np.inf, -np.inf
+            rest = np.zeros(13)
+            rest[JUMPED], rest[UNFIT], rest[STATUS] = np.inf, -np.inf, np.inf
         self._kinds, self._rest = kinds, rest
 
     def check(self, inputs: FilterInputs) -> tuple["SensorMemory", Ints]:

@@ -21,6 +21,7 @@ from gateway.shadow.sensor_checks import (
     FROZEN_S,
     JUMP_HELD_S,
     SETTLE_S,
+    STATUS_CONFIRMED_S,
     WORDS,
     SensorFault,
     SensorMemory,
@@ -40,15 +41,16 @@ BEGIN, END, SECONDS = 66.0, 80.0, 104.0
 SPAN = Span(BEGIN, END)
 # the fault, what is said of it, and how soon [s]
 FAULTS: dict[str, tuple[SensorFaults, str, float]] = {
-    "gps": (SensorFaults(gps_lost=(SPAN,)), "the GPS has no fix", 1.0),
+    "gps": (SensorFaults(gps_lost=(SPAN,)), "the GPS has no fix", 2.0),
     "ekf": (SensorFaults(ekf_holds=(SPAN,)), "the autopilot's EKF has no velocity and no position",
-            1.5),
+            3.0),
     "compass": (SensorFaults(compass=(CompassError(SPAN, 0.6),)), "the heading jumped", 1.0),
     "heading": (SensorFaults(frozen=(Frozen("heading", SPAN),)), "the heading is frozen", 4.0),
     "turn": (SensorFaults(frozen=(Frozen("turn", SPAN),)), "the gyro is frozen", 4.0),
     "velocity": (SensorFaults(frozen=(Frozen("velocity", SPAN),)), "the velocity is frozen", 4.0),
     "position": (SensorFaults(frozen=(Frozen("position", SPAN),)), "the position is frozen", 8.0),
 }  # fmt: skip
+SURE = round(10 * STATUS_CONFIRMED_S) + 1  # rows at 10 Hz until fix and EKF are believed
 BLAME = ("model_wrong", "model_explained", "residual_unusual")
 
 
@@ -231,11 +233,20 @@ def test_a_frozen_heading_is_noticed_after_a_while_and_is_no_jump() -> None:
 def test_a_boat_without_gps_whose_filter_is_well_is_judged_and_one_that_had_a_fix_is_not() -> None:
     yaw, rate = turning(200)
     assert not faults(inputs(yaw, rate, fix=0.0, ekf=0.0)).any()
-    assert (faults(inputs(yaw, rate, fix=0.0)) & SensorFault.GPS).all()
+    assert (faults(inputs(yaw, rate, fix=0.0))[SURE:] & SensorFault.GPS).all()
     lost = np.where(np.arange(200) < 100, 3.0, 1.0)
     bits = faults(inputs(yaw, rate, fix=lost, ekf=0.0))
     assert not bits[:100].any()
-    assert (bits[100:] & SensorFault.GPS).all()
+    assert bits[100:].all()
+    assert (bits[100 + SURE :] & SensorFault.GPS).all()
+
+
+def test_one_damaged_report_is_no_fault_but_judges_nothing() -> None:
+    yaw, rate = turning(100)
+    wild = np.where((np.arange(100) >= 30) & (np.arange(100) < 40), 4.0, 0.0)
+    bits = faults(inputs(yaw, rate, ekf=wild))
+    assert set(bits[30:95].tolist()) == {0, int(SensorFault.SETTLING)}
+    assert (bits[31:40] == SensorFault.SETTLING).all()
 
 
 def ekf(flags: int, ratio: float = 0.1) -> float:
@@ -256,8 +267,8 @@ def ekf(flags: int, ratio: float = 0.1) -> float:
     ],
 )  # fmt: skip
 def test_flags_of_ardupilots_filter(flags: int, ratio: float, fault: SensorFault | None) -> None:
-    yaw, rate = turning(20)
-    bits = faults(inputs(yaw, rate, ekf=ekf(flags, ratio)))
+    yaw, rate = turning(40)
+    bits = faults(inputs(yaw, rate, ekf=ekf(flags, ratio)))[SURE:]
     assert set(bits.tolist()) == {0 if fault is None else int(fault)}
 
 
