@@ -3,6 +3,7 @@
 Commands that show results together: report, studio, demo; and the configuration.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -205,6 +206,10 @@ def report(
     out: Annotated[Path, typer.Option("--out", help="The HTML file to write.")] = Path(
         "shadow-out/report.html"
     ),
+    pdf: Annotated[
+        Path | None,
+        typer.Option(help="Also print it into this file; takes Chromium, Chrome, Edge or Brave."),
+    ] = None,
     diagnose: Annotated[
         bool,
         typer.Option(help="Also look for what the first vessel lacks; always without --vessel."),
@@ -222,6 +227,7 @@ def report(
     json: AsJson = False,
 ) -> None:
     """One self-contained HTML file to mail, from a log alone: verdict, pictures, vessel file."""
+    from gateway.offline.pdf import find_browser, print_pdf
     from gateway.offline.report import make_report, report_from_log
     from gateway.offline.trials import TrialOptions
     from gateway.terminal.console import status_line
@@ -233,13 +239,19 @@ def report(
     options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
     inputs = (*logs, *map(vessel_path, vessel or ()), mapping, *(effects or ()))
     own = effects_from(effects)
-    with guarded_outputs("report", inputs, [out], force), status_line("report") as progress:
+    if pdf is not None:
+        find_browser()  # before the work, not after it
+    with guarded_outputs("report", inputs, [out, pdf], force), status_line("report") as progress:
         if vessel:
             done = make_report(logs, vessel, out, diagnose=diagnose, options=options, effects=own,
                                progress=progress)  # fmt: skip
         else:
             done = report_from_log(logs, out, given, options=options, effects=own,
                                    progress=progress)  # fmt: skip
+        if pdf is not None:
+            progress("printing")
+            print_pdf(out, pdf)
+            done = replace(done, pdf=pdf)
     print_result(json, done.to_dict, lambda: show_report(done))
 
 

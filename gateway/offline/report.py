@@ -57,15 +57,18 @@ SECTIONS: tuple[tuple[str, Callable[..., FigureData], str], ...] = (
 
 @dataclass(frozen=True)
 class ReportFile:
-    """Where the report is, how large, and what it says in a sentence."""
+    """Where the report is, how large, and what it says in a sentence; where it was printed."""
 
     path: Path
     size_bytes: int
     headline: str
+    pdf: Path | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """What `shadow report --json` prints."""
-        return {"report": str(self.path), "bytes": self.size_bytes, "headline": self.headline}
+        printed = {"pdf": str(self.pdf)} if self.pdf else {}
+        told = {"report": str(self.path), "bytes": self.size_bytes, "headline": self.headline}
+        return told | printed
 
 
 def make_report(

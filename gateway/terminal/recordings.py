@@ -199,7 +199,9 @@ def show_simulation(result: SimulationResult) -> None:
 
 
 def show_report(done: ReportFile) -> None:
-    """Two lines."""
+    """What it says, and where it is."""
     out = ResultConsole(highlight=False)
     out.print(done.headline, markup=False)
     out.print(f"report: {done.path} ({done.size_bytes / 1e6:.1f} MB)", soft_wrap=True, markup=False)
+    if done.pdf is not None:
+        out.print(f"printed: {done.pdf}", soft_wrap=True, markup=False)
