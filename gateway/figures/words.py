@@ -1,8 +1,11 @@
 """What results say, in plain words: the same in the terminal, in the report and in the studio."""
 
+from collections.abc import Mapping
+
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.evidence import rivals
+from sim.effects.effect import Effect
 from sim.effects.headlines import headline
 
 
@@ -29,13 +32,26 @@ def nowhere_text(error: float, floor: float) -> str:
 def cause_text(step: LadderStep, effect: str) -> str:
     """What one effect of a step says, with its fitted numbers: of several recordings the first's.
 
-    "The compass reads 7.5° too far to port (6.9–8.2°)".
+    "The compass reads 7.5° too far to port (6.9–8.2°)". Where all its intervals hold the numbers
+    with which the effect does nothing, that is said.
     """
     added = next(a for a in step.vessel.effects if a.effect.name == effect)
     intervals: dict[str, tuple[float, float]] = {}
     for e in step.parameters.get(effect, ()):
         intervals.setdefault(e.name.rpartition(".")[2], e.ci95)
-    return headline(added.effect, added.values, intervals)
+    text = headline(added.effect, added.values, intervals)
+    return (
+        f"{text}; but these data allow that there is none"
+        if _may_be_none(added.effect, intervals)
+        else text
+    )
+
+
+def _may_be_none(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether the effect does nothing anywhere within its intervals."""
+    neutral = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
+    known = {name: intervals[name] for name in neutral if name in intervals}
+    return bool(known) and all(low <= neutral[n] <= high for n, (low, high) in known.items())
 
 
 def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:

@@ -45,6 +45,30 @@ def test_a_cause_is_told_in_peoples_units_with_the_interval_of_its_own_recording
 
 
 @pytest.mark.parametrize(
+    ("effect", "values", "intervals", "said"),
+    [
+        ("heading_offset", {"angle": 0.02}, {"angle": (-0.01, 0.05)}, True),
+        ("heading_offset", {"angle": 0.02}, {"angle": (0.01, 0.05)}, False),
+        ("thruster_imbalance", {"port_gain": 0.9}, {"port_gain": (0.7, 1.1)}, True),
+        ("compass_deviation", {"b": 0.1, "c": 0.0}, {"b": (0.05, 0.15), "c": (-0.1, 0.1)}, False),
+        ("compass_deviation", {"b": 0.1, "c": 0.0}, {"b": (-0.1, 0.3), "c": (-0.1, 0.1)}, True),
+        ("heading_offset", {"angle": 0.02}, {}, False),  # nothing is known of it
+    ],
+)
+def test_what_may_be_nothing_at_all_is_not_told_as_a_finding(effect, values, intervals, said):
+    numbers = [
+        SimpleNamespace(name=f"{effect}.{key}", ci95=ends, trial=None)
+        for key, ends in intervals.items()
+    ]
+    one = SimpleNamespace(
+        vessel=SimpleNamespace(effects=(AddedEffect(BY_NAME[effect], values),)),
+        parameters={effect: numbers},
+    )
+    text = cause_text(one, effect)
+    assert text.endswith("these data allow that there is none") is said
+
+
+@pytest.mark.parametrize(
     ("answer", "first", "more"),
     [
         (diagnosis(Verdict.EXPLAINED, "heading_offset"), f"{COMPASS}.", ""),
