@@ -91,17 +91,18 @@ def fleet(
     if (vessels is None) == (vessel is None):
         raise BadInput("give --vessels fleet.toml (many boats), or --vessel boat.toml (one)")
     own = effects_from(effects)
-    boats = read_fleet(vessels) if vessels else fleet_of_one(vessel or "", own)
-    for boat in boats:
-        load_vessel(boat.vessel_file, own)  # mistakes in it, before the work
-    settings = AnalysisSettings(
-        tuple(dict.fromkeys(s.strip() for s in steps.split(","))), tuple(free or ()),
-        tuple(fix or ()), tuple(prior or ()),
-        tuple(str(file.resolve()) for file in effects or ()), anyway,
-    )  # fmt: skip
-    inputs = [vessels, vessel, *(effects or ())]
+    logs = [Path(one) for one in recordings if Path(one).is_file()]
+    inputs = [vessels, vessel, *logs, *(effects or ())]
     written = [out / name for name in FILES]
     with guarded_outputs("fleet", inputs, written, force), fleet_progress() as progress:
+        boats = read_fleet(vessels) if vessels else fleet_of_one(vessel or "", own)
+        for boat in boats:
+            load_vessel(boat.vessel_file, own)  # mistakes in it, before the work
+        settings = AnalysisSettings(
+            tuple(dict.fromkeys(s.strip() for s in steps.split(","))), tuple(free or ()),
+            tuple(fix or ()), tuple(prior or ()),
+            tuple(str(file.resolve()) for file in effects or ()), anyway,
+        )  # fmt: skip
         result = run_fleet(
             recordings, boats, out, settings, scheduler=scheduler, workers=workers, retry=retry,
             progress=progress, interrupted=_interrupted,

@@ -239,9 +239,9 @@ def report(
     options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
     inputs = (*logs, *map(vessel_path, vessel or ()), mapping, *(effects or ()))
     own = effects_from(effects)
-    if pdf is not None:
-        find_browser()  # before the work, not after it
     with guarded_outputs("report", inputs, [out, pdf], force), status_line("report") as progress:
+        if pdf is not None:
+            find_browser()  # before the work, not after it
         if vessel:
             done = make_report(logs, vessel, out, diagnose=diagnose, options=options, effects=own,
                                progress=progress)  # fmt: skip

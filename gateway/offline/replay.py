@@ -160,6 +160,7 @@ class ReplayTotals:
 
     count: int = 0
     compared: int = 0  # rows while telemetry was fresh, which the sums of squares are of
+    judged: int = 0  # those of them in which the data could judge: they have a missing force
     squares: Floats = field(default_factory=lambda: np.zeros(6))
     missing: Floats = field(default_factory=lambda: np.zeros(3))
     events: int = 0
@@ -182,16 +183,19 @@ class ReplayTotals:
         error[:, 2] = (error[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
         self.compared += len(error)
         self.squares += (error**2).sum(axis=0)
-        self.missing += (out.residuals.missing[out.fresh] ** 2).sum(axis=0)
+        missing = out.residuals.missing[out.fresh]
+        known = np.isfinite(missing).all(axis=1)
+        self.judged += int(known.sum())
+        self.missing += (missing[known] ** 2).sum(axis=0)
 
     def summary(
         self, log: Log, boat: Boat, wall_seconds: float, files: tuple[Path, ...]
     ) -> ReplaySummary:
         """The sums as root mean squares."""
-        count = max(self.compared, 1)
+        count, judged = max(self.compared, 1), max(self.judged, 1)
         return ReplaySummary(
             log.path, str(boat), self.last_s - self.first_s, self.count,
-            wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / count),
+            wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / judged),
             self.events, files, _notes(log.statistics),
         )  # fmt: skip
 

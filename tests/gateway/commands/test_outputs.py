@@ -8,6 +8,7 @@ import pytest
 
 from gateway import cli
 from gateway.demo import demo_files
+from gateway.fleet.table import FILES
 from gateway.hil_demo.story import hil_demo_files
 from gateway.offline.plan import plan_files
 from gateway.outputs import guarded_outputs
@@ -19,10 +20,11 @@ DIARY = b"Dear diary, today the sea was calm.\n"  # of the user's own
 # Options of commands that name what is read, and commands that write nothing of the user's choice.
 INPUTS = {
     "log", "logs", "vessel", "effects", "mapping", "config", "validate", "source", "signing_key",
-    "follow", "folder", "commands", "files", "script", "with_hil", "autopilot",
+    "follow", "folder", "commands", "files", "script", "with_hil", "autopilot", "vessels",
 }  # fmt: skip
 IN_PLACE = {"repair": "file"}  # what it is for
 NAMED_BY_TIME = {"live", "studio", "hil"}  # never a name that is there
+NAMED_BY_CONTENT = {("wear", "pictures")}  # known once the table is read: tests/gateway/fleet
 
 # command and option -> words, given the folder, and the files that it may write
 WRITERS: dict[tuple[str, str], tuple[Callable[[Path], Words], Callable[[Path], list[Path]]]] = {
@@ -94,6 +96,15 @@ WRITERS: dict[tuple[str, str], tuple[Callable[[Path], Words], Callable[[Path], l
         lambda at: ["effects", "hull_lift", "--write", at / "keel.py"],
         lambda at: [at / "keel.py"],
     ),
+    ("report", "pdf"): (
+        lambda at: ["report", at / "voyage.tlog", "-v", at / "boat.toml", "--out",
+                    at / "made" / "new.html", "--pdf", at / "new.pdf"],
+        lambda at: [at / "new.pdf"],
+    ),
+    ("fleet", "out"): (
+        lambda at: ["fleet", at / "voyage.tlog", "-v", at / "boat.toml", "--out", at / "made"],
+        lambda at: [at / "made" / name for name in FILES],
+    ),
     ("demo", "out"): (
         lambda at: ["demo", "--out", at / "made"],
         lambda at: demo_files(at / "made"),
@@ -127,9 +138,9 @@ def test_every_option_of_every_command_that_names_a_file_is_known() -> None:
         if "Path" in kind and option not in INPUTS and IN_PLACE.get(name) != option
         and name not in NAMED_BY_TIME
     }  # fmt: skip
-    assert paths == set(WRITERS)
+    assert paths == set(WRITERS) | NAMED_BY_CONTENT
     forceful = {name for name, option in options if option == "force"}
-    assert forceful == {name for name, _ in WRITERS}
+    assert forceful == {name for name, _ in paths}
 
 
 @pytest.mark.parametrize("which", WRITERS, ids="-".join)

@@ -1,4 +1,4 @@
-"""A folder of recordings, their boats, and a cluster that lives as long as the tests."""
+"""A folder of recordings, their boats, and a cluster that lives as long as a file of tests."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,9 +24,12 @@ recordings = ["otter_*"]
 """
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cluster() -> Iterator[LocalCluster]:
-    """Workers in this process: what they do is the same, and they start at once."""
+    """Workers in this process: what they do is the same, and they start at once.
+
+    No longer than a file of tests: their loop draws random numbers, which Hypothesis forbids.
+    """
     with local_cluster(2, processes=False) as made:
         yield made
 

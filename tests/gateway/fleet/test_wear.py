@@ -9,6 +9,7 @@ import pytest
 
 from gateway.fleet.table import write_table
 from gateway.fleet.wear import wear_of, worded
+from tests.gateway.command_line import one_line
 
 START = datetime(2026, 4, 1, 9, tzinfo=UTC)
 
@@ -88,6 +89,15 @@ def test_pictures_of_every_course(run, folder, tmp_path):
     assert one.figure.caption == one.text
     assert (dots.y == one.series.value).all()
     assert (line.y == one.course.mean).all()
+
+
+def test_a_picture_that_the_user_made_is_kept(run, folder, tmp_path):
+    mine = tmp_path / "drawn" / "heron-x_u.png"
+    mine.parent.mkdir()
+    mine.write_bytes(b"mine")
+    one_line(run("wear", folder, "--pictures", mine.parent), 2, f"{mine}: is there already")
+    assert mine.read_bytes() == b"mine"
+    assert [file.name for file in mine.parent.iterdir()] == [mine.name]
 
 
 def test_names_in_words():

@@ -61,7 +61,7 @@ def test_sources_are_unique() -> None:
 
 def test_both_dialects_have_their_own_wind() -> None:
     assert [r.counter for r in MAVLINK if r.message == "WIND"] == [Counter.RECEIPT]
-    assert [r.field for r in DATAFLASH if r.message == "WIND"] == ["TimeUS"]
+    assert [r.field for r in DATAFLASH if r.message == "WIND"] == ["time_us"]
 
 
 def test_global_position_in_degrees_metres_and_radians() -> None:
