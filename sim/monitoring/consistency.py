@@ -29,6 +29,9 @@ WRONG_ABOVE, RIGHT_BELOW = 3.0, 1.5  # mean of z
 COMMAND_TIMING_S = 0.2  # δ
 MAX_Z = 12.0  # a single z counts no more than this
 SUBSTEPS = 8  # of a second, for its transition
+# A prediction that noise alone may put so far off [m/s, m/s, rad/s] judges nothing: the model runs
+# away from any start, as a fast hull that is unstable on course does.
+MAX_FLOOR_STD = np.array([5.0, 5.0, 3.0])
 
 
 class PastSecond(NamedTuple):
@@ -101,14 +104,17 @@ class Misfit:
 
 
 def _floor(past: tuple[PastSecond, ...], second: SecondMeans, seconds: int) -> Floats | None:
-    """Expected variance (3,) of the error over that horizon; None where it began too early."""
+    """Expected variance (3,) of the error over that horizon; None where it began too early, or
+    where the prediction judges nothing.
+    """
     if len(past) <= seconds:
         return None
     phi, commands = np.eye(3), np.zeros(3)
     for earlier in reversed(past[-seconds:]):
         commands = commands + phi**2 @ earlier.command_variance
         phi = phi @ earlier.transition
-    return second.variance + phi**2 @ past[-seconds - 1].variance + commands + NEGLIGIBLE**2
+    floor = second.variance + phi**2 @ past[-seconds - 1].variance + commands + NEGLIGIBLE**2
+    return np.asarray(floor) if bool((floor < MAX_FLOOR_STD**2).all()) else None
 
 
 def transition(A: Floats) -> Floats:

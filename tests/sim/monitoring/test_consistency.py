@@ -33,6 +33,24 @@ def test_an_unstable_hull_is_no_wrong_model() -> None:
     assert not unstable.wrong
 
 
+def test_where_a_prediction_may_be_anywhere_it_judges_nothing() -> None:
+    """A model that runs away from any start: its floor would be larger than any boat's motion."""
+    second = next(iter(seconds(1)))
+    away = linear(np.diag([0.0, 3.0, 0.0]))
+    misfit = Misfit()
+    for k in range(40):
+        off = np.tile([0.0, 4.0, 0.0], (2, 1))
+        misfit = misfit.observe(replace(second, time=float(k), errors=off), away, (5, 10))
+    assert np.isnan(misfit.z)
+    assert not misfit.wrong
+    assert (misfit.errors[1] == 0.0).all()
+    short = Misfit()
+    for k in range(40):
+        off = np.tile([0.0, 4.0, 0.0], (2, 1))
+        short = short.observe(replace(second, time=float(k), errors=off), SLOW, (5, 10))
+    assert short.wrong
+
+
 def test_after_a_jump_nothing_counts_until_predictions_are_new() -> None:
     second = replace(next(iter(seconds(1))), errors=np.ones((2, 3)))
     misfit = Misfit()
