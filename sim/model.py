@@ -122,15 +122,18 @@ class Model:
         """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel.
 
         At velocities nu (B, 3) it is also short enough to stay stable: damping rises with speed,
-        and so does the Munk moment.
+        and so does the Munk moment. Damping so strong that it is over within a few hundredths of a
+        second (of a hull that was fitted to too little) is not followed, only kept stable.
         """
         lags = self._time_constants
         rows = np.atleast_2d(self.theta if theta is None else theta)
         fastest_lag = float(np.min(rows[:, lags])) if lags else MAX_STEP_S
         d = self.vessel.dynamics
         damping = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
-        stable = max(STABLE_STEP / self._fastest_rate(rows, nu), MIN_STABLE_STEP_S)
-        return min(MAX_STEP_S, ACCURATE_STEP / damping, max(fastest_lag, MIN_LAG_STEP_S), stable)
+        rate_limit = STABLE_STEP / self._fastest_rate(rows, nu)
+        accurate = max(ACCURATE_STEP / damping, min(rate_limit, MIN_STABLE_STEP_S))
+        stable = max(rate_limit, MIN_STABLE_STEP_S)
+        return min(MAX_STEP_S, accurate, max(fastest_lag, MIN_LAG_STEP_S), stable)
 
     @cached_property
     def _time_constants(self) -> list[int]:

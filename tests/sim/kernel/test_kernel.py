@@ -131,3 +131,15 @@ def test_arrays_of_any_kind_give_the_same():
     np.testing.assert_array_equal(missing_along(model, commands, sliced), expected)
     np.testing.assert_array_equal(missing_along(model, commands, frozen), expected)
     assert len(model.kernel.module.missing_force.signatures) == 1
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 10.0, 60.0])
+def test_steps_follow_a_hull_however_strongly_it_is_damped(stiffer):
+    """And no more of them are made than that takes: what is over at once is only kept stable."""
+    d = WAMV.dynamics
+    model = Model.of(replace(WAMV, dynamics=replace(d, Y_v=stiffer * d.Y_v, N_r=stiffer * d.N_r)))
+    commands = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, (30, 2)), 10, axis=0)
+    _, coarse = model.simulate(commands, 0.2)
+    _, fine = model.simulate(np.repeat(commands, 100, axis=0), 0.002)
+    assert np.abs(coarse[0] - fine[0, ::100])[:, 3:6].max() < 1e-3
+    assert model.max_step(None, np.zeros((1, 3))) > 0.01
