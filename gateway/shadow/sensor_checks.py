@@ -21,7 +21,7 @@ import numpy as np
 from gateway.estimation.names import MeasurementKind
 from gateway.jit import compiled
 from gateway.shadow.inputs import FilterInputs
-from sim.state import Floats, Ints
+from sim.state import Floats, Ints, wrap
 
 # All chosen, not measured.
 FIX_3D = 3.0  # GPS_FIX_TYPE_3D_FIX of MAVLink
@@ -114,12 +114,6 @@ TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN
 
 
 @compiled
-def wrapped(angle: float) -> float:
-    """An angle [rad] within ±π."""
-    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-@compiled
 def fine(kind: int, value: float) -> bool:
     """Has the source more digits than hundredths of a degree, cm/s, mrad/s?"""
     per_unit = 100.0
@@ -153,7 +147,7 @@ def note_heading(kinds: Floats, rest: Floats, time: float, yaw: float) -> None:
     if stuck:
         rest[LEAK] = 0.0
     elif 0.0 < step <= MAX_YAW_GAP_S and gyro <= MAX_YAW_GAP_S:
-        unseen = wrapped(yaw - kinds[YAW, Z0]) - (angle - rest[ANGLE_THEN])
+        unseen = wrap(yaw - kinds[YAW, Z0]) - (angle - rest[ANGLE_THEN])
         least = MIN_JUMP_RAD + (rest[SPREAD] + np.abs(rest[MEAN])) * (0.5 * step + GYRO_SLACK_S)
         rest[LEAK] = rest[LEAK] * np.exp(-step / JUMP_MEMORY_S) + unseen
         if np.isfinite(rest[JUMPED]):
