@@ -224,12 +224,15 @@ class Sensors:
 
 @dataclass(frozen=True)
 class AddedEffect:
-    """An effect in a vessel, with its parameters' values."""
+    """An effect in a vessel, with its parameters' values; those with a default may be left out."""
 
     effect: Effect
     values: Mapping[str, float]
 
     def __post_init__(self) -> None:
+        parameters = self.effect.parameters
+        defaults = {p.name: p.default for p in parameters if p.default is not None}
+        object.__setattr__(self, "values", defaults | dict(self.values))
         wanted = [p.name for p in self.effect.parameters]
         missing = [name for name in wanted if name not in self.values]
         unknown = [name for name in self.values if name not in wanted]

@@ -10,7 +10,7 @@ noise from a leader, the same for all; numbers with an interval deserve starts w
 them, and the noise that it leaves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
@@ -136,11 +136,21 @@ class EffectSearch:
         """What could come next, led by the first that should; whether there is one.
 
         The best may be worth much and yet improve no prediction, as long as a larger error hides
-        what it does: then that one is first in turn.
+        what it does: then that one is first in turn. Where none should come and the error stands
+        far above the noise, the promising ones are looked at closer.
         """
         ranking = self.rank(fit)
-        row = next((r for r in ranking.finalists if self.justified(r, steps, fit)), None)
+        row = self._first_justified(ranking, steps, fit)
+        far = self.scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * self.scorer.noise_floor
+        if row is None and far and any(e.more_starts for e in self._others(fit)):
+            ranking = self.rank(fit, closer=True, only={r.name for r in ranking.finalists})
+            row = self._first_justified(ranking, steps, fit)
         return (ranking, False) if row is None else (ranking.led_by(row), True)
+
+    def _first_justified(
+        self, ranking: Ranking, steps: Sequence[Ranking], fit: Fit
+    ) -> RankedEffect | None:
+        return next((r for r in ranking.finalists if self.justified(r, steps, fit)), None)
 
     def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
         """Whether one of a ranking should be added to what was found so far."""
@@ -163,12 +173,14 @@ class EffectSearch:
         """Whether predictions become noticeably better."""
         return helps(self.scorer, before, after, self.given)
 
-    def rank(self, fit: Fit) -> Ranking:
-        """What could come next."""
+    def rank(self, fit: Fit, closer: bool = False, only: Container[str] = ()) -> Ranking:
+        """What could come next; `closer`: among these and those that declare further starts."""
         beside = ", ".join(fit.names)
         self.progress(f"looking for {f'more beside {beside}' if beside else 'effects'}")
         others = self._others(fit)
-        return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper)
+        if only:
+            others = [e for e in others if e.name in only or e.more_starts is not None]
+        return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper, closer)
 
     def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold, whole or as a part of another."""

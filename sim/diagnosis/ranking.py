@@ -64,10 +64,13 @@ class Ranking:
 
 def rank(
     superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
-    progress: Progress = lambda _: None, mapper: Mapper = map,
+    progress: Progress = lambda _: None, mapper: Mapper = map, closer: bool = False,
 ) -> Ranking:  # fmt: skip
-    """All effects beside those of the reference, each with everything fitted anew."""
-    results = screen(superset, model, effects, reference, progress, mapper)
+    """All effects beside those of the reference, each with everything fitted anew.
+
+    closer: those that declare further starts are fitted from each of them.
+    """
+    results = screen(superset, model, effects, reference, progress, mapper, closer)
     if not results:
         return Ranking(reference, ())
     results = select_finalists(results)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, start_values, unknowns_for, with_given_base
+from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for, with_given_base
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
@@ -55,7 +55,7 @@ class ScreeningResult:
 
 def screen(
     superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
-    progress: Progress = lambda _: None, mapper: Mapper = map,
+    progress: Progress = lambda _: None, mapper: Mapper = map, closer: bool = False,
 ) -> list[ScreeningResult]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
 
@@ -67,7 +67,8 @@ def screen(
     `model` is the vessel as the reference has it: waves are looked for in what it lacks. Where the
     reference moved the base far, the search begins from the base as it was given too: what stands
     in for the missing effect keeps it from its place. `mapper` may be that of a pool of threads:
-    the kernels leave the interpreter free.
+    the kernels leave the interpreter free. `closer`: effects that declare further starts are fitted
+    whole from each of them, on few rows.
     """
     given = with_given_base(reference.unknowns, reference.z)
     references = [reference] if given is None else [reference, replace(reference, z=given)]
@@ -82,12 +83,16 @@ def screen(
     def best(effect: Effect) -> ScreeningResult | None:
         progress(effect.name)
         starts, found = start_points(effect, model, reference.problem.trials), []
-        if effect.measured is not None and effect.name in superset.measured:
+        measured = effect.measured is not None and effect.name in superset.measured
+        if effect.measured is not None and measured:
             starts = [effect.measured.values]
         for fine, coarse in pairs:
             begins = [fine.at(effect, start) for start in starts]
             many = len(starts) > thresholds.MANY_STARTS
             found.append(fine.best(coarse.few(begins) if many else begins))
+        if closer and effect.more_starts is not None and not measured:
+            length = max(float(t.time[-1]) for t in reference.problem.trials)
+            found.append(_closer(effect, effect.more_starts(length), *pairs[0]))
         return min((r for r in found if r is not None), key=lambda r: r.cost, default=None)
 
     results = {r.name: r for r in mapper(best, effects) if r is not None}
@@ -99,6 +104,20 @@ def screen(
     fine = pairs[0][0]
     judged = mapper(fine.with_deviance, results.values())
     return sorted(judged, key=lambda r: r.deviance)
+
+
+def _closer(
+    effect: Effect, starts: Sequence[Values], fine: "_Screening", coarse: "_Screening"
+) -> ScreeningResult | None:
+    """The best of whole fits from each of the further starts; None where none can be fitted."""
+    begins = [coarse.at(effect, start) for start in starts]
+    fits = sorted((coarse.fitted(r) for r in begins), key=lambda r: r.cost)
+    again = [fine.fitted(r) for r in fits[: thresholds.MAX_CLOSER_FITS]]
+    moment = next((p.name for p in effect.parameters if p.kind is Kind.MOMENT), None)
+    best = min(again, key=lambda r: r.cost)
+    if not np.isfinite(best.cost):
+        return None
+    return best if moment is None else fine.fitted(fine._closed_in(best, moment))
 
 
 def _from_general(
@@ -176,6 +195,15 @@ class _Screening:
             moved = self.at(best.added.effect, {**best.added.values, moment: float(time)})
             tried.append(self._step(replace(moved, z=best.z)))
         return min([best, *(r for r in tried if r is not None)], key=lambda r: r.cost)
+
+    def fitted(self, r: ScreeningResult) -> ScreeningResult:
+        """Everything fitted from there, with slopes of its own at each step."""
+        added = (*self.reference.added, r.added)
+        try:
+            fit = fit_effects(added, r.unknowns, self.problem, np.clip(r.z, *r.unknowns.bounds))
+        except (ValueError, np.linalg.LinAlgError):  # the model is lost at this start
+            return replace(r, cost=np.inf)
+        return replace(r, z=fit.z, cost=fit.cost)
 
     def few(self, begins: Sequence[ScreeningResult]) -> list[ScreeningResult]:
         """Where those lead that lead furthest: two steps from all, two more from every fourth."""

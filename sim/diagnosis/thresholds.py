@@ -34,6 +34,7 @@ COARSE_STEPS = 2  # there from each start, and again from the best of them
 MAX_SCREENING_STEPS = 12
 MIN_COST_DECREASE = 1e-4  # of the cost, for another step
 MOMENT_RESOLUTION_S = 1.0  # to which the screening closes in on an event
+MAX_CLOSER_FITS = 4  # of further starts: the best on few rows go on to all that are screened
 MAX_FINALISTS = 6  # effects that are fitted whole, at most …
 MIN_FINALISTS = 3  # … and at least
 MIN_PROMISE = 0.1  # of the best one's decrease of the cost, to be fitted beyond `MIN_FINALISTS`

@@ -163,6 +163,7 @@ class Parameter:
                quarters of a circle, moments along the recording, a choice among the thrusters
     direction  name of the angle that this magnitude belongs to, the next parameter: the two are
                fitted as north and east parts
+    default    what stands where a vessel file says nothing; None: it must say it
     """
 
     name: str
@@ -177,6 +178,7 @@ class Parameter:
     role: Role | None = None
     starts: tuple[float, ...] = ()
     direction: str = ""
+    default: float | None = None
     says: InitVar[str | None] = None  # the name of `description` in 0.1
 
     def __post_init__(self, says: str | None) -> None:
@@ -284,6 +286,9 @@ class Effect:
     explains      what a fit of the base notices where this effect is missing
     search        (vessel, residual) -> where a search begins, if its parameters' own starts do not
                   serve; `residual()` is what the model leaves of the longest recording
+    more_starts   (length of the longest recording [s]) -> starts, each of which is fitted whole
+                  where a first look leaves much unexplained: from where a force that goes with a
+                  square was found no small step may lead to the best
     tables        (vessel, extent of u, v, r) -> empty tables, where the effect has no law but takes
                   any shape: no hypothesis of a search, fitted where none of them explains the data
     in_words      (fitted values) -> what was found, in a sentence (`sim.effects.words`)
@@ -311,6 +316,7 @@ class Effect:
     separated: Mapping[str, Separation] = field(default_factory=dict, compare=False)
     explains: tuple[Symptom, ...] = ()
     search: Callable[[Any, Callable[[], ResidualForce]], Sequence[Values]] | None = None
+    more_starts: Callable[[float], Sequence[Values]] | None = None
     tables: Callable[[Any, Mapping[str, tuple[float, float]]], Sequence[Values]] | None = None
     in_words: Callable[[FittedValues], str] | None = None
     formulas: Callable[[Any, Values, Values], Sequence[Formula]] | None = None

@@ -15,6 +15,7 @@ the areas are what is fitted. Source: Fossen, Handbook of Marine Craft Hydrodyna
 §10.1 (wind coefficients of symmetrical craft).
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ from sim.wind_loads import AIR_DENSITY, C_X, C_Y, COEFFICIENT_FACTOR, wind_load
 
 SPEED_FACTOR = float(np.sqrt(AREA_FACTOR * COEFFICIENT_FACTOR))  # of a speed told from a force
 
+LIGHT, STRONG = 1.0, 10.0  # m/s, of further starts
 UNSTEADY = 0.16  # (2 I)² of gusts with an intensity I of 20 %: the force goes with V²
 
 
@@ -52,6 +54,11 @@ def force(flow: Flow, p: Any) -> Wrench:
     north = flow.wind_known * flow.wind_north + assumed * np.cos(p.direction)
     east = flow.wind_known * flow.wind_east + assumed * np.sin(p.direction)
     return wind_load(flow, north, east)
+
+
+def more_starts(length: float) -> Sequence[Values]:
+    """A light and a strong wind from each quarter."""
+    return [{"speed": speed, "direction": d} for speed in (LIGHT, STRONG) for d in QUARTERS]
 
 
 def assumption(vessel: Any, values: Values, ci95: Intervals) -> Assumption | None:
@@ -130,6 +137,7 @@ EFFECT = Effect(
         "thruster_misalignment": CIRCLES,
     },
     in_words=in_words,
+    more_starts=more_starts,
     measured=Measured("wind", ("area_front", "area_side"), {"speed": 0.0, "direction": 0.0}),
     assumption=assumption,
     pattern_for=("heading",),

@@ -30,7 +30,7 @@ from sim.effects.effect import (
     Values,
     circular_parameter,
 )
-from sim.effects.steady_wind import CIRCLES, UNSTEADY
+from sim.effects.steady_wind import CIRCLES, LIGHT, STRONG, UNSTEADY
 from sim.effects.steady_wind import assumption as steady_assumption
 from sim.effects.words import FittedValues, until_and_after
 from sim.state import Wrench
@@ -81,6 +81,16 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
     ]
 
 
+def more_starts(length: float) -> Sequence[Values]:
+    """A light wind before or after a strong one from the same quarter."""
+    return [
+        {"speed": before, "direction": d, "later_speed": after, "later_direction": d, "time": t}
+        for before, after in ((LIGHT, STRONG), (STRONG, LIGHT), (STRONG, STRONG))
+        for d in QUARTERS
+        for t in np.linspace(0.0, length, MOMENTS + 2)[1:-1]
+    ]
+
+
 AGAIN = Separation("stay out longer: the same circles before and after", "circles")
 
 
@@ -117,6 +127,7 @@ EFFECT = Effect(
     evidence=EvidenceAxis(ForceAxis.SURGE, "time"),
     separated={"steady_wind": AGAIN, "varying_current": CIRCLES},
     search=search,
+    more_starts=more_starts,
     in_words=in_words,
     assumption=assumption,
     pattern_for=("time",),

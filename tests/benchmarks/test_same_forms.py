@@ -48,10 +48,11 @@ ALIKE = {  # nature has its own form: least correlation of what they do
     "steady_wind": ({"speed": 8.0, "direction": 2.0}, 0.9),
     "wave_motion": ({"force": 15.0, "omega": 2.2, "direction": 0.5, "phase": 0.0}, 0.6),
     "payload_change": ({"factor": 1.4, "time": 10.0}, 0.95),
-    "thruster_deadband": ({"width": 0.15}, 0.3),
+    "thruster_deadband": ({"width": 0.15}, 0.3),  # as our files had it, rescaled
     "advance_loss": ({"per_mps": 0.2}, 0.9),
     "astern_stall": ({"per_mps": 0.8, "above": 0.1}, 0.85),
 }
+JUMPING = {"width": 0.15, "jump": 1.0}  # nature's dead-band gives at once what is commanded
 OTHER_NAMES = {
     "thruster_fault": (
         {"channel": 3.0, "gain": 0.6, "time": 10.0}, {"thruster": 2.0, "gain": 0.6, "time": 10.0},
@@ -127,6 +128,12 @@ def test_alike_where_nature_has_a_form_of_its_own(name, tmp_path):
     there, here = differences(tmp_path, name, values, values)
     agreement = (here * there).sum() / np.sqrt((here**2).sum() * (there**2).sum())
     assert least < agreement < 1.0 - 1e-6
+
+
+def test_a_dead_band_that_jumps_is_that_of_nature(tmp_path):
+    there, here = differences(tmp_path, "thruster_deadband", {"width": 0.15}, JUMPING)
+    agreement = (here * there).sum() / np.sqrt((here**2).sum() * (there**2).sum())
+    assert 0.85 < agreement < 1.0 - 1e-6  # the jump is spread over a tenth of the width
 
 
 def answers_to_a_step(folder, name, tau):

@@ -1,5 +1,7 @@
 """Which effect comes next on the ladder: the rules, on made-up rankings."""
 
+from collections.abc import Container
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -15,7 +17,7 @@ from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
 
 HIDDEN = "steering_lag"  # worth most, and yet no prediction is better with it
-FIRST: Any = SimpleNamespace(names=(), nrmse=0.5)
+FIRST: Any = SimpleNamespace(names=(), added=(), nrmse=0.5)
 BLOCK = np.repeat(np.arange(8), 10)
 
 
@@ -28,12 +30,13 @@ def row(name: str, gain: Gain, left: float = 1.0, nrmse: float = 0.495) -> Ranke
 
 
 class Made(EffectSearch):
-    """Ranks what it is given; all but one effect help."""
+    """Ranks what it is given, and again what a closer look finds; all but one effect help."""
 
     rows: tuple[RankedEffect, ...]
+    closer: tuple[RankedEffect, ...] = ()
 
-    def rank(self, fit: Any) -> Ranking:
-        return Ranking(FIRST, self.rows)
+    def rank(self, fit: Any, closer: bool = False, only: Container[str] = ()) -> Ranking:
+        return Ranking(FIRST, self.closer if closer else self.rows)
 
     def helps(self, before: Any, after: Any) -> bool:
         return bool(after.name != HIDDEN)
@@ -44,6 +47,15 @@ def made(*rows: RankedEffect) -> Made:
     scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.1)
     search = Made(nothing, (), 4, lambda _: None, map, scorer, 1.0)
     object.__setattr__(search, "rows", rows)
+    return search
+
+
+def looking_closer(floor: float, *closer: RankedEffect) -> Made:
+    """A search whose first look finds nothing, with effects that declare further starts."""
+    search = replace(made(LITTLE), effects=EFFECTS)
+    object.__setattr__(search, "rows", (LITTLE,))
+    object.__setattr__(search, "closer", closer)
+    search.scorer.noise_floor = floor
     return search
 
 
@@ -68,6 +80,18 @@ def test_where_none_is_worth_it_the_best_stays_first() -> None:
     assert names(ranking) == [HIDDEN, "cg_offset"]
     assert not more
     assert not search.justified(ranking.best, [], FIRST)
+
+
+def test_far_above_the_noise_a_second_look_is_closer() -> None:
+    ranking, more = looking_closer(0.1, SOME).ranked(FIRST, [])
+    assert names(ranking) == ["heading_offset"]
+    assert more
+
+
+def test_near_the_noise_nothing_more_is_looked_for() -> None:
+    ranking, more = looking_closer(0.4, SOME).ranked(FIRST, [])
+    assert names(ranking) == ["cg_offset"]
+    assert not more
 
 
 @pytest.mark.parametrize(

@@ -192,6 +192,20 @@ def test_dead_band_and_curve_keep_full_throttle():
         assert first_push(vessel, np.zeros(6), [-0.5, -0.5])[0] > 10.0
 
 
+def test_a_dead_band_may_jump_and_may_be_left_out_of_a_file():
+    rest, half = np.zeros(6), [0.5, 0.5]
+    for jump, instead in ((0.0, 0.375), (1.0, 0.5), (0.5, 0.4375)):
+        vessel = with_effect(WAMV, "thruster_deadband", width=0.2, jump=jump)
+        for given, turned in ((0.5, instead), (0.19, 0.0), (-0.19, 0.0), (1.0, 1.0)):
+            there = run(vessel, np.array([[given, given]]), rest)[1][0, 6:]
+            expected = run(WAMV, np.array([[turned, turned]]), rest)[1][0, 6:]
+            np.testing.assert_allclose(there, expected, atol=1e-9)
+    older = with_effect(WAMV, "thruster_deadband", width=0.2)
+    assert older.effects[0].values == {"width": 0.2, "jump": 0.0}
+    none = first_push(with_effect(WAMV, "thruster_deadband", width=0.0, jump=1.0), rest, half)
+    np.testing.assert_allclose(none, 0.0, atol=1e-6)
+
+
 def test_loss_ahead_and_stall_astern_know_their_quadrant():
     advance = with_effect(WAMV, "advance_loss", per_mps=0.2)
     stall = with_effect(WAMV, "astern_stall", per_mps=0.5, above=0.4)
