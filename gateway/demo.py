@@ -33,7 +33,7 @@ def demo_files(out: Path) -> list[Path]:
     """What the demo writes into its folder, as far as that is known before."""
     named = [f"{AUTOPILOT.stem}-shadow.mcap", "diagnosis.json", "demo_boat-better.toml"]
     figures = {log.stem: [log.stem] for log in (VOYAGE, TWIN)}
-    figures["diagnosis"] = ["ladder", "ranking", "evidence"]
+    figures["diagnosis"] = ["ladder", "ranking", "timeline", "evidence"]
     drawn = [f for name, begin in figures.items() for f in pictures_there(out / name, begin)]
     return [*(out / name for name in named), *drawn]
 

@@ -211,7 +211,7 @@ def diagnose(
         replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping, anyway=anyway),
     )
     inputs = (*logs, vessel_path(vessel), mapping, *(effects or ()))
-    drawn = pictures_there(pictures, ("ladder", "ranking", "evidence"))
+    drawn = pictures_there(pictures, ("ladder", "ranking", "timeline", "evidence"))
     with (
         guarded_outputs("diagnose", inputs, [save, out, *drawn], force),
         status_line("diagnosing", keep=FIRST_IMPRESSION) as progress,

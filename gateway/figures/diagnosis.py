@@ -2,17 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from gateway.figures.comparison import bars_with_intervals
-from gateway.figures.figure_data import Axis, Bars, Dots, FigureData, Level, Line, Panel, SeriesRole
+from gateway.figures.figure_data import (
+    Axis,
+    Band,
+    Bars,
+    Dots,
+    FigureData,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    SeriesRole,
+)
 from gateway.figures.style import DEGREES, EVIDENCE, MISSING_FORCES, NRMSE, SMALLEST_PROBABILITY
+from gateway.figures.words import diagnosis_texts
 from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals
+from sim.effects.effect import Kind, Parameter
 from sim.trial import Trial
 
 UNSEEN_ERROR = Axis("error on unseen time, nrmse (0 is perfect)")
+MINUTES = 1.0 / 60.0
 FLOOR = "noise floor: what a perfect model would show"
 FORCES = (*MISSING_FORCES, Axis("missing force along it", "N"))
 
@@ -55,9 +70,77 @@ def diagnosis_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str
     figures = {"ladder": ladder(diagnosis)}
     if diagnosis.ranking:
         figures["ranking"] = ranking(diagnosis)
+    course = timeline(diagnosis, trials)
+    if course is not None:
+        figures["timeline"] = course
     for found in (*evidence_of(diagnosis, trials), *evidence_of_rivals(diagnosis, trials)):
         figures[f"evidence {found.effect}"] = evidence_figure(found)
     return figures
+
+
+def timeline(diagnosis: Diagnosis, trials: Sequence[Trial]) -> FigureData | None:
+    """What changed at a moment: each number before and after, with intervals; None if nothing did.
+
+    Two thin lines hold the moment. A number `later_…` follows its namesake, any other one what
+    would be neutral.
+    """
+    last, end = diagnosis.ladder[-1], max(float(t.time[-1]) for t in trials)
+    panels = []
+    for added in (a for a in last.vessel.effects if a.effect.name in last.effects):
+        known = {p.name: p for p in added.effect.parameters}
+        moment = next((p.name for p in known.values() if p.kind is Kind.MOMENT), None)
+        if moment is None:
+            continue
+        found = {e.name.rpartition(".")[2]: e.ci95 for e in last.parameters[added.effect.name]}
+        low, high = found.get(moment, (added.values[moment],) * 2)
+        for p in known.values():
+            after = known.get(f"later_{p.name}", p)
+            before = p.neutral if after is p else added.values[p.name]
+            if before is None or p.kind not in (Kind.NUMBER, Kind.CIRCLE):
+                continue
+            if p.name.startswith("later_"):
+                continue
+            ends = (before, added.values[after.name])
+            own = found.get(p.name) if after is not p else None
+            panels.append(
+                _course(
+                    f"{added.effect.name}: {p.name}", p, ends, (own, found.get(after.name)),
+                    (added.values[moment], low, high), end,
+                )
+            )  # fmt: skip
+    if not panels:
+        return None
+    return FigureData(
+        f"{diagnosis.vessel.name}: the course of the voyage", tuple(panels), shared_x=True,
+        caption=" ".join(diagnosis_texts(diagnosis)),
+    )  # fmt: skip
+
+
+def _course(
+    name: str, p: Parameter, ends: tuple[float, float],
+    ci95: tuple[tuple[float, float] | None, tuple[float, float] | None],
+    moment: tuple[float, float, float], last: float,
+) -> Panel:  # fmt: skip
+    """One number before and after a moment (value, low, high) [s] of a voyage that lasts `last`."""
+    axis = Axis(name.replace("_", " "), p.unit.replace("-", ""))
+    if p.kind is Kind.CIRCLE:
+        axis = Axis(axis.label, "°", DEGREES)
+    factor = axis.factor
+    circle = 2.0 * np.pi if p.kind is Kind.CIRCLE else 0.0
+    marks: list[Mark] = []
+    levels, times = [], (0.0, moment[0], last)
+    for value, interval, span in zip(ends, ci95, pairwise(times), strict=True):
+        turns = circle * np.floor(value / circle) if circle else 0.0
+        low, high = ((x - turns) * factor for x in interval or (value, value))
+        x = np.array(span) * MINUTES
+        marks.append(Band(x, np.full(2, low), np.full(2, high), SeriesRole.INTERVAL))
+        levels += [low, high, (value - turns) * factor]
+    middle = np.array([levels[2], levels[2], levels[5], levels[5]])
+    marks.append(Line(np.repeat(times, 2)[1:-1] * MINUTES, middle, SeriesRole.MODEL))
+    for t in moment[1:]:
+        ends_of = np.array([min(levels), max(levels)])
+        marks.append(Line(np.full(2, t * MINUTES), ends_of, SeriesRole.CONTEXT))
+    return Panel(Axis("time after the first sample", "min"), axis, tuple(marks))
 
 
 def ladder(diagnosis: Diagnosis) -> FigureData:

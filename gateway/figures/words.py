@@ -29,8 +29,10 @@ def nowhere_text(error: float, floor: float) -> str:
     return "these data cannot tell where: noise hides the motion"
 
 
-def cause_text(step: LadderStep, effect: str) -> str:
+def cause_text(step: LadderStep, effect: str, start_time_ns: int = 0) -> str:
     """What one effect of a step says, with its fitted numbers: of several recordings the first's.
+
+    start_time_ns  UTC of the first sample, for moments by the clock; 0: not known
 
     "The compass reads 7.5° too far to port (6.9–8.2°)". Where all its intervals hold the numbers
     with which the effect does nothing, that is said.
@@ -39,7 +41,7 @@ def cause_text(step: LadderStep, effect: str) -> str:
     intervals: dict[str, tuple[float, float]] = {}
     for e in step.parameters.get(effect, ()):
         intervals.setdefault(e.name.rpartition(".")[2], e.ci95)
-    text = headline(added.effect, added.values, intervals)
+    text = headline(added.effect, added.values, intervals, start_time_ns)
     return (
         f"{text}; but these data allow that there is none"
         if _may_be_none(added.effect, intervals)
@@ -57,7 +59,8 @@ def _may_be_none(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -
 def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
     """The answer in sentences, what matters first; it claims no more than the verdict does."""
     last = d.ladder[-1]
-    found = tuple(f"{cause_text(last, name)}." for name in last.effects)
+    begun = d.start_time_ns
+    found = tuple(f"{cause_text(last, name, begun)}." for name in last.effects)
     if d.verdict is Verdict.ADEQUATE:
         error = min(step.heldout.nrmse for step in d.ladder)
         if judge(error, d.noise_floor) is Judgement.UNJUDGED:
@@ -68,5 +71,5 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
         return ("Something is missing that the catalogue does not hold.", *helps)
     if d.verdict is Verdict.CONFOUNDED:
         return (*found, *(f"These data cannot tell that from another cause: {text}." for text in
-                          (cause_text(s, s.effects[-1]) for s in rivals(d))))  # fmt: skip
+                          (cause_text(s, s.effects[-1], begun) for s in rivals(d))))  # fmt: skip
     return found

@@ -46,7 +46,7 @@ PLAN_S = 330.0  # of the manoeuvre "mixed": all of its parts but the random one
 RADIUS_M = 250.0  # nothing is there to run into, so a plan need not be weakened
 FOLDERS = ("1-excite", "2-mission", "3-excite", "4-mission", "5-mission")
 FILES = ("guess.toml", "identified.toml", "better.toml", "diagnosis.json")
-PICTURES = ("ladder", "ranking", "evidence", FOLDERS[3])
+PICTURES = ("ladder", "ranking", "timeline", "evidence", FOLDERS[3])
 
 
 @dataclass(frozen=True)

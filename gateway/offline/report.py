@@ -17,7 +17,13 @@ from typing import Any
 
 from gateway.errors import BadInput
 from gateway.figures.comparison import error_strips, missing_force_by_regime, vessel_errors
-from gateway.figures.diagnosis import LadderBar, evidence_figure, ladder_bars, ranking
+from gateway.figures.diagnosis import (
+    LadderBar,
+    evidence_figure,
+    ladder_bars,
+    ranking,
+    timeline,
+)
 from gateway.figures.figure_data import FigureData
 from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecording, render
 from gateway.figures.matplotlib_draw import svg_text
@@ -259,11 +265,12 @@ def _ladder(answer: DiagnosisResult) -> ReportFigure:
 
 
 def _evidence(answer: DiagnosisResult) -> tuple[ReportFigure, ...]:
-    """The ranking, and the evidence for each effect found and its rivals."""
+    """The ranking, what changed at a moment, the evidence for each effect found and its rivals."""
     d = answer.diagnosis
     ranked = [ReportFigure("Which effect", "", svg_text(ranking(d)))] if d.ranking else []
     found = (*evidence_of(d, answer.trials), *evidence_of_rivals(d, answer.trials))
-    figures = [evidence_figure(one) for one in found]
+    course = timeline(d, answer.trials)
+    figures = [*([course] if course else []), *(evidence_figure(one) for one in found)]
     return (*ranked, *(ReportFigure(one.title, one.caption, svg_text(one)) for one in figures))
 
 

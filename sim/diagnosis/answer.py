@@ -166,6 +166,7 @@ class Diagnosis:
     curve          where something unknown is missing: the vessel with the curve of one variable
                    that predicts unseen time best; None where none does
     formula        a short law that does as well as the curve; None where none does
+    start_time_ns  UTC of the first sample; 0: not known, or of several recordings
     """
 
     verdict: Verdict
@@ -184,6 +185,7 @@ class Diagnosis:
     alternatives: tuple[LadderStep, ...] = ()
     curve: LadderStep | None = None
     formula: ScoredFormula | None = None
+    start_time_ns: int = 0
 
     @property
     def next_manoeuvre(self) -> str | None:

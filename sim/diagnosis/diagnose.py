@@ -154,6 +154,7 @@ def diagnose(
         ),
         curve=curve.step if curve else None,
         formula=curve.formula if curve else None,
+        start_time_ns=trials[0].start_time_ns if len(trials) == 1 else 0,
     )
 
 

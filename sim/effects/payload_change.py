@@ -34,7 +34,7 @@ def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
     weight = p.side("factor", " heavier", " lighter", 1.0)
     changed = p.size("factor", "%", 100.0, 1.0, after=weight)
-    return f"the boat is {changed} from {p['time']:.0f} s on"
+    return f"the boat is {changed} from {p.moment('time')} on"
 
 
 EFFECT = Effect(

@@ -41,7 +41,7 @@ SAME_RUN_TWICE = Separation(
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
     return (f"thruster {p['thruster']:.0f} gives {p.size('gain', '%', 100.0)} of its thrust from "
-            f"{p['time']:.0f} s on")  # fmt: skip
+            f"{p.moment('time')} on")  # fmt: skip
 
 
 EFFECT = Effect(

@@ -5,20 +5,26 @@ Each effect says what was found in a sentence of its own (`Effect.in_words`), ma
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from math import degrees, floor, log10, pi
 
 COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 SMALLEST_DECIMALS, MOST_DECIMALS = 0, 3
 DEG = 180.0 / pi
+YEAR_2000_NS = 946_684_800 * 10**9  # a clock that says less was never set
 THAN = " than modelled"
 
 
 @dataclass(frozen=True)
 class FittedValues:
-    """Values of an effect's parameters by name, and their 95 % intervals where there are any."""
+    """Values of an effect's parameters by name, and their 95 % intervals where there are any.
+
+    start_time_ns  UTC of the first sample; 0: not known, or not the same for all recordings
+    """
 
     values: Mapping[str, float]
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    start_time_ns: int = 0
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]
@@ -44,6 +50,14 @@ class FittedValues:
         """One of two words, by the sign."""
         return positive if self.values[name] >= neutral else negative
 
+    def moment(self, name: str) -> str:
+        """A time after the first sample, by the clock too: "338 s (332–345 s), 14:20:10 UTC"."""
+        text = self.size(name, "s")
+        if self.start_time_ns < YEAR_2000_NS:
+            return text
+        clock = datetime.fromtimestamp(self.start_time_ns * 1e-9 + self.values[name], UTC)
+        return f"{text}, {clock:%H:%M:%S} UTC,"
+
     def towards(self, name: str) -> str:
         """A direction [rad from north] in degrees and as a point of the compass."""
         angle = degrees(self.values[name]) % 360.0
@@ -62,6 +76,6 @@ def _with_unit(text: str, unit: str) -> str:
 
 def until_and_after(p: FittedValues, what: str, does: str, way: str) -> str:
     """A current or a wind that became another one: "until 338 s a current of … sets towards …"."""
-    return (f"until {p['time']:.0f} s a {what} of {p.size('speed', 'm/s')} {does} "
+    return (f"until {p.moment('time')} a {what} of {p.size('speed', 'm/s')} {does} "
             f"{p.towards('direction')}, from then on one of {p.size('later_speed', 'm/s')} "
             f"{way} {p.towards('later_direction')}")  # fmt: skip

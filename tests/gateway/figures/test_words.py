@@ -1,10 +1,14 @@
 """The answer of a diagnosis in sentences: no more is claimed than its verdict says."""
 
+from datetime import UTC, datetime
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gateway.figures.diagnosis import timeline
+from gateway.figures.figure_data import Line
 from gateway.figures.words import cause_text, diagnosis_texts
 from sim.diagnosis.answer import Verdict
 from sim.effects.catalogue import EFFECTS
@@ -32,7 +36,7 @@ def diagnosis(verdict: Verdict, *effects: str, floor: float = 0.1, error: float 
     return SimpleNamespace(
         verdict=verdict, effects=effects, ladder=[step(error=error), step(*effects, error=error)],
         noise_floor=floor, ranking=[tied] if verdict is Verdict.CONFOUNDED else [],
-        alternatives=[step("cg_offset")],
+        alternatives=[step("cg_offset")], start_time_ns=0,
     )  # fmt: skip
 
 
@@ -89,3 +93,53 @@ def test_the_first_sentence_is_what_matters_most(answer, first, more):
     assert ("cannot tell whether" in texts[0]) == (answer.noise_floor > 1.0)
     certain = answer.verdict is Verdict.EXPLAINED
     assert certain == (texts == (f"{COMPASS}.",))
+
+
+CURRENT = {
+    "speed": 0.25, "direction": 3.3, "later_speed": 0.4, "later_direction": 6.5, "time": 610.0
+}  # fmt: skip
+
+
+def a_day() -> Any:
+    """A current that turned at 14:20:10 UTC, and a heading offset that did not."""
+    effects = (AddedEffect(BY_NAME["current_change"], CURRENT),
+               AddedEffect(BY_NAME["heading_offset"], VALUES["heading_offset"]))  # fmt: skip
+    ends = {"time": (604.0, 618.0), "speed": (0.2, 0.3)}
+    numbers = [
+        SimpleNamespace(name=f"current_change.{k}", ci95=v, trial=None) for k, v in ends.items()
+    ]
+    names = tuple(a.effect.name for a in effects)
+    last = SimpleNamespace(
+        effects=names, vessel=SimpleNamespace(effects=effects, name="boat"),
+        parameters={"current_change": numbers, "heading_offset": []},
+        heldout=SimpleNamespace(nrmse=0.1),
+    )  # fmt: skip
+    begun = int(datetime(2026, 5, 12, 14, 10, 0, tzinfo=UTC).timestamp()) * 10**9
+    return SimpleNamespace(
+        verdict=Verdict.EXPLAINED, effects=names, ladder=[last, last], noise_floor=0.1, ranking=[],
+        alternatives=[], start_time_ns=begun, vessel=last.vessel,
+    )  # fmt: skip
+
+
+def test_a_moment_is_told_by_the_clock_where_there_is_one():
+    day = a_day()
+    assert diagnosis_texts(day)[0].startswith("Until 610 s (604–618 s), 14:20:10 UTC, a current")
+    day.start_time_ns = 10**9  # a clock that was never set
+    assert diagnosis_texts(day)[0].startswith("Until 610 s (604–618 s) a current")
+
+
+def test_the_timeline_shows_what_changed_and_when():
+    trials: Any = [SimpleNamespace(time=np.array([0.0, 1200.0]))]
+    day = a_day()
+    drawn = timeline(day, trials)
+    assert drawn is not None
+    assert [p.y.text for p in drawn.panels] == [
+        "current change: speed [m/s]", "current change: direction [°]",
+    ]  # fmt: skip
+    for panel, ends in zip(drawn.panels, ((0.25, 0.4), (189.1, 12.4)), strict=True):
+        lines = [mark for mark in panel.marks if isinstance(mark, Line)]
+        np.testing.assert_allclose(lines[0].x, [0.0, 610.0 / 60.0, 610.0 / 60.0, 20.0])
+        np.testing.assert_allclose(lines[0].y, np.repeat(ends, 2), atol=0.05)
+        assert [round(60.0 * line.x[0]) for line in lines[1:]] == [604, 618]
+    day.ladder[-1].effects = ("heading_offset",)  # nothing changed
+    assert timeline(day, trials) is None
