@@ -25,6 +25,7 @@ from gateway.figures.bokeh_marks import DrawnMark, draw_mark
 from gateway.figures.figure_data import Bars, FigureData, Line, Panel, SeriesRole
 from gateway.figures.style import COMPASS, EAST, HEADING, LIGHT, SELECTED, TIME, Theme
 
+LANE_HEIGHT = 26
 HEIGHT, TIME_HEIGHT, STRIP_HEIGHT, MAP_HEIGHT, NAMES_HEIGHT = 230, 175, 130, 430, 320
 NARROWEST = 310  # px, of a panel beside another
 LEGEND_ROW = 24  # px
@@ -179,6 +180,8 @@ def _height(panel: Panel) -> int:
         return MAP_HEIGHT
     if panel.strip is not None:
         return STRIP_HEIGHT
+    if panel.lanes is not None:
+        return LANE_HEIGHT * len(panel.lanes.names) + 60
     if panel.names:
         return NAMES_HEIGHT
     return TIME_HEIGHT if panel.x == TIME else HEIGHT
@@ -212,8 +215,8 @@ def _axes(fig: Any, panel: Panel) -> None:
     if panel.x == HEADING:
         _named_ticks(fig.xaxis, {45 * k: f"{45 * k} {name}" for k, name in enumerate(COMPASS)})
         fig.x_range = Range1d(0.0, 360.0)
-    if panel.strip is not None:
-        rows = panel.strip.rows
+    if panel.strip is not None or panel.lanes is not None:
+        rows = panel.strip.rows if panel.strip else panel.lanes.names if panel.lanes else ()
         _named_ticks(fig.yaxis, dict(enumerate(rows)))
         fig.y_range = Range1d(len(rows) - 0.5, -0.5)
         fig.grid.visible = False
@@ -228,6 +231,10 @@ def _hover(fig: Any, panel: Panel) -> None:
     """Numbers under the pointer, with their units."""
     named = [r for r in fig.renderers if r.name]
     x, y = panel.x, panel.y
+    if panel.lanes is not None:
+        rows = [("", "@text"), (x.label, f"@left{{0.0}} {x.unit}")]
+        fig.add_tools(HoverTool(renderers=named, tooltips=rows, mode="mouse"))
+        return
     if named and not panel.equal:
         rows = [("", "$name"), (x.label or "x", f"@x{{0.00}} {x.unit}"),
                 (y.label or "y", f"@y{{0.000}} {y.unit}")]  # fmt: skip

@@ -11,9 +11,11 @@ from gateway.figures.figure_data import (
     Bars,
     ColouredPoints,
     Dots,
+    Lanes,
     Level,
     Line,
     Mark,
+    SeriesRole,
     Strip,
     decimated,
     within,
@@ -22,6 +24,7 @@ from gateway.figures.figure_data import (
 from gateway.figures.style import Theme
 
 POINTS = 3000  # of a coloured track
+LETTER = 0.008  # of the width of a figure
 Columns = dict[str, Any]
 
 
@@ -88,17 +91,32 @@ def columns_of(mark: Mark, window: tuple[float, float] | None = None) -> Columns
             return {"x": x, "low": low, "high": high}
         case Level(y=y):
             return {"y": [y]}
+        case Lanes():
+            return {
+                "left": mark.start, "right": mark.end, "bottom": mark.row + 0.42,
+                "top": mark.row - 0.42, "text": list(mark.texts), "row": mark.row,
+                "shown": _readable(mark), "bad": [float(bad) for bad in mark.bad],
+            }  # fmt: skip
     raise TypeError(f"cannot draw {type(mark).__name__}")
+
+
+def _readable(mark: Lanes) -> list[str]:
+    """The texts that have room in their stretch; the others show under the pointer."""
+    whole = float(np.ptp(np.concatenate([mark.start, mark.end]))) if len(mark.start) else 0.0
+    needed = [LETTER * len(text) * whole for text in mark.texts]
+    lengths = mark.end - mark.start
+    return [t if have > need else "" for t, have, need in zip(mark.texts, lengths, needed,
+                                                             strict=True)]  # fmt: skip
 
 
 def _draw(mark: Mark, figure: Any, source: Any, theme: Theme, mapper: Any) -> Any:
     """The glyphs of a mark on a figure; the renderer that stands in the legend."""
-    colour = "" if isinstance(mark, ColouredPoints | Strip) else theme.colour(mark.role)
+    colour = "" if isinstance(mark, ColouredPoints | Strip | Lanes) else theme.colour(mark.role)
     by_value = {"field": "value", "transform": mapper}
     match mark:
         case Line():
-            drawn = figure.line(x="x", y="y", source=source, line_color=colour, line_width=1.6,
-                                name=mark.label or None)  # fmt: skip
+            drawn = figure.line(x="x", y="y", source=source, line_color=mark.colour or colour,
+                                line_width=1.6, name=mark.label or None)  # fmt: skip
             drawn.nonselection_glyph = None  # a box drawn over time is shown by itself
             return drawn
         case ColouredPoints():
@@ -128,6 +146,14 @@ def _draw(mark: Mark, figure: Any, source: Any, theme: Theme, mapper: Any) -> An
             return figure.hspan(y="y", source=source, line_color=colour,
                                 line_width=1.8 if mark.label else 1.0,
                                 line_dash="dashed" if mark.label else "solid")  # fmt: skip
+        case Lanes():
+            palette = [theme.faint, theme.colour(SeriesRole.MODEL)]
+            edge = {"field": "bad", "transform": LinearColorMapper(palette, low=0.0, high=1.0)}
+            figure.text(x="left", y="row", text="shown", source=source, text_color=theme.ink,
+                        text_baseline="middle", text_font_size="12px", x_offset=5)  # fmt: skip
+            return figure.quad(left="left", right="right", top="top", bottom="bottom", name="lanes",
+                               source=source, fill_color=theme.faint, fill_alpha=0.18,
+                               line_color=edge, line_width=1.6)  # fmt: skip
 
 
 def _colour_bar(mapper: Any, title: str, theme: Theme) -> Any:

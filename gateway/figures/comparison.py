@@ -22,7 +22,7 @@ from gateway.figures.figure_data import (
 from gateway.figures.motion import free_run_velocities, horizon_velocities, track
 from gateway.figures.style import MISSING_FORCES, NRMSE, REGIMES
 from sim.comparison.compare import Comparison
-from sim.comparison.independence import MAX_LAG
+from sim.comparison.independence import ERRORS, MAX_LAG, Independence
 from sim.comparison.where import Bin
 from sim.state import Floats
 from sim.trial import Trial
@@ -30,6 +30,7 @@ from sim.trial import Trial
 SHARE = Axis("share", "%")
 RMS_ERROR = Axis("rms error", "nrmse scales")
 ERROR_REGIMES = ("heading", "speed", "turn_rate", "throttle", "reverse", "time")
+SHOWN_SHARE = 0.95  # of independent series within the band that is drawn
 FORCE_REGIMES = ("heading", "speed")
 
 
@@ -150,28 +151,38 @@ def _force_marks(bins: Sequence[Bin], name: str, i: int) -> tuple[Mark, ...]:
 
 
 def error_correlations(comparison: Comparison) -> FigureData:
-    """Correlation of each error with each commanded force over the lag, both whitened.
+    """Correlation of each error with itself and with each commanded force, over the lag.
 
-    The band holds 99 % of independent series. A peak at a positive lag is thrust that comes late,
-    one on both sides of 0 is the smoother's, one at negative lags alone is an autopilot that
-    answers the error.
+    The band holds 95 % of independent series. An error that outlasts the band is not white: the
+    model lacks dynamics. After a command, both made white: a peak at a positive lag is thrust that
+    comes late, one on both sides of 0 is the smoother's, one at negative lags alone is an autopilot
+    that answers the error.
     """
     found = comparison.independence
     assert found is not None
     lags = np.asarray(found.step * np.arange(-MAX_LAG, MAX_LAG + 1), dtype=float)
-    level: Floats = np.full(len(lags), found.band)
-    band = Band(lags, -level, level, SeriesRole.INTERVAL, "99 % of independent series")
-    panels = tuple(
-        Panel(
-            Axis("error after command", "s"), Axis("correlation", "1"),
-            (
-                band,
-                Dots(lags, p.correlation, np.minimum(p.correlation, 0.0),
-                     np.maximum(p.correlation, 0.0), SeriesRole.ERROR, "correlation"),
-            ),
-            f"{p.error} after {p.input}",
+    after = lags[MAX_LAG + 1 :]
+    panels = [
+        _correlation_panel("after itself", after, rho, found, f"{name}: error after itself")
+        for name, rho in zip(ERRORS, found.autocorrelation, strict=True)
+    ] + [
+        _correlation_panel(
+            "after command", lags, p.correlation, found, f"{p.error} after {p.input}"
         )
         for p in found.pairs
-    )  # fmt: skip
+    ]  # fmt: skip
     title = f"{comparison.log}: do errors follow the commands? {comparison.vessel}"
-    return FigureData(title, panels, columns=1, shared_x=True, caption=found.description)
+    return FigureData(title, tuple(panels), columns=3, caption=found.description)
+
+
+def _correlation_panel(
+    what: str, lags: Floats, rho: Floats, found: Independence, title: str
+) -> Panel:
+    """One correlation (n,) over its lags (n,) [s], and the band of independent series."""
+    level: Floats = np.full(len(lags), found.band_at(SHOWN_SHARE))
+    marks = (
+        Band(lags, -level, level, SeriesRole.INTERVAL, "95 % of independent series"),
+        Dots(lags, rho, np.minimum(rho, 0.0), np.maximum(rho, 0.0), SeriesRole.ERROR,
+             "correlation"),
+    )  # fmt: skip
+    return Panel(Axis(f"error {what}", "s"), Axis("correlation", "1"), marks, title)

@@ -44,12 +44,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """A line through x (n,), y (n,); NaN interrupts it."""
+    """A line through x (n,), y (n,); NaN interrupts it. `colour`: another than its role's."""
 
     x: Floats
     y: Floats
     role: SeriesRole
     label: str = ""
+    colour: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,22 @@ class Level:
     label: str = ""
 
 
-Mark = Line | ColouredPoints | Bars | Strip | Dots | Band | Level
+@dataclass(frozen=True)
+class Lanes:
+    """Named stretches from start (n,) to end (n,) in lane `row` (n,), one lane below the other.
+
+    A stretch without length is a moment. `bad` (n,): something was wrong then.
+    """
+
+    names: tuple[str, ...]
+    start: Floats
+    end: Floats
+    row: Ints
+    texts: tuple[str, ...]
+    bad: tuple[bool, ...]
+
+
+Mark = Line | ColouredPoints | Bars | Strip | Dots | Band | Level | Lanes
 
 
 @dataclass(frozen=True)
@@ -146,6 +162,11 @@ class Panel:
     def strip(self) -> Strip | None:
         """The coloured cells of the panel, if it shows such."""
         return next((mark for mark in self.marks if isinstance(mark, Strip)), None)
+
+    @property
+    def lanes(self) -> Lanes | None:
+        """The lanes of the panel, if it shows such."""
+        return next((mark for mark in self.marks if isinstance(mark, Lanes)), None)
 
 
 @dataclass(frozen=True)

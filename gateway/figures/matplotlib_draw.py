@@ -22,10 +22,12 @@ from gateway.figures.figure_data import (
     ColouredPoints,
     Dots,
     FigureData,
+    Lanes,
     Level,
     Line,
     Mark,
     Panel,
+    SeriesRole,
     Strip,
     decimated,
     worst_kept,
@@ -126,6 +128,8 @@ def _height(panel: Panel) -> float:
         return MAP_ROW
     if panel.strip is not None:
         return STRIP_ROW
+    if panel.lanes is not None:
+        return STRIP_ROW
     return NAMES_ROW if panel.names else ROW
 
 
@@ -165,7 +169,9 @@ def draw_mark(mark: Mark, ax: Any) -> None:
     """One mark onto a pair of axes."""
     match mark:
         case Line():
-            ax.plot(mark.x, mark.y, color=COLOUR[mark.role], label=mark.label or None)
+            ax.plot(
+                mark.x, mark.y, color=mark.colour or COLOUR[mark.role], label=mark.label or None
+            )
         case ColouredPoints():
             order = np.argsort(mark.value)  # what is worst lies on top
             points = ax.scatter(
@@ -199,6 +205,11 @@ def draw_mark(mark: Mark, ax: Any) -> None:
                 mark.y, color=COLOUR[mark.role], linewidth=1.6 if mark.label else 0.8,
                 linestyle="--" if mark.label else "-", label=mark.label or None,
             )  # fmt: skip
+        case Lanes():
+            for start, end, row in zip(mark.start, mark.end, mark.row, strict=True):
+                ax.plot([start, end], [row, row], "|-", color=COLOUR[SeriesRole.CONTEXT])
+            ax.set_yticks(range(len(mark.names)), mark.names)
+            ax.set_ylim(len(mark.names) - 0.5, -0.5)
         case _:
             raise TypeError(f"cannot draw {type(mark).__name__}")
 

@@ -13,6 +13,7 @@ from gateway.figures.figure_data import (
     Axis,
     ColouredPoints,
     FigureData,
+    Lanes,
     Level,
     Line,
     Mark,
@@ -20,12 +21,14 @@ from gateway.figures.figure_data import (
     SeriesRole,
 )
 from gateway.figures.style import EAST, NORTH, TIME, VELOCITIES
+from gateway.ingest.happenings import Happening, Happenings
 from sim.comparison.compare import Comparison
 from sim.comparison.where import along_trial
 from sim.prediction.free_runs import Prediction
 from sim.state import Eta, Floats
 from sim.trial import Trial
 
+LANES = ("armed", "mode", "events")
 ERROR = Axis("velocity error", "nrmse scales")
 
 
@@ -163,6 +166,31 @@ def commands_over_time(trial: Trial) -> FigureData:
         if np.nanstd(trial.pwm[:, i]) > 0.0
     )  # fmt: skip
     return FigureData(f"{trial.name}: commands", panels, shared_x=True)
+
+
+def lanes_over_time(trial: Trial, known: Happenings, disarmed: str) -> FigureData:
+    """Armed, mode and events of a trial's time as lanes; `disarmed`: why such time is excluded."""
+    start, end = float(trial.time[0]), float(trial.time[-1]) + trial.dt
+    off = [(s.start, s.end) for s in trial.excluded if s.why == disarmed]
+    edges = [start, *(edge for pair in sorted(off) for edge in pair), end]
+    armed = [(a, b, "armed", False) for a, b in zip(edges[::2], edges[1::2], strict=True) if a < b]
+
+    def seconds(one: Happening) -> float:
+        return (one.time_ns - trial.start_time_ns) * 1e-9
+
+    ends = [*(seconds(one) for one in known.modes[1:]), end]
+    modes = [
+        (max(seconds(one), start), min(until, end), one.text, False)
+        for one, until in zip(known.modes, ends, strict=True)
+        if until > start and seconds(one) < end
+    ]
+    events = [(t, t, e.text, e.bad) for e in known.events if start <= (t := seconds(e)) <= end]
+    rows = [(k, *one) for k, lane in enumerate((armed, modes, events)) for one in lane]
+    columns = list(zip(*rows, strict=True)) or [(), (), (), (), ()]
+    row, begun, until, texts, bad = columns
+    lanes = Lanes(LANES, np.array(begun, float), np.array(until, float), np.array(row, np.int64),
+                  texts, bad)  # fmt: skip
+    return FigureData(f"{trial.name}: mode and events", (Panel(TIME, Axis(""), (lanes,)),))
 
 
 def with_earlier_model(earlier: FigureData, now: FigureData, label: str = "as given") -> FigureData:

@@ -25,6 +25,9 @@ COLOUR = {
 }
 SELECTED = "#E69F00"  # orange of the same palette: what the user marked
 
+# Of things that have no role, one after the other, from the same palette.
+SEVERAL = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#767676")
+
 # From little to much, falling steadily in lightness: readable in grey print too.
 COLOUR_SCALE = ("#DCE9F2", "#56B4E9", "#0072B2", "#5B2A86", "#1B0A2A")
 DARK_COLOUR_SCALE = ("#24384A", "#0072B2", "#56B4E9", "#CBE8F8", "#FFFFFF")

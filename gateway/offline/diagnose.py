@@ -3,7 +3,7 @@
 read → diagnose → diagnosis.json, the better vessel file, pictures, the next command lines
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -200,12 +200,14 @@ def diagnose_logs(
     settings: DiagnoseSettings | None = None,
     options: TrialOptions = DIAGNOSIS_TRIALS,
     effects: Iterable[Effect] = (),
+    chosen: Callable[[Trial], Trial] = lambda trial: trial,
     progress: Progress = lambda text: None,
 ) -> DiagnosisResult:
     """Diagnose all recordings at once; `improve` adds effects until no further one is justified.
 
-    `prior`: share by which the base numbers may be off; None: `GUESSED_PRIOR` where the vessel file
-    says that they were guessed, else that of the settings.
+    `chosen`: what of each trial is to be usable. `prior`: share by which the base numbers may be
+    off; None: `GUESSED_PRIOR` where the vessel file says that they were guessed, else that of the
+    settings.
     """
     settings = settings or DiagnoseSettings(effects=known_effects())
     more = tuple(effects)
@@ -216,9 +218,9 @@ def diagnose_logs(
     if not improve:
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)
-    trials, diagnosis = diagnose_trials(
-        logs, boat, settings, file=vessel, options=options, progress=progress
-    )
+    names = ", ".join(str(log) for log in logs)
+    trials = [chosen(trial) for trial in usable_trials(logs, options, progress)]
+    diagnosis = diagnosed_trials(trials, boat, settings, names, progress, vessel)
     notice = (
         f"{Path(vessel).name}: its base numbers were guessed: they may be off by as much again "
         "(--prior says else)"

@@ -3,7 +3,7 @@
 read → choose the time → identify → the new vessel file and its pictures
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -51,14 +51,18 @@ def identify_logs(
     validate: Sequence[str | Path] = (),
     options: TrialOptions = DEFAULT_TRIALS,
     effects: Iterable[Effect] = (),
+    chosen: Callable[[Trial], Trial] = lambda trial: trial,
     progress: Progress = lambda text: None,
 ) -> Identification:
-    """Fit and validate; write the new vessel file to `out`, draw into the folder `pictures`."""
+    """Fit and validate; write the new vessel file to `out`, draw into the folder `pictures`.
+
+    `chosen`: what of each trial is to be usable.
+    """
     known, names = tuple(effects), ", ".join(str(log) for log in logs)
     boat = load_vessel(vessel, known)
     if out is not None and not Path(out).resolve().parent.is_dir():
         raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
-    read = usable_trials(logs, options, progress)
+    read = map(chosen, usable_trials(logs, options, progress))
     trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
     others = usable_trials(validate, options, progress)
     found = identify_trials(

@@ -21,7 +21,15 @@ from gateway.files import write_whole
 from gateway.ingest.survey import Survey
 from gateway.studio import tasks
 from gateway.studio.access import Folders
-from gateway.studio.views import DiagnosisView, LadderView, TrialView
+from gateway.studio.layout import Layout, NamedRange, load_layout, save_layout
+from gateway.studio.views import (
+    WHOLE,
+    DiagnosisView,
+    LadderView,
+    Scope,
+    TimeRanges,
+    TrialView,
+)
 from gateway.studio.worker import JobMessage, Worker
 from gateway.user_effects import EffectFile, effect_file_beside
 from gateway.vessel_file import read_vessel_file
@@ -60,7 +68,7 @@ class Version:
 class Session:
     """Recordings, vessel and answers; `revision` counts the changes of each kind.
 
-    Kinds: vessel, logs, trials, diagnosis, surveys, report, files.
+    Kinds: vessel, logs, trials, diagnosis, surveys, report, files, scope, layout.
 
     trials    what was compared last; with the vessels of `compared`, which may be those of before
     refused   recordings that could not be compared, each with the reason
@@ -73,8 +81,12 @@ class Session:
     quick: Worker = field(default_factory=Worker)
     slow: Worker = field(default_factory=Worker)
     versions: list[Version] = field(default_factory=list)
+    undone: list[Version] = field(default_factory=list)  # the last one first to come back
+    scope: Scope = WHOLE  # of the time that is worked on
+    layout: Layout = field(default_factory=Layout)
     trials: tuple[TrialView, ...] = ()
     compared: tuple[tuple[str, str], ...] = ()
+    compared_scope: Scope = WHOLE
     refused: Mapping[str, str] = field(default_factory=dict)
     diagnosis: DiagnosisView | None = None
     surveys: dict[str, Survey] = field(default_factory=dict)
@@ -91,6 +103,10 @@ class Session:
     _done: Callable[[Any], None] | None = None
 
     def __post_init__(self) -> None:
+        try:
+            self.layout = load_layout(self.folders.write)
+        except BadInput as error:
+            self.notify(str(error))
         if self.vessel_file is not None:
             self.set_vessel(self.vessel_file)
 
@@ -106,7 +122,7 @@ class Session:
         tasks.vessel_of(text, tasks.effects_in(every))  # raises where it has a mistake
         self.effect_files = every
         self.slow.cancel()  # an answer about another vessel is no longer wanted
-        self.vessel_file, self.versions = file, [Version(text)]
+        self.vessel_file, self.versions, self.undone = file, [Version(text)], []
         self.diagnosis = None
         self._changed("vessel", "diagnosis")
 
@@ -116,7 +132,34 @@ class Session:
         self.slow.cancel()
         self.learn_from = tuple(p for p in self.learn_from if p in self.logs)
         self.trials, self.compared, self.refused, self.diagnosis = (), (), {}, None
-        self._changed("trials", "diagnosis", "logs")
+        self.scope = WHOLE
+        self._changed("trials", "diagnosis", "logs", "scope")
+
+    def set_scope(self, scope: Scope) -> None:
+        """Compare, diagnose and fit on some of the time alone, or without it."""
+        if scope != self.scope:
+            self.scope = scope
+            self.slow.cancel()  # an answer about other time is no longer wanted
+            self.diagnosis = None
+            self._changed("scope", "diagnosis")
+
+    def keep_range(self, name: str, recording: str, times: TimeRanges) -> None:
+        """Keep stretches of a recording under a name, from now on."""
+        if not name or not times:
+            raise BadInput("mark a stretch of time and give it a name first")
+        self.set_layout(ranges={**self.layout.ranges, name: NamedRange(recording, times)})
+
+    def forget_range(self, name: str) -> None:
+        """The name is free again."""
+        kept = {k: v for k, v in self.layout.ranges.items() if k != name}
+        self.set_layout(ranges=kept)
+
+    def set_layout(self, **changes: Any) -> None:
+        """Keep something else of the layout, in its file first."""
+        layout = replace(self.layout, **changes)
+        save_layout(layout, self.folders.write)
+        self.layout = layout
+        self._changed("layout")
 
     @property
     def version(self) -> Version | None:
@@ -131,21 +174,33 @@ class Session:
     @property
     def is_current(self) -> bool:
         """Whether what was compared is the vessel as it is now."""
-        return bool(self.trials) and self.compared == tuple(self.vessels())
+        same = self.compared == tuple(self.vessels()) and self.compared_scope == self.scope
+        return bool(self.trials) and same
 
     def slide(self, text: str, change: str) -> None:
         """A number changes by a slider: one step back undoes the whole slide."""
         now = self.versions[-1]
-        if now.change == change:
+        if now.change == change and len(self.versions) > 1:
             self.versions.pop()
-        self.versions.append(Version(text, now.effects, now.ladder, change))
-        self._changed("vessel")
+        self._next(Version(text, now.effects, now.ladder, change))
 
     def undo(self) -> None:
         """Back to the vessel before."""
         if len(self.versions) > 1:
-            self.versions.pop()
+            self.undone.append(self.versions.pop())
             self._changed("vessel")
+
+    def redo(self) -> None:
+        """What was undone last is done again."""
+        if self.undone:
+            self.versions.append(self.undone.pop())
+            self._changed("vessel")
+
+    def _next(self, version: Version) -> None:
+        """Another vessel: what was undone before it is gone."""
+        self.versions.append(version)
+        self.undone.clear()
+        self._changed("vessel")
 
     def climb(self, step: LadderView) -> None:
         """Add what a step adds, or put it in the place of another: its vessel, and its bar."""
@@ -155,8 +210,7 @@ class Session:
         earlier = [v.ladder for v in self.versions if v.effects == before]
         ladder = (*earlier[0], *bars[1:]) if before and earlier else tuple(bars)
         name = step.effects[-1].replace("_", " ") if step.effects else "re-fitted base"
-        self.versions.append(Version(step.text, (*before, *step.effects), ladder, f"+ {name}"))
-        self._changed("vessel")
+        self._next(Version(step.text, (*before, *step.effects), ladder, f"+ {name}"))
 
     def save(self, name: str) -> Path:
         """The vessel as a file in the folder of results."""
@@ -203,9 +257,23 @@ class Session:
             self._changed("diagnosis")
 
         self.start("diagnose", tasks.diagnose_task, logs, self.version.text, self.effect_files,
-                   self.mapping, done=done)  # fmt: skip
+                   self.mapping, self.scope, done=done)  # fmt: skip
         self.diagnosis = None
         self._changed("diagnosis")
+
+    def fit(self) -> None:
+        """Fit the base numbers of the vessel to the recordings chosen to learn from."""
+        if self.version is None or not self.logs:
+            raise BadInput("choose a recording and a vessel file first")
+        logs, now = self.learn_from or self.logs[:1], self.version
+        names = ", ".join(path.name for path in logs)
+        part = f", {self.scope.text}" if self.scope.text else ""
+
+        def done(text: str) -> None:
+            self._next(Version(text, now.effects, now.ladder, f"fitted to {names}{part}"))
+
+        self.start("fit", tasks.fit_task, [str(path) for path in logs], now.text,
+                   self.effect_files, self.mapping, self.scope, done=done)  # fmt: skip
 
     def write_report(self) -> None:
         """Write an HTML report of the comparison and of the diagnosis if there is one."""
@@ -261,7 +329,7 @@ class Session:
             self._stale, self._asked = False, self.logs
             vessels = tuple(self.vessels())
             self.quick.start("compare", tasks.compare_task, [str(p) for p in self.logs], vessels,
-                             self.effect_files, self.mapping)  # fmt: skip
+                             self.effect_files, self.mapping, self.scope)  # fmt: skip
 
     def cancel(self) -> None:
         """Stop what takes long."""
@@ -284,7 +352,7 @@ class Session:
                 self._changed("trials")
         elif message.kind == "done":
             self.trials, self.refused = message.value.trials, message.value.refused
-            self.compared = message.value.vessels
+            self.compared, self.compared_scope = message.value.vessels, message.value.scope
             self._settled(message.job)
             self._changed("trials")
         elif message.kind == "failed":
@@ -295,7 +363,7 @@ class Session:
     def _changed(self, *kinds: str) -> None:
         """Count changes; a comparison of what was before is no longer wanted."""
         self.revision.update(kinds)
-        if {"vessel", "logs"} & set(kinds):
+        if {"vessel", "logs", "scope"} & set(kinds):
             self._stale = True
 
 

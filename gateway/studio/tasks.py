@@ -12,31 +12,38 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gateway.errors import BadInput, ShadowError
-from gateway.figures.comparison import error_strips, missing_force_by_regime
+from gateway.figures.comparison import error_correlations, error_strips, missing_force_by_regime
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
 from gateway.figures.motion import (
     commands_over_time,
     free_runs_on_rows,
     horizon_velocities,
+    lanes_over_time,
     measured_series,
     measured_velocities,
     residuals,
     track,
 )
 from gateway.figures.words import cause_text, diagnosis_texts
+from gateway.ingest.happenings import Happenings, happenings
+from gateway.ingest.log import choose_floating
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.compare import TrialComparison, compare_models, distinct_vessels
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
+from gateway.offline.identify import identify_logs
 from gateway.offline.report import report_from_log, report_of, write_report
-from gateway.offline.trials import TrialOptions, load_trials
+from gateway.offline.trials import TrialOptions, trials_of
+from gateway.offline.usable_time import DISARMED
 from gateway.studio.views import (
+    WHOLE,
     AlternativeView,
     ComparisonView,
     DiagnosisView,
     LadderView,
     RegimeView,
+    Scope,
     TimeRanges,
     TrialView,
     VesselView,
@@ -63,12 +70,15 @@ _last: dict[str, DiagnosisResult] = {}  # of this process, for the report
 
 def trials_in(path: str, mapping: str | None = None) -> tuple[Trial, ...]:
     """The trials of a recording with usable time; read again only when the file has changed."""
-    return _trials(path, Path(path).stat().st_mtime_ns, mapping)
+    return _read(path, Path(path).stat().st_mtime_ns, mapping)[0]
 
 
 @lru_cache(maxsize=12)
-def _trials(path: str, stamp: int, mapping: str | None) -> tuple[Trial, ...]:
-    return tuple(t for t in load_trials(path, mapping=mapping) if t.usable.any())
+def _read(path: str, stamp: int, mapping: str | None) -> tuple[tuple[Trial, ...], Happenings]:
+    """Trials of a recording, and the modes and events in it."""
+    log = open_log(path, mapping)
+    trials = trials_of(log, TrialOptions(mapping=mapping))
+    return tuple(t for t in trials if t.usable.any()), happenings(log, choose_floating(log))
 
 
 def effects_in(files: Sequence[EffectFile]) -> tuple[Effect, ...]:
@@ -95,6 +105,7 @@ def compare_task(
     vessels: Sequence[tuple[str, str]],
     files: Sequence[EffectFile],
     mapping: str | None = None,
+    scope: Scope = WHOLE,
 ) -> ComparisonView:
     """Every recording against (label, vessel file) each; measured motion is sent at once.
 
@@ -112,44 +123,55 @@ def compare_task(
     for path in paths:
         send(f"reading {Path(path).name}")
         try:
-            found = _compared(send, path, models, mapping)
+            found = _compared(send, path, models, mapping, scope)
         except ShadowError as error:
             refused[path] = " ".join(str(error).split())
             continue
         out += found
         if not found:
-            refused[path] = f"{Path(path).name}: no stretch that is long enough to be compared over"
-    return ComparisonView(tuple(out), refused, tuple(vessels))
+            left = f" ({scope.text})" if scope.text else ""
+            refused[path] = (
+                f"{Path(path).name}: no stretch that is long enough to be compared over{left}"
+            )
+    return ComparisonView(tuple(out), refused, tuple(vessels), scope)
 
 
 def _compared(
-    send: Send, path: str, models: Callable[[], tuple[Model, ...]], mapping: str | None
+    send: Send,
+    path: str,
+    models: Callable[[], tuple[Model, ...]],
+    mapping: str | None,
+    scope: Scope,
 ) -> list[TrialView]:
     """The trials of one recording."""
     out: list[TrialView] = []
     for trial in trials_in(path, mapping):
-        send(measured_view(trial, path))
-        found = compare_models(trial, models(), None, send)
-        out += [trial_view(one, path, models()) for one in found]
+        known = _read(path, Path(path).stat().st_mtime_ns, mapping)[1]
+        measured = measured_view(trial, path, known)
+        send(measured)
+        found = compare_models(scope.of(trial), models(), None, send)
+        out += [trial_view(one, measured, models()) for one in found]
     return out
 
 
-def measured_view(trial: Trial, path: str) -> TrialView:
+def measured_view(trial: Trial, path: str, known: Happenings) -> TrialView:
     """A recording before anything was compared."""
     usable = float(trial.usable.sum()) * trial.dt
+    commands, lanes = commands_over_time(trial), lanes_over_time(trial, known, DISARMED)
     return TrialView(
         trial.name, path, usable, trial.time, trial.eta[:, Eta.EAST], trial.eta[:, Eta.NORTH],
-        measured_velocities(trial), commands_over_time(trial), (), trial.notices, trial.origin_deg,
-        measured_series(trial).motion,
+        measured_velocities(trial), replace(commands, panels=commands.panels + lanes.panels), (),
+        trial.notices, trial.origin_deg, measured_series(trial).motion, trial.start_time_ns,
     )  # fmt: skip
 
 
-def trial_view(one: TrialComparison, path: str, models: Sequence[Model]) -> TrialView:
+def trial_view(one: TrialComparison, measured: TrialView, models: Sequence[Model]) -> TrialView:
     """A recording with all its vessels."""
     regimes = {regime.by: regime for regime in regimes_of(one.trial, models[0])}
     vessels = tuple(_vessel_view(one.trial, c, regimes) for c in one.comparisons)
     notices = tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices))
-    return replace(measured_view(one.trial, path), vessels=vessels, notices=notices)
+    seconds = float(one.trial.usable.sum()) * one.trial.dt
+    return replace(measured, vessels=vessels, notices=notices, seconds=seconds)
 
 
 def _vessel_view(trial: Trial, c: Comparison, regimes: dict[str, Regime]) -> VesselView:
@@ -160,6 +182,8 @@ def _vessel_view(trial: Trial, c: Comparison, regimes: dict[str, Regime]) -> Ves
         "strips": error_strips(c),
         "forces": missing_force_by_regime(c),
     }
+    if c.independence is not None:
+        figures["correlations"] = error_correlations(c)
     worst = tuple(
         RegimeView(b.sentence, _times_in(b, trial, regimes[b.by])) for b in c.worst(WORST)
     )
@@ -188,6 +212,7 @@ def diagnose_task(
     text: str,
     files: Sequence[EffectFile],
     mapping: str | None = None,
+    scope: Scope = WHOLE,
 ) -> DiagnosisView:
     """What is missing, and every vessel on the way to it."""
     effects = effects_in(files)
@@ -195,7 +220,8 @@ def diagnose_task(
         given = Path(folder) / "vessel.toml"
         given.write_text(text, encoding="utf-8")
         options = replace(DIAGNOSIS_TRIALS, mapping=mapping)
-        found = diagnose_logs(list(paths), given, options=options, effects=effects, progress=send)
+        found = diagnose_logs(list(paths), given, options=options, effects=effects,
+                              chosen=scope.of, progress=send)  # fmt: skip
         steps = _ladder_views(found, found.diagnosis.ladder, given, effects)
         others = _ladder_views(found, found.diagnosis.alternatives, given, effects)
     _last["diagnosis"] = found
@@ -214,6 +240,23 @@ def diagnose_task(
         headlines=diagnosis_texts(d),
         causes={name: cause_text(d.ladder[-1], name) for name in d.ladder[-1].effects},
     )
+
+
+def fit_task(
+    send: Send,
+    paths: Sequence[str],
+    text: str,
+    files: Sequence[EffectFile],
+    mapping: str | None = None,
+    scope: Scope = WHOLE,
+) -> str:
+    """The nine base numbers fitted to recordings -> the text of the vessel file with them."""
+    with TemporaryDirectory() as folder:
+        given, out = Path(folder) / "vessel.toml", Path(folder) / "fitted.toml"
+        given.write_text(text, encoding="utf-8")
+        identify_logs(list(paths), given, out, options=TrialOptions(mapping=mapping),
+                      effects=effects_in(files), chosen=scope.of, progress=send)  # fmt: skip
+        return out.read_text(encoding="utf-8")
 
 
 def _ladder_views(

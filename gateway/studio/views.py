@@ -1,16 +1,58 @@
 """What the pages show, as plain values that cross from one process into another."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.figures.diagnosis import LadderBar
 from gateway.figures.figure_data import FigureData
 from sim.state import Floats
+from sim.trial import Trial
 
 TimeRanges = tuple[tuple[float, float], ...]  # from, to [s]
+
+
+def inside(time: Floats, ranges: TimeRanges) -> NDArray[np.bool_]:
+    """Which of the times (n,) [s] lie in one of the stretches: (n,)."""
+    out = np.zeros(len(time), np.bool_)
+    for start, end in ranges:
+        out |= (time >= start) & (time <= end)
+    return out
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Stretches of one recording that alone are worked on, or that are left out.
+
+    Without stretches all of it is worked on, as all of every other recording always is.
+    """
+
+    recording: str = ""
+    times: TimeRanges = ()
+    without: bool = False
+
+    @property
+    def text(self) -> str:
+        """In words; empty where nothing is left out."""
+        if not self.times:
+            return ""
+        first = ", ".join(f"{start:.1f}–{end:.1f} s" for start, end in self.times[:3])
+        more = f" and {len(self.times) - 3} more" if len(self.times) > 3 else ""
+        part = f"all but {first}{more}" if self.without else f"only {first}{more}"
+        return f"of {self.recording} {part}"
+
+    def of(self, trial: Trial) -> Trial:
+        """The trial with what is left out not usable."""
+        if not self.times or trial.name != self.recording:
+            return trial
+        kept = inside(trial.time, self.times)
+        return replace(trial, usable=trial.usable & (~kept if self.without else kept))
+
+
+WHOLE = Scope()
 
 
 @dataclass(frozen=True)
@@ -56,6 +98,7 @@ class TrialView:
     notices: tuple[str, ...] = ()
     origin_deg: tuple[float, float] | None = None
     motion: Floats = field(default_factory=lambda: np.empty((0, 6)))  # (T, 6) η, ν as measured
+    start_time_ns: int = 0  # of the boat's clock
 
 
 @dataclass(frozen=True)
@@ -63,11 +106,13 @@ class ComparisonView:
     """All recordings that could be compared, those that could not with the reason, and by what.
 
     vessels   (label, vessel file's text) each, as they were asked for
+    scope     what was left out
     """
 
     trials: tuple[TrialView, ...]
     refused: Mapping[str, str]
     vessels: tuple[tuple[str, str], ...]
+    scope: Scope = WHOLE
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,11 @@ class Independence:
     @property
     def band(self) -> float:
         """Of a correlation, where 99 % of independent series lie."""
-        return float(norm.ppf(0.5 + 0.5 * CONFIDENCE)) / max(self.count, 1) ** 0.5
+        return self.band_at(CONFIDENCE)
+
+    def band_at(self, confidence: float) -> float:
+        """Of a correlation, where that share of independent series lie, to either side of 0."""
+        return float(norm.ppf(0.5 + 0.5 * confidence)) / max(self.count, 1) ** 0.5
 
     @property
     def description(self) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from gateway.errors import BadInput
 from gateway.figures.motion import with_earlier_model
 from gateway.figures.style import velocity_texts
 from gateway.figures.words import judgement_text, nowhere_text
@@ -34,8 +35,10 @@ from gateway.studio.page import (
     word,
 )
 from gateway.studio.playback import Playback
+from gateway.studio.ranges import RangeControls, scope_text
 from gateway.studio.session import Session
-from gateway.studio.views import TimeRanges, TrialView, VesselView
+from gateway.studio.several import SeveralRecordings
+from gateway.studio.views import TimeRanges, TrialView, VesselView, inside
 from sim.comparison.compare import Judgement, judge
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"
@@ -45,7 +48,11 @@ FIGURES = {  # name -> heading, hint
         f"{THREE}. Drag along the time axis to mark a stretch: it is marked on the track too. "
         f"The model starts anew from the measurement at every gap: after one {word('horizon')}.",
     ),
-    "commands": ("Commands", "What was sent to each output; a gap where the boat was disarmed."),
+    "commands": (
+        "Commands, mode, armed and events",
+        "What was sent to each output; a gap where the boat was disarmed. Below it on the same "
+        "time axis what the recording says of itself; texts show under the pointer.",
+    ),
     "residuals": ("Error over time: measured − model", ""),
     "track": ("Track", "North is up."),
     "strips": (
@@ -55,6 +62,11 @@ FIGURES = {  # name -> heading, hint
     "forces": (
         word("missing force", "Missing force"),
         "What the model lacks. Within the grey band it is noise of a single estimate.",
+    ),
+    "correlations": (
+        "What the errors follow",
+        "Errors over one step after themselves and after the commands. Within the band they are as "
+        "independent as chance; outside it, dynamics are missing.",
     ),
 }
 
@@ -69,7 +81,9 @@ class ComparePage(Page):
         self._playback = Playback(self.view)
         self._places = {name: FigurePlace(self.view) for name in FIGURES}
         self._headline, self._numbers, self._worst = html(), html(), stack()
-        self._range = html()
+        self._scope = html()
+        self._ranges = RangeControls(self, self._mark_on, lambda: (self._shown, self._marked))
+        self._several = SeveralRecordings(self)
         self._which = select("Recording", [], width=240)
         self._vessel = select("Vessel", [], width=240)
         for name, choice in (("recording", self._which), ("vessel", self._vessel)):
@@ -95,11 +109,13 @@ class ComparePage(Page):
             bokeh_part(self._playback.part), bokeh_part(self._playback.readout),
         )  # fmt: skip
         return stack(
-            card(self._headline, self._numbers, choose, self._range),
+            card(self._headline, self._scope, self._numbers, choose, self._ranges.part),
             moment,
             section("Where it is worst", "Press one: it is marked in all pictures.", self._worst),
             *(section(*FIGURES[name], place.part, *more.get(name, ()))
               for name, place in self._places.items()),
+            section("Several recordings on one plot", "Of the vessel as it is now.",
+                    self._several.part),
         )  # fmt: skip
 
     def watch(self) -> Watches:
@@ -108,6 +124,7 @@ class ComparePage(Page):
             ("trials",): self._show_trials,
             ("trials", "vessel", "logs"): self._show_headline,
             ("report",): self._show_report,
+            ("scope", "layout"): self._show_scope,
         }
 
     def tick(self) -> None:
@@ -132,6 +149,7 @@ class ComparePage(Page):
         first = self._which.value or (names[0] if names else None)
         self._offer("recording", self._which, names, first)
         self._show_chosen()
+        self._several.update(trials)
 
     def _offer(self, name: str, choice: Any, names: list[str], now: str | None = None) -> None:
         """Names to choose from; what the address says is chosen, else `now`, else the last."""
@@ -183,10 +201,14 @@ class ComparePage(Page):
     def _show_range(self) -> None:
         """The errors within what is marked, of the vessel that is shown, beside the whole."""
         trial = self._trial()
-        vessel = next(
-            (v for v in (trial.vessels if trial else ()) if v.name == self._vessel.value), None
-        )
-        self._range.object = range_text(trial, vessel, self._marked) if trial and vessel else ""
+        vessels = trial.vessels if trial else ()
+        vessel = next((v for v in vessels if v.name == self._vessel.value), None)
+        self._ranges.show_numbers(trial, vessel)
+
+    def _show_scope(self) -> None:
+        """What is worked on, and which ranges are kept."""
+        self._scope.object = scope_text(self.session)
+        self._ranges.update()
 
     def _set_time_axis(self, trial: TrialView) -> None:
         """Another recording has another time axis."""
@@ -225,34 +247,23 @@ class ComparePage(Page):
         self._show_range()
         if trial is None:
             return
-        inside = np.zeros(len(trial.time), bool)
-        for start, end in times:
-            inside |= (trial.time >= start) & (trial.time <= end)
+        there = inside(trial.time, times)
         self.view.points.data = {
-            "x": np.where(inside, trial.east, np.nan), "y": np.where(inside, trial.north, np.nan)
+            "x": np.where(there, trial.east, np.nan), "y": np.where(there, trial.north, np.nan)
         }  # fmt: skip
+        self._ranges.follow()
+
+    def _mark_on(self, recording: str, times: TimeRanges) -> None:
+        """Mark stretches of a recording, which is shown from then on."""
+        if recording not in self._which.options:
+            raise BadInput(f"that range is of {recording}, which is not worked on")
+        if recording != self._which.value:
+            self._which.value = recording
+        self._mark(times)
 
     def _show_report(self) -> None:
         if self.session.report:
             self._get.visible = True
-
-
-def range_text(trial: TrialView, vessel: VesselView, times: TimeRanges) -> str:
-    """Errors of the free predictions within stretches of time; nothing where none is marked."""
-    if not times or vessel.motion is None:
-        return ""
-    inside = np.zeros(len(trial.time), bool)
-    for start, end in times:
-        inside |= (trial.time >= start) & (trial.time <= end)
-    error = (trial.motion - vessel.motion)[inside][:, 3:]
-    known = np.isfinite(error).all(axis=1)
-    seconds = sum(end - start for start, end in times)
-    if not known.any():
-        return f"<p>Marked: {seconds:.0f} s, without any prediction in them.</p>"
-    rmse = dict(zip("uvr", np.sqrt((error[known] ** 2).mean(axis=0)), strict=True))
-    u, v, r = velocity_texts(rmse)
-    return (f"<p>Marked: {seconds:.0f} s; there {escape(vessel.name)} is off by {u} m/s ahead, "
-            f"{v} m/s sideways and {r} °/s, root mean square.</p>")  # fmt: skip
 
 
 def _headline(session: Session) -> str:

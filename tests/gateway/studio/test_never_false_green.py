@@ -18,6 +18,7 @@ from gateway.studio.live_chart import Chart
 from gateway.studio.live_history import BoatHistory, LiveHistory, WatchedBoat
 from gateway.studio.page import Page
 from gateway.studio.pages import compare, diagnose, live, recordings, vessel
+from gateway.studio.ranges import range_text
 from gateway.studio.session import GOOD_S, NOW, Session, with_values
 from gateway.studio.views import (
     ComparisonView,
@@ -264,10 +265,10 @@ def test_the_error_of_a_marked_range_is_that_of_the_range():
     model[9] = np.nan
     trial = replace(seen("one", 0.1, 0.1), time=time, motion=measured)
     one = replace(trial.vessels[0], motion=model)
-    assert compare.range_text(trial, one, ()) == ""
-    assert "off by 0.000 m/s ahead" in compare.range_text(trial, one, ((0.0, 4.0),))
-    assert "off by 0.500 m/s ahead" in compare.range_text(trial, one, ((5.0, 9.0),))
-    assert "without any prediction" in compare.range_text(trial, one, ((9.0, 10.0),))
+    assert range_text(trial, one, ()) == ""
+    assert "off by 0.000 m/s ahead" in range_text(trial, one, ((0.0, 4.0),))
+    assert "off by 0.500 m/s ahead" in range_text(trial, one, ((5.0, 9.0),))
+    assert "without any prediction" in range_text(trial, one, ((9.0, 10.0),))
 
 
 # Plain words first
