@@ -3,6 +3,7 @@
 It takes the statuses ten times a second. zenoh waits and joins here, never on the page's own loop.
 """
 
+import time
 from collections import defaultdict, deque
 from collections.abc import Iterable
 from contextlib import ExitStack
@@ -22,6 +23,7 @@ PERIOD_S = 0.1
 WINDOW_S = 60.0  # of velocities
 TRACK_S = 300.0
 TRACK_EVERY = 5  # messages between two points of a track
+PAST_S, PAST_EVERY_S = 300.0, 0.2  # that can be gone back to, and between two moments of it
 MOTION_TOPICS = ("measured", "shadow", "reference")
 LARGEST = 1e7  # m or m/s: what is larger would break a chart
 
@@ -47,24 +49,40 @@ class BoatHistory:
         length, points = int(WINDOW_S / PERIOD_S), int(TRACK_S / PERIOD_S / TRACK_EVERY)
         self.rows = {t: deque[tuple[float, ...]](maxlen=length) for t in MOTION_TOPICS}
         self.tracks = {t: deque[tuple[float, float]](maxlen=points) for t in MOTION_TOPICS[:2]}
+        self.past = deque[tuple[float, VesselStatus]](maxlen=int(PAST_S / PAST_EVERY_S))
         self._counts: dict[str, int] = defaultdict(int)
 
-    def add(self, status: VesselStatus) -> None:
+    def remember(self, now: float, status: VesselStatus) -> None:
+        """The status of a moment [Unix s], to go back to."""
+        if not self.past or now - self.past[-1][0] >= PAST_EVERY_S:
+            self.past.append((now, status))
+
+    def as_of(self, moment: float) -> WatchedBoat | None:
+        """The boat as it was at a moment [Unix s]; None where it had not been heard of."""
+        known = [(at, status) for at, status in self.past if at <= moment]
+        if not known:
+            return None
+        short = BoatHistory()
+        for _, status in known:
+            short.add(status, track_every=1)
+        return short.boat(known[-1][1])
+
+    def add(self, status: VesselStatus, track_every: int = TRACK_EVERY) -> None:
         """What is new of each topic."""
         for topic in MOTION_TOPICS:
             message = status.message(topic)
             if message is not None and _plausible(message):
-                self._add(topic, message)
+                self._add(topic, message, track_every)
 
-    def _add(self, topic: str, m: Message) -> None:
-        time, rows = m["receive_time_ns"] * 1e-9, self.rows[topic]
-        if rows and time <= rows[-1][0]:
-            if time > rows[-1][0] - WINDOW_S:
+    def _add(self, topic: str, m: Message, track_every: int) -> None:
+        at, rows = m["receive_time_ns"] * 1e-9, self.rows[topic]
+        if rows and at <= rows[-1][0]:
+            if at > rows[-1][0] - WINDOW_S:
                 return
             rows.clear()  # the clock was set back, or a recording begins again
-        rows.append((time, m["surge_mps"], m["sway_mps"], m["yaw_rate_radps"] * DEGREES))
+        rows.append((at, m["surge_mps"], m["sway_mps"], m["yaw_rate_radps"] * DEGREES))
         self._counts[topic] += 1
-        if topic in self.tracks and self._counts[topic] % TRACK_EVERY == 1:
+        if topic in self.tracks and (self._counts[topic] - 1) % track_every == 0:
             self.tracks[topic].append((m["east_m"], m["north_m"]))
 
     def boat(self, status: VesselStatus) -> WatchedBoat:
@@ -92,6 +110,7 @@ class LiveHistory:
         self._options = options
         self._lock, self._stop = Lock(), Event()
         self._boats: tuple[WatchedBoat, ...] = ()
+        self._histories: dict[str, BoatHistory] = defaultdict(BoatHistory)
         self._removed: set[str] = set()  # of boats that were silent; they come back with a message
         self._thread = Thread(target=self._watch, name="live history", daemon=True)
 
@@ -110,6 +129,12 @@ class LiveHistory:
         with self._lock:
             return self._boats
 
+    def as_of(self, moment: float) -> tuple[WatchedBoat, ...]:
+        """All boats as they were at a moment [Unix s] of the last minutes."""
+        with self._lock:
+            found = [history.as_of(moment) for history in self._histories.values()]
+        return tuple(boat for boat in found if boat is not None)
+
     def remove_silent(self) -> None:
         """Forget every boat that is gone or silent, until it is heard again."""
         with self._lock:
@@ -118,7 +143,6 @@ class LiveHistory:
             self._boats = tuple(b for b in self._boats if b.status.name not in silent)
 
     def _watch(self) -> None:
-        histories: dict[str, BoatHistory] = defaultdict(BoatHistory)
         with ExitStack() as scope:
             watcher = BusWatcher(self._options, scope)
             while not self._stop.wait(PERIOD_S):
@@ -126,20 +150,22 @@ class LiveHistory:
                     statuses = watcher.statuses()
                 except ShadowError:
                     continue
-                self._take(statuses, histories)
+                self._take(statuses, time.time())
 
-    def _take(self, statuses: Iterable[VesselStatus], histories: dict[str, BoatHistory]) -> None:
-        """Statuses into the histories, and the boats as pages see them."""
+    def _take(self, statuses: Iterable[VesselStatus], now: float) -> None:
+        """Statuses of a moment [Unix s] into the histories, and the boats as pages see them."""
         boats = []
         for status in statuses:
             heard = status.silent_s is None
             with self._lock:
                 removed = status.name in self._removed and not heard
                 self._removed -= {status.name} if heard else set()
-            if removed:
-                histories.pop(status.name, None)
-                continue
-            histories[status.name].add(status)
-            boats.append(histories[status.name].boat(status))
+                if removed:
+                    self._histories.pop(status.name, None)
+                    continue
+                history = self._histories[status.name]
+                history.add(status)
+                history.remember(now, status)
+            boats.append(history.boat(status))
         with self._lock:
             self._boats = tuple(boat for boat in boats if boat.status.name not in self._removed)

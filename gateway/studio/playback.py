@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import panel as pn
+from bokeh.events import DocumentReady
 from bokeh.layouts import row
 from bokeh.models import ColumnDataSource, CustomJS, Div, Select, Slider, Toggle
 
@@ -52,6 +54,8 @@ class Playback:
         self._path.js_on_change("data", script("slide"))
         self._play.js_on_change("active", script("play"))
         view.on_tap = script("tap")
+        if pn.state.curdoc is not None:  # data that are there already change nothing
+            pn.state.curdoc.js_on_event(DocumentReady, script("slide"))
         self.part = row(self._play, speed, self._slider, sizing_mode="stretch_width")
         self.readout = self._readout
         self._at = self._left = self._slider.value

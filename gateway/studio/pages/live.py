@@ -1,6 +1,7 @@
 """Live: boats and shadows on a chart, strips of their velocities, health and events."""
 
 import math
+import time
 from html import escape
 from typing import Any
 
@@ -10,9 +11,12 @@ import panel as pn
 from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
 from gateway.monitor import HIGH_LOSS, HIGH_NIS, LINK_SILENT_S, VesselStatus, time_of_day
 from gateway.studio.live_chart import Chart, VelocityStrips
+from gateway.studio.live_history import PAST_EVERY_S, PAST_S
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import (
+    FIXED,
     NO_BUTTON,
+    STYLE,
     Page,
     StudioContext,
     button,
@@ -43,7 +47,16 @@ class LivePage(Page):
         super().__init__(context)
         self._which = select("Boat", [], width=240)
         self._which.param.watch(lambda _: self._begin_anew(), "value")
-        self._state, self._events, self._old = html(), html(), html()
+        self._state, self._events, self._old, self._then = html(), html(), html(), html()
+        self._pause = pn.widgets.Toggle(label="Pause", width=110, **FIXED)
+        self._pause.param.watch(lambda event: self._paused(event.new), "value")
+        self._back = pn.widgets.FloatSlider(
+            label="Back from the pause [s]", start=0.0, end=PAST_S, step=PAST_EVERY_S, value=0.0,
+            format="0.0", disabled=True, stylesheets=[STYLE], sizing_mode="stretch_width",
+            margin=(6, 10),
+        )  # fmt: skip
+        self._paused_at: float | None = None  # Unix s
+        self._shown_at: float | None = None
         self._remove = button(
             "Remove boats that are not heard", self.guarded(context.live.remove_silent),
             visible=False, width=240,
@@ -69,8 +82,9 @@ class LivePage(Page):
         )
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
         self._drawn = stack(*map(pn.pane.Bokeh, self._strips.figures))
-        strips = section("Velocities", f"{three} over the last minute.", self._old, self._drawn)
-        return stack(side_by_side(chart, numbers), strips)
+        strips = section("Velocities", f"{three} over one minute.", self._old, self._drawn)
+        time_card = card(stack(self._pause, self._back, self._then))
+        return stack(side_by_side(chart, numbers), time_card, strips)
 
     def tick(self) -> None:
         """Take what came since."""
@@ -84,7 +98,10 @@ class LivePage(Page):
             elif self._which.value not in names and names:
                 self._which.value = names[0]
         chosen = next((b for b in boats if b.status.name == self._which.value), None)
-        self._chart.show(boats)
+        if self._paused_at is None:
+            self._chart.show(boats)
+        else:
+            self._show_past(self._paused_at - self._back.value)
         if chosen is not None:
             self._origin = chart_origin(chosen.status, self._origin)
         self._map.show([self._chart.figure], self._origin)
@@ -94,7 +111,8 @@ class LivePage(Page):
         if chosen is None:
             self._show_nobody()
             return
-        self._strips.show(chosen)
+        if self._paused_at is None:
+            self._strips.show(chosen)
         self._show_age(chosen.status)
         _put(self._state, _state(chosen.status))
         health = _health(chosen.status)
@@ -102,6 +120,30 @@ class LivePage(Page):
         for name, place in self._health.items():  # lines of their own: the keyboard's focus stays
             _put(place, health.get(name, ""))
         _put(self._events, _events(chosen.status))
+
+    def _paused(self, paused: bool) -> None:
+        """Chart and strips stand still at a moment, or follow again; the numbers always follow."""
+        self._paused_at, self._shown_at = (time.time() if paused else None), None
+        self._pause.label = "Follow again" if paused else "Pause"
+        self._back.disabled, self._back.value = not paused, 0.0
+        if not paused:
+            _put(self._then, "")
+            self._strips.clear()
+
+    def _show_past(self, moment: float) -> None:
+        """Chart and strips as they were at a moment [Unix s]."""
+        if moment == self._shown_at:
+            return
+        self._shown_at = moment
+        boats = self.context.live.as_of(moment)
+        self._chart.show(boats)
+        self._strips.clear()
+        for boat in boats:
+            if boat.status.name == self._which.value:
+                self._strips.show(boat)
+        nothing = "" if boats else " No boat had been heard then."
+        _put(self._then, f"<p class='warn'>Paused: chart and strips show "
+             f"{time_of_day(round(moment * 1e9))}, the numbers show now.{nothing}</p>")  # fmt: skip
 
     def _show_nobody(self) -> None:
         """No boat: where one would be looked for, and nothing of one that was."""
@@ -112,7 +154,8 @@ class LivePage(Page):
         for place in (*self._health.values(), self._events, self._old):
             _put(place, "")
         self._origin = None
-        self._strips.clear()
+        if self._paused_at is None:
+            self._strips.clear()
 
     def _show_age(self, status: VesselStatus) -> None:
         """Strips of a boat that is not heard are grey, and say of when they are."""
@@ -127,6 +170,7 @@ class LivePage(Page):
         self._origin = None
         self.address.write(boat=self._which.value)
         self._strips.clear()
+        self._shown_at = None
 
 
 def _put(place: Any, text: str) -> None:

@@ -68,3 +68,17 @@ def test_it_looks_by_itself_and_pages_get_what_is_new(monkeypatch):
     assert len(boat.velocities_since("measured", rows[2, 0])) == len(rows) - 3
     assert boat.status.motion()["surge_mps"] == 1.0
     assert boat.velocities_since("shadow", 0.0).shape == (0, 4)
+
+
+def test_a_moment_that_was_comes_back_as_it_was():
+    live = LiveHistory(SimpleNamespace(where="here"))
+    for k in range(1000):
+        live._take([status(T0 + 0.1 * k)], T0 + 0.1 * k)
+    (then,) = live.as_of(T0 + 50.0)
+    assert then.status.motion()["east_m"] == pytest.approx(50.0, abs=0.2)
+    east, _ = then.tracks["measured"]
+    assert (east[0], max(east)) == (0.0, pytest.approx(50.0, abs=0.2))
+    rows = then.velocities_since("measured", 0.0)
+    assert rows[-1, 0] == pytest.approx(T0 + 50.0, abs=0.2)
+    assert live.as_of(T0 - 1.0) == ()
+    assert live.boats()[0].status.motion()["east_m"] > 99.0

@@ -2,7 +2,6 @@
 
 import math
 import shutil
-from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from gateway.figures.words import judgement_text, nowhere_text
 from gateway.monitor import Latest, MonitorOptions, VesselStatus
 from gateway.studio.access import Folders
 from gateway.studio.live_chart import Chart
-from gateway.studio.live_history import BoatHistory, LiveHistory, WatchedBoat
+from gateway.studio.live_history import LiveHistory, WatchedBoat
 from gateway.studio.page import Page
 from gateway.studio.pages import compare, diagnose, live, recordings, vessel
 from gateway.studio.ranges import range_text
@@ -242,7 +241,7 @@ def test_a_boat_is_live_only_while_it_is_heard(one, word):
 
 
 def test_a_boat_that_was_removed_comes_back_with_its_next_message():
-    history, kept = LiveHistory(MonitorOptions("tcp/127.0.0.1:1")), defaultdict(BoatHistory)
+    history, kept = LiveHistory(MonitorOptions("tcp/127.0.0.1:1")), 0.0
     history._take([boat(9.0, alive=False).status], kept)
     assert len(history.boats()) == 1
     history.remove_silent()
