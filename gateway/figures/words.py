@@ -1,7 +1,8 @@
 """What results say, in plain words: the same in the terminal, in the report and in the studio."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 
+from gateway.figures.style import probability_text
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.evidence import rivals
@@ -54,6 +55,60 @@ def _may_be_none(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -
     neutral = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
     known = {name: intervals[name] for name in neutral if name in intervals}
     return bool(known) and all(low <= neutral[n] <= high for n, (low, high) in known.items())
+
+
+def why_not_texts(
+    d: Diagnosis, tried: Iterable[str], contradicted: Collection[str] = ()
+) -> dict[str, str]:
+    """Each effect that was tried and not chosen -> why not, in a sentence.
+
+    contradicted   effects whose own curve points away from what is missing
+    """
+    tied = {step.effects[-1] for step in rivals(d)}
+    chance = {row.effect: row.probability for row in d.ranking}
+    out = {each.effect: f"These data cannot show it: {each.reason}." for each in d.refused}
+    for step in d.alternatives:
+        name = step.effects[-1]
+        if name not in d.effects and name not in out:
+            text = _why_not(d, step, name in tied, name in contradicted)
+            if name in chance and d.effects and chance[d.effects[0]] > chance[name]:
+                best, own = probability_text(chance[d.effects[0]]), probability_text(chance[name])
+                text += (
+                    f" Of the first step's effects {_said(d.effects[0])} is held {best} probable, "
+                )
+                text += f"this one {own}."
+            out[name] = text
+    known = {*out, *d.effects, *(row.effect for row in d.ranking)}
+    promised = "Not among the most promising in the first look at all effects: it was not fitted."
+    return out | {name: promised for name in tried if name not in known}
+
+
+def _why_not(d: Diagnosis, step: LadderStep, tied: bool, contradicted: bool) -> str:
+    """Of one step that was fitted and not chosen: its error beside that without it, and beyond."""
+    beside, error = step.effects[:-1], step.heldout.nrmse
+    before = next((s for s in d.ladder[1:] if s.effects == beside), d.ladder[1])
+    chosen = next((s for s in d.ladder[2:] if len(s.effects) > len(before.effects)), None)
+    there = f" beside {' and '.join(map(_said, beside))}" if beside else ""
+    first = (
+        f"With it{there} the error on unseen time is {error:.3f}, without it "
+        f"{before.heldout.nrmse:.3f}"
+    )
+    if contradicted:
+        return f"{first}, and its own curve points away from what is missing."
+    if chosen is None:
+        return f"{first}: not enough to be sure of it." if error < before.heldout.nrmse else (
+            f"{first}: it predicts no better."
+        )  # fmt: skip
+    more = " and ".join(map(_said, chosen.effects[len(before.effects) :]))
+    if error >= before.heldout.nrmse:
+        return f"{first}: it predicts no better; with {more} it is {chosen.heldout.nrmse:.3f}."
+    if tied:
+        return f"{first}, with {more} {chosen.heldout.nrmse:.3f}: these data cannot tell the two."
+    return f"{first}, with {more} {chosen.heldout.nrmse:.3f}."
+
+
+def _said(effect: str) -> str:
+    return effect.replace("_", " ")
 
 
 def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:

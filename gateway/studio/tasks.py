@@ -14,6 +14,8 @@ import numpy as np
 from gateway.errors import BadInput, ShadowError
 from gateway.figures.comparison import error_correlations, error_strips, missing_force_by_regime
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
+from gateway.figures.excitation import identification_figures
+from gateway.figures.figure_data import FigureData
 from gateway.figures.motion import (
     commands_over_time,
     free_runs_on_rows,
@@ -24,7 +26,7 @@ from gateway.figures.motion import (
     residuals,
     track,
 )
-from gateway.figures.words import cause_text, diagnosis_texts
+from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
 from gateway.ingest.happenings import Happenings, happenings
 from gateway.ingest.log import choose_floating
 from gateway.ingest.open import open_log
@@ -58,6 +60,8 @@ from sim.diagnosis.answer import LadderStep
 from sim.diagnosis.evidence import evidence_of, evidence_on, rivals
 from sim.effects.effect import Effect
 from sim.model import Model
+from sim.prediction.free_runs import DivergedError, predict
+from sim.prediction.scales import Ruler
 from sim.state import Eta
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -226,7 +230,10 @@ def diagnose_task(
         others = _ladder_views(found, found.diagnosis.alternatives, given, effects)
     _last["diagnosis"] = found
     send("pictures")
-    d = found.diagnosis
+    d, alternatives = found.diagnosis, _alternatives(found, others)
+    against = [one.step.effects[-1] for one in alternatives if one.contradicted]
+    tried = [one.name for one in (*known_effects(), *effects) if one.tables is None]
+    own = {added.effect.name for added in found.before.effects}
     return DiagnosisView(
         answer=found.to_dict(),
         logs=tuple(paths),
@@ -236,10 +243,31 @@ def diagnose_task(
         evidence={one.effect: evidence_figure(one) for one in evidence_of(d, found.trials)},
         looks={effect.name: effect.looks_like for effect in (*known_effects(), *effects)},
         separations=tuple(s.description for s in found.separations.values()),
-        alternatives=_alternatives(found, others),
+        alternatives=alternatives,
         headlines=diagnosis_texts(d),
         causes={name: cause_text(d.ladder[-1], name) for name in d.ladder[-1].effects},
+        motion=_motions(found, [one.step.effects for one in alternatives if one.evidence]),
+        why_not=why_not_texts(d, [name for name in tried if name not in own], against),
     )
+
+
+def _motions(
+    found: DiagnosisResult, shown: Sequence[tuple[str, ...]]
+) -> dict[tuple[str, ...], FigureData]:
+    """Velocities of the first recording as measured, without and with what each step adds."""
+    d, trial = found.diagnosis, found.trials[0]
+    ruler = Ruler.of(trial, Model.of(found.before))
+    out = {}
+    for step in (*d.ladder[2:], *(s for s in d.alternatives if s.effects in shown)):
+        lower = [s for s in d.ladder[1:] if s.effects == step.effects[: len(s.effects)]]
+        before = max((s for s in lower if s is not step), key=lambda s: len(s.effects))
+        try:
+            was, now = (predict(trial, Model.of(s.vessel), ruler) for s in (before, step))
+        except DivergedError:  # no run of it lasts a step: there is no motion to show
+            continue
+        figures = identification_figures(trial, was, now, ruler.settings.horizon)
+        out[step.effects] = figures["velocities"]
+    return out
 
 
 def fit_task(

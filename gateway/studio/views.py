@@ -150,6 +150,8 @@ class DiagnosisView:
     causes  effect that was found -> what it says with its fitted numbers
     looks   effect -> what it looks like
     before  effects that the vessel had when it was diagnosed
+    motion  effects of a step -> velocities measured, without its last effect, and with it
+    why_not effect that was not chosen -> why, in a sentence
     """
 
     answer: Mapping[str, Any]
@@ -164,6 +166,8 @@ class DiagnosisView:
     alternatives: tuple[AlternativeView, ...] = ()
     headlines: tuple[str, ...] = ()
     causes: Mapping[str, str] = field(default_factory=dict)
+    motion: Mapping[tuple[str, ...], FigureData] = field(default_factory=dict)
+    why_not: Mapping[str, str] = field(default_factory=dict)
 
     def up_to(self, step: LadderView) -> tuple[LadderView, ...]:
         """The steps on the way to one, and itself."""
@@ -172,6 +176,11 @@ class DiagnosisView:
         n = len(step.effects)
         below = (s for s in self.steps if s.effects == step.effects[: len(s.effects)])
         return (*(s for s in below if len(s.effects) < n), step)
+
+    def step_of(self, effect: str) -> tuple[str, ...]:
+        """The effects of the step that brought one in; none where no step did."""
+        steps = (step.effects for step in self.steps if effect in step.effects)
+        return min(steps, key=len, default=())
 
     def added_since(self, effects: tuple[str, ...]) -> tuple[str, ...] | None:
         """Which of a vessel's effects were added since; None where it is another vessel."""

@@ -6,16 +6,15 @@ from typing import Any
 
 import panel as pn
 
-from gateway.errors import BadInput
+from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
 from gateway.figures.style import probability_text
-from gateway.studio.controls import FigurePlace, SaveControls, error_table
+from gateway.studio.controls import FigurePlace, LearnFrom, SaveControls, error_table
 from gateway.studio.page import (
     Page,
     StudioContext,
     Watches,
-    boxes,
     bullets,
     button,
     card,
@@ -26,6 +25,7 @@ from gateway.studio.page import (
     table,
     word,
 )
+from gateway.studio.ranges import scope_text
 from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
 from sim.diagnosis.answer import Verdict
 
@@ -38,12 +38,12 @@ class DiagnosePage(Page):
 
     def __init__(self, context: StudioContext) -> None:
         super().__init__(context)
-        self._learn = boxes(options=[], inline=True)
-        self._learn.param.watch(lambda _: self._choose_logs(), "value")
+        self._learn = LearnFrom(self)
         self._run = button("Find what is missing", self.guarded(self._start), "primary", width=210)
         self._save = SaveControls(self, "Save the vessel as", "better", widths=(240, 150))
+        self._scope = html()
         self._verdict, self._rest, self._now, self._unseen = html(), html(), html(), html()
-        self._candidates, self._evidence = stack(), stack()
+        self._candidates, self._evidence, self._why_not = stack(), stack(), html(AFTER)
         self._ladder = FigurePlace(self.view, min_height=330)
         self._ranking = FigurePlace(self.view, min_height=330)
         self._add_buttons: dict[tuple[str, ...], Any] = {}  # effects of an alternative -> button
@@ -53,7 +53,7 @@ class DiagnosePage(Page):
         return stack(
             card(html("<h1>What is missing from the model?</h1>"
                       "<p class='faint'>Learn from these recordings; the others check the result."
-                      "</p>"), self._learn, self._run, self._verdict),
+                      "</p>"), self._scope, self._learn.part, self._run, self._verdict),
             section(f"The {word('ladder')}", f"Each step is judged on {word('unseen time')}: "
                     f"beside it the {word('noise floor')}.",
                     self._ladder.part, self._now, self._unseen, self._save.part),
@@ -63,13 +63,16 @@ class DiagnosePage(Page):
             section("Evidence", f"The {word('missing force')} without an effect, along "
                     f"{word('surge u')}, {word('sway v')} or turning, and what the effect "
                     "supplies.", self._evidence),
+            section("Why not?", "Every cause that was tried and not chosen, and why.",
+                    self._why_not),
             card(self._rest),
         )  # fmt: skip
 
     def watch(self) -> Watches:
         """The recordings, the answer, the vessel, the comparison."""
         return {
-            ("logs",): self._show_logs,
+            ("logs",): self._learn.update,
+            ("scope",): self._show_scope,
             ("diagnosis",): self._show_diagnosis,
             ("diagnosis", "vessel"): self._show_ladder,
             ("trials", "vessel", "diagnosis"): self._show_unseen,
@@ -80,18 +83,11 @@ class DiagnosePage(Page):
         if self._run.disabled != self.session.slow.busy:
             self._run.disabled = self.session.slow.busy
 
-    def _show_logs(self) -> None:
-        self._learn.options = [path.name for path in self.session.logs]
-        chosen = self.session.learn_from or self.session.logs[:1]
-        self._learn.value = [path.name for path in chosen]
-
-    def _choose_logs(self) -> None:
-        names = set(self._learn.value)
-        self.session.learn_from = tuple(p for p in self.session.logs if p.name in names)
+    def _show_scope(self) -> None:
+        self._scope.object = scope_text(self.session)
 
     def _start(self) -> None:
-        if not self._learn.value:
-            raise BadInput("choose at least one recording to learn from")
+        self._learn.check()
         self.session.diagnose()
 
     def _show_diagnosis(self) -> None:
@@ -100,6 +96,7 @@ class DiagnosePage(Page):
         if diagnosis is None:
             self._verdict.object = self._rest.object = ""
             self._evidence.objects = [html(AFTER)]
+            self._why_not.object = AFTER
             return
         answer = diagnosis.answer
         text = Verdict(answer["verdict"]).description
@@ -109,6 +106,7 @@ class DiagnosePage(Page):
             f"<p class='faint'>{escape(answer['summary'])}</p>"
         )
         self._rest.object = _rest(diagnosis)
+        self._why_not.object = why_not_table(diagnosis)
         self._show_evidence(diagnosis)
 
     def _show_evidence(self, diagnosis: DiagnosisView) -> None:
@@ -116,7 +114,11 @@ class DiagnosePage(Page):
         self._add_buttons = {}
         parts = [
             self._proof(
-                effect, _heading(diagnosis.causes.get(effect, ""), effect), figure, diagnosis
+                effect,
+                _heading(diagnosis.causes.get(effect, ""), effect),
+                figure,
+                diagnosis,
+                diagnosis.step_of(effect),
             )
             for effect, figure in diagnosis.evidence.items()
         ]
@@ -127,19 +129,24 @@ class DiagnosePage(Page):
         if ranked:
             parts.append(html("<h3>Ranked, but not chosen</h3><p class='faint'>The same picture of "
                               "each, with numbers of its own.</p>"))  # fmt: skip
-            parts.append(side_by_side(*ranked))
+            parts += ranked
         self._evidence.objects = parts or [html("<p class='faint'>none: nothing was found</p>")]
 
     def _proof(
-        self, effect: str, heading: str, data: FigureData, diagnosis: DiagnosisView, *more: Any
-    ) -> Any:
-        """The evidence for an effect with its words."""
+        self, effect: str, heading: str, data: FigureData, diagnosis: DiagnosisView,
+        step: tuple[str, ...], *more: Any,
+    ) -> Any:  # fmt: skip
+        """The evidence for an effect with its words, and the motion without and with its step."""
         looks = escape(diagnosis.looks.get(effect, ""))
         text = html(f"<h3>{heading}</h3><p>Looks like: {looks}.</p>"
                     f"<p class='faint'>{escape(data.caption)}</p>")  # fmt: skip
         place = FigurePlace(self.view, min_height=230)
         place.show(data)
-        return stack(text, place.part, *more)
+        motion = FigurePlace(LinkedView(self.theme))
+        motion.show(diagnosis.motion.get(step))
+        before = html("<p class='faint'>What it does to the motion: free predictions before and "
+                      "after.</p>", visible=step in diagnosis.motion)  # fmt: skip
+        return stack(text, *more, side_by_side(place.part, stack(before, motion.part)))
 
     def _alternative(
         self, one: AlternativeView, evidence: FigureData, diagnosis: DiagnosisView
@@ -155,7 +162,7 @@ class DiagnosePage(Page):
         says = _heading(one.step.says, effects[-1])
         heading = (f"{says}{there} <span class='faint'>error {error:.3f}{against}</span>"
                    f"{tied}")  # fmt: skip
-        return self._proof(effects[-1], heading, evidence, diagnosis, added)
+        return self._proof(effects[-1], heading, evidence, diagnosis, effects, added)
 
     def _climber(self, step: LadderView) -> Callable[[], None]:
         return self.guarded(lambda: self.session.climb(step))
@@ -265,6 +272,17 @@ def _plain(effect: str) -> str:
     return escape(_said(effect))
 
 
+def why_not_table(diagnosis: DiagnosisView) -> str:
+    """What was tried and not chosen, each with the reason, as HTML."""
+    alike: dict[str, list[str]] = {}
+    for effect, text in diagnosis.why_not.items():
+        alike.setdefault(text, []).append(_plain(effect))
+    rows = [[", ".join(effects), escape(text)] for text, effects in alike.items()]
+    if not rows:
+        return "<p class='faint'>nothing was tried and not chosen</p>"
+    return table(["cause", "why not"], rows, text=(0, 1))
+
+
 def _rest(diagnosis: DiagnosisView) -> str:
     """Numbers found, what is left, what would settle it, what could not be judged."""
     answer, parts = diagnosis.answer, []
@@ -281,9 +299,6 @@ def _rest(diagnosis: DiagnosisView) -> str:
     lists = {
         "What is left depends on": [each["says"] for each in answer["depends_on"]],
         "The manoeuvre that would settle it": [text for text in manoeuvres if text],
-        "Not judged: these data cannot show it": [
-            f"{_said(each['effect'])}: {each['because']}" for each in answer["refused"]
-        ],
     }
     parts += [f"<h2>{heading}</h2>{bullets(texts)}" for heading, texts in lists.items() if texts]
     return "".join(parts)

@@ -203,7 +203,7 @@ def test_a_slider_moves_and_the_comparison_follows(watched, studio):
     handle.focus()
     for _ in range(8):
         handle.press("PageUp")
-    page.get_by_text("m11 moved by hand").wait_for(timeout=PATIENCE_MS)
+    page.get_by_text("m11 changed").wait_for(timeout=PATIENCE_MS)
     end = time.monotonic() + 120.0
     while page.locator("td").all_inner_texts() == before and time.monotonic() < end:
         page.wait_for_timeout(200)

@@ -142,12 +142,12 @@ def moved(one: Watched, port: int) -> None:
     handle.focus()
     for _ in range(8):
         handle.press("PageUp")
-    page.get_by_text("m11 moved by hand").wait_for(timeout=PATIENCE_MS)
+    page.get_by_text("m11 changed").wait_for(timeout=PATIENCE_MS)
     page.get_by_role("link", name="Recordings").click()
     page.get_by_role("button", name="Work on these").click()
     page.get_by_text("working on").wait_for()
     page.get_by_role("link", name="Vessel").click()
-    page.get_by_text("m11 moved by hand").wait_for(timeout=PATIENCE_MS)
+    page.get_by_text("m11 changed").wait_for(timeout=PATIENCE_MS)
 
 
 def test_what_cannot_be_read_is_said_where_it_is_looked_for(browser, tmp_path):
