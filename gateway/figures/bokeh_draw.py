@@ -112,7 +112,8 @@ class BokehFigure:
             if over_time and isinstance(mark, Line):
                 self._over_time.append(drawn)
             if drawn.label and drawn.renderer is not None:
-                items.append(LegendItem(label=drawn.label, renderers=[drawn.renderer]))
+                drawn.legend = LegendItem(label=drawn.label, renderers=[drawn.renderer])
+                items.append(drawn.legend)
         if panel.equal and panel.x == EAST:
             fig.line(x="x", y="y", source=self._view.points, line_color=SELECTED, line_width=6,
                      line_alpha=0.75, line_cap="round")  # fmt: skip

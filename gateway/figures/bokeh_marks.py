@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from bokeh.core.properties import value as literal
 from bokeh.models import BasicTicker, ColorBar, ColumnDataSource, LinearColorMapper
 
 from gateway.figures.figure_data import (
@@ -36,6 +37,7 @@ class DrawnMark:
     source: Any
     renderer: Any
     mapper: Any = None
+    legend: Any = None  # its item there
 
     @property
     def label(self) -> str:
@@ -48,6 +50,8 @@ class DrawnMark:
         self.source.data = columns_of(mark, window)
         if self.mapper is not None:
             self.mapper.high = _highest(mark)
+        if self.legend is not None and self.legend.label.value != self.label:
+            self.legend.label = literal(self.label)
 
 
 def draw_mark(mark: Mark, figure: Any, theme: Theme) -> DrawnMark:

@@ -66,6 +66,14 @@ THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 DEGREES = 180.0 / np.pi
 PER_CENT = 100.0
 
+PEOPLES_UNITS = {"rad": ("°", DEGREES), "rad/s": ("°/s", DEGREES)}
+
+
+def peoples_unit(unit: str) -> tuple[str, float]:
+    """A unit as people read it, and how many of it make one of the unit given."""
+    return PEOPLES_UNITS.get(unit, (unit or "–", 1.0))
+
+
 TIME = Axis("time", "s")
 NORTH, EAST, HEADING = Axis("north", "m"), Axis("east", "m"), Axis("heading", "°", DEGREES)
 POSE = (NORTH, EAST, HEADING)

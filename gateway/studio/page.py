@@ -222,6 +222,7 @@ class Page(ABC):
         self.theme = THEMES.get(cookie, LIGHT)
         self.view = LinkedView(self.theme)
         self._seen: dict[tuple[str, ...], int] = {}
+        self._seen_file: Path | None = None
         self._messages = html()
         self._cancel = button("Cancel", self.session.cancel, visible=False, width=90)
         self._close = button("Close", self._close_notices, visible=False, width=90)
@@ -249,6 +250,7 @@ class Page(ABC):
         template.add_variable("run", self.session.run)
         template.add_panel("messages", self._bar)
         template.add_panel("main", stack(self.body()))
+        self.caught(self._take_vessel)
         self._look()
         pn.state.add_periodic_callback(self._look, self.period_ms)
         return template
@@ -276,6 +278,27 @@ class Page(ABC):
             print(traceback.format_exc(), file=stderr, flush=True)
             self.notify(f"{BUG} ({type(error).__name__})")
 
+    def _take_vessel(self) -> None:
+        """The vessel file that the address names, unless changes of another would be lost."""
+        asked, now = self.address.read("file"), self.session.vessel_file
+        file = next((f for f in self.session.folders.vessels() if f.name == asked), None)
+        if asked is None or (now is not None and now.name == asked):
+            return
+        if file is None:
+            self.notify(f"this address was made with {asked}, which is not in a folder given")
+        elif not self.session.is_saved:
+            self.notify(f"this address was made with {asked}; changes of {now.name if now else ''} "
+                        "are not saved: choose it under Recordings")  # fmt: skip
+        else:
+            self.session.set_vessel(file)
+
+    def _name_vessel(self) -> None:
+        """The address names the vessel file that is worked on."""
+        file = self.session.vessel_file
+        if self._seen_file != file:
+            self._seen_file = file
+            self.address.write(file=file.name if file else None)
+
     def _close_notices(self) -> None:
         self._notice = self.session.notice = None
 
@@ -287,6 +310,7 @@ class Page(ABC):
                 self._seen[kinds] = now
                 self.caught(work)
         self.caught(self.tick)
+        self._name_vessel()
         self._show_messages()
 
     def _show_messages(self) -> None:

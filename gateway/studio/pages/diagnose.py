@@ -9,7 +9,7 @@ import panel as pn
 from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.diagnosis import ladder_bars
 from gateway.figures.figure_data import FigureData
-from gateway.figures.style import probability_text
+from gateway.figures.style import peoples_unit, probability_text
 from gateway.studio.controls import FigurePlace, LearnFrom, SaveControls, error_table
 from gateway.studio.page import (
     Page,
@@ -20,6 +20,7 @@ from gateway.studio.page import (
     card,
     html,
     section,
+    select,
     side_by_side,
     stack,
     table,
@@ -30,6 +31,7 @@ from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
 from sim.diagnosis.answer import Verdict
 
 MOST_CANDIDATES = 6  # that are offered
+EVERY = "all of them"
 AFTER = "<p class='faint'>after a diagnosis</p>"
 
 
@@ -44,6 +46,9 @@ class DiagnosePage(Page):
         self._scope = html()
         self._verdict, self._rest, self._now, self._unseen = html(), html(), html(), html()
         self._candidates, self._evidence, self._why_not = stack(), stack(), html(AFTER)
+        self._cause = select("Causes", [EVERY], width=300)
+        self._cause.param.watch(lambda _: self._choose_cause(), "value")
+        self._quiet = False
         self._ladder = FigurePlace(self.view, min_height=330)
         self._ranking = FigurePlace(self.view, min_height=330)
         self._add_buttons: dict[tuple[str, ...], Any] = {}  # effects of an alternative -> button
@@ -62,7 +67,7 @@ class DiagnosePage(Page):
                     self._candidates, self._ranking.part),
             section("Evidence", f"The {word('missing force')} without an effect, along "
                     f"{word('surge u')}, {word('sway v')} or turning, and what the effect "
-                    "supplies.", self._evidence),
+                    "supplies.", self._cause, self._evidence),
             section("Why not?", "Every cause that was tried and not chosen, and why.",
                     self._why_not),
             card(self._rest),
@@ -112,6 +117,7 @@ class DiagnosePage(Page):
     def _show_evidence(self, diagnosis: DiagnosisView) -> None:
         """What was found, then what was ranked beside it; a rival can be taken right there."""
         self._add_buttons = {}
+        wanted = self._offer_causes(diagnosis)
         parts = [
             self._proof(
                 effect,
@@ -121,16 +127,36 @@ class DiagnosePage(Page):
                 diagnosis.step_of(effect),
             )
             for effect, figure in diagnosis.evidence.items()
+            if wanted in (EVERY, effect)
         ]
         ranked = [
             self._alternative(one, one.evidence, diagnosis)
-            for one in diagnosis.alternatives if one.evidence is not None
+            for one in diagnosis.alternatives
+            if one.evidence is not None and wanted in (EVERY, one.step.effects[-1])
         ]  # fmt: skip
         if ranked:
             parts.append(html("<h3>Ranked, but not chosen</h3><p class='faint'>The same picture of "
                               "each, with numbers of its own.</p>"))  # fmt: skip
             parts += ranked
         self._evidence.objects = parts or [html("<p class='faint'>none: nothing was found</p>")]
+
+    def _offer_causes(self, diagnosis: DiagnosisView) -> str:
+        """The causes that have evidence; the one that the address names is chosen."""
+        ranked = [one.step.effects[-1] for one in diagnosis.alternatives if one.evidence]
+        causes = dict.fromkeys([*diagnosis.evidence, *ranked])
+        options = {EVERY: EVERY} | {_said(name): name for name in causes}
+        asked = self.address.read("effect")
+        self._quiet = True
+        self._cause.options = options
+        self._cause.value = asked if asked in causes else EVERY
+        self._quiet = False
+        return str(self._cause.value)
+
+    def _choose_cause(self) -> None:
+        if not self._quiet and self.session.diagnosis is not None:
+            chosen = self._cause.value
+            self.address.write(effect=None if chosen == EVERY else chosen)
+            self.caught(lambda: self._show_diagnosis())
 
     def _proof(
         self, effect: str, heading: str, data: FigureData, diagnosis: DiagnosisView,
@@ -142,11 +168,20 @@ class DiagnosePage(Page):
                     f"<p class='faint'>{escape(data.caption)}</p>")  # fmt: skip
         place = FigurePlace(self.view, min_height=230)
         place.show(data)
-        motion = FigurePlace(LinkedView(self.theme))
-        motion.show(diagnosis.motion.get(step))
-        before = html("<p class='faint'>What it does to the motion: free predictions before and "
-                      "after.</p>", visible=step in diagnosis.motion)  # fmt: skip
-        return stack(text, *more, side_by_side(place.part, stack(before, motion.part)))
+        motion = stack()
+        if step in diagnosis.motion and step in {each.effects for each in diagnosis.steps}:
+            self._show_motion(motion, diagnosis.motion[step])
+        elif step in diagnosis.motion:  # drawn when asked for: there may be many
+            motion.append(button("What it does to the motion", self.guarded(
+                lambda: self._show_motion(motion, diagnosis.motion[step])), width=260))  # fmt: skip
+        return stack(text, *more, side_by_side(place.part, motion))
+
+    def _show_motion(self, part: Any, data: FigureData) -> None:
+        """Velocities measured, without and with an effect."""
+        place = FigurePlace(LinkedView(self.theme))
+        place.show(data)
+        hint = "What it does to the motion: free predictions before and after."
+        part.objects = [html(f"<p class='faint'>{hint}</p>"), place.part]
 
     def _alternative(
         self, one: AlternativeView, evidence: FigureData, diagnosis: DiagnosisView
@@ -286,12 +321,14 @@ def why_not_table(diagnosis: DiagnosisView) -> str:
 def _rest(diagnosis: DiagnosisView) -> str:
     """Numbers found, what is left, what would settle it, what could not be judged."""
     answer, parts = diagnosis.answer, []
-    rows = [
-        [f"{_plain(effect)}: {escape(name)}", f"{n['value']:.4g}",
-         f"{n['ci95'][0]:.4g} … {n['ci95'][1]:.4g}", escape(n["unit"]), escape(n.get("doubt", ""))]
-        for effect, numbers in answer["ladder"][-1]["parameters"].items()
-        for name, n in numbers.items()
-    ]  # fmt: skip
+    rows = []
+    for effect, numbers in answer["ladder"][-1]["parameters"].items():
+        for name, n in numbers.items():
+            unit, many = peoples_unit(n["unit"])
+            value, low, high = (many * x for x in (n["value"], *n["ci95"]))
+            interval, doubt = f"{low:.4g} … {high:.4g}", escape(n.get("doubt", ""))
+            number = f"{_plain(effect)}: {escape(name)}"
+            rows.append([number, f"{value:.4g}", interval, escape(unit), doubt])
     if rows:
         heads = ["number", "value", word("95 % interval"), "unit", ""]
         parts.append("<h2>What was found</h2>" + table(heads, rows, text=(0, 3, 4)))

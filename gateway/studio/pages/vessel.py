@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import panel as pn
 
 from gateway.figures.motion import with_earlier_model
+from gateway.figures.style import peoples_unit
 from gateway.studio import tasks
 from gateway.studio.controls import FigurePlace, LearnFrom, SaveControls, error_table
 from gateway.studio.page import (
@@ -43,10 +44,6 @@ BASE = {  # unit and meaning of the plain numbers
     "N_r": ("N m s", "drag of turning"),
     "N_rr": ("N m s²", "drag of turning, squared"),
 }
-
-
-DEGREE = math.pi / 180.0
-PEOPLE = {"rad": ("°", DEGREE), "rad/s": ("°/s", DEGREE)}  # unit -> shown unit, SI of one of it
 
 
 class Number(NamedTuple):
@@ -169,6 +166,7 @@ class VesselPage(Page):
         reset = button(f"Reset {name}", self.guarded(partial(self._reset, key)), width=130)
         for widget in (typed, slider):
             widget.param.watch(partial(self._moved, key, one.si), "value")
+        slider.styles = {"flex": "1 1 140px", "min-width": "0"}
         self._typed[key], self._sliders[key], self._resets[key] = typed, slider, reset
         row = {"flex-direction": "row", "align-items": "flex-end", "gap": "4px"}
         return stack(typed, slider, reset, styles=row, stylesheets=[NO_BUTTON], margin=0)
@@ -223,9 +221,9 @@ def numbers_of(tables: dict[str, Any]) -> dict[str, Number]:
         effect = known.get(entry["type"])
         for p in effect.parameters if effect else ():
             if p.name in entry:
-                unit, si = PEOPLE.get(p.unit, (p.unit or "–", 1.0))
+                unit, many = peoples_unit(p.unit)
                 out[f"{entry['type']}.{p.name}"] = Number(
-                    entry[p.name] / si, p.lower / si, p.upper / si, unit, si
+                    entry[p.name] * many, p.lower * many, p.upper * many, unit, 1.0 / many
                 )
     return out
 
