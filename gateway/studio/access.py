@@ -24,6 +24,7 @@ from gateway.ingest.open import suffixes
 from gateway.vessel_file import read_vessel_file
 
 FILE_NAME = re.compile(r"[\w][\w .+-]{0,80}\.toml")
+LOG_NAME = re.compile(r"[\w][\w .+()-]{0,120}")
 TABLES = ("[dynamics]", "[hull]")  # by which a vessel file is recognised
 LARGEST_VESSEL = 1_000_000  # bytes
 COOKIE = "shadow_studio"
@@ -80,6 +81,15 @@ class Folders:
         file = self.write / name
         if file.exists():
             raise BadInput(f"{name} is there already: choose another name")
+        return file
+
+    def to_add(self, name: str) -> Path:
+        """Where a recording of that name goes; never over another file."""
+        file = self.write / name
+        if not LOG_NAME.fullmatch(name) or file.suffix.lower() not in suffixes():
+            raise BadInput(f"{name!r}: no recording: expected {', '.join(sorted(suffixes()))}")
+        if file.exists():
+            raise BadInput(f"{name} is there already")
         return file
 
     def _files(self, wanted: Callable[[Path], bool]) -> list[Path]:

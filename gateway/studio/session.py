@@ -18,10 +18,11 @@ import tomli_w
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
 from gateway.files import write_whole
-from gateway.ingest.survey import Survey
 from gateway.studio import tasks
 from gateway.studio.access import Folders
+from gateway.studio.cards import CardReader
 from gateway.studio.layout import Layout, NamedRange, load_layout, save_layout
+from gateway.studio.signals import SignalReader
 from gateway.studio.views import (
     WHOLE,
     DiagnosisView,
@@ -68,7 +69,8 @@ class Version:
 class Session:
     """Recordings, vessel and answers; `revision` counts the changes of each kind.
 
-    Kinds: vessel, logs, trials, diagnosis, surveys, report, files, scope, layout.
+    Kinds: vessel, logs, trials, diagnosis, surveys, report, files, scope, layout,
+    signals.
 
     trials    what was compared last; with the vessels of `compared`, which may be those of before
     refused   recordings that could not be compared, each with the reason
@@ -89,7 +91,8 @@ class Session:
     compared_scope: Scope = WHOLE
     refused: Mapping[str, str] = field(default_factory=dict)
     diagnosis: DiagnosisView | None = None
-    surveys: dict[str, Survey] = field(default_factory=dict)
+    reader: CardReader = field(default_factory=CardReader)
+    signals: SignalReader = field(default_factory=SignalReader)
     notice: Notice | None = None
     learn_from: tuple[Path, ...] = ()
     report: str = ""
@@ -174,8 +177,8 @@ class Session:
     @property
     def is_current(self) -> bool:
         """Whether what was compared is the vessel as it is now."""
-        same = self.compared == tuple(self.vessels()) and self.compared_scope == self.scope
-        return bool(self.trials) and same
+        compared = self.compared, self.compared_scope
+        return bool(self.trials) and compared == (tuple(self.vessels()), self.scope)
 
     def slide(self, text: str, change: str) -> None:
         """A number changes by a slider: one step back undoes the whole slide."""
@@ -296,15 +299,13 @@ class Session:
         self.notify(f"report written: {file}", good=True)
         self._changed("report")
 
-    def survey(self, path: Path) -> None:
-        """Find out what is in a recording."""
-
-        def done(found: Survey) -> None:
-            self.surveys[found.path] = found
-            self._changed("surveys")
-
-        log = str(self.folders.checked(path))
-        self.start("look", tasks.survey_task, log, self.mapping, done=done)
+    def add_recording(self, name: str, content: bytes) -> Path:
+        """A recording that was dropped on a page, into the folder of results."""
+        file = self.folders.to_add(name)
+        write_whole(file, content, "the recording", folders=True)
+        self.reader.want([file])
+        self._changed("files")
+        return file
 
     def vessels(self) -> list[tuple[str, str]]:
         """The vessels to compare: as given, and as it is now where that is another."""
@@ -325,6 +326,10 @@ class Session:
                 self.notify(f"{message.job}: {message.value}", about=message.job)
             elif message.kind == "done" and self._done is not None:
                 self._done(message.value)
+        if self.reader.update(self.mapping):
+            self._changed("surveys")
+        if self.signals.update():
+            self._changed("signals")
         if self._stale and not self.quick.busy and self.logs and self.versions:
             self._stale, self._asked = False, self.logs
             vessels = tuple(self.vessels())
@@ -339,8 +344,8 @@ class Session:
 
     def close(self) -> None:
         """End the workers."""
-        self.quick.cancel()
-        self.slow.cancel()
+        for worker in (self.quick, self.slow, self.reader.worker, self.signals.worker):
+            worker.cancel()
 
     def _compared(self, message: JobMessage) -> None:
         """What the quick worker sent; what it says of other recordings than these is dropped."""

@@ -30,7 +30,6 @@ from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
 from gateway.ingest.happenings import Happenings, happenings
 from gateway.ingest.log import choose_floating
 from gateway.ingest.open import open_log
-from gateway.ingest.survey import Survey, survey
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.compare import TrialComparison, compare_models, distinct_vessels
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
@@ -96,11 +95,6 @@ def vessel_of(text: str, effects: Sequence[Effect]) -> Vessel:
         file = Path(folder) / "vessel.toml"
         file.write_text(text, encoding="utf-8")
         return load_vessel(file, effects)
-
-
-def survey_task(send: Send, path: str, mapping: str | None = None) -> Survey:
-    """What is in a recording."""
-    return survey(open_log(path, mapping))
 
 
 def compare_task(

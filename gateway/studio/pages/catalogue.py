@@ -7,13 +7,14 @@ from importlib.metadata import entry_points
 
 from gateway.errors import BadInput
 from gateway.studio.page import PageEntry
-from gateway.studio.pages import compare, diagnose, live, recordings, vessel
+from gateway.studio.pages import compare, diagnose, live, recordings, signals, vessel
 
 PAGES = (
     PageEntry("compare", "Compare", 10, compare.ComparePage, "how far the model is off, and where"),
     PageEntry("diagnose", "Diagnose", 20, diagnose.DiagnosePage, "which effect the model lacks"),
     PageEntry("vessel", "Vessel", 30, vessel.VesselPage, "the model's numbers, moved by sliders"),
     PageEntry("live", "Live", 40, live.LivePage, "boats and shadows as they move"),
+    PageEntry("signals", "Signals", 45, signals.SignalsPage, "any field of a recording, plotted"),
     PageEntry("recordings", "Recordings", 50, recordings.RecordingsPage, "what to work on"),
 )
 

@@ -5,24 +5,28 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import panel as pn
+
 from gateway.errors import BadInput
-from gateway.ingest.survey import Survey
+from gateway.studio.cards import card_text
 from gateway.studio.controls import report_download
 from gateway.studio.page import (
+    NO_BUTTON,
+    STYLE,
     Page,
     StudioContext,
     Watches,
     boxes,
-    bullets,
     button,
     card,
-    control_row,
     html,
     select,
     stack,
 )
 
-MOST_RATES = 8  # messages whose rates are shown
+GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
+        "gap": "0 14px"}  # fmt: skip
+LARGEST = "1GB"  # that can be dropped: it is held in memory on its way
 
 
 class RecordingsPage(Page):
@@ -33,11 +37,17 @@ class RecordingsPage(Page):
         self._logs = boxes(options={})
         self._vessel = select("Vessel file", {}, width=320)
         self._take = button("Work on these", self.guarded(self._chosen), "primary", width=150)
-        self._rows, self._problems = stack(), html()
+        self._rows, self._problems = stack(styles=GRID, stylesheets=[NO_BUTTON]), html()
+        self._drop = pn.widgets.FileDropper(
+            label="Drop recordings here, or press to choose them", multiple=True, previews=[],
+            max_file_size=LARGEST, sizing_mode="stretch_width", min_height=80, stylesheets=[STYLE],
+        )  # fmt: skip
+        self._drop.param.watch(lambda event: self._dropped(event.new), "value")
         self._get = report_download(self)
         self._shown: str | None = None  # the session's vessel file when it was looked at last
         self._leave = ""  # the vessel file for which unsaved changes are to be left behind
         self._details: dict[str, Any] = {}
+        self._taken: set[str] = set()  # names that were dropped on this page
 
     def body(self) -> Any:
         """A choice, then the details."""
@@ -48,7 +58,7 @@ class RecordingsPage(Page):
                  self._logs, self._vessel, self._take, self._problems),
             card(html("<h2>What is in them</h2><p class='faint'>A report from a recording alone "
                       "learns a vessel from its first part, looks for what is missing and judges "
-                      "it on the rest: some minutes.</p>"), self._get, self._rows),
+                      "it on the rest: some minutes.</p>"), self._drop, self._get, self._rows),
         )  # fmt: skip
 
     def watch(self) -> Watches:
@@ -77,21 +87,31 @@ class RecordingsPage(Page):
         if set(self._details) != {str(file) for file in files}:
             self._details = {str(file): html() for file in files}
             self._rows.objects = [self._row(file) for file in files]
+            session.reader.want(files)
             self._show_surveys()
 
     def _row(self, file: Path) -> Any:
-        look = self.guarded(partial(self.session.survey, file))
         alone = self.guarded(partial(self.session.report_from_log, file))
-        buttons = control_row(
-            button(f"Look into {file.name}", look, width=260),
-            button("Report from it alone", alone, width=190),
-        )
-        return stack(buttons, self._details[str(file)])
+        press = button(f"Report from {file.name} alone", alone, sizing_mode="stretch_width")
+        return card(self._details[str(file)], press)
 
     def _show_surveys(self) -> None:
-        for path, found in self.session.surveys.items():
-            if path in self._details:
-                self._details[path].object = _description(found)
+        for path, place in self._details.items():
+            text = card_text(Path(path), self.session.reader)
+            if place.object != text:
+                place.object = text
+
+    def _dropped(self, files: dict[str, bytes | str]) -> None:
+        """Recordings that came: each once, with a word of what can be done with it."""
+        new = {name: what for name, what in files.items() if name not in self._taken}
+        self._taken |= set(new)
+        for name, what in new.items():
+            self.guarded(partial(self._take_in, name, what))()
+
+    def _take_in(self, name: str, content: bytes | str) -> None:
+        raw = content.encode() if isinstance(content, str) else content
+        file = self.session.add_recording(name, raw)
+        self.notify(f"{file.name} is here: work on it, or have a report from it alone", good=True)
 
     def _show_report(self) -> None:
         self._get.visible = bool(self.session.report)
@@ -127,16 +147,3 @@ class RecordingsPage(Page):
             f"{file.name if file else 'the vessel'} has changes that are not saved: save it on the "
             "page Vessel, or press once more to go on without them"
         )
-
-
-def _description(found: Survey) -> str:
-    megabytes = found.statistics.size_bytes / 1e6
-    boats = "; ".join(escape(f"{b.boat} {b.firmware}".strip()) for b in found.boats) or "no boat"
-    fastest = sorted(found.messages.items(), key=lambda item: -item[1].rate_hz)[:MOST_RATES]
-    rates = ", ".join(f"{escape(name)} {message.rate_hz:.1f} Hz" for name, message in fastest)
-    good_for = [text for boat in found.boats for text in boat.good_for]
-    notes = (f"<p class='warn'>{escape(note)}</p>" for boat in found.boats for note in boat.notices)
-    return (
-        f"<p>{escape(found.kind)}, {megabytes:.1f} MB, {found.seconds:.0f} s: {boats}</p>"
-        f"<p class='faint'>{rates}</p>{bullets(good_for)}{''.join(notes)}"
-    )

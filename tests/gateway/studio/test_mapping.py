@@ -5,15 +5,16 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
+from gateway.studio.cards import card_task
 from gateway.studio.serve import StudioOptions, session_of
-from gateway.studio.tasks import survey_task, trials_in
+from gateway.studio.tasks import trials_in
 from tests.gateway.terminal.test_next_step import COMMANDED, table
 
 
 def test_a_table_is_read_with_the_mapping_that_was_given(tmp_path: Path) -> None:
     path, mapping = table(tmp_path, COMMANDED).path, str(tmp_path / "columns of mine.toml")
     sent: list[object] = []
-    assert survey_task(sent.append, path, mapping).kind == "csv"
+    assert card_task(sent.append, path, mapping).survey.kind == "csv"
     (trial,) = trials_in(path, mapping)
     assert trial.channels == (1,)
     with pytest.raises(BadInput, match="needs a mapping file"):

@@ -164,15 +164,16 @@ def test_what_cannot_be_read_is_said_where_it_is_looked_for(browser, tmp_path):
         one.page.get_by_role("link", name="Recordings").click()
         one.page.get_by_text("no-vessel.toml: ").wait_for()
         one.page.get_by_text("no-log.tlog is a text file").first.wait_for()
-        one.page.get_by_role("button", name="Look into no-log.tlog").scroll_into_view_if_needed()
-        one.page.get_by_role("button", name="Look into no-log.tlog").click()
+        report = one.page.get_by_role("button", name="Report from no-log.tlog alone")
+        report.scroll_into_view_if_needed()
+        report.click()
         bar = one.page.locator("#messages")
-        bar.get_by_text("look: ").wait_for(timeout=PATIENCE_MS)
+        bar.get_by_text("report from no-log.tlog alone: ").wait_for(timeout=PATIENCE_MS)
         box = bar.bounding_box()
         assert box["y"] + box["height"] <= 901.0
         one.shot("unreadable")
         bar.get_by_role("button", name="Close").click()
-        bar.get_by_text("look: ").wait_for(state="detached")
+        bar.get_by_text("report from no-log.tlog alone: ").wait_for(state="detached")
         one.is_clean()
 
 

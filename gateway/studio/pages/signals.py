@@ -1,0 +1,174 @@
+"""Signals: any field of any message of a recording on plots of one's own, and derived ones."""
+
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+
+from gateway.errors import BadInput
+from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
+from gateway.figures.style import SEVERAL, TIME
+from gateway.studio.controls import FigurePlace
+from gateway.studio.expression import EXPECTED, Expression
+from gateway.studio.page import (
+    FIXED,
+    Page,
+    StudioContext,
+    Watches,
+    button,
+    card,
+    control_row,
+    field,
+    html,
+    section,
+    select,
+    stack,
+)
+from gateway.studio.signals import SignalRequest, SignalsView
+
+SHOWN = 400  # fields in the list: who has more searches
+IDENTIFIER = "a name of letters, digits and _"
+
+
+class SignalsPage(Page):
+    """Search, choose, plot; what is plotted is kept in the layout."""
+
+    def __init__(self, context: StudioContext) -> None:
+        super().__init__(context)
+        self._log = select("Recording", {}, width=260)
+        self._search = field("Search for a field", width=260, placeholder="yaw, servo, GPS …")
+        self._fields = pn.widgets.MultiSelect(label="Fields, by message", options=[], size=14,
+                                              width=340, **FIXED)  # fmt: skip
+        self._name = field("Name of a derived signal", width=200)
+        self._formula = field("Expression", width=420, placeholder="deg(ATTITUDE.yaw)")
+        self._which = select("Plot", ["a new one"], width=140)
+        self._problems, self._hint = html(), html()
+        self._plots: list[FigurePlace] = []
+        self._pictures = stack()
+        self._log.param.watch(lambda _: self._choose_log(), "value")
+        self._search.param.watch(lambda _: self._filter(), "value_input")
+        self._every: tuple[str, ...] = ()
+        self._quiet = False
+
+    def body(self) -> Any:
+        """What there is, above the plots."""
+        put = button("Onto the plot", self.guarded(self._put), "primary", width=140)
+        add = button("Derive", self.guarded(self._derive), width=90)
+        return stack(
+            card(html("<h1>Any signal</h1><p class='faint'>All numbers that a recording holds, in "
+                      "the units of its format, over the time since its first message.</p>"),
+                 control_row(self._log, self._search), self._fields,
+                 control_row(self._which, put), self._hint),
+            section("Derived signals", f"By a short expression: {escape(EXPECTED)}. It is taken at "
+                    "the times of the signal named first.",
+                    control_row(self._name, self._formula, add), self._problems),
+            self._pictures,
+        )  # fmt: skip
+
+    def watch(self) -> Watches:
+        """The recordings, the layout, what was read."""
+        return {("logs", "files"): self._list, ("layout", "signals"): self._show}
+
+    def _request(self) -> SignalRequest | None:
+        layout = self.session.layout
+        names = tuple(dict.fromkeys(name for plot in layout.plots for name in plot))
+        derived = tuple(layout.derived.items())
+        mapping = self.session.mapping
+        return SignalRequest(self._log.value, names, derived, mapping) if self._log.value else None
+
+    def _list(self) -> None:
+        files = self.session.folders.recordings()
+        options = {file.name: str(file) for file in files}
+        asked = options.get(self.address.read("log") or "")
+        first = asked or next((str(p.resolve()) for p in self.session.logs), None)
+        self._quiet = True
+        self._log.options = options
+        if first in options.values():
+            self._log.value = first
+        self._quiet = False
+        self._show()
+
+    def _choose_log(self) -> None:
+        if not self._quiet:
+            self.address.write(log=Path(self._log.value).name if self._log.value else None)
+            self.caught(self._show)
+
+    def _filter(self) -> None:
+        """Fields in whose name all words of the search stand; derived signals first."""
+        words = (self._search.value_input or "").lower().split()
+        every = (*self.session.layout.derived, *self._every)
+        found = [name for name in every if all(word in name.lower() for word in words)]
+        chosen = [name for name in self._fields.value if name in found]
+        self._fields.options = found[:SHOWN]
+        self._fields.value = chosen
+        more = f", the first {SHOWN} shown" if len(found) > SHOWN else ""
+        self._hint.object = f"<p class='faint'>{len(found)} of {len(every)} fields{more}</p>"
+
+    def _show(self) -> None:
+        """The answer to what is wanted now, or that it is being read."""
+        request = self._request()
+        if request is None:
+            return
+        reader = self.session.signals
+        reader.ask(request)
+        why = reader.refused.get(request)
+        if why is not None:
+            self._problems.object = f"<p class='warn'>{escape(why)}</p>"
+            return
+        answer = reader.answers.get(request)
+        if answer is None:
+            return
+        self._every = answer.fields
+        self._filter()
+        self._draw(answer)
+
+    def _draw(self, answer: SignalsView) -> None:
+        plots, derived = self.session.layout.plots, self.session.layout.derived
+        self._which.options = ["a new one", *(str(k + 1) for k in range(len(plots)))]
+        reasons = [f"<p class='warn'>{escape(why)}</p>" for why in answer.refused.values()]
+        texts = [f"<p>{escape(name)} = <code>{escape(text)}</code></p>"
+                 for name, text in derived.items()]  # fmt: skip
+        self._problems.object = "".join(texts + reasons)
+        self.view.time = None  # another recording has another time axis
+        self._pictures.objects = [self._plot(k, names, answer) for k, names in enumerate(plots)]
+
+    def _plot(self, k: int, names: tuple[str, ...], answer: SignalsView) -> Any:
+        found = [(name, answer.signals[name]) for name in names if name in answer.signals]
+        lines = tuple(
+            Line(*signal, SeriesRole.CONTEXT, name, SEVERAL[i % len(SEVERAL)])
+            for i, (name, signal) in enumerate(found) if len(signal.time)
+        )  # fmt: skip
+        place = FigurePlace(self.view)
+        place.show(FigureData("", (Panel(TIME, Axis(""), lines),)) if lines else None)
+        gone = [name for name in names if name not in answer.signals]
+        text = f"<p class='warn'>not in this recording: {escape(', '.join(gone))}</p>"
+        away = button(f"Remove plot {k + 1}", self.guarded(lambda: self._remove(k)), width=150)
+        return card(html(f"<h2>Plot {k + 1}</h2>{text if gone else ''}"), place.part, away)
+
+    def _put(self) -> None:
+        names, plots = tuple(self._fields.value), self.session.layout.plots
+        if not names:
+            raise BadInput("choose one or more fields first")
+        if self._which.value == "a new one":
+            self.session.set_layout(plots=(*plots, names))
+        else:
+            k = int(self._which.value) - 1
+            more = tuple(dict.fromkeys((*plots[k], *names)))
+            self.session.set_layout(plots=(*plots[:k], more, *plots[k + 1 :]))
+
+    def _remove(self, k: int) -> None:
+        plots = self.session.layout.plots
+        self.session.set_layout(plots=(*plots[:k], *plots[k + 1 :]))
+
+    def _derive(self) -> None:
+        """A derived signal with a name of its own; an empty expression takes it away."""
+        name, text = self._name.value.strip(), self._formula.value.strip()
+        derived = dict(self.session.layout.derived)
+        if not (name.isidentifier() and name.isascii()):
+            raise BadInput(f"{name!r}: give the derived signal {IDENTIFIER}")
+        if text:
+            derived[name] = Expression(text).text
+        elif derived.pop(name, None) is None:
+            raise BadInput("give it an expression")
+        self.session.set_layout(derived=derived)
