@@ -97,7 +97,8 @@ class BokehFigure:
             height=_height(panel), sizing_mode="stretch_width", title=panel.title or None,
             x_axis_label=panel.x.text or None, y_axis_label=panel.y.text or None,
             tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
-            active_scroll=None, output_backend="canvas", **options,
+            active_scroll=None, output_backend="canvas",
+            html_attributes={"role": "group", "aria-label": _spoken(panel)}, **options,
         )  # fmt: skip
         style_figure(fig, theme)
         if over_time:
@@ -186,6 +187,12 @@ def _height(panel: Panel) -> int:
     if panel.names:
         return NAMES_HEIGHT
     return TIME_HEIGHT if panel.x == TIME else HEIGHT
+
+
+def _spoken(panel: Panel) -> str:
+    """What a panel shows, for people who hear it."""
+    of = panel.y.label or ", ".join(getattr(m, "label", "") for m in panel.marks) or "rows"
+    return " ".join(f"plot of {of} over {panel.x.label or 'names'} {panel.title}".split())
 
 
 def style_figure(fig: Any, theme: Theme) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.style import SEVERAL, VELOCITIES
-from sim.state import Eta, Floats
+from sim.state import Floats
 
 SINCE = Axis("time after that moment", "s")
 ALONG = Axis("way run through", "m")
@@ -24,9 +24,9 @@ class Course(NamedTuple):
     velocity: Floats
 
 
-def way_run(motion: Floats) -> Floats:
-    """η, ν (n, 6) -> length of the track up to each row (n,) [m]."""
-    steps = np.hypot(np.diff(motion[:, Eta.NORTH]), np.diff(motion[:, Eta.EAST]))
+def way_run(north: Floats, east: Floats) -> Floats:
+    """Places (n,) [m] -> length of the track up to each (n,) [m]."""
+    steps = np.hypot(np.diff(north), np.diff(east))
     return np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
 
 

@@ -73,10 +73,7 @@ def why_not_texts(
             text = _why_not(d, step, name in tied, name in contradicted)
             if name in chance and d.effects and chance[d.effects[0]] > chance[name]:
                 best, own = probability_text(chance[d.effects[0]]), probability_text(chance[name])
-                text += (
-                    f" Of the first step's effects {_said(d.effects[0])} is held {best} probable, "
-                )
-                text += f"this one {own}."
+                text += f" Alone, {_said(d.effects[0])} is {best} probable, this one {own}."
             out[name] = text
     known = {*out, *d.effects, *(row.effect for row in d.ranking)}
     promised = "Not among the most promising in the first look at all effects: it was not fitted."

@@ -77,6 +77,6 @@ def course_of(trial: TrialView, align: str, error: bool) -> Course | None:
     if error:
         velocity = velocity - np.asarray(trial.vessels[-1].motion)[:, 3:]
     if align == WAY:
-        return Course(trial.name, way_run(trial.motion), velocity)
+        return Course(trial.name, way_run(trial.north, trial.east), velocity)
     zero = float(trial.time[0]) if align == START else moments(trial).get(align)
     return None if zero is None else Course(trial.name, trial.time - zero, velocity)

@@ -148,7 +148,7 @@ class LivePage(Page):
     def _show_nobody(self) -> None:
         """No boat: where one would be looked for, and nothing of one that was."""
         where = escape(self.context.live.where)
-        _put(self._state, f"<p>Nobody publishes at {where}. Start "
+        _put(self._state, f"<h1>No boat</h1><p>Nobody publishes at {where}. Start "
              "<code>shadow live ENDPOINT --vessel FILE</code>.</p>")  # fmt: skip
         _put(self._no_health, NO_HEALTH)
         for place in (*self._health.values(), self._events, self._old):

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.figures.diagnosis import timeline
 from gateway.figures.figure_data import Line
-from gateway.figures.words import cause_text, diagnosis_texts
+from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect
@@ -143,3 +143,45 @@ def test_the_timeline_shows_what_changed_and_when():
         assert [round(60.0 * line.x[0]) for line in lines[1:]] == [604, 618]
     day.ladder[-1].effects = ("heading_offset",)  # nothing changed
     assert timeline(day, trials) is None
+
+
+def rejected(*, alone: float, found: float = 0.12, base: float = 0.6, tied: bool = False) -> Any:
+    """heading_offset was chosen; cg_offset was fitted too."""
+    row = SimpleNamespace
+    return SimpleNamespace(
+        effects=("heading_offset",),
+        ladder=[step(error=0.7), step(error=base), step("heading_offset", error=found)],
+        alternatives=[step("cg_offset", error=alone)],
+        ranking=[row(effect="heading_offset", probability=0.9,
+                     confounded_with=("cg_offset",) if tied else ()),
+                 row(effect="cg_offset", probability=0.01,
+                     confounded_with=("heading_offset",) if tied else ())],
+        refused=[row(effect="battery_sag", reason="the voltage hardly changed")],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("d", "against", "says", "not_said"),
+    [
+        (rejected(alone=0.5), (), "is 0.500, without it 0.600, with heading offset 0.120",
+         "no better"),
+        (rejected(alone=0.61), (), "it predicts no better", "cannot tell"),
+        (rejected(alone=0.13, tied=True), (), "these data cannot tell the two", "no better"),
+        (rejected(alone=0.5), ("cg_offset",), "points away from what is missing", "no better"),
+    ],
+)  # fmt: skip
+def test_why_a_cause_was_not_chosen_is_said_as_it_is(d, against, says, not_said):
+    tried = ("heading_offset", "cg_offset", "battery_sag", "hull_lift")
+    texts = why_not_texts(d, tried, against)
+    assert set(texts) == {"cg_offset", "battery_sag", "hull_lift"}
+    assert says in texts["cg_offset"]
+    assert not_said not in texts["cg_offset"]
+    assert "heading offset is 90.0 % probable, this one 1.0 %" in texts["cg_offset"]
+    assert "the voltage hardly changed" in texts["battery_sag"]
+    assert "it was not fitted" in texts["hull_lift"]
+
+
+def test_nothing_was_chosen_and_that_is_said_of_the_others_too():
+    d = rejected(alone=0.5)
+    d.effects, d.ladder = (), d.ladder[:2]
+    assert "not enough to be sure of it" in why_not_texts(d, ())["cg_offset"]

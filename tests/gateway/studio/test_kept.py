@@ -1,0 +1,151 @@
+"""Ranges, the layout, what was undone, cards and courses: what people keep and come back to."""
+
+import shutil
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import BadInput
+from gateway.offline.trials import load_trials
+from gateway.studio.access import Folders
+from gateway.studio.cards import CardReader, card_task, card_text
+from gateway.studio.layout import NAME
+from gateway.studio.pages import vessel
+from gateway.studio.session import Session, with_values
+from gateway.studio.several import WAY, course_of, moments
+from gateway.studio.tasks import compare_task
+from gateway.studio.views import Scope
+from tests.conftest import ROOT
+
+LOG, BOAT = ROOT / "recordings/voyage_1.tlog", ROOT / "configs/vessels/demo_boat.toml"
+GIVEN = [("as given", BOAT.read_text())]
+
+
+@pytest.fixture
+def session(tmp_path):
+    shutil.copy(BOAT, tmp_path)
+    made = Session(Folders.of([], [tmp_path], tmp_path / "out"), (), tmp_path / BOAT.name)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """The recording with the vessel as given."""
+    (trial,) = compare_task(lambda _: None, [str(LOG)], GIVEN, ()).trials
+    return trial
+
+
+def test_a_range_is_kept_worked_on_and_forgotten(session):
+    session.set_logs([session.folders.read[0] / LOG.name])
+    session.keep_range("turn", "voyage_1", ((40.0, 70.0),))
+    again = Session(session.folders, (), None)
+    assert again.layout.ranges["turn"].times == ((40.0, 70.0),)
+    session.set_scope(Scope("voyage_1", ((40.0, 70.0),)))
+    assert session.scope.text == "of voyage_1 only 40.0–70.0 s"
+    assert not session.is_current
+    session.forget_range("turn")
+    assert Session(session.folders, (), None).layout.ranges == {}
+    with pytest.raises(BadInput, match="name"):
+        session.keep_range("", "voyage_1", ((0.0, 1.0),))
+
+
+def test_a_layout_that_cannot_be_read_is_said_and_never_written_over(session):
+    file = session.folders.write / NAME
+    file.parent.mkdir(exist_ok=True)
+    file.write_text('{"ranges": 3}')
+    again = Session(session.folders, (), None)
+    assert again.notice is not None
+    assert NAME in again.notice.text
+    with pytest.raises(BadInput, match=NAME):
+        again.keep_range("turn", "voyage_1", ((0.0, 1.0),))
+    assert file.read_text() == '{"ranges": 3}'
+
+
+def test_a_scope_takes_time_from_its_recording_alone():
+    (trial,) = load_trials(LOG)
+    only = Scope(trial.name, ((40.0, 70.0),))
+    kept = only.of(trial).usable
+    assert trial.time[kept].min() >= 40.0
+    assert trial.time[kept].max() <= 70.0
+    left = replace(only, without=True).of(trial).usable
+    assert not (kept & left).any()
+    assert ((kept | left) == trial.usable).all()
+    assert Scope("another", ((40.0, 70.0),)).of(trial) is trial
+
+
+def test_what_was_compared_over_a_range_is_of_that_range(compared):
+    scope = Scope("voyage_1", ((60.0, 160.0),))
+    part = compare_task(lambda _: None, [str(LOG)], GIVEN, (), None, scope)
+    assert part.trials[0].seconds == pytest.approx(100.0, abs=1.0)
+    assert part.trials[0].vessels[0].nrmse != compared.vessels[0].nrmse
+    assert part.scope == scope
+    short = compare_task(lambda _: None, [str(LOG)], GIVEN, (), None,
+                         Scope("voyage_1", ((60.0, 61.0),)))  # fmt: skip
+    assert "only 60.0–61.0 s" in short.refused[str(LOG)]
+
+
+def test_undone_steps_come_back_until_something_else_is_done(session):
+    for value in (41.0, 43.0):
+        session.slide(with_values(session.version, {"m11": value}), f"m11 to {value}")
+    session.undo()
+    session.undo()
+    session.redo()
+    assert session.version.change == "m11 to 41.0"
+    assert vessel.history_text(session) == (
+        "<p>as given → <strong>m11 to 41.0</strong> → <span class='faint'>m11 to 43.0</span></p>"
+    )
+    session.slide(with_values(session.version, {"X_u": -7.0}), "X_u changed")
+    session.redo()
+    assert session.version.change == "X_u changed"
+
+
+def test_angles_are_shown_in_degrees_and_kept_in_radians(session):
+    text = BOAT.read_text() + '\n[[effects]]\ntype = "heading_offset"\nangle = 0.1\n'
+    tables = tomllib.loads(text)
+    one = vessel.numbers_of(tables)["heading_offset.angle"]
+    assert (one.unit, round(one.value, 3)) == ("°", 5.730)
+    assert one.value * one.si == pytest.approx(0.1)
+    assert vessel.numbers_of(tables)["m11"].unit == "kg"
+
+
+def test_recordings_are_laid_over_one_another_at_a_moment_or_along_the_way(compared):
+    trial = compared
+    names = moments(trial)
+    assert set(names) >= {
+        "at “armed” (armed)",
+        "at “manual” (mode)",
+        "at “Throttle armed” (events)",
+    }
+    at = course_of(trial, "at “Throttle armed” (events)", False)
+    assert at.x[0] == pytest.approx(-names["at “Throttle armed” (events)"])
+    way = course_of(trial, WAY, True)
+    assert (np.diff(way.x) >= 0.0).all()
+    assert way.x[-1] == pytest.approx(np.hypot(np.diff(trial.north), np.diff(trial.east)).sum())
+    np.testing.assert_allclose(
+        way.velocity, (trial.motion - trial.vessels[0].motion)[:, 3:], equal_nan=True
+    )
+    assert course_of(trial, "at “docked” (mode)", False) is None
+
+
+def test_a_card_says_when_where_and_how_much():
+    view = card_task(lambda _: None, str(LOG))
+    reader = CardReader(cards={str(LOG): view}, refused={"/no.tlog": "no.tlog is a text file"})
+    text = card_text(LOG, reader)
+    assert f"<strong>{view.usable_s / 60.0:.0f} min usable</strong>" in text
+    assert view.usable_s == pytest.approx(300.0, abs=5.0)
+    assert "<polyline" in text
+    assert "is a text file" in card_text(Path("/no.tlog"), reader)
+    assert "usable" not in card_text(Path("/other.tlog"), reader)
+
+
+def test_a_dropped_recording_goes_nowhere_else_and_over_nothing(session):
+    file = session.add_recording("my trip.tlog", LOG.read_bytes())
+    assert file.parent == session.folders.write
+    assert file in session.folders.recordings()
+    for name in ("my trip.tlog", "../up.tlog", "vessel.toml", ".hidden.tlog", "a/b.tlog"):
+        with pytest.raises(BadInput):
+            session.add_recording(name, b"")
