@@ -92,7 +92,7 @@ def main() -> None:
     """Entry point of `shadow`: one line and an exit status for everything that goes wrong."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave nothing half-written
     try:
-        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        status = app(_with_defaults(sys.argv[1:]) or ["--help"], standalone_mode=False)
         sys.stdout.flush()
     except ShadowError as error:
         _fail(str(error), error.exit_status)
@@ -114,6 +114,16 @@ def main() -> None:
             _fail(f"{_command_line()}: {error}", 1)
         _fail(_program_fault(error), PROGRAM_FAULT)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _with_defaults(arguments: list[str]) -> list[str]:
+    """`--adapt` alone means `--adapt watch`."""
+    out = list[str]()
+    for argument, after in zip(arguments, [*arguments[1:], ""], strict=True):
+        out.append(argument)
+        if argument == "--adapt" and after not in ("off", "watch", "apply"):
+            out.append("watch")
+    return out
 
 
 def _usage(error: Any) -> str:

@@ -15,7 +15,7 @@ ATTITUDE = 20.0
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
 [metrics]    address = "9464", or "HOST:PORT": Prometheus metrics of `shadow live`
 [recording]  see gateway.recording.recorder
-[following]  reference, rate_hz, and the follower's options
+[following]  reference, rate_hz, adapt (off, watch, apply), and the follower's options
 [studio]                    the map, fetched once somebody switches it on
 tiles = "https://…"         address of a tile with {Z}, {X} and {Y} for its numbers (Web Mercator)
 attribution = "© …"         whose map it is; addresses in it become links
@@ -43,6 +43,7 @@ from gateway.recording.foxglove_server import parse_address
 from gateway.recording.origin_gate import ORIGIN
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings
+from gateway.shadow.adaptation import Adapt
 from gateway.toml_file import explain, read_toml, validated
 from sim.following.follower import FollowerOptions
 from sim.following.reference import ReferenceMode
@@ -160,10 +161,14 @@ class MetricsSettings:
 
 @dataclass(frozen=True)
 class FollowingSettings:
-    """Table `[following]`: what the shadow follows, how, and how often it goes out."""
+    """Table `[following]`: what the shadow follows, how, and how often it goes out.
+
+    adapt  whether the vessel's numbers are followed while sailing, and used for the shadow
+    """
 
     reference: ReferenceMode = ReferenceMode.AUTO
     rate_hz: float = 50.0
+    adapt: Adapt = Adapt.OFF
     follower: FollowerOptions = field(default_factory=FollowerOptions)
 
     def __post_init__(self) -> None:

@@ -211,6 +211,21 @@ def _surroundings() -> tuple[Field, ...]:
 WIND = _pairs(("wind", "mps", "velocity of the air, if the air is what is missing"))
 
 
+PARAMETERS = (
+    Field("value", "", "the number as a multiple of the vessel file's; 1: as written there"),
+    Field("value_std", "", "standard deviation of value"),
+    Field("low", "", "lower end of the 95 % interval of value"),
+    Field("high", "", "upper end of the 95 % interval of value"),
+    Field("applied", "", "the multiple that the shadow uses; 1 unless --adapt apply"),
+    Field("excited_s", "s", "time for which the boat's motion has told this number"),
+    Field("name", "", "`thrust NAME`, `drag` or `turning damping`", FieldType.STRING),
+    Field("excited", "", "whether the last minute tells it: else it is held", FieldType.STRING,
+          ("yes", "no")),
+    Field("valid", "", "whether it is known well enough to be used", FieldType.STRING,
+          ("yes", "no")),
+)  # fmt: skip
+
+
 def _health() -> tuple[Field, ...]:
     rates = [
         Field(f"rate_{name}_hz", "1/s", f"messages received: {', '.join(messages)}")
@@ -279,6 +294,13 @@ _ALL = (
         "The wind-like force as a wind; from vessels with wind areas only",
         "1 Hz, once half a minute was seen",
         WIND,
+    ),
+    Topic(
+        "parameters",
+        "shadow.Parameter",
+        "A number of the vessel, followed while sailing; one message for each; with --adapt only",
+        "1 Hz, while the data are fit to judge by",
+        PARAMETERS,
     ),
     Topic("health", "shadow.Health", "How well link, filter and gateway are", "1 Hz", _health()),
     Topic("event", "shadow.Event", "What happened, in words", "as it happens", EVENT),

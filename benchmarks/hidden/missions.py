@@ -44,6 +44,16 @@ def wander(boat: Boat, dice: Dice) -> Pilot:
         here = there
 
 
+def straight(boat: Boat, dice: Dice) -> Pilot:
+    """One long leg: heading and speed held, as far as the sea allows."""
+    seen = yield Stick(0.0, 0.0)
+    heading, speed = float(dice.uniform(-math.pi, math.pi)), 0.55 * boat.top_speed()
+    start = (seen.north, seen.east)
+    goal = (start[0] + 1e5 * math.cos(heading), start[1] + 1e5 * math.sin(heading))
+    while True:
+        seen = yield from go(boat, seen, start, goal, speed)
+
+
 def go(boat: Boat, seen: Report, start: Point, goal: Point, speed: float) -> Leg:
     """Along the line from start to goal at a speed [m/s]."""
     track = math.atan2(goal[1] - start[1], goal[0] - start[0])
@@ -82,5 +92,6 @@ def _wrapped(angle: float) -> float:
 
 
 PILOTS: Mapping[str, Callable[[Boat, Dice], Pilot]] = {
-    pilot.__name__: pilot for pilot in (excitation, drills, gentle, circles, survey, wander)
+    pilot.__name__: pilot
+    for pilot in (excitation, drills, gentle, circles, survey, wander, straight)
 }

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from gateway.commands.options import (
+    Adapt,
     AsJson,
     Config,
     EffectFiles,
@@ -48,6 +49,7 @@ def live(
     ] = None,
     plant: Plant = None,
     reference: Reference = None,
+    adapt: Adapt = None,
     out: Annotated[Path, typer.Option(help="Folder for the recordings.")] = Path("shadow-out"),
     record: Record = True,
     publish: Publish = None,
@@ -75,7 +77,7 @@ def live(
     """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
     from gateway.live.gateway import LiveOptions, plans_in, plans_of, run_until_stopped
 
-    settings = settings_from(config, reference, publish)
+    settings = settings_from(config, reference, publish, adapt=adapt)
     if foxglove is not None:
         settings = replace(settings, foxglove=replace(settings.foxglove, address=foxglove))
     if metrics is not None:

@@ -29,10 +29,15 @@ def effects_from(files: list[Path] | None) -> list[Any]:
 
 
 def settings_from(
-    config: Path | None, reference: str | None, publish: bool | None, recorded: Any = None
+    config: Path | None,
+    reference: str | None,
+    publish: bool | None,
+    recorded: Any = None,
+    adapt: str | None = None,
 ) -> Any:
     """Flags over the configuration: that of a recording where there is one, else the file's."""
     from gateway.config import load_settings
+    from gateway.shadow.adaptation import Adapt
     from sim.following.reference import ReferenceMode
 
     settings = recorded or load_settings(config)
@@ -41,6 +46,10 @@ def settings_from(
             raise BadInput(f"--reference {reference}: expected {', '.join(ReferenceMode)}")
         following = replace(settings.following, reference=ReferenceMode(reference))
         settings = replace(settings, following=following)
+    if adapt is not None:
+        if adapt not in set(Adapt):
+            raise BadInput(f"--adapt {adapt}: expected {', '.join(Adapt)}")
+        settings = replace(settings, following=replace(settings.following, adapt=Adapt(adapt)))
     if publish is not None:
         settings = replace(settings, zenoh=replace(settings.zenoh, publish=publish))
     return settings
@@ -99,6 +108,15 @@ Reference = Annotated[
     str | None,
     typer.Option(
         "--reference", help="What the shadow follows: measured, model (prediction) or auto."
+    ),
+]
+Adapt = Annotated[
+    str | None,
+    typer.Option(
+        "--adapt",
+        metavar="[watch|apply]",
+        help="Follow the vessel's numbers while sailing (topic `parameters`); with apply the "
+        "shadow uses them. Default: neither.",
     ),
 ]
 Record = Annotated[bool, typer.Option("--record/--no-record", help="Record to MCAP.")]

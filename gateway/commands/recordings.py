@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from gateway.commands.options import (
+    Adapt,
     Anyway,
     AsJson,
     Config,
@@ -82,6 +83,7 @@ def replay(
     vessel: VesselFile,
     plant: Plant = None,
     reference: Reference = None,
+    adapt: Adapt = None,
     speed: Annotated[str, typer.Option(help="1: as recorded; max: as fast as it goes.")] = "max",
     out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
     record: Record = True,
@@ -103,7 +105,7 @@ def replay(
     from gateway.terminal.recordings import show_replay
 
     recorded = recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
-    settings = settings_from(config, reference, publish, recorded)
+    settings = settings_from(config, reference, publish, recorded, adapt)
     if speed not in ("1", "max"):
         raise BadInput(f"--speed {speed}: expected 1 or max")
     options = work.ReplayOptions(

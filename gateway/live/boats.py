@@ -22,10 +22,11 @@ from gateway.ingest.mavlink.mapping import from_heartbeat
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.intake import MessageIntake
+from gateway.shadow.adaptation import Adapt
 from gateway.shadow.events import EventDetector, MissingForceRange
 from gateway.shadow.health import SECOND, LiveHealth
 from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
-from gateway.shadow.model_monitor import ModelMonitor
+from gateway.shadow.model_monitor import ModelMonitor, taken_over
 from gateway.shadow.path import Freshness, ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
@@ -40,7 +41,7 @@ BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S,
 TOLD = frozenset({
     "started", "telemetry_silent", "telemetry_back", "sensor_failed", "sensor_restored",
     "model_wrong", "model_explained", "model_right", "residual_unusual", "residual_usual",
-    "shadow_diverged", "shadow_steady",
+    "shadow_diverged", "shadow_steady", "parameter_changed", "parameter_usual",
 })  # fmt: skip
 
 
@@ -65,7 +66,7 @@ class NewestTimes(NamedTuple):
 class LiveBoat:
     """The shadow of one boat, fed by the loop."""
 
-    def __init__(self, boat: Boat, name: str, path: ShadowPath) -> None:
+    def __init__(self, boat: Boat, name: str, path: ShadowPath, adapt: Adapt = Adapt.OFF) -> None:
         self.boat = boat
         self.name = name
         self.health = LiveHealth()
@@ -75,7 +76,8 @@ class LiveBoat:
         self._state = path.start()
         self._event_detector = EventDetector()
         self._force_range = MissingForceRange.start(path.model.vessel)
-        self._model_monitor = ModelMonitor.of(path.model)
+        self._model_monitor = ModelMonitor.of(path.model, adapt is not Adapt.OFF)
+        self._applies = adapt is Adapt.APPLY
         self._intake = MessageIntake(boat, self._settings)
         self._parameters = self._intake.parameters
         self._newest: NewestTimes | None = None
@@ -158,6 +160,8 @@ class LiveBoat:
         self._ticked_ns, self._resting = 0, False
 
     def _advance(self, inputs: FilterInputs, spend: bool) -> Iterator[BoatOutput]:
+        if self._applies:
+            self._take_over(int(inputs.receive_time_ns[-1]))
         self._state, out, filtered = self._path.advance(self._state, inputs, spend)
         if len(out):
             for rows in topic_rows(out, self._intake.origin):
@@ -170,6 +174,12 @@ class LiveBoat:
         events += [*range_events, *model_events]
         told = tuple(event for event in events if event.kind in TOLD)
         yield BoatOutput([*monitored, event_rows(events)] if events else monitored, out, told)
+
+    def _take_over(self, receive_time_ns: int) -> None:
+        """The shadow's numbers follow the boat's, from here on."""
+        self._model_monitor, self._path = taken_over(
+            self._model_monitor, self._path, receive_time_ns
+        )
 
     def _apply_parameters(self) -> None:
         """Use what the autopilot's parameters say about the filter, from here on."""
@@ -241,6 +251,7 @@ class Fleet:
         self._plans = tuple(plans)
         self._found, self._ignored = found, ignored
         following = settings.following
+        self._adapt = following.adapt
         self._paths = [
             ShadowPath.of(
                 plan.vessel,
@@ -256,7 +267,7 @@ class Fleet:
     def warm_up(self) -> None:
         """Compile everything before a link is open, by a few messages of a throw-away boat."""
         for path, plan in zip(self._paths, self._plans, strict=True):
-            boat = LiveBoat(Boat(1, 1), plan.key, path)
+            boat = LiveBoat(Boat(1, 1), plan.key, path, self._adapt)
             for k in range(4):
                 list(boat.datagram(_warm_up_messages(1000 + 20 * k), (k + 1) * 20_000_000))
             list(boat.tick(400_000_000))
@@ -320,7 +331,9 @@ class Fleet:
         plan = self._plans[index]
         if plan.system is None:
             self._taken.add(index)
-        self.boats[system] = LiveBoat(boat, self._name(plan, system), self._paths[index])
+        self.boats[system] = LiveBoat(
+            boat, self._name(plan, system), self._paths[index], self._adapt
+        )
         self._found(self.boats[system], plan)
 
     def _name(self, plan: BoatPlan, system: int) -> str:

@@ -32,10 +32,11 @@ from gateway.live.boats import BoatPlan
 from gateway.live.rerun import fleet_of, recorded_live, rerun
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment, Recorder
+from gateway.shadow.adaptation import APPLY_EVERY_NS, Adapt
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
 from gateway.shadow.inputs import FilterInputs, filter_inputs_of, origin_of
-from gateway.shadow.model_monitor import ModelMonitor
+from gateway.shadow.model_monitor import ModelMonitor, taken_over
 from gateway.shadow.path import ShadowPath, ShadowRows
 from gateway.shadow.topic_rows import attachments_of, event_rows, metadata_of, topic_rows
 from gateway.stopping import Interrupts
@@ -342,13 +343,19 @@ def _log_steps(
     path: ShadowPath, given: ReplayInput, pace: Pace | None, progress: ShareDone
 ) -> Iterator[ReplayStep]:
     """A log, chunk by chunk."""
-    state, detector, monitor = path.start(), EventDetector(), ModelMonitor.of(path.model)
+    adapt = given.settings.following.adapt
+    state, detector = path.start(), EventDetector()
+    monitor = ModelMonitor.of(path.model, adapt is not Adapt.OFF)
+    applies = adapt is Adapt.APPLY
     health = LogHealth.of(given.log, given.decoded)
     feed, log = given.feed, given.log
     frames = log.frames if isinstance(log, MavlinkLog) else ()
     start, first_frame = 0, 0
-    for end in _chunk_ends(feed, PACE_S if pace else CHUNK_S, pace):
+    chunk_s = PACE_S if pace else CHUNK_S
+    for end in _chunk_ends(feed, chunk_s, pace, APPLY_EVERY_NS if applies else None):
         chunk = feed[start:end]
+        if applies:
+            monitor, path = taken_over(monitor, path, int(chunk.receive_time_ns[0]))
         state, out, filtered = path.advance(state, chunk)
         detector, events = detector.observe(chunk, filtered, out)
         rows = list(topic_rows(out, given.origin))
@@ -387,14 +394,21 @@ def _live_steps(
         progress(one.frames.stop / len(raw))
 
 
-def _chunk_ends(feed: FilterInputs, chunk_s: float, pace: Pace | None) -> Iterator[int]:
-    """Where each chunk ends; at the recorded speed, each when its time has come."""
+def _chunk_ends(
+    feed: FilterInputs, chunk_s: float, pace: Pace | None, cut_ns: int | None
+) -> Iterator[int]:
+    """Where each chunk ends; at the recorded speed, each when its time has come.
+
+    Every multiple of `cut_ns` (by receipt) ends one, however long chunks are.
+    """
+    period = feed.receive_time_ns // cut_ns if cut_ns else np.zeros(len(feed), np.int64)
+    turns = np.append(np.flatnonzero(np.diff(period)) + 1, len(feed))
     receive = (feed.receive_time_ns - feed.receive_time_ns[0]) * 1e-9
     since = np.maximum.accumulate(receive)  # the receiver's clock may have stepped back
     began, start = time.monotonic(), 0
     while start < len(feed):
         end = int(np.searchsorted(since, since[start] + chunk_s, side="left"))
-        end = max(end, start + 1)
+        end = min(max(end, start + 1), int(turns[np.searchsorted(turns, start, side="right")]))
         if pace:
             pace(began + float(since[end - 1]) - time.monotonic())
         yield end

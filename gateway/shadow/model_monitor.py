@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gateway.json_rows import TopicRows, encode_rows
-from gateway.shadow.path import ShadowRows
+from gateway.shadow.adaptation import Adaptation
+from gateway.shadow.path import ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import clock_text
 from gateway.shadow.topic_rows import EventRow
 from gateway.topics import HORIZONS_S
@@ -63,19 +64,24 @@ class Second:
 
 @dataclass(frozen=True)
 class ModelMonitor:
-    """The estimates so far; `known` (H 3,) are the prediction errors of the last whole second."""
+    """The estimates so far; `known` (H 3,) are the prediction errors of the last whole second.
+
+    adaptation  of the vessel's numbers, where they are followed
+    """
 
     estimator: DisturbanceEstimator
     alarm: Alarm
     second: Second = field(default_factory=Second)
     known: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
-    earlier: tuple[Alarm, ...] = ()  # of the last seconds, oldest first
+    adaptation: Adaptation | None = None
+    earlier: tuple[tuple[Alarm, Adaptation | None], ...] = ()  # of the last seconds, oldest first
 
     @classmethod
-    def of(cls, model: Model) -> "ModelMonitor":
-        """Before the first row."""
+    def of(cls, model: Model, adapts: bool = False) -> "ModelMonitor":
+        """Before the first row; `adapts`: the vessel's numbers are followed."""
         estimator = DisturbanceEstimator.of(model)
-        return cls(estimator, Alarm.start(estimator))
+        adaptation = Adaptation.of(model) if adapts else None
+        return cls(estimator, Alarm.start(estimator), adaptation=adaptation)
 
     def observe(self, out: ShadowRows) -> tuple["ModelMonitor", list[TopicRows], list[EventRow]]:
         """A chunk of the path -> the monitor after it, messages of topics, and events."""
@@ -120,17 +126,28 @@ class ModelMonitor:
         s = self.second
         fresh = replace(self, second=Second(), known=s.errors)
         if s.incomplete or not whole or not s.count:
-            alarm = self._undone() if s.incomplete else self.alarm
-            return replace(fresh, alarm=alarm.after_gap(), earlier=()), [], []
+            alarm, adaptation = self._undone() if s.incomplete else (self.alarm, self.adaptation)
+            return (
+                replace(fresh, alarm=alarm.after_gap(), adaptation=adaptation, earlier=()),
+                [],
+                [],
+            )
         alarm, event = self.alarm.observe(self.estimator, means := s.means(self.known))
-        fresh = replace(fresh, alarm=alarm, earlier=(*self.earlier, self.alarm)[-DOUBTFUL_S:])
+        earlier = (*self.earlier, (self.alarm, self.adaptation))[-DOUBTFUL_S:]
+        fresh = replace(fresh, alarm=alarm, earlier=earlier)
         events = [] if event is None else [fresh._event_row(out, k, event, self.alarm)]
-        return fresh, fresh._topic_rows(out, k, means), events
+        rows = fresh._topic_rows(out, k, means)
+        if self.adaptation is not None:
+            adaptation, followed, changed = self.adaptation.observe(out, k, means)
+            fresh = replace(fresh, adaptation=adaptation)
+            rows, events = [*rows, followed], [*events, *changed]
+        return fresh, rows, events
 
-    def _undone(self) -> Alarm:
+    def _undone(self) -> tuple[Alarm, Adaptation | None]:
         """The state before the last seconds: what failed had failed before it was noticed."""
-        before = self.earlier[0] if self.earlier else self.alarm
-        return before if before.misfit.wrong == self.alarm.misfit.wrong else self.alarm
+        now = self.alarm, self.adaptation
+        before = self.earlier[0] if self.earlier else now
+        return before if before[0].misfit.wrong == self.alarm.misfit.wrong else now
 
     def _event_row(self, out: ShadowRows, k: int, event: ModelEvent, before: Alarm) -> EventRow:
         since = (before if event is ModelEvent.RIGHT else self.alarm).misfit.since
@@ -161,6 +178,16 @@ class ModelMonitor:
             values = np.concatenate([air_velocity(wind.disturbance), std(covariance)])
             rows.append(encode_rows("wind", *times, values[None]))
         return rows
+
+
+def taken_over(
+    monitor: ModelMonitor, path: ShadowPath, receive_time_ns: int
+) -> tuple[ModelMonitor, ShadowPath]:
+    """The path for what is received from then on, with the numbers that its monitor follows."""
+    if monitor.adaptation is None:
+        return monitor, path
+    adaptation, path = monitor.adaptation.taken_over(path, receive_time_ns)
+    return replace(monitor, adaptation=adaptation), path
 
 
 def std(covariance: Floats) -> Floats:

@@ -6,6 +6,7 @@ State is a value and a pure function of the ordered inputs: it does not matter h
 into chunks. Live gives what a datagram brought, replay a few thousand measurements at a time.
 """
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -146,11 +147,14 @@ class ShadowPath:
         follower: Follower,
         settings: FilterSettings | None = None,
         rate_hz: float = 50.0,
+        own_plant: FollowerOptions | None = None,
     ) -> None:
+        """`own_plant`: how the vessel itself is driven, where it is the plant."""
         self.model = model
         self.estimator = Estimator(settings)
         self.reference = reference
         self.follower = follower
+        self.own_plant = own_plant
         self.residuals = ResidualEvaluator(model)
         self.min_interval_s = 0.9 / rate_hz
         self._no_rows = ShadowRows.none(len(self.residuals.horizons))
@@ -176,7 +180,19 @@ class ShadowPath:
             follower_of(plant_model, follower, plant.kind),
             settings,
             rate_hz,
+            follower if plant.vessel is None and plant.kind is VESSEL else None,
         )
+
+    def with_numbers_of(self, vessel: Vessel) -> "ShadowPath":
+        """The same path, its shadow moving as a vessel of other numbers but the same structure.
+
+        Residuals stay those of the vessel that was given.
+        """
+        path, model = copy(self), Model.of(vessel)
+        path.reference = replace(self.reference, model=model)
+        if self.own_plant is not None:
+            path.follower = follower_of(model, self.own_plant)
+        return path
 
     def start(self) -> PathState:
         """Before the first measurement."""

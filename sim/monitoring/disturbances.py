@@ -31,6 +31,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.model import Model
 from sim.monitoring.live_second import (
@@ -82,14 +83,15 @@ class DisturbanceFilter:
     """mean (n,), covariance (n, n), score [nats] of one explanation; prior (n,) std at the start.
 
     innovation_ratio  (3,) the last squared innovation over its expected variance
+    walk_s            (n,) time in which the random walk of each reaches its prior's width
     """
 
     prior: Floats
     mean: Floats
     covariance: Floats
     innovation_ratio: Floats
+    walk_s: Floats
     score: float = 0.0
-    drift_s: float = DRIFT_S
 
     @classmethod
     def start(
@@ -97,7 +99,8 @@ class DisturbanceFilter:
     ) -> "DisturbanceFilter":
         """Standard deviations of b (10,) and of o (n,), and the time of its walk [s]."""
         prior = np.append(boat, disturbance)
-        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3), 0.0, drift_s)
+        walk = np.where(np.arange(len(prior)) < BOAT_ERRORS, BOAT_DRIFT_S, drift_s)
+        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3), walk)
 
     def reopened(self, before: "DisturbanceFilter") -> "DisturbanceFilter":
         """As if the disturbance had only begun: b as it was before it, o as unknown as at first."""
@@ -127,11 +130,18 @@ class DisturbanceFilter:
         return self.squared_distance(np.zeros(len(self.disturbance))) > SIGNIFICANT_SIGMAS**2
 
     def updated(
-        self, force: Floats, variance: Floats, measured: MeasurementModel, dt: float
+        self,
+        force: Floats,
+        variance: Floats,
+        measured: MeasurementModel,
+        dt: float,
+        held: NDArray[np.bool_] | None = None,
     ) -> "DisturbanceFilter":
-        """After a missing force (3,) with its variance (3,), `dt` [s] after the last."""
-        walk = np.where(np.arange(len(self.prior)) < BOAT_ERRORS, BOAT_DRIFT_S, self.drift_s)
-        P = self.covariance + np.diag(self.prior**2 * dt / walk)
+        """After a missing force (3,) with its variance (3,), `dt` [s] after the last.
+
+        `held` (n,): those that only count as unknown and do not move (Schmidt's filter).
+        """
+        P = self.covariance + np.diag(self.prior**2 * dt / self.walk_s)
         H, R = np.hstack([measured.boat, measured.slope]), np.diag(variance)
         m = force - measured.boat @ self.mean[:BOAT_ERRORS] - measured.force
         S = H @ P @ H.T + R
@@ -140,12 +150,15 @@ class DisturbanceFilter:
             R = R * (squared / MAX_SQUARED_DISTANCE)
             S = H @ P @ H.T + R
         K = np.linalg.solve(S, H @ P).T
+        if held is not None:
+            K[held] = 0.0
         A = np.eye(len(self.mean)) - K @ H
         distance = min(squared, MAX_SQUARED_DISTANCE) + float(np.linalg.slogdet(S)[1])
         nats = -0.5 * distance / SECONDS_PER_INDEPENDENT_SECOND
         score = self.score * float(np.exp(-dt / SCORE_MEMORY_S)) + nats
+        covariance = A @ P @ A.T + K @ R @ K.T
         return DisturbanceFilter(
-            self.prior, self.mean + K @ m, A @ P @ A.T + K @ R @ K.T, ratio, score, self.drift_s
+            self.prior, self.mean + K @ m, covariance, ratio, self.walk_s, score
         )
 
 
@@ -274,14 +287,14 @@ class DisturbanceEstimator:
         balance = balance_at(self.model, second, current)
         silence = max(second.time - estimate.time, 0.0)
         dt = min(silence, MAX_SILENCE_S) if estimate.count else 0.0
-        variance = estimate.noise * second.missing_std**2 + (MIN_NOISE * self.prior[:3]) ** 2
+        variance = self.variance(second, estimate.noise)
         errors = self._errors(second, second.nu)
         boat, water, air = (
             one.updated(second.missing, variance, measured, dt)
             for one, measured in (
                 (estimate.boat, self._boat(second)),
-                (estimate.water, self._water(second, balance, current)),
-                (estimate.air, self._air(second, estimate.air.disturbance)),
+                (estimate.water, self.water_model(second, balance, current)),
+                (estimate.air, self.air_model(second, estimate.air.disturbance)),
             )
         )
         own = tuple(
@@ -293,9 +306,8 @@ class DisturbanceEstimator:
             )
             for one, cause in zip(estimate.own, self.own, strict=True)
         )
-        ratio = max((boat, water, air, *own), key=lambda one: one.score).innovation_ratio
-        change = 1.0 + (np.minimum(ratio, 9.0) - 1.0) * min(dt / NOISE_MEMORY_S, 0.1)
-        noise = np.clip(estimate.noise * change, *NOISE_LIMITS)
+        best = max((boat, water, air, *own), key=lambda one: one.score)
+        noise = noise_after(estimate.noise, best.innovation_ratio, dt)
         after = replace(
             estimate, boat=boat, water=water, air=air, own=own, noise=noise, time=second.time,
             count=estimate.count + 1,
@@ -305,7 +317,13 @@ class DisturbanceEstimator:
     def _boat(self, second: SecondMeans) -> MeasurementModel:
         return MeasurementModel(self._errors(second, second.nu), np.zeros(3), np.zeros((3, 0)))
 
-    def _water(self, second: SecondMeans, balance: Balance, current: Floats) -> MeasurementModel:
+    def variance(self, second: SecondMeans, noise: Floats) -> Floats:
+        """Of a missing force: (3,), the stated one times `noise` (3,)."""
+        return np.asarray(noise * second.missing_std**2 + (MIN_NOISE * self.prior[:3]) ** 2)
+
+    def water_model(
+        self, second: SecondMeans, balance: Balance, current: Floats
+    ) -> MeasurementModel:
         """F(ν) − F(ν − c), and its slope against c."""
         turn = np.array([world_to_body(e, second.yaw) for e in np.eye(2)]).T  # (2, 2)
         spin = second.nu[2] * np.array([[0.0, 1.0], [-1.0, 0.0]]) @ turn
@@ -314,7 +332,8 @@ class DisturbanceEstimator:
         force = balance.still_water - balance.moving_water
         return MeasurementModel(self._errors(second, through), force, slope)
 
-    def _air(self, second: SecondMeans, g: Floats) -> MeasurementModel:
+    def air_model(self, second: SecondMeans, g: Floats) -> MeasurementModel:
+        """w(ψ, ν; g), and its slope against g."""
         errors = self._errors(second, second.nu)
         return MeasurementModel(errors, *self.air.force_and_slope(g, second))
 
@@ -330,3 +349,9 @@ class DisturbanceEstimator:
         out[2, 7] = (d.N_r + d.N_rr * abs(r)) * r
         out[1, 8] = out[2, 9] = u
         return out
+
+
+def noise_after(noise: Floats, innovation_ratio: Floats, dt: float) -> Floats:
+    """Variance of e over the stated one (3,), after an innovation ratio (3,) and `dt` [s]."""
+    change = 1.0 + (np.minimum(innovation_ratio, 9.0) - 1.0) * min(dt / NOISE_MEMORY_S, 0.1)
+    return np.asarray(np.clip(noise * change, *NOISE_LIMITS))

@@ -12,7 +12,7 @@ EVERY = {**TOPICS, **LOOP_TOPICS}
 def test_the_topics_of_the_design_are_there() -> None:
     assert list(TOPICS) == [
         "measured", "reference", "shadow", "position", "control", "residual", "surroundings",
-        "wind", "health", "event",
+        "wind", "parameters", "health", "event",
     ]  # fmt: skip
 
 

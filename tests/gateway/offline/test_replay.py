@@ -21,6 +21,7 @@ from gateway.config import Settings, ZenohSettings, as_tables
 from gateway.errors import BadInput
 from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log, replay
 from gateway.recording.reader import Recording
+from gateway.shadow.adaptation import Adapt
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
 from gateway.vessel_file import load_vessel, zenoh_key
@@ -59,6 +60,7 @@ def payloads(path: Path) -> dict[str, list[bytes]]:
 
 
 LATER = {"surroundings", "wind"}  # half a minute must have been seen
+ASKED_FOR = {"parameters"}
 
 
 @pytest.fixture(scope="module")
@@ -75,10 +77,28 @@ def first(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_topic_is_recorded_and_every_message_fits_the_schema_in_the_file(first: Path) -> None:
     found = recorded(first)
-    assert set(TOPICS) - LATER <= set(found)
+    assert set(TOPICS) - LATER - ASKED_FOR <= set(found)
+    assert not ASKED_FOR & set(found)
     for topic, messages in found.items():
         for schema, message in messages if topic != "mavlink/raw" else []:
             jsonschema.validate(json.loads(message.data), json.loads(schema.data))
+
+
+def test_numbers_are_followed_where_that_is_asked_for_and_change_nothing_else(
+    log: Path, first: Path, tmp_path: Path
+) -> None:
+    plain = options(tmp_path)
+    following = replace(plain.settings.following, adapt=Adapt.WATCH)
+    asked = replace(plain, settings=replace(plain.settings, following=following))
+    (path,) = replay(log, WAMV, None, asked).recordings
+    found = payloads(path)
+    messages = [json.loads(data) for data in found.pop("parameters")]
+    for message in messages:
+        jsonschema.validate(message, TOPICS["parameters"].json_schema())
+    names = ["thrust left", "thrust right", "drag", "turning damping"]
+    assert [message["name"] for message in messages[:4]] == names
+    assert {message["applied"] for message in messages} == {1.0}
+    assert found == payloads(first)
 
 
 def test_raw_frames_come_out_byte_for_byte_with_their_receipt(log: Path, first: Path) -> None:
@@ -299,7 +319,7 @@ def test_a_second_session_hears_what_is_recorded(tmp_path: Path) -> None:
         paced = ReplayOptions(tmp_path, realtime=True, name="grebe", settings=settings)
         (recording,) = replay(path, WAMV, None, paced).recordings
     found = payloads(recording)
-    due = set(TOPICS) - LATER - {"residual"}  # its longest prediction needs ten seconds
+    due = set(TOPICS) - LATER - ASKED_FOR - {"residual"}  # its longest prediction needs ten seconds
     assert {key for key, _, _ in heard} == {f"shadow/grebe/{topic}" for topic in due}
     for key, payload, encoding in heard:
         topic = key.removeprefix("shadow/grebe/")

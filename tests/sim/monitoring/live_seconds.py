@@ -18,9 +18,10 @@ NONE = np.full((2, 3), np.nan)
 def seconds(
     count: int, *, vessel: Vessel = WAM_V, stream: Floats | None = None, push: Floats | None = None,
     body: Floats | None = None, headings: int = 8, seed: int = 1, first: int = 0,
-    thrust: Floats | None = None, compass: float = 0.0, drag: float = 0.0,
+    thrust: Floats | None = None, compass: float = 0.0, drag: float = 0.0, leg_s: int = 20,
+    steer: float = 0.15,
 ) -> Iterator[SecondMeans]:  # fmt: skip
-    """A boat on legs of 20 s, its motion made up, its missing force what the causes say.
+    """A boat on legs of `leg_s`, its motion made up, its missing force what the causes say.
 
     stream (2,) [m/s] of the water, push (2,) [N] in the world, body (3,) [N, N, N m], thrust (2,)
     share that port and starboard give too much, compass [rad] reported − true, drag its growth.
@@ -28,13 +29,13 @@ def seconds(
     rng, model = np.random.default_rng(seed), Model.of(vessel)
     stream = np.zeros(2) if stream is None else stream
     for k in range(first, first + count):
-        leg = k // 20
+        leg = k // leg_s
         yaw = 2.0 * np.pi * ((3 * leg) % headings) / 8.0
         u = 0.8 + 0.5 * (leg % 3) + 0.05 * rng.standard_normal()
         through = np.array([u, 0.05 * rng.standard_normal(), 0.02 * rng.standard_normal()])
         nu = through + np.append(world_to_body(stream, yaw), 0.0)
         motion = np.concatenate([[0.0, 0.0, yaw], nu, 0.02 * rng.standard_normal(3)])
-        turn = 0.15 * (leg % 4 - 1.5)
+        turn = steer * (leg % 4 - 1.5)
         command = np.array([[0.4 + turn, 0.4 - turn]])
         missing, commanded = forces(model, motion, stream, command)
         missing = missing + NOISE * rng.standard_normal(3)

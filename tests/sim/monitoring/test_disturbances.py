@@ -144,9 +144,12 @@ def test_the_slope_of_a_current_is_that_of_the_balance(plain: DisturbanceEstimat
     second = replace(second, motion=second.motion + np.array([0, 0, 1.0, 0, 0.2, 0.3, 0, 0, 0.1]))
 
     def force(c: np.ndarray) -> np.ndarray:
-        return plain._water(second, balance_at(plain.model, second, c), c).force
+        return plain.water_model(second, balance_at(plain.model, second, c), c).force
 
-    step, slope = 1e-4, plain._water(second, balance_at(plain.model, second, STREAM), STREAM).slope
+    step, slope = (
+        1e-4,
+        plain.water_model(second, balance_at(plain.model, second, STREAM), STREAM).slope,
+    )
     for k, e in enumerate(step * np.eye(2)):
         differences = (force(STREAM + e) - force(STREAM - e)) / (2.0 * step)
         assert differences == pytest.approx(slope[:, k], rel=0.01, abs=0.3)
