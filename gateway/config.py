@@ -191,7 +191,7 @@ class Settings:
     studio: StudioSettings = field(default_factory=StudioSettings)
 
     def __post_init__(self) -> None:
-        for name in ("chunk_bytes", "flush_seconds", "foxglove_hz"):
+        for name in ("chunk_bytes", "flush_seconds", "foxglove_hz", "topics_hz"):
             value = getattr(self.recording, name)
             if not value > 0:
                 raise BadInput(f"[recording] {name} = {value}: expected a positive number")

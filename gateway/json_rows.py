@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import starmap
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import msgspec
 import numpy as np
@@ -29,13 +29,97 @@ EXPONENT_FROM = 1e16  # numbers from here on are written with an exponent
 _encode = msgspec.json.Encoder().encode
 
 
-class TopicRows(NamedTuple):
-    """Encoded messages of one topic with their two times (K,) [ns]."""
+class Columns(NamedTuple):
+    """The members of a topic's messages beside their times, in the topic's order."""
 
-    topic: str
-    vehicle_time_ns: NDArray[np.int64]
-    receive_time_ns: NDArray[np.int64]
-    payloads: list[bytes]
+    values: NDArray[np.float64]  # (K, F) numbers, all finite
+    strings: list[Sequence[str]]  # one (K,) for each string member
+
+
+class TopicRows:
+    """Messages of one topic with their two times (K,) [ns].
+
+    They are given as payloads, or as columns that are encoded when their payloads are first read:
+    what nobody listens to and nothing records is not encoded.
+    """
+
+    __slots__ = ("_columns", "_payloads", "receive_time_ns", "topic", "vehicle_time_ns")
+
+    def __init__(
+        self,
+        topic: str,
+        vehicle_time_ns: NDArray[np.int64],
+        receive_time_ns: NDArray[np.int64],
+        messages: list[bytes] | Columns,
+    ) -> None:
+        self.topic = topic
+        self.vehicle_time_ns, self.receive_time_ns = vehicle_time_ns, receive_time_ns
+        self._columns = messages if isinstance(messages, Columns) else None
+        self._payloads = None if isinstance(messages, Columns) else messages
+
+    def __len__(self) -> int:
+        return len(self.receive_time_ns)
+
+    @property
+    def payloads(self) -> list[bytes]:
+        """The messages as JSON (K)."""
+        if self._payloads is None:
+            assert self._columns is not None
+            self._payloads = _encoded(self, self._columns)
+        return self._payloads
+
+    def last(self) -> bytes:
+        """The last message; the others are not encoded for it."""
+        newest = self if self._payloads is not None else self.chosen([len(self) - 1])
+        return newest.payloads[-1]
+
+    def messages(self) -> list[dict[str, Any]]:
+        """The messages as objects (K): the names of their members -> what they hold."""
+        if self._columns is None:
+            return [orjson.loads(payload) for payload in self.payloads]
+        names = _layout(self.topic).names
+        return [dict(zip(names, row, strict=True)) for row in _members(self, self._columns)]
+
+    def chosen(self, rows: Sequence[int]) -> Self:
+        """Some of the messages."""
+        times = self.vehicle_time_ns[rows], self.receive_time_ns[rows]
+        if self._columns is None:
+            return type(self)(self.topic, *times, [self.payloads[k] for k in rows])
+        values, strings = self._columns
+        picked: list[Sequence[str]] = [[column[k] for k in rows] for column in strings]
+        return type(self)(self.topic, *times, Columns(values[rows], picked))
+
+    def rounded(self) -> Self:
+        """The same with numbers as fine as their units deserve (`DECIMALS`), not encoded yet.
+
+        For topics without integers beside the times.
+        """
+        layout, columns = _layout(self.topic), self._columns
+        if columns is None:
+            found = self.messages()
+            rows = [[one[name] for name in layout.numbers] for one in found]
+            values = np.array(rows, float).reshape(len(found), len(layout.numbers))
+            strings: list[Sequence[str]] = []
+            for field in layout.strings:
+                strings.append([one[field.name] for one in found])
+            columns = Columns(values, strings)
+        scale = _scales(self.topic)
+        values = np.rint(columns.values * scale) / scale + 0.0  # + 0.0: no −0
+        times = self.vehicle_time_ns, self.receive_time_ns
+        return type(self)(self.topic, *times, columns._replace(values=values))
+
+
+# Decimals that a rounded message keeps, by unit: a tenth to a hundredth of what the best
+# instruments of a boat resolve (a millimetre of position, a hundredth of a newton).
+DECIMALS = {"m": 3, "m/s": 4, "m/s²": 4, "rad": 5, "rad/s": 5, "rad/s²": 5, "N": 2, "N m": 2,
+            "°": 8}  # fmt: skip
+
+
+@cache
+def _scales(topic: str) -> NDArray[np.float64]:
+    """10 to the decimals of each number of a topic (F,)."""
+    fields = [f for f in topic_of(topic).fields if f.type is FieldType.NUMBER]
+    return np.array([10.0 ** DECIMALS[field.unit] for field in fields])
 
 
 class _Layout(NamedTuple):
@@ -129,12 +213,21 @@ def encode_rows(
         vehicle_time_ns, receive_time_ns = vehicle_time_ns[complete], receive_time_ns[complete]
         values = values[complete]
         columns = [[column[k] for k in complete.tolist()] for column in columns]
-    members: Any = zip(
-        vehicle_time_ns.tolist(), receive_time_ns.tolist(), *values.T.tolist(), *columns,
+    return TopicRows(topic, vehicle_time_ns, receive_time_ns, Columns(values, columns))
+
+
+def _members(rows: TopicRows, columns: Columns) -> Any:
+    """The members of each message in the topic's order."""
+    values, strings = columns
+    return zip(
+        rows.vehicle_time_ns.tolist(), rows.receive_time_ns.tolist(), *values.T.tolist(), *strings,
         strict=True,
     )  # fmt: skip
-    if values.size and np.abs(values).max() >= EXPONENT_FROM:
-        payloads = [orjson.dumps(dict(zip(layout.names, row, strict=True))) for row in members]
-    else:
-        payloads = list(map(_encode, starmap(layout.message, members)))
-    return TopicRows(topic, vehicle_time_ns, receive_time_ns, payloads)
+
+
+def _encoded(rows: TopicRows, columns: Columns) -> list[bytes]:
+    """The messages as JSON."""
+    layout, members = _layout(rows.topic), _members(rows, columns)
+    if columns.values.size and np.abs(columns.values).max() >= EXPONENT_FROM:
+        return [orjson.dumps(dict(zip(layout.names, row, strict=True))) for row in members]
+    return list(map(_encode, starmap(layout.message, members)))

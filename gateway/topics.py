@@ -69,7 +69,7 @@ class Topic:
     description: str
     rate: str
     fields: tuple[Field, ...]
-    recorded: bool = True
+    derived: bool = False  # frames and vessel give its rows again: recordings hold some of them
     overflow: Overflow = Overflow.DROP
 
     def __post_init__(self) -> None:
@@ -261,18 +261,40 @@ EVENT = (
 )
 
 _ALL = (
-    Topic("measured", "shadow.Motion", "How the real boat moves", "each estimate", _motion()),
-    Topic("reference", "shadow.Motion", "What the shadow follows", "each estimate", _motion()),
-    Topic("shadow", "shadow.Motion", "How the shadow moves", "each estimate", _motion()),
+    Topic(
+        "measured",
+        "shadow.Motion",
+        "How the real boat moves",
+        "each estimate",
+        _motion(),
+        derived=True,
+    ),
+    Topic(
+        "reference",
+        "shadow.Motion",
+        "What the shadow follows",
+        "each estimate",
+        _motion(),
+        derived=True,
+    ),
+    Topic(
+        "shadow", "shadow.Motion", "How the shadow moves", "each estimate", _motion(), derived=True
+    ),
     Topic(
         "position",
         "shadow.Position",
         "Where boat and shadow are on Earth",
         "each estimate, once an origin is known",
         _position(),
+        derived=True,
     ),
     Topic(
-        "control", "shadow.Control", "The forces on shadow and boat", "each estimate", _control()
+        "control",
+        "shadow.Control",
+        "The forces on shadow and boat",
+        "each estimate",
+        _control(),
+        derived=True,
     ),
     Topic(
         "residual",
@@ -280,6 +302,7 @@ _ALL = (
         "What the vessel's model lacks, and how far its latest predictions were off",
         "each estimate, once a prediction over the longest horizon has come due",
         _residual(),
+        derived=True,
     ),
     Topic(
         "surroundings",
@@ -356,7 +379,7 @@ def _markdown(topic: Topic) -> list[str]:
         f"## `{topic.name}`",
         "",
         f"{topic.description}. Schema `{topic.schema}`, encoding `{topic.encoding}`.",
-        f"Rate: {topic.rate}. {'Recorded' if topic.recorded else 'Not recorded'}; "
+        f"Rate: {topic.rate}. {'Recorded thinned' if topic.derived else 'Recorded'}; "
         f"a subscriber that is too slow: {topic.overflow.value}.",
         "",
         "| field | type | unit | meaning |",

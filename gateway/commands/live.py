@@ -16,6 +16,7 @@ from gateway.commands.options import (
     Publish,
     Record,
     Reference,
+    Topics,
     VesselFile,
     ZenohName,
     effects_from,
@@ -52,6 +53,7 @@ def live(
     adapt: Adapt = None,
     out: Annotated[Path, typer.Option(help="Folder for the recordings.")] = Path("shadow-out"),
     record: Record = True,
+    topics: Topics = None,
     publish: Publish = None,
     name: ZenohName = None,
     foxglove: Annotated[
@@ -77,7 +79,7 @@ def live(
     """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
     from gateway.live.gateway import LiveOptions, plans_in, plans_of, run_until_stopped
 
-    settings = settings_from(config, reference, publish, adapt=adapt)
+    settings = settings_from(config, reference, publish, adapt=adapt, topics=topics)
     if foxglove is not None:
         settings = replace(settings, foxglove=replace(settings.foxglove, address=foxglove))
     if metrics is not None:

@@ -34,13 +34,21 @@ def settings_from(
     publish: bool | None,
     recorded: Any = None,
     adapt: str | None = None,
+    topics: str | None = None,
 ) -> Any:
     """Flags over the configuration: that of a recording where there is one, else the file's."""
     from gateway.config import load_settings
+    from gateway.recording.recorder import TopicsKept
     from gateway.shadow.adaptation import Adapt
     from sim.following.reference import ReferenceMode
 
     settings = recorded or load_settings(config)
+    if topics is not None:
+        names = [kept.value for kept in TopicsKept]
+        if topics not in names:
+            raise BadInput(f"--topics {topics}: expected {', '.join(names)}")
+        recording = replace(settings.recording, topics=TopicsKept(topics))
+        settings = replace(settings, recording=recording)
     if reference is not None:
         if reference not in set(ReferenceMode):
             raise BadInput(f"--reference {reference}: expected {', '.join(ReferenceMode)}")
@@ -120,6 +128,15 @@ Adapt = Annotated[
     ),
 ]
 Record = Annotated[bool, typer.Option("--record/--no-record", help="Record to MCAP.")]
+Topics = Annotated[
+    str | None,
+    typer.Option(
+        "--topics",
+        metavar="all|thinned|none",
+        help="What is recorded of topics that the raw frames give again (thinned: two rows a "
+        "second). The frames are always whole.",
+    ),
+]
 Publish = Annotated[bool | None, typer.Option("--publish/--no-publish", help="Publish on zenoh.")]
 ZenohName = Annotated[str | None, typer.Option("--name", help="Name on zenoh: shadow/NAME/…")]
 Config = Annotated[Path | None, typer.Option("--config", help="gateway.toml.")]

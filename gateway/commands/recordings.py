@@ -24,6 +24,7 @@ from gateway.commands.options import (
     Record,
     Reference,
     System,
+    Topics,
     VesselFile,
     ZenohName,
     effects_from,
@@ -87,6 +88,7 @@ def replay(
     speed: Annotated[str, typer.Option(help="1: as recorded; max: as fast as it goes.")] = "max",
     out: Annotated[Path, typer.Option(help="Folder for the recording.")] = Path("shadow-out"),
     record: Record = True,
+    topics: Topics = None,
     publish: Publish = None,
     name: ZenohName = None,
     effects: EffectFiles = None,
@@ -105,7 +107,7 @@ def replay(
     from gateway.terminal.recordings import show_replay
 
     recorded = recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
-    settings = settings_from(config, reference, publish, recorded, adapt)
+    settings = settings_from(config, reference, publish, recorded, adapt, topics)
     if speed not in ("1", "max"):
         raise BadInput(f"--speed {speed}: expected 1 or max")
     options = work.ReplayOptions(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.json_rows import encode_rows
+from gateway.json_rows import TopicRows, encode_rows
 from gateway.live.outputs import unused_path
 from gateway.recording.recorder import Attachment, Recorder
 from gateway.recording.thread import RecordingThread
@@ -75,5 +75,6 @@ class TruthRecording:
         motion = np.array([row[1:] for row in self._truth])  # the first is the time
         for topic, values in (("truth", motion), ("outputs", np.array(self._outputs))):
             rows = encode_rows(topic, times[0], times[1], values)
-            self._thread.rows([rows._replace(topic=f"{topic}/{self._name}")])
+            named = TopicRows(f"{topic}/{self._name}", times[0], times[1], rows.payloads)
+            self._thread.rows([named])
         self._times, self._truth, self._outputs = [], [], []

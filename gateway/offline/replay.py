@@ -32,6 +32,7 @@ from gateway.live.boats import BoatPlan
 from gateway.live.rerun import fleet_of, recorded_live, rerun
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment, Recorder
+from gateway.recording.writer import Payloads
 from gateway.shadow.adaptation import APPLY_EVERY_NS, Adapt
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
@@ -50,8 +51,8 @@ class LinkFrames(NamedTuple):
     """Raw frames of one link, with their receive times."""
 
     link: str
-    frames: list[bytes]
-    receive_time_ns: Sequence[int] | NDArray[np.int64]
+    frames: Payloads
+    receive_time_ns: NDArray[np.int64]
 
 
 class ReplayStep(NamedTuple):
@@ -76,9 +77,9 @@ class ReplayOutputs:
             self.recorder.write_raw(raw.frames, raw.receive_time_ns, link=raw.link)
         for part in step.rows:
             if self.recorder is not None:
-                self.recorder.write_rows(*part)
-            if self.bus is not None and part.payloads:
-                wanted = part.payloads if self.bus.wants(part.topic) else part.payloads[-1:]
+                self.recorder.write_rows(part)
+            if self.bus is not None and len(part):
+                wanted = part.payloads if self.bus.wants(part.topic) else [part.last()]
                 for payload in wanted:
                     self.bus.publish(part.topic, payload)
 
@@ -172,7 +173,7 @@ class ReplayTotals:
         """Add rows and events of a step."""
         for out in step.outs:
             self._add_rows(out)
-        self.events += sum(len(part.payloads) for part in step.rows if part.topic == "event")
+        self.events += sum(len(part) for part in step.rows if part.topic == "event")
 
     def _add_rows(self, out: ShadowRows) -> None:
         if not len(out):
@@ -372,9 +373,10 @@ def _log_steps(
 
 def _frames_between(frames: Frames | tuple[()], start: int, end: int) -> LinkFrames:
     if not frames:
-        return LinkFrames("", [], [])
-    raw = [frames.raw(i) for i in range(start, end)]
-    return LinkFrames("", raw, frames.receive_time_ns[start:end])
+        return LinkFrames("", Payloads.of([]), np.empty(0, np.int64))
+    first = frames.headers.offset[start:end]
+    packed = Payloads(frames.data, first, first + frames.headers.length[start:end])
+    return LinkFrames("", packed, frames.receive_time_ns[start:end])
 
 
 def _live_steps(
@@ -388,7 +390,8 @@ def _live_steps(
         if pace:
             due = began + (int(raw.receive_time_ns[k]) - first_ns) * 1e-9
             pace(due - time.monotonic())
-        frames = [raw.data[raw.start[i] : raw.end[i]] for i in range(k, one.frames.stop)]
+        data = np.frombuffer(raw.data, np.uint8)
+        frames = Payloads(data, raw.start[one.frames], raw.end[one.frames])
         link, receipts = raw.links[raw.link[k]], raw.receive_time_ns[one.frames]
         yield ReplayStep(one.outs, one.rows, partial(LinkFrames, link, frames, receipts))
         progress(one.frames.stop / len(raw))

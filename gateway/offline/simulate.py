@@ -16,7 +16,7 @@ from gateway.errors import BadInput
 from gateway.ingest.mcap.enclosed import enclosure
 from gateway.json_rows import encode_rows
 from gateway.offline.usable_time import assumed_by
-from gateway.recording.recorder import Attachment, Recorder
+from gateway.recording.recorder import Attachment, Recorder, RecordingSettings, TopicsKept
 from gateway.shadow.path import follower_of
 from gateway.shadow.topic_rows import MOTION_FIELDS
 from gateway.vessel_file import dump_vessel
@@ -150,7 +150,8 @@ def _record(result: SimulationResult, vessels: Sequence[Vessel]) -> None:
     ]
     now = np.round(result.time * 1e9).astype(np.int64)
     files += _as_log(result, vessels[0])
-    with Recorder(result.recording, attachments=files) as recorder:
+    whole = RecordingSettings(topics=TopicsKept.ALL)  # nothing else gives these rows again
+    with Recorder(result.recording, attachments=files, settings=whole) as recorder:
         for start in range(0, len(now), BLOCK_ROWS):
             part = slice(start, start + BLOCK_ROWS)
             times = now[part], now[part]
@@ -160,7 +161,7 @@ def _record(result: SimulationResult, vessels: Sequence[Vessel]) -> None:
             for topic, motion in motions:
                 exact = np.zeros((len(now[part]), 9))  # a simulation knows its state
                 values = np.hstack([motion[part][:, MOTION_FIELDS], exact])
-                recorder.write_rows(*encode_rows(topic, *times, values, {"source": "model"}))
+                recorder.write_rows(encode_rows(topic, *times, values, {"source": "model"}))
             control = result.control if result.control is not None else result.commanded
             forces = np.hstack([control[part], result.commanded[part]])
-            recorder.write_rows(*encode_rows("control", *times, forces))
+            recorder.write_rows(encode_rows("control", *times, forces))

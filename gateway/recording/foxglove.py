@@ -16,6 +16,8 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
+from gateway.json_rows import TopicRows
+
 WORLD = "world"
 NANOSECONDS = 1_000_000_000
 
@@ -67,6 +69,7 @@ SCHEMAS: Mapping[str, Message] = {
 }
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}
 COVARIANCE_UNKNOWN = 0
+UNIT_DECIMALS = 7  # of a unit quaternion: digits beyond them are most of a recorded pose's size
 FRAMES = ("frame_id", "parent_frame_id", "child_frame_id")
 
 
@@ -87,7 +90,8 @@ def _position(row: Row) -> dict[str, float]:
 def _orientation(row: Row) -> dict[str, float]:
     """Yaw clockwise from north -> rotation about the upward axis, counter-clockwise from east."""
     half = (math.pi / 2.0 - row["yaw_rad"]) / 2.0
-    return {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}
+    z, w = round(math.sin(half), UNIT_DECIMALS), round(math.cos(half), UNIT_DECIMALS)
+    return {"x": 0.0, "y": 0.0, "z": z, "w": w}
 
 
 def pose(row: Row) -> Message:
@@ -172,37 +176,41 @@ class Shown(NamedTuple):
     payloads: list[bytes]
 
 
-class PlayerRows:
-    """Rows of our topics -> what players know, for one boat and one file or server."""
+class RowThinning:
+    """The first row of each topic in each step of time; all events."""
 
-    def __init__(self, rate_hz: float, channels: Sequence[Channel] = CHANNELS) -> None:
-        self.channels = tuple(channels)
+    def __init__(self, rate_hz: float) -> None:
         self._step_ns = round(1e9 / rate_hz)
-        self._of: dict[str, list[Channel]] = {}
-        for channel in channels:
-            self._of.setdefault(channel.source, []).append(channel)
-        self._step: dict[str, int] = {}  # of time, in which the last row was shown
+        self._step: dict[str, int] = {}  # in which the last row was kept
 
-    def of(
-        self,
-        topic: str,
-        log_times: NDArray[np.int64],
-        payloads: Sequence[bytes],
-        wanted: Callable[[Channel], bool] = lambda channel: True,
-    ) -> Iterator[Shown]:
-        """Times (K,) [ns] and K messages of a topic -> the messages of each channel wanted."""
-        channels = [channel for channel in self._of.get(topic, ()) if wanted(channel)]
-        if not channels or not len(log_times):
-            return
-        chosen = self._thinned(topic, log_times)
-        rows = [orjson.loads(payloads[i]) for i in chosen]
-        for channel in channels if rows else ():
-            yield Shown(channel, chosen, [orjson.dumps(channel.convert(row)) for row in rows])
-
-    def _thinned(self, topic: str, log_times: NDArray[np.int64]) -> list[int]:
+    def of(self, topic: str, log_times: NDArray[np.int64]) -> list[int]:
+        """Times (K,) [ns], K > 0 -> which rows are kept."""
         if topic == UNTHINNED:
             return list(range(len(log_times)))
         step = log_times // self._step_ns
         fresh = np.diff(step, prepend=self._step.get(topic, -1)) > 0
         self._step[topic] = int(step[-1])
         return np.flatnonzero(fresh).tolist()
+
+
+class PlayerRows:
+    """Rows of our topics -> what players know, for one boat and one file or server."""
+
+    def __init__(self, rate_hz: float, channels: Sequence[Channel] = CHANNELS) -> None:
+        self.channels = tuple(channels)
+        self._thinning = RowThinning(rate_hz)
+        self._of: dict[str, list[Channel]] = {}
+        for channel in channels:
+            self._of.setdefault(channel.source, []).append(channel)
+
+    def of(
+        self, given: TopicRows, wanted: Callable[[Channel], bool] = lambda channel: True
+    ) -> Iterator[Shown]:
+        """Messages of a topic -> the messages of each channel wanted."""
+        channels = [channel for channel in self._of.get(given.topic, ()) if wanted(channel)]
+        if not channels or not len(given):
+            return
+        chosen = self._thinning.of(given.topic, given.receive_time_ns)
+        rows = given.chosen(chosen).messages()
+        for channel in channels if rows else ():
+            yield Shown(channel, chosen, [orjson.dumps(channel.convert(row)) for row in rows])

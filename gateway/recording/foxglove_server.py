@@ -15,7 +15,9 @@ from contextlib import suppress
 from threading import Thread
 from typing import Any, Self
 
+import numpy as np
 import orjson
+from numpy.typing import NDArray
 
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
@@ -69,20 +71,18 @@ class BoatView:
     def show(self, rows: Sequence[TopicRows]) -> None:
         """To those who have subscribed; nothing is made for nobody."""
         for part in rows:
-            self._log(self._topics[part.topic], part.receive_time_ns.tolist, part.payloads)
-            for shown in self._players.of(
-                part.topic, part.receive_time_ns, part.payloads, self._wanted
-            ):
-                times = part.receive_time_ns[shown.rows]
-                self._log(self._known[shown.channel.topic], times.tolist, shown.payloads)
+            channel, times = self._topics[part.topic], part.receive_time_ns
+            if channel.has_sinks():
+                self._log(channel, times, part.payloads)
+            for shown in self._players.of(part, self._wanted):
+                self._log(self._known[shown.channel.topic], times[shown.rows], shown.payloads)
 
     def _wanted(self, channel: foxglove.Channel) -> bool:
         return bool(self._known[channel.topic].has_sinks())
 
-    def _log(self, channel: Any, times: Any, payloads: Sequence[bytes]) -> None:
-        if channel.has_sinks():
-            for time_ns, payload in zip(times(), payloads, strict=True):
-                channel.log(payload, log_time=time_ns)
+    def _log(self, channel: Any, times: NDArray[np.int64], payloads: Sequence[bytes]) -> None:
+        for time_ns, payload in zip(times.tolist(), payloads, strict=True):
+            channel.log(payload, log_time=time_ns)
 
     def _channel(self, topic: str, schema: str, text: bytes) -> Any:
         described = self._sdk.Schema(name=schema, encoding=JSON_SCHEMA, data=text)

@@ -1,6 +1,8 @@
 """One MCAP file being written: its channels, and nothing about when to flush, rotate or stop.
 
-Writes a voyage to MCAP: raw frames byte for byte, every topic, what players know of both.
+Writes a voyage to MCAP: raw frames byte for byte, topics, what players know of both. Topics that
+the frames give again are thinned, unless all are asked for: every message at 50 Hz takes six times
+the room of the frames.
 
 Live, the file has its final name from the start and is flushed each half second, so that a killed
 gateway loses no more and what cannot be repeated is kept. A replay can be repeated: it is written
@@ -23,13 +25,14 @@ from typing import IO, NamedTuple, Self
 
 import numpy as np
 import orjson
-from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from gateway.errors import ShadowError
+from gateway.json_rows import TopicRows
 from gateway.outputs import check_output, note_output
 from gateway.recording import foxglove, raw_schema
-from gateway.recording.foxglove import PlayerRows
+from gateway.recording.foxglove import PlayerRows, RowThinning
+from gateway.recording.writer import BlockWriter, Compression, Payloads
 from gateway.topics import topic_of
 
 RAW = "mavlink/raw"
@@ -37,14 +40,6 @@ LINK = "link"
 TICK_LINK = "tick"  # its frames are empty: moments at which the loop ran without telemetry
 JSON = "json"
 JSON_SCHEMA = "jsonschema"
-
-
-class Compression(Enum):
-    """How chunks are compressed: lz4 costs least time, zstd least room."""
-
-    LZ4 = "lz4"
-    ZSTD = "zstd"
-    NONE = "none"
 
 
 class Attachment(NamedTuple):
@@ -60,47 +55,47 @@ class RecordingFile:
 
     def __init__(self, stream: IO[bytes], compression: Compression, chunk_bytes: int) -> None:
         self._stream = stream
-        self._writer = Writer(
-            stream, chunk_size=chunk_bytes, compression=CompressionType[compression.name]
-        )
+        self._writer = BlockWriter(stream, compression, chunk_bytes)
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str], int] = {}
-        self._sequence: dict[int, int] = {}
 
     def start(
         self, attachments: Iterable[Attachment], metadata: Mapping[str, Mapping[str, str]]
     ) -> None:
         """Write what a reader wants to know before the first message."""
-        self._writer.start(profile="")
+        self._writer.start()
         for name, entries in metadata.items():
-            self._writer.add_metadata(name, dict(entries))
+            self._writer.add_metadata(name, entries)
         for item in attachments:
-            self._writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+            self._writer.add_attachment(item.name, item.media_type, item.data)
         self._writer.flush()
 
     def write(
         self,
         channel: int,
-        log_times: Iterable[int],
-        publish_times: Iterable[int],
-        payloads: Iterable[bytes],
+        log_time_ns: NDArray[np.int64],
+        publish_time_ns: NDArray[np.int64],
+        payloads: Sequence[bytes] | Payloads,
     ) -> None:
-        """Append messages to one channel."""
-        sequence = self._sequence[channel]
-        add = self._writer.add_message
-        for log_time, publish_time, payload in zip(log_times, publish_times, payloads, strict=True):
-            add(channel, log_time, payload, publish_time, sequence)
-            sequence = (sequence + 1) & 0xFFFFFFFF
-        self._sequence[channel] = sequence
+        """Append messages to one channel; a time below 0 is written as 0."""
+        times = np.maximum(log_time_ns, 0), np.maximum(publish_time_ns, 0)
+        self._writer.add_messages(channel, *times, payloads)
 
     def topic(self, name: str) -> int:
         """The channel of a topic of the tables."""
-        entry = topic_of(name)
-        return self._json(name, entry.schema, orjson.dumps(entry.json_schema()))
+        found = self._channels.get((name, ""))
+        if found is None:
+            entry = topic_of(name)
+            found = self._json(name, entry.schema, orjson.dumps(entry.json_schema()))
+        return found
 
     def well_known(self, channel: foxglove.Channel) -> int:
         """The channel of a message that players know."""
-        return self._json(channel.topic, channel.schema, foxglove.schema_text(channel.schema))
+        found = self._channels.get((channel.topic, ""))
+        if found is None:
+            text = foxglove.schema_text(channel.schema)
+            found = self._json(channel.topic, channel.schema, text)
+        return found
 
     def raw(self, link: str) -> int:
         """The channel of the frames of one link."""
@@ -109,16 +104,13 @@ class RecordingFile:
             name, text = raw_schema.TICK if link == TICK_LINK else raw_schema.FRAME
             schema = self._schema(name, raw_schema.SCHEMA_ENCODING, text)
             about = {LINK: link, **raw_schema.METADATA}
-            number = self._writer.register_channel(RAW, raw_schema.ENCODING, schema, about)
-            found = self._remember(RAW, link, number)
+            found = self._writer.register_channel(RAW, raw_schema.ENCODING, schema, about)
+            self._channels[RAW, link] = found
         return found
 
     def _json(self, topic: str, schema: str, text: bytes) -> int:
-        found = self._channels.get((topic, ""))
-        if found is None:
-            number = self._schema(schema, JSON_SCHEMA, text)
-            number = self._writer.register_channel(topic, JSON, number)
-            found = self._remember(topic, "", number)
+        number = self._schema(schema, JSON_SCHEMA, text)
+        found = self._channels[topic, ""] = self._writer.register_channel(topic, JSON, number)
         return found
 
     def _schema(self, name: str, encoding: str, text: bytes) -> int:
@@ -126,11 +118,6 @@ class RecordingFile:
         if name not in self._schemas:
             self._schemas[name] = self._writer.register_schema(name, encoding, text)
         return self._schemas[name]
-
-    def _remember(self, topic: str, link: str, channel: int) -> int:
-        self._channels[topic, link] = channel
-        self._sequence[channel] = 0
-        return channel
 
     def size(self) -> int:
         """Bytes written so far, those of the open chunk left out."""
@@ -154,6 +141,19 @@ Times = NDArray[np.int64] | Sequence[int]
 MEGABYTE = 1_000_000
 
 
+class TopicsKept(Enum):
+    """What is recorded of topics that the raw frames and the vessel file give again.
+
+    all      every message as it was published
+    thinned  some, rounded: enough to look at
+    none     frames, events, health and the estimates made once a second alone
+    """
+
+    ALL = "all"
+    THINNED = "thinned"
+    NONE = "none"
+
+
 @dataclass(frozen=True)
 class RecordingSettings:
     """How to record; `rotate_…` of 0 means never."""
@@ -165,6 +165,8 @@ class RecordingSettings:
     rotate_seconds: float = 0.0
     minimum_free_bytes: int = 200 * MEGABYTE
     foxglove_hz: float = 10.0
+    topics: TopicsKept = TopicsKept.THINNED
+    topics_hz: float = 2.0  # rows a second of each topic that is thinned
 
 
 def open_new(path: Path) -> IO[bytes]:
@@ -209,7 +211,7 @@ class Recorder:
         self._checked_bytes = 0
         self._started_ns: int | None = None
         self._rotation_due = False
-        self._players = PlayerRows(self.settings.foxglove_hz)
+        self._begin_thinning()
 
     def __enter__(self) -> Self:
         try:
@@ -235,36 +237,43 @@ class Recorder:
         else:
             self.abandon()
 
-    def write_rows(
-        self, topic: str, vehicle_time_ns: Times, receive_time_ns: Times, payloads: list[bytes]
-    ) -> None:
-        """Record encoded messages of one topic, and what players make of them."""
-        if not payloads:
+    def write_rows(self, rows: TopicRows) -> None:
+        """Record messages of one topic, and what players make of them."""
+        rows = self._kept(rows)
+        if not len(rows):
             return
         self._rotate_if_due()
         with self._writing() as file:
-            log_times = np.asarray(receive_time_ns, np.int64)
-            publish_times = np.maximum(np.asarray(vehicle_time_ns, np.int64), 0)
-            file.write(file.topic(topic), log_times.tolist(), publish_times.tolist(), payloads)
-            self._write_well_known(file, topic, log_times, publish_times, payloads)
-        self._housekeeping(int(log_times[0]), int(log_times[-1]))
+            log, publish = rows.receive_time_ns, rows.vehicle_time_ns
+            file.write(file.topic(rows.topic), log, publish, rows.payloads)
+            for shown in self._players.of(rows):
+                times = log[shown.rows], publish[shown.rows]
+                file.write(file.well_known(shown.channel), *times, shown.payloads)
+        self._housekeeping(int(rows.receive_time_ns[0]), int(rows.receive_time_ns[-1]))
+
+    def _kept(self, rows: TopicRows) -> TopicRows:
+        """Those that are recorded: what the frames give again is thinned and rounded."""
+        if self.settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived:
+            return rows
+        if self.settings.topics is TopicsKept.NONE or not len(rows):
+            return rows.chosen([])
+        return rows.chosen(self._thinning.of(rows.topic, rows.receive_time_ns)).rounded()
 
     def write_raw(
         self,
-        frames: Sequence[bytes],
+        frames: Sequence[bytes] | Payloads,
         receive_time_ns: Times,
         vehicle_time_ns: Times | None = None,
         link: str = "",
     ) -> None:
         """Record frames of one link as they came; where no boat time is known, receipt stands."""
-        if not frames:
+        log_times = np.asarray(receive_time_ns, np.int64)
+        if not len(log_times):
             return
         self._rotate_if_due()
         with self._writing() as file:
-            log_times = np.asarray(receive_time_ns, np.int64)
             known = log_times if vehicle_time_ns is None else np.asarray(vehicle_time_ns, np.int64)
-            publish_times = np.maximum(known, 0)
-            file.write(file.raw(link), log_times.tolist(), publish_times.tolist(), frames)
+            file.write(file.raw(link), log_times, known, frames)
         self._housekeeping(int(log_times[0]), int(log_times[-1]))
 
     def flush_if_due(self) -> None:
@@ -291,18 +300,6 @@ class Recorder:
         for path in self.paths:
             (path if self._live else _part(path)).unlink(missing_ok=True)
         self.paths = ()
-
-    def _write_well_known(
-        self,
-        file: RecordingFile,
-        topic: str,
-        log_times: NDArray[np.int64],
-        publish_times: NDArray[np.int64],
-        payloads: list[bytes],
-    ) -> None:
-        for shown in self._players.of(topic, log_times, payloads):
-            times = log_times[shown.rows].tolist(), publish_times[shown.rows].tolist()
-            file.write(file.well_known(shown.channel), *times, shown.payloads)
 
     def _housekeeping(self, first_ns: int, last_ns: int) -> None:
         """What may be due after a block: flush, disk guard, rotation before the next."""
@@ -354,6 +351,10 @@ class Recorder:
             )
             self._file.start(self._attachments, self._metadata)
         self._checked_bytes, self._started_ns, self._rotation_due = 0, None, False
+        self._begin_thinning()
+
+    def _begin_thinning(self) -> None:
+        self._thinning = RowThinning(self.settings.topics_hz)
         self._players = PlayerRows(self.settings.foxglove_hz)
 
     def _size(self) -> int:

@@ -103,7 +103,7 @@ class RecordingThread:
     def rows(self, rows: Sequence[TopicRows]) -> None:
         """Messages of topics."""
         for part in rows:
-            if part.payloads:
+            if len(part):
                 self._offer(part, DERIVED_LIMIT)
 
     def _offer(self, item: Item, limit: int) -> None:
@@ -130,7 +130,7 @@ class RecordingThread:
 
     def _write(self, item: Item) -> None:
         if isinstance(item, TopicRows):
-            self._recorder.write_rows(*item)
+            self._recorder.write_rows(item)
         else:
             self._recorder.write_raw(item.frames, item.receive_time_ns, link=item.link)
 
@@ -171,4 +171,4 @@ def merged(items: Iterable[Item]) -> Iterator[Item]:
 
 
 def _size(item: Item) -> int:
-    return len(item.payloads) if isinstance(item, TopicRows) else len(item.frames)
+    return len(item) if isinstance(item, TopicRows) else len(item.frames)

@@ -9,7 +9,7 @@ from gateway.config import Settings, as_tables, as_toml, load_settings, settings
 from gateway.errors import BadInput
 from gateway.estimation.settings import SOURCES
 from gateway.links.rate_requests import FULL_HZ, RADIO_HZ
-from gateway.recording.recorder import Compression
+from gateway.recording.writer import Compression
 from sim.following.follower import ControlLaw
 from sim.following.reference import ReferenceMode
 

@@ -4,6 +4,7 @@ import numpy as np
 import orjson
 import pytest
 
+from gateway.json_rows import TopicRows
 from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows
 
@@ -16,7 +17,8 @@ BOAT = "foxglove/boat_pose"
 def shown(rows: PlayerRows, times, topic="measured", row=ROW, **options):
     """Times of what is shown, by channel."""
     payloads = [orjson.dumps(row | {"receive_time_ns": int(t)}) for t in times]
-    found = rows.of(topic, np.asarray(times, np.int64), payloads, **options)
+    stamps = np.asarray(times, np.int64)
+    found = rows.of(TopicRows(topic, stamps, stamps, payloads), **options)
     return {s.channel.topic: [int(times[i]) for i in s.rows] for s in found}
 
 
@@ -41,8 +43,8 @@ def test_nothing_is_made_for_channels_that_nobody_wants(monkeypatch: pytest.Monk
     rows = PlayerRows(HZ)
     only = shown(rows, [5], wanted=lambda channel: channel.topic == BOAT)
     assert set(only) == {BOAT}
-    monkeypatch.setattr("gateway.recording.foxglove.orjson.loads", None)  # whoever calls it fails
-    monkeypatch.setattr(rows, "_thinned", None)
+    monkeypatch.setattr(TopicRows, "messages", None)  # whoever calls it fails
+    monkeypatch.setattr(rows, "_thinning", None)
     assert shown(rows, [5 * STEP_NS], wanted=lambda channel: False) == {}
 
 

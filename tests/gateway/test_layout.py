@@ -62,9 +62,9 @@ def leaves(node: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("path", list(paths()))
-def test_every_path_ends_at_a_field_that_is_recorded(path: str) -> None:
+def test_every_path_ends_at_a_field_of_a_topic(path: str) -> None:
     assert leaf_type(path) in ("number", "integer", "string")
-    assert TOPICS[path.split(".")[0]].recorded
+    assert path.split(".")[0] in TOPICS
 
 
 def test_a_path_that_leads_nowhere_is_noticed() -> None:

@@ -15,7 +15,8 @@ from mcap.writer import Writer
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.open import open_log
 from gateway.recording.reader import Recording, repair
-from gateway.recording.recorder import Compression, Recorder, RecordingSettings
+from gateway.recording.recorder import Recorder, RecordingSettings
+from gateway.recording.writer import Compression
 from tests.conftest import ROOT
 from tests.gateway.voyages import LATE, METADATA, VESSEL, event, frames_of, record, rows_of, times
 
@@ -149,7 +150,7 @@ path = Path(sys.argv[1])
 with Recorder(path, live=True, attachments=[VESSEL], metadata=METADATA) as recorder:
     while True:
         now = time.time_ns()
-        recorder.write_rows(*rows_of("measured", 1))
+        recorder.write_rows(rows_of("measured", 1))
         recorder.write_raw(frame, [now])
         print(now, flush=True)
         time.sleep(0.02)
@@ -207,7 +208,7 @@ def test_a_missing_file_and_a_folder_are_one_clear_line(tmp_path: Path) -> None:
 
 def test_a_recording_without_frames_is_no_log(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap", free=lambda _: 10**12) as recorder:
-        recorder.write_rows(*event())
+        recorder.write_rows(event())
     with pytest.raises(BadInput, match=r"holds no MAVLink frames.*simulate --log"):
         open_log(tmp_path / "a.mcap")
 

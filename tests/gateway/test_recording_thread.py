@@ -13,12 +13,12 @@ from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording import thread as thread_module
 from gateway.recording.reader import Recording
-from gateway.recording.recorder import TICK_LINK, Recorder, RecordingSettings, open_new
+from gateway.recording.recorder import TICK_LINK, Recorder, RecordingSettings, TopicsKept, open_new
 from gateway.recording.thread import Raw, RecordingThread, merged
 from tests.gateway.voyages import event, rows_of
 
 START = 1_700_000_000_000_000_000
-SETTINGS = RecordingSettings(minimum_free_bytes=1)
+SETTINGS = RecordingSettings(minimum_free_bytes=1, topics=TopicsKept.ALL)
 
 
 def recorder(path: Path, **more: Any) -> Recorder:

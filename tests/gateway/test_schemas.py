@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from gateway.json_rows import encode
+from gateway.json_rows import TopicRows, encode
 from gateway.recording.recorder import Recorder
 from gateway.topics import LOOP_TOPICS, TOPICS, FieldType, schema_files, write_schemas
 from tests.conftest import ROOT
@@ -69,9 +70,10 @@ def test_a_message_obeys_its_file_and_a_changed_one_does_not(topic: str) -> None
 def test_every_channel_of_a_recording_reads_as_strict_json_and_obeys_the_files(
     tmp_path: Path,
 ) -> None:
+    at = np.array([10**18])
     with Recorder(tmp_path / "all.mcap", free=lambda _: 10**12) as recorder:
         for topic in EVERY:
-            recorder.write_rows(topic, [10**18], [10**18], [some_message(topic)])
+            recorder.write_rows(TopicRows(topic, at, at, [some_message(topic)]))
     seen = set()
     with (tmp_path / "all.mcap").open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():

@@ -1,18 +1,20 @@
 """A short voyage in rows and frames, and writing it down: what recorder and reader tests share."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gateway.json_rows import TopicRows, encode, encode_rows
-from gateway.recording.recorder import Attachment, Recorder
+from gateway.recording.recorder import Attachment, Recorder, RecordingSettings, TopicsKept
 from gateway.topics import TOPICS, FieldType
 
 START = 1_700_000_000_000_000_000
 STEP = 20_000_000
 LATE = 7_000_000  # receipt after the boat's time
 VESSEL = Attachment("vessel.toml", "application/toml", b'name = "otter"\n')
+WHOLE = RecordingSettings(topics=TopicsKept.ALL)
 METADATA = {"shadow": {"gateway": "0.1.0", "vessel": "otter"}}
 
 
@@ -47,10 +49,11 @@ def frames_of(count: int, seed: int = 0) -> list[bytes]:
 
 def record(path: Path, rows: int = 100, **options: Any) -> tuple[Path, ...]:
     """Record a voyage of some rows -> the files."""
-    given = {"attachments": [VESSEL], "metadata": METADATA, **options}
+    settings = replace(options.pop("settings", WHOLE), topics=TopicsKept.ALL)
+    given = {"attachments": [VESSEL], "metadata": METADATA, "settings": settings, **options}
     with Recorder(path, free=lambda _: 10**12, **given) as recorder:
         for topic in ("measured", "shadow", "position", "control"):
-            recorder.write_rows(*rows_of(topic, rows))
-        recorder.write_rows(*event())
+            recorder.write_rows(rows_of(topic, rows))
+        recorder.write_rows(event())
         recorder.write_raw(frames_of(rows), times(rows) + LATE, times(rows), link="udpin:a")
     return recorder.paths

@@ -24,7 +24,8 @@ from gateway.offline.trials import TrialOptions, trials_of
 from gateway.recording.blocks import Block
 from gateway.recording.foxglove import PlayerRows
 from gateway.recording.reader import Recording, copy_messages
-from gateway.recording.recorder import RAW, Compression, RecordingFile
+from gateway.recording.recorder import RAW, RecordingFile
+from gateway.recording.writer import Compression
 from gateway.shadow.topic_rows import MOTION_FIELDS
 
 CHUNK_BYTES = 2 * 1024 * 1024
@@ -117,7 +118,7 @@ def packed_log(
             raise BadInput(f"{log.path}: no {absent[0]} in it")
         chosen = chosen_frames(frames, messages, rate_hz, system)
         file.start((), {})
-        times = np.maximum(chosen.receive_time_ns, 0).tolist()
+        times = chosen.receive_time_ns
         file.write(file.raw(""), times, times, chosen.frames())
         count = len(chosen)
     elif messages or rate_hz is not None:
@@ -153,10 +154,10 @@ def _write_motion(
         values = np.hstack([motion[:, MOTION_FIELDS], trial.std()[:, MOTION_FIELDS]])
         rows = encode_rows("measured", times, times, values, {"source": "measured"})
         stamps = rows.receive_time_ns
-        file.write(file.topic("measured"), stamps.tolist(), stamps.tolist(), rows.payloads)
-        count += len(rows.payloads)
-        for shown in players.of("measured", stamps, rows.payloads):
-            at = stamps[shown.rows].tolist()
+        file.write(file.topic("measured"), stamps, stamps, rows.payloads)
+        count += len(rows)
+        for shown in players.of(rows):
+            at = stamps[shown.rows]
             file.write(file.well_known(shown.channel), at, at, shown.payloads)
             count += len(shown.payloads)
     return count, ()

@@ -159,7 +159,10 @@ def test_a_message_that_fell_silent_is_not_held_on(log: Path, tmp_path: Path) ->
 def test_topics_of_a_recording_are_copied_and_thinned(
     run: Run, log: Path, boat: Path, tmp_path: Path
 ) -> None:
-    assert run("replay", log, "-v", boat, "--no-publish", "--out", tmp_path).status == 0
+    assert (
+        run("replay", log, "-v", boat, "--no-publish", "--out", tmp_path, "--topics", "all").status
+        == 0
+    )
     recorded = tmp_path / "voyage-shadow.mcap"
     export(recorded, "mcap", tmp_path / "a.mcap", topics=("residual", "HEARTBEAT"), rate_hz=1.0)
     found, whole = Recording.open(tmp_path / "a.mcap"), Recording.open(recorded)

@@ -21,6 +21,7 @@ from gateway.config import Settings, ZenohSettings, as_tables
 from gateway.errors import BadInput
 from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log, replay
 from gateway.recording.reader import Recording
+from gateway.recording.recorder import RecordingSettings, TopicsKept
 from gateway.shadow.adaptation import Adapt
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
@@ -35,7 +36,8 @@ from tests.gateway.pipelines.sailing import frames, tlog, voyage
 from tests.gateway.test_effect_files import FILE
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
-UNHEARD = Settings(zenoh=ZenohSettings(publish=False))
+WHOLE = RecordingSettings(topics=TopicsKept.ALL)
+UNHEARD = Settings(zenoh=ZenohSettings(publish=False), recording=WHOLE)
 OTTER = ROOT / "configs" / "vessels" / "otter.toml"
 
 

@@ -15,7 +15,7 @@ from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.boats import BoatPlan, LiveBoat
 from gateway.live.gateway import Gateway, LiveOptions
-from gateway.recording.recorder import RecordingSettings
+from gateway.recording.recorder import RecordingSettings, TopicsKept
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.program import program_of
 from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
@@ -31,7 +31,7 @@ TURN_NS = 25_000_000  # the loop's longest sleep
 SETTINGS = Settings(
     following=FollowingSettings(reference=ReferenceMode.AUTO),
     zenoh=ZenohSettings(publish=False),
-    recording=RecordingSettings(minimum_free_bytes=1),
+    recording=RecordingSettings(minimum_free_bytes=1, topics=TopicsKept.ALL),
 )
 LINK = "udpin:played"
 

@@ -120,7 +120,8 @@ def program(
     port = free_port()
     endpoint = endpoint or f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     (folder / "boat.toml").write_text(dump_vessel(WAMV))
-    recording = "" if "minimum_free_bytes" in config else "minimum_free_bytes = 1\n"
+    recording = 'topics = "all"\n'  # what is published is compared with what is recorded
+    recording += "" if "minimum_free_bytes" in config else "minimum_free_bytes = 1\n"
     (folder / "gateway.toml").write_text(
         f'[zenoh]\nendpoint = "{endpoint}"\n[recording]\n{recording}{config}'
     )

@@ -176,7 +176,7 @@ def test_without_a_client_nothing_is_made(monkeypatch: pytest.MonkeyPatch) -> No
 
     with Deck(settings=SERVED) as deck:
         monkeypatch.setattr("foxglove.Channel.log", never)
-        monkeypatch.setattr("gateway.recording.foxglove.PlayerRows._thinned", never)
+        monkeypatch.setattr("gateway.recording.foxglove.RowThinning.of", never)
         heard = deck.hear(datagrams(played(3.0))).heard()
     assert len(heard.payloads["shadow"]) > 100
 
