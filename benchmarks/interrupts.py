@@ -28,7 +28,7 @@ from gateway.bus import session_config
 ROOT = Path(__file__).resolve().parent.parent
 PATIENCE_S = 60.0
 STARTED_S = 120.0
-SHADOW = (sys.executable, "-c", "from gateway.cli import main; main()")
+SHADOW = (sys.executable, "-X", "faulthandler", "-c", "from gateway.cli import main; main()")
 LOG = ROOT / "recordings" / "voyage_1.tlog"
 VESSEL = ROOT / "configs" / "vessels" / "demo_boat.toml"
 
@@ -80,8 +80,9 @@ def interrupted(name: str, rng: random.Random, listen: bool) -> str:
             process.send_signal(signal.SIGINT)
             _, err = process.communicate(timeout=PATIENCE_S)
         except subprocess.TimeoutExpired:
-            os.kill(process.pid, signal.SIGABRT)
+            os.kill(process.pid, signal.SIGABRT)  # the fault handler says where it hangs
             _, err = process.communicate()
+            print(err, file=sys.stderr)
             return "hang"
         finally:
             if session is not None:
@@ -90,6 +91,7 @@ def interrupted(name: str, rng: random.Random, listen: bool) -> str:
                 process.kill()
                 process.wait()
         if process.returncode not in good:
+            print(err, file=sys.stderr)
             return f"status {process.returncode}: {err.strip().splitlines()[-1:]}"
         left = [p.name for p in folder.rglob("*.part")]
         return f"left {left}" if left else "in order"

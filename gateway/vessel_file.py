@@ -60,6 +60,7 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
         vessel = Vessel(
             name=read.name,
             source=read.source,
+            sketch=read.sketch,
             hull=_hull(read),
             dynamics=Dynamics(**dict(read.dynamics)),
             thrusters=tuple(Thruster(**_actuator(t)) for t in read.thrusters),
@@ -212,6 +213,7 @@ def vessel_tables(
     file = VesselFile(
         name=vessel.name,
         source=vessel.source,
+        sketch=vessel.sketch,
         hull=HullTable(**vars(hull)),
         dynamics=DynamicsTable(**vars(vessel.dynamics)),
         thrusters=tuple(ThrusterTable(**_flat(t)) for t in vessel.thrusters),

@@ -194,6 +194,7 @@ class VesselFile(StrictTable):
 
     name: str
     source: str = ""
+    sketch: bool = False
     hull: HullTable
     dynamics: DynamicsTable
     thrusters: Annotated[tuple[ThrusterTable, ...], Field(min_length=1)]

@@ -256,6 +256,7 @@ class Vessel:
     sensors: Sensors = field(default_factory=Sensors)
     effects: tuple[AddedEffect, ...] = ()
     source: str = ""
+    sketch: bool = False  # its dynamics were never fitted to a boat that moved
 
     def __post_init__(self) -> None:
         for added in self.effects:
@@ -283,10 +284,11 @@ class Vessel:
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What was assumed for its effects to act, a sentence each."""
-        if not self.assumes_wind_area:
-            return ()
-        return (f"{areas_text(*self.hull.areas)}; give hull.wind_area in the vessel file",)
+        """What stands behind no measurement, a sentence each: a sketch, areas for its effects."""
+        sketch = f"a sketch, not fitted to any recording ({self.source}): identify it first"
+        areas = f"{areas_text(*self.hull.areas)}; give hull.wind_area in the vessel file"
+        told = ((self.sketch, sketch), (self.assumes_wind_area, areas))
+        return tuple(text for true, text in told if true)
 
     @property
     def actuators(self) -> tuple[Thruster | Rudder, ...]:

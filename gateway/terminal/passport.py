@@ -22,6 +22,7 @@ def show_passport(read: Passport) -> None:
     console.print(table)
     if read.vessel.source:
         console.print(f"source: {read.vessel.source}", markup=False, highlight=False)
+    console.notices(read.vessel.assumptions)
 
 
 def show_difference(first: Passport, second: Passport) -> None:

@@ -31,6 +31,7 @@ def updated_vessel(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
         thrusters=tuple(replace(t, **_moved(t, values)) for t in vessel.thrusters),
         rudders=tuple(replace(r, **_moved(r, values)) for r in vessel.rudders),
         effects=_effects(vessel, values),
+        sketch=vessel.sketch and not base,
     )
 
 

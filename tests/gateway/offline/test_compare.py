@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,13 @@ import pytest
 from gateway.errors import BadInput
 from gateway.offline.compare import as_json, compare_logs, distinct_vessels
 from gateway.terminal.identification import show_comparisons
+from gateway.vessel_file import load_vessel
+from sim.identification.vessel_update import updated_vessel
 from sim.trial import Stretch
+from tests.conftest import ROOT
 from tests.sim.voyages import WAM_V, simulated
+
+VESSELS = ROOT / "configs" / "vessels"
 
 
 @pytest.fixture
@@ -60,13 +64,43 @@ def test_pictures_go_into_the_folder(logs, tmp_path):
 
 
 def test_a_log_of_an_autopilot(shared_data):
-    """The same voyage as telemetry and as flash log: the same error, well above the noise."""
-    vessel = Path(__file__).parents[3] / "configs" / "vessels" / "otter.toml"
+    """The same voyage as telemetry and as flash log: the same error, near the noise."""
+    vessel = VESSELS / "otter.toml"
     files = [shared_data / "sitl" / f"otter_calm.{kind}" for kind in ("tlog", "BIN")]
     tlog, flash = compare_logs(files, [vessel])
-    assert tlog.nrmse == pytest.approx(flash.nrmse, rel=0.1)
-    assert tlog.noise_floor_nrmse < 0.5 * tlog.nrmse
+    assert tlog.nrmse == pytest.approx(flash.nrmse, rel=0.25)
+    assert tlog.nrmse < 2.0 * tlog.noise_floor_nrmse
     assert tlog.scores.r2["u"] > 0.9
+
+
+UNSEEN = {
+    "otter": "otter_piece",
+    "demo_boat": "voyage_3",
+}  # not fitted to these recordings
+PUBLISHED = {"iacquabot", "wam-v"}  # identified by others, on data that are not here
+
+
+@pytest.mark.parametrize("name", [path.stem for path in sorted(VESSELS.glob("*.toml"))])
+def test_each_vessel_that_ships_is_what_it_says(name):
+    vessel = load_vessel(name)
+    assert vessel.sketch == (name not in UNSEEN.keys() | PUBLISHED)
+    if name in UNSEEN:
+        log = ROOT / "recordings" / f"{UNSEEN[name]}.tlog"
+        (found,) = compare_logs([log], [vessel])
+        assert found.nrmse < 1.2 * found.noise_floor_nrmse
+        assert not any("sketch" in notice for notice in found.notices)
+    elif vessel.sketch:
+        assert f"{vessel.source}): identify it first" in " ".join(vessel.assumptions)
+    else:
+        assert "Robotics 2025" in vessel.source
+
+
+def test_a_sketch_is_one_until_its_numbers_are_fitted():
+    sketch = load_vessel("blueboat")
+    assert updated_vessel(sketch, {"left.ahead": 60.0}).sketch
+    assert not updated_vessel(sketch, {"m11": 17.0}).sketch
+    (found,) = compare_logs([ROOT / "recordings" / "otter_piece.tlog"], [sketch])
+    assert any(n.startswith("BlueBoat: a sketch, not fitted") for n in found.notices)
 
 
 def test_names_are_shown_as_they_are_whatever_brackets_they_hold(logs, capsys):
