@@ -28,8 +28,8 @@ from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.hil.boat import Boat
 from sim.hil.day import Day, Wind
-from sim.hil.waves import Sea
 from sim.model import Model
+from sim.plants.waves import Sea
 from sim.vessel import AddedEffect
 
 RATE_HZ = 400

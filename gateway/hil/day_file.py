@@ -17,7 +17,7 @@ from gateway.user_effects import known_effects
 from gateway.vessel_tables import StrictTable
 from sim.effects.effect import Effect
 from sim.hil.day import Day, Moment, Wind
-from sim.hil.waves import Sea
+from sim.plants.waves import Sea
 from sim.vessel import AddedEffect
 
 NotNegative = Annotated[float, Ge(0.0)]

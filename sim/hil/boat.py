@@ -15,11 +15,11 @@ import numpy as np
 
 from sim.hil.battery import Battery, effort
 from sim.hil.day import Day, Schedule, vessel_of_day
-from sim.hil.hydrostatics import hull_shape
 from sim.hil.inertial import Attitude, body_rates, specific_force, world_acceleration
 from sim.hil.sensors import Readings, noisy, with_errors
-from sim.hil.waves import no_waves
 from sim.model import MIN_STABLE_STEP_S, Model
+from sim.plants.hydrostatics import hull_shape
+from sim.plants.waves import no_waves
 from sim.state import Floats, to_body, to_world
 from sim.vessel import Servo, Vessel
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sim.effects.effect import Effect
-from sim.hil.waves import Sea
 from sim.model import Model
+from sim.plants.waves import Sea
 from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel
 

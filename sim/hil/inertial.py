@@ -16,7 +16,7 @@ Marine Craft Hydrodynamics and Motion Control, 2nd ed. 2021, §2.2, §14.4 (kine
 from math import cos, sin
 from typing import NamedTuple
 
-from sim.hil.hydrostatics import GRAVITY
+from sim.plants.hydrostatics import GRAVITY
 from sim.state import to_world
 
 Vector = tuple[float, float, float]

@@ -2,7 +2,7 @@
 
 Surge, sway and yaw follow the balance of the vessel under its commands and the force of the waves.
 Heave z [m, down], roll φ and pitch θ [rad] are oscillators about the surface of the water as the
-hull sees it (`sim.hil.hydrostatics`):
+hull sees it (`sim.plants.hydrostatics`):
 
     q̈ + 2 ζ ω_n q̇ + ω_n² (q − q_w) = 0        q = z, φ, θ
 
@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.hil.hydrostatics import HullShape, oscillator_step
-from sim.hil.waves import WaveLoad, wave_load
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
 from sim.kernel.loops import held_inputs, motion_of_state, set_row
+from sim.plants.hydrostatics import HullShape, oscillator_step
+from sim.plants.waves import WaveLoad, wave_load
 from sim.state import Floats
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def step_afloat(
 
     row (NX + 6,): state, then z, ż, φ, φ̇, θ, θ̇; changed in place. A memory of NaN starts settled.
     commands (na,); air (3,): voltage [V], wind north, east [m/s, NaN: not measured]; shape_row
-    (12,) of `HullShape`; waves (K, 5) of `sim.hil.waves` -> out (32,): true motion (9), reported
+    (12,) of `HullShape`; waves (K, 5) of `sim.plants.waves` -> out (32,): true motion (9), reported
     motion (9), second derivatives of z, φ and θ, elevation of the water [m], its velocity north
     and east [m/s], τ(commands) (3), force of the waves (3); two are free.
     """

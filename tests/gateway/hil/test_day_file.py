@@ -5,7 +5,7 @@ import pytest
 from gateway.errors import BadInput
 from gateway.hil.day_file import load_day
 from sim.hil.day import Wind
-from sim.hil.waves import Sea
+from sim.plants.waves import Sea
 
 WHOLE = """
 depth = 8.0

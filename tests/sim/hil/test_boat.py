@@ -8,9 +8,9 @@ import pytest
 from sim.effects.catalogue import EFFECTS
 from sim.hil.boat import Boat, command_of
 from sim.hil.day import Day, Moment, Wind, vessel_of_day
-from sim.hil.hydrostatics import GRAVITY
-from sim.hil.waves import Sea
 from sim.model import Model
+from sim.plants.hydrostatics import GRAVITY
+from sim.plants.waves import Sea
 from sim.vessel import AddedEffect, Sensors, Servo
 from tests.sim.vessels import RUDDER_BOAT, WAMV
 

@@ -25,8 +25,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import PCG64, Generator
 
-from sim.hil.hydrostatics import GRAVITY, HullShape
 from sim.jit import jitable
+from sim.plants.hydrostatics import GRAVITY, HullShape
 from sim.state import Floats
 
 TRAINS = 24  # of a spectrum: their sum repeats after minutes, not seconds
