@@ -38,7 +38,7 @@ from gateway.errors import BadInput
 from gateway.estimation.settings import FilterSettings, WhiteNoise
 from gateway.ingest.mcap import MAGIC
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
-from gateway.plants import plant_relative_to
+from gateway.plants.choice import plant_relative_to
 from gateway.recording.foxglove_server import parse_address
 from gateway.recording.origin_gate import ORIGIN
 from gateway.recording.reader import Recording

@@ -22,6 +22,7 @@ from gateway.vessel_tables import (
     AREAS_KEY,
     ASSUMED_AREAS,
     DynamicsTable,
+    FloatingTable,
     HullTable,
     Provenance,
     Revision,
@@ -36,6 +37,7 @@ from sim.model import parameters_of
 from sim.vessel import (
     AddedEffect,
     Dynamics,
+    Floating,
     Hull,
     Rudder,
     Sensors,
@@ -66,6 +68,7 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
             thrusters=tuple(Thruster(**_actuator(t)) for t in read.thrusters),
             rudders=tuple(Rudder(**_actuator(r)) for r in read.rudders),
             sensors=Sensors(**dict(read.sensors)),
+            floating=Floating(**dict(read.floating)),
             effects=tuple(
                 _effect(file, f"effects[{i}]", entry, given) for i, entry in enumerate(read.effects)
             ),
@@ -219,6 +222,7 @@ def vessel_tables(
         thrusters=tuple(ThrusterTable(**_flat(t)) for t in vessel.thrusters),
         rudders=tuple(RudderTable(**_flat(r)) for r in vessel.rudders),
         sensors=SensorsTable(**vars(vessel.sensors)),
+        floating=FloatingTable(**vars(vessel.floating)),
         effects=tuple({"type": a.effect.name, **a.values} for a in vessel.effects),
         provenance=provenance,
         history=tuple(history),

@@ -30,6 +30,7 @@ Azimuth = Annotated[float, Ge(-3.1416), Le(3.1416)]
 Steering = Annotated[float, Gt(-1.58), Lt(1.58)]  # rad: degrees by mistake are caught
 Channel = Annotated[int, Ge(1), Le(32)]
 Point = tuple[float, float]
+Column = tuple[Metres, Metres, Positive]
 
 
 def _ascending(pwm: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -157,6 +158,19 @@ class SensorsTable(StrictTable):
     velocity_noise: NotNegative = 0.0
 
 
+MAX_POINTS = 500  # columns of a hull, each of them computed in every step
+
+
+class FloatingTable(StrictTable):
+    """[floating]"""
+
+    points: Annotated[tuple[Column, ...], Field(max_length=MAX_POINTS)] = ()
+    inertia: tuple[Positive, Positive, Positive] | None = None
+    centre_of_gravity: Metres | None = None
+    freeboard: Annotated[float, Gt(0.0), Le(LONGEST_M)] | None = None
+    thruster_depth: Metres | None = None
+
+
 GUESSED = "guessed from size"  # provenance of a number that was never measured
 ASSUMED_AREAS = "assumed from length and beam: measure it"  # … and of the areas above water
 AREAS_KEY = "hull.wind_area"
@@ -200,6 +214,7 @@ class VesselFile(StrictTable):
     thrusters: Annotated[tuple[ThrusterTable, ...], Field(min_length=1)]
     rudders: Annotated[tuple[RudderTable, ...], Field(max_length=MAX_RUDDERS)] = ()
     sensors: SensorsTable = SensorsTable()
+    floating: FloatingTable = FloatingTable()
     effects: Annotated[tuple[dict[str, Any], ...], Field(max_length=MAX_EFFECTS)] = ()
     provenance: dict[str, Provenance] = Field(default_factory=dict)
     history: tuple[Revision, ...] = ()

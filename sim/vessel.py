@@ -135,6 +135,24 @@ class Hull:
 
 
 @dataclass(frozen=True)
+class Floating:
+    """The hull in six degrees of freedom (`sim.plants.floating`); what is not given is assumed.
+
+    points              columns of the waterline: x, y [m, FRD], area [m²]
+    inertia             I_x, I_y, I_z [kg m²] of the hull alone about its centre of gravity
+    centre_of_gravity   m, down from the waterline at rest
+    freeboard           m of hull above the waterline
+    thruster_depth      m below the waterline where thrusters push
+    """
+
+    points: tuple[tuple[float, float, float], ...] = ()
+    inertia: tuple[float, float, float] | None = None
+    centre_of_gravity: float | None = None
+    freeboard: float | None = None
+    thruster_depth: float | None = None
+
+
+@dataclass(frozen=True)
 class Dynamics:
     """Base dynamics: inertia with added mass [kg, kg, kg m²], damping derivatives (negative)."""
 
@@ -254,6 +272,7 @@ class Vessel:
     thrusters: tuple[Thruster, ...]
     rudders: tuple[Rudder, ...] = ()
     sensors: Sensors = field(default_factory=Sensors)
+    floating: Floating = field(default_factory=Floating)
     effects: tuple[AddedEffect, ...] = ()
     source: str = ""
     sketch: bool = False  # its dynamics were never fitted to a boat that moved

@@ -111,7 +111,7 @@ LAYERS = {
         api
     """,
     "gateway": """
-        errors jit samples stopping topics user_state
+        errors samples stopping topics user_state
         outputs toml_file log_line
         files json_rows
         user_effects estimation recording bus vessel_tables

@@ -13,6 +13,7 @@ from gateway.commands.options import (
     EffectFiles,
     Force,
     Plant,
+    PlayedBy,
     Publish,
     Record,
     Reference,
@@ -98,8 +99,8 @@ def live(
 
 
 def show_plants(json: AsJson = False) -> None:
-    """The kinds of plant that can play a shadow (--plant of live and replay)."""
-    from gateway.plants import known_plants
+    """The kinds of plant that can play a boat or its shadow (--plant)."""
+    from gateway.plants.choice import known_plants
     from gateway.terminal.recordings import show_plants as show
 
     known = [
@@ -117,6 +118,7 @@ def simulate(
             "also mixed, steps, zigzag, … (shadow plan --list)."
         ),
     ] = None,
+    plant: PlayedBy = None,
     follow: Annotated[
         Path | None, typer.Option("--follow", help="A second vessel that follows the first.")
     ] = None,
@@ -146,6 +148,10 @@ def simulate(
     force: Force = False,
 ) -> None:
     """Commands in, motion out, as a recording; --live plays a boat, --log writes its telemetry."""
+    if plant is not None and (live is not None or log is not None):
+        raise BadInput(
+            "--plant goes with a table of commands; shadow hil plays one to an autopilot"
+        )
     if live is not None and log is not None:
         raise BadInput("--live and --log: a boat is played to one of them, give one")
     if log is not None:
@@ -170,6 +176,7 @@ def simulate(
         return
     from gateway.offline.simulate import recording_file
     from gateway.offline.simulate import simulate as work
+    from gateway.plants.choice import load_plant
     from gateway.terminal.recordings import show_simulation
 
     if commands is None:
@@ -179,7 +186,8 @@ def simulate(
     with guarded_outputs("simulate", inputs, [recording_file(Path(commands), out)], force):
         follower = vessel_from(follow, effects) if follow else None
         boat = vessel_from(vessel, effects)
-        done = work(Path(commands), boat, follower, out, options=options)
+        played_by = load_plant(plant, effects_from(effects))
+        done = work(Path(commands), boat, follower, out, options=options, plant=played_by)
     show_simulation(done)
 
 
@@ -207,6 +215,7 @@ def hil(
     speed: Annotated[
         float, typer.Option(min=0.01, help="Times real time, for PX4; ArduPilot: SIM_SPEEDUP.")
     ] = 1.0,
+    plant: PlayedBy = None,
     outputs: Annotated[
         str | None,
         typer.Option(
@@ -226,13 +235,17 @@ def hil(
     """
     from gateway.hil.day_file import load_day
     from gateway.hil.run import DEFAULT_ENDPOINT, LoopOptions, plans_of, run_until_stopped
+    from gateway.plants.choice import load_plant
     from gateway.vessel_file import load_vessel
 
     if not vessel:
         raise BadInput("no model of the boat: give --vessel FILE (TOML)")
     own = effects_from(effects)
     plans = plans_of(endpoints or [DEFAULT_ENDPOINT], vessel, lambda file: load_vessel(file, own))
-    options = LoopOptions(seed=seed, out=out if record else None, speed=speed, outputs=outputs)
+    options = LoopOptions(
+        seed=seed, out=out if record else None, speed=speed, outputs=outputs,
+        plant=load_plant(plant, own),
+    )  # fmt: skip
     if script is not None:
         day, text = load_day(script, own)
         options = replace(options, day=day, day_text=text)

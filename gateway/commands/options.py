@@ -112,6 +112,14 @@ Plant = Annotated[
         help="What plays the shadow (shadow plants); FILE alone is a vessel. Default: the vessel.",
     ),
 ]
+PlayedBy = Annotated[
+    str | None,
+    typer.Option(
+        "--plant",
+        metavar="KIND[:FILE]",
+        help="What moves under the vessel's actuators (shadow plants). Default: the vessel.",
+    ),
+]
 Reference = Annotated[
     str | None,
     typer.Option(

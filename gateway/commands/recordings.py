@@ -102,7 +102,7 @@ def replay(
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.config import recorded_settings
     from gateway.offline import replay as work
-    from gateway.plants import load_plant
+    from gateway.plants.choice import load_plant
     from gateway.terminal.console import progress_bar
     from gateway.terminal.recordings import show_replay
 

@@ -34,7 +34,7 @@ from gateway.estimation.measurement import new_workspace
 from gateway.estimation.names import KINDS, Flag, State
 from gateway.estimation.settings import FilterModel, FilterSettings
 from gateway.estimation.step import Event, valid
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
 

@@ -18,7 +18,7 @@ from gateway.estimation.step import (
     predict_over,
     update_gated,
 )
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints
 
 

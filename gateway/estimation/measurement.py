@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gateway.estimation.names import STATES, MeasurementKind, State
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Floats, wrap
 
 

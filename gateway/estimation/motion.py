@@ -13,7 +13,7 @@ import numpy as np
 
 from gateway.estimation.names import STATES, State
 from gateway.estimation.settings import FilterModel
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Floats
 
 # Gauss-Legendre on [0, 1]: the noise of a step is an integral whose closed form cancels badly for

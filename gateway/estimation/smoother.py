@@ -33,7 +33,7 @@ from gateway.estimation.motion import COLUMNS, ROWS, predict, predict_about
 from gateway.estimation.names import GATE_RECORDS, KINDS, STATES, Flag, State
 from gateway.estimation.settings import FilterModel, FilterSettings
 from gateway.estimation.step import Event, KalmanState, initialise, update_gated, valid
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
 

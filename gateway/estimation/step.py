@@ -14,7 +14,7 @@ from gateway.estimation.measurement import Workspace, innovation_covariance, lin
 from gateway.estimation.motion import predict
 from gateway.estimation.names import STATES, Flag, GateRecord, MeasurementKind, State
 from gateway.estimation.settings import FilterModel
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Floats, wrap
 
 # Chosen, not measured: what follows is far beyond the motion of a boat.

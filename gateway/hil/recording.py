@@ -14,7 +14,7 @@ from gateway.recording.thread import RecordingThread
 from gateway.shadow.topic_rows import METADATA, attachments_of
 from gateway.topics import OUTPUTS
 from sim.hil.boat import Truth
-from sim.plants.table import OWN_VESSEL
+from sim.plants.table import OWN_VESSEL, VESSEL, PlantChoice
 from sim.vessel import Vessel
 
 EVERY_S = 0.02
@@ -23,15 +23,21 @@ ROUNDING_S = 1e-6  # sums of steps miss a multiple of 20 ms by less
 
 
 def loop_recorder(
-    folder: Path, name: str, vessel: Vessel, day_text: str | None, seed: int
+    folder: Path,
+    name: str,
+    vessel: Vessel,
+    day_text: str | None,
+    seed: int,
+    plant: PlantChoice = OWN_VESSEL,
 ) -> Recorder:
-    """A recording `<name>-hil-<time>.mcap` with vessel and day in it."""
+    """A recording `<name>-hil-<time>.mcap` with vessel, plant and day in it."""
     stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
     config = {"hil": {"seed": seed}}
-    attached = attachments_of(vessel, OWN_VESSEL, config)
+    attached = attachments_of(vessel, plant, config)
     if day_text is not None:
         attached.append(Attachment("day.toml", "application/toml", day_text.encode()))
     entries = {"gateway": version("shadow-gateway"), "vessel": name, "hil": "yes"}
+    entries |= {} if plant.kind is VESSEL else {"plant": plant.kind.name}
     return Recorder(
         unused_path(folder, f"{name}-hil-{stamp}"),
         attachments=attached,

@@ -32,6 +32,7 @@ from gateway.stopping import stop_on_signals
 from gateway.vessel_file import dump_vessel, zenoh_key
 from sim.hil.boat import Boat
 from sim.hil.day import Day
+from sim.plants.table import OWN_VESSEL, PlantChoice
 from sim.state import Progress
 from sim.vessel import Vessel
 
@@ -122,7 +123,8 @@ class LoopOptions:
     """Day, its text for the recording, seed, folder of the recordings (None: none), how long.
 
     `seconds` is of the clock on the wall. `speed`: times real time, for PX4 in lock-step.
-    `outputs`: the link on which the servo outputs of a board come back.
+    `outputs`: the link on which the servo outputs of a board come back. `plant`: what moves under
+    the vessels' actuators.
     """
 
     day: Day = field(default_factory=Day)
@@ -132,6 +134,7 @@ class LoopOptions:
     seconds: float = float("inf")
     speed: float = 1.0
     outputs: str | None = None
+    plant: PlantChoice = OWN_VESSEL
 
 
 def protocol_of(endpoint: str) -> tuple[LoopProtocol, Transport]:
@@ -177,7 +180,7 @@ class BoatLoop:
     ) -> None:
         self.plan = plan
         try:
-            boat = Boat.of(plan.vessel, options.day, options.seed)
+            boat = Boat.of(plan.vessel, options.day, options.seed, options.plant)
         except ValueError as error:
             raise BadInput(f"{plan.name}: {error}") from None
         self.recording: RecordingThread | None = None
@@ -185,13 +188,14 @@ class BoatLoop:
         checkpoint = None
         if options.out is not None:
             recorder = loop_recorder(
-                options.out, plan.name, boat.vessel, options.day_text, options.seed
+                options.out, plan.name, boat.vessel, options.day_text, options.seed, options.plant
             )
             self.recording = scope.enter_context(RecordingThread(recorder))
             self._truth = TruthRecording(plan.name, self.recording, time.time_ns())
-            identity = f"{dump_vessel(boat.vessel)}{options.day_text}{options.seed}"
-            state_file = options.out / f"{plan.name}-hil.state"
-            checkpoint = scope.enter_context(Checkpoint(state_file, identity))
+            if options.plant == OWN_VESSEL:  # the state of any other plant may be of any kind
+                identity = f"{dump_vessel(boat.vessel)}{options.day_text}{options.seed}"
+                state_file = options.out / f"{plan.name}-hil.state"
+                checkpoint = scope.enter_context(Checkpoint(state_file, identity))
         self.notices = Notices(plan.name, progress)
         self.played = Played(plan.name, boat, self.notices, self._truth, checkpoint)
         protocol, self._transport = protocol_of(plan.endpoint)

@@ -18,7 +18,7 @@ from enum import IntEnum
 import numpy as np
 
 from gateway.ingest.mapping import UNIX_FROM_US, Counter
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Ints
 
 SECOND = 1_000_000_000  # ns

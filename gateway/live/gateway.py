@@ -34,7 +34,7 @@ from gateway.live.metrics import Metrics
 from gateway.live.outputs import FIRST_RETRY_S, BoatOutputs, EarlyDatagrams, start_recording
 from gateway.live.rate_requests import RateRequests
 from gateway.log_line import LogLine
-from gateway.plants import load_plant
+from gateway.plants.choice import load_plant
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow.health import SECOND
 from gateway.shadow.inputs import TICK_S

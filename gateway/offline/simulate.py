@@ -21,7 +21,9 @@ from gateway.shadow.path import follower_of
 from gateway.shadow.topic_rows import MOTION_FIELDS
 from gateway.vessel_file import dump_vessel
 from sim.following.follower import FollowerOptions
+from sim.hil.boat import Boat
 from sim.model import Model
+from sim.plants.table import OWN_VESSEL, PlantChoice
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -93,14 +95,20 @@ def simulate(
     out: Path,
     rate_hz: float = 50.0,
     options: FollowerOptions | None = None,
+    plant: PlantChoice = OWN_VESSEL,
 ) -> SimulationResult:
-    """Run the vessel on a table of commands; record it, and the vessel that follows it."""
+    """Run the vessel on a table of commands; record it, and the vessel that follows it.
+
+    A `plant` of another kind moves under the vessel's actuators.
+    """
     times, values = read_commands(commands, vessel)
     model = Model.of(vessel)
     grid = np.arange(0.0, times[-1], 1.0 / rate_hz)
     held = values[np.searchsorted(times, grid, side="right") - 1]
-    _, reports = model.simulate(held, 1.0 / rate_hz)
-    motion = reports[0, :-1]
+    if plant == OWN_VESSEL:
+        motion = model.simulate(held, 1.0 / rate_hz)[1][0, :-1]
+    else:
+        motion = _moved(vessel, plant, held, 1.0 / rate_hz)
     _, commanded = model.missing_force(motion, grid, held, held)
     followed = forces = None
     if follow is not None:
@@ -113,6 +121,21 @@ def simulate(
     simulated = SimulationResult(grid, motion, followed, forces, commanded, held, file, notices)
     _record(simulated, vessels)
     return simulated
+
+
+def _moved(vessel: Vessel, plant: PlantChoice, commands: Floats, dt: float) -> Floats:
+    """Motion (T, 9) of a plant under the vessel's actuators, at the start of each interval."""
+    try:
+        boat = Boat.of(vessel, plant=plant)
+    except ValueError as error:
+        raise BadInput(f"{vessel.name}: {error}") from None
+    channels, pulses = vessel.pulses(commands)
+    state, out = boat.start(), np.empty((len(commands), 9))
+    _, _, truth = boat.step(state, {}, 0.0)
+    for k, row in enumerate(pulses.tolist()):
+        out[k] = truth.north, truth.east, truth.yaw, *truth[1:7]
+        state, _, truth = boat.step(state, dict(zip(channels, row, strict=True)), dt)
+    return out
 
 
 LOG_COLUMNS = {  # column of the table -> its unit, and the component of the motion

@@ -23,7 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 
 Integers = NDArray[np.int64]
 

@@ -19,8 +19,8 @@ from enum import IntFlag
 import numpy as np
 
 from gateway.estimation.names import MeasurementKind
-from gateway.jit import compiled
 from gateway.shadow.inputs import FilterInputs
+from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
 
 # All chosen, not measured.

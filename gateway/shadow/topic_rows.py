@@ -35,8 +35,10 @@ def attachments_of(
     own = [a.effect for v in files.values() for a in v.effects if a.effect not in EFFECTS]
     sources = {effect.file: effect.source_code for effect in own}
     text = orjson.dumps(config, option=orjson.OPT_INDENT_2)
+    table = [Attachment("plant.toml", "application/toml", plant.table.encode())]
     return [
         *(Attachment(n, "application/toml", dump_vessel(v).encode()) for n, v in files.items()),
+        *(table if plant.table else ()),
         *(Attachment(n, "text/x-python", source.encode()) for n, source in sources.items()),
         Attachment("config.json", "application/json", text),
     ]

@@ -112,10 +112,12 @@ def _column(t: Thruster) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class FollowerState:
-    """The carried row (read-only), and the state of a plant that is not compiled."""
+    """The carried row (read-only); of a plant that is not compiled its state, and what the
+    controller remembers."""
 
     carry: Floats
     plant: Any = None
+    controller: Any = None
 
 
 class FollowerResult(NamedTuple):

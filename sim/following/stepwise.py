@@ -1,10 +1,11 @@
-"""The follower of any plant, step by step in Python: the same law and rows as the compiled loop.
+"""The follower of any plant, step by step in Python: the same rows as the compiled loop.
 
-For plants that cannot be compiled (a physics engine, an FMU); see `sim.following.loops`.
+For plants that cannot be compiled (a physics engine, an FMU); see `sim.following.loops`. One whose
+laws can be inverted follows by the same law, any other by prediction (`sim.following.predictive`).
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,10 @@ from sim.following.follower import (
 )
 from sim.following.law import commanded_acceleration, corrected_reference
 from sim.following.loops import CONTROL_STEP, allocate_thrust
+from sim.following.predictive import Control, Prediction
 from sim.kernel.arrays import air, flags, floats, frozen
 from sim.model import Model
-from sim.plants.plant import Plant, PlantInputs, PlantMotion
+from sim.plants.plant import InvertiblePlant, Plant, PlantInputs, PlantMotion
 from sim.plants.table import VESSEL, PlantKind
 from sim.state import Eta, Floats, Pose, Velocity, Wrench, wrap
 from sim.vessel import Vessel
@@ -42,12 +44,54 @@ def follower_for(
     return PlantFollower.of(kind.build(model), options, model.vessel)
 
 
-class _Control(NamedTuple):
-    """A force, the integral of e with it, and whether thrust limits bind."""
+class Controller(Protocol):
+    """Chooses the force on a plant. Its memory is a value that goes in and comes out."""
 
-    tau: Wrench
-    integral: Velocity
-    limited: bool
+    @property
+    def longest_step(self) -> float:
+        """How long a force may be held [s]."""
+        ...
+
+    def start(self) -> Any:
+        """The memory before the first force."""
+        ...
+
+    def control(
+        self, state: Any, ref: Floats, integral: Velocity, last: Wrench, inputs: PlantInputs,
+        h: float, memory: Any,
+    ) -> tuple[Control, Any]:  # fmt: skip
+        """τ_c for a reference row (9,) that is to act for h [s] after the force `last`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """The law of `sim.following.law` on a plant that tells which force an acceleration takes."""
+
+    plant: InvertiblePlant
+    options: FollowerOptions
+    limits: ThrustLimits
+    longest_step: float = CONTROL_STEP
+
+    def start(self) -> None:
+        """It remembers nothing."""
+
+    def control(
+        self, state: Any, ref: Floats, integral: Velocity, last: Wrench, inputs: PlantInputs,
+        h: float, memory: None,
+    ) -> tuple[Control, None]:  # fmt: skip
+        """τ_c for a reference row (9,); the integral grows by one step h unless limits bind."""
+        gains, at = self.options.gains, self.plant.motion(state)
+        nu_ref = corrected_reference(Pose(*ref[:3]), Velocity(*ref[3:6]), at.pose, gains)
+        error = (a - b for a, b in zip(nu_ref, at.velocity, strict=True))
+        grown = Velocity(*(i + h * e for i, e in zip(integral, error, strict=True)))
+        gamma = commanded_acceleration(nu_ref, Velocity(*ref[6:]), at.velocity, grown, gains)
+        desired = self.plant.required_force(state, gamma, inputs)
+        tau = Wrench(desired.X, gains.sway * desired.Y, desired.N)
+        if not len(self.limits.low):
+            return Control(tau, grown, False), None
+        tau, limited = allocate_thrust(tau, *self.limits)
+        return Control(tau, integral if limited else grown, limited), None
 
 
 @dataclass(frozen=True)
@@ -55,28 +99,31 @@ class PlantFollower:
     """Follows with any plant."""
 
     plant: Plant
-    options: FollowerOptions
-    limits: ThrustLimits
+    controller: Controller
 
     @classmethod
     def of(
         cls, plant: Plant, options: FollowerOptions | None = None, vessel: Vessel | None = None
     ) -> "PlantFollower":
-        """Follow with that plant; thrust limits are those of `vessel`."""
+        """Follow with that plant; thrust limits, and how much is much, are those of `vessel`."""
         chosen = options or FollowerOptions()
-        if chosen.limits and vessel is None:
+        if vessel is None and (chosen.limits or not isinstance(plant, InvertiblePlant)):
             raise ValueError(f"following with limits: whose thrusters drive {plant.name}?")
+        if not isinstance(plant, InvertiblePlant):
+            assert vessel is not None
+            return cls(plant, Prediction.of(plant, chosen, vessel))
         limits = ThrustLimits.of(vessel) if chosen.limits and vessel else ThrustLimits.none()
-        return cls(plant, chosen, limits)
+        return cls(plant, Inversion(plant, chosen, limits))
 
     def start(self) -> FollowerState:
         """The state before the first reference."""
         carry = np.zeros(16)
         carry[TIME] = np.nan
-        return FollowerState(frozen(carry))
+        return FollowerState(frozen(carry), None, self.controller.start())
 
     def prepare(self) -> None:
-        """Nothing to compile."""
+        """Move once, in case the plant compiles or loads something then."""
+        self.advance(self.start(), np.array([0.0, 1e-3]), np.zeros((2, 9)))
 
     def advance(
         self,
@@ -88,7 +135,8 @@ class PlantFollower:
         wind: Floats | None = None,
     ) -> FollowerResult:
         """References (K, 9) at times (K,) [s] -> the shadow there, see `Follower`."""
-        count, carry, plant = len(times), state.carry.copy(), state.plant
+        count, carry = len(times), state.carry.copy()
+        plant, memory = state.plant, state.controller
         shadows, forces = np.empty((count, 9)), np.empty((count, 3))
         limited, diverged = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
         leaps = flags(jumps, count)
@@ -96,21 +144,22 @@ class PlantFollower:
         for k, (time, row) in enumerate(zip(times.tolist(), floats(references), strict=True)):
             inputs = PlantInputs(time, volts[k], winds[k, 0], winds[k, 1])
             if leaps[k] or not runs_on(time, carry[TIME]):
-                plant, limited[k] = self._initialise(row, inputs, carry)
-            plant, clipped = self._advance_row(plant, row, inputs, carry)
+                plant, memory, limited[k] = self._initialise(row, inputs, carry)
+            plant, memory, clipped = self._advance_row(plant, memory, row, inputs, carry)
             limited[k] |= clipped
             if not is_possible(*self.plant.motion(plant).velocity):
                 diverged[k] = True
-                plant, _ = self._initialise(row, inputs._replace(time=carry[TIME]), carry)
+                before = inputs._replace(time=carry[TIME])
+                plant, memory, _ = self._initialise(row, before, carry)
             tau, now = Wrench(*carry[FORCE]), inputs._replace(time=carry[TIME])
             motion = self.plant.motion(plant)
             shadows[k] = *motion.pose, *motion.velocity, *self.plant.acceleration(plant, tau, now)
             forces[k] = tau
-        state = FollowerState(frozen(carry), plant)
+        state = FollowerState(frozen(carry), plant, memory)
         return FollowerResult(state, shadows, forces, limited, diverged)
 
-    def _initialise(self, row: Floats, inputs: PlantInputs, carry: Floats) -> tuple[Any, bool]:
-        """The plant set to a reference row (9,) -> its state, and whether limits bind."""
+    def _initialise(self, row: Floats, inputs: PlantInputs, carry: Floats) -> tuple[Any, Any, bool]:
+        """The plant set to a reference row (9,) -> state, controller's memory, do limits bind."""
         u, v, r = row[3:6]
         velocity = Velocity(
             within(u, MAX_SPEED_MPS), within(v, MAX_SPEED_MPS), within(r, MAX_TURN_RADPS)
@@ -118,42 +167,32 @@ class PlantFollower:
         motion = PlantMotion(Pose(*row[:3]), velocity)
         plant = self.plant.initial_state(motion, inputs)
         carry[INTEGRAL], carry[TIME], carry[LAST] = 0.0, inputs.time, row
-        control = self._control(plant, row, carry, inputs, 0.0)
+        control, memory = self.controller.control(
+            plant, row, Velocity(0.0, 0.0, 0.0), Wrench(0.0, 0.0, 0.0), inputs, 0.0,
+            self.controller.start(),
+        )  # fmt: skip
         carry[FORCE] = control.tau
-        return plant, control.limited
+        return plant, memory, control.limited
 
     def _advance_row(
-        self, plant: Any, row: Floats, inputs: PlantInputs, carry: Floats
-    ) -> tuple[Any, bool]:
-        """Steps up to a reference row (9,) -> the plant's state, and whether limits bound."""
+        self, plant: Any, memory: Any, row: Floats, inputs: PlantInputs, carry: Floats
+    ) -> tuple[Any, Any, bool]:
+        """Steps up to a reference row (9,) -> state, controller's memory, did limits bind."""
         start, span, limited = float(carry[TIME]), inputs.time - float(carry[TIME]), False
-        change, n = row - carry[LAST], int(np.ceil(span / CONTROL_STEP - 1e-9))
+        change = row - carry[LAST]
+        n = int(np.ceil(span / self.controller.longest_step - 1e-9))
         change[Eta.YAW] = wrap(float(change[Eta.YAW]))
         for j in range(n):
             h = span / n
             part = np.repeat([j / n, (j + 0.5) / n], [6, 3])
             now = inputs._replace(time=start + j * h)
-            control = self._control(plant, carry[LAST] + part * change, carry, now, h)
+            control, memory = self.controller.control(
+                plant, carry[LAST] + part * change, Velocity(*carry[INTEGRAL]),
+                Wrench(*carry[FORCE]), now, h, memory,
+            )  # fmt: skip
             carry[INTEGRAL], carry[FORCE] = control.integral, control.tau
             limited = limited or control.limited
             plant = self.plant.step(plant, control.tau, now, h)
         if span > 0.0:
             carry[TIME], carry[LAST] = inputs.time, row
-        return plant, limited
-
-    def _control(
-        self, plant: Any, ref: Floats, carry: Floats, inputs: PlantInputs, h: float
-    ) -> _Control:
-        """τ_c for a reference row (9,); the integral grows by one step h unless limits bind."""
-        gains = self.options.gains
-        at, integral = self.plant.motion(plant), Velocity(*carry[INTEGRAL])
-        nu_ref = corrected_reference(Pose(*ref[:3]), Velocity(*ref[3:6]), at.pose, gains)
-        error = (a - b for a, b in zip(nu_ref, at.velocity, strict=True))
-        grown = Velocity(*(i + h * e for i, e in zip(integral, error, strict=True)))
-        gamma = commanded_acceleration(nu_ref, Velocity(*ref[6:]), at.velocity, grown, gains)
-        desired = self.plant.required_force(plant, gamma, inputs)
-        tau = Wrench(desired.X, gains.sway * desired.Y, desired.N)
-        if not len(self.limits.low):
-            return _Control(tau, grown, False)
-        tau, limited = allocate_thrust(tau, *self.limits)
-        return _Control(tau, integral if limited else grown, limited)
+        return plant, memory, limited

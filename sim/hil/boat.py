@@ -9,16 +9,18 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2, cos, hypot, isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sim.hil.battery import Battery, effort
 from sim.hil.day import Day, Schedule, vessel_of_day
 from sim.hil.inertial import Attitude, body_rates, specific_force, world_acceleration
+from sim.hil.plant_hull import PlantHull
 from sim.hil.sensors import Readings, noisy, with_errors
 from sim.model import MIN_STABLE_STEP_S, Model
 from sim.plants.hydrostatics import hull_shape
+from sim.plants.table import OWN_VESSEL, PlantChoice
 from sim.plants.waves import no_waves
 from sim.state import Floats, to_body, to_world
 from sim.vessel import Servo, Vessel
@@ -31,6 +33,7 @@ class BoatState(NamedTuple):
     """Everything that a boat remembers.
 
     row      (nx + 6,) state of the vessel, then heave, roll, pitch with their rates
+    plant    state of the plant that moves the hull; None: the vessel itself
     past     moments and commands that may still act (none but the last unless commands are late)
     """
 
@@ -40,6 +43,7 @@ class BoatState(NamedTuple):
     past: tuple[tuple[float, tuple[float, ...]], ...]
     used_as: float  # charge drawn from the battery [A s]
     voltage: float  # V
+    plant: Any = None
 
 
 class Truth(NamedTuple):
@@ -87,23 +91,36 @@ class Boat:
     shape: Floats
     seed: int
     longest_step: float
+    hull: PlantHull | None = None
 
     @classmethod
-    def of(cls, vessel: Vessel, day: Day | None = None, seed: int = 0) -> "Boat":
-        """Compile, and take one step so that nothing is left to compile later."""
+    def of(
+        cls, vessel: Vessel, day: Day | None = None, seed: int = 0,
+        plant: PlantChoice = OWN_VESSEL,
+    ) -> "Boat":  # fmt: skip
+        """Compile, and take one step so that nothing is left to compile later.
+
+        `plant` moves under the vessel's actuators; ValueError where it cannot.
+        """
         day = day or Day()
         model = Model.of(vessel_of_day(vessel, day))
         h = vessel.hull
-        shape = hull_shape(h.length, h.beam, h.mass, h.waterplane_area, h.metacentric_heights)
+        shape = np.array(
+            hull_shape(h.length, h.beam, h.mass, h.waterplane_area, h.metacentric_heights)
+        )
+        waves = day.sea.trains(seed) if day.sea is not None else no_waves()
         boat = cls(
             model,
             day,
             Schedule(model, day),
             Battery.of(vessel, NOMINAL_V),
-            day.sea.trains(seed) if day.sea is not None else no_waves(),
-            np.array(shape, dtype=float),
+            waves,
+            shape,
             seed,
             min(model.max_step(None, np.zeros((1, 3))), MIN_STABLE_STEP_S),
+            None
+            if plant == OWN_VESSEL
+            else PlantHull.of(plant.kind.build, plant.vessel, model, day, waves, shape),
         )
         boat.step(boat.start(), {}, 0.01)
         return boat
@@ -119,7 +136,9 @@ class Boat:
         row[:6] = (*self.day.start, 0.0, 0.0, 0.0)
         row[self.model.state_size :] = 0.0
         neutral = (0.0,) * self.model.actuator_count
-        return BoatState(0.0, 0, row, ((0.0, neutral),), 0.0, self.battery.voltage(0.0, 0.0))
+        full = self.battery.voltage(0.0, 0.0)
+        plant = None if self.hull is None else self.hull.start(self.day.start)
+        return BoatState(0.0, 0, row, ((0.0, neutral),), 0.0, full, plant)
 
     def commands(self, pulses: Mapping[int, float]) -> tuple[float, ...]:
         """Pulse widths [µs] by channel -> commands −1 … 1; a channel that is not there gives 0."""
@@ -139,12 +158,18 @@ class Boat:
         used_as = state.used_as + self.battery.full_current * share * dt
         voltage = self.battery.voltage(share, used_as)
         theta, wind, _ = self.schedule.at(state.time)
-        row, out = state.row.copy(), np.empty(OUT)
-        self.model.kernel.module.step_afloat(
-            theta, row, np.array(acting), np.array([voltage, wind[0], wind[1]]), self.shape,
-            self.waves, state.time, dt, max(int(np.ceil(dt / self.longest_step - 1e-9)), 1), out,
-        )  # fmt: skip
-        after = BoatState(state.time + dt, state.number + 1, row, past, used_as, voltage)
+        row, out, plant = state.row.copy(), np.empty(OUT), state.plant
+        air = np.array([voltage, wind[0], wind[1]])
+        if self.hull is not None:
+            plant = self.hull.step(
+                plant, row, theta, np.array(acting), air, state.time, dt, out
+            )  # fmt: skip
+        else:
+            self.model.kernel.module.step_afloat(
+                theta, row, np.array(acting), air, self.shape, self.waves, state.time, dt,
+                max(int(np.ceil(dt / self.longest_step - 1e-9)), 1), out,
+            )  # fmt: skip
+        after = BoatState(state.time + dt, state.number + 1, row, past, used_as, voltage, plant)
         truth = self._truth(after, out.tolist(), wind)
         if not isfinite(sum(truth)):
             raise ArithmeticError(

@@ -20,7 +20,7 @@ import numpy as np
 
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
-from sim.kernel.loops import held_inputs, motion_of_state, set_row
+from sim.kernel.loops import held_inputs, motion_of_state, report_from, set_row
 from sim.plants.hydrostatics import HullShape, oscillator_step
 from sim.plants.waves import WaveLoad, wave_load
 from sim.state import Floats
@@ -109,3 +109,29 @@ def step_afloat(
     out[21], out[22], out[23] = load.elevation, water.north, water.east
     set_row(out[24:], commanded_wrench(x, end, inputs, p))
     out[27], out[28], out[29] = load.X, load.Y, load.N
+
+
+@entry
+def drive(
+    theta: Floats, row: Floats, commands: Floats, air: Floats, motion: Floats, time: float,
+    dt: float, out: Floats,
+) -> None:  # fmt: skip
+    """The actuators of a boat whose hull is moved elsewhere; its sensors.
+
+    row (NX …): state with the hull's pose and velocity; its memory goes on by dt [s] in place, and
+    starts settled where it is NaN. motion (9,): true motion -> out (14,): τ(commands) at `time` (3)
+    [N, N, N m], the motion as reported (9), velocity of the water north and east [m/s].
+    """
+    p = unpack(theta)
+    inputs = held_inputs(commands, air[0], air[1], air[2], p)
+    x = state_from(row)
+    if NX > 6 and not np.isfinite(x[NX - 1]):
+        x = settle_memory(x, time, inputs, p)
+    set_row(out, commanded_wrench(x, time, inputs, p))
+    set_row(out[3:], observe(report_from(motion), p))
+    water = water_at(time, Pose(x[0], x[1], x[2]), p)
+    out[12], out[13] = water.north, water.east
+    if NX > 6:
+        after = rk4_step_with_force(x, time, inputs, Wrench(0.0, 0.0, 0.0), dt, p)
+        for i in range(6, NX):
+            row[i] = after[i]

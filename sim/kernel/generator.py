@@ -22,6 +22,7 @@ LOOPS = (
     "sim.kernel.loops",
     "sim.following.loops",
     "sim.following.monitor_loops",
+    "sim.plants.loops",
     "sim.hil.loops",
 )
 MARK = "# -- the text from here on goes into the kernel --\n"

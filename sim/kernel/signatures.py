@@ -7,8 +7,8 @@ of actuators and effects. Commands are a row, thrusters first, then rudders.
 from collections.abc import Callable
 from typing import Any
 
-from sim.body import HeldInputs, Report
-from sim.state import Floats, Pose, Water, Wrench
+from sim.body import Flow, HeldInputs, Report
+from sim.state import Floats, Inertia, Pose, Water, Wrench
 
 State = tuple[Any, ...]
 Numbers = Any  # all parameters of the vessel by name
@@ -30,6 +30,11 @@ state_rates_with_force: Callable[[State, float, HeldInputs, Wrench, Numbers], St
 # ẋ under a force instead of the commands: actuators keep their memory
 state_rates_under_force: Callable[[State, float, HeldInputs, Wrench, Numbers], State]
 water_at: Callable[[float, Pose, Numbers], Water]  # motion of the water at a time [s] and place
+flow_at: Callable[[State, float, HeldInputs, Water, Numbers], Flow]
+# M and balance(ν̇, ν) of an actuators' wrench: (x, u̇, v̇, ṙ, water, flow, τ, numbers)
+balance: Callable[
+    [State, float, float, float, Water, Flow, Wrench, Numbers], tuple[Inertia, Wrench]
+]
 commanded_wrench: Callable[[State, float, HeldInputs, Numbers], Wrench]  # τ(commands)
 missing_wrench: Balance  # at this ν̇ and time: what the vessel needs beside its commanded forces
 required_wrench: Balance  # the same with no commanded forces: what this ν̇ takes

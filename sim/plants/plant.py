@@ -1,29 +1,40 @@
 """What a plant is: a simulated boat whose state changes by `step` alone.
 
 A plant holds settings; its state is a value of whatever kind suits it (a tuple, a snapshot of a
-physics engine) that goes in and comes out, so that a run can be repeated, cut and resumed.
+physics engine) that goes in and comes out, so that a run can be repeated, cut and resumed. One that
+also tells which force an acceleration takes is followed by inversion, any other by prediction. One
+that moves in six degrees of freedom tells heave, roll and pitch too.
 
 A vessel as a plant, step by step in plain Python: the same laws as the compiled loop.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from sim.kernel.cache import plain_kernel_for
 from sim.kernel.signatures import State
 from sim.model import Model
-from sim.state import Pose, Velocity, Wrench
+from sim.plants.waves import no_waves
+from sim.state import Floats, Pose, Velocity, Wrench
+
+CALM = no_waves()
 
 
 class PlantInputs(NamedTuple):
-    """Time, and what acts on the plant from outside during a step."""
+    """Time, and what acts on the plant from outside during a step.
+
+    waves  (K, 5) trains of `sim.plants.waves`, for plants of six degrees of freedom
+    theta  (P,) numbers of its vessel at that time, where a day changes them
+    """
 
     time: float  # s
     voltage: float  # V, NaN where not measured
     wind_north: float  # m/s, velocity of the air, NaN where not measured
     wind_east: float  # m/s
+    waves: Floats = CALM
+    theta: Floats | None = None
 
 
 class PlantMotion(NamedTuple):
@@ -31,6 +42,21 @@ class PlantMotion(NamedTuple):
 
     pose: Pose
     velocity: Velocity
+
+
+class Afloat(NamedTuple):
+    """Motion out of the plane: place, angles, their rates and accelerations; water at the boat."""
+
+    down: float  # m
+    roll: float  # rad
+    pitch: float  # rad
+    w: float  # m/s, down
+    roll_rate: float  # rad/s, of the angle
+    pitch_rate: float
+    down_acc: float  # m/s²
+    roll_acc: float  # rad/s²
+    pitch_acc: float
+    elevation: float  # m, up, of the water
 
 
 class Plant(Protocol):
@@ -53,12 +79,26 @@ class Plant(Protocol):
         """ν̇ of a state under a force [N, N, N m] -> [m/s², m/s², rad/s²]."""
         ...
 
+    def step(self, state: Any, tau: Wrench, inputs: PlantInputs, dt: float) -> Any:
+        """The state dt [s] later under a constant force [N, N, N m]."""
+        ...
+
+
+@runtime_checkable
+class InvertiblePlant(Plant, Protocol):
+    """A plant whose laws are known well enough to be inverted."""
+
     def required_force(self, state: Any, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
         """The force that this ν̇ takes: M ν̇ + C ν + D ν as well as it is known [N, N, N m]."""
         ...
 
-    def step(self, state: Any, tau: Wrench, inputs: PlantInputs, dt: float) -> Any:
-        """The state dt [s] later under a constant force [N, N, N m]."""
+
+@runtime_checkable
+class FloatingPlant(Plant, Protocol):
+    """A plant of six degrees of freedom."""
+
+    def afloat(self, state: Any, tau: Wrench, inputs: PlantInputs) -> Afloat:
+        """Heave, roll and pitch of a state under a force."""
         ...
 
 
@@ -83,7 +123,7 @@ class VesselPlant:
 
     def _held(self, inputs: PlantInputs) -> Any:
         no_commands = np.zeros(self.model.actuator_count)
-        return self._kernel.held_inputs(no_commands, *inputs[1:], self._numbers)
+        return self._kernel.held_inputs(no_commands, *inputs[1:4], self._numbers)
 
     def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> State:
         """A state with that pose and velocity, memory settled without commands."""

@@ -1,20 +1,20 @@
-"""Machine code of the gateway's loops is kept under the fingerprint of all their sources."""
+"""Machine code of loops that are no kernels is kept under the fingerprint of all their sources."""
 
 import importlib
 from pathlib import Path
 
 import pytest
 
-import gateway
-from gateway import jit
+from sim.kernel import compiled as jit
 from sim.kernel import sources
 from tests.sim.kernel.reachable import entries, modules_reached
 
-ROOT = Path(gateway.__file__).parent
+ROOT = Path(__file__).resolve().parents[2]
 COMPILED = sorted(
-    ".".join(("gateway", *file.relative_to(ROOT).with_suffix("").parts))
-    for file in ROOT.rglob("*.py")
-    if "from gateway.jit import" in file.read_text(encoding="utf-8")
+    ".".join(file.relative_to(ROOT).with_suffix("").parts)
+    for package in ("gateway", "sim")
+    for file in (ROOT / package).rglob("*.py")
+    if "from sim.kernel.compiled import" in file.read_text(encoding="utf-8")
 )
 
 
@@ -38,5 +38,5 @@ def test_every_function_that_is_reached_is_in_the_fingerprint(name, monkeypatch)
     jit._version.cache_clear()
 
 
-def test_the_loops_of_the_gateway_are_found():
-    assert {"gateway.estimation.filter", "gateway.recording.blocks"} <= set(COMPILED)
+def test_the_loops_of_both_packages_are_found():
+    assert {"gateway.estimation.filter", "sim.plants.hydrodynamics"} <= set(COMPILED)

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway import plants
 from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.files import vessel_path
 from gateway.live.gateway import plans_in, plans_of
+from gateway.plants import choice as plants
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel
 from sim.plants.plant import VesselPlant
-from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantKind
+from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 from tests.sim.vessels import IACQUABOT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,17 +61,17 @@ def boat(tmp_path: Path) -> Path:
 def test_the_words_for_a_plant(heavy: None, boat: Path) -> None:
     assert plants.load_plant(None) == OWN_VESSEL
     assert plants.load_plant("vessel") == OWN_VESSEL
-    assert plants.load_plant(str(boat)) == (VESSEL, IACQUABOT)
-    assert plants.load_plant(f"vessel:{boat}") == (VESSEL, IACQUABOT)
-    assert plants.load_plant("heavy") == (HEAVY, None)
-    assert plants.load_plant(f"heavy:{boat}") == (HEAVY, IACQUABOT)
+    assert plants.load_plant(str(boat)) == PlantChoice(VESSEL, IACQUABOT)
+    assert plants.load_plant(f"vessel:{boat}") == PlantChoice(VESSEL, IACQUABOT)
+    assert plants.load_plant("heavy") == PlantChoice(HEAVY, None)
+    assert plants.load_plant(f"heavy:{boat}") == PlantChoice(HEAVY, IACQUABOT)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("heavy:", "expected KIND or KIND:FILE"),
-        ("heafy:boat.toml", "no kind 'heafy': there are heavy, vessel"),
+        ("heafy:boat.toml", "no kind 'heafy': there are fmu, heavy, mujoco, vessel"),
         ("heavy:absent.toml", "absent.toml: cannot read the vessel file"),
         ("absent.toml", "^absent.toml: cannot read the vessel file"),
     ],
@@ -83,7 +83,7 @@ def test_a_plant_that_is_none_is_one_line(heavy: None, text: str, message: str) 
 
 def test_live_boats_have_plants_of_any_kind(heavy: None, boat: Path, tmp_path: Path) -> None:
     (plan,) = plans_of([str(boat)], "heavy", None, [])
-    assert plan.plant == (HEAVY, None)
+    assert plan.plant == PlantChoice(HEAVY, None)
     file = tmp_path / "gateway.toml"
     file.write_text(
         "".join(
@@ -97,8 +97,11 @@ def test_live_boats_have_plants_of_any_kind(heavy: None, boat: Path, tmp_path: P
     boats = load_settings(file).boats
     assert [b.plant for b in boats] == [None, str(boat), f"heavy:{boat}", "heavy"]
     assert [plan.plant for plan in plans_in(boats, [])] == [
-        OWN_VESSEL, (VESSEL, IACQUABOT), (HEAVY, IACQUABOT), (HEAVY, None)
-    ]  # fmt: skip
+        OWN_VESSEL,
+        PlantChoice(VESSEL, IACQUABOT),
+        PlantChoice(HEAVY, IACQUABOT),
+        PlantChoice(HEAVY, None),
+    ]
 
 
 def shadow(*words: str, folder: Path) -> str:
@@ -119,7 +122,7 @@ def test_a_plug_ins_plant_is_driven_from_the_command_line(tmp_path: Path) -> Non
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lazyplant\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[shadow.plants]\nlazy = lazyplant:LAZY\n")
     listed = json.loads(shadow("plants", "--json", folder=tmp_path))["plants"]
-    assert [kind["name"] for kind in listed] == ["vessel", "lazy"]
+    assert [kind["name"] for kind in listed] == ["vessel", "mujoco", "fmu", "lazy"]
     assert "half the force" in shadow("plants", folder=tmp_path)
     log, demo = ROOT / "recordings" / "otter_piece.tlog", str(vessel_path("otter"))
     errors = {}

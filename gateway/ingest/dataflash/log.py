@@ -30,8 +30,8 @@ from gateway.ingest.format import looks_like
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, frozen
 from gateway.ingest.mavlink.walk import group
 from gateway.ingest.parameters import banner
-from gateway.jit import compiled
 from gateway.samples import Quantity, Samples
+from sim.kernel.compiled import compiled
 from sim.state import Ints
 
 Bytes = NDArray[np.uint8]

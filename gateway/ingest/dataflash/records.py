@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.ingest.log import column, frozen
-from gateway.jit import compiled, inlined
+from sim.kernel.compiled import compiled, inlined
 from sim.state import Ints
 
 Bytes = NDArray[np.uint8]

@@ -33,7 +33,7 @@ from gateway.ingest.mavlink.walk import (
     walk_records,
 )
 from gateway.ingest.parameters import banner
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 from sim.state import Ints
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.jit import compiled, inlined
+from sim.kernel.compiled import compiled, inlined
 from sim.state import Ints
 
 Bytes = NDArray[np.uint8]

@@ -26,7 +26,12 @@ def load_plant(text: str | None, effects: Sequence[Effect] = ()) -> PlantChoice:
     if text is None:
         return OWN_VESSEL
     kind, file = _parts(text, Path())
-    return PlantChoice(kind, None if file is None else load_vessel(file, effects))
+    if kind.reads is None:
+        return PlantChoice(kind, None if file is None else load_vessel(file, effects))
+    if file is None:
+        raise BadInput(f"plant {text}: expected {text}:FILE, the table that describes it")
+    build, table = kind.reads(file)
+    return PlantChoice(kind._replace(build=build), None, table)
 
 
 def plant_relative_to(folder: Path, text: str) -> str:

@@ -1,4 +1,4 @@
-"""How loops of this package are compiled: cached on disk, without the interpreter lock.
+"""How loops beside the kernels are compiled: cached on disk, without the interpreter lock.
 
 numba's cache notices an edit of the file that a function stands in, but not of the files that it
 imports from: so the name of the cache file carries a fingerprint of them all.
