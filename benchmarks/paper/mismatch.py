@@ -36,6 +36,11 @@ class Misjudged:
         """The name of what moves."""
         return self.true.name
 
+    @property
+    def rewinds(self) -> bool:
+        """As what moves."""
+        return self.true.rewinds
+
     def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> Any:
         """A state with that pose and velocity."""
         return self.true.initial_state(motion, inputs)

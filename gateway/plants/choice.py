@@ -9,6 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from gateway.errors import BadInput
+from gateway.plants.fmu import FMU
 from gateway.vessel_file import load_vessel
 from sim.effects.effect import Effect
 from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
@@ -18,7 +19,11 @@ from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 def known_plants() -> Mapping[str, PlantKind]:
     """The table of plants, then what installed plug-ins add, by name."""
     plugged = (point.load() for point in entry_points(group="shadow.plants"))
-    return {**PLANTS, **{kind.name: kind for kind in plugged if isinstance(kind, PlantKind)}}
+    return {
+        **PLANTS,
+        FMU.name: FMU,
+        **{kind.name: kind for kind in plugged if isinstance(kind, PlantKind)},
+    }
 
 
 def load_plant(text: str | None, effects: Sequence[Effect] = ()) -> PlantChoice:

@@ -88,6 +88,11 @@ class Prediction:
             G, low, high = G[:, [0, 2]], low[:2], high[:2]
         if options.limits:
             _osqp()
+        if not plant.rewinds:
+            raise ValueError(
+                f"{plant.name} cannot be followed: it does not go back to a state "
+                "(an FMU has to save all of its state: canGetAndSetFMUstate)"
+            )
         weights = np.array([1.0, 1.0, 0.5 * vessel.hull.length])
         if options.axes is Axes.SURGE_YAW or not np.abs(G[1]).max() > 0.0:
             weights[1] = 0.0  # no input pushes sideways: sway follows by coupling

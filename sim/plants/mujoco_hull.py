@@ -63,6 +63,11 @@ class MujocoHull:
         """The vessel's name."""
         return self.model.vessel.name
 
+    @property
+    def rewinds(self) -> bool:
+        """Always: its state is a tuple."""
+        return True
+
     def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> HullState:
         """Upright on calm water with that pose and velocity, memory settled."""
         (north, east, yaw), (u, v, r) = motion

@@ -67,6 +67,11 @@ class Plant(Protocol):
         """Name of this plant in messages."""
         ...
 
+    @property
+    def rewinds(self) -> bool:
+        """Whether it can be stepped from any state again, not from the last alone."""
+        ...
+
     def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> Any:
         """A state with that pose and velocity, everything else at rest."""
         ...
@@ -112,6 +117,11 @@ class VesselPlant:
     def name(self) -> str:
         """The vessel's name."""
         return self.model.vessel.name
+
+    @property
+    def rewinds(self) -> bool:
+        """Always: its state is a tuple."""
+        return True
 
     @property
     def _kernel(self) -> Any:
