@@ -25,7 +25,7 @@ from mcap.opcode import Opcode
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from gateway.jit import compiled
+from sim.kernel.compiled import compiled
 
 Integers = NDArray[np.int64]
 

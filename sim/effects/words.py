@@ -5,13 +5,13 @@ Each effect says what was found in a sentence of its own (`Effect.in_words`), ma
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from math import degrees, floor, log10, pi
 
 COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 SMALLEST_DECIMALS, MOST_DECIMALS = 0, 3
 DEG = 180.0 / pi
 YEAR_2000_NS = 946_684_800 * 10**9  # a clock that says less was never set
+SECONDS_OF_DAY = 86_400
 THAN = " than modelled"
 
 
@@ -55,8 +55,9 @@ class FittedValues:
         text = self.size(name, "s")
         if self.start_time_ns < YEAR_2000_NS:
             return text
-        clock = datetime.fromtimestamp(self.start_time_ns * 1e-9 + self.values[name], UTC)
-        return f"{text}, {clock:%H:%M:%S} UTC,"
+        seconds = round(self.start_time_ns * 1e-9 + self.values[name]) % SECONDS_OF_DAY
+        clock = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+        return f"{text}, {clock} UTC,"
 
     def towards(self, name: str) -> str:
         """A direction [rad from north] in degrees and as a point of the compass."""
