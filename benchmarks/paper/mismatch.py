@@ -14,7 +14,7 @@ import numpy as np
 from sim.following.follower import FollowerOptions
 from sim.following.stepwise import PlantFollower
 from sim.model import Model
-from sim.plants.plant import PlantInputs, PlantMotion, VesselPlant
+from sim.plants.plant import Plant, PlantInputs, PlantMotion, VesselPlant
 from sim.state import Floats, Velocity, Wrench
 from sim.vessel import Vessel
 
@@ -23,7 +23,7 @@ from sim.vessel import Vessel
 class Misjudged:
     """`true` moves; `believed` answers which force a wanted acceleration takes."""
 
-    true: VesselPlant
+    true: Plant
     believed: VesselPlant
 
     @classmethod
@@ -55,7 +55,8 @@ class Misjudged:
 
     def required_force(self, state: Any, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
         """The force that this ν̇ would take if the belief were true."""
-        return self.believed.required_force(state, nu_dot, inputs)
+        same = self.believed.initial_state(self.true.motion(state), inputs)
+        return self.believed.required_force(same, nu_dot, inputs)
 
     def step(self, state: Any, tau: Wrench, inputs: PlantInputs, dt: float) -> Any:
         """The state dt [s] later."""

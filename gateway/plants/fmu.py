@@ -2,10 +2,10 @@
 
     file = "boat.fmu"               # beside the table
     step = 0.02                     # s, the longest communication step; default 0.02
-    [inputs]                        # X, N needed; Y, voltage, wind_north, wind_east where it has them
+    [inputs]                        # X, N needed; Y, voltage, wind_north, wind_east if it has them
     X = "tau_x"                     # N
     N = { variable = "tau_n", factor = -1.0 }    # what the FMU takes = factor · ours + offset
-    [outputs]                       # north, east, yaw, u, v, r needed: m, rad, m/s over ground, rad/s
+    [outputs]                       # north, east, yaw, u, v, r needed: m, rad, m/s, rad/s
     north = "x"                     # ours = factor · the FMU's + offset
     yaw = { variable = "heading_deg", factor = 0.017453292519943295 }
     [start]                         # variables that take north, east, yaw, u, v, r at the start
@@ -13,9 +13,9 @@
     [parameters]
     mass = 25.0
 
-Where [start] has no pose, the FMU starts at its own and is moved and turned to where the boat is. With
-down, roll, pitch, w, roll_rate and pitch_rate as outputs it has six degrees of freedom. An FMU is a
-program: whoever names one runs it.
+Where [start] has no pose, the FMU starts at its own and is moved and turned to where the boat is.
+With down, roll, pitch, w, roll_rate and pitch_rate as outputs it has six degrees of freedom. An FMU
+is a program: whoever names one runs it.
 """
 
 import shutil
@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 from annotated_types import Gt, Le
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from gateway.errors import BadInput
 from gateway.toml_file import explain, read_toml, validated
@@ -65,8 +65,8 @@ class FmuTable(StrictTable):
     step: Annotated[float, Gt(0.0), Le(1.0)] = 0.02
     inputs: dict[InputName, Name]
     outputs: dict[OutputName, Name]
-    start: dict[StartName, Name] = {}
-    parameters: dict[str, Number] = {}
+    start: dict[StartName, Name] = Field(default_factory=dict)
+    parameters: dict[str, Number] = Field(default_factory=dict)
 
 
 class FmuState(NamedTuple):
@@ -140,7 +140,7 @@ def _described(file: Path, archive: Path) -> Any:
 
 @dataclass(frozen=True)
 class _Library:
-    """An FMU that can be run: its description, where it is unpacked, references of its variables."""
+    """An FMU that can be run: its description, where it is unpacked, its variables."""
 
     archive: Path
     described: Any
@@ -385,7 +385,8 @@ class FloatingFmu(FmuPlant):
 
     def afloat(self, state: FmuState, tau: Wrench, inputs: PlantInputs) -> Afloat:
         """Heave, roll and pitch; accelerations over the last step."""
-        return Afloat(*state.values[6:12], *state.rates[9:12], 0.0)
+        down, roll, pitch, *rates = state.values[6:12]
+        return Afloat._make((down, roll, pitch, *rates, *state.rates[9:12], 0.0))
 
     def _read_names(self) -> tuple[str, ...]:
         return (*PLANE, *AFLOAT)

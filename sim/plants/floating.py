@@ -1,7 +1,7 @@
 """A hull in six degrees of freedom: what its vessel file says, and what follows from its size.
 
     columns (x_i, y_i, a_i) of the waterline, Σ a_i = A_w,   draught T = m / (ρ A_w)
-    GM_T = ρ Σ a_i y_i² / m + T/2 − z_g,   GM_L = ρ Σ a_i x_i² / m + T/2 − z_g
+    GM_T = ρ Σ a_i y_i² / m + z_g − T/2,   GM_L = ρ Σ a_i x_i² / m + z_g − T/2
 
 Where the file has no columns, 6 × 4 of equal area stand so that A_w and both metacentric heights
 are those of `sim.plants.hydrostatics`; no inertia: the radii of gyration there; no centre of
@@ -75,7 +75,7 @@ def floating_hull(vessel: Vessel) -> FloatingHull:
         m * (PITCH_RADIUS * hull.length) ** 2,
     )
     x_c = float(a @ x) / area
-    lever = draught / 2.0 - z_g
+    lever = z_g - draught / 2.0  # of weight below buoyancy
     height_t = WATER_DENSITY * float(a @ y**2) / m + lever
     height_l = WATER_DENSITY * float(a @ (x - x_c) ** 2) / m + lever
     for name, height in (("to the side", height_t), ("over its bow", height_l)):

@@ -134,7 +134,9 @@ def inertia_matrices(hull: Floats, M: Inertia) -> tuple[Floats, Floats]:
     added[0, 1] = added[1, 0] = M.m12
     added[0, 5] = added[5, 0] = M.m13
     added[1, 5] = added[5, 1] = M.m23 - m * x_g
-    total[:] = added
+    for i in range(6):
+        for j in range(6):
+            total[i, j] = added[i, j]
     for i in range(3):
         total[i, i] += m
     total[3, 3] += hull[1] + m * z_g * z_g
@@ -147,6 +149,24 @@ def inertia_matrices(hull: Floats, M: Inertia) -> tuple[Floats, Floats]:
     total[2, 4] = total[4, 2] = -m * x_g
     total[3, 5] = total[5, 3] = -m * x_g * z_g
     return total, added
+
+
+@jitable
+def solved(A: Floats, b: Floats) -> Floats:
+    """A⁻¹ b of a positive definite A (n, n), which it overwrites, by elimination: numba needs
+    seconds to compile `numpy.linalg.solve`."""
+    n, x = len(b), b.copy()
+    for i in range(n):
+        for k in range(i + 1, n):
+            factor = A[k, i] / A[i, i]
+            for j in range(i, n):
+                A[k, j] -= factor * A[i, j]
+            x[k] -= factor * x[i]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= A[i, j] * x[j]
+        x[i] /= A[i, i]
+    return x
 
 
 @jitable
@@ -207,8 +227,10 @@ def floating_force(
         pull[3 + i] -= moment[i]
     inertia = Inertia(planar[0], planar[1], planar[2], planar[3], planar[4], planar[5])
     total, added = inertia_matrices(hull, inertia)
-    a = np.linalg.solve(total, pull)
-    f -= added @ a
+    a = solved(total, pull)
+    for i in range(6):
+        for j in range(6):
+            f[i] -= added[i, j] * a[j]
     force, drift = from_hull(R, (f[0], f[1], f[2])), crossed(w, v)
     acceleration = from_hull(R, (a[0] + drift[0], a[1] + drift[1], a[2] + drift[2]))
     forward, starboard = to_body(acceleration[0], acceleration[1], yaw)

@@ -127,18 +127,17 @@ class VesselPlant:
     def _kernel(self) -> Any:
         return plain_kernel_for(self.model.kernel.structure).module
 
-    @property
-    def _numbers(self) -> Any:
-        return self._kernel.unpack(self.model.theta)
+    def _numbers(self, inputs: PlantInputs) -> Any:
+        return self._kernel.unpack(self.model.theta if inputs.theta is None else inputs.theta)
 
     def _held(self, inputs: PlantInputs) -> Any:
         no_commands = np.zeros(self.model.actuator_count)
-        return self._kernel.held_inputs(no_commands, *inputs[1:4], self._numbers)
+        return self._kernel.held_inputs(no_commands, *inputs[1:4], self._numbers(inputs))
 
     def initial_state(self, motion: PlantMotion, inputs: PlantInputs) -> State:
         """A state with that pose and velocity, memory settled without commands."""
         x = (*motion.pose, *motion.velocity, *(0.0,) * (self.model.state_size - 6))
-        return self._kernel.settle_memory(x, inputs.time, self._held(inputs), self._numbers)
+        return self._kernel.settle_memory(x, inputs.time, self._held(inputs), self._numbers(inputs))
 
     def motion(self, state: State) -> PlantMotion:
         """Pose [m, m, rad] and velocity [m/s, m/s, rad/s] of a state."""
@@ -147,16 +146,20 @@ class VesselPlant:
     def acceleration(self, state: State, tau: Wrench, inputs: PlantInputs) -> Velocity:
         """ν̇ under a force [N, N, N m] -> [m/s², m/s², rad/s²]."""
         rates = self._kernel.state_rates_under_force(
-            state, inputs.time, self._held(inputs), tau, self._numbers
+            state, inputs.time, self._held(inputs), tau, self._numbers(inputs)
         )
         return Velocity(*rates[3:6])
 
     def required_force(self, state: State, nu_dot: Velocity, inputs: PlantInputs) -> Wrench:
         """The force that this ν̇ takes, from the balance [N, N, N m]."""
         held = self._held(inputs)
-        return self._kernel.required_wrench(state, *nu_dot, inputs.time, held, self._numbers)
+        return self._kernel.required_wrench(
+            state, *nu_dot, inputs.time, held, self._numbers(inputs)
+        )
 
     def step(self, state: State, tau: Wrench, inputs: PlantInputs, dt: float) -> State:
         """One Runge–Kutta step under a constant force -> the state dt [s] later."""
         held = self._held(inputs)
-        return self._kernel.rk4_step_under_force(state, inputs.time, held, tau, dt, self._numbers)
+        return self._kernel.rk4_step_under_force(
+            state, inputs.time, held, tau, dt, self._numbers(inputs)
+        )
