@@ -1,7 +1,8 @@
 """The search for effects: one after another, as long as each is worth it on held-out time.
 
     rank → add the best → rank beside it …  then swap: choose the earlier ones again beside the
-    later;  and backward: what no longer earns its place goes;  at last the final fit
+    later;  and backward: what no longer earns its place goes, and the others are chosen again;
+    at last the final fit
 
 The first choice is made while the second effect is still missing, and may stand in for both. The
 final fit is as `shadow identify` fits: moments of events once, then starts → noise → numbers in
@@ -115,7 +116,10 @@ class EffectSearch:
             if len(steps) == self.most or not self._others(fit):
                 break
             ranking, more = self.ranked(fit, steps)
-        steps, fit = self._backward(steps, fit)
+        fewer, fit = self._backward(steps, fit)
+        if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
+            fewer, fit = self._swapped(fewer, fit, last=True)
+        steps = fewer
         if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")
@@ -190,9 +194,11 @@ class EffectSearch:
             if e.name not in fit.names and e.name not in inside and e.contains not in fit.names
         ]  # fmt: skip
 
-    def _swapped(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """The earlier effects chosen again beside the last one."""
-        for i, step in enumerate(steps[:-1]):
+    def _swapped(
+        self, steps: list[Ranking], fit: Fit, last: bool = False
+    ) -> tuple[list[Ranking], Fit]:
+        """The earlier effects, or the `last` one too, chosen again beside the others."""
+        for i, step in enumerate(steps if last else steps[:-1]):
             kept = [a for k, a in enumerate(fit.effects()) if k != i]
             ranking = self.rank(self._beside(kept, fit))
             best, old = (ranking if ranking.finalists else step).best, step.best.name

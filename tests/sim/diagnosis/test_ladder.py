@@ -2,7 +2,7 @@
 
 from collections.abc import Container
 from dataclasses import replace
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -190,3 +190,57 @@ def helped(
     base, effect = SimpleNamespace(nrmse=0.2, noise_share=share), SimpleNamespace(nrmse=after)
     scorer = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=floor)
     return helps(*cast(Any, (scorer, base, effect)), given)
+
+
+def found(*names: str) -> Any:
+    """A fit with these effects."""
+    added = tuple(SimpleNamespace(effect=named(name)) for name in names)
+    return SimpleNamespace(
+        names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names)
+    )
+
+
+class Scripted(EffectSearch):
+    """A current that became another one: first taken for a steady one beside a varying one.
+
+    `best` has what leads beside what; the change may not stand beside the steady current that it
+    holds as a part.
+    """
+
+    best = MappingProxyType({
+        (): "steady_current", ("steady_current",): "varying_current",
+        ("steady_current", "varying_current"): "heading_offset",
+        ("varying_current", "heading_offset"): "steady_current",
+        ("steady_current", "heading_offset"): "varying_current",
+        ("varying_current",): "steady_current", ("heading_offset",): "current_change",
+    })  # fmt: skip
+
+    def rank(self, fit: Any, closer: bool = False, only: Container[str] = ()) -> Ranking:
+        name = self.best.get(fit.names)
+        if name is None:
+            return Ranking(fit, ())
+        worth = Gain(2.0, 0.5, 5.7, 700.0, 0.0)
+        return Ranking(fit, (RankedEffect(named(name), found(*fit.names, name), worth, 0.5),))
+
+    def _beside(self, added: Any, like: Any) -> Any:
+        return found(*(a.effect.name for a in added))
+
+    def _gain_over(self, fit: Any, other: Any) -> Gain:
+        """Only the steady current is not missed, and only the change is worth a swap."""
+        nothing = Gain(1.0, 0.0, 0.0, 0.0, 1.0)
+        lost = set(fit.names) - set(other.names)
+        return nothing if lost == {"steady_current"} else Gain(2.0, 0.5, 5.7, 700.0, 0.0)
+
+
+def test_what_was_kept_out_by_an_effect_that_went_gets_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sim.diagnosis.ladder.final_fit", lambda fit: fit)
+    nothing: Any = None
+    scorer: Any = SimpleNamespace(
+        score_fit=lambda fit: fit, noise_floor=0.1, score_model=lambda model: nothing
+    )
+    search = Scripted(nothing, EFFECTS, 4, lambda _: None, map, scorer, 1.0)
+    monkeypatch.setattr(Scripted, "helps", lambda self, before, after: True)
+    selection = search.run(found())
+    assert selection.fit.names == ("heading_offset", "current_change")
