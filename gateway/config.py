@@ -17,7 +17,8 @@ ATTITUDE = 20.0
 [recording]  see gateway.recording.recorder
 [following]  reference, rate_hz, adapt (off, watch, apply), and the follower's options
 [studio]                    the map, fetched once somebody switches it on
-tiles = "https://…"         address of a tile with {Z}, {X} and {Y} for its numbers (Web Mercator)
+tiles = "https://…"         address of a tile with {Z}, {X} and {Y} for its numbers (Web Mercator),
+                            or an MBTiles file, NAME.mbtiles, from where the studio is started
 attribution = "© …"         whose map it is; addresses in it become links
 deepest = 19                zoom beyond which the source has no tiles
 """
@@ -62,6 +63,10 @@ class StudioSettings:
     deepest: int = 19
 
     def __post_init__(self) -> None:
+        if self.file is not None:
+            if not self.file.is_file():
+                raise BadInput(f"[studio] tiles = {self.tiles!r}: no such file")
+            return
         where = urlparse(self.tiles)
         whole = where.scheme in ("http", "https") and where.netloc
         if not whole or any(self.tiles.count(part) != 1 for part in ("{Z}", "{X}", "{Y}")):
@@ -72,12 +77,20 @@ class StudioSettings:
             raise BadInput(f"[studio] deepest = {self.deepest}: expected a zoom, 0 to {DEEPEST}")
 
     @property
-    def host(self) -> str:
-        """The server that tiles are fetched from."""
-        return urlparse(self.tiles).netloc
+    def file(self) -> Path | None:
+        """The MBTiles file that tiles are read from; None where a server is asked."""
+        return Path(self.tiles) if self.tiles.endswith(".mbtiles") else None
+
+    @property
+    def source(self) -> str:
+        """Where tiles come from, as the end of a sentence."""
+        file = self.file
+        return f"asked of {urlparse(self.tiles).netloc}" if file is None else f"from {file.name}"
 
     def tile(self, zoom: int, x: int, y: int) -> str:
-        """Address of one tile."""
+        """Address of one tile; of a file, at the studio's own server."""
+        if self.file is not None:
+            return f"tiles/{zoom}/{x}/{y}"
         address = self.tiles.replace("{Z}", str(zoom))
         return address.replace("{X}", str(x)).replace("{Y}", str(y))
 

@@ -137,7 +137,7 @@ class TileMap:
         self._figures: list[Any] = []
         self._layers: list[TileLayer] = []
         self.credit = html()
-        self.box = boxes(options=[f"Map, asked of {settings.host}"])
+        self.box = boxes(options=[f"Map, {settings.source}"])
 
     def show(self, figures: list[Any], origin: Origin | None) -> None:
         """The map below `figures` while the box is ticked, and the credit of its source."""

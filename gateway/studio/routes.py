@@ -1,13 +1,16 @@
-"""Addresses of the server beside its pages: is it there, and where does `/` lead.
+"""Addresses of the server beside its pages: is it there, where does `/` lead, a map's tiles.
 
-An open page asks `alive` once a second. The answer is the name of this run of the server, so that a
+An open page asks `alive` about once a second. The answer is the name of this run of the server, so that a
 page knows when another one has taken its place, whose sessions it does not share.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from tornado.routing import PathMatches, Rule
 from tornado.web import RedirectHandler, RequestHandler
+
+from gateway.studio.tile_file import TileFile, TileHandler
 
 ALIVE = "alive"
 
@@ -26,9 +29,18 @@ class AliveHandler(RequestHandler):  # type: ignore[misc]
         self.finish(self._run)
 
 
-def routes(run: str, first_page: str) -> list[Any]:
-    """Rules that go before those of the pages; a token in the address is kept on the way."""
+def routes(
+    run: str, first_page: str, tiles: TileFile | None = None,
+    allowed: Callable[[Any], bool] = lambda handler: True,
+) -> list[Any]:  # fmt: skip
+    """Rules that go before those of the pages; a token in the address is kept on the way.
+
+    tiles    a map's file; `allowed`: may the sender of a request see it?
+    """
+    more = {"file": tiles, "allowed": allowed}
+    place = PathMatches(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
     return [
+        *([Rule(place, TileHandler, more)] if tiles is not None else []),
         Rule(PathMatches(f"/{ALIVE}"), AliveHandler, {"run": run}),
         Rule(PathMatches("/"), RedirectHandler, {"url": f"/{first_page}", "permanent": False}),
     ]

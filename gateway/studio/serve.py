@@ -9,7 +9,7 @@ import sys
 import traceback
 import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from tornado.routing import Rule
 from tornado.websocket import WebSocketClosedError
 
 from gateway.bus import DEFAULT_ENDPOINT
-from gateway.config import StudioSettings
+from gateway.config import CREDIT, StudioSettings
 from gateway.errors import BadInput
 from gateway.files import RECORDINGS, VESSELS
 from gateway.monitor import MonitorOptions
@@ -29,6 +29,7 @@ from gateway.studio.page import PageEntry, StudioContext, set_style
 from gateway.studio.pages.catalogue import known_pages
 from gateway.studio.routes import routes
 from gateway.studio.session import Session
+from gateway.studio.tile_file import TileFile
 from gateway.studio.worker import BUG
 from gateway.user_effects import EffectFile
 from sim.state import Progress
@@ -69,7 +70,8 @@ def run_studio(options: StudioOptions, progress: Progress) -> None:
     token = new_token() if options.expose is not None else None
     try:
         with LiveHistory(MonitorOptions(options.connect)) as live:
-            context = StudioContext(session, live, options.settings, known_pages())
+            settings = settings_of_file(options.settings)
+            context = StudioContext(session, live, settings, known_pages())
             server = server_of(context, options, token)
             address = (
                 f"http://{_in_url(options.expose or LOCAL)}:{server.port}/{context.pages[0].path}"
@@ -108,8 +110,10 @@ def server_of(context: StudioContext, options: StudioOptions, token: str | None 
     """The server, listening already; BadInput where the port is taken."""
     apps = {entry.path: _app(entry, context) for entry in context.pages}
     titles = {entry.path: f"{entry.title} – Shadow studio" for entry in context.pages}
-    more = {"auth_provider": TokenAuth(token)} if token else {}
+    auth = TokenAuth(token) if token else None
+    more = {"auth_provider": auth} if auth else {}
     address = LOCAL if options.expose is None else options.expose
+    tiles = TileFile(context.settings.file) if context.settings.file is not None else None
     _check_port(address, options.port)
     server = pn.io.server.get_server(
         apps, port=options.port, address=address, show=False, start=False, title=titles,
@@ -119,10 +123,21 @@ def server_of(context: StudioContext, options: StudioOptions, token: str | None 
     # before all other routes, of pages and websockets and files
     strangers = Rule(OtherHost(origins_of(options)), OtherHostHandler)
     server._tornado.default_router.rules[:0] = [
-        strangers, *routes(context.session.run, context.pages[0].path)
+        strangers,
+        *routes(context.session.run, context.pages[0].path, tiles,
+                lambda handler: auth is None or auth.get_user(handler) is not None),
     ]  # fmt: skip
     server.start()
     return server
+
+
+def settings_of_file(settings: StudioSettings) -> StudioSettings:
+    """Where tiles come from a file: no deeper than it goes, and its own credit unless one is given."""
+    if settings.file is None:
+        return settings
+    file = TileFile(settings.file)
+    whose = file.attribution if settings.attribution == CREDIT else settings.attribution
+    return replace(settings, deepest=min(settings.deepest, file.deepest), attribution=whose)
 
 
 def _check_port(address: str, port: int) -> None:

@@ -1,11 +1,18 @@
 """Map tiles: they cover what a chart shows, each lies where its numbers say, and not too many."""
 
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gateway.config import StudioSettings
+from gateway.errors import BadInput
 from gateway.ingest.earth import Origin, to_local
 from gateway.studio.map_tiles import MOST, View, corner, credit, numbered, tiles_under, zoom_of
+from gateway.studio.serve import settings_of_file
+from gateway.studio.tile_file import TileFile
 
 PLAIN = StudioSettings("https://maps.local/{Z}/{X}/{Y}.png", "us", 19)
 PLACES = [Origin(59.3, 18.1), Origin(-33.9, -70.6), Origin(0.0, 0.0), Origin(65.0, 179.9999)]
@@ -78,3 +85,39 @@ def test_whose_map_it_is_cannot_carry_a_script():
     shown = credit("© us <script>x</script> https://us.example/copyright")
     assert "<script>" not in shown
     assert '<a href="https://us.example/copyright"' in shown
+
+
+def mbtiles(path: Path, kind: str = "png") -> Path:
+    """A map of two zooms with one picture each, at the north-west corner of the world."""
+    with closing(sqlite3.connect(path)) as file, file:
+        file.execute("CREATE TABLE metadata (name text, value text)")
+        file.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data blob)")
+        about = [("format", kind), ("attribution", "<a href='x'>© a harbour</a>")]
+        file.executemany("INSERT INTO metadata VALUES (?, ?)", about)
+        rows = [(0, 0, 0, b"world"), (2, 0, 3, b"north-west")]
+        file.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", rows)
+    return path
+
+
+def test_a_map_from_a_file_counts_from_the_north_and_asks_nobody(tmp_path):
+    path = mbtiles(tmp_path / "coast.mbtiles")
+    file = TileFile(path)
+    assert file.tile(2, 0, 0) == b"north-west"
+    assert file.tile(2, 0, 3) is None
+    settings = settings_of_file(StudioSettings(tiles=str(path)))
+    assert (settings.deepest, settings.attribution) == (2, "© a harbour")
+    assert settings.source == "from coast.mbtiles"
+    assert settings.tile(2, 0, 0) == "tiles/2/0/0"
+
+
+@pytest.mark.parametrize("content", [b"", b"no database", None])
+def test_a_file_that_is_no_map_is_one_line(tmp_path, content):
+    path = tmp_path / "coast.mbtiles"
+    if content is None:
+        mbtiles(path, kind="pbf")
+    else:
+        path.write_bytes(content)
+    with pytest.raises(BadInput, match="coast.mbtiles"):
+        TileFile(path)
+    with pytest.raises(BadInput, match="no such file"):
+        StudioSettings(tiles=str(tmp_path / "gone.mbtiles"))

@@ -1,0 +1,136 @@
+"""Ranges, typed numbers, dropped recordings, signals and names, by mouse in a real browser."""
+
+import re
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, ROOT, Watched, chromium, running
+from tests.gateway.studio.test_serve import free_port
+
+pytestmark = pytest.mark.slow
+
+sync_api = pytest.importorskip("playwright.sync_api")
+axe_api = pytest.importorskip("axe_playwright_python.sync_playwright")
+COMPARED = re.compile("no more than noise|times what noise alone would show")
+SETTLE_MS = 2500
+MANY_PAGES = ("compare", "diagnose", "vessel", "live", "signals", "recordings")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    where = chromium()
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=where, args=list(FLAGS))
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def at(tmp_path_factory) -> Iterator[str]:
+    """The studio on one demo recording; its address."""
+    port, out = free_port(), tmp_path_factory.mktemp("out")
+    log = "recordings/voyage_1.tlog"
+    command = ("studio", log, "--vessel", "configs/vessels/demo_boat.toml", "--no-browser",
+               "--port", str(port), "--out", str(out), "--connect", "tcp/127.0.0.1:1")  # fmt: skip
+    with running(*command, until="studio:", log=out / "studio.log"):
+        yield f"127.0.0.1:{port}"
+    assert "Traceback" not in (out / "studio.log").read_text()
+
+
+@pytest.fixture
+def watched(browser, at) -> Iterator[Watched]:
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="light")
+    one = Watched(context.new_page(), at)
+    yield one
+    context.close()
+    one.is_clean()
+
+
+def test_a_marked_range_is_worked_on_alone_kept_and_said_on_other_pages(watched, at):
+    page = watched.page
+    page.goto(f"http://{at}/compare?range=60.0:160.0")
+    page.get_by_text(COMPARED).first.wait_for(timeout=PATIENCE_MS)
+    page.get_by_text("Marked: 100 s").wait_for()
+    page.get_by_label("Compare, diagnose and fit on").select_option("only what is marked")
+    page.get_by_text("Worked on of voyage_1 only 60.0–160.0 s").wait_for()
+    page.get_by_text("voyage_1, 100 s").wait_for(timeout=PATIENCE_MS)
+    page.get_by_label("Name of the marked range").fill("turns")
+    page.get_by_label("Name of the marked range").press("Tab")
+    page.get_by_role("button", name="Keep").click()
+    page.get_by_text("range turns kept").wait_for()
+    watched.shot("range")
+    page.get_by_role("link", name="Diagnose").click()
+    page.get_by_text("Worked on of voyage_1 only 60.0–160.0 s").wait_for()
+    page.goto(f"http://{at}/compare")
+    page.get_by_label("Kept ranges").select_option("turns")
+    page.wait_for_function("() => location.search.includes('range=60.0')")
+    page.get_by_label("Compare, diagnose and fit on").select_option("all of the time")
+    page.get_by_text("voyage_1, 300 s").wait_for(timeout=PATIENCE_MS)
+
+
+def test_a_number_is_typed_undone_done_again_and_reset(watched, at):
+    page = watched.page
+    page.goto(f"http://{at}/vessel")
+    mass = page.get_by_label("m11 [kg]")
+    mass.wait_for(timeout=PATIENCE_MS)
+    page.wait_for_timeout(SETTLE_MS)
+    mass.fill("55")
+    mass.press("Enter")
+    page.get_by_text("as given → m11 changed").wait_for()
+    page.get_by_role("button", name="Undo").click()
+    end = time.monotonic() + PATIENCE_MS / 1000.0
+    while mass.input_value() != "42":
+        assert time.monotonic() < end
+        page.wait_for_timeout(200)
+    page.get_by_role("button", name="Redo").click()
+    page.get_by_role("button", name="Reset m11").click()
+    page.get_by_text("m11 changed → m11 as given").wait_for()
+    watched.shot("vessel-typed")
+
+
+def test_a_recording_is_dropped_and_read(watched, at, tmp_path):
+    dropped = tmp_path / "my trip.tlog"
+    dropped.write_bytes((ROOT / "recordings/otter_piece.tlog").read_bytes())
+    page = watched.page
+    page.goto(f"http://{at}/recordings")
+    page.locator("input[type=file]").first.set_input_files(dropped)
+    page.get_by_text("my trip.tlog is here").wait_for(timeout=PATIENCE_MS)
+    page.get_by_role("button", name="Report from my trip.tlog alone").wait_for()
+    page.get_by_text("usable").nth(4).wait_for(timeout=PATIENCE_MS)
+    watched.shot("dropped")
+
+
+def test_signals_are_searched_plotted_and_derived(watched, at):
+    page = watched.page
+    page.goto(f"http://{at}/signals")
+    page.get_by_label("Search for a field").wait_for(timeout=PATIENCE_MS)
+    page.get_by_text(re.compile(r"^\d+ of \d+ fields")).wait_for(timeout=PATIENCE_MS)
+    page.get_by_label("Search for a field").press_sequentially("att yaw")
+    page.get_by_text(re.compile(r"^2 of \d+ fields")).wait_for()
+    page.get_by_label("Fields, by message").select_option("ATTITUDE.yaw")
+    page.get_by_role("button", name="Onto the plot").click()
+    page.get_by_role("heading", name="Plot 1").wait_for(timeout=PATIENCE_MS)
+    page.get_by_label("Name of a derived signal").fill("yaw_deg")
+    page.get_by_label("Expression").fill("deg(ATTITUDE.yaw)")
+    page.get_by_label("Expression").press("Tab")
+    page.get_by_role("button", name="Derive").click()
+    page.get_by_text("yaw_deg = deg(ATTITUDE.yaw)").wait_for(timeout=PATIENCE_MS)
+    watched.shot("signals")
+
+
+@pytest.mark.parametrize("name", MANY_PAGES)
+def test_axe_finds_nothing_wrong_on_a_page(browser, at, name):
+    for scheme in ("light", "dark"):
+        context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme=scheme)
+        page = context.new_page()
+        page.goto(f"http://{at}/{name}", timeout=PATIENCE_MS)
+        page.locator("main h1").first.wait_for(timeout=PATIENCE_MS)
+        page.locator("html:not([data-lost])").wait_for(timeout=PATIENCE_MS)
+        page.wait_for_timeout(SETTLE_MS)
+        found: list[dict[str, Any]] = axe_api.Axe().run(page).response["violations"]
+        wrong = [f"{v['id']}: {v['nodes'][0]['html'][:200]}" for v in found]
+        context.close()
+        assert wrong == [], (scheme, wrong)
