@@ -1,7 +1,7 @@
 """Addresses of the server beside its pages: is it there, where does `/` lead, a map's tiles.
 
-An open page asks `alive` about once a second. The answer is the name of this run of the server, so that a
-page knows when another one has taken its place, whose sessions it does not share.
+An open page asks `alive` about once a second. The answer is the name of this run of the server, so
+that a page knows when another one has taken its place, whose sessions it does not share.
 """
 
 from collections.abc import Callable

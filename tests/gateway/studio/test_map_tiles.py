@@ -117,7 +117,7 @@ def test_a_file_that_is_no_map_is_one_line(tmp_path, content):
         mbtiles(path, kind="pbf")
     else:
         path.write_bytes(content)
-    with pytest.raises(BadInput, match="coast.mbtiles"):
+    with pytest.raises(BadInput, match=r"coast\.mbtiles"):
         TileFile(path)
     with pytest.raises(BadInput, match="no such file"):
         StudioSettings(tiles=str(tmp_path / "gone.mbtiles"))
