@@ -132,7 +132,7 @@ def server_of(context: StudioContext, options: StudioOptions, token: str | None 
 
 
 def settings_of_file(settings: StudioSettings) -> StudioSettings:
-    """Where tiles come from a file: no deeper than it goes, and its own credit unless one is given."""
+    """Where tiles come from a file: no deeper than it goes, its own credit unless one is given."""
     if settings.file is None:
         return settings
     file = TileFile(settings.file)

@@ -236,7 +236,7 @@ class ComparePage(Page):
             ]  # fmt: skip
 
     def _marker(self, times: TimeRanges) -> Callable[[], None]:
-        return self.guarded(lambda: self._mark(times))
+        return self.guarded(lambda: self._mark_here(times))
 
     def _mark(self, times: TimeRanges) -> None:
         """Bands over time, and the same moments on the track; the address holds them."""
@@ -251,6 +251,10 @@ class ComparePage(Page):
         self.view.points.data = {
             "x": np.where(there, trial.east, np.nan), "y": np.where(there, trial.north, np.nan)
         }  # fmt: skip
+
+    def _mark_here(self, times: TimeRanges) -> None:
+        """The user marks: what is worked on follows, where it is what is marked."""
+        self._mark(times)
         self._ranges.follow()
 
     def _mark_on(self, recording: str, times: TimeRanges) -> None:
@@ -259,7 +263,7 @@ class ComparePage(Page):
             raise BadInput(f"that range is of {recording}, which is not worked on")
         if recording != self._which.value:
             self._which.value = recording
-        self._mark(times)
+        self._mark_here(times)
 
     def _show_report(self) -> None:
         if self.session.report:

@@ -48,7 +48,7 @@ class LivePage(Page):
         self._which = select("Boat", [], width=240)
         self._which.param.watch(lambda _: self._begin_anew(), "value")
         self._state, self._events, self._old, self._then = html(), html(), html(), html()
-        self._pause = pn.widgets.Toggle(label="Pause", width=110, **FIXED)
+        self._pause = pn.widgets.Toggle(label="Pause", width=140, **FIXED)
         self._pause.param.watch(lambda event: self._paused(event.new), "value")
         self._back = pn.widgets.FloatSlider(
             label="Back from the pause [s]", start=0.0, end=PAST_S, step=PAST_EVERY_S, value=0.0,
