@@ -24,6 +24,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from gateway.plants.choice import load_plant
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.hil.boat import Boat
@@ -44,6 +45,10 @@ while True:
     line.sendto(data * 9, peer)
 """
 SETTLE = 200  # frames left out
+PLANT_KINDS = (
+    "mujoco",
+    "vessel:wam-v",
+)  # in six degrees, and another hull under the same thrusters
 
 
 def main() -> None:
@@ -57,8 +62,11 @@ def main() -> None:
     for name, day in days().items():
         print(f"  {name:<34}{steps_per_second(Boat.of(load_vessel('otter'), day)):>10.0f} /s")
     print(f"  {'the vessel alone, compiled loop':<34}{vessel_steps_per_second():>10.0f} /s")
+    for name in PLANT_KINDS:
+        boat = Boat.of(load_vessel("otter"), days()["waves"], plant=load_plant(name))
+        print(f"  {f'--plant {name}, waves':<34}{steps_per_second(boat, 4_000):>10.0f} /s")
     print(f"\nservo packet → sensors, lock-step at {RATE_HZ} Hz [µs]      p50    p99   × real time")
-    for name in ("relay", "shadow hil"):
+    for name in ("relay", "shadow hil", *(f"shadow hil --plant {kind}" for kind in PLANT_KINDS)):
         runs = [round_trips(name, options.frames) for _ in range(options.runs)]
         show(name, runs)
 
@@ -100,7 +108,8 @@ def answering(name: str, port: int) -> Iterator[None]:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-c", RELAY, str(port)]
         if name != "relay":
-            words = ["hil", f"json:127.0.0.1:{port}", "-v", "otter", "--out", folder]
+            plant = name.split()[2:]
+            words = ["hil", f"json:127.0.0.1:{port}", "-v", "otter", "--out", folder, *plant]
             command = [sys.executable, "-c", SHADOW, *words]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr is not None
