@@ -34,7 +34,7 @@ from sim.plants.waves import Sea
 from sim.vessel import AddedEffect
 
 RATE_HZ = 400
-SHADOW = "from gateway.cli import main; main()"
+SHADOW = "from gateway.cli import run; run()"
 RELAY = """
 import socket, sys
 line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -26,9 +26,9 @@ import zenoh
 from gateway.bus import session_config
 
 ROOT = Path(__file__).resolve().parent.parent
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 STARTED_S = 120.0
-SHADOW = (sys.executable, "-X", "faulthandler", "-c", "from gateway.cli import main; main()")
+SHADOW = (sys.executable, "-X", "faulthandler", "-c", "from gateway.cli import run; run()")
 LOG = ROOT / "recordings" / "voyage_1.tlog"
 VESSEL = ROOT / "configs" / "vessels" / "demo_boat.toml"
 

@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parent.parent
 VESSEL = ROOT / "configs" / "vessels" / "wam-v.toml"
 RATE_HZ = 50.0
 SETTLE_S = 3.0  # left out: the first words, requests, files being opened
-LIVE = "from gateway.cli import main; main()"
+LIVE = "from gateway.cli import run; run()"
 RELAY = """
 import socket, sys, zenoh
 from gateway.bus import BusSettings, open_session

@@ -53,7 +53,7 @@ def with_times(self):
             print(f"read {time.time()}", file=sys.stderr, flush=True)
     return came
 Worker.messages = with_times
-from gateway.cli import main; main()
+from gateway.cli import run; run()
 """
 DRAWN = """() => Bokeh.documents.some(d => d.is_idle && [...d._all_models.values()]
     .some(m => m.type === "ColumnDataSource" && m.data.x && m.data.x.length > 1000))"""

@@ -128,7 +128,7 @@ def main() -> int:
         print_series(a.seed, a.fleets)
         return 0
     make_voyages(a.folder, a.seed, a.seconds, a.loss)
-    shadow = [sys.executable, "-c", "from gateway.cli import main; main()", "fleet", str(a.folder),
+    shadow = [sys.executable, "-c", "from gateway.cli import run; run()", "fleet", str(a.folder),
               "--vessel", str(a.folder / "worn.toml"), "--out", str(a.folder / "table"),
               "--steps", "identify", "--workers", str(a.workers)]  # fmt: skip
     return subprocess.run(shadow, check=False).returncode

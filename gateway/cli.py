@@ -6,12 +6,15 @@ interrupted. Every failure is one line; the environment variable SHADOW_DEBUG=1 
 in front of it. The traceback of a fault of the program is also written to a file.
 """
 
+import atexit
 import os
 import signal
 import sys
 import tempfile
+import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import version as installed
 from shlex import join
 from typing import Annotated, Any, NoReturn
@@ -124,6 +127,28 @@ def _with_defaults(arguments: list[str]) -> list[str]:
         if argument == "--adapt" and after not in ("off", "watch", "apply"):
             out.append("watch")
     return out
+
+
+def run() -> NoReturn:
+    """The program `shadow`: as `main`, and then an end that no thread of a library can spoil.
+
+    Threads of zenoh may still be on their way out when everything is closed. One that asks for the
+    interpreter while that is being taken down aborts the process or hangs it: so what is left to do
+    at the end is done, and the process left without taking anything down. Where no zenoh is, or a
+    thread still works, the interpreter ends as ever.
+    """
+    try:
+        main()
+    except SystemExit as end:
+        others = set(threading.enumerate()) - {threading.current_thread()}
+        if "zenoh" in sys.modules and all(thread.daemon for thread in others):
+            atexit._run_exitfuncs()
+            with suppress(OSError, ValueError):  # a reader that has gone
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(end.code if isinstance(end.code, int) else 0)
+        raise
+    raise AssertionError("main always exits")
 
 
 def _usage(error: Any) -> str:

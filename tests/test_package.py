@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 WHERE = "import gateway, sim; print(gateway.__file__); print(sim.__file__)"
-SHADOW = "from gateway.cli import main; main()"
+SHADOW = "from gateway.cli import run; run()"
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-SHADOW = [sys.executable, "-c", "from gateway.cli import main; main()"]
+SHADOW = [sys.executable, "-c", "from gateway.cli import run; run()"]
 
 
 class Done(NamedTuple):

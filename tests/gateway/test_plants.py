@@ -107,7 +107,7 @@ def test_live_boats_have_plants_of_any_kind(heavy: None, boat: Path, tmp_path: P
 def shadow(*words: str, folder: Path) -> str:
     """Standard output of a command, with the plug-in of that folder installed."""
     path = [str(ROOT), str(folder)]
-    code = f"import sys; sys.path[:0] = {path!r}; from gateway.cli import main; main()"
+    code = f"import sys; sys.path[:0] = {path!r}; from gateway.cli import run; run()"
     done = subprocess.run(
         [sys.executable, "-c", code, *words], capture_output=True, text=True, cwd=folder
     )

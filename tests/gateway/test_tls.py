@@ -14,7 +14,7 @@ from gateway.monitor import join_bus
 from tests.conftest import ROOT
 from tests.gateway.voyages import rows_of
 
-SHADOW = "from gateway.cli import main; main()"
+SHADOW = "from gateway.cli import run; run()"
 CONFIGS = ROOT / "configs"
 PAYLOAD = rows_of("measured", 1).payloads[0]
 

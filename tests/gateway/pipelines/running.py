@@ -25,7 +25,7 @@ from tests.gateway.pipelines.aboard import SETTINGS, Heard, Listener
 from tests.sim.vessels import WAMV
 
 PATIENCE_S = 60.0  # the first start ever compiles
-LIVE = "from gateway.cli import main; main()"
+LIVE = "from gateway.cli import run; run()"
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:

@@ -69,7 +69,7 @@ def running(*command: str, until: str, log: Path) -> Iterator[subprocess.Popen[b
     """`shadow COMMAND` until the block ends; it has said `until` before the block begins."""
     with log.open("wb") as file:
         process = subprocess.Popen(
-            [sys.executable, "-c", "from gateway.cli import main; main()", *command],
+            [sys.executable, "-c", "from gateway.cli import run; run()", *command],
             cwd=ROOT, stdout=file, stderr=file,
         )  # fmt: skip
     try:
