@@ -27,7 +27,7 @@ from sim.effects.effect import LawError
 
 app = typer.Typer(
     name="shadow",
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # it would take [m] for markup
     help="The digital shadow of an unmanned boat: is the model of your boat right, and what is "
@@ -67,8 +67,9 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "demo": recordings.demo,
 }
 for name, command in COMMANDS.items():
-    app.command(name)(command)
-app.add_typer(vessel.app, name="vessel")
+    about = " ".join((command.__doc__ or "").partition("\n\n")[0].split())  # whole: typer cuts it
+    app.command(name, short_help=about)(command)
+app.add_typer(vessel.app, name="vessel", short_help=vessel.app.info.help)
 
 
 def _version(wanted: bool) -> None:

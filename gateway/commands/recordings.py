@@ -45,15 +45,34 @@ TopSpeed = Annotated[float | None, typer.Option(help="Top speed [m/s].")]
 
 
 def info(
-    log: LogFile, system: System = None, mapping: Mapping = None, json: AsJson = False
+    log: LogFile,
+    events: Annotated[
+        bool, typer.Option("--events", help="Also what happened: arming, modes, texts, events.")
+    ] = False,
+    system: System = None,
+    mapping: Mapping = None,
+    json: AsJson = False,
 ) -> None:
     """What is in a recording: vehicles, messages, rates, gaps, sources, what it is good for."""
+    from gateway.ingest.log_events import as_dicts, log_events
     from gateway.ingest.open import open_log
     from gateway.ingest.survey import survey
-    from gateway.terminal.recordings import show_survey
+    from gateway.terminal.recordings import show_events, show_survey
 
-    found = survey(open_log(log, mapping), system)
-    print_result(json, found.to_dict, lambda: show_survey(found, mapping))
+    opened = open_log(log, mapping)
+    found = survey(opened, system)
+    told = {one.boat: log_events(opened, one.boat) for one in found.boats} if events else {}
+
+    def show() -> None:
+        show_survey(found, mapping)
+        for boat, happened in told.items():
+            show_events(str(boat), happened)
+
+    def as_json() -> dict[str, object]:
+        by_boat = {str(boat): as_dicts(happened) for boat, happened in told.items()}
+        return found.to_dict() | ({"events": by_boat} if events else {})
+
+    print_result(json, as_json, show)
 
 
 def init(

@@ -7,6 +7,7 @@ Quantities as people read them: label, unit, and how many of that unit make one 
 One table for figures, terminal and pages: angles are in degrees and shares in per cent everywhere.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -120,6 +121,12 @@ SMALLEST_PROBABILITY = 0.001  # that is printed as a number; chosen by readabili
 def velocity_texts(rmse: Mapping[str, float]) -> tuple[str, str, str]:
     """Errors of u, v [m/s] and r [rad/s] as people read them: m/s, m/s, °/s."""
     return f"{rmse['u']:.3f}", f"{rmse['v']:.3f}", f"{rmse['r'] * DEGREES:.2f}"
+
+
+def motion_texts(rmse: Mapping[str, float]) -> tuple[str, str, str, str, str]:
+    """The same, then of the place [m] (along north and east together) and the heading [°]."""
+    place = math.hypot(rmse["x"], rmse["y"])
+    return *velocity_texts(rmse), f"{place:.2f}", f"{rmse['psi'] * DEGREES:.1f}"
 
 
 def probability_text(probability: float) -> str:

@@ -12,6 +12,7 @@ from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, excluded_summar
 from gateway.offline.usable_time import notices_of
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison, compare
+from sim.comparison.improvement import improvements
 from sim.comparison.refit import TooShortError, compare_refitted
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -148,4 +149,7 @@ def distinct_vessels(
 
 def as_json(comparisons: Iterable[Comparison]) -> dict[str, Any]:
     """What `shadow compare --json` prints."""
-    return {"trials": [comparison.to_dict() for comparison in comparisons]}
+    found = list(comparisons)
+    better = [one.to_dict() for one in improvements(found)]
+    trials = [comparison.to_dict() for comparison in found]
+    return {"trials": trials, **({"improvements": better} if better else {})}

@@ -11,12 +11,13 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from gateway.figures.style import DEGREES, velocity_texts
+from gateway.figures.style import DEGREES, motion_texts
 from gateway.figures.words import nowhere_text
 from gateway.offline.plan import PlanResult
 from gateway.offline.plan_export import pulse_bounds
 from gateway.terminal.console import ResultConsole, result_table
 from sim.comparison.compare import Comparison
+from sim.comparison.improvement import improvements
 from sim.excitation.manoeuvre import Manoeuvre
 from sim.excitation.step_response import STEER, THROTTLE, StepResponse, StepResponses
 from sim.identification.identify import Identification
@@ -30,11 +31,13 @@ WORST = 5  # regimes that are named
 def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None:
     """All comparisons: errors beside the floor, then where each vessel is worst."""
     out = ResultConsole()
-    out.print(_table(found))
+    for log in dict.fromkeys(one.log for one in found):
+        out.print(_table([one for one in found if one.log == log]))
     out.print(
         "nrmse: error of free predictions over the horizon, in standard deviations of the motion; "
         "at the floor it is noise. A free run starts once and is never corrected."
     )
+    out.bullets(each.sentence for each in improvements(found))
     out.bullets(_refits(found))
     out.notices(dict.fromkeys(n for comparison in found for n in comparison.notices))
     for one in found:
@@ -61,21 +64,23 @@ def _refits(found: Sequence[Comparison]) -> list[str]:
 
 
 def _table(found: Sequence[Comparison]) -> Table:
-    table = Table(title="measured − model, RMSE", title_justify="left")
-    for name in ("recording", "vessel", "run"):
-        table.add_column(name, overflow="fold")
-    for name in ("u m/s", "v m/s", "r °/s", "nrmse", "floor"):
+    """Comparisons on one recording, by one ruler."""
+    first = found[0]
+    title = f"{first.log}, {first.seconds:.0f} s: measured − model, RMSE"
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("vessel", overflow="fold")
+    for name in ("u m/s", "v m/s", "r °/s", "place m", "head °", "nrmse"):
         table.add_column(name, justify="right", no_wrap=True)
     for c in found:
         interval = "" if c.nrmse_ci95 is None else f" {c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f}"
         table.add_row(
-            escape(f"{c.log}, {c.seconds:.0f} s"), escape(c.vessel),
-            f"{c.ruler.settings.horizon:g} s", *velocity_texts(c.scores.rmse),
-            f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}",
+            f"{escape(c.vessel)}, {c.ruler.settings.horizon:g} s",
+            *motion_texts(c.scores.rmse), f"{c.nrmse:.3f}{interval}",
         )  # fmt: skip
         rmse = c.free_run.to_dict().get("rmse", {})
-        free = velocity_texts(rmse) if "u" in rmse else ("diverged", "", "")
-        table.add_row("", "", "free", *free, end_section=True)
+        free = motion_texts(rmse) if "u" in rmse else ("diverged", "", "", "", "")
+        table.add_row("  one free run", *free, "", end_section=True)
+    table.add_row("noise alone", "", "", "", "", "", f"{first.noise_floor_nrmse:.3f}")
     return table
 
 

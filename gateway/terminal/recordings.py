@@ -13,6 +13,7 @@ from rich.table import Table
 
 from gateway.figures.style import POSE, VELOCITIES, YAW_RATE
 from gateway.ingest.log import not_a_boat
+from gateway.ingest.log_events import LogEvent
 from gateway.ingest.parameters import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
 from gateway.offline.export.export import Exported
@@ -107,6 +108,16 @@ def _show_messages(out: ResultConsole, found: Survey) -> None:
             name, str(message.count), f"{message.rate_hz:.1f} Hz", f"{message.longest_gap_s:.1f} s"
         )
     out.print(table)
+
+
+def show_events(boat: str, events: Sequence[LogEvent]) -> None:
+    """What happened to a boat, a line each; none is cut off."""
+    out = ResultConsole()
+    out.print(f"\n[bold]{escape(boat)}[/bold]: {len(events)} events, seconds since the log began")
+    for one in events:
+        who = "" if one.by == "autopilot" else f"{one.by}: "
+        level = "" if one.severity in ("", "info", "notice", "debug") else f"{one.severity}: "
+        out.print(f"{one.time_s:9.1f}  {who}{level}{one.text}", highlight=False, markup=False)
 
 
 def show_initial_vessel(made: VesselFile, out: Path) -> None:

@@ -34,3 +34,19 @@ def test_without_any_word_the_help_is_shown(run: Run) -> None:
 
 def test_the_version_is_told(run: Run) -> None:
     assert run("--version").out.startswith("shadow-gateway ")
+
+
+def test_no_description_is_cut_off_at_80_columns(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    listed = " ".join(run("--help").out.partition("Commands:")[2].split())
+    assert "..." not in listed
+    assert "recordings, with 95 % intervals, and what they gain." in listed
+
+
+def test_a_script_for_the_shell_completes_commands(run: Run) -> None:
+    assert "_SHADOW_COMPLETE=complete_bash" in run("--show-completion", "bash").out
+
+
+def test_a_mistyped_word_is_answered_with_the_right_one(run: Run) -> None:
+    assert "Did you mean 'compare'?" in run("comapre").err
+    assert "--vessel" in run("compare", "x.tlog", "--vesel", "y").err

@@ -1,0 +1,73 @@
+"""What happened in a log: arming, modes, texts, events of the shadow, in order of time."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gateway.ingest.log import boats_of
+from gateway.ingest.log_events import LogEvent, log_events
+from gateway.ingest.open import open_log
+from gateway.json_rows import TopicRows, encode
+from gateway.recording.recorder import Recorder
+from tests.conftest import ROOT
+from tests.gateway.command_line import Run
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def beat(armed: bool, mode: int = 0) -> dialect.MAVLink_message:
+    return dialect.MAVLink_heartbeat_message(11, 3, 1 + 128 * armed, mode, 4, 3)
+
+
+GROUND = dialect.MAVLink_heartbeat_message(6, 8, 0, 4, 4, 3)
+
+
+def said(text: str, severity: int = 6, number: int = 0, piece: int = 0) -> dialect.MAVLink_message:
+    return dialect.MAVLink_statustext_message(severity, text.encode(), number, piece)
+
+
+def recording(path: Path) -> Path:
+    """A boat that is armed, changes its mode, says a long thing; a station talks."""
+    boat, station = (dialect.MAVLink(None, srcSystem=s, srcComponent=1) for s in (1, 255))
+    script = [
+        (0.0, boat, beat(False)), (1.0, boat, beat(True)), (2.0, boat, beat(True)),
+        (3.0, boat, beat(True, 10)), (3.5, station, GROUND),
+        (4.0, boat, said("x" * 50, 3, 7, 0)), (4.1, boat, said("and more", 3, 7, 1)),
+        (4.2, station, said("not the boat's")), (5.0, boat, beat(False, 10)),
+    ]  # fmt: skip
+    times = [START_NS + round(at * 1e9) for at, _, _ in script]
+    at = np.array([START_NS + 2_500_000_000])
+    event = {"kind": "test", "severity": "warning", "says": "gone", "vehicle_time_ns": int(at[0])}
+    payload = encode("event", event | {"receive_time_ns": int(at[0])})
+    with Recorder(path, free=lambda _: 10**12) as recorder:
+        recorder.write_raw([message.pack(mav) for _, mav, message in script], times)
+        recorder.write_rows(TopicRows("event", at, at, [payload or b""]))
+    return path
+
+
+def test_all_that_happened_is_told_once_and_in_order(tmp_path: Path) -> None:
+    log = open_log(recording(tmp_path / "a.mcap"))
+    (boat,) = boats_of(log)
+    assert log_events(log, boat) == [
+        LogEvent(0.0, "autopilot", "info", "disarmed"),
+        LogEvent(0.0, "autopilot", "info", "mode 0"),
+        LogEvent(1.0, "autopilot", "info", "armed"),
+        LogEvent(2.5, "shadow", "warning", "gone"),
+        LogEvent(3.0, "autopilot", "info", "mode 10"),
+        LogEvent(4.0, "autopilot", "error", "x" * 50 + "and more"),
+        LogEvent(5.0, "autopilot", "info", "disarmed"),
+    ]
+
+
+def test_the_command_prints_them_and_json_holds_them(run: Run) -> None:
+    log = ROOT / "recordings" / "otter_piece.tlog"
+    done = run("info", log, "--events")
+    assert "Barometer 1 calibration complete" in done.out
+    assert "armed" in done.out
+    found = json.loads(run("info", log, "--events", "--json").out)
+    ((boat, events),) = found["events"].items()
+    assert boat.startswith("system 1")
+    assert "Barometer 1 calibration complete" in [event["text"] for event in events]
+    assert "events" not in json.loads(run("info", log, "--json").out)

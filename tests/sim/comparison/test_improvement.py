@@ -1,0 +1,89 @@
+"""Which of two vessels is better, by how much, where not, and when nobody can say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.comparison.compare import Comparison, compare
+from sim.comparison.improvement import Improvement, improvements
+from sim.model import Model
+from tests.sim.voyages import WAM_V, simulated
+
+
+def vessel(name: str, **factors: float):
+    """The true vessel with some numbers changed."""
+    numbers = {key: getattr(WAM_V.dynamics, key) * factor for key, factor in factors.items()}
+    return replace(WAM_V, name=name, dynamics=replace(WAM_V.dynamics, **numbers))
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Comparison]:
+    """A boat with truth in four vessels: the truth, a little off twice, far off."""
+    trial = simulated(WAM_V, 120.0)
+    vessels = [
+        vessel("far", X_u=3.0, N_r=2.0), vessel("truth"), vessel("near", X_u=1.2),
+        vessel("alike", X_u=1.2001),
+    ]  # fmt: skip
+    return {c.vessel: c for c in compare(trial, [Model.of(v) for v in vessels])}
+
+
+def test_the_better_one_is_named_whatever_the_order_and_by_how_much(found) -> None:
+    (down,) = improvements([found["far"], found["near"]])
+    (up,) = improvements([found["near"], found["far"]])
+    fall = 100 * (1.0 - found["near"].nrmse / found["far"].nrmse)
+    for one in (down, up):
+        says = f"near is better than far on voyage: the error falls by {fall:.0f} % ("
+        assert one.sentence.startswith(says)
+        assert one.sentence.endswith("%), everywhere")
+        assert one.clear
+    assert down.ratio == pytest.approx(1.0 / up.ratio)
+    low, high = down.ci95
+    assert low < down.ratio < high < 1.0
+
+
+def test_two_that_err_alike_are_not_told_apart(found) -> None:
+    (one,) = improvements([found["far"], replace(found["far"], vessel="again")])
+    assert not one.clear
+    assert one.sentence == "far and again on voyage: no clear difference"
+
+
+def test_noise_judges_nothing(found) -> None:
+    (one,) = improvements([found["truth"], found["alike"]])
+    assert one.noise == (found["alike"].nrmse <= 1.2 * found["truth"].noise_floor_nrmse)
+    loud = [replace(found[name], noise_floor_nrmse=10.0) for name in ("far", "truth")]
+    (one,) = improvements(loud)
+    assert "both err by no more than noise" in one.sentence
+    assert not one.clear
+
+
+def test_where_the_better_one_is_worse_is_said(found) -> None:
+    """Half of its error in a condition in which the other has next to none."""
+    better, worse = found["near"], found["far"]
+    k = max(range(len(better.where)), key=lambda i: better.where[i].seconds)
+    bad = replace(better.where[k], share=0.9)
+    other = [replace(b, share=1e-6) if (b.by, b.start) == (bad.by, bad.start) else b
+             for b in worse.where]  # fmt: skip
+    (one,) = improvements([replace(worse, where=tuple(other)), replace(better, where=(bad,))])
+    name = bad.sentence.partition(":")[0]
+    assert one.but == (name,)
+    assert one.sentence.endswith(f"everywhere but at {name}")
+    short = replace(bad, seconds=5.0)
+    (one,) = improvements([replace(worse, where=tuple(other)), replace(better, where=(short,))])
+    assert one.but == ()
+
+
+def test_each_recording_is_judged_by_itself(found) -> None:
+    second = [replace(found[name], log="another") for name in ("far", "truth")]
+    told = improvements([found["far"], found["truth"], *second])
+    assert [one.log for one in told] == ["voyage", "another"]
+    entry = told[0].to_dict()
+    assert entry["says"] == told[0].sentence
+    assert entry["clear"] is True
+    assert np.isfinite(entry["ratio_ci95"]).all()
+
+
+def test_without_two_blocks_nothing_is_clear() -> None:
+    one = Improvement("log", "a", "b", 0.5, None, False, ())
+    assert not one.clear
+    assert "no clear difference" in one.sentence
