@@ -64,7 +64,10 @@ def test_what_ships_is_whole(installed):
     for folder, pattern in (("configs", "*.toml"), ("configs", "*.json"), ("recordings", "*.tlog")):
         there = {p.relative_to(ROOT) for p in (ROOT / folder).rglob(pattern)}
         assert there == {p.relative_to(shipped) for p in (shipped / folder).rglob(pattern)}
-    for resource in ("figures/report.html", "offline/script.lua", "studio/template.html"):
+    for resource in (
+        "figures/report.html", "figures/fleet_report.html", "figures/report_style.html",
+        "offline/script.lua", "studio/template.html",
+    ):  # fmt: skip
         assert (installed / "gateway" / resource).is_file()
 
 

@@ -73,6 +73,14 @@ def fleet(
         ),
     ] = None,
     retry: Annotated[bool, typer.Option("--retry", help="Run again what failed before.")] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "--report",
+            metavar="FILE.html",
+            help="One HTML file with table, map of the voyages and courses of the numbers.",
+        ),
+    ] = None,
     effects: EffectFiles = None,
     anyway: Anyway = False,
     force: Force = False,
@@ -82,6 +90,7 @@ def fleet(
     require_extra()
     from gateway.fleet.analysis import AnalysisSettings
     from gateway.fleet.fleet_file import fleet_of_one, read_fleet
+    from gateway.fleet.report import write_fleet_report
     from gateway.fleet.run import run_fleet
     from gateway.fleet.table import FILES
     from gateway.fleet.wear import wear_of
@@ -93,7 +102,7 @@ def fleet(
     own = effects_from(effects)
     logs = [Path(one) for one in recordings if Path(one).is_file()]
     inputs = [vessels, vessel, *logs, *(effects or ())]
-    written = [out / name for name in FILES]
+    written = [*(out / name for name in FILES), *([report] if report else [])]
     with guarded_outputs("fleet", inputs, written, force), fleet_progress() as progress:
         boats = read_fleet(vessels) if vessels else fleet_of_one(vessel or "", own)
         for boat in boats:
@@ -108,6 +117,8 @@ def fleet(
             progress=progress, interrupted=_interrupted,
         )  # fmt: skip
     found = wear_of(out)
+    if report is not None:
+        write_fleet_report(out, report)
     print_result(
         json, lambda: fleet_as_dict(result) | {"changes": [one.text for one in found.changes]},
         lambda: show_fleet(result, found),

@@ -60,6 +60,22 @@ def identify(
     pictures: Annotated[
         Path | None, typer.Option(help="Folder for pictures (PNG): before and after, intervals.")
     ] = None,
+    by_recording: Annotated[
+        bool,
+        typer.Option(
+            "--by-recording",
+            help="Fit each recording alone, with a current of its own, and put them together; one "
+            "that disagrees is named and left out.",
+        ),
+    ] = False,
+    boat: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=PATTERN",
+            help="With --by-recording: recordings of boats of one type, which share a hull and "
+            "have thrusters of their own; the first boat's are those of --vessel.",
+        ),
+    ] = None,
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
@@ -72,9 +88,32 @@ def identify(
     from gateway.offline.trials import TrialOptions
     from gateway.offline.usable_time import TimeSpan, parse_exclusions
     from gateway.terminal.console import status_line
-    from gateway.terminal.identification import show_identification
+    from gateway.terminal.identification import show_by_recording, show_identification
 
     settings = identify_settings(free or (), fix or (), prior or (), method)
+    if by_recording:
+        from gateway.offline.by_recording import boats_of, files_of, identify_logs_by_recording
+
+        if any(given is not None for given in (start, end, exclude, validate, pictures)):
+            raise BadInput(
+                "--by-recording takes no --from, --to, --exclude, --validate, --pictures"
+            )
+        boats = boats_of(boat or ())
+        written = [] if out is None else list(files_of(out, boats).values())
+        options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
+        read = (*logs, vessel_path(vessel), mapping, *(effects or ()))
+        with (
+            guarded_outputs("identify", read, written, force),
+            status_line("identifying") as progress,
+        ):
+            pooled = identify_logs_by_recording(
+                logs, vessel, out, settings, boats=boats, options=options,
+                effects=effects_from(effects), progress=progress,
+            )  # fmt: skip
+        print_result(json, pooled.to_dict, lambda: show_by_recording(pooled, written))
+        return
+    if boat:
+        raise BadInput("--boat goes with --by-recording")
     read = (*logs, *(validate or ()))
     drawn = pictures_there(pictures, [log.stem for log in read], end="-parameters.png")
     inputs = (*read, vessel_path(vessel), mapping, *(effects or ()))

@@ -5,7 +5,7 @@ Figures are SVG inside the file, sharp on paper and on a phone, shown without a 
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -98,17 +98,54 @@ class ReportPage:
     glossary: Mapping[str, str] = field(default_factory=lambda: GLOSSARY)
 
 
+@dataclass(frozen=True)
+class FleetPage:
+    """The report of a fleet as values: sentences, rows of texts, maps, courses of numbers.
+
+    boats       boat, recordings, usable, error, noise floor, first and last day
+    recordings  recording, boat, began, usable, error, noise floor, state, what it is good for or
+                why it is not done
+    left_out    courses for which there is no room
+    """
+
+    title: str
+    made: str
+    headline: tuple[str, ...]
+    boats: tuple[tuple[str, ...], ...]
+    recordings: tuple[tuple[str, ...], ...]
+    maps: tuple[ReportFigure, ...]
+    courses: tuple[ReportFigure, ...]
+    left_out: int = 0
+
+
+def render_fleet(page: FleetPage) -> str:
+    """The page as text; the last courses are left out where it would be too large for a mail."""
+    rows = sum(len(cell) + 40 for row in page.recordings for cell in row)
+    room, courses = LARGEST - PAGE_BYTES - rows - _size(page.maps), list[ReportFigure]()
+    for figure in page.courses:
+        room -= _size((figure,))
+        if room < 0:
+            break
+        courses.append(figure)
+    shown = replace(page, courses=tuple(courses), left_out=len(page.courses) - len(courses))
+    return _environment().get_template("fleet_report.html").render(r=shown)
+
+
 def render(page: ReportPage) -> str:
     """The page as text, never beyond the size that a mail takes."""
+    template = _environment().get_template("report.html")
+    recordings, left_out = _within_limit(page)
+    return template.render(r=page, recordings=recordings, left_out=left_out)
+
+
+def _environment() -> Environment:
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters["signed"] = _number
     environment.filters["probability"] = probability_text
-    template = environment.get_template("report.html")
-    recordings, left_out = _within_limit(page)
-    return template.render(r=page, recordings=recordings, left_out=left_out)
+    return environment
 
 
 def _within_limit(

@@ -20,6 +20,7 @@ from sim.comparison.compare import Comparison
 from sim.comparison.improvement import improvements
 from sim.excitation.manoeuvre import Manoeuvre
 from sim.excitation.step_response import STEER, THROTTLE, StepResponse, StepResponses
+from sim.identification.by_recording import ByRecording
 from sim.identification.identify import Identification
 from sim.identification.validation import Validation
 from sim.prediction.scores import Scores
@@ -107,6 +108,30 @@ def show_identification(
     console.notices(found.unconfirmed)
     console.path("written", out)
     console.path("pictures", pictures)
+
+
+def show_by_recording(found: ByRecording, written: Sequence[Path]) -> None:
+    """Numbers put together, what each recording weighs, which one disagrees."""
+    console = ResultConsole()
+    console.notices(one.text for one in found.disagreements)
+    name = escape(next(iter(found.vessels.values())).name)
+    title = f"{name}, each of {len(found.fits)} recordings alone, put together"
+    columns = ("parameter", "before", "value", "95 % interval", "scatter of voyages")
+    table = result_table(title, *columns, unit=True)
+    for one in found.numbers:
+        label = one.name + (f" ({one.boat})" if one.boat else "")
+        low, high = one.ci95
+        table.add_row(
+            escape(label), f"{one.before:.4g}", f"{one.value:.5g}", f"{low:.5g} … {high:.5g}",
+            f"{one.scatter:.2g}", one.unit,
+        )  # fmt: skip
+    console.print(table)
+    weights = Table("recording", "weight", title_justify="left")
+    for fit, weight in zip(found.fits, found.weight, strict=True):
+        weights.add_row(escape(fit.recording), f"{100.0 * weight:.0f} %" if weight else "left out")
+    console.print(weights)
+    for file in written:
+        console.path("written", file)
 
 
 def _parameters(found: Identification) -> Table:

@@ -278,6 +278,7 @@ class Effect:
     shown_by      what a recording must hold to tell it
     general_of    the simpler effect that this one can always stand in for: that one comes first
     contains      the effect that it holds as a whole: the two never stand side by side
+    of_each_day   every voyage has some of it: fits of many recordings give each its own
     partial       one such effect follows only part of what nature does: a sea has many waves
     unsteady      share of what it explains that it leaves by being taken for steady: gusts
     evidence      what its evidence is drawn against, or that by its values; None: found from the
@@ -310,6 +311,7 @@ class Effect:
     shown_by: tuple[Shown, ...] = ()
     general_of: str = ""
     contains: str = ""
+    of_each_day: bool = False
     partial: bool = False
     unsteady: float = 0.0
     evidence: EvidenceAxis | Callable[[Values], EvidenceAxis] | None = None

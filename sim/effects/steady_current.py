@@ -42,6 +42,7 @@ EFFECT = Effect(
     name="steady_current",
     scope=Scope.VOYAGE,
     water=water,
+    of_each_day=True,
     parameters=(
         Parameter(
             "speed",
