@@ -258,7 +258,9 @@ class _Fit:
             if done:
                 break
         share = np.array([float(np.trace(covariance @ one)) for one in each]) / len(every)
-        return cls(every, beta, covariance, np.sqrt(T), MIN_SCATTER * size, share)
+        return cls(
+            every, beta, np.asarray(covariance, np.float64), np.sqrt(T), MIN_SCATTER * size, share
+        )
 
     def half_interval(self, recordings: int) -> Floats:
         """Half a 95 % interval (m,), by Student's t as far as T was found from few."""
