@@ -11,7 +11,7 @@ noise from a leader, the same for all; numbers with an interval deserve starts w
 them, and the noise that it leaves.
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
@@ -197,15 +197,28 @@ class EffectSearch:
     def _swapped(
         self, steps: list[Ranking], fit: Fit, last: bool = False
     ) -> tuple[list[Ranking], Fit]:
-        """The earlier effects, or the `last` one too, chosen again beside the others."""
-        for i, step in enumerate(steps if last else steps[:-1]):
+        """The earlier effects, or the `last` one too, chosen again beside the others.
+
+        Until none gives way; each that does is worth it, so that no two take turns for ever.
+        """
+        for _ in range(thresholds.MAX_SWAPS):
+            swap = next(self._swaps(steps, fit, len(steps) if last else len(steps) - 1), None)
+            if swap is None:
+                break
+            steps, fit = swap
+        return steps, fit
+
+    def _swaps(
+        self, steps: list[Ranking], fit: Fit, count: int
+    ) -> Iterator[tuple[list[Ranking], Fit]]:
+        """What is worth more in the place of one of the first `count` effects, each when asked."""
+        for i, step in enumerate(steps[:count]):
             kept = [a for k, a in enumerate(fit.effects()) if k != i]
             ranking = self.rank(self._beside(kept, fit))
             best, old = (ranking if ranking.finalists else step).best, step.best.name
             if best.name != old and is_worth_it(self._gain_over(best.fit, fit)):
                 self.progress(f"{best.name} in the place of {old}")
-                return [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
-        return steps, fit
+                yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes."""

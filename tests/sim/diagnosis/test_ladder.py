@@ -232,9 +232,13 @@ class Scripted(EffectSearch):
         return nothing if lost == {"steady_current"} else Gain(2.0, 0.5, 5.7, 700.0, 0.0)
 
 
+@pytest.mark.parametrize("beside_varying", ["steady_current", "heading_offset"])
 def test_what_was_kept_out_by_an_effect_that_went_gets_its_place(
-    monkeypatch: pytest.MonkeyPatch,
+    beside_varying: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Whether the steady current goes last of all or gives way to the heading offset."""
+    best = {**Scripted.best, ("varying_current",): beside_varying}
+    monkeypatch.setattr(Scripted, "best", best)
     monkeypatch.setattr("sim.diagnosis.ladder.final_fit", lambda fit: fit)
     nothing: Any = None
     scorer: Any = SimpleNamespace(
