@@ -101,7 +101,10 @@ def load_fmu(text: str) -> tuple[Callable[[Model], Plant], str]:
 
     def build(model: Model) -> Plant:
         plant = sort(table, library.instance())
-        plant.check_saving()
+        try:
+            plant.check_saving()
+        except ArithmeticError as error:
+            raise ValueError(str(error)) from None
         return plant
 
     return build, file.read_text(encoding="utf-8")
@@ -128,7 +131,8 @@ def _described(file: Path, archive: Path) -> Any:
     if not archive.is_file():
         raise BadInput(f"{file}: file = {archive.name!r}: there is no such file beside it")
     try:
-        described = fmpy.read_model_description(str(archive), validate=False)
+        with archive.open("rb") as stream:
+            described = fmpy.read_model_description(stream, validate=False)
     except Exception as error:  # whatever FMPy, zipfile and lxml say of a file that is none
         raise BadInput(f"{archive}: not an FMU: {error}") from None
     if described.coSimulation is None:

@@ -1,12 +1,18 @@
 """An FMU as a plant: built here from Python, driven, followed; what is wrong in one line."""
 
+import sys
+import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pythonfmu.builder import FmuBuilder
 
+from gateway.commands.live import simulate as simulate_command
 from gateway.errors import BadInput
+from gateway.offline.simulate import simulate
+from gateway.plants import fmu
 from gateway.plants.choice import load_plant
 from sim.following.follower import FollowerOptions
 from sim.following.stepwise import follower_for
@@ -196,6 +202,75 @@ def test_what_is_wrong_with_a_table_is_one_line(folder, before, after, wrong):
         load_plant(f"fmu:{wrong_table}")
     assert wrong in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_an_fmu_that_fails_is_one_line(folder, monkeypatch):
+    text = f"{TABLE}[parameters]\nmass = 0.0\n"
+    (folder / "failing.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"LaggedBoat stopped after 0.00 s"):
+        plant_of(folder, "failing.toml")
+    monkeypatch.setattr(fmu._Instance, "get", lambda self, names: [np.nan] * len(names))
+    with pytest.raises(ValueError, match=r"LaggedBoat gave no number 0.02 s after start"):
+        plant_of(folder)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "wrong"),
+    [
+        ("<CoSimulation ", "<ModelExchange ", "for model exchange alone: expected co-simulation"),
+        ('fmiVersion="2.0"', 'fmiVersion="7.0"', "not an FMU"),
+        ("<ModelVariables>", "<ModelVariables", "not an FMU"),
+    ],
+)
+def test_an_fmu_of_another_kind_is_one_line(folder, tmp_path, before, after, wrong):
+    with (
+        zipfile.ZipFile(folder / "LaggedBoat.fmu") as given,
+        zipfile.ZipFile(tmp_path / "LaggedBoat.fmu", "w") as made,
+    ):
+        text = given.read("modelDescription.xml").decode()
+        made.writestr("modelDescription.xml", text.replace(before, after))
+    (tmp_path / "boat.toml").write_text(TABLE, encoding="utf-8")
+    with pytest.raises(BadInput, match=wrong) as caught:
+        load_plant(f"fmu:{tmp_path / 'boat.toml'}")
+    assert "\n" not in str(caught.value)
+
+
+def test_an_fmu_of_fmi_1_is_one_line(folder, monkeypatch):
+    old = SimpleNamespace(fmiVersion="1.0", coSimulation=object())
+    monkeypatch.setattr("fmpy.read_model_description", lambda *given, **options: old)
+    with pytest.raises(BadInput, match=r"LaggedBoat.fmu: FMI 1.0: expected 2 or 3"):
+        load_plant(f"fmu:{folder / 'boat.toml'}")
+
+
+def test_one_without_a_program_for_this_machine_is_one_line(folder, tmp_path):
+    with (
+        zipfile.ZipFile(folder / "LaggedBoat.fmu") as given,
+        zipfile.ZipFile(tmp_path / "LaggedBoat.fmu", "w") as made,
+    ):
+        made.writestr("modelDescription.xml", given.read("modelDescription.xml"))
+    (tmp_path / "boat.toml").write_text(TABLE, encoding="utf-8")
+    with pytest.raises(ValueError, match="does not run here"):
+        plant_of(tmp_path)
+
+
+def test_fmpy_that_is_missing_is_one_line(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    with pytest.raises(BadInput, match=r"pip install 'shadow-gateway\[fmu\]'"):
+        load_plant(f"fmu:{folder / 'boat.toml'}")
+
+
+def test_commands_move_it_under_the_vessels_thrusters(folder, tmp_path):
+    """`shadow simulate --plant`: the FMU's motion, the vessel's force."""
+    commands = tmp_path / "ahead.csv"
+    commands.write_text("time,left,right\n0,0.5,0.5\n4,0,0\n", encoding="utf-8")
+    choice = load_plant(f"fmu:{folder / 'plain.toml'}")
+    moved = simulate(commands, WAMV, None, tmp_path, plant=choice)
+    own = simulate(commands, WAMV, None, tmp_path)
+    np.testing.assert_array_equal(moved.commanded, own.commanded)
+    assert moved.motion[0, 3] == 0.0
+    assert moved.motion[-1, 3] > own.motion[-1, 3] + 0.3  # it is lighter
+    with pytest.raises(BadInput, match="--plant goes with a table of commands"):
+        simulate_command(vessel=Path("otter"), plant="mujoco", log=tmp_path / "x.tlog")
 
 
 def test_fmu_without_a_table_is_one_line():

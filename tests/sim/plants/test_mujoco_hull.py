@@ -1,5 +1,6 @@
 """The hull in MuJoCo floats as hydrostatics has it, moves as the vessel does, rides waves."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +53,9 @@ def test_at_rest_it_stays_at_rest(hull):
     assert max(map(abs, hull.afloat(state, NOTHING, AIR))) < 1e-9
 
 
-@pytest.mark.parametrize("vessel", [WAMV, IACQUABOT], ids=lambda v: v.name)
+@pytest.mark.parametrize(
+    "vessel", [WAMV, pytest.param(IACQUABOT, marks=pytest.mark.slow)], ids=lambda v: v.name
+)
 def test_in_calm_water_it_moves_as_the_vessel_does(vessel):
     tau, moving = Wrench(60.0, 5.0, 15.0), PlantMotion(Pose(0.0, 0.0, 0.4), Velocity(0.8, 0.1, 0.1))
     ends = []
@@ -106,6 +109,13 @@ def test_a_high_centre_of_gravity_and_a_wrong_inertia_are_one_line():
     thin = Floating(inertia=(1.0, 1.0, 500.0))
     with pytest.raises(ValueError, match=r"floating.inertia = \(1.0, 1.0, 500.0\)"):
         MujocoHull.of(Model.of(replace(WAMV, floating=thin)))
+
+
+@pytest.mark.parametrize("package", ["mujoco", "osqp"])
+def test_a_package_that_is_missing_is_one_line(monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ValueError, match=r"pip install 'shadow-gateway\[mujoco\]'"):
+        follower_for(Model.of(WAMV), FollowerOptions(limits=True), MUJOCO)
 
 
 def test_columns_of_the_file_carry_the_hull():
@@ -166,6 +176,7 @@ def test_how_rows_are_cut_does_not_matter():
     np.testing.assert_array_equal(np.vstack(parts), whole.shadows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [MUJOCO, VESSEL], ids=lambda k: k.name)
 def test_an_autopilot_drives_it_as_it_drives_the_vessel(kind):
     """In calm water; a current that rises carries the plant too."""
