@@ -20,6 +20,7 @@ from tests.fuzz.mutations import KINDS, TEXT_KINDS, Change, changed
 from tests.fuzz.targets import TARGETS, Target, is_fault
 from tests.gateway.test_bombs import record, text
 
+ROUND_S = 3.0  # of the slow round, for each target
 CORPUS = [b"abc=1.5 def", bytes(range(256))]
 
 
@@ -41,6 +42,13 @@ def test_every_specimen_is_read(target: Target) -> None:
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
 def test_every_parser_stands_some_mutants(target: Target) -> None:
     assert fuzz(target, 0.5, 1) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+def test_every_parser_stands_a_short_round(target: Target) -> None:
+    """Other mutants than above, in the time that a slow test may take; `make fuzz` goes on."""
+    assert fuzz(target, ROUND_S, 1000) > 0
 
 
 def test_an_exception_is_found_and_its_mutant_kept(tmp_path: Path) -> None:
