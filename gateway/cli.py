@@ -123,7 +123,7 @@ def main() -> None:
 def _with_defaults(arguments: list[str]) -> list[str]:
     """`--adapt` alone means `--adapt watch`."""
     out = list[str]()
-    for argument, after in zip(arguments, [*arguments[1:], ""], strict=True):
+    for argument, after in zip(arguments, [*arguments, ""][1:], strict=True):
         out.append(argument)
         if argument == "--adapt" and after not in ("off", "watch", "apply"):
             out.append("watch")
