@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.figures.figure_data import Dots, FigureData, SeriesRole
+from gateway.figures.figure_data import Dots, FigureData, Line, Mark, SeriesRole
 from gateway.figures.html_report import FleetPage, ReportFigure, render_fleet
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import map_panel
@@ -21,6 +21,7 @@ from gateway.fleet.wear import FleetWear, wear_of
 EARTH_M_PER_DEG = 111_195.0  # of latitude, on a sphere; a map needs no more
 NEAR_DEG = 0.2  # recordings further apart stand on maps of their own
 GOOD = (DONE, PARTLY)
+HALF_MAP = 100.0 * np.array([-1.0, np.nan, 1.0])  # m: corners of the smallest map, not joined
 
 Row = Mapping[str, Any]
 
@@ -116,7 +117,7 @@ def _map(water: Sequence[Row]) -> FigureData:
         float(np.median([r[k] for r in water])) for k in ("latitude_deg", "longitude_deg")
     )
     roles = [role for role in SeriesRole if role is not SeriesRole.INTERVAL]
-    marks = []
+    marks: list[Mark] = [Line(HALF_MAP, HALF_MAP, SeriesRole.CONTEXT)]
     for k, (boat, rows) in enumerate(fleet_of(water).items()):
         x = np.array([r["longitude_deg"] - east for r in rows]) * np.cos(np.radians(north))
         y = np.array([r["latitude_deg"] - north for r in rows])

@@ -5,6 +5,7 @@ are each boat's own. The boat of a recording is the name of the first pattern th
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from gateway.errors import BadInput, numerical_errors
 from gateway.files import write_whole
 from gateway.offline.identify import ADVICE, provenance
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, usable_trials
+from gateway.offline.usable_time import notices_of
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file, revised
 from sim.effects.effect import Effect
 from sim.identification.by_recording import ByRecording, PooledNumber, identify_by_recording
@@ -80,6 +82,7 @@ def identify_logs_by_recording(
         raise BadInput(f"{vessel}: {error}") from None
     except NoUsableTimeError as error:
         raise BadInput(f"{names}: {error}") from None
+    found = replace(found, notices=tuple(notices_of(trials, boat)))
     if out is None:
         return found
     old, odd = read_vessel_file(vessel), {one.recording for one in found.disagreements}

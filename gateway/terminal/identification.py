@@ -113,7 +113,7 @@ def show_identification(
 def show_by_recording(found: ByRecording, written: Sequence[Path]) -> None:
     """Numbers put together, what each recording weighs, which one disagrees."""
     console = ResultConsole()
-    console.notices(one.text for one in found.disagreements)
+    console.notices((*found.notices, *(one.text for one in found.disagreements)))
     name = escape(next(iter(found.vessels.values())).name)
     title = f"{name}, each of {len(found.fits)} recordings alone, put together"
     columns = ("parameter", "before", "value", "95 % interval", "scatter of voyages")

@@ -101,7 +101,8 @@ class PooledNumber:
 class ByRecording:
     """The boat's numbers over many recordings, and the recordings that disagree.
 
-    vessels  the vessel of each boat with its numbers
+    vessels  the vessel of each boat with its numbers; one that no vessel can have stands at the
+             limit, outside its interval
     weight   share of each recording in what is known, 0 where it was left out
     """
 
@@ -110,6 +111,7 @@ class ByRecording:
     fits: tuple[RecordingFit, ...]
     weight: tuple[float, ...]
     disagreements: tuple[Disagreement, ...]
+    notices: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """What `shadow identify --by-recording --json` prints."""
@@ -127,6 +129,7 @@ class ByRecording:
                 }
                 for fit, weight in zip(self.fits, self.weight, strict=True)
             ],
+            "notices": list(self.notices),
             "disagree": [{**one._asdict(), "text": one.text} for one in self.disagreements],
         }  # fmt: skip
 
@@ -179,13 +182,14 @@ def pooled(fits: Sequence[RecordingFit], vessel: Vessel, own: Sequence[str] = ()
         kept.remove(worst[0])
     fit = _Fit.of([fits[k] for k in kept], [labels[k] for k in kept])
     theta = dict(zip(Model.of(vessel).names, Model.of(vessel).theta.tolist(), strict=True))
-    units = {u.name: u.unit for u in unknowns_of(
+    known = {u.name: u for u in unknowns_of(
         Model.of(vessel), 1, IdentifySettings(free=tuple({n for n, _ in fit.labels}), offsets=False)
     ).each}  # fmt: skip
     half = fit.half_interval(len(kept))
     numbers = tuple(
         PooledNumber(
-            name, boat, units[name], theta[name], float(fit.value[i]),
+            name, boat, known[name].unit, theta[name],
+            float(np.clip(fit.value[i], known[name].lower, known[name].upper)),
             (float(fit.value[i] - half[i]), float(fit.value[i] + half[i])),
             float(fit.scatter[i]), sum((name, boat) in labels[k] for k in kept),
         )
@@ -242,7 +246,7 @@ class _Fit:
                 for fit, A in zip(fits, picks, strict=True)
             ]
             each = [A.T @ W @ A for W, A in zip(weights, picks, strict=True)]
-            covariance = np.linalg.inv(sum(each))
+            covariance = np.asarray(np.linalg.inv(sum(each)), dtype=float)
             seen = sum(A.T @ W @ f.value for f, W, A in zip(fits, weights, picks, strict=True))
             beta = covariance @ seen
             total, count = np.zeros(len(every)), np.zeros(len(every))
@@ -258,9 +262,8 @@ class _Fit:
             if done:
                 break
         share = np.array([float(np.trace(covariance @ one)) for one in each]) / len(every)
-        return cls(
-            every, beta, np.asarray(covariance, np.float64), np.sqrt(T), MIN_SCATTER * size, share
-        )
+        scatter = np.asarray(np.sqrt(T), dtype=float)
+        return cls(every, beta, covariance, scatter, MIN_SCATTER * size, share)
 
     def half_interval(self, recordings: int) -> Floats:
         """Half a 95 % interval (m,), by Student's t as far as T was found from few."""
@@ -276,7 +279,7 @@ def _pick(labels: Sequence[Label], every: Sequence[Label]) -> Floats:
 
 
 def _size(fits: Sequence[RecordingFit], labels: Sequence[Sequence[Label]], one: Label) -> float:
-    """How large a number is: the median over recordings, at least a millionth of its std."""
+    """How large a number is: the median over recordings, at least a tenth of its best std."""
     said = [
         (abs(fit.value[each.index(one)]), fit.covariance[each.index(one), each.index(one)])
         for fit, each in zip(fits, labels, strict=True)

@@ -64,7 +64,7 @@ def test_the_course_of_a_number_is_drawn_and_its_change_told(page: str) -> None:
 def test_each_water_has_its_map_the_one_most_sailed_first(tmp_path: Path) -> None:
     write_table(tmp_path, recordings(), [])
     first, second = maps(read_recordings(tmp_path))
-    (dots,) = first.panels[0].marks
+    _, dots = first.panels[0].marks
     assert len(dots.x) == 8
     assert np.ptp(dots.y) == pytest.approx(7 * 111.2, rel=1e-3)
     assert first.title == "around 63.4035° N, 10.3000° E"

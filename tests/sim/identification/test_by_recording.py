@@ -64,6 +64,16 @@ def test_one_that_disagrees_is_named_and_not_averaged() -> None:
     assert {one.recordings for one in found.numbers} == {5}
 
 
+def test_a_number_that_no_vessel_can_have_stands_at_the_limit() -> None:
+    """Recordings that tell nothing of a number may put it anywhere."""
+    random = np.random.default_rng(11)
+    found = pooled([said(random, k, 0.01, X_u=-0.3) for k in range(3)], WAM_V)
+    drag = found.numbers[1]
+    assert drag.value == 0.0
+    assert drag.ci95[0] > 0.0
+    assert found.vessels[""].dynamics.X_u == 0.0
+
+
 def test_of_two_nobody_is_named() -> None:
     random = np.random.default_rng(8)
     found = pooled([said(random, 0), said(random, 1, N_r=2.0)], WAM_V)
