@@ -260,74 +260,30 @@ EVENT = (
     Field("says", "", "what happened, a sentence for people", FieldType.STRING),
 )
 
+EACH = "each estimate"
 _ALL = (
-    Topic(
-        "measured",
-        "shadow.Motion",
-        "How the real boat moves",
-        "each estimate",
-        _motion(),
-        derived=True,
-    ),
-    Topic(
-        "reference",
-        "shadow.Motion",
-        "What the shadow follows",
-        "each estimate",
-        _motion(),
-        derived=True,
-    ),
-    Topic(
-        "shadow", "shadow.Motion", "How the shadow moves", "each estimate", _motion(), derived=True
-    ),
-    Topic(
-        "position",
-        "shadow.Position",
-        "Where boat and shadow are on Earth",
-        "each estimate, once an origin is known",
-        _position(),
-        derived=True,
-    ),
-    Topic(
-        "control",
-        "shadow.Control",
-        "The forces on shadow and boat",
-        "each estimate",
-        _control(),
-        derived=True,
-    ),
-    Topic(
-        "residual",
-        "shadow.Residual",
-        "What the vessel's model lacks, and how far its latest predictions were off",
-        "each estimate, once a prediction over the longest horizon has come due",
-        _residual(),
-        derived=True,
-    ),
-    Topic(
-        "surroundings",
-        "shadow.Surroundings",
-        "Current and wind-like force, estimated from what the vessel's model lacks",
-        "1 Hz, once half a minute was seen",
-        _surroundings(),
-    ),
-    Topic(
-        "wind",
-        "shadow.Wind",
-        "The wind-like force as a wind; from vessels with wind areas only",
-        "1 Hz, once half a minute was seen",
-        WIND,
-    ),
-    Topic(
-        "parameters",
-        "shadow.Parameter",
-        "A number of the vessel, followed while sailing; one message for each; with --adapt only",
-        "1 Hz, while the data are fit to judge by",
-        PARAMETERS,
-    ),
+    Topic("measured", "shadow.Motion", "How the real boat moves", EACH, _motion(), derived=True),
+    Topic("reference", "shadow.Motion", "What the shadow follows", EACH, _motion(), derived=True),
+    Topic("shadow", "shadow.Motion", "How the shadow moves", EACH, _motion(), derived=True),
+    Topic("position", "shadow.Position", "Where boat and shadow are on Earth",
+          f"{EACH}, once an origin is known", _position(), derived=True),
+    Topic("control", "shadow.Control", "The forces on shadow and boat", EACH, _control(),
+          derived=True),
+    Topic("residual", "shadow.Residual",
+          "What the vessel's model lacks, and how far its latest predictions were off",
+          f"{EACH}, once a prediction over the longest horizon has come due", _residual(),
+          derived=True),
+    Topic("surroundings", "shadow.Surroundings",
+          "Current and wind-like force, estimated from what the vessel's model lacks",
+          "1 Hz, once half a minute was seen", _surroundings()),
+    Topic("wind", "shadow.Wind", "The wind-like force as a wind; from vessels with wind areas only",
+          "1 Hz, once half a minute was seen", WIND),
+    Topic("parameters", "shadow.Parameter",
+          "A number of the vessel, followed while sailing; one message for each; with --adapt only",
+          "1 Hz, while the data are fit to judge by", PARAMETERS),
     Topic("health", "shadow.Health", "How well link, filter and gateway are", "1 Hz", _health()),
     Topic("event", "shadow.Event", "What happened, in words", "as it happens", EVENT),
-)
+)  # fmt: skip
 TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _ALL}
 
 # Recorded by `shadow hil` as NAME/<vessel>; no inference reads them, nothing publishes them.

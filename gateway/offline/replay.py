@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from gateway.config import Settings, as_tables
 from gateway.errors import BadInput
 from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.earth import Origin
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, choose_floating
+from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mavlink.log import Frames, MavlinkLog
 from gateway.ingest.mcap.enclosed import enclosure_of_file
 from gateway.ingest.open import open_log
@@ -30,6 +30,7 @@ from gateway.ingest.sources import choose
 from gateway.json_rows import TopicRows
 from gateway.live.boats import BoatPlan
 from gateway.live.rerun import fleet_of, recorded_live, rerun
+from gateway.offline.replay_summary import ReplaySummary, ReplayTotals
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment, Recorder
 from gateway.recording.writer import Payloads
@@ -43,7 +44,6 @@ from gateway.shadow.topic_rows import attachments_of, event_rows, metadata_of, t
 from gateway.stopping import Interrupts
 from gateway.vessel_file import zenoh_key
 from sim.plants.table import PlantChoice
-from sim.state import Floats
 from sim.vessel import Vessel
 
 
@@ -110,96 +110,6 @@ def open_outputs(
         model = attachments[0].data
         bus = scope.enter_context(Bus(name, model=model, settings=settings.zenoh.bus()))
     return ReplayOutputs(recorder, bus)
-
-
-@dataclass(frozen=True)
-class ReplaySummary:
-    """What a replay did."""
-
-    log: str
-    boat: str
-    seconds: float
-    rows: int
-    wall_seconds: float
-    rmse: Floats  # (6,) shadow − estimate while measured: north, east, yaw, u, v, r
-    missing: Floats  # (3,) root mean square of the missing force [N, N, N m]
-    events: int
-    recordings: tuple[Path, ...]
-    notes: tuple[str, ...] = ()  # what was odd about the log
-
-    def to_dict(self) -> dict[str, Any]:
-        """What `shadow replay --json` prints of a log: SI units and radians."""
-        channels = ("x", "y", "psi", "u", "v", "r")
-        return {
-            "log": self.log,
-            "boat": self.boat,
-            "seconds": self.seconds,
-            "rows": self.rows,
-            "wall_seconds": self.wall_seconds,
-            "following_rmse": dict(zip(channels, self.rmse.tolist(), strict=True)),
-            "missing_force_rms": dict(zip("XYN", self.missing.tolist(), strict=True)),
-            "events": self.events,
-            "notes": self.notes,
-            "recordings": [str(path) for path in self.recordings],
-        }
-
-
-def _notes(statistics: Statistics) -> tuple[str, ...]:
-    """What a user should know about the log that was replayed."""
-    odd = {
-        "bytes were no message": statistics.junk_bytes,
-        "messages had a wrong checksum": statistics.bad_checksum,
-    }
-    notes = [f"{count} {what}" for what, count in odd.items() if count]
-    if statistics.truncated_tail:
-        notes.append("the log is cut off at its end: read up to there")
-    return (*notes, *statistics.notes)
-
-
-@dataclass
-class ReplayTotals:
-    """Sums over the rows of a replay, for its summary."""
-
-    count: int = 0
-    compared: int = 0  # rows while telemetry was fresh, which the sums of squares are of
-    judged: int = 0  # those of them in which the data could judge: they have a missing force
-    squares: Floats = field(default_factory=lambda: np.zeros(6))
-    missing: Floats = field(default_factory=lambda: np.zeros(3))
-    events: int = 0
-    first_s: float = 0.0
-    last_s: float = 0.0
-
-    def add(self, step: ReplayStep) -> None:
-        """Add rows and events of a step."""
-        for out in step.outs:
-            self._add_rows(out)
-        self.events += sum(len(part) for part in step.rows if part.topic == "event")
-
-    def _add_rows(self, out: ShadowRows) -> None:
-        if not len(out):
-            return
-        self.first_s = self.first_s if self.count else float(out.time_s[0])
-        self.last_s = float(out.time_s[-1])
-        self.count += len(out)
-        error = (out.shadow - out.estimate)[out.fresh, :6]
-        error[:, 2] = (error[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
-        self.compared += len(error)
-        self.squares += (error**2).sum(axis=0)
-        missing = out.residuals.missing[out.fresh]
-        known = np.isfinite(missing).all(axis=1)
-        self.judged += int(known.sum())
-        self.missing += (missing[known] ** 2).sum(axis=0)
-
-    def summary(
-        self, log: Log, boat: Boat, wall_seconds: float, files: tuple[Path, ...]
-    ) -> ReplaySummary:
-        """The sums as root mean squares."""
-        count, judged = max(self.compared, 1), max(self.judged, 1)
-        return ReplaySummary(
-            log.path, str(boat), self.last_s - self.first_s, self.count,
-            wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / judged),
-            self.events, files, _notes(log.statistics),
-        )  # fmt: skip
 
 
 CHUNK_S = 5.0  # of received facts that are processed at a time
@@ -317,7 +227,7 @@ def replay(
         )
         for step in steps:
             interrupts.check()
-            totals.add(step)
+            totals.add(step.outs, step.rows)
             outputs.write(step)
     if not totals.count:
         raise BadInput(f"{log_path}: the filter never found heading and velocity together")

@@ -17,7 +17,7 @@ from gateway.ingest.log_events import LogEvent
 from gateway.ingest.parameters import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
 from gateway.offline.export.export import Exported
-from gateway.offline.replay import ReplaySummary
+from gateway.offline.replay_summary import ReplaySummary
 from gateway.offline.report import ReportFile
 from gateway.offline.simulate import SimulationResult
 from gateway.terminal.console import ResultConsole

@@ -1,0 +1,103 @@
+"""What a replay did: how far the shadow stayed from the estimate, what force was missing."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gateway.ingest.log import Boat, Log, Statistics
+from gateway.json_rows import TopicRows
+from gateway.shadow.path import ShadowRows
+from sim.state import Floats
+
+
+@dataclass(frozen=True)
+class ReplaySummary:
+    """What a replay did."""
+
+    log: str
+    boat: str
+    seconds: float
+    rows: int
+    wall_seconds: float
+    rmse: Floats  # (6,) shadow − estimate while measured: north, east, yaw, u, v, r
+    missing: Floats  # (3,) root mean square of the missing force [N, N, N m]
+    events: int
+    recordings: tuple[Path, ...]
+    notes: tuple[str, ...] = ()  # what was odd about the log
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `shadow replay --json` prints of a log: SI units and radians."""
+        channels = ("x", "y", "psi", "u", "v", "r")
+        return {
+            "log": self.log,
+            "boat": self.boat,
+            "seconds": self.seconds,
+            "rows": self.rows,
+            "wall_seconds": self.wall_seconds,
+            "following_rmse": dict(zip(channels, self.rmse.tolist(), strict=True)),
+            "missing_force_rms": dict(zip("XYN", self.missing.tolist(), strict=True)),
+            "events": self.events,
+            "notes": self.notes,
+            "recordings": [str(path) for path in self.recordings],
+        }
+
+
+def _notes(statistics: Statistics) -> tuple[str, ...]:
+    """What a user should know about the log that was replayed."""
+    odd = {
+        "bytes were no message": statistics.junk_bytes,
+        "messages had a wrong checksum": statistics.bad_checksum,
+    }
+    notes = [f"{count} {what}" for what, count in odd.items() if count]
+    if statistics.truncated_tail:
+        notes.append("the log is cut off at its end: read up to there")
+    return (*notes, *statistics.notes)
+
+
+@dataclass
+class ReplayTotals:
+    """Sums over the rows of a replay, for its summary."""
+
+    count: int = 0
+    compared: int = 0  # rows while telemetry was fresh, which the sums of squares are of
+    judged: int = 0  # those of them in which the data could judge: they have a missing force
+    squares: Floats = field(default_factory=lambda: np.zeros(6))
+    missing: Floats = field(default_factory=lambda: np.zeros(3))
+    events: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+
+    def add(self, outs: Iterable[ShadowRows], rows: Iterable[TopicRows]) -> None:
+        """Add what the shadow did and the events among the rows of topics."""
+        for out in outs:
+            self._add_rows(out)
+        self.events += sum(len(part) for part in rows if part.topic == "event")
+
+    def _add_rows(self, out: ShadowRows) -> None:
+        if not len(out):
+            return
+        self.first_s = self.first_s if self.count else float(out.time_s[0])
+        self.last_s = float(out.time_s[-1])
+        self.count += len(out)
+        error = (out.shadow - out.estimate)[out.fresh, :6]
+        error[:, 2] = (error[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+        self.compared += len(error)
+        self.squares += (error**2).sum(axis=0)
+        missing = out.residuals.missing[out.fresh]
+        known = np.isfinite(missing).all(axis=1)
+        self.judged += int(known.sum())
+        self.missing += (missing[known] ** 2).sum(axis=0)
+
+    def summary(
+        self, log: Log, boat: Boat, wall_seconds: float, files: tuple[Path, ...]
+    ) -> ReplaySummary:
+        """The sums as root mean squares."""
+        count, judged = max(self.compared, 1), max(self.judged, 1)
+        return ReplaySummary(
+            log.path, str(boat), self.last_s - self.first_s, self.count,
+            wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / judged),
+            self.events, files, _notes(log.statistics),
+        )  # fmt: skip
