@@ -9,6 +9,8 @@ import typer
 from gateway.commands.options import (
     Anyway,
     AsJson,
+    BoatsOfOneType,
+    ByRecording,
     EffectFiles,
     Force,
     LogFiles,
@@ -60,22 +62,8 @@ def identify(
     pictures: Annotated[
         Path | None, typer.Option(help="Folder for pictures (PNG): before and after, intervals.")
     ] = None,
-    by_recording: Annotated[
-        bool,
-        typer.Option(
-            "--by-recording",
-            help="Fit each recording alone, with a current of its own, and put them together; one "
-            "that disagrees is named and left out.",
-        ),
-    ] = False,
-    boat: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=PATTERN",
-            help="With --by-recording: recordings of boats of one type, which share a hull and "
-            "have thrusters of their own; the first boat's are those of --vessel.",
-        ),
-    ] = None,
+    by_recording: ByRecording = False,
+    boat: BoatsOfOneType = None,
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,

@@ -153,3 +153,19 @@ Force = Annotated[
     typer.Option("--force", help="Replace files that this command did not write, inputs too."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON alone on standard output.")]
+ByRecording = Annotated[
+    bool,
+    typer.Option(
+        "--by-recording",
+        help="Fit each recording alone, with a current of its own, and put them together; one "
+        "that disagrees is named and left out.",
+    ),
+]
+BoatsOfOneType = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=PATTERN",
+        help="With --by-recording: recordings of boats of one type, which share a hull and "
+        "have thrusters of their own; the first boat's are those of --vessel.",
+    ),
+]

@@ -87,7 +87,8 @@ def test_every_table_is_read(tmp_path: Path) -> None:
     assert found.recording.compression is Compression.LZ4
     assert found.following.reference is ReferenceMode.AUTO
     assert found.studio.tile(3, 4, 5) == "http://maps.local:8080/3/4/5.png"
-    assert (found.studio.host, found.studio.attribution) == ("maps.local:8080", "our own survey")
+    assert found.studio.source == "asked of maps.local:8080"
+    assert found.studio.attribution == "our own survey"
     assert found.following.follower.law is ControlLaw.PRINTED
 
 
