@@ -42,7 +42,6 @@ EFFECT = Effect(
     name="steady_current",
     scope=Scope.VOYAGE,
     water=water,
-    of_each_day=True,
     parameters=(
         Parameter(
             "speed",
@@ -67,6 +66,7 @@ EFFECT = Effect(
         "compass_deviation",
     ),
     shown_by=(Shown.OPPOSITE,),
+    of_each_day=True,
     evidence=EvidenceAxis(ForceAxis.SURGE, "heading"),
     separated={
         "varying_current": Separation(

@@ -71,9 +71,9 @@ def test_every_cause_can_be_made_and_stands_in_the_catalogue(reporting):
         for item in answer(case)["values"]:
             if item["type"] in KNOWN:
                 effect = named(item.pop("type"))
-                AddedEffect(effect, item)
+                added = AddedEffect(effect, item)
                 for p in effect.parameters:
-                    assert p.lower <= item[p.name] <= p.upper
+                    assert p.lower <= added.values[p.name] <= p.upper
 
 
 def test_the_twin_has_the_same_boat_and_another_day(reporting):

@@ -105,6 +105,11 @@ WRITERS: dict[tuple[str, str], tuple[Callable[[Path], Words], Callable[[Path], l
         lambda at: ["fleet", at / "voyage.tlog", "-v", at / "boat.toml", "--out", at / "made"],
         lambda at: [at / "made" / name for name in FILES],
     ),
+    ("fleet", "report"): (
+        lambda at: ["fleet", at / "voyage.tlog", "-v", at / "boat.toml", "--out", at / "made",
+                    "--report", at / "new.html"],
+        lambda at: [at / "new.html"],
+    ),
     ("demo", "out"): (
         lambda at: ["demo", "--out", at / "made"],
         lambda at: demo_files(at / "made"),

@@ -92,7 +92,7 @@ def test_its_log_is_that_of_the_boat_in_the_loop(sail, otter, tmp_path):
     frames = sail(PlanPilot(plan))
     assert frames[-1].time_s == pytest.approx(plan.seconds + 6.0, abs=0.5)
     (tmp_path / "steps.tlog").write_bytes(tlog_bytes(frames, 1.7e9))
-    wrong = replace(otter, dynamics=replace(otter.dynamics, X_u=1.5 * otter.dynamics.X_u))
+    wrong = replace(otter, dynamics=replace(otter.dynamics, X_u=4.0 * otter.dynamics.X_u))
     right, far = compare_logs([tmp_path / "steps.tlog"], [otter, wrong])
     assert right.nrmse < 1.2 * right.noise_floor_nrmse < far.nrmse
 

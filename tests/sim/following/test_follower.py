@@ -8,7 +8,7 @@ import pytest
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS
 from sim.following.follower import Axes, ControlLaw, FollowerOptions, VesselFollower
-from sim.following.stepwise import PlantFollower, follower_for
+from sim.following.stepwise import Inversion, PlantFollower, follower_for
 from sim.model import Model
 from sim.plants.plant import VesselPlant
 from sim.plants.table import PlantKind
@@ -276,4 +276,5 @@ def test_a_kind_of_plant_is_built_from_the_model():
     follower = follower_for(model, FollowerOptions(limits=True), slow)
     assert isinstance(follower, PlantFollower)
     assert follower.plant == VesselPlant(model)
-    assert len(follower.limits.low) == len(WAMV.thrusters)
+    assert isinstance(follower.controller, Inversion)
+    assert len(follower.controller.limits.low) == len(WAMV.thrusters)
