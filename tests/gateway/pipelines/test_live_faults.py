@@ -6,6 +6,7 @@ Without sockets, see `test_live_process` for those.
 import errno
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
@@ -19,9 +20,9 @@ from gateway.links.frame_reader import split_frames
 from gateway.links.inbox import Datagram, Frame
 from gateway.live import outputs
 from gateway.recording.reader import Recording
-from gateway.recording.recorder import Recorder, open_new
+from gateway.recording.recorder import Recorder, TopicsKept, open_new
 from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence, SimulatedBoatSettings
-from tests.gateway.pipelines.aboard import Deck, Heard, datagrams, played, truth
+from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played, truth
 
 SECONDS = 30.0
 HOME = Origin(*SimulatedBoatSettings().origin_deg)
@@ -207,7 +208,9 @@ def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
 ) -> None:
     monkeypatch.setattr(outputs, "Recorder", partial(Recorder, opener=full(room)))
     monkeypatch.setattr("gateway.recording.thread.WRITE_S", 0.001)
-    heard = shadowed(played(SECONDS), out=tmp_path)
+    everything = replace(SETTINGS.recording, topics=TopicsKept.ALL)  # thinned, it fits for long
+    settings = replace(SETTINGS, recording=everything)
+    heard = shadowed(played(SECONDS), out=tmp_path, settings=settings)
     events = [m for m in heard.messages("event") if m["kind"].startswith("recording_")]
     failed = events[0]  # it is tried again, more and more seldom
     assert failed["kind"] == "recording_failed"
