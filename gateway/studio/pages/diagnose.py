@@ -66,8 +66,8 @@ class DiagnosePage(Page):
                     f"{word('base')}; its error is the {word('nrmse')}.",
                     self._candidates, self._ranking.part),
             section("Evidence", f"The {word('missing force')} without an effect, along "
-                    f"{word('surge u')}, {word('sway v')} or turning, and what the effect "
-                    "supplies.", self._cause, self._evidence),
+                    f"{word('surge u')}, {word('sway v')} or turning ({word('yaw rate r')}), and "
+                    "what the effect supplies.", self._cause, self._evidence),
             section("Why not?", "Every cause that was tried and not chosen, and why.",
                     self._why_not),
             card(self._rest),

@@ -80,9 +80,9 @@ class VesselPage(Page):
         """Numbers left, their effect right; below it the file."""
         interval = word("95 % interval")
         hint = html(f"<p class='faint'>Below a number its {interval}, where it was fitted.</p>")
-        fit = section("Fit", "Learn the nine base numbers from these recordings; what is marked on "
-                      "Compare can be left out or used alone.", self._scope, self._learn.part,
-                      self._fit)  # fmt: skip
+        fit = section("Fit", f"Learn the nine numbers of the {word('base')} from these recordings; "
+                      "what is marked on Compare can be left out or used alone.", self._scope,
+                      self._learn.part, self._fit)  # fmt: skip
         left = stack(card(self._head, self._save.part, self._done, hint, self._numbers), fit)
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
         right = section("What it does", f"To {three}; the error is the {word('nrmse')}.",

@@ -36,7 +36,7 @@ def test_the_shadow_lies_where_the_boat_in_the_loop_truly_is(tmp_path: Path) -> 
         process(*SHADOW, "hil", f"json:127.0.0.1:{sensors}", "-v", "ferry=otter",
                 "--out", out["hil"]),
         process(*SHADOW, "live", f"udpin:127.0.0.1:{radio}", "-v", "otter", "--name", "ferry",
-                "--out", out["live"], "--no-publish"),
+                "--out", out["live"], "--no-publish", "--topics", "all"),
     ]  # fmt: skip
     try:
         wait_for_line(running[0], "waiting for an autopilot")
