@@ -31,7 +31,10 @@ from sim.vessel import (
 MAX_STEP_S = 0.2
 ACCURATE_STEP = 0.6  # of h λ of damping at rest: the error (h λ)⁵/120 of a step is then 6e-4
 STABLE_STEP = 2.0  # of h λ of the fastest motion: Runge–Kutta steps are unstable beyond 2.78
-MIN_STABLE_STEP_S = 0.025  # a hull with faster motion than this allows is none, and may diverge
+MIN_STABLE_STEP_S = 0.025  # a hull with faster motion than this allows is none: left so while …
+FASTER, FASTER_BY = 1.2, 0.1  # … no run becomes faster than all starts by this factor and amount
+RUNAWAY_SPEED = 1e3  # m/s, rad/s: of what is no number any more
+SHORTEST_STEP_S = 1e-3  # of runs that did
 MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
 
@@ -101,29 +104,45 @@ class Model:
     def run(
         self, x0: Floats, runs: "Runs", inputs: "InputTable", *, theta: Floats | None = None
     ) -> tuple[Floats, Floats]:
-        """Free runs: x0 (B, 6 or nx) -> states (B, H+1, nx), reports (B, H+1, 9), NaN past ends."""
+        """Free runs: x0 (B, 6 or nx) -> states (B, H+1, nx), reports (B, H+1, 9), NaN past ends.
+
+        Steps short enough for the velocities at the starts may be too long for those that the runs
+        reach, and then grow without end: such runs are made again in shorter steps.
+        """
         horizon = int(runs.steps.max()) + 1
         start = np.full((len(x0), self.state_size), np.nan)
         start[:, : x0.shape[1]] = x0
         states = np.full((len(x0), horizon, self.state_size), np.nan)
         reports = np.full((len(x0), horizon, 9), np.nan)
-        max_step = self.max_step(theta, np.nan_to_num(x0[:, 3:6]))
-        substeps = max(int(np.ceil(inputs.dt / max_step - 1e-9)), 1)
         rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
-        rollout(
-            floats(np.atleast_2d(self.theta if theta is None else theta)), start,
-            runs.table.astype(np.int64), runs.start.astype(np.int64), runs.steps.astype(np.int64),
-            runs.delay, inputs.total, inputs.voltage, inputs.wind, inputs.time, inputs.dt,
-            substeps, states, reports,
-        )  # fmt: skip
+        first = np.abs(np.nan_to_num(x0[:, 3:6])).max(axis=0)
+        substeps, needed = 0, _steps_in(inputs.dt, self.max_step(theta, first))
+        while needed > substeps:
+            substeps = needed
+            rollout(
+                floats(np.atleast_2d(self.theta if theta is None else theta)), start,
+                runs.table.astype(np.int64), runs.start.astype(np.int64),
+                runs.steps.astype(np.int64), runs.delay, inputs.total, inputs.voltage,
+                inputs.wind, inputs.time, inputs.dt, substeps, states, reports,
+            )  # fmt: skip
+            fastest = np.fmax.reduce(np.abs(states[..., 3:6]), axis=(0, 1))
+            reached = np.fmin(np.nan_to_num(fastest), RUNAWAY_SPEED)
+            if not np.isfinite(states[np.arange(len(x0)), runs.steps, 3:6]).all():
+                reached[:] = RUNAWAY_SPEED
+            if np.any(reached > FASTER * first + FASTER_BY):
+                stable = self.max_step(theta, reached, SHORTEST_STEP_S)
+                needed = min(_steps_in(inputs.dt, stable), 2 * substeps)
         return states, reports
 
-    def max_step(self, theta: Floats | None, nu: Floats) -> float:
+    def max_step(
+        self, theta: Floats | None, nu: Floats, shortest: float = MIN_STABLE_STEP_S
+    ) -> float:
         """Longest Runge–Kutta step [s] that follows the fastest lag and damping of the vessel.
 
-        At velocities nu (B, 3) it is also short enough to stay stable: damping rises with speed,
-        and so does the Munk moment. Damping so strong that it is over within a few hundredths of a
-        second (of a hull that was fitted to too little) is not followed, only kept stable.
+        At velocities nu (3,) or (B, 3) it is also short enough to stay stable, down to `shortest`:
+        damping rises with speed, and so does the Munk moment. Damping so strong that it is over
+        within a few hundredths of a second (of a hull that was fitted to too little) is not
+        followed, only kept stable.
         """
         lags = self._time_constants
         rows = np.atleast_2d(self.theta if theta is None else theta)
@@ -132,7 +151,7 @@ class Model:
         damping = max(-d.X_u / d.m11, -d.Y_v / d.m22, -d.N_r / d.m33, 1e-9)
         rate_limit = STABLE_STEP / self._fastest_rate(rows, nu)
         accurate = max(ACCURATE_STEP / damping, min(rate_limit, MIN_STABLE_STEP_S))
-        stable = max(rate_limit, MIN_STABLE_STEP_S)
+        stable = max(rate_limit, shortest)
         return min(MAX_STEP_S, accurate, max(fastest_lag, MIN_LAG_STEP_S), stable)
 
     @cached_property
@@ -148,7 +167,7 @@ class Model:
     def _fastest_rate(self, rows: Floats, nu: Floats) -> float:
         """The fastest rate [1/s] of the hull, over theta (K, P) and velocities (B, 3)."""
         p = SimpleNamespace(**dict(zip(self.names, rows.T, strict=True)))
-        u, v, r = np.abs(nu).max(axis=0)
+        u, v, r = np.abs(np.atleast_2d(nu)).max(axis=0)
         damping = np.maximum.reduce([
             -(p.X_u + 2.0 * p.X_uu * u) / p.m11, -(p.Y_v + 2.0 * p.Y_vv * v) / p.m22,
             -(p.N_r + 2.0 * p.N_rr * r) / p.m33,
@@ -259,6 +278,11 @@ class InputTable:
             np.tile(start_time + dt * np.arange(steps), (tables, 1)),
             dt,
         )
+
+
+def _steps_in(dt: float, step: float) -> int:
+    """Equal steps in dt [s], none longer than `step` [s]."""
+    return max(int(np.ceil(dt / step - 1e-9)), 1)
 
 
 def _in_order(added: Sequence[AddedEffect]) -> list[AddedEffect]:

@@ -137,6 +137,16 @@ def test_a_coarse_table_does_not_make_a_fast_boat_run_away(nu):
     assert np.max(np.abs(coarse - fine)) < 0.03 * np.linalg.norm(nu)
 
 
+def test_a_hull_damped_far_too_strongly_does_not_run_away_on_its_way_up():
+    """As fitted to three short recordings: steps that do at rest are too long in a spin."""
+    fitted = Dynamics(30.0, 30.0, 1.0, 0.0, -9.0, -10.0, -400.0, -20.0, -400.0)
+    model = Model.of(replace(WAMV, dynamics=fitted))
+    spin = np.tile([1.0, -1.0], (60, 1))
+    coarse = model.simulate(spin, 0.1)[0][0, -1, 3:6]
+    fine = model.simulate(np.repeat(spin, 200, axis=0), 5e-4)[0][0, -1, 3:6]
+    assert coarse == pytest.approx(fine, abs=0.02 * np.abs(fine).max())
+
+
 @pytest.mark.parametrize("command", [-0.7, 0.3, 1.0])
 @pytest.mark.parametrize("vessel", [WAMV, IACQUABOT], ids=shape_id)
 def test_steady_speed_is_where_drag_equals_thrust(vessel, command):
