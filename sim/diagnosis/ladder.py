@@ -147,7 +147,7 @@ class EffectSearch:
         row = self._first_justified(ranking, steps, fit)
         far = self.scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * self.scorer.noise_floor
         if row is None and far and any(e.more_starts for e in self._others(fit)):
-            ranking = self.rank(fit, closer=True, only={r.name for r in ranking.finalists})
+            ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
             row = self._first_justified(ranking, steps, fit)
         return (ranking, False) if row is None else (ranking.led_by(row), True)
 
@@ -177,13 +177,15 @@ class EffectSearch:
         """Whether predictions become noticeably better."""
         return helps(self.scorer, before, after, self.given)
 
-    def rank(self, fit: Fit, closer: bool = False, only: Container[str] = ()) -> Ranking:
-        """What could come next; `closer`: among these and those that declare further starts."""
+    def rank(self, fit: Fit, closer: bool = False, among: Container[str] | None = None) -> Ranking:
+        """What could come next, of the whole catalogue or `among` these effects; `closer`: and
+        among those that declare further starts.
+        """
         beside = ", ".join(fit.names)
         self.progress(f"looking for {f'more beside {beside}' if beside else 'effects'}")
         others = self._others(fit)
-        if only:
-            others = [e for e in others if e.name in only or e.more_starts is not None]
+        if among is not None:
+            others = [e for e in others if e.name in among or (closer and e.more_starts)]
         return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper, closer)
 
     def _others(self, fit: Fit) -> list[Effect]:
@@ -202,19 +204,24 @@ class EffectSearch:
         Until none gives way; each that does is worth it, so that no two take turns for ever.
         """
         for _ in range(thresholds.MAX_SWAPS):
-            swap = next(self._swaps(steps, fit, len(steps) if last else len(steps) - 1), None)
+            swap = next(self._swaps(steps, fit, last), None)
             if swap is None:
                 break
             steps, fit = swap
         return steps, fit
 
     def _swaps(
-        self, steps: list[Ranking], fit: Fit, count: int
+        self, steps: list[Ranking], fit: Fit, last: bool
     ) -> Iterator[tuple[list[Ranking], Fit]]:
-        """What is worth more in the place of one of the first `count` effects, each when asked."""
-        for i, step in enumerate(steps[:count]):
+        """What is worth more in the place of one of the effects, each when asked.
+
+        Of what promised enough at one of the steps to be fitted whole: the whole catalogue for each
+        would take most of the time of a long ladder. At the last it is the whole catalogue.
+        """
+        promising = None if last else {row.name for step in steps for row in step.finalists}
+        for i, step in enumerate(steps if last else steps[:-1]):
             kept = [a for k, a in enumerate(fit.effects()) if k != i]
-            ranking = self.rank(self._beside(kept, fit))
+            ranking = self.rank(self._beside(kept, fit), among=promising)
             best, old = (ranking if ranking.finalists else step).best, step.best.name
             if best.name != old and is_worth_it(self._gain_over(best.fit, fit)):
                 self.progress(f"{best.name} in the place of {old}")

@@ -35,7 +35,7 @@ class Made(EffectSearch):
     rows: tuple[RankedEffect, ...]
     closer: tuple[RankedEffect, ...] = ()
 
-    def rank(self, fit: Any, closer: bool = False, only: Container[str] = ()) -> Ranking:
+    def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
         return Ranking(FIRST, self.closer if closer else self.rows)
 
     def helps(self, before: Any, after: Any) -> bool:
@@ -215,12 +215,15 @@ class Scripted(EffectSearch):
         ("varying_current",): "steady_current", ("heading_offset",): "current_change",
     })  # fmt: skip
 
-    def rank(self, fit: Any, closer: bool = False, only: Container[str] = ()) -> Ranking:
+    def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
         name = self.best.get(fit.names)
-        if name is None:
+        if name is None or (among is not None and name not in among):
             return Ranking(fit, ())
         worth = Gain(2.0, 0.5, 5.7, 700.0, 0.0)
-        return Ranking(fit, (RankedEffect(named(name), found(*fit.names, name), worth, 0.5),))
+        others = (row("heading_offset", LITTLE.gain),) if name != "heading_offset" else ()
+        return Ranking(
+            fit, (RankedEffect(named(name), found(*fit.names, name), worth, 0.5), *others)
+        )
 
     def _beside(self, added: Any, like: Any) -> Any:
         return found(*(a.effect.name for a in added))
