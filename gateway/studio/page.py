@@ -11,6 +11,7 @@ import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -180,6 +181,16 @@ def fill_source(source: Any, rows: Iterable[tuple[Any, ...]]) -> None:
         source.data = data
 
 
+def in_order() -> AbstractContextManager[None]:
+    """Changes of a page go to the browser in the order in which they are made.
+
+    Panel and Bokeh send on ways of their own: while the socket is busy, data of a figure that is
+    new on the page would be there before the figure, which the browser does not take. Each change
+    is kept: of two of one list only the last would hide parts that others in between refer to.
+    """
+    return pn.io.hold(policy="collect")
+
+
 PERIOD_MS = 200
 SHOW_QUICK_S = 0.5  # a comparison that takes longer is shown as work under way
 TEMPLATE = (Path(__file__).parent / "template.html").read_text(encoding="utf-8")
@@ -270,13 +281,14 @@ class Page(ABC):
 
     def caught(self, work: Callable[[], None]) -> None:
         """Work whose errors are a line on the page, never a traceback."""
-        try:
-            work()
-        except (ShadowError, LawError, RuntimeError) as error:
-            self.notify(" ".join(str(error).split()))
-        except Exception as error:  # the outermost loop of a page
-            print(traceback.format_exc(), file=stderr, flush=True)
-            self.notify(f"{BUG} ({type(error).__name__})")
+        with in_order():
+            try:
+                work()
+            except (ShadowError, LawError, RuntimeError) as error:
+                self.notify(" ".join(str(error).split()))
+            except Exception as error:  # the outermost loop of a page
+                print(traceback.format_exc(), file=stderr, flush=True)
+                self.notify(f"{BUG} ({type(error).__name__})")
 
     def _take_vessel(self) -> None:
         """The vessel file that the address names, unless changes of another would be lost."""
@@ -303,6 +315,10 @@ class Page(ABC):
         self._notice = self.session.notice = None
 
     def _look(self) -> None:
+        with in_order():
+            self._update()
+
+    def _update(self) -> None:
         self.caught(self.session.update)
         for kinds, work in self.watch().items():
             now = sum(self.session.revision[kind] for kind in kinds)

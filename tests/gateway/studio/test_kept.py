@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bokeh.document import Document
+from panel.io.state import set_curdoc
 
 from gateway.errors import BadInput
 from gateway.offline.trials import load_trials
@@ -19,6 +21,7 @@ from gateway.studio.several import WAY, course_of, moments
 from gateway.studio.tasks import compare_task
 from gateway.studio.views import Scope
 from tests.conftest import ROOT
+from tests.gateway.studio.pages import context_of
 
 LOG, BOAT = ROOT / "recordings/voyage_1.tlog", ROOT / "configs/vessels/demo_boat.toml"
 GIVEN = [("as given", BOAT.read_text())]
@@ -149,3 +152,11 @@ def test_a_dropped_recording_goes_nowhere_else_and_over_nothing(session):
     for name in ("my trip.tlog", "../up.tlog", "vessel.toml", ".hidden.tlog", "a/b.tlog"):
         with pytest.raises(BadInput):
             session.add_recording(name, b"")
+
+
+def test_changes_of_a_page_are_sent_together_and_each_is_kept(session):
+    page, document, held = vessel.VesselPage(context_of(session)), Document(), []
+    with set_curdoc(document):
+        page.caught(lambda: held.append(document.callbacks.hold_value))
+    assert held == ["collect"]
+    assert document.callbacks.hold_value is None
