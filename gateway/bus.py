@@ -21,6 +21,7 @@ import zenoh
 from zenoh import ext
 
 from gateway.errors import BadInput, ShadowError
+from gateway.keelson import KeelsonPublisher
 from gateway.topics import TOPICS, Overflow, Topic
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -33,10 +34,14 @@ Payload = bytes | Callable[[], bytes]
 
 @dataclass(frozen=True)
 class BusSettings:
-    """Where the session is: a zenoh configuration file, else `endpoint` of this machine."""
+    """Where the session is: a zenoh configuration file, else `endpoint` of this machine.
+
+    keelson  base path of Keelson's keys, under which all is published too; None: it is not
+    """
 
     endpoint: str = DEFAULT_ENDPOINT
     config_file: Path | None = None
+    keelson: str | None = None
 
 
 def session_config(mode: str, endpoints: Mapping[str, Sequence[str]]) -> zenoh.Config:
@@ -174,6 +179,7 @@ class Bus:
         self._given = session
         self._scope = ExitStack()
         self._channels: dict[str, _Channel] = {}
+        self._keelson: KeelsonPublisher | None = None
         self.others = False  # does another gateway publish under the same name?
 
     def __enter__(self) -> Self:
@@ -189,6 +195,10 @@ class Bus:
             self.others = any(True for _ in session.liveliness().get(alive, timeout=OTHERS_S))
             token = session.liveliness().declare_token(alive)
             scope.callback(token.undeclare)
+            if self._settings.keelson is not None:
+                vessel = self._root.removeprefix("shadow/")
+                beside = KeelsonPublisher(session, self._settings.keelson, vessel)
+                self._keelson = scope.enter_context(beside)
             self._scope = scope.pop_all()
         return self
 
@@ -196,11 +206,13 @@ class Bus:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         self._channels.clear()
+        self._keelson = None
         self._scope.close()
 
     def wants(self, topic: str) -> bool:
-        """Does anyone listen to this topic now?"""
-        return self._channels[topic].wanted
+        """Does anyone listen to this topic now, under these keys or Keelson's?"""
+        beside = self._keelson is not None and self._keelson.wants(topic)
+        return beside or self._channels[topic].wanted
 
     def publish(self, topic: str, payload: Payload) -> None:
         """Publish a message, or what will make it when somebody wants it.
@@ -208,6 +220,9 @@ class Bus:
         A function is called at most once, here or later on a thread of zenoh: it must depend on
         nothing that changes.
         """
+        if self._keelson is not None and self._keelson.wants(topic):
+            payload = payload() if callable(payload) else payload
+            self._keelson.publish(topic, payload)
         self._channels[topic].publish(payload)
 
     def _serve(

@@ -22,6 +22,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from gateway.commands import fleet, live, model, recordings, vessel
+from gateway.commands.options import PUBLISH
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 from sim.effects.effect import LawError
 
@@ -121,12 +122,14 @@ def main() -> None:
 
 
 def _with_defaults(arguments: list[str]) -> list[str]:
-    """`--adapt` alone means `--adapt watch`."""
+    """`--adapt` alone means `--adapt watch`, `--publish` `--publish zenoh`; `--no-publish` off."""
     out = list[str]()
     for argument, after in zip(arguments, [*arguments, ""][1:], strict=True):
-        out.append(argument)
+        out += ["--publish", "off"] if argument == "--no-publish" else [argument]
         if argument == "--adapt" and after not in ("off", "watch", "apply"):
             out.append("watch")
+        if argument == "--publish" and after not in PUBLISH:
+            out.append("zenoh")
     return out
 
 

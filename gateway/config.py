@@ -11,7 +11,7 @@ name = "wam-v"              key on zenoh; default: the vessel's name
 preset = "radio"            what stands under these: full (default), or radio for 57600 baud
 ATTITUDE = 20.0
 [filter]     see gateway.estimation.settings
-[zenoh]      publish, endpoint, config_file
+[zenoh]      publish, endpoint, config_file, keelson (base path of Keelson's keys, beside ours)
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
 [metrics]    address = "9464", or "HOST:PORT": Prometheus metrics of `shadow live`
 [recording]  see gateway.recording.recorder
@@ -38,6 +38,7 @@ from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
 from gateway.estimation.settings import FilterSettings, WhiteNoise
 from gateway.ingest.mcap import MAGIC
+from gateway.keelson import check_base
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.plants.choice import plant_relative_to
 from gateway.recording.foxglove_server import parse_address
@@ -138,10 +139,16 @@ class ZenohSettings:
     publish: bool = True
     endpoint: str = DEFAULT_ENDPOINT  # listen there, or join the router that does
     config_file: str | None = None  # a zenoh configuration file, passed through
+    keelson: str | None = None  # base path of Keelson's keys; None: ours alone
+
+    def __post_init__(self) -> None:
+        if self.keelson is not None:
+            check_base(self.keelson)
 
     def bus(self) -> BusSettings:
         """The settings of a bus."""
-        return BusSettings(self.endpoint, Path(self.config_file) if self.config_file else None)
+        file = Path(self.config_file) if self.config_file else None
+        return BusSettings(self.endpoint, file, self.keelson)
 
 
 @dataclass(frozen=True)

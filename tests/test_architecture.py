@@ -112,7 +112,7 @@ LAYERS = {
     """,
     "gateway": """
         errors samples stopping topics user_state
-        outputs toml_file log_line
+        outputs toml_file log_line keelson
         files json_rows
         user_effects estimation recording bus vessel_tables
         vessel_file ingest monitor

@@ -31,7 +31,7 @@ def effects_from(files: list[Path] | None) -> list[Any]:
 def settings_from(
     config: Path | None,
     reference: str | None,
-    publish: bool | None,
+    publish: str | None,
     recorded: Any = None,
     adapt: str | None = None,
     topics: str | None = None,
@@ -59,8 +59,19 @@ def settings_from(
             raise BadInput(f"--adapt {adapt}: expected {', '.join(Adapt)}")
         settings = replace(settings, following=replace(settings.following, adapt=Adapt(adapt)))
     if publish is not None:
-        settings = replace(settings, zenoh=replace(settings.zenoh, publish=publish))
+        settings = replace(settings, zenoh=_published(publish, settings.zenoh))
     return settings
+
+
+def _published(where: str, zenoh: Any) -> Any:
+    """The settings of zenoh with what `--publish` says."""
+    from gateway.keelson import DEFAULT_BASE
+
+    if where not in PUBLISH:
+        raise BadInput(f"--publish {where}: expected {', '.join(PUBLISH)}")
+    if where == KEELSON:
+        return replace(zenoh, publish=True, keelson=zenoh.keelson or DEFAULT_BASE)
+    return replace(zenoh, publish=where == PUBLISH[0])
 
 
 def print_progress(text: str) -> None:
@@ -145,7 +156,16 @@ Topics = Annotated[
         "second). The frames are always whole.",
     ),
 ]
-Publish = Annotated[bool | None, typer.Option("--publish/--no-publish", help="Publish on zenoh.")]
+KEELSON = "keelson"
+PUBLISH = ("zenoh", KEELSON, "off")
+Publish = Annotated[
+    str | None,
+    typer.Option(
+        "--publish",
+        metavar="[zenoh|keelson|off]",
+        help="Publish on zenoh; with keelson under Keelson's keys too. --no-publish: off.",
+    ),
+]
 ZenohName = Annotated[str | None, typer.Option("--name", help="Name on zenoh: shadow/NAME/…")]
 Config = Annotated[Path | None, typer.Option("--config", help="gateway.toml.")]
 Force = Annotated[

@@ -258,7 +258,8 @@ class Gateway:
         self._progress(f"{boat.boat}: shadowed as {boat.name}")
         if self._session is not None:
             model, status = dump_vessel(plan.vessel).encode(), self._status(boat)
-            bus = Bus(boat.name, model=model, status=status, session=self._session)
+            where = self.options.settings.zenoh.bus()
+            bus = Bus(boat.name, model=model, status=status, settings=where, session=self._session)
             outputs.bus = self._scope.enter_context(bus)
             if bus.others:
                 text = (
