@@ -59,6 +59,19 @@ def test_damping_takes_energy_out(nu):
     assert d.X * nu.u + d.Y * nu.v + d.N * nu.r >= 0.0
 
 
+def test_every_term_of_damping_is_there_once():
+    """With a prime for each number and the signs of all speeds, no two mistakes look alike."""
+    names = ("X_u", "X_uu", "Y_v", "Y_vv", "Y_r", "Y_uv", "Y_ur", "N_r", "N_rr", "N_v", "N_uv",
+             "N_ur")  # fmt: skip
+    primes = dict(zip(names, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0),
+                      strict=True))  # fmt: skip
+    body = Body(**{name: primes.get(name, 0.0) for name in Body._fields})
+    d = damping_force(body, Velocity(2.0, -3.0, 5.0))
+    assert d.X == -(2.0 + 3.0 * 2.0) * 2.0
+    assert d.Y == (5.0 + 7.0 * 3.0) * 3.0 - (11.0 * 5.0 - 13.0 * 6.0 + 17.0 * 10.0)
+    assert d.N == -(19.0 + 23.0 * 5.0) * 5.0 - (-29.0 * 3.0 - 31.0 * 6.0 + 37.0 * 10.0)
+
+
 @every_shape
 def test_at_rest_without_command_nothing_moves(vessel):
     states, reports = Model.of(vessel).simulate(np.zeros((40, len(vessel.actuators))), DT)

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from gateway.estimation.events import Events, join, make_events, ticks
 from gateway.estimation.filter import Estimator
@@ -159,6 +160,20 @@ def test_a_spike_is_gated_and_leaves_no_trace():
     assert rows.has(Flag.GATED)[yaw].all()
     assert not rows.has(Flag.JUMP).any()
     assert np.abs(rows.motion[-1] - run(events).motion[-1]).max() < 1e-3
+
+
+def test_the_gate_stands_where_its_share_of_good_readings_says():
+    """Headings spoilt a little more from one to the next: refused from the bound on, no earlier."""
+    _, events = voyage()
+    yaw = np.flatnonzero(events.kind == MeasurementKind.YAW)[300:700:10]
+    z = events.z.copy()
+    z[yaw, 0] += np.linspace(0.0, 0.01, len(yaw))
+    rows = run(dataclasses.replace(events, z=z))
+    bound = chi2.ppf(ESTIMATOR.settings.gate_probability, 1)
+    nis, gated = rows.nis[yaw], rows.has(Flag.GATED)[yaw]
+    assert bound / 1.5 < nis[nis <= bound].max()  # both sides of it are met, closely
+    assert nis[nis > bound].min() < 1.5 * bound
+    np.testing.assert_array_equal(gated, nis > bound)
 
 
 def test_in_an_outage_uncertainty_grows_and_stays_true():

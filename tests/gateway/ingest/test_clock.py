@@ -149,6 +149,17 @@ def test_one_damaged_counter_is_unplaced_and_opens_nothing() -> None:
     assert link.clock.report().unplaced == 2
 
 
+@pytest.mark.parametrize(
+    ("moved_s", "placed"), [(-9.9, True), (-10.1, False), (9.9, True), (10.1, False)]
+)
+def test_a_counter_may_be_ten_seconds_off_before_it_is_a_jump(moved_s: float, placed: bool) -> None:
+    link = Link()
+    link.run(100.0, 0.0, 30.0)
+    newest = 100.0 + 29.9
+    _, verdict = link.say(newest + moved_s, 29.9)
+    assert (verdict is not StampStatus.UNPLACED) == placed
+
+
 def test_without_a_receiver_one_wild_counter_is_unplaced_and_a_lasting_one_a_session() -> None:
     clock, day_us = BoatClock(streams=1), 86_400_000_000
     ticks = [1_000_000 + 100_000 * k for k in range(100)]

@@ -93,6 +93,10 @@ def test_gps_speed_and_course_become_north_and_east() -> None:
     assert facts(gps())[Quantity.FIX] == (3.0,)
 
 
+def test_a_fix_without_height_is_a_fix_on_the_water() -> None:
+    assert facts(gps(fix_type=2)) == {**facts(gps()), Quantity.FIX: (2.0,)}
+
+
 def test_quaternion_gives_the_same_attitude() -> None:
     roll, pitch, yaw = 0.1, -0.2, 2.5
     half = np.array([roll, pitch, yaw]) / 2

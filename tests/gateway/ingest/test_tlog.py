@@ -242,6 +242,16 @@ def test_a_late_frame_is_late_and_not_lost() -> None:
     assert found.notes == ("1 frame came after a later one of its source",)
 
 
+@pytest.mark.parametrize(("back", "lost"), [(31, 0), (32, 224)])
+def test_a_frame_32_numbers_back_is_no_late_one(back: int, lost: int) -> None:
+    """Numbers run modulo 256: what is not late is ahead, over a loss of all between."""
+    mav = packer()
+    sent = [heartbeat(mav) for _ in range(50)]
+    late = 49 - back  # 49 would be the next, this one comes in its place
+    found = tlog_from_bytes(tlog(*sent[:late], *sent[late + 1 : 49], sent[late])).statistics
+    assert found.lost == (lost + 1 if lost else 0)
+
+
 def test_the_receive_clock_may_step_back() -> None:
     mav = packer()
     times = [START_US, START_US + 5, START_US - 60_000_000, START_US - 59_000_000]

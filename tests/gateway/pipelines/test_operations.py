@@ -2,6 +2,7 @@
 
 import configparser
 import json
+import re
 import shlex
 import signal
 import socket
@@ -26,6 +27,7 @@ from tests.conftest import ROOT
 from tests.gateway.pipelines.running import boat, free_port, program, wait
 
 UNIT, CONTAINER = ROOT / "deploy" / "shadow-live.service", ROOT / "deploy" / "Containerfile"
+BLUEOS = ROOT / "deploy" / "blueos.Containerfile"
 
 
 def health(unfit: str = "", loss: float = 0.25) -> bytes:
@@ -124,13 +126,15 @@ def exec_start() -> list[str]:
     return shlex.split(unit["Service"]["ExecStart"])
 
 
-def container_command() -> list[str]:
-    text = CONTAINER.read_text("utf-8").replace("\\\n", "")
+def container_command(file: Path) -> list[str]:
+    text = file.read_text("utf-8").replace("\\\n", "")
     (line,) = [line for line in text.splitlines() if line.startswith("CMD ")]
     return list(json.loads(line.removeprefix("CMD ")))
 
 
-@pytest.mark.parametrize("arguments", [exec_start()[1:], container_command()])
+@pytest.mark.parametrize(
+    "arguments", [exec_start()[1:], container_command(CONTAINER), container_command(BLUEOS)]
+)
 def test_unit_and_container_start_the_command_with_options_that_exist(
     arguments: list[str],
 ) -> None:
@@ -139,6 +143,27 @@ def test_unit_and_container_start_the_command_with_options_that_exist(
     assert done.exit_code != 0
     assert "No such option" not in done.output
     assert "gateway.toml" in f"{done.output} {done.exception}"
+
+
+def test_the_labels_of_the_blueos_extension_are_those_that_its_store_reads() -> None:
+    """Label by label as its repository documents them, with what `docker build` puts in."""
+    text = BLUEOS.read_text("utf-8").replace("\\\n", "")
+    given = dict(re.findall(r'^ARG (\w+)="?([^"\n]*)"?$', text, re.MULTILINE))
+    labels = {}
+    for line in text.splitlines():
+        if line.startswith("LABEL "):
+            name, value = shlex.split(line.removeprefix("LABEL "))[0].split("=", 1)
+            labels[name] = re.sub(r"\$\{(\w+)\}", lambda found: given[found[1]], value)
+    assert re.fullmatch(r"\d+\.\d+\.\d+", labels["version"])
+    assert labels["type"] in ("device-integration", "example", "tool", "other")
+    host = json.loads(labels["permissions"])["HostConfig"]
+    assert host == {"NetworkMode": "host", "Binds": ["/usr/blueos/extensions/shadow:/data"]}
+    assert {"name", "email"} == set(json.loads(labels["authors"])[0])
+    assert {"name", "email", "about"} == set(json.loads(labels["company"]))
+    assert json.loads(labels["links"])["website"].startswith("https://")
+    assert all(re.fullmatch(r"[a-z0-9-]+", tag) for tag in json.loads(labels["tags"]))
+    bound = host["Binds"][0].split(":")[1]
+    assert all(word.startswith(bound) for word in container_command(BLUEOS) if "/" in word)
 
 
 def test_systemd_takes_the_unit(tmp_path: Path) -> None:

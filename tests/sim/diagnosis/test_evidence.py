@@ -121,3 +121,6 @@ def test_only_a_curve_that_points_away_from_the_points_contradicts_them():
     assert not points(5.0, 1.0, 1.0).contradicts
     assert not points(0.5, -1.0, 1.0).contradicts
     assert not points(5.0, 0.0, 1.0).contradicts
+    # Four points, a whisker of two standard errors: three of the mean of all are at 20 / 3.
+    assert points(5.0, -1.0, 6.6).contradicts
+    assert not points(5.0, -1.0, 6.7).contradicts

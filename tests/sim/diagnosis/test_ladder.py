@@ -130,6 +130,18 @@ def test_an_effect_of_ones_own_is_fitted_whatever_it_promises() -> None:
     assert keel not in select_finalists([keel, *many])[1:]
 
 
+def test_three_are_fitted_and_of_the_others_those_with_a_tenth_of_the_best_ones_promise() -> None:
+    def chosen(*deviances: float) -> int:
+        none = SimpleNamespace(effect=SimpleNamespace(general_of=""))
+        pairs = zip(EFFECTS, deviances, strict=False)
+        results: Any = [SimpleNamespace(name=e.name, deviance=d, added=none) for e, d in pairs]
+        return len(select_finalists(results))
+
+    assert chosen(0.0, 100.0, 100.0, 100.0, 100.0) == 3
+    assert chosen(0.0, 10.0, 20.0, 89.0, 91.0, 100.0) == 4
+    assert chosen(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 100.0) == 6
+
+
 def test_a_special_case_is_fitted_wherever_its_general_form_is() -> None:
     def screened(name: str, deviance: float) -> Any:
         return SimpleNamespace(

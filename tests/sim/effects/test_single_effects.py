@@ -1,11 +1,14 @@
 """What single effects do, in figures that their equations give by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sim.body import Report
 from sim.effects.catalogue import named
+from sim.effects.velocity_latency import observe
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.vessel import AddedEffect, Hull
@@ -278,6 +281,19 @@ def test_a_late_receiver_shows_an_extrapolation_where_the_past_is_not_known():
     _, reported = run(late, commands[200:], states[200])
     np.testing.assert_allclose(over_ground(reported)[:20], over_ground(now)[195:215], atol=1e-3)
     assert np.abs(over_ground(reported)[:20] - over_ground(now)[200:220]).max() > 0.05
+
+
+def test_a_late_place_lies_back_along_the_course_over_ground():
+    """On a heading to the south-east and in a turn: north and east, ahead and aside are told."""
+    now = Report(10.0, 20.0, 2.0, 3.0, -0.5, 0.4, 0.2, 0.1, 0.05)
+    seen, delay = observe(now, SimpleNamespace(delay=0.5)), 0.5
+    rotation = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
+    rate = np.array([0.2 - 0.4 * -0.5, 0.1 + 0.4 * 3.0])  # of the velocity over ground, in the body
+    speed = np.array([3.0, -0.5])
+    place = np.array([10.0, 20.0]) - rotation @ (delay * speed - 0.5 * delay**2 * rate)
+    np.testing.assert_allclose((seen.north, seen.east), place, atol=1e-12)
+    np.testing.assert_allclose((seen.u, seen.v), speed - delay * rate, atol=1e-12)
+    assert (seen.yaw, *seen[5:]) == (2.0, 0.4, 0.2, 0.1, 0.05)
 
 
 def test_the_true_motion_is_found_behind_all_sensors_at_once():

@@ -6,15 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
 from sim.monitoring.disturbances import (
+    BOAT_DRIFT_S,
     BOAT_ERRORS,
+    SCORE_MEMORY_S,
+    SECONDS_PER_INDEPENDENT_SECOND,
     Cause,
     DisturbanceEstimate,
     DisturbanceEstimator,
     DisturbanceFilter,
+    MeasurementModel,
 )
 from sim.monitoring.live_second import SecondMeans, WindModel, air_velocity, balance_at
 from sim.vessel import AddedEffect
@@ -182,6 +187,28 @@ def test_the_wind_is_that_of_the_catalogue() -> None:
     blown = WINDY.with_effects(AddedEffect(STEADY_WIND, values))
     lacks = [balance_at(Model.of(v), second).still_water for v in (WINDY, blown)]
     assert air.force(g, second) == pytest.approx(lacks[0] - lacks[1], rel=1e-9)
+
+
+def test_a_filter_moves_as_kalmans_equations_and_scores_what_it_foresaw() -> None:
+    """Against the information form, which shares no line with the gain and Joseph's form."""
+    rng = np.random.default_rng(3)
+    prior, later = rng.uniform(0.5, 1.0, BOAT_ERRORS), 2.0
+    measured = MeasurementModel(rng.normal(size=(3, BOAT_ERRORS)), np.array([0.1, 0.2, -0.1]),
+                                np.zeros((3, 0)))  # fmt: skip
+    start = replace(DisturbanceFilter.start(prior), score=-4.0)
+    force, variance = np.array([1.0, -0.5, 0.3]), np.array([0.5, 1.0, 2.0])
+    after = start.updated(force, variance, measured, later)
+
+    P, H = np.diag(prior**2 * (1.0 + later / BOAT_DRIFT_S)), measured.boat
+    covariance = np.linalg.inv(np.linalg.inv(P) + H.T @ np.diag(1.0 / variance) @ H)
+    mean = covariance @ H.T @ ((force - measured.force) / variance)
+    np.testing.assert_allclose(after.covariance, covariance, atol=1e-12)
+    np.testing.assert_allclose(after.mean, mean, atol=1e-12)
+    S, m = H @ P @ H.T + np.diag(variance), force - measured.force
+    seen = multivariate_normal(np.zeros(3), S).logpdf(m) + 1.5 * np.log(2.0 * np.pi)
+    kept = -4.0 * np.exp(-later / SCORE_MEMORY_S)
+    assert after.score == pytest.approx(kept + seen / SECONDS_PER_INDEPENDENT_SECOND)
+    np.testing.assert_allclose(after.innovation_ratio, m**2 / np.diag(S))
 
 
 def test_a_filter_weighs_an_outlier_less() -> None:
