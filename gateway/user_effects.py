@@ -29,6 +29,21 @@ def known_effects() -> tuple[Effect, ...]:
     return (*EFFECTS, *(effect for effect in plugged if isinstance(effect, Effect)))
 
 
+def described(effect: Effect) -> dict[str, object]:
+    """An effect as plain values: what it is, its parameters with units and bounds."""
+    return {
+        "name": effect.name,
+        "scope": effect.scope.value,
+        "looks_like": effect.looks_like,
+        "mistaken_for": list(effect.mistaken_for),
+        "parameters": [
+            {"name": p.name, "unit": p.unit, "lower": p.lower, "upper": p.upper, "start": p.start}
+            for p in effect.parameters
+        ],
+        "explanation": effect.explanation,
+    }
+
+
 TRUSTED = "trusted"  # the kind of entry in the user's state; its key is the hash of a file
 
 

@@ -146,6 +146,7 @@ def simulate(
     effects: EffectFiles = None,
     config: Config = None,
     force: Force = False,
+    json: AsJson = False,
 ) -> None:
     """Commands in, motion out, as a recording; --live plays a boat, --log writes its telemetry."""
     if plant is not None and (live is not None or log is not None):
@@ -163,8 +164,13 @@ def simulate(
                 vessel_from(vessel, effects), log, program=commands or "mixed", system=system,
                 fast=fast, seed=seed, seconds=seconds,
             )  # fmt: skip
-        print_progress(f"{duration:.0f} s played into {log}")
+        written = {"log": str(log), "seconds": duration}
+        print_result(
+            json, lambda: written, lambda: print_progress(f"{duration:.0f} s played into {log}")
+        )
         return
+    if live is not None and json:
+        raise BadInput("--live: a boat that is played has no result; leave out --json")
     if live is not None:
         from gateway.simulated_boat.play import play_until_stopped
 
@@ -188,7 +194,7 @@ def simulate(
         boat = vessel_from(vessel, effects)
         played_by = load_plant(plant, effects_from(effects))
         done = work(Path(commands), boat, follower, out, options=options, plant=played_by)
-    show_simulation(done)
+    print_result(json, done.to_dict, lambda: show_simulation(done))
 
 
 def hil(

@@ -261,6 +261,7 @@ def add(
     out: Annotated[Path, typer.Option("--out", help="The vessel file to write.")],
     effects: EffectFiles = None,
     force: Force = False,
+    json: AsJson = False,
 ) -> None:
     """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
     from gateway.offline.add import add_effects
@@ -271,7 +272,11 @@ def add(
     inputs = (vessel_path(vessel), source, *(effects or ()))
     with guarded_outputs("add", inputs, [out], force):
         done = add_effects(names, vessel, source, out, effects_from(effects))
-    show_addition(done, names, vessel, out)
+    print_result(
+        json,
+        lambda: {"written": str(out)} | done.to_dict(),
+        lambda: show_addition(done, names, vessel, out),
+    )
 
 
 def show_effects(
@@ -290,11 +295,17 @@ def show_effects(
     ] = None,
     effects: EffectFiles = None,
     force: Force = False,
+    json: AsJson = False,
 ) -> None:
     """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
     from gateway.offline.add import formula_in
     from gateway.terminal.effects import show_catalogue, show_effect, show_effect_file
-    from gateway.user_effects import known_effects, write_effect_copy, write_effect_formula
+    from gateway.user_effects import (
+        described,
+        known_effects,
+        write_effect_copy,
+        write_effect_formula,
+    )
 
     known = [*known_effects(), *effects_from(effects)]
     if name is None and picture is not None:
@@ -304,7 +315,11 @@ def show_effects(
     if source is not None and write is None:
         raise BadInput("--from: the formula of a diagnosis goes into a file: add --write own.py")
     if name is None:
-        show_catalogue(known)
+        print_result(
+            json,
+            lambda: {"effects": [described(e) for e in known]},
+            lambda: show_catalogue(known),
+        )
         return
     chosen = [effect for effect in known if effect.name == name]
     if not chosen:
@@ -316,9 +331,13 @@ def show_effects(
                 write_effect_copy(chosen[0], write)
             else:
                 write_effect_formula(chosen[0], *formula_in(source), write)
-            show_effect_file(chosen[0], write)
+            print_result(
+                json, lambda: {"written": str(write)}, lambda: show_effect_file(chosen[0], write)
+            )
             return
-        show_effect(chosen[0], picture)
+        if json and picture is not None:
+            raise BadInput("--picture: is drawn beside the text; leave out --json")
+        print_result(json, lambda: described(chosen[0]), lambda: show_effect(chosen[0], picture))
 
 
 def trust(

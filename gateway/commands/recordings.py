@@ -87,15 +87,18 @@ def init(
     system: System = None,
     anyway: Anyway = False,
     force: Force = False,
+    json: AsJson = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
-    from gateway.offline.initial_vessel import init_vessel
+    from gateway.offline.initial_vessel import init_vessel, initial_vessel_dict
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
     with guarded_outputs("init", [log], [out], force):
         made = init_vessel(log, out, name, given, system, anyway)
-    show_initial_vessel(made, out)
+    print_result(
+        json, lambda: initial_vessel_dict(made, out), lambda: show_initial_vessel(made, out)
+    )
 
 
 def replay(

@@ -85,6 +85,19 @@ class AdditionResult:
     after: float
     recordings: tuple[str, ...]
 
+    def to_dict(self) -> dict[str, object]:
+        """The new numbers with their intervals, errors on unseen time before and after."""
+        return {
+            "vessel": self.vessel.name,
+            "effects": {
+                effect: {key: entry.model_dump() for key, entry in numbers.items()}
+                for effect, numbers in self.effects.items()
+            },
+            "heldout_nrmse_before": self.before,
+            "heldout_nrmse_after": self.after,
+            "recordings": list(self.recordings),
+        }
+
 
 def add_effects(
     names: Sequence[str],

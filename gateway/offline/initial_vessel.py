@@ -17,7 +17,7 @@ from gateway.ingest.open import open_log
 from gateway.ingest.parameters import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.toml_file import explain
 from gateway.vessel_file import dump_vessel, read_vessel_file
-from gateway.vessel_tables import GUESSED, Provenance, VesselFile
+from gateway.vessel_tables import GUESSED, Provenance, RudderTable, ThrusterTable, VesselFile
 from sim.identification.settings import BASE
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
 
@@ -72,6 +72,20 @@ def init_vessel(
     text = first_vessel(log_path, name or log_path.stem, actuators(parameters), given)
     write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
+
+
+def initial_vessel_dict(made: VesselFile, out: Path) -> dict[str, object]:
+    """What was written as plain values: the file, its actuators, where each number is from."""
+    parts: list[ThrusterTable | RudderTable] = [*made.thrusters, *made.rudders]
+    return {
+        "written": str(out),
+        "name": made.name,
+        "actuators": [
+            {"name": a.name, "channel": a.channel, "pwm_us": list(a.pwm), "reversed": a.reversed}
+            for a in parts
+        ],
+        "provenance": {key: origin.says for key, origin in made.provenance.items()},
+    }
 
 
 def check_size(given: Mapping[str, float]) -> None:

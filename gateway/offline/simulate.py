@@ -48,6 +48,27 @@ class SimulationResult:
     recording: Path
     notices: tuple[str, ...] = ()
 
+    @property
+    def follower_rmse(self) -> Floats | None:
+        """Follower less vessel in u, v [m/s], r [rad/s]: (3,); None without a follower."""
+        if self.follower is None:
+            return None
+        return np.asarray(((self.follower - self.motion)[:, 3:6] ** 2).mean(axis=0) ** 0.5)
+
+    def to_dict(self) -> dict[str, object]:
+        """Where the recording is, how long, the motion at the end in SI, how well it followed."""
+        names = ("north_m", "east_m", "yaw_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
+        off = self.follower_rmse
+        return {
+            "recording": str(self.recording),
+            "seconds": float(self.time[-1]),
+            "at_end": dict(zip(names, self.motion[-1, :6].tolist(), strict=True)),
+            "follower_rmse": (
+                None if off is None else dict(zip(names[3:], off.tolist(), strict=True))
+            ),
+            "notices": list(self.notices),
+        }
+
 
 def read_commands(path: Path, vessel: Vessel) -> tuple[Floats, Floats]:
     """A table of commands -> times (R,) from 0 [s], commands (R, actuators)."""

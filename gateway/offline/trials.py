@@ -266,6 +266,7 @@ class TrialSource:
         reasons = {
             usable_time.DISARMED: disarmed,
             usable_time.NO_FIX: usable_time.no_fix(self.held, grid),
+            usable_time.EKF_ILL: usable_time.ekf_ill(self.held, grid),
             usable_time.GAP: gap,
             usable_time.NO_COMMANDS: silent if "commands" in self.choices else nowhere,
             usable_time.IDLE: usable_time.idle(grid, motion.nu, thrust),

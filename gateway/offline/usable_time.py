@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gateway.errors import BadInput
 from gateway.ingest.parameters import THRUST_FUNCTIONS, actuators
 from gateway.shadow.held_series import HeldInputs
+from gateway.shadow.sensor_checks import SETTLE_S, STATUS_CONFIRMED_S
 from sim.identification.wiring import wiring_notices, wiring_of
 from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Nu
@@ -23,11 +24,12 @@ Bools = NDArray[np.bool_]
 
 DISARMED = "disarmed"
 NO_FIX = "no 3-D fix"
+EKF_ILL = "the autopilot's EKF unhealthy"
 GAP = "no telemetry"
 NO_COMMANDS = "no commands"
 IDLE = "not under way"
 SPINNING = "turning too fast for its grid"
-REASONS = (DISARMED, NO_FIX, GAP, NO_COMMANDS, IDLE, SPINNING)
+REASONS = (DISARMED, NO_FIX, EKF_ILL, GAP, NO_COMMANDS, IDLE, SPINNING)
 LEFT_OUT = "left out by --exclude"
 
 # All chosen by looking at recordings, none measured.
@@ -47,6 +49,19 @@ def disarmed(held: HeldInputs, time: Floats) -> Bools:
 def no_fix(held: HeldInputs, time: Floats) -> Bools:
     """Where the receiver reports that it has no 3-D fix: (T,) s -> (T,)."""
     return np.asarray(held.fix.at(time)[:, 0] < FIX_3D)
+
+
+def ekf_ill(held: HeldInputs, time: Floats) -> Bools:
+    """Where the autopilot's filter says that it is ill, or was until just now: (T,) s -> (T,).
+
+    By the rules of the live checks: one report alone is none, and the filter has to find back.
+    """
+    ill = np.asarray(held.estimator.at(time)[:, 0] > 0.0)
+    out = np.zeros(len(time), np.bool_)
+    for start, stop in usable_stretches(ill):
+        if time[stop - 1] - time[start] >= STATUS_CONFIRMED_S:
+            out |= (time >= time[start]) & (time <= time[stop - 1] + SETTLE_S)
+    return out
 
 
 def idle(time: Floats, nu: Floats, thrust: Bools) -> Bools:

@@ -73,7 +73,8 @@ def seconds(time_ns: Ints, epoch_ns: int) -> Floats:
 class HeldInputs:
     """The inputs of a log that hold until the next message, on one time axis.
 
-    pulses (K, 32) µs, voltage (K, 1) V, wind (K, 2) m/s, armed (K, 1) 0 or 1, fix (K, 1)
+    pulses (K, 32) µs, voltage (K, 1) V, wind (K, 2) m/s, armed (K, 1) 0 or 1, fix (K, 1),
+    estimator (K, 1) bits of `EstimatorFault`
     """
 
     pulses: HeldSeries
@@ -81,10 +82,11 @@ class HeldInputs:
     wind: HeldSeries
     armed: HeldSeries
     fix: HeldSeries
+    estimator: HeldSeries
 
 
 def held_inputs(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: int) -> HeldInputs:
-    """Commands, voltage, wind, armed, fix; empty where the log has no source."""
+    """Of each quantity the chosen source; empty where the log has none."""
 
     def of(name: str, width: int) -> HeldSeries:
         if name not in choices:
@@ -97,6 +99,7 @@ def held_inputs(decoded: BoatSamples, choices: Mapping[str, Choice], epoch_ns: i
         of("wind", 2),
         _armed(of("armed", 1), choices),
         of("fix", 1),
+        of("estimator", 1),
     )
 
 

@@ -200,8 +200,8 @@ def show_simulation(result: SimulationResult) -> None:
         f"{result.time[-1]:.0f} s simulated; at the end {last[0]:.1f} m north, {last[1]:.1f} m "
         f"east, {last[3]:.2f} m/s ahead"
     )
-    if result.follower is not None:
-        off = ((result.follower - result.motion)[:, 3:6] ** 2).mean(axis=0) ** 0.5
+    off = result.follower_rmse
+    if off is not None:
         out.print(
             f"follower − vessel, RMSE: {off[0]:.4f} m/s, {off[1]:.4f} m/s, "
             f"{off[2] * YAW_RATE.factor:.3f} °/s"

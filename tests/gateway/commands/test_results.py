@@ -15,18 +15,41 @@ from gateway.ingest.csv.log import QUANTITIES
 from gateway.ingest.open import open_log
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel, load_vessel
+from sim.effects.catalogue import EFFECTS
 from tests.conftest import ROOT
 from tests.gateway.command_line import Run, command, one_line, strictly
 from tests.sim.vessels import IACQUABOT
 
 
-@pytest.mark.parametrize("name", ["info", "replay", "compare"])
+@pytest.mark.parametrize("name", ["info", "init", "replay", "compare"])
 def test_json_stands_alone_on_standard_output(
     run: Run, tmp_path: Path, boat: Path, log: Path, name: str
 ) -> None:
     done = run(*command(name, log, boat, tmp_path / "out"), "--json")
     assert (done.status, done.err) == (0, "")
     assert strictly(done.out)
+
+
+def test_the_catalogue_as_json_holds_each_effect_with_its_parameters(run: Run) -> None:
+    listed = strictly(run("effects", "--json").out)["effects"]
+    assert [one["name"] for one in listed] == [effect.name for effect in EFFECTS]
+    one = strictly(run("effects", "steady_current", "--json").out)
+    assert one == next(e for e in listed if e["name"] == "steady_current")
+    assert one["parameters"][0]["unit"] == "m/s"
+
+
+def test_the_json_of_a_simulation_is_what_its_lines_say(
+    run: Run, tmp_path: Path, boat: Path
+) -> None:
+    (tmp_path / "c.csv").write_text("time,left,right\n0,0.5,0.5\n4,0.5,0.5\n")
+    words = ["simulate", tmp_path / "c.csv", "-v", boat, "--out", tmp_path / "out"]
+    found = strictly(run(*words, "--json").out)
+    lines = " ".join(run(*words, "--force").out.split())
+    end = found["at_end"]
+    assert f"{end['north_m']:.1f} m north, {end['east_m']:.1f} m east" in lines
+    assert f"{end['surge_mps']:.2f} m/s ahead" in lines
+    assert Path(found["recording"]).is_file()
+    assert found["follower_rmse"] is None
 
 
 def test_the_json_of_a_replay_tells_where_everything_is(

@@ -60,6 +60,13 @@ def gps(boot_s: float, fix: int) -> Any:
     )
 
 
+def ekf_status(ill: bool = False) -> Any:
+    """All of attitude, velocity and place; ill: no velocity."""
+    return dialect.MAVLink_ekf_status_report_message(
+        831 & ~2 if ill else 831, 0.1, 0.1, 0.1, 0.1, 0.0
+    )
+
+
 def vfr_hud(speed: float = 1.0, heading_deg: int = 90) -> Any:
     return dialect.MAVLink_vfr_hud_message(0.0, speed, heading_deg, 0, 0.0, 0.0)
 

@@ -38,9 +38,13 @@ def test_what_was_ranked_but_not_chosen_is_added_with_numbers_of_its_own(
     (rival,) = found.diagnosis.alternatives
     assert rival.effects == ("heading_offset",)
     better = tmp_path / "better.toml"
-    status, _, _ = run("add", "heading_offset", "-v", folder / "boat.toml", "--from", saved,
-                          "--out", better)  # fmt: skip
+    status, out, _ = run("add", "heading_offset", "-v", folder / "boat.toml", "--from", saved,
+                          "--out", better, "--json")  # fmt: skip
     assert status == 0
+    answer = json.loads(out)
+    angle = answer["effects"]["heading_offset"]["angle"]
+    assert angle["ci95"][0] < angle["value"] < angle["ci95"][1]
+    assert answer["heldout_nrmse_after"] < answer["heldout_nrmse_before"]
     vessel = load_vessel(better)
     assert vars(vessel.dynamics) == pytest.approx(vars(rival.vessel.dynamics))
     assert vessel.effects[0].values == pytest.approx(rival.vessel.effects[0].values)

@@ -29,6 +29,7 @@ from tests.gateway.estimation.boat import gauss_markov, weaving_boat
 from tests.gateway.ingest.scripted import (
     Script,
     attitude,
+    ekf_status,
     gps,
     heartbeat,
     local_position,
@@ -156,6 +157,28 @@ def test_without_a_fix_nothing_is_usable() -> None:
         circle(script, 100.0 + start, start, 20.0)
     stretches = [s for s in one(script).excluded if s.why == usable_time.NO_FIX]
     assert [(s.start, s.end) for s in stretches] == [pytest.approx((0.0, 20.0), abs=0.2)]
+
+
+def test_what_an_ill_filter_reports_judges_no_model() -> None:
+    """From 20 to 30 s it has no velocity and says so: what it reports then is half of the truth."""
+    script = Script()
+    circle(script, 100.0, 0.0, 20.0)
+    for t in np.arange(20.0, 30.0, 0.1):
+        yaw = RATE * t
+        script.send(t, attitude(100.0 + t, (yaw + np.pi) % (2 * np.pi) - np.pi, RATE))
+        north, east = SPEED / RATE * np.sin(yaw), SPEED / RATE * (1.0 - np.cos(yaw))
+        slow = 0.5 * SPEED
+        wrong = local_position(100.0 + t, north, east, slow * np.cos(yaw), slow * np.sin(yaw))
+        script.send(t, wrong)
+        script.send(t, servo(100.0 + t, 1700, 0, 1600))
+    for t in np.arange(0.0, 30.0, 0.5):
+        alone = t == 5.0  # one damaged report is no illness
+        script.send(t + 0.01, ekf_status(ill=alone or t >= 20.0))
+    trial, blind = one(script), one(script, TrialOptions(keep=(usable_time.EKF_ILL,)))
+    (stretch,) = (s for s in trial.excluded if s.why == usable_time.EKF_ILL)
+    assert (stretch.start, stretch.end) == pytest.approx((20.0, 30.0), abs=0.2)
+    off, taken = (np.abs(t.nu[t.usable, Nu.U] - SPEED).max() for t in (trial, blind))
+    assert off < 0.2 < 0.5 < taken
 
 
 def test_what_is_missing_is_said() -> None:
