@@ -21,7 +21,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from gateway.commands import fleet, live, model, recordings, vessel
+from gateway.commands import effects, fleet, live, model, recordings, vessel
 from gateway.commands.options import PUBLISH
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 from sim.effects.effect import LawError
@@ -58,8 +58,8 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
     "wear": fleet.wear,
     "studio": recordings.studio,
     "plan": model.plan,
-    "effects": model.show_effects,
-    "trust": model.trust,
+    "effects": effects.show_effects,
+    "trust": effects.trust,
     "plants": live.show_plants,
     "config": recordings.show_config,
     "export": recordings.export,
