@@ -44,7 +44,9 @@ def test_what_was_ranked_but_not_chosen_is_added_with_numbers_of_its_own(
     answer = json.loads(out)
     angle = answer["effects"]["heading_offset"]["angle"]
     assert angle["ci95"][0] < angle["value"] < angle["ci95"][1]
-    assert answer["heldout_nrmse_after"] < answer["heldout_nrmse_before"]
+    first = found.diagnosis.ladder[0].heldout.nrmse
+    assert answer["heldout_nrmse_before"] == pytest.approx(first)
+    assert answer["heldout_nrmse_after"] == pytest.approx(rival.heldout.nrmse)
     vessel = load_vessel(better)
     assert vars(vessel.dynamics) == pytest.approx(vars(rival.vessel.dynamics))
     assert vessel.effects[0].values == pytest.approx(rival.vessel.effects[0].values)
