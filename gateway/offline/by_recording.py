@@ -20,9 +20,12 @@ from sim.identification.by_recording import ByRecording, PooledNumber, identify_
 from sim.identification.intervals import Estimate
 from sim.identification.parameters import UnknownNameError
 from sim.identification.settings import IdentifySettings
+from sim.identification.wiring import wiring_notices, wiring_of
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Progress
+from sim.trial import Trial
+from sim.vessel import Vessel
 
 FITS = ("shooting", "simulation")
 
@@ -75,6 +78,8 @@ def identify_logs_by_recording(
         read = usable_trials([log], options, progress)
         trials += read
         whose += [boat_of(log, patterns) if patterns else ""] * len(read)
+    if not options.anyway:
+        _require_wiring(trials, whose, boat, vessel)
     try:
         with numerical_errors(names, vessel, ADVICE):
             found = identify_by_recording(trials, boat, settings, whose, progress)
@@ -82,20 +87,36 @@ def identify_logs_by_recording(
         raise BadInput(f"{vessel}: {error}") from None
     except NoUsableTimeError as error:
         raise BadInput(f"{names}: {error}") from None
-    found = replace(found, notices=tuple(notices_of(trials, boat)))
+    found = replace(found, notices=(*found.notices, *notices_of(trials, boat)))
     if out is None:
         return found
     old, odd = read_vessel_file(vessel), {one.recording for one in found.disagreements}
+    fitted = {fit.recording for fit in found.fits} - odd
     for name, file in files_of(out, patterns).items():
         pairs = zip(trials, whose, strict=True)
-        kept = [t for t, own in pairs if t.name not in odd and own == name] or trials[:1]
+        kept = [t for t, own in pairs if t.name in fitted and own == name] or trials[:1]
         estimates = [_estimate(one) for one in found.numbers if one.boat in ("", name)]
         origins = provenance(estimates, kept, f"each of {len(found.fits)} recordings alone")
-        sources = ", ".join(trial.name for trial in trials if trial.name not in odd)
+        sources = ", ".join(trial.name for trial in trials if trial.name in fitted)
         history = revised(old, boat, found.vessels[name], "shadow identify --by-recording", sources)
         text = dump_vessel(found.vessels[name], old.provenance | origins, history)
         write_whole(file, text.encode(), "the vessel file")
     return found
+
+
+def _require_wiring(
+    trials: Sequence[Trial], whose: Sequence[str], boat: Vessel, file: str | Path
+) -> None:
+    """BadInput where a boat does not go where it is commanded: every fit would be of nonsense."""
+    for name in dict.fromkeys(whose):
+        own = [trial for trial, each in zip(trials, whose, strict=True) if each == name]
+        wrong = wiring_notices(wiring_of(own, boat), boat)
+        if wrong:
+            label = f" ({name})" if name else ""
+            raise BadInput(
+                f"{file}{label}: {'; '.join(wrong)}. Set that first: each recording would be "
+                "fitted to motors that it does not have (--anyway fits all the same)"
+            )
 
 
 def _estimate(one: PooledNumber) -> Estimate:

@@ -25,16 +25,16 @@ from scipy.stats import f as f_ratio
 from scipy.stats import t as student
 
 from sim.effects.catalogue import EFFECTS
-from sim.identification.identify import FITS, fitted_model
-from sim.identification.intervals import NUISANCE, uncertainty_of
-from sim.identification.parameters import unknowns_of
+from sim.identification.identify import FITS, MIN_USABLE_S, fitted_model
+from sim.identification.intervals import NUISANCE, named_covariance, uncertainty_of
+from sim.identification.parameters import Unknown, unknowns_of
 from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import FitInputs
 from sim.model import Model
-from sim.prediction.segments import require_finite
+from sim.prediction.segments import NoUsableTimeError, require_finite
 from sim.state import Floats, Progress
 from sim.trial import Trial
-from sim.vessel import AddedEffect, Vessel
+from sim.vessel import AddedEffect, Vessel, with_free_curves
 
 # Chosen, not measured:
 MIN_SCATTER = 0.02  # of a number, from voyage to voyage: no two are alike
@@ -143,15 +143,17 @@ def fit_recording(
     unknowns = unknowns_of(Model.of(vessel), 1, settings)
     fit = FITS[settings.method](FitInputs(unknowns, [trial], settings), None, lambda _: None)
     uncertainty = uncertainty_of(unknowns, fit, settings.block)
-    covariance = uncertainty.covariance * (uncertainty.factor / NORMAL_95) ** 2
+    wide = uncertainty.covariance * (uncertainty.factor / NORMAL_95) ** 2
+    covariance = named_covariance(unknowns, fit.z, wide)
     own = [
         i for i, u in enumerate(unknowns.each) if u.trial is None and u.name not in NUISANCE
     ]  # fmt: skip
-    values = dict(zip((u.name for u in unknowns.each), unknowns.to_named(fit.z), strict=True))
+    named = unknowns.to_named(fit.z)
+    values = dict(zip((u.name for u in unknowns.each), named, strict=True))
     names = tuple(unknowns.each[i].name for i in own)
     day = {name: float(value) for name, value in values.items() if name not in names}
     return RecordingFit(
-        trial.name, boat, names, fit.z[own], covariance[np.ix_(own, own)], day
+        trial.name, boat, names, named[own], covariance[np.ix_(own, own)], day
     )  # fmt: skip
 
 
@@ -189,7 +191,7 @@ def pooled(fits: Sequence[RecordingFit], vessel: Vessel, own: Sequence[str] = ()
     numbers = tuple(
         PooledNumber(
             name, boat, known[name].unit, theta[name],
-            float(np.clip(fit.value[i], known[name].lower, known[name].upper)),
+            float(np.clip(fit.value[i], *_limits(known[name]))),
             (float(fit.value[i] - half[i]), float(fit.value[i] + half[i])),
             float(fit.scatter[i]), sum((name, boat) in labels[k] for k in kept),
         )
@@ -201,6 +203,11 @@ def pooled(fits: Sequence[RecordingFit], vessel: Vessel, own: Sequence[str] = ()
         {boat: _vessel(vessel, numbers, boat) for boat in boats}, numbers, tuple(fits),
         tuple(weight.tolist()), tuple(named),
     )  # fmt: skip
+
+
+def _limits(one: Unknown) -> tuple[float, float]:
+    """Of a number by its name; a knot of a curve lies within all that its thruster gives."""
+    return (one.lower, one.upper) if one.share_of is None else (-1.0, 1.0)
 
 
 Label = tuple[str, str]  # name of a number, and its boat; empty: of all
@@ -215,8 +222,8 @@ def _vessel(vessel: Vessel, numbers: Sequence[PooledNumber], boat: str) -> Vesse
     """The vessel with the numbers of a boat."""
     values = {one.name: one.value for one in numbers if one.boat in ("", boat)}
     unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(free=tuple(values), offsets=False))
-    z = np.array([values[u.name] for u in unknowns.each])
-    return fitted_model(unknowns, unknowns.from_named(z)).vessel
+    z = unknowns.from_named(np.array([values[u.name] for u in unknowns.each]))
+    return fitted_model(unknowns, np.clip(z, *unknowns.bounds)).vessel
 
 
 @dataclass(frozen=True)
@@ -337,14 +344,42 @@ def identify_by_recording(
     """Fit every trial alone and put them together; `boats` (K,): whose each is, by default one's.
 
     With several boats the thrust of each, ahead and astern, is its own; the first one's is that of
-    the vessel file.
+    the vessel file. A trial too short to be fitted alone is left out with a notice;
+    NoUsableTimeError where all are.
     """
     settings, whose = settings or IdentifySettings(), boats or ["" for _ in trials]
-    several = len(set(whose)) > 1
+    vessel = with_free_curves(vessel, settings.free)
     own = [f"{t.name}.{end}" for t in vessel.thrusters for end in ("ahead", "astern")]
+    pairs = list(zip(trials, whose, strict=True))
+    long = [(trial, boat) for trial, boat in pairs if _usable_s(trial) >= MIN_USABLE_S]
+    if not long:
+        raise NoUsableTimeError(f"no recording has {MIN_USABLE_S:.0f} s of usable time")
+    several, first = len({boat for _, boat in long}) > 1, long[0][1]
     fits = []
-    for i, (trial, boat) in enumerate(zip(trials, whose, strict=True)):
-        progress(f"{trial.name} ({i + 1} of {len(trials)})")
-        free = (*settings.free, *own) if several and boat != whose[0] else settings.free
+    for i, (trial, boat) in enumerate(long):
+        progress(f"{trial.name} ({i + 1} of {len(long)})")
+        free = (*settings.free, *own) if several and boat != first else settings.free
         fits.append(fit_recording(trial, vessel, boat, replace(settings, free=free)))
-    return pooled(fits, vessel, own if several else ())
+    short = tuple(
+        f"{trial.name} is left out: {_usable_s(trial):.0f} s of usable time, "
+        f"{MIN_USABLE_S:.0f} s are needed"
+        for trial, _ in pairs
+        if _usable_s(trial) < MIN_USABLE_S
+    )
+    found = pooled(fits, vessel, own if several else ())
+    return replace(found, notices=(*short, *_vague(found)))
+
+
+def _vague(found: ByRecording) -> tuple[str, ...]:
+    """A notice where an interval holds more than twice a number, and zero: what to do instead."""
+    names = [n.name for n in found.numbers if n.ci95[1] - n.ci95[0] > 2.0 * abs(n.value)]
+    if not names:
+        return ()
+    return (
+        f"these recordings, each alone, tell little of {', '.join(names)}: intervals are wider "
+        "than the numbers; fit them together, without --by-recording, or record for longer",
+    )
+
+
+def _usable_s(trial: Trial) -> float:
+    return float(trial.usable.sum()) * trial.dt

@@ -159,7 +159,8 @@ def estimates_of(
 ) -> tuple[Estimate, ...]:
     """All parameters by their names, nuisances too."""
     value, before = unknowns.to_named(z), unknowns.to_named(unknowns.start)
-    half = uncertainty.factor * np.sqrt(np.diag(_named_covariance(unknowns, z, uncertainty)))
+    covariance = named_covariance(unknowns, z, uncertainty.covariance)
+    half = uncertainty.factor * np.sqrt(np.diag(covariance))
     large = UNDETERMINED_SHARE * _large_changes(unknowns, z)
     vague = uncertainty.factor * np.sqrt(np.diag(uncertainty.covariance)) > large
     traded = _traded(unknowns, z, uncertainty)
@@ -197,12 +198,12 @@ def _large_changes(unknowns: Unknowns, z: Floats) -> Floats:
     return np.where(np.isfinite(large), large, np.maximum(scale, np.abs(z)))
 
 
-def _named_covariance(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> Floats:
-    """Covariance of the named parameters, where z holds north and east parts."""
+def named_covariance(unknowns: Unknowns, z: Floats, covariance: Floats) -> Floats:
+    """Covariance (n, n) of the named parameters from that of z, which holds parts and shares."""
     step = DIFFERENCE_STEP * np.array([u.scale for u in unknowns.each])
     moved = unknowns.to_named(z + np.diag(step)) - unknowns.to_named(z - np.diag(step))
     J = (np.remainder(moved + np.pi, 2.0 * np.pi) - np.pi).T / (2.0 * step)
-    return np.asarray(J @ uncertainty.covariance @ J.T)
+    return np.asarray(J @ covariance @ J.T)
 
 
 def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> str:

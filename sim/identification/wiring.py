@@ -87,6 +87,7 @@ class Wiring:
     yaw, surge   1 as commanded, −1 the other way round, 0 not determined
     runs         recordings that contradict them
     correlation  the clearest of those
+    clear        sum of the correlations, 0 … 1 each, of responses that are clear
     backwards    the one thruster that runs the wrong way round; the others are as with it turned
     """
 
@@ -94,6 +95,7 @@ class Wiring:
     surge: int
     runs: tuple[str, ...]
     correlation: float
+    clear: float = 0.0
     backwards: int | None = None
 
     @property
@@ -108,15 +110,18 @@ class Wiring:
 
 
 def wiring_of(trials: Sequence[Trial], vessel: Vessel) -> Wiring:
-    """All recordings together: the clear responses of each axis vote on its sign."""
-    found, pair = _votes(trials, vessel), pair_of(vessel)
-    if found.yaw or found.surge or pair is None:
-        return found
-    for i in pair:
+    """All recordings together: the clear responses of each axis vote on its sign.
+
+    Where the channels are contradicted, or nothing is clear, one motor may be turned: it is where
+    responses are then clearer. A wrong force may follow a motion by chance, on a recording or two.
+    """
+    best, pair = _votes(trials, vessel), pair_of(vessel)
+    agrees = min(best.yaw, best.surge) >= 0 and max(best.yaw, best.surge) > 0
+    for i in () if agrees or pair is None else pair:
         turned = _votes(trials, _with_turned(vessel, [i]), wrong=(-1, 1))
-        if turned.surge > 0 and turned.yaw:
-            return replace(turned, backwards=i)
-    return found
+        if turned.surge > 0 and turned.yaw and turned.clear > best.clear:
+            best = replace(turned, backwards=i)
+    return best
 
 
 def _votes(trials: Sequence[Trial], vessel: Vessel, wrong: tuple[int, ...] = (-1,)) -> Wiring:
@@ -124,16 +129,18 @@ def _votes(trials: Sequence[Trial], vessel: Vessel, wrong: tuple[int, ...] = (-1
     model = Model.of(vessel)
     signs: dict[Nu, int] = {}
     against: list[tuple[str, CommandResponse]] = []
+    total_clear = 0.0
     for axis in (Nu.R, Nu.U):
         all_of_axis = [(t.name, _response(t, model, axis)) for t in trials]
         clear = [(name, response) for name, response in all_of_axis if response and response.sign]
         total = sum(response.sign for _, response in clear)
+        total_clear += sum(abs(response.correlation) for _, response in clear)
         signs[axis] = int(np.sign(total)) if abs(total) > 0.5 * len(clear) else 0
         if signs[axis] in wrong:
             against += [(name, r) for name, r in clear if r.sign == signs[axis]]
     clearest = max((r.correlation for _, r in against), key=abs, default=0.0)
     runs = tuple(dict.fromkeys(name for name, _ in against))
-    return Wiring(signs[Nu.R], signs[Nu.U], runs, clearest)
+    return Wiring(signs[Nu.R], signs[Nu.U], runs, clearest, total_clear)
 
 
 def _response(trial: Trial, model: Model, axis: Nu) -> CommandResponse | None:

@@ -9,9 +9,11 @@ import pytest
 import gateway.offline.by_recording as work
 from gateway.errors import BadInput
 from gateway.offline.by_recording import boat_of, boats_of, files_of, identify_logs_by_recording
+from gateway.offline.trials import TrialOptions
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from sim.identification.by_recording import RecordingFit, pooled
 from sim.identification.settings import IdentifySettings
+from sim.identification.wiring import Wiring
 from tests.gateway.command_line import one_line
 from tests.sim.vessels import WAMV
 
@@ -60,6 +62,7 @@ def test_the_file_holds_the_numbers_with_their_origin_and_not_the_odd_recording(
     }
     monkeypatch.setattr(work, "usable_trials", lambda logs, *_: [trials[str(logs[0])]])
     monkeypatch.setattr(work, "identify_by_recording", lambda *_: pooled(fits, WAMV))
+    monkeypatch.setattr(work, "wiring_of", lambda *_: Wiring(1, 1, (), 0.0))
     monkeypatch.setattr(work, "notices_of", lambda *_: ["left and right are swapped"])
     given, out = tmp_path / "wamv.toml", tmp_path / "better.toml"
     given.write_text(dump_vessel(WAMV), encoding="utf-8")
@@ -73,3 +76,25 @@ def test_the_file_holds_the_numbers_with_their_origin_and_not_the_odd_recording(
     assert origin.recording == "r0, r1, r2"
     assert origin.fit == "shadow identify, each of 4 recordings alone"
     assert "r3" not in tables.history[-1].model_dump_json()
+
+
+def test_a_boat_whose_wiring_is_wrong_is_not_fitted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given, fitted = tmp_path / "wamv.toml", []
+    given.write_text(dump_vessel(WAMV), encoding="utf-8")
+    trials = [SimpleNamespace(name="r0", start_time_ns=0)]
+    monkeypatch.setattr(work, "usable_trials", lambda *_: trials)
+    monkeypatch.setattr(work, "wiring_of", lambda *_: Wiring(-1, -1, ("r0",), -0.9))
+    monkeypatch.setattr(work, "notices_of", lambda *_: [])
+
+    def fit(*_):
+        fitted.append(1)
+        return pooled([RecordingFit("r0", "", ("m11",), np.ones(1), np.eye(1), {})], WAMV)
+
+    monkeypatch.setattr(work, "identify_by_recording", fit)
+    with pytest.raises(BadInput, match=r"goes astern where .*\(r0: .* Set that first"):
+        identify_logs_by_recording(["r0"], given)
+    assert not fitted
+    identify_logs_by_recording(["r0"], given, options=TrialOptions(anyway=True))
+    assert fitted

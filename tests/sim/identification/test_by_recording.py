@@ -1,13 +1,18 @@
 """What many recordings say together: weights, intervals, the odd one out, boats of one type."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from sim.identification import by_recording
 from sim.identification.by_recording import ByRecording, RecordingFit, pooled
 from sim.identification.identify import fitted_model
 from sim.identification.parameters import unknowns_of
 from sim.identification.settings import IdentifySettings
 from sim.model import Model
+from sim.prediction.segments import NoUsableTimeError
+from sim.vessel import KNOT_PREFIX, Vessel, with_free_curves
 from tests.sim.voyages import WAM_V
 
 NAMES = ("m11", "X_u", "N_r")
@@ -111,3 +116,45 @@ def test_the_vessel_holds_the_numbers_that_are_told() -> None:
     z = np.array([values[u.name] for u in unknowns.each])
     assert found.vessels[""] == fitted_model(unknowns, z).vessel
     assert found.to_dict()["parameters"][0]["value"] == found.numbers[0].value
+
+
+def test_knots_of_a_curve_are_put_together_as_shares_of_full_thrust() -> None:
+    vessel = with_free_curves(WAM_V, ["left.curve"])
+    names = tuple(n for n in Model.of(vessel).names if n.startswith(f"left.{KNOT_PREFIX}"))
+    knots = np.array([vessel_value(vessel, name) for name in names])
+    fits = [RecordingFit(f"r{k}", "", names, 0.9 * knots, 1e-6 * np.eye(len(names)), {})
+            for k in range(3)]  # fmt: skip
+    found = pooled(fits, vessel)
+    assert [one.value for one in found.numbers] == pytest.approx((0.9 * knots).tolist())
+    fitted = [vessel_value(found.vessels[""], name) for name in names]
+    assert fitted == pytest.approx((0.9 * knots).tolist())
+
+
+def vessel_value(vessel: Vessel, name: str) -> float:
+    model = Model.of(vessel)
+    return float(model.theta[model.names.index(name)])
+
+
+def test_a_recording_too_short_is_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(12)
+    fits = {f"r{k}": said(random, k) for k in range(4)}
+    monkeypatch.setattr(by_recording, "fit_recording", lambda trial, *_: fits[trial.name])
+    trials = [SimpleNamespace(name=f"r{k}", usable=np.ones(100 if k == 1 else 300), dt=0.1)
+              for k in range(4)]  # fmt: skip
+    found = by_recording.identify_by_recording(trials, WAM_V)
+    assert [fit.recording for fit in found.fits] == ["r0", "r2", "r3"]
+    assert found.notices == ("r1 is left out: 10 s of usable time, 20 s are needed",)
+    with pytest.raises(NoUsableTimeError, match="no recording has 20 s"):
+        by_recording.identify_by_recording(trials[1:2], WAM_V)
+
+
+def test_numbers_that_no_recording_tells_alone_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(13)
+    monkeypatch.setattr(by_recording, "fit_recording", lambda trial, *_: fits[trial.name])
+    trials = [SimpleNamespace(name=f"r{k}", usable=np.ones(300), dt=0.1) for k in range(4)]
+    fits = {f"r{k}": said(random, k) for k in range(4)}
+    assert by_recording.identify_by_recording(trials, WAM_V).notices == ()
+    wide = np.diag([1.0, 1.0, 9e4])
+    fits = {name: fit._replace(covariance=wide) for name, fit in fits.items()}
+    (told,) = by_recording.identify_by_recording(trials, WAM_V).notices
+    assert told.startswith("these recordings, each alone, tell little of N_r: intervals are wider")

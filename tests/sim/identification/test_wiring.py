@@ -1,12 +1,20 @@
 """Swapped sides and motors the wrong way round are told; straight runs tell nothing."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sim.effects.actuator_wiring import EFFECT as WIRING
-from sim.identification.wiring import command_response, rewired, wiring_notices, wiring_of
+from sim.identification import wiring
+from sim.identification.wiring import (
+    CommandResponse,
+    command_response,
+    rewired,
+    wiring_notices,
+    wiring_of,
+)
 from sim.state import Nu
 from sim.vessel import AddedEffect
 from tests.sim.identification.noisy_trials import noisy
@@ -101,3 +109,25 @@ def test_a_boat_that_was_hardly_steered_says_nothing_however_it_turned(steered, 
 def test_a_boat_that_did_not_turn_says_nothing():
     command = np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 20)
     assert command_response(command, -0.01 * command, np.ones(1200, bool), 0.1, Nu.R) is None
+
+
+def test_one_motor_the_wrong_way_round_is_told_though_its_force_follows_a_motion_by_chance(
+    monkeypatch,
+):
+    """One recording in five contradicts both axes; with the motor turned all five agree."""
+    said = {False: [CommandResponse(-0.91, -9.0)] + 4 * [CommandResponse(0.1, 1.0)],
+            True: 5 * [CommandResponse(0.95, 20.0)]}  # fmt: skip
+    trials = [SimpleNamespace(name=f"r{k}") for k in range(5)]
+
+    def response(trial, model, axis):
+        return said[model.vessel.thrusters[0].servo.reversed][int(trial.name[1:])]
+
+    monkeypatch.setattr(wiring, "_response", response)
+    found = wiring_of(trials, WAMV)
+    assert (found.backwards, found.yaw, found.surge) == (0, 1, 1)
+    assert found.runs == ("r0", "r1", "r2", "r3", "r4")
+    (told,) = wiring_notices(found, WAMV)
+    assert told.startswith("one motor looks as if it ran the wrong way round")
+    # and where the channels are right nothing is turned, however clear it would be
+    said[False] = 5 * [CommandResponse(0.6, 5.0)]
+    assert wiring_of(trials, WAMV).backwards is None
