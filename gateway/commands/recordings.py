@@ -315,18 +315,22 @@ def studio(
     origin: Annotated[
         list[str] | None, typer.Option(help="HOST:PORT under which others reach an exposed page.")
     ] = None,
+    fleet: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a table of shadow fleet. Default: the one in --out."),
+    ] = None,
     config: Config = None,
     effects: EffectFiles = None,
     mapping: Mapping = None,
 ) -> None:
-    """The five steps in a browser: live, compare, diagnose, vessel, recordings. Ctrl-C ends."""
+    """The five steps in a browser: live, compare, diagnose, vessel, recordings; a fleet."""
     from gateway.studio.serve import StudioOptions, run_studio
 
     run_studio(
         StudioOptions(
             tuple(logs or ()), vessel, tuple(folder or ()), out, tuple(effects or ()), port,
             browser, expose, tuple(origin or ()), connect, settings_from(config, None, None).studio,
-            mapping,
+            fleet, mapping,
         ),
         print_progress,
     )  # fmt: skip

@@ -35,13 +35,13 @@ def write_fleet_report(folder: str | Path, file: Path) -> None:
 def fleet_page(rows: Sequence[Row], wear: FleetWear, name: str) -> FleetPage:
     """Rows of the table and what has worn -> the page."""
     now = datetime.now(UTC)
-    ordered = sorted(rows, key=_began)
+    ordered = sorted(rows, key=by_time)
     changed = {id(one) for one in wear.changes}
     numbers = [*wear.changes, *(one for one in wear.numbers if id(one) not in changed)]
     return FleetPage(
         f"Fleet: {len(fleet_of(rows))} boats, {len(rows)} recordings",
         f"{name}, made {now:%Y-%m-%d %H:%M} UTC by shadow-gateway {version('shadow-gateway')}",
-        tuple(_headline(rows, wear)),
+        tuple(headline(rows, wear)),
         tuple(_boat(boat, own) for boat, own in fleet_of(rows).items()),
         tuple(_recording(row) for row in ordered),
         tuple(_figure(figure) for figure in maps(ordered)),
@@ -57,7 +57,7 @@ def fleet_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
     return dict(sorted(out.items()))
 
 
-def _headline(rows: Sequence[Row], wear: FleetWear) -> list[str]:
+def headline(rows: Sequence[Row], wear: FleetWear) -> list[str]:
     """What has changed; what is not done."""
     said = [one.text for one in wear.changes]
     if not said and wear.numbers:
@@ -93,7 +93,7 @@ def _recording(row: Row) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _began(row: Row) -> tuple[bool, str, str]:
+def by_time(row: Row) -> tuple[bool, str, str]:
     """By time, those without one last."""
     return row["started"] is None, str(row["started"] or ""), row["recording"]
 

@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from html import escape
 from pathlib import Path
 from sys import stderr
@@ -26,6 +27,7 @@ from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.html_report import GLOSSARY
 from gateway.figures.style import LIGHT, THEMES
 from gateway.studio.address import Address
+from gateway.studio.fleet_reader import FleetReader
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.session import Notice, Session
 from gateway.studio.worker import BUG
@@ -214,12 +216,13 @@ class PageEntry:
 
 @dataclass(frozen=True)
 class StudioContext:
-    """What every page gets: the session, live boats, settings, and the pages that there are."""
+    """What every page gets: session, live boats, settings, the pages that there are, a fleet."""
 
     session: Session
     live: LiveHistory
     settings: StudioSettings
     pages: Sequence[PageEntry]
+    fleet: FleetReader = dataclass_field(default_factory=FleetReader)
 
 
 class Page(ABC):

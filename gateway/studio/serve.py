@@ -24,6 +24,7 @@ from gateway.errors import BadInput
 from gateway.files import RECORDINGS, VESSELS
 from gateway.monitor import MonitorOptions
 from gateway.studio.access import Folders, OtherHost, OtherHostHandler, TokenAuth, new_token
+from gateway.studio.fleet_reader import TABLE, FleetReader
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import PageEntry, StudioContext, set_style
 from gateway.studio.pages.catalogue import known_pages
@@ -59,6 +60,7 @@ class StudioOptions:
     origins: tuple[str, ...] = ()
     connect: str = DEFAULT_ENDPOINT
     settings: StudioSettings = field(default_factory=StudioSettings)
+    fleet: Path | None = None  # folder of a table of `shadow fleet`
     mapping: Path | None = None  # what the columns of .csv tables mean
 
 
@@ -66,12 +68,13 @@ def run_studio(options: StudioOptions, progress: Progress) -> None:
     """Serve until interrupted."""
     quieten_logs()
     set_style()
+    fleet = FleetReader(fleet_folder(options))
     session = session_of(options)
     token = new_token() if options.expose is not None else None
     try:
         with LiveHistory(MonitorOptions(options.connect)) as live:
             settings = settings_of_file(options.settings)
-            context = StudioContext(session, live, settings, known_pages())
+            context = StudioContext(session, live, settings, known_pages(), fleet)
             server = server_of(context, options, token)
             address = (
                 f"http://{_in_url(options.expose or LOCAL)}:{server.port}/{context.pages[0].path}"
@@ -84,6 +87,17 @@ def run_studio(options: StudioOptions, progress: Progress) -> None:
             _run_until_stopped(server)
     finally:
         session.close()
+        fleet.worker.cancel()
+
+
+def fleet_folder(options: StudioOptions) -> Path | None:
+    """The one given, BadInput where it has no table; else where `shadow fleet` writes."""
+    folder = options.fleet or options.out / "fleet"
+    if (folder / TABLE).is_file():
+        return folder.resolve()
+    if options.fleet is not None:
+        raise BadInput(f"--fleet {folder}: no {TABLE} in it: shadow fleet writes it")
+    return None
 
 
 def session_of(options: StudioOptions) -> Session:

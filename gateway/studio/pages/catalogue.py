@@ -7,7 +7,7 @@ from importlib.metadata import entry_points
 
 from gateway.errors import BadInput
 from gateway.studio.page import PageEntry
-from gateway.studio.pages import compare, diagnose, live, recordings, signals, vessel
+from gateway.studio.pages import compare, diagnose, fleet, live, recordings, signals, vessel
 
 PAGES = (
     PageEntry("compare", "Compare", 10, compare.ComparePage, "how far the model is off, and where"),
@@ -15,6 +15,7 @@ PAGES = (
     PageEntry("vessel", "Vessel", 30, vessel.VesselPage, "the model's numbers, moved by sliders"),
     PageEntry("live", "Live", 40, live.LivePage, "boats and shadows as they move"),
     PageEntry("signals", "Signals", 45, signals.SignalsPage, "any field of a recording, plotted"),
+    PageEntry("fleet", "Fleet", 48, fleet.FleetPage, "many recordings of many boats"),
     PageEntry("recordings", "Recordings", 50, recordings.RecordingsPage, "what to work on"),
 )
 

@@ -16,7 +16,7 @@ sync_api = pytest.importorskip("playwright.sync_api")
 axe_api = pytest.importorskip("axe_playwright_python.sync_playwright")
 COMPARED = re.compile("no more than noise|times what noise alone would show")
 SETTLE_MS = 2500
-MANY_PAGES = ("compare", "diagnose", "vessel", "live", "signals", "recordings")
+MANY_PAGES = ("compare", "diagnose", "vessel", "live", "signals", "fleet", "recordings")
 
 
 @pytest.fixture(scope="module")
