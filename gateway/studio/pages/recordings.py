@@ -26,7 +26,14 @@ from gateway.studio.page import (
 
 GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
         "gap": "0 14px"}  # fmt: skip
-LARGEST = "1GB"  # that can be dropped: it is held in memory on its way
+DROPPER = """
+.filepond--root .filepond--panel-root { background: var(--field); border: 1px dashed var(--edge); }
+.filepond--root .filepond--drop-label {
+    color: var(--ink) !important; background: var(--field) !important;
+}
+.filepond--root .filepond--file-status-sub, .filepond--root .filepond--file-info-sub { opacity: 1; }
+"""
+LARGEST = "1000MB"  # that can be dropped, held in memory on its way; the part knows no GB
 
 
 class RecordingsPage(Page):
@@ -40,7 +47,8 @@ class RecordingsPage(Page):
         self._rows, self._problems = stack(styles=GRID, stylesheets=[NO_BUTTON]), html()
         self._drop = pn.widgets.FileDropper(
             label="Drop recordings here, or press to choose them", multiple=True, previews=[],
-            max_file_size=LARGEST, sizing_mode="stretch_width", min_height=80, stylesheets=[STYLE],
+            max_file_size=LARGEST, sizing_mode="stretch_width", min_height=80,
+            stylesheets=[STYLE, DROPPER],
         )  # fmt: skip
         self._drop.param.watch(lambda event: self._dropped(event.new), "value")
         self._get = report_download(self)

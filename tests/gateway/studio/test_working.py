@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, Watched, chromium, running
+from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, ROOT, Watched, chromium, running
 from tests.gateway.studio.test_serve import free_port
 
 pytestmark = pytest.mark.slow
@@ -91,6 +91,17 @@ def test_a_number_is_typed_undone_done_again_and_reset(watched, at):
     watched.shot("vessel-typed")
 
 
+def test_a_recording_is_dropped_and_listed(watched, at, tmp_path):
+    dropped = tmp_path / "my trip.tlog"
+    dropped.write_bytes((ROOT / "recordings/otter_piece.tlog").read_bytes())
+    page = watched.page
+    page.goto(f"http://{at}/recordings")
+    page.locator("input[type=file]").first.set_input_files(dropped)
+    page.get_by_text("my trip.tlog is here").wait_for()
+    page.get_by_role("button", name="Report from my trip.tlog alone").wait_for()
+    watched.shot("dropped")
+
+
 def test_signals_are_searched_plotted_and_derived(watched, at):
     page = watched.page
     page.goto(f"http://{at}/signals")
@@ -109,8 +120,7 @@ def test_signals_are_searched_plotted_and_derived(watched, at):
     watched.shot("signals")
 
 
-# The page Recordings is left out: the label of its file dropper is too pale in the dark theme.
-@pytest.mark.parametrize("name", [name for name in MANY_PAGES if name != "recordings"])
+@pytest.mark.parametrize("name", MANY_PAGES)
 def test_axe_finds_nothing_wrong_on_a_page(browser, at, name):
     for scheme in ("light", "dark"):
         context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme=scheme)
