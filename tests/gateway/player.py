@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import struct
 import threading
 from collections import defaultdict
@@ -15,6 +16,9 @@ from tornado.websocket import WebSocketClientConnection, websocket_connect
 from tests.gateway.pipelines.running import wait
 
 PROTOCOL = "foxglove.sdk.v1"
+# The SDK (0.30) advertises a channel a moment before it knows it: who subscribes faster is refused
+# with these words, and asks again.
+UNKNOWN = re.compile(r"Unknown channel ID: (\d+)")
 DATA = struct.Struct("<BIQ")  # 1, number of the subscription, log time [ns]; the message follows
 
 
@@ -38,13 +42,20 @@ class Player:
             self.info = message
         elif message["op"] == "advertise":
             self._subscribe(message["channels"], connection)
+        elif message["op"] == "status" and (unknown := UNKNOWN.match(message["message"])):
+            number = int(unknown[1])
+            assert number in self._topics
+            self._ask([number], connection)
 
     def _subscribe(
         self, channels: list[dict[str, Any]], connection: WebSocketClientConnection
     ) -> None:
         self.channels |= {channel["topic"]: channel for channel in channels}
         self._topics |= {channel["id"]: channel["topic"] for channel in channels}
-        wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+        self._ask([channel["id"] for channel in channels], connection)
+
+    def _ask(self, numbers: list[int], connection: WebSocketClientConnection) -> None:
+        wanted = [{"id": number, "channelId": number} for number in numbers]
         connection.write_message(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
 

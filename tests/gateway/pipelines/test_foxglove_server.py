@@ -24,7 +24,7 @@ from gateway.json_rows import TopicRows
 from gateway.links.inbox import LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan
 from gateway.recording import foxglove
-from gateway.recording.foxglove_server import STOP_S, FoxgloveServer, parse_address
+from gateway.recording.foxglove_server import STOP_S, BoatView, FoxgloveServer, parse_address
 from gateway.recording.recorder import RAW
 from gateway.simulated_boat.play import playing
 from gateway.simulated_boat.settings import THIN
@@ -61,6 +61,11 @@ class Voyage:
         return [row for row in rows if row[0] >= self.from_ns]
 
 
+def subscribed(view: BoatView) -> bool:
+    """Does somebody listen to each topic?"""
+    return all(channel.has_sinks() for channel in (*view._topics.values(), *view._known.values()))
+
+
 def sail(deck: Deck, heard: Player) -> int:
     """Both boats play while the player listens -> the time from which it had subscribed [ns]."""
     # the second speaks first: what is on the command line decides, not who comes first
@@ -70,7 +75,7 @@ def sail(deck: Deck, heard: Player) -> int:
     deck.hear(item for item in frames if item.receive_time_ns < begun)
     views = [outlet.view for outlet in deck.gateway.outputs.values()]
     assert len(views) == 2
-    wait(lambda: all(view and all(map(view._wanted, view._players.channels)) for view in views))
+    wait(lambda: all(view and subscribed(view) for view in views))
     from_ns = (deck.now_ns // STEP_NS + 1) * STEP_NS
     deck.gateway.turn(LinkEvent(LINK, from_ns, LinkEventKind.LOST, "something happened"))
     for second in range(int(SECONDS) + 1):

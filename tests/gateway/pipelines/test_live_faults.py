@@ -23,6 +23,7 @@ from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder, TopicsKept, open_new
 from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence, SimulatedBoatSettings
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played, truth
+from tests.gateway.pipelines.running import wait
 
 SECONDS = 30.0
 HOME = Origin(*SimulatedBoatSettings().origin_deg)
@@ -210,7 +211,10 @@ def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     monkeypatch.setattr("gateway.recording.thread.WRITE_S", 0.001)
     everything = replace(SETTINGS.recording, topics=TopicsKept.ALL)  # thinned, it fits for long
     settings = replace(SETTINGS, recording=everything)
-    heard = shadowed(played(SECONDS), out=tmp_path, settings=settings)
+    with Deck(out=tmp_path, settings=settings) as deck:
+        heard = deck.hear(datagrams(played(SECONDS))).heard()
+        (outlet,) = deck.gateway.outputs.values()
+        wait(lambda: outlet.backlog == 0)  # nothing waits for a disk that takes nothing
     events = [m for m in heard.messages("event") if m["kind"].startswith("recording_")]
     failed = events[0]  # it is tried again, more and more seldom
     assert failed["kind"] == "recording_failed"
@@ -218,9 +222,7 @@ def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     assert failed["severity"] == "error"
     assert "No space left on device" in failed["says"]
     assert heard.payloads["shadow"] == clean.payloads["shadow"]
-    last = heard.messages("health")[-1]
-    assert last["recorder_backlog"] == 0
     if room > 10:
-        assert last["recorder_drops"] > 1000
+        assert heard.messages("health")[-1]["recorder_drops"] > 1000
         first = min(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
         assert not Recording.open(first).finished
