@@ -27,6 +27,11 @@ MARKS = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
 AXES = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
     .filter(m => m.type === "Range1d" && m.bounds && m.min_interval).map(m => m.bounds)"""
 
+# Each time at which the page begins to say that its server is lost [s, Unix], and what it says.
+STAMPED = """() => { window.shown = []; const bar = document.getElementById("lost");
+    new MutationObserver(() => { if (!bar.hidden) shown.push([Date.now() / 1000, bar.innerText]); })
+        .observe(bar, {attributes: true, childList: true, characterData: true, subtree: true}); }"""
+
 OPACITY = "getComputedStyle(document.querySelector('main')).opacity"
 
 
@@ -73,6 +78,7 @@ def test_every_page_notices_a_server_that_stands_still_or_is_gone(browser, tmp_p
         for one in every:
             one.page.locator("#lost").wait_for(state="hidden")
             one.is_clean()
+            one.page.evaluate(STAMPED)
         server.send_signal(signal.SIGSTOP)
         noticed(every, "does not answer")
         server.send_signal(signal.SIGCONT)
@@ -92,11 +98,17 @@ def test_every_page_notices_a_server_that_stands_still_or_is_gone(browser, tmp_p
 
 
 def noticed(every: list[Watched], text: str) -> None:
-    """Every page says it within the time that was promised."""
-    began = time.monotonic()
+    """Every page says it within the time that was promised, by the clock of the page.
+
+    To look at five pages one after the other takes a browser seconds of its own.
+    """
+    began = time.time()
     for one in every:
         one.page.locator("#lost", has_text=text).wait_for(state="visible")
-    assert time.monotonic() - began < NOTICED_S
+        shown = one.page.evaluate(
+            "text => window.shown.find(([_, says]) => says.includes(text))", text
+        )
+        assert shown[0] - began < NOTICED_S
 
 
 def test_two_windows_hold_their_own_views_and_share_the_work(browser, tmp_path):
