@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -57,6 +57,13 @@ class Watched:
         """A picture of the whole page for people to look at."""
         SHOTS.mkdir(parents=True, exist_ok=True)
         self.page.screenshot(path=SHOTS / f"{name}.png", full_page=True)
+
+    def until_none(self, look: Callable[[], Any]) -> None:
+        """The page gets the time until nothing is left of what `look` finds."""
+        end = time.monotonic() + PATIENCE_MS / 1000.0
+        while left := look():
+            assert time.monotonic() < end, left
+            self.page.wait_for_timeout(200)
 
     def is_clean(self) -> None:
         """Nothing went wrong and nothing was asked of anybody else."""

@@ -204,10 +204,7 @@ def test_a_slider_moves_and_the_comparison_follows(watched, studio):
     for _ in range(8):
         handle.press("PageUp")
     page.get_by_text("m11 changed").wait_for(timeout=PATIENCE_MS)
-    end = time.monotonic() + 120.0
-    while page.locator("td").all_inner_texts() == before and time.monotonic() < end:
-        page.wait_for_timeout(200)
-    assert page.locator("td").all_inner_texts() != before
+    watched.until_none(lambda: page.locator("td").all_inner_texts() == before)
     watched.shot("vessel")
 
 
@@ -240,10 +237,7 @@ def test_every_word_that_needs_it_is_explained_on_its_page(watched, studio, name
 
 def explained(watched: Watched) -> None:
     """Every word is; a page whose parts are still coming gets the time for it."""
-    end = time.monotonic() + PATIENCE_MS / 1000.0
-    while missing := unexplained(watched.page.evaluate(TEXT)):
-        assert time.monotonic() < end, missing
-        watched.page.wait_for_timeout(500)
+    watched.until_none(lambda: unexplained(watched.page.evaluate(TEXT)))
 
 
 def unexplained(told: dict) -> list[str]:
