@@ -31,6 +31,7 @@ AXES = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
 # installed with each load, for a page may begin anew.
 STAMPED = """addEventListener("DOMContentLoaded", () => {
     window.shown = []; const bar = document.getElementById("lost");
+    if (!bar) return;  // the blank page before the first
     new MutationObserver(() => { if (!bar.hidden) shown.push([Date.now() / 1000, bar.innerText]); })
         .observe(bar, {attributes: true, childList: true, characterData: true, subtree: true});
 })"""
