@@ -34,6 +34,7 @@ FIXED = {
     "CRUISE_THROTTLE": 50, "SCR_ENABLE": 1, "SCR_HEAP_SIZE": 200000, f"RC{SWITCH}_OPTION": 300,
     "SIM_RATE_HZ": 200, "FS_GCS_ENABLE": 0, "FS_THR_ENABLE": 0, "BATT_MONITOR": 4,
     "LOG_FILE_DSRMROT": 0, "SIM_SPEEDUP": SPEED_UP,
+    "RC_OVERRIDE_TIME": -1,  # never: its 3 s of the boat pass in 0.1 s here, and the switch falls
 }  # fmt: skip
 
 

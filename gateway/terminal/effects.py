@@ -72,13 +72,17 @@ def _letter(cell: np.ndarray, styles: list[str]) -> tuple[str, str]:
 
 
 def show_catalogue(known: Sequence[Effect]) -> None:
-    """One line per effect."""
-    table = Table("effect", "acts on", "scope", "parameters", "what it looks like")
+    """A row per effect; what one types (its name, its parameters) whole, however narrow."""
+    table = Table(show_lines=True)
+    table.add_column("effect and parameters", no_wrap=True)
+    for name in ("acts on", "scope", "what it looks like"):
+        table.add_column(name)
     for effect in known:
-        parameters = ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)
+        parameters = [f"  {p.name} \\[{p.unit}]" for p in effect.parameters]
         table.add_row(
-            effect.name, _places(effect), effect.scope.value, escape(parameters), effect.looks_like
-        )
+            "\n".join((f"[bold]{effect.name}[/bold]", *parameters)),
+            _places(effect), effect.scope.value, effect.looks_like,
+        )  # fmt: skip
     out = ResultConsole()
     out.print(table)
     out.print("shadow effects NAME explains one; with --write FILE.py it begins your own")

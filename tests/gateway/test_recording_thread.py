@@ -154,6 +154,38 @@ def test_after_a_failure_it_only_counts(
     assert (thread.backlog, thread.drops) == (0, 4)
 
 
+def test_what_waited_for_a_disk_that_then_fails_is_counted_as_lost(
+    tmp_path: Path, go: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(thread_module, "WRITE_S", 0.001)
+    monkeypatch.setattr(thread_module, "AT_ONCE", 10)
+    reached, streams = threading.Event(), list[IO[bytes]]()
+
+    def kept(where: Path) -> IO[bytes]:
+        streams.append(open_new(where))
+        return streams[-1]
+
+    broken = recorder(tmp_path / "a.mcap", opener=kept)
+
+    def fail(*_: Any, **__: Any) -> None:
+        reached.set()
+        go.wait()
+        raise ShadowError("the disk is full")
+
+    monkeypatch.setattr(broken, "write_raw", fail)
+    with RecordingThread(broken) as thread:
+        go.clear()
+        thread.raw("a", START, [b"first"])
+        assert reached.wait(10.0)
+        for k in range(100):
+            thread.raw("a", START + k, [b"frame"])
+        assert (thread.backlog, thread.drops) == (101, 0)
+        go.set()
+    streams[0].close()
+    assert thread.failure == "the disk is full"
+    assert (thread.backlog, thread.drops) == (0, 101)
+
+
 def test_a_disk_that_never_finishes_is_left_behind(
     tmp_path: Path, go: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,6 +24,17 @@ def test_effects_are_listed_and_explained(run: Run, tmp_path: Path) -> None:
     one_line(run("effects", "--effects", own), 2, str(own), "SyntaxError")
 
 
+def test_a_narrow_terminal_shows_names_and_parameters_whole(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = run("effects").out
+    assert max(map(len, shown.splitlines())) <= 80
+    for effect in EFFECTS:
+        for word in (effect.name, *(f"{p.name} [{p.unit}]" for p in effect.parameters)):
+            assert f" {word} " in shown
+
+
 def test_an_effect_of_ones_own_takes_part_in_every_command(
     run: Run, tmp_path: Path, boat: Path, log: Path
 ) -> None:
