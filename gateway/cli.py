@@ -24,7 +24,6 @@ import typer
 from gateway.commands import effects, fleet, live, model, recordings, vessel
 from gateway.commands.options import PUBLISH
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
-from sim.effects.effect import LawError
 
 app = typer.Typer(
     name="shadow",
@@ -101,8 +100,6 @@ def main() -> None:
         sys.stdout.flush()
     except ShadowError as error:
         _fail(str(error), error.exit_status)
-    except LawError as error:
-        _fail(str(error), 2)
     except _UsageError as error:
         _fail(_usage(error), 2)
     except (KeyboardInterrupt, typer.Abort):
@@ -115,6 +112,10 @@ def main() -> None:
     except OSError as error:
         _fail(f"{_command_line()}: {error}", 1)
     except Exception as error:
+        from sim.effects.effect import LawError  # its numba takes as long as all else of a `--help`
+
+        if isinstance(error, LawError):
+            _fail(str(error), 2)
         if isinstance(error, ValueError) and type(error).__module__.startswith("sim."):
             _fail(f"{_command_line()}: {error}", 1)
         _fail(_program_fault(error), PROGRAM_FAULT)

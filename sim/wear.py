@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
-from scipy.special import logsumexp
-from scipy.stats import t as student
+from scipy.special import logsumexp, stdtrit
 
 from sim.state import Floats
 
@@ -187,7 +186,7 @@ def _change(
     chosen = int(np.argmax(explained))
     mean = float(posterior @ share)
     spread = float(np.sqrt(posterior @ (std**2 + (share - mean) ** 2)))
-    half = float(student.ppf(0.975, n - 2)) * spread
+    half = float(stdtrit(n - 2, 0.975)) * spread
     kind = tried[chosen].kind
     alike = sorted((c.moment, p) for c, p in zip(tried, posterior, strict=True) if c.kind == kind)
     moments, mass = np.array(alike).T

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from gateway.errors import BadInput
 from gateway.estimation.names import MeasurementKind
@@ -170,5 +170,5 @@ class FilterSettings:
     def kernel_model(self) -> FilterModel:
         """The numbers for the compiled kernels."""
         settings = (float(getattr(self, name)) for name in FilterModel._fields[:-2])
-        gates = (float(chi2.ppf(self.gate_probability, components)) for components in (1, 2))
+        gates = (float(chdtri(components, 1.0 - self.gate_probability)) for components in (1, 2))
         return FilterModel(*settings, *gates)

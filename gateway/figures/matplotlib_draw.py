@@ -1,19 +1,18 @@
 """Figure data drawn by matplotlib, without a window or global state: PNG and SVG files, SVG text.
 
-The text of an SVG, for the report, is as narrow as a phone held upright can show.
+The text of an SVG, for the report, is as narrow as a phone held upright can show. Matplotlib is
+imported when something is drawn: it takes as long as many a command that draws nothing.
 """
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import cache
 from io import BytesIO, StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LinearSegmentedColormap, Normalize
-from matplotlib.figure import Figure
 
 from gateway.errors import BadInput
 from gateway.figures.figure_data import (
@@ -35,6 +34,9 @@ from gateway.figures.figure_data import (
 from gateway.figures.style import COLOUR, COLOUR_SCALE, COMPASS, HEADING
 from gateway.files import picture_name, write_whole
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 FORMATS = (".png", ".svg")
 RC_PARAMS = {
     "font.size": 9.0,
@@ -51,10 +53,22 @@ RC_PARAMS = {
     "svg.fonttype": "path",
     "svg.hashsalt": "shadow",
 }
-COLOURS = LinearSegmentedColormap.from_list("little_to_much", COLOUR_SCALE)
 WIDTH, ROW, STRIP_ROW, NAMES_ROW, MAP_ROW = 10.0, 2.3, 1.35, 3.6, 5.0  # inches
 NARROW = 5.6  # inches: at 360 px of a phone, text of 9 points is still read
 SVG_COLUMNS, SVG_POINTS = 500, 1500  # of a line, of a coloured track
+
+
+@cache
+def _colours() -> Any:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("little_to_much", COLOUR_SCALE)
+
+
+def _own_style() -> AbstractContextManager[None]:
+    from matplotlib import rc_context
+
+    return rc_context(RC_PARAMS)  # type: ignore[no-any-return]
 
 
 def save_figure(figure: FigureData, path: str | Path) -> Path:
@@ -65,7 +79,7 @@ def save_figure(figure: FigureData, path: str | Path) -> Path:
         raise BadInput(f"{file}: pictures are written as {' or '.join(FORMATS)}")
     undated = {"Date": None} if suffix == ".svg" else {"Software": None}
     drawn = BytesIO()
-    with matplotlib.rc_context(RC_PARAMS):
+    with _own_style():
         draw_figure(figure).savefig(drawn, format=suffix[1:], dpi=130, metadata=undated)
     write_whole(file, drawn.getvalue(), "the picture", folders=True)
     return file
@@ -85,7 +99,7 @@ def svg_text(figure: FigureData) -> str:
     )
     plain = replace(figure, title="", caption="", columns=1, panels=panels)
     out = StringIO()
-    with matplotlib.rc_context(RC_PARAMS):
+    with _own_style():
         draw_figure(plain, NARROW).savefig(out, format="svg", metadata={"Date": None})
     text = out.getvalue()
     return text[text.index("<svg") :]
@@ -102,8 +116,12 @@ def _thinned(mark: Any) -> Any:
     return mark
 
 
-def draw_figure(figure: FigureData, width: float = WIDTH) -> Figure:
+def draw_figure(figure: FigureData, width: float = WIDTH) -> "Figure":
     """The whole figure, `width` inches wide, panels row by row, one legend for all."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
     rows = -(-len(figure.panels) // figure.columns)
     height = rows * max(map(_height, figure.panels), default=ROW)
     canvas = Figure(figsize=(width, height + 0.9), layout="constrained")
@@ -117,7 +135,7 @@ def draw_figure(figure: FigureData, width: float = WIDTH) -> Figure:
             ax.set_xlabel("")
     strip = next((panel.strip for panel in figure.panels if panel.strip is not None), None)
     if strip is not None:  # one colour scale for all strips: they share it
-        cells = ScalarMappable(Normalize(0.0, strip.highest), COLOURS)
+        cells = ScalarMappable(Normalize(0.0, strip.highest), _colours())
         canvas.colorbar(cells, ax=canvas.axes, label=strip.scale.text, aspect=40, pad=0.01)
     _captions(canvas, figure)
     return canvas
@@ -133,7 +151,7 @@ def _height(panel: Panel) -> float:
     return NAMES_ROW if panel.names else ROW
 
 
-def _captions(canvas: Figure, figure: FigureData) -> None:
+def _captions(canvas: "Figure", figure: FigureData) -> None:
     """Title, the sentence below it, and one legend for marks of the same name."""
     heading = figure.title + (f"\n{figure.caption}" if figure.caption else "")
     canvas.suptitle(heading, fontsize=10.5, wrap=True)
@@ -175,7 +193,7 @@ def draw_mark(mark: Mark, ax: Any) -> None:
         case ColouredPoints():
             order = np.argsort(mark.value)  # what is worst lies on top
             points = ax.scatter(
-                mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=COLOURS, vmin=0.0,
+                mark.x[order], mark.y[order], c=mark.value[order], s=9, cmap=_colours(), vmin=0.0,
                 vmax=mark.highest, linewidths=0, rasterized=True, zorder=3,
             )  # fmt: skip
             ax.figure.colorbar(points, ax=ax, label=mark.scale.text, shrink=0.7, extend="max")
@@ -219,7 +237,7 @@ def _draw_strip(mark: Strip, ax: Any) -> None:
         edges = [mark.start[k], mark.end[k]]
         ax.pcolormesh(
             edges, np.arange(len(mark.rows) + 1) - 0.5, mark.value[:, k : k + 1],
-            cmap=COLOURS, vmin=0.0, vmax=mark.highest,
+            cmap=_colours(), vmin=0.0, vmax=mark.highest,
         )  # fmt: skip
     ax.set_yticks(range(len(mark.rows)), mark.rows)
     ax.invert_yaxis()

@@ -7,7 +7,7 @@ from sim.comparison.compare import Judgement, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.evidence import rivals
 from sim.effects.effect import Effect
-from sim.effects.headlines import headline
+from sim.effects.words import FittedValues
 
 
 def judgement_text(error: float, floor: float) -> str:
@@ -28,6 +28,23 @@ def nowhere_text(error: float, floor: float) -> str:
         case Judgement.WRONG:
             return "wrong everywhere alike"
     return "these data cannot tell where: noise hides the motion"
+
+
+def headline(
+    effect: Effect, values: Mapping[str, float],
+    ci95: Mapping[str, tuple[float, float]] | None = None, start_time_ns: int = 0,
+) -> str:  # fmt: skip
+    """What an effect with its fitted numbers says: its own words, else what it looks like.
+
+    start_time_ns  UTC of the first sample, for moments by the clock; 0: not known
+
+    A sentence without a full stop; it begins with a capital letter.
+    """
+    if effect.in_words is not None:
+        text = effect.in_words(FittedValues(values, ci95 or {}, start_time_ns))
+    else:
+        text = f"{effect.name.replace('_', ' ')}: {effect.looks_like}"
+    return text[0].upper() + text[1:]
 
 
 def cause_text(step: LadderStep, effect: str, start_time_ns: int = 0) -> str:

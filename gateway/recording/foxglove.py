@@ -6,6 +6,11 @@ Messages carry the time of receipt: players look transforms up by the time they 
 How much of our topics players are shown: the first row in each tenth of a second, all events.
 
 One thinning for recordings and for the live server.
+
+Raw MAVLink frames are declared so that players have nothing to say against them: Foxglove and
+Lichtblick show an error for every channel in an encoding that they do not know, with a schema or
+without. What frames of MAVLink 1 and 2 have in common fits a message of ROS 1, which leaves out
+what follows it: a player shows the first eight bytes, the message is the frame byte for byte.
 """
 
 import math
@@ -20,6 +25,14 @@ from gateway.json_rows import TopicRows
 
 WORLD = "world"
 NANOSECONDS = 1_000_000_000
+FRAME_ENCODING, FRAME_SCHEMA_ENCODING = "ros1", "ros1msg"
+FRAME_METADATA = {"encoding": "mavlink"}  # what the messages really are
+FRAME_SCHEMA = (
+    "mavlink/Frame",
+    b"# A MAVLink frame, whole: these are the first bytes of it, for MAVLink 1 and 2 alike.\n"
+    b"uint8 magic\nuint8 payload_length\nuint8[6] header\n",
+)
+TICK_SCHEMA = "mavlink/Tick", b"# A moment without telemetry: nothing.\n"
 
 Row = Mapping[str, Any]
 Message = dict[str, Any]

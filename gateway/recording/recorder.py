@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
 from gateway.outputs import check_output, note_output
-from gateway.recording import foxglove, raw_schema
+from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows, RowThinning
 from gateway.recording.writer import BlockWriter, Compression, Payloads
 from gateway.topics import topic_of
@@ -101,10 +101,10 @@ class RecordingFile:
         """The channel of the frames of one link."""
         found = self._channels.get((RAW, link))
         if found is None:
-            name, text = raw_schema.TICK if link == TICK_LINK else raw_schema.FRAME
-            schema = self._schema(name, raw_schema.SCHEMA_ENCODING, text)
-            about = {LINK: link, **raw_schema.METADATA}
-            found = self._writer.register_channel(RAW, raw_schema.ENCODING, schema, about)
+            name, text = foxglove.TICK_SCHEMA if link == TICK_LINK else foxglove.FRAME_SCHEMA
+            schema = self._schema(name, foxglove.FRAME_SCHEMA_ENCODING, text)
+            about = {LINK: link, **foxglove.FRAME_METADATA}
+            found = self._writer.register_channel(RAW, foxglove.FRAME_ENCODING, schema, about)
             self._channels[RAW, link] = found
         return found
 

@@ -7,6 +7,7 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
@@ -16,12 +17,14 @@ from gateway.ingest.log import not_a_boat
 from gateway.ingest.log_events import LogEvent
 from gateway.ingest.parameters import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
-from gateway.offline.export.export import Exported
-from gateway.offline.replay_summary import ReplaySummary
-from gateway.offline.report import ReportFile
-from gateway.offline.simulate import SimulationResult
 from gateway.terminal.console import ResultConsole
 from gateway.vessel_tables import RudderTable, ThrusterTable, VesselFile
+
+if TYPE_CHECKING:  # `shadow info` needs none of them
+    from gateway.offline.export.export import Exported
+    from gateway.offline.replay_summary import ReplaySummary
+    from gateway.offline.report import ReportFile
+    from gateway.offline.simulate import SimulationResult
 
 
 def show_survey(found: Survey, mapping: Path | None = None) -> None:
@@ -141,7 +144,7 @@ def show_initial_vessel(made: VesselFile, out: Path) -> None:
 CHANNELS = ("x", "y", "psi", "u", "v", "r")
 
 
-def show_replay(summary: ReplaySummary) -> None:
+def show_replay(summary: "ReplaySummary") -> None:
     """A short table, and where the recording is."""
     out = ResultConsole()
     rate = summary.seconds / max(summary.wall_seconds, 1e-9)
@@ -165,7 +168,7 @@ def show_replay(summary: ReplaySummary) -> None:
         out.path("recorded", path)
 
 
-def show_export(done: Exported) -> None:
+def show_export(done: "Exported") -> None:
     """How much was written, and where."""
     out = ResultConsole()
     out.print(f"[bold]{escape(done.log)}[/bold]: {done.count} {done.unit}")
@@ -191,7 +194,7 @@ def show_plants(known: Sequence[Mapping[str, str]]) -> None:
     )
 
 
-def show_simulation(result: SimulationResult) -> None:
+def show_simulation(result: "SimulationResult") -> None:
     """How far it went, how well the follower followed, where the recording is."""
     out = ResultConsole()
     last = result.motion[-1]
@@ -209,7 +212,7 @@ def show_simulation(result: SimulationResult) -> None:
     out.path("recorded", result.recording)
 
 
-def show_report(done: ReportFile) -> None:
+def show_report(done: "ReportFile") -> None:
     """What it says, and where it is."""
     out = ResultConsole(highlight=False)
     out.print(done.headline, markup=False)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from sim.model import Model
 from sim.prediction.free_runs import free_reports
@@ -66,7 +66,7 @@ class Independence:
 
     def band_at(self, confidence: float) -> float:
         """Of a correlation, where that share of independent series lie, to either side of 0."""
-        return float(norm.ppf(0.5 + 0.5 * confidence)) / max(self.count, 1) ** 0.5
+        return float(ndtri(0.5 + 0.5 * confidence)) / max(self.count, 1) ** 0.5
 
     @property
     def description(self) -> str:
@@ -152,7 +152,7 @@ def _delay(rho: Floats, gain: Floats, step: float, count: int) -> float:
     excess = rho[MAX_LAG + 1 :] - rho[:MAX_LAG][::-1]
     total = np.cumsum(excess) / np.sqrt(2.0 * lags / count)
     J = int(np.argmax(total)) + 1
-    largest = float(norm.ppf(0.5 + 0.5 * CONFIDENCE ** (1.0 / MAX_LAG)))
+    largest = float(ndtri(0.5 + 0.5 * CONFIDENCE ** (1.0 / MAX_LAG)))
     if total[J - 1] < largest or rho[MAX_LAG] >= 0.0:  # thrust that is late is missed at first
         return 0.0
     J += int(np.argmin(np.append(excess[J:], 0.0) > 0.0))

@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import f as f_ratio
-from scipy.stats import t as student
+from scipy.special import fdtrc, stdtrit
 
 from sim.effects.catalogue import EFFECTS
 from sim.identification.identify import FITS, MIN_USABLE_S, fitted_model
@@ -277,7 +276,7 @@ class _Fit:
         std = np.sqrt(np.diag(self.covariance))
         excess = (self.scatter**2 - self.least**2) / max(recordings, 1)
         share = np.clip(excess / std**2, MIN_SHARE, 1.0)
-        return np.asarray(student.ppf(0.975, max(recordings - 1, 1) / share) * std)
+        return np.asarray(stdtrit(max(recordings - 1, 1) / share, 0.975) * std)
 
 
 def _pick(labels: Sequence[Label], every: Sequence[Label]) -> Floats:
@@ -316,7 +315,7 @@ def _worst(
         found_out = others.scatter[at] ** 2 - others.least[at] ** 2  # T that few others tell
         share = float(np.mean(found_out / np.diag(V)))
         degrees = (len(rest) - 1) / max(share, MIN_SHARE)
-        p = float(f_ratio.sf(r @ np.linalg.solve(V, r) / len(rows), len(rows), degrees))
+        p = float(fdtrc(len(rows), degrees, r @ np.linalg.solve(V, r) / len(rows)))
         far = np.abs(r) / np.sqrt(np.diag(V))
         j = int(np.argmax(far))
         found.append((k, Disagreement(

@@ -22,8 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
@@ -52,7 +51,7 @@ MAX_CONDITION = 1e15  # of Zᵀ W Φ: beyond it the parameters are not determine
 MAX_RHO = 0.9  # of the noise from mean to mean
 MIN_INERTIA = 0.1  # of the vessel's own: an instrument's model needs a positive one
 MIN_DISAGREEMENT = 0.03  # of the value: a smaller difference is none
-WIDER = float(norm.ppf(1.0 - 0.025 / len(BASE)) / norm.ppf(0.975))  # Bonferroni
+WIDER = float(ndtri(1.0 - 0.025 / len(BASE)) / ndtri(0.975))  # Bonferroni
 TOO_LITTLE = "instrumental variables need three blocks of 5 s, each 4 s after a gap, with motion"
 LOOK_AT = {
     "m": f"how late and how slowly the motors answer ({explaining(Symptom.LATE_COMMANDS)})",
@@ -91,7 +90,7 @@ def fit_by_instruments(trials: Sequence[Trial], model: Model) -> Regression:
         value, early = delta[: len(BASE)] * DELTA_SIGN, bool(delta[-1] > 0.0)
         if np.all(np.abs(value - before) < SETTLED_STD * std):
             break
-    return Regression.of(value, std, float(student.ppf(0.975, count - 1)))
+    return Regression.of(value, std, float(stdtrit(count - 1, 0.975)))
 
 
 def _with(model: Model, value: Floats) -> Model:

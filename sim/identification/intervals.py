@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
@@ -59,13 +59,13 @@ def uncertainty_of(unknowns: Unknowns, fit: FitResult, block: float) -> Uncertai
     information = weighted.T @ fit.jacobian + unknowns.prior_information
     model = _inverse(information + ASSUMED_SHARE * unknowns.assumed_information, scale)
     H = information + unknowns.assumed_information
-    widen, factor = np.ones(len(H)), float(student.ppf(0.975, 2))
+    widen, factor = np.ones(len(H)), float(stdtrit(2, 0.975))
     for length in block * np.array(LENGTHS):
         number = _blocks(fit, length)
         count = int(number.max()) + 1
         if count < 3:
             break
-        t = float(student.ppf(0.975, count - 1))
+        t = float(stdtrit(count - 1, 0.975))
         factor = t if length == block else factor
         robust = np.diag(_jackknifed(H, weighted, fit, number, scale)) / np.diag(model)
         widen = np.maximum(widen, np.sqrt(robust) * t / factor)

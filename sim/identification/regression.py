@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from sim.identification.parameters import UNITS
 from sim.identification.settings import BASE
@@ -95,7 +95,7 @@ def fit_by_regression(trials: Sequence[Trial], model: Model, printed: bool = Fal
     delta, std = ordinary_least_squares(np.concatenate(phi), np.concatenate(tau))
     degrees = max(3 * sum(map(len, phi)) - len(BASE), 1)
     value = np.where(np.isfinite(std), delta * DELTA_SIGN, base_values(model))
-    return Regression.of(value, std, float(student.ppf(0.975, degrees)))
+    return Regression.of(value, std, float(stdtrit(degrees, 0.975)))
 
 
 def base_values(model: Model) -> Floats:

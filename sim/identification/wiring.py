@@ -12,6 +12,7 @@ never turned, determines nothing. The uncertainty of the slope comes from blocks
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -63,11 +64,9 @@ def _lagged_response(
     command: Floats, motion: Floats, rows: NDArray[np.bool_], dt: float, tau: float
 ) -> CommandResponse:
     """Motion beside the command through a first-order lag `tau` [s]."""
-    # importing scipy.signal takes half a second
-    from scipy.signal import lfilter
-
     keep = float(np.exp(-dt / tau))
-    lagged = np.asarray(lfilter([1.0 - keep], [1.0, -keep], command))[rows]
+    lag = accumulate(((1.0 - keep) * command).tolist(), lambda y, c: keep * y + c)
+    lagged = np.fromiter(lag, float, len(command))[rows]
     x, y = lagged - lagged.mean(), motion[rows] - motion[rows].mean()
     size = float(np.sqrt((x @ x) * (y @ y)))
     if size == 0.0:

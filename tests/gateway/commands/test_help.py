@@ -1,9 +1,13 @@
 """Help of the program and of every command."""
 
+import subprocess
+import sys
+
 import pytest
 import typer
 
 from gateway import cli
+from tests.conftest import ROOT
 from tests.gateway.command_line import Run
 
 COMMANDS = [
@@ -48,9 +52,33 @@ def test_a_script_for_the_shell_completes_commands(
 ) -> None:
     """Named, for the shell that runs the tests may be one without completion (that of make)."""
     monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    monkeypatch.setattr(sys.modules["__main__"], "__package__", None)  # `python -m pytest` has one
     assert "_SHADOW_COMPLETE=complete_bash" in run("--show-completion", "bash").out
 
 
 def test_a_mistyped_word_is_answered_with_the_right_one(run: Run) -> None:
     assert "Did you mean 'compare'?" in run("comapre").err
     assert "--vessel" in run("compare", "x.tlog", "--vesel", "y").err
+
+
+START = """
+import sys
+from gateway import cli
+sys.argv, sys.stdout = ["shadow", "info", sys.argv[1]], sys.stderr
+heavy = {"matplotlib", "scipy.stats", "scipy.optimize", "bokeh", "zenoh"}
+print(*sorted({"numba", *heavy} & set(sys.modules)), "|", file=sys.__stdout__)
+try:
+    cli.main()
+finally:
+    print(*sorted(heavy & set(sys.modules)), file=sys.__stdout__)
+"""
+
+
+def test_help_and_info_start_without_what_compiles_draws_and_fits() -> None:
+    """Each takes as long to be imported as all the rest of them."""
+    log = ROOT / "recordings" / "voyage_1.tlog"
+    done = subprocess.run(
+        [sys.executable, "-c", START, log], capture_output=True, text=True, check=True
+    )
+    assert "voyage_1.tlog" in done.stderr
+    assert done.stdout.split() == ["|"]

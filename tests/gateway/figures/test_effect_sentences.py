@@ -5,8 +5,8 @@ import re
 
 import pytest
 
+from gateway.figures.words import headline
 from sim.effects.catalogue import EFFECTS
-from sim.effects.headlines import headline
 from tests.sim.vessels import added
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
