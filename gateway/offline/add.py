@@ -41,6 +41,7 @@ class StepEntry(Entry):
     effects: tuple[str, ...]
     base: str
     heldout_nrmse: float
+    left_out_nrmse: float | None = None
     base_parameters: dict[str, NumberEntry] = Field(default_factory=dict)
     parameters: dict[str, dict[str, NumberEntry]] = Field(default_factory=dict)
     own_parameters: dict[str, dict[str, float]] = Field(default_factory=dict)
@@ -77,13 +78,17 @@ class DiagnosisFile(Entry):
 
 @dataclass(frozen=True)
 class AdditionResult:
-    """The better vessel, the numbers that are new in it, and the error before and after."""
+    """The better vessel, the numbers that are new in it, and the error before and after.
+
+    left_out  error on each recording by a fit without it; None of fewer than three
+    """
 
     vessel: Vessel
     effects: Mapping[str, Mapping[str, NumberEntry]]
     before: float
     after: float
     recordings: tuple[str, ...]
+    left_out: float | None = None
 
     def to_dict(self) -> dict[str, object]:
         """The new numbers with their intervals, errors on unseen time before and after."""
@@ -96,7 +101,7 @@ class AdditionResult:
             "heldout_nrmse_before": self.before,
             "heldout_nrmse_after": self.after,
             "recordings": list(self.recordings),
-        }
+        } | ({} if self.left_out is None else {"left_out_nrmse": self.left_out})
 
 
 def add_effects(
@@ -139,7 +144,7 @@ def add_from_diagnosis(
     write_whole(Path(out), tomli_w.dumps(tables).encode(), "the vessel file")
     return AdditionResult(
         better, step.parameters, diagnosis.ladder[0].heldout_nrmse, step.heldout_nrmse,
-        tuple(r.name for r in diagnosis.recordings),
+        tuple(r.name for r in diagnosis.recordings), step.left_out_nrmse,
     )  # fmt: skip
 
 

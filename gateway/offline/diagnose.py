@@ -83,8 +83,11 @@ class DiagnosisResult:
     @property
     def rivals(self) -> list[str]:
         """Effects that are confounded with one another, the chosen ones first."""
-        tied = [c.effect for c in self.diagnosis.ranking if c.confounded_with]
-        return tied if self.diagnosis.verdict is Verdict.CONFOUNDED else []
+        if self.diagnosis.verdict is not Verdict.CONFOUNDED:
+            return []
+        rows = [c for c in self.diagnosis.ranking if c.confounded_with]
+        unshown = (name for c in rows for name in c.confounded_with)
+        return list(dict.fromkeys((*(c.effect for c in rows), *unshown)))
 
     @property
     def separations(self) -> dict[tuple[str, str], Separation]:

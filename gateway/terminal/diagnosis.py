@@ -64,16 +64,23 @@ def show_diagnosis(
 
 
 def _ladder(d: Diagnosis) -> Table:
-    """Error on unseen time after each step, and what a perfect model would show."""
+    """Error on unseen time after each step, and what a perfect model would show.
+
+    Of several recordings also that on each by the fit without it.
+    """
     table = result_table("error on unseen time (nrmse)", "step", "error", "95 % interval")
+    several = any(step.left_out for step in d.ladder)
+    if several:
+        table.add_column("recordings left out", justify="right")
     for step in d.ladder:
-        ci = step.heldout.ci95
+        ci, left_out = step.heldout.ci95, step.left_out
         table.add_row(
             step_name(step), f"{step.heldout.nrmse:.3f}",
             f"{ci[0]:.3f} … {ci[1]:.3f}" if ci else "one block only",
+            *([f"{left_out.nrmse:.3f}" if left_out else ""] if several else []),
             end_section=step is d.ladder[-1],
         )  # fmt: skip
-    table.add_row("noise alone", f"{d.noise_floor:.3f}", "")
+    table.add_row("noise alone", f"{d.noise_floor:.3f}", "", *([""] if several else []))
     return table
 
 
@@ -170,6 +177,13 @@ def _unexplained(d: Diagnosis) -> list[str]:
     return out
 
 
+def _worse(left_out: float, before: float) -> str:
+    """What to think of a vessel that predicts recordings it was not fitted to no better."""
+    if left_out < before:
+        return ""
+    return ", no better than before: what was fitted suits these recordings and may suit no other"
+
+
 def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out: Path) -> None:
     """Numbers with intervals, error before and after, the next command line."""
     console = ResultConsole(highlight=False)
@@ -183,6 +197,11 @@ def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out:
         f"{done.before:.3f} before, {done.after:.3f} after; the base was re-fitted along",
         markup=False,
     )
+    if done.left_out is not None:
+        console.print(
+            f"on each recording by a fit without it: {done.left_out:.3f}"
+            f"{_worse(done.left_out, done.before)}", markup=False,
+        )  # fmt: skip
     console.path("written", out)
     refit = " --refit voyage" if _voyage_effects(done.vessel, names) else ""
     line = f"shadow compare ANOTHER_LOG --vessel {quote(str(vessel))} --vessel {quote(str(out))}"

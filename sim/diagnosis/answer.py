@@ -49,6 +49,7 @@ class LadderStep:
     vessel  the whole vessel of this step
     new     how many of the effects were not in the step below
     assumed what had to be assumed for its numbers
+    left_out  error on each recording by the fit without it; None of fewer than three recordings
     """
 
     effects: tuple[str, ...]
@@ -59,6 +60,7 @@ class LadderStep:
     vessel: Vessel
     assumed: tuple[AssumedNumbers, ...] = ()
     new: int = 1
+    left_out: HeldOutScore | None = None
 
     @classmethod
     def of(cls, fit: Fit, scorer: HeldOutScorer) -> "LadderStep":
@@ -68,8 +70,12 @@ class LadderStep:
         found = with_assumed_intervals(found, assumed)
         return cls(fit.names, "refitted", scorer.score_fit(fit), base, found, vessel, assumed)
 
+    def with_left_out(self, fit: Fit, scorer: HeldOutScorer) -> "LadderStep":
+        """The same with the error on recordings that were left out, of the fit that it is of."""
+        return replace(self, left_out=scorer.score_recordings(fit))
+
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; without an interval where there is none."""
+        """For JSON; without an interval, or recordings left out, where there are none."""
         out: dict[str, Any] = {
             "effects": list(self.effects), "base": self.base, "heldout_nrmse": self.heldout.nrmse,
             "base_parameters": {e.name: _number(e) for e in self.base_parameters},
@@ -78,7 +84,11 @@ class LadderStep:
                 for effect, numbers in self.parameters.items()
             },
         }  # fmt: skip
-        return out | ({"ci95": list(self.heldout.ci95)} if self.heldout.ci95 else {})
+        if self.heldout.ci95:
+            out["ci95"] = list(self.heldout.ci95)
+        if self.left_out:
+            out["left_out_nrmse"] = self.left_out.nrmse
+        return out
 
 
 def falling(steps: Sequence[LadderStep]) -> tuple[LadderStep, ...]:

@@ -14,10 +14,10 @@ from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import find_free_curve
 from sim.diagnosis.heldout import HeldOutScorer, gain
-from sim.diagnosis.identifiability import refusals
+from sim.diagnosis.identifiability import RecordingContent, refusals, unseen_headings
 from sim.diagnosis.ladder import EffectSearch, Selection, is_at_floor, is_worth_it
 from sim.diagnosis.next_experiment import SuggestedManoeuvre, by_information, by_separation
-from sim.diagnosis.ranking import RankedEffect
+from sim.diagnosis.ranking import RankedEffect, Ranking
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
     is_above_noise,
@@ -87,20 +87,26 @@ def diagnose(
     plain = Model.of(vessel)
     present = {added.effect.name for added in vessel.effects}
     effects = [e for e in settings.effects if e.name not in present and e.tables is None]
-    refused = refusals(effects, plain, trials)
-    effects = [e for e in effects if e.name not in {r.effect for r in refused}]
+    content = RecordingContent.of(plain, trials)
+    refused = refusals(effects, content, vessel)
+    shown = [e for e in effects if e.name not in {r.effect for r in refused}]
+    unshown = [e for e in effects if e not in shown and not vessel.unmet_needs(e)]
     progress("re-fitting the base")
-    superset = SupersetModel.of(vessel, effects, trials)
+    superset = SupersetModel.of(vessel, shown, trials)
     base = fit_base(superset, plain, trials, settings)
     scorer = HeldOutScorer.of(trials, plain)
     given = LadderStep((), "plain", scorer.score_model(plain), (), {}, vessel)
+    if len(trials) >= thresholds.MIN_RECORDINGS:
+        given = replace(given, left_out=given.heldout)
     error = given.heldout.nrmse
-    search = EffectSearch(superset, tuple(effects), settings.most, progress, mapper, scorer, error)
+    search = EffectSearch(
+        superset, tuple(shown), settings.most, progress, mapper, scorer, error, tuple(unshown)
+    )
     selection = search.run(base)
     progress("what is left")
-    refitted = LadderStep.of(selection.base, scorer)
-    first = refitted if refitted.heldout.nrmse < error else replace(given, base="kept")
-    added = [LadderStep.of(fit, scorer) for fit in selection.fits]
+    fits = (selection.base, *selection.fits)
+    refitted, *added = (LadderStep.of(fit, scorer).with_left_out(fit, scorer) for fit in fits)
+    first = refitted if _predicts_better(refitted, given) else replace(given, base="kept")
     ladder, floor = falling([given, first, *added]), scorer.noise_floor
     last = ladder[-1]
     noise_share = selection.fit.noise_share
@@ -109,20 +115,23 @@ def diagnose(
     whole = is_at_floor(noise_share) and not above
     left = [] if predicted or whole else remaining_dependences(selection, above)
     alone = [LadderStep.of(row.fit, scorer) for row in selection.first.finalists]
-    rivals = [rivals_of(step, selection.fit.names) for step in selection.steps]
+    rivals = [_rivals(step, search, selection) for step in selection.steps]
     later = [
         LadderStep.of(row.fit, scorer)
         for step, of in zip(selection.steps, rivals, strict=True)
-        if step is not selection.first
         for row in of
+        if step is not selection.first or row.name not in {r.name for r in step.finalists}
     ]
     effects_found = [a.effect for a in selection.fit.added]
     beyond = is_above_noise(effects_found, ladder, floor) or is_above_stated(
         effects_found, noise_share
     )
     verdict = verdict_of(selection, rivals, left, beyond)
-    assumed = [each.description for each in last.assumed]
-    names = [row.name for row in rivals_of(selection.first, last.effects)]
+    notes = [each.description for each in last.assumed]
+    notes += filter(None, [unseen_headings(effects_found, content)])
+    led = bool(selection.steps) and selection.steps[0].best is selection.first.best
+    of_first = rivals[0] if led else rivals_of(selection.first, last.effects)
+    names = [row.name for row in of_first]
     curve = None
     more = max(noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
     if verdict is Verdict.UNKNOWN or more:
@@ -135,7 +144,7 @@ def diagnose(
             verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
     return Diagnosis(
         verdict=verdict,
-        summary="; ".join((summary_of(verdict, ladder, rivals, left, floor, curve), *assumed)),
+        summary="; ".join((summary_of(verdict, ladder, rivals, left, floor, curve), *notes)),
         base_changed=first is refitted and _base_changed(selection.base),
         effects=last.effects,
         ladder=ladder,
@@ -172,6 +181,22 @@ def fit_base(
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
     return fit_effects([], unknowns, problem, shot.z)
+
+
+def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[RankedEffect]:
+    """What does as well as the effect of a step, also of what these trials cannot show."""
+    beside = (step, search.beside_unshown(step))
+    rivals = [row for ranking in beside for row in rivals_of(ranking, selection.fit.names)]
+    return rivals[: thresholds.MAX_EXPLANATIONS - 1]
+
+
+def _predicts_better(fitted: LadderStep, given: LadderStep) -> bool:
+    """Whether re-fitted numbers predict unseen time, and recordings left out, better than as given.
+
+    Numbers that suit the recordings they were fitted to and no other are not kept.
+    """
+    pairs = ((fitted.heldout, given.heldout), (fitted.left_out, given.left_out))
+    return all(a.nrmse < b.nrmse for a, b in pairs if a is not None and b is not None)
 
 
 def _suggested(

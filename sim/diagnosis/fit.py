@@ -46,8 +46,8 @@ Rows = NDArray[np.bool_] | slice
 MEASURED = "does not count: these recordings measured what it stands for"
 
 
-class FoldFits(NamedTuple):
-    """Numbers (K, n) without each fold of the problem in turn, and all residuals then (K, N)."""
+class PartialFits(NamedTuple):
+    """Numbers (K, n) without each of K parts of the rows in turn, and all residuals then (K, N)."""
 
     z: Floats
     residual: Floats
@@ -86,17 +86,33 @@ class Fit:
         )
 
     @cached_property
-    def fold_fits(self) -> FoldFits:
-        """The best of a few damped Gauss–Newton steps for each fold; none where all are worse."""
-        rows = [seen for seen, _ in self.problem.folds]
+    def fold_fits(self) -> PartialFits:
+        """Without each fold of the problem in turn."""
+        return self._fits_to([seen for seen, _ in self.problem.folds])
+
+    @cached_property
+    def recording_fits(self) -> PartialFits:
+        """Without each trial in turn; what holds on that trial only keeps its numbers."""
+        numbers = range(len(self.problem.trials))
+        own = np.array([[u.trial == k for u in self.unknowns.each] for k in numbers])
+        return self._fits_to([self.problem.places.trial != k for k in numbers], ~own)
+
+    def _fits_to(
+        self, rows: Sequence[NDArray[np.bool_]], free: NDArray[np.bool_] | None = None
+    ) -> PartialFits:
+        """The best of a few damped Gauss–Newton steps to each of K sets of rows (N,), none where
+        all are worse; `free` (K, n): the numbers that may move.
+        """
         steps = np.array([self.steps(self.residual, seen) for seen in rows])
+        if free is not None:
+            steps = steps * free[:, None]
         steps = np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1)
         z = np.clip(self.z + steps, *self.unknowns.bounds)
         residual = self.at(z.reshape(-1, len(self.z))).reshape(*z.shape[:2], -1)
         bend, counted = thresholds.ROBUST_SIGMAS, np.array(rows)[:, None]
         best = robust_cost(self.unknowns, z, residual, bend, counted).argmin(axis=1)
-        fold = np.arange(len(z))
-        return FoldFits(z[fold, best], residual[fold, best])
+        part = np.arange(len(z))
+        return PartialFits(z[part, best], residual[part, best])
 
     @cached_property
     def heldout_residual(self) -> Floats:
@@ -105,6 +121,12 @@ class Fit:
         for k, (_, heldout) in enumerate(self.problem.folds):
             out[heldout] = self.fold_fits.residual[k, heldout]
         return out
+
+    @property
+    def left_out_residual(self) -> Floats:
+        """Residuals (N,) of each trial as the fit without it leaves them."""
+        trial = self.problem.places.trial
+        return np.asarray(self.recording_fits.residual[trial, np.arange(len(trial))])
 
     @property
     def noise_share(self) -> tuple[float, float, float]:

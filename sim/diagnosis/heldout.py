@@ -69,6 +69,19 @@ def gain(before: Floats, after: Floats, block: Ints) -> Gain:
     return Gain(ratio, float(log.mean()), t, up - down, down / max(up, 1e-9))
 
 
+def gain_on_recordings(before: Fit, after: Fit) -> Gain | None:
+    """What a fit is worth over another on recordings that neither has seen, each left out in turn.
+
+    None where there are fewer than `MIN_RECORDINGS`. Both on one problem. Blocks of a recording
+    that was fitted share its day with those that were not: they cannot tell what is true of a boat
+    from what is true of a day.
+    """
+    if len(before.problem.trials) < thresholds.MIN_RECORDINGS:
+        return None
+    trial = before.problem.places.trial
+    return gain(before.left_out_residual, after.left_out_residual, trial)
+
+
 @dataclass(frozen=True)
 class HeldOutScore:
     """nrmse with its 95 % interval (None on a single block)."""
@@ -113,6 +126,14 @@ class HeldOutScorer:
             )
             for i, trial in enumerate(self.trials)
         ])  # fmt: skip
+
+    def score_recordings(self, fit: Fit) -> HeldOutScore | None:
+        """A fit, each trial by the fit without it; None of fewer than `MIN_RECORDINGS` trials."""
+        count, model = len(self.trials), fit.unknowns.model
+        if count < thresholds.MIN_RECORDINGS:
+            return None
+        theta = [fit.unknowns.theta(fit.recording_fits.z, i)[i] for i in range(count)]
+        return _pooled([self._squares(i, [replace(model, theta=t)]) for i, t in enumerate(theta)])
 
     def _squares(
         self, trial: int, models: Sequence[Model], fold: Ints | None = None

@@ -24,10 +24,10 @@ from sim.diagnosis.fit import (
     with_event_moved,
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.heldout import Gain, HeldOutScorer, gain
+from sim.diagnosis.heldout import Gain, HeldOutScorer, gain, gain_on_recordings
 from sim.diagnosis.ranking import RankedEffect, Ranking, rank
 from sim.diagnosis.screening import Mapper, Progress
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Scope
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.vessel import AddedEffect
 
@@ -77,6 +77,17 @@ def is_at_floor(noise_share: Sequence[float]) -> bool:
     return max(noise_share) < thresholds.MAX_NOISE_SHARE
 
 
+def holds_on_recordings(row: RankedEffect, reference: Fit) -> bool:
+    """Whether what an effect says of the boat holds on recordings that it was not learnt on.
+
+    What is of a day is learnt on each anew; so is told of less than `MIN_RECORDINGS`.
+    """
+    if row.effect.scope is not Scope.BOAT:
+        return True
+    g = gain_on_recordings(reference, row.fit)
+    return g is None or g.nats > thresholds.MIN_NATS_ON_RECORDINGS
+
+
 def helps(scorer: HeldOutScorer, before: Fit, after: Fit, given: float) -> bool:
     """Whether predictions of unseen time become noticeably better, also than as `given`; at the
     noise floor more is asked.
@@ -92,6 +103,7 @@ class EffectSearch:
     """The catalogue of one diagnosis, how many effects may be added, and what scores them.
 
     given   error on unseen time of the vessel as it was given: no effect may leave more
+    unshown effects that these trials cannot show: never added, but they may do as well
     """
 
     superset: SupersetModel
@@ -101,6 +113,7 @@ class EffectSearch:
     mapper: Mapper
     scorer: HeldOutScorer
     given: float
+    unshown: tuple[Effect, ...] = ()
 
     def run(self, base: Fit) -> Selection:
         """Greedy, then swapped, then backward."""
@@ -154,7 +167,8 @@ class EffectSearch:
     def _first_justified(
         self, ranking: Ranking, steps: Sequence[Ranking], fit: Fit
     ) -> RankedEffect | None:
-        return next((r for r in ranking.finalists if self.justified(r, steps, fit)), None)
+        worth = (r for r in ranking.finalists if self.justified(r, steps, fit))
+        return next((r for r in worth if holds_on_recordings(r, ranking.reference)), None)
 
     def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
         """Whether one of a ranking should be added to what was found so far."""
@@ -187,6 +201,20 @@ class EffectSearch:
         if among is not None:
             others = [e for e in others if e.name in among or (closer and e.more_starts)]
         return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper, closer)
+
+    def beside_unshown(self, step: Ranking) -> Ranking:
+        """The best of a step among those of its look-alikes that these trials cannot show.
+
+        Where such a one does as well, on few headings say, the best is not established.
+        """
+        best = step.best.effect
+        alike = [e for e in self.unshown if best.looks_like_effect(e)]
+        if not alike:
+            return replace(step, finalists=(step.best,))
+        self.progress(f"whether {best.name} is told from {', '.join(e.name for e in alike)}")
+        fit = step.reference
+        found = rank(self.superset, fit.model(), [best, *alike], fit, mapper=self.mapper)
+        return found.led_by(next(r for r in found.finalists if r.name == best.name))
 
     def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold, whole or as a part of another."""
@@ -222,8 +250,10 @@ class EffectSearch:
         for i, step in enumerate(steps if last else steps[:-1]):
             kept = [a for k, a in enumerate(fit.effects()) if k != i]
             ranking = self.rank(self._beside(kept, fit), among=promising)
-            best, old = (ranking if ranking.finalists else step).best, step.best.name
-            if best.name != old and is_worth_it(self._gain_over(best.fit, fit)):
+            ranking = ranking if ranking.finalists else step
+            best, old = ranking.best, step.best.name
+            holds = best.name != old and holds_on_recordings(best, ranking.reference)
+            if holds and is_worth_it(self._gain_over(best.fit, fit)):
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
 

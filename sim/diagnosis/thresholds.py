@@ -13,6 +13,7 @@ HEADING_SECTORS = 8
 MIN_SECTORS_FOR_CIRCLES = 5
 MIN_SECTORS_FOR_OPPOSITE = 3  # tell a fixed direction in the world from one on board
 MIN_SECTOR_SHARE = 0.01  # of the rows under way, for a sector to count
+MIN_SEEN_SECTOR_SHARE = 0.05  # of them, for what was found to be told of it without a word
 MIN_UNDER_WAY_MPS = 0.2
 ASTERN_COMMAND = -0.08  # of full: a motor below runs astern …
 MIN_ASTERN_S = 4.0  # … and that long in all
@@ -64,6 +65,9 @@ MAX_NRMSE_RATIO = 0.99  # after over before: what lowers the error by less is no
 MAX_NRMSE_RATIO_AT_FLOOR = 0.98
 MAX_SWAPS = 4  # of effects for others after each that was added; chosen for the time it takes
 MIN_SHARE_OF_EARLIER = 0.05  # of the nats that earlier effects won: less is their form
+
+MIN_RECORDINGS = 3  # to leave out one at a time: of two, each would be fitted by the other alone
+MIN_NATS_ON_RECORDINGS = 0.0  # that what is true of a boat wins on recordings left out
 
 # --- Rivals (ranking.py, verdict.py) ---
 MIN_T_BETTER = 3.0  # over the blocks: one is really better than the other

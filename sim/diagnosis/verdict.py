@@ -133,7 +133,7 @@ def summary_of(
     """The answer in one sentence."""
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
-    fell = f"{_changed(first, last)} (noise {floor:.3f})"
+    fell = f"{_changed(first, last)} (noise {floor:.3f}){_on_others(ladder)}"
     if verdict is Verdict.ADEQUATE:
         refit = f"{base:.3f} with the base re-fitted"
         if ladder[1].base == "kept":
@@ -160,6 +160,15 @@ def summary_of(
     no_noise = "what is left is no noise, and follows nothing that was looked for"
     rest = left[0].description if left else no_noise
     return f"{known}something is missing that the catalogue does not hold: {rest}"
+
+
+def _on_others(ladder: Sequence[LadderStep]) -> str:
+    """Where recordings that were left out are predicted no better than as given, that; else ""."""
+    given, last = ladder[0].left_out, ladder[-1].left_out
+    if given is None or last is None or last.nrmse < given.nrmse:
+        return ""
+    numbers = f"{given.nrmse:.3f} as given, {last.nrmse:.3f} so"
+    return f", but not that on recordings which the fit did not see: {numbers}"
 
 
 def _changed(first: float, last: float) -> str:

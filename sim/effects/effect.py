@@ -372,6 +372,10 @@ class Effect:
         """What its evidence is drawn against with these values; None: found from the data."""
         return self.evidence(values) if callable(self.evidence) else self.evidence
 
+    def looks_like_effect(self, other: "Effect") -> bool:
+        """Whether either of the two says that it may be mistaken for the other."""
+        return other.name in self.mistaken_for or self.name in other.mistaken_for
+
     @property
     def module(self) -> str:
         """Name of the module that the laws stand in."""

@@ -53,6 +53,26 @@ def test_what_was_ranked_but_not_chosen_is_added_with_numbers_of_its_own(
     assert read_vessel_file(better).provenance["heading_offset.angle"].recording == "voyage"
 
 
+@pytest.mark.parametrize(
+    ("share", "warned"), [(None, False), (0.6, False), (1.0, True), (1.2, True)]
+)
+def test_what_recordings_that_were_left_out_said_is_told(
+    run, saved, folder, tmp_path, share, warned
+):
+    told = json.loads(saved.read_text())
+    before = told["ladder"][0]["heldout_nrmse"]
+    if share is not None:
+        told["ladder"][-1]["left_out_nrmse"] = share * before
+    (tmp_path / "d.json").write_text(json.dumps(told))
+    words = ("add", "steady_current", "-v", folder / "boat.toml", "--from", tmp_path / "d.json")
+    status, out, _ = run(*words, "--out", tmp_path / "b.toml")
+    assert status == 0
+    assert ("by a fit without it" in out) is (share is not None)
+    assert ("no better than before" in " ".join(out.split())) is warned
+    _, out, _ = run(*words, "--out", tmp_path / "b.toml", "--json", "--force")
+    assert json.loads(out).get("left_out_nrmse") == (None if share is None else share * before)
+
+
 def test_areas_that_were_fitted_go_into_the_hull_with_their_origin(run, saved, folder, tmp_path):
     told = json.loads(saved.read_text())
     numbers = told["ladder"][-1]["base_parameters"]

@@ -11,6 +11,7 @@ from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.figure_data import Dots, Level, Line
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
+from gateway.terminal.diagnosis import show_diagnosis
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.diagnosis.answer import Verdict
 from sim.diagnosis.evidence import rivals
@@ -76,8 +77,6 @@ def test_long_work_is_not_begun_for_a_folder_that_is_not_there(run, ready, folde
 
 
 def test_look_alikes_are_told_with_what_separates_them(found, capsys):
-    from gateway.terminal.diagnosis import show_diagnosis
-
     tied = tuple(
         replace(c, confounded_with=tuple({"steady_current", "heading_offset"} - {c.effect}))
         for c in found.diagnosis.ranking
@@ -87,6 +86,25 @@ def test_look_alikes_are_told_with_what_separates_them(found, capsys):
     out = capsys.readouterr().out
     assert "steady_current or heading_offset? full circles" in out
     assert "--excitation circles" in out
+
+
+def test_a_rival_that_the_recording_cannot_show_is_told_too(found, capsys):
+    """It stands in no ranking: only beside the effect that was found."""
+    best = found.diagnosis.ranking[0]
+    tied = (replace(best, confounded_with=("compass_deviation",)), *found.diagnosis.ranking[1:])
+    torn = replace(found.diagnosis, verdict=Verdict.CONFOUNDED, ranking=tied)
+    assert replace(found, diagnosis=torn).rivals == ["steady_current", "compass_deviation"]
+    show_diagnosis(replace(found, diagnosis=torn), None, None, None)
+    assert "steady_current or compass_deviation?" in capsys.readouterr().out
+
+
+def test_recordings_that_were_left_out_have_a_column_where_there_are_some(found, capsys):
+    show_diagnosis(found, None, None, None)
+    assert "left out" not in capsys.readouterr().out
+    *below, last = found.diagnosis.ladder
+    some = replace(found.diagnosis, ladder=(*below, replace(last, left_out=last.heldout)))
+    show_diagnosis(replace(found, diagnosis=some), None, None, None)
+    assert "left out" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
@@ -104,8 +122,6 @@ def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
 
 
 def test_nothing_to_improve_writes_no_vessel(found, tmp_path, capsys):
-    from gateway.terminal.diagnosis import show_diagnosis
-
     whole = replace(
         found.diagnosis, verdict=Verdict.ADEQUATE, effects=(), base_changed=False,
         ladder=found.diagnosis.ladder[:2],
@@ -212,8 +228,6 @@ def test_the_next_commands_name_the_effects_of_ones_own(found):
 
 
 def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
-    from gateway.terminal.diagnosis import show_diagnosis
-
     *before, last = found.diagnosis.ladder
     assert found.at_limit == []
     first = next(e for e in last.base_parameters if e.name in BASE)
@@ -230,8 +244,6 @@ def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
 
 
 def test_an_effect_found_only_beside_another_is_told(found, capsys):
-    from gateway.terminal.diagnosis import show_diagnosis
-
     assert found.found_beside == []
     without = replace(found, diagnosis=replace(found.diagnosis, ranking=()))
     show_diagnosis(without, None, None, None)

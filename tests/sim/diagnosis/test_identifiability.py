@@ -1,12 +1,13 @@
 """What data cannot tell is refused with the reason, and only that."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from sim.diagnosis.identifiability import refusals
+from sim.diagnosis.identifiability import RecordingContent, Refusal, refusals, unseen_headings
 from sim.effects.catalogue import EFFECTS, named
-from sim.effects.effect import Shown
+from sim.effects.effect import Effect, Shown
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed
@@ -15,8 +16,12 @@ from tests.sim.voyages import WAM_V
 MODEL = Model.of(WAM_V)
 
 
+def refused(effects: Sequence[Effect], trial: Trial) -> list[Refusal]:
+    return refusals(effects, RecordingContent.of(MODEL, [trial]), WAM_V)
+
+
 def reasons(trial: Trial) -> dict[str, str]:
-    return {r.effect: r.reason for r in refusals(EFFECTS, MODEL, [trial])}
+    return {r.effect: r.reason for r in refused(EFFECTS, trial)}
 
 
 def test_a_rich_voyage_is_refused_only_what_the_vessel_lacks_and_nobody_measured() -> None:
@@ -47,10 +52,10 @@ def test_an_effect_of_ones_own_is_refused_for_the_same_reasons() -> None:
     ahead = sailed()
     never = replace(ahead, pwm=np.maximum(ahead.pwm, 1500.0))
     own = replace(named("cubic_drag"), name="own", shown_by=(Shown.ASTERN, Shown.VOLTAGE))
-    (one,) = refusals([own], MODEL, [never])
+    (one,) = refused([own], never)
     assert one.effect == "own"
     assert "astern" in one.reason
-    (other,) = refusals([own], MODEL, [replace(ahead, pwm=ahead.pwm - 300.0)])
+    (other,) = refused([own], replace(ahead, pwm=ahead.pwm - 300.0))
     assert "voltage" in other.reason
 
 
@@ -75,3 +80,20 @@ def test_each_reason_says_what_is_needed() -> None:
 def test_a_voltmeter_that_reads_zero_was_not_there() -> None:
     trial = sailed()
     assert "not measured" in reasons(replace(trial, voltage=np.zeros(len(trial))))["battery_sag"]
+
+
+def sailed_on(*degrees: float) -> RecordingContent:
+    """A voyage whose time is shared equally between these headings."""
+    trial = sailed()
+    eta = trial.eta.copy()
+    eta[:, 2] = np.resize(np.radians(degrees), len(eta))
+    return RecordingContent.of(MODEL, [replace(trial, eta=eta)])
+
+
+def test_on_which_headings_a_compass_was_seen_is_told_where_they_are_few() -> None:
+    offset = [named("heading_offset")]
+    few = unseen_headings(offset, sailed_on(10.0, 80.0, 350.0, 200.0))
+    assert "from 180° to 225° and 315° to 90° alone: elsewhere heading_offset" in few
+    assert unseen_headings(offset, sailed_on(*range(0, 360, 30))) == ""
+    for name in ("thruster_imbalance", "steady_current"):  # no heading, or of the day
+        assert unseen_headings([named(name)], sailed_on(10.0, 80.0)) == ""

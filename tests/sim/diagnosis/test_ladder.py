@@ -17,7 +17,8 @@ from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
 
 HIDDEN = "steering_lag"  # worth most, and yet no prediction is better with it
-FIRST: Any = SimpleNamespace(names=(), added=(), nrmse=0.5)
+ONE_RECORDING = SimpleNamespace(trials=(None,))
+FIRST: Any = SimpleNamespace(names=(), added=(), nrmse=0.5, problem=ONE_RECORDING)
 BLOCK = np.repeat(np.arange(8), 10)
 
 
@@ -208,8 +209,9 @@ def found(*names: str) -> Any:
     """A fit with these effects."""
     added = tuple(SimpleNamespace(effect=named(name)) for name in names)
     return SimpleNamespace(
-        names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names)
-    )
+        names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names),
+        problem=ONE_RECORDING,
+    )  # fmt: skip
 
 
 class Scripted(EffectSearch):

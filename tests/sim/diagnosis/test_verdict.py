@@ -194,3 +194,17 @@ def test_data_whose_noise_hides_the_motion_do_not_say_that_nothing_is_missing() 
     ladder = [step(1.21), step(1.21)]
     assert "cannot tell whether" in summary_of(Verdict.ADEQUATE, ladder, [], [], 12.4)
     assert "cannot tell whether" not in summary_of(Verdict.ADEQUATE, ladder, [], [], 1.0 / 3.0)
+
+
+def test_an_error_that_falls_only_on_recordings_that_were_fitted_is_told_so() -> None:
+    def said(left_out: float | None) -> str:
+        scores = [HeldOutScore(0.8, None), HeldOutScore(0.8, None), None]
+        if left_out is not None:
+            scores[2] = HeldOutScore(left_out, None)
+        steps = (step(0.8), step(0.7), step(0.3, "heading_offset"))
+        ladder = [replace(s, left_out=score) for s, score in zip(steps, scores, strict=True)]
+        return summary_of(Verdict.EXPLAINED, ladder, [], [], 0.1)
+
+    assert said(0.9).endswith("which the fit did not see: 0.800 as given, 0.900 so")
+    assert "did not see" not in said(0.4)
+    assert "did not see" not in said(None)
