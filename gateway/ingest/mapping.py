@@ -20,6 +20,8 @@ Facts = tuple[tuple[Quantity, tuple[Column, ...]], ...]
 
 SHORTEST_US, LONGEST_US = 400.0, 2600.0  # outside these a servo gets no pulse that it understands
 FIX_2D = 2  # GNSS fix type
+LEVEL_RAD = 0.1  # of roll and pitch; chosen
+MIN_COS_PITCH = 0.4  # of a bow that points nearly straight up or down; chosen
 UNIX_FROM_US = 1_000_000_000_000_000  # larger counters are Unix time (2001), not time since boot
 
 
@@ -132,6 +134,19 @@ def euler(w: Column, x: Column, y: Column, z: Column) -> tuple[Column, Column, C
     pitch = np.arcsin(np.clip(2 * (w * y - z * x) / length, -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return only_where(valid, roll), pitch, only_where(valid, yaw)
+
+
+def heading_rate(roll: Column, pitch: Column, pitch_rate: Column, yaw_rate: Column) -> Column:
+    """Body rates q, r -> rate of the heading, ψ̇ = (q sin φ + r cos φ) / cos θ [rad/s].
+
+    A boat that rolls by 20° in waves turns its bow by pitching. On one that is level (`LEVEL_RAD`)
+    the gyro is taken as it is: one that is frozen is known by its last bit. Within 25° of a bow
+    that points straight up or down the heading means little: there cos θ is taken as 0.4.
+    """
+    upright = np.maximum(np.cos(pitch), MIN_COS_PITCH)
+    turned = (pitch_rate * np.sin(roll) + yaw_rate * np.cos(roll)) / upright
+    level = np.maximum(np.abs(roll), np.abs(pitch)) < LEVEL_RAD
+    return np.where(level, yaw_rate, turned)
 
 
 def quaternion(q: Column) -> tuple[Column, ...]:

@@ -22,6 +22,7 @@ from gateway.ingest.open import open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
+from gateway.offline.sensor_faults import compass_jumped, frozen
 from gateway.offline.usable_time import Bools
 from gateway.shadow.held_series import HeldInputs, held_inputs, held_series, seconds
 from gateway.shadow.inputs import motion_events, origin_of
@@ -218,10 +219,15 @@ class TrialSource:
         start, end = span
         grid: Floats = start + dt * np.arange(int((end - start) / dt) + 1, dtype=np.float64)
         inside = (self.events.time_s >= start) & (self.events.time_s <= end)
-        motion = smooth(self.events[inside], grid, self.settings)
+        events = self.events[inside]
+        motion = smooth(events, grid, self.settings)
         edges = np.append(grid, grid[-1] + dt)
         channels, pwm = self._commands(edges)
-        reasons = self._reasons(motion, grid, pwm, channels, options)
+        reasons = self._reasons(motion, grid, pwm, channels) | {
+            usable_time.FROZEN: frozen(events, grid),
+            usable_time.COMPASS: compass_jumped(events, grid),
+        }
+        reasons = {why: where for why, where in reasons.items() if why not in options.keep}
         return Trial(
             name=name,
             time=grid - start,
@@ -255,24 +261,22 @@ class TrialSource:
         grid: Floats,
         pwm: Floats,
         channels: Sequence[int],
-        options: TrialOptions,
     ) -> dict[str, Bools]:
         """Reason -> (T,): where it excludes."""
-        nowhere = np.zeros(len(grid), np.bool_)
+        nowhere, dt = np.zeros(len(grid), np.bool_), float(grid[1] - grid[0])
         gap = np.asarray(~motion.known | (self._silence(grid) > usable_time.GAP_S))
-        disarmed = usable_time.disarmed(self.held, grid + 0.5 / options.rate_hz)
+        disarmed = usable_time.disarmed(self.held, grid + 0.5 * dt)
         silent = ~np.isfinite(pwm).any(axis=1) & ~disarmed
         thrust = usable_time.thrust_commanded(pwm, channels, self.parameters)
-        reasons = {
+        return {
             usable_time.DISARMED: disarmed,
             usable_time.NO_FIX: usable_time.no_fix(self.held, grid),
             usable_time.EKF_ILL: usable_time.ekf_ill(self.held, grid),
             usable_time.GAP: gap,
             usable_time.NO_COMMANDS: silent if "commands" in self.choices else nowhere,
             usable_time.IDLE: usable_time.idle(grid, motion.nu, thrust),
-            usable_time.SPINNING: usable_time.spinning(motion.nu, 1.0 / options.rate_hz),
+            usable_time.SPINNING: usable_time.spinning(motion.nu, dt),
         }
-        return {why: nowhere if why in options.keep else where for why, where in reasons.items()}
 
     def _silence(self, grid: Floats) -> Floats:
         """(T,) s: the longest silence around each moment of heading, velocity or commands."""

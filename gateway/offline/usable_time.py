@@ -25,11 +25,13 @@ Bools = NDArray[np.bool_]
 DISARMED = "disarmed"
 NO_FIX = "no 3-D fix"
 EKF_ILL = "the autopilot's EKF unhealthy"
+FROZEN = "a frozen sensor"
+COMPASS = "a compass that jumped"
 GAP = "no telemetry"
 NO_COMMANDS = "no commands"
 IDLE = "not under way"
 SPINNING = "turning too fast for its grid"
-REASONS = (DISARMED, NO_FIX, EKF_ILL, GAP, NO_COMMANDS, IDLE, SPINNING)
+REASONS = (DISARMED, NO_FIX, EKF_ILL, FROZEN, COMPASS, GAP, NO_COMMANDS, IDLE, SPINNING)
 LEFT_OUT = "left out by --exclude"
 
 # All chosen by looking at recordings, none measured.

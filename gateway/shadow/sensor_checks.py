@@ -18,6 +18,7 @@ from enum import IntFlag
 
 import numpy as np
 
+from gateway.estimation.events import Events
 from gateway.estimation.names import MeasurementKind
 from gateway.shadow.inputs import FilterInputs
 from sim.kernel.compiled import compiled
@@ -259,17 +260,16 @@ class SensorMemory:
 
     def check(self, inputs: FilterInputs) -> tuple["SensorMemory", Ints]:
         """K inputs in order of receipt -> the memory after them, bits of `SensorFault` (K,)."""
-        after = SensorMemory(self._kinds.copy(), self._rest.copy())
-        out = np.zeros(len(inputs), np.int64)
-        events = inputs.events
         armed = np.asarray(np.isfinite(inputs.pulses).any(axis=1), np.float64)
-        check_events(
-            after._kinds,
-            after._rest,
-            (events.time_s, events.kind, events.z),
-            (inputs.gps_fix, inputs.estimator, armed),
-            out,
-        )
+        return self.after(inputs.events, (inputs.gps_fix, inputs.estimator, armed))
+
+    def after(
+        self, events: Events, held: tuple[Floats, Floats, Floats]
+    ) -> tuple["SensorMemory", Ints]:
+        """The same of K measurements and what `check_events` wants to know of each."""
+        after = SensorMemory(self._kinds.copy(), self._rest.copy())
+        out = np.zeros(len(events), np.int64)
+        check_events(after._kinds, after._rest, (events.time_s, events.kind, events.z), held, out)
         return after, out
 
 

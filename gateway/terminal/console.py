@@ -4,14 +4,18 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
-from rich.console import Console
+from rich.console import Console, Group, RenderableType
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 from gateway.errors import printable
+
+NARROWEST = 12  # letters that prose in a table is folded into at most
 
 
 class SafeConsole(Console):
@@ -27,6 +31,34 @@ class SafeConsole(Console):
 
 class ResultConsole(SafeConsole):
     """Standard output for results; the methods below print text as it is, without markup."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """As rich does it, but no cell of a table is cut off, however narrow the terminal."""
+        super().print(*(self._whole(o) if isinstance(o, Table) else o for o in objects), **options)
+
+    def _whole(self, table: Table) -> RenderableType:
+        """The table where its names and numbers fit; else a paragraph for each row."""
+        for column in table.columns:
+            column.overflow = "fold"  # a long word in a column of prose goes on in the next line
+        needed = 1 + sum(3 + self._least(table, column) for column in table.columns)
+        return table if needed <= self.width else self._paragraphs(table)
+
+    def _least(self, table: Table, column: Column) -> int:
+        """Columns of the terminal that a column takes: all of it, or what prose folds into."""
+        cells = [*([column.header] if table.show_header else []), *column.cells]
+        widest = max((self.measure(cell).maximum for cell in cells), default=0)
+        return widest if column.no_wrap else min(widest, NARROWEST)
+
+    def _paragraphs(self, table: Table) -> RenderableType:
+        """Each row as its first cell and, below it, a line for each of the others."""
+        lines = [Text.from_markup(str(table.title), style="italic")] if table.title else []
+        headers = [Text.from_markup(str(column.header)) for column in table.columns]
+        for first, *rest in zip(*(column.cells for column in table.columns), strict=True):
+            lines.append(Text.from_markup(str(first), style="bold"))
+            for name, cell in zip(headers[1:], rest, strict=True):
+                if str(cell):
+                    lines.append(Text.assemble("  ", name, ": ", Text.from_markup(str(cell))))
+        return Group(*lines)
 
     def notices(self, notices: Iterable[str]) -> None:
         """What a user should know before the result, each with an exclamation mark."""

@@ -25,6 +25,7 @@ from gateway.ingest.mapping import (
     along,
     as_given,
     euler,
+    heading_rate,
     known,
     latitude_longitude,
     only_where,
@@ -46,12 +47,21 @@ EKF_GATE = 0.8  # square root of the test ratio: ArduPilot's own failsafe (FS_EK
 AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT_INVALID: ground stations, cameras, companions
 
 
+def attitude(m: Any) -> Facts:
+    """ATTITUDE -> yaw, yaw rate, tilt."""
+    return (
+        (Quantity.YAW, (m.yaw,)),
+        (Quantity.YAW_RATE, (heading_rate(m.roll, m.pitch, m.pitchspeed, m.yawspeed),)),
+        (Quantity.TILT, (m.roll, m.pitch)),
+    )
+
+
 def attitude_quaternion(m: Any) -> Facts:
     """ATTITUDE_QUATERNION -> yaw, yaw rate, tilt."""
     roll, pitch, yaw = euler(m.q1, m.q2, m.q3, m.q4)
     return (
         (Quantity.YAW, (yaw,)),
-        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.YAW_RATE, (heading_rate(roll, pitch, m.pitchspeed, m.yawspeed),)),
         (Quantity.TILT, (roll, pitch)),
     )
 
@@ -96,7 +106,7 @@ def odometry(m: Any) -> Facts:
         (Quantity.POSITION, (only_where(local, m.x), only_where(local, m.y))),
         (Quantity.YAW, (only_where(local, yaw),)),
         (Quantity.TILT, (roll, pitch)),
-        (Quantity.YAW_RATE, (m.yawspeed,)),
+        (Quantity.YAW_RATE, (heading_rate(roll, pitch, m.pitchspeed, m.yawspeed),)),
         (Quantity.BODY_VELOCITY, (only_where(body, m.vx), only_where(body, m.vy))),
         (Quantity.VELOCITY, (only_where(world, m.vx), only_where(world, m.vy))),
     )
@@ -203,10 +213,9 @@ def wind(m: Any) -> Facts:
     return ((Quantity.WIND, along(m.speed, np.radians(np.asarray(m.direction) + 180.0))),)
 
 
-ATTITUDE = {Quantity.YAW: "yaw", Quantity.YAW_RATE: "yawspeed", Quantity.TILT: "roll pitch"}
 LOCAL_POSITION = {Quantity.POSITION: "x y", Quantity.VELOCITY: "vx vy"}
 RULES: tuple[Rule, ...] = (
-    Rule("ATTITUDE", as_given(ATTITUDE), Counter.BOOT_MS),
+    Rule("ATTITUDE", attitude, Counter.BOOT_MS),
     Rule("ATTITUDE_QUATERNION", attitude_quaternion, Counter.BOOT_MS),
     Rule("LOCAL_POSITION_NED", as_given(LOCAL_POSITION), Counter.BOOT_MS),
     Rule("GLOBAL_POSITION_INT", global_position_int, Counter.BOOT_MS),

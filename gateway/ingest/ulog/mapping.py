@@ -23,6 +23,7 @@ from gateway.ingest.mapping import (
     Rule,
     as_given,
     euler,
+    heading_rate,
     known,
     latitude_longitude,
     only_where,
@@ -41,7 +42,10 @@ def attitude(m: Any) -> Facts:
     """vehicle_attitude -> yaw, tilt; yaw rate where it is still in it (before v1.10)."""
     roll, pitch, yaw = euler(*quaternion(m.q))
     facts: Facts = ((Quantity.YAW, (yaw,)), (Quantity.TILT, (roll, pitch)))
-    return (*facts, (Quantity.YAW_RATE, (m.yawspeed,))) if hasattr(m, "yawspeed") else facts
+    if not hasattr(m, "yawspeed"):
+        return facts
+    turn = heading_rate(roll, pitch, getattr(m, "pitchspeed", 0.0), m.yawspeed)
+    return (*facts, (Quantity.YAW_RATE, (turn,)))
 
 
 def angular_velocity(m: Any) -> Facts:

@@ -97,20 +97,58 @@ def test_a_fix_without_height_is_a_fix_on_the_water() -> None:
     assert facts(gps(fix_type=2)) == {**facts(gps()), Quantity.FIX: (2.0,)}
 
 
-def test_quaternion_gives_the_same_attitude() -> None:
-    roll, pitch, yaw = 0.1, -0.2, 2.5
+def quaternion_of(roll: float, pitch: float, yaw: float) -> tuple[float, ...]:
     half = np.array([roll, pitch, yaw]) / 2
     (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
-    q = (
+    return (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
-    said = facts(dialect.MAVLink_attitude_quaternion_message(1, *q, 0.0, 0.0, 0.3))
+
+
+def test_quaternion_gives_the_same_attitude() -> None:
+    roll, pitch, yaw = 0.1, -0.2, 2.5
+    q = quaternion_of(roll, pitch, yaw)
+    said = facts(dialect.MAVLink_attitude_quaternion_message(1, *q, 0.0, 0.0, 0.0))
     assert said[Quantity.YAW] == pytest.approx((yaw,), abs=1e-6)
     assert said[Quantity.TILT] == pytest.approx((roll, pitch), abs=1e-6)
-    assert said[Quantity.YAW_RATE] == pytest.approx((0.3,), abs=1e-6)
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.35, 0.0), (-0.6, 0.4), (0.1, -0.9)])
+def test_a_boat_that_rolls_turns_its_bow_by_pitching(tilt: tuple[float, float]) -> None:
+    """Body rates of a heading that turns at 0.3 rad/s while roll and pitch change too."""
+    roll, pitch = tilt
+    roll_rate, pitch_rate, turn = 0.2, -0.4, 0.3
+    p = roll_rate - turn * np.sin(pitch)
+    q = pitch_rate * np.cos(roll) + turn * np.sin(roll) * np.cos(pitch)
+    r = -pitch_rate * np.sin(roll) + turn * np.cos(roll) * np.cos(pitch)
+    still = [0.0] * 21
+    for message in (
+        dialect.MAVLink_attitude_message(1, roll, pitch, 2.5, p, q, r),
+        dialect.MAVLink_attitude_quaternion_message(1, *quaternion_of(roll, pitch, 2.5), p, q, r),
+        dialect.MAVLink_odometry_message(
+            5, 1, 12, 0.0, 0.0, 0.0, [*quaternion_of(roll, pitch, 2.5)], 0.0, 0.0, 0.0, p, q, r,
+            still, still,
+        ),
+    ):  # fmt: skip
+        assert facts(message)[Quantity.YAW_RATE] == pytest.approx((turn,), abs=1e-6)
+
+
+def test_the_gyro_of_a_level_boat_is_taken_to_the_last_bit() -> None:
+    rates = [
+        facts(dialect.MAVLink_attitude_message(1, roll, 0.02, 2.5, 0.0, 0.01, 0.3))[
+            Quantity.YAW_RATE
+        ]
+        for roll in (-0.09, 0.0, 0.03)
+    ]
+    assert rates == [(0.3,)] * 3
+
+
+def test_a_bow_that_points_straight_up_is_no_division_by_zero() -> None:
+    said = facts(dialect.MAVLink_attitude_message(1, 0.0, np.pi / 2, 0.0, 0.0, 0.0, 0.3))
+    assert 0.3 < said[Quantity.YAW_RATE][0] < 1.0
 
 
 def test_servo_pulses_know_both_ports_and_no_pulse() -> None:

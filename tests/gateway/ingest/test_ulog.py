@@ -128,7 +128,7 @@ def test_quaternions_rates_and_validity() -> None:
 
 def test_older_names_of_fields_are_read_too() -> None:
     older = {
-        "vehicle_attitude": "float yawspeed;float[4] q",
+        "vehicle_attitude": "float pitchspeed;float yawspeed;float[4] q",
         "vehicle_local_position": (
             "float x;float y;float vx;float vy;float yaw;double ref_lat;double ref_lon;"
             "bool xy_valid;bool v_xy_valid;bool xy_global"
@@ -142,7 +142,7 @@ def test_older_names_of_fields_are_read_too() -> None:
         "wind_estimate": "float windspeed_north;float windspeed_east",
     }
     writer = UlogWriter(topics=older)
-    writer.add("vehicle_attitude", 1_000_000, 0.25, *quaternion(1.0, 0.0, 0.0))
+    writer.add("vehicle_attitude", 1_000_000, 9.0, 0.25, *quaternion(1.0, 0.0, 0.0))
     writer.add("vehicle_local_position", 1_000_000, 1, 2, 3, 4, 0.5, 0.0, 0.0, 1, 1, 0)
     writer.add("vehicle_global_position", 1_000_000, 63.4, 10.4, 1.5, -0.5)
     place = (634_000_000, 104_000_000)

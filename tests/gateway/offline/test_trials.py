@@ -181,6 +181,23 @@ def test_what_an_ill_filter_reports_judges_no_model() -> None:
     assert off < 0.2 < 0.5 < taken
 
 
+def test_a_heading_that_stays_frozen_judges_no_model() -> None:
+    script = Script()
+    circle(script, 100.0, 0.0, 20.0)
+    for t in np.arange(20.0, 30.0, 0.1):
+        yaw = RATE * t
+        script.send(t, attitude(100.0 + t, RATE * 20.0, RATE))
+        north, east = SPEED / RATE * np.sin(yaw), SPEED / RATE * (1.0 - np.cos(yaw))
+        velocity = (SPEED * np.cos(yaw), SPEED * np.sin(yaw))
+        script.send(t, local_position(100.0 + t, north, east, *velocity))
+        script.send(t, servo(100.0 + t, 1700, 0, 1600))
+    trial, blind = one(script), one(script, TrialOptions(keep=(usable_time.FROZEN,)))
+    (stretch,) = (s for s in trial.excluded if s.why == usable_time.FROZEN)
+    assert (stretch.start, stretch.end) == pytest.approx((20.0, 30.0), abs=0.2)
+    off, taken = (np.abs(t.nu[t.usable, Nu.U] - SPEED).max() for t in (trial, blind))
+    assert off < 0.2 < 0.5 < taken
+
+
 def test_what_is_missing_is_said() -> None:
     script = Script()
     for t in np.arange(0.0, 20.0, 0.1):

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import zenoh
 from mcap.reader import make_reader
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -307,34 +306,4 @@ def test_a_watcher_that_hangs_or_vanishes_delays_nothing_and_comes_back(
         print(f"\nloop late by at most {max(late) * 1e3:.1f} ms beside a watcher that hangs")
     (path,) = live.recordings
     assert int(Recording.open(path).columns("health")["recorder_drops"].max()) == 0
-    assert np.diff(Recording.open(path).columns("shadow")["receive_time_ns"]).max() < 1e9
-
-
-def router(endpoint: str) -> zenoh.Session:
-    config = zenoh.Config()
-    config.insert_json5("mode", '"router"')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("listen/endpoints", f'["{endpoint}"]')
-    return zenoh.open(config)
-
-
-def test_a_router_that_goes_and_comes_back_is_joined_again(tmp_path: Path) -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    first = router(endpoint)
-    with (
-        program(tmp_path, endpoint=endpoint) as live,
-        playing([boat()], f"udpout:127.0.0.1:{live.port}"),
-    ):
-        with subscribed(endpoint) as came:
-            wait(lambda: came("shadow"))
-        first.close()
-        time.sleep(1.0)
-        second = router(endpoint)
-        with subscribed(endpoint) as came:
-            wait(lambda: len(came("shadow")) > 50)
-        second.close()
-        seconds = live.end(signal.SIGTERM)
-    assert live.process.returncode == 0
-    assert seconds < 2.0
-    (path,) = live.recordings
     assert np.diff(Recording.open(path).columns("shadow")["receive_time_ns"]).max() < 1e9

@@ -19,13 +19,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zenoh
 
 from gateway.recording.reader import Recording, repair
 from gateway.simulated_boat.play import playing
 from gateway.simulated_boat.settings import Faults, Reboot
 from tests.conftest import ROOT
 from tests.gateway.pipelines.running import Program, boat, free_port, program, subscribed, wait
-from tests.gateway.pipelines.test_live_process import WATCHER, router
+from tests.gateway.pipelines.test_live_process import WATCHER
 from tests.gateway.reliability import Row, note
 
 SETTLED_S = 4.0  # of undisturbed shadow before a fault
@@ -82,8 +83,9 @@ def silent_after(paths: list[Path], began_s: float) -> float:
 
 
 def whole(live: Program) -> None:
-    """Ends it: nothing of what came may be missing in its recordings."""
+    """Ends it, in order: nothing of what came may be missing in its recordings."""
     live.end(signal.SIGTERM)
+    assert live.process.returncode == 0
     for path in live.recordings:
         assert Recording.open(path).finished
         assert int(Recording.open(path).columns("health")["recorder_drops"].max()) == 0
@@ -303,6 +305,14 @@ def test_the_process_is_killed(tmp_path: Path) -> None:
     lost = killed - float(Recording.open(path).raw().receive_time_ns[-1]) * 1e-9
     note(Row("process killed", "SIGKILL", "ends", "nothing; `shadow repair` makes the file whole",
              max(lost, 0.0), time.monotonic() - begun))  # fmt: skip
+
+
+def router(endpoint: str) -> zenoh.Session:
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("listen/endpoints", f'["{endpoint}"]')
+    return zenoh.open(config)
 
 
 def test_a_router_goes_and_comes_back(tmp_path: Path) -> None:
