@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from pythonfmu.builder import FmuBuilder
+from pythonfmu3.builder import FmuBuilder as Fmi3Builder
 
 from gateway.commands.live import simulate as simulate_command
 from gateway.errors import BadInput
@@ -66,6 +68,12 @@ class LaggedBoat(Fmi2Slave):
         self.heel = 0.1 * self.v
         return True
 """
+CLOCK = """        self.time = 0.0
+        self.register_variable(
+            Real("time", causality=Fmi2Causality.independent,
+                 variability=Fmi2Variability.continuous)
+        )
+"""
 DEGREES = "factor = -0.017453292519943295"
 TABLE = f"""file = "LaggedBoat.fmu"
 [inputs]
@@ -96,13 +104,35 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module", params=["2.0", "3.0"])
+def either(request, folder, tmp_path_factory):
+    """The table of an FMU of FMI 2, and of the same boat in FMI 3."""
+    if request.param == "2.0":
+        return folder
+    other = tmp_path_factory.mktemp("fmi3")
+    script = other / "boat_of_fmi3.py"
+    script.write_text(of_fmi3(BOAT), encoding="utf-8")
+    Fmi3Builder.build_FMU(script, other, canGetAndSetFMUState=True)
+    assert read_model_description(other / "LaggedBoat.fmu").fmiVersion == "3.0"
+    (other / "boat.toml").write_text(TABLE, encoding="utf-8")
+    return other
+
+
+def of_fmi3(text):
+    """A boat written for PythonFMU, for PythonFMU3: FMI 3 wants the time among the variables."""
+    text = text.replace("        self.heel,", f"{CLOCK}        self.heel,")
+    for two, three in (("Fmi2", "Fmi3"), ("pythonfmu", "pythonfmu3"), ("Integer", "Int32")):
+        text = text.replace(two, three)
+    return text.replace("Real", "Float64")
+
+
 def plant_of(folder, table="boat.toml"):
     return load_plant(f"fmu:{folder / table}").kind.build(Model.of(WAMV))
 
 
-def test_it_starts_where_the_boat_is_and_moves_as_mapped(folder):
+def test_it_starts_where_the_boat_is_and_moves_as_mapped(either):
     """Ahead and to starboard, in our axes, from a place and a heading that it knows nothing of."""
-    plant = plant_of(folder)
+    plant = plant_of(either)
     state = plant.initial_state(PlantMotion(Pose(10.0, -5.0, 1.2), Velocity(0, 0, 0)), AIR)
     assert plant.motion(state).pose == pytest.approx((10.0, -5.0, 1.2))
     for k in range(100):
@@ -115,9 +145,9 @@ def test_it_starts_where_the_boat_is_and_moves_as_mapped(folder):
     assert 1.0 < ahead < 2.0
 
 
-def test_a_state_is_a_value(folder):
+def test_a_state_is_a_value(either):
     """Two ways on from one moment, and back."""
-    plant, push = plant_of(folder), Wrench(40.0, 0.0, 0.0)
+    plant, push = plant_of(either), Wrench(40.0, 0.0, 0.0)
     state = plant.initial_state(PlantMotion(Pose(0, 0, 0), Velocity(0, 0, 0)), AIR)
     for _ in range(20):
         state = plant.step(state, push, AIR, 0.02)
@@ -127,12 +157,12 @@ def test_a_state_is_a_value(folder):
     assert plant.step(state, push, AIR, 0.02).values == one.values
 
 
-def test_it_follows_a_boat_that_is_another(folder):
+def test_it_follows_a_boat_that_is_another(either):
     """By prediction, its lag of 0.15 s included: no inverse of it is known."""
     times = 0.02 * np.arange(150)
     commands = np.column_stack([0.4 + 0.2 * np.sin(times), 0.4 - 0.1 * np.sin(times)])
     reference = Model.of(WAMV).simulate(commands, 0.02)[1][0, :-1]
-    kind = load_plant(f"fmu:{folder / 'boat.toml'}").kind
+    kind = load_plant(f"fmu:{either / 'boat.toml'}").kind
     follower = follower_for(Model.of(WAMV), FollowerOptions(), kind)
     error = follower.advance(follower.start(), times, reference).shadows - reference
     assert np.abs(error[50:, [0, 1, 3, 4]]).max() < 0.03
