@@ -3,8 +3,8 @@
     receiver thread per link → inbox → one loop (estimate, step, publish) → recorder thread
 
 The loop is driven by telemetry: a datagram that completes an estimate is shadowed and published at
-once. Ticks take over while telemetry is silent. Only this loop reads the clock; what it decides
-follows from datagrams and ticks, which are recorded.
+once. Ticks take over while telemetry is silent; what waits in the inbox is no silence. Only this
+loop reads the clock; what it decides follows from datagrams and ticks, which are recorded.
 
 `shadow live` as a program: the vessel for each boat, and a clean end.
 """
@@ -31,7 +31,13 @@ from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
 from gateway.live.boats import MAX_LISTED, BoatPlan, Fleet, LiveBoat
 from gateway.live.metrics import Metrics
-from gateway.live.outputs import FIRST_RETRY_S, BoatOutputs, EarlyDatagrams, start_recording
+from gateway.live.outputs import (
+    FIRST_RETRY_S,
+    BoatOutputs,
+    EarlyDatagrams,
+    make_folder,
+    start_recording,
+)
 from gateway.live.rate_requests import RateRequests
 from gateway.log_line import LogLine
 from gateway.plants.choice import load_plant
@@ -46,6 +52,8 @@ from sim.state import Progress
 
 MAX_SLEEP_S = TICK_S / 4.0  # of the loop
 REPORT_INTERVAL_NS = 10 * SECOND  # between two reports of defects
+BEHIND_NS, CURRENT_NS = 2 * SECOND, SECOND // 4  # what waits so long is told; so short is current
+CURRENT = ("overload_over", "warning", "what is shown is current again")
 
 Clock = Callable[[], int]
 
@@ -94,13 +102,14 @@ class Gateway:
         self._dropped = 0
         self._ignored = 0  # boats without a vessel
         self._checked_s = 0
+        self._behind = False  # datagrams wait longer than BEHIND_NS
         self._fault_ns = -REPORT_INTERVAL_NS
 
     def __enter__(self) -> "Gateway":
         self.fleet.warm_up()
         options = self.options
         if options.out is not None:
-            _make_folder(options.out)
+            make_folder(options.out)
         with ExitStack() as scope:
             if options.settings.zenoh.publish:
                 self._session = scope.enter_context(open_session(options.settings.zenoh.bus()))
@@ -151,7 +160,9 @@ class Gateway:
                 self._datagram(item)
             elif item is not None:
                 self._link_event(item)
-            self._run_due(self._clock())
+            waited_ns = 0 if item is None else max(self._clock() - item.receive_time_ns, 0)
+            self._note_delay(waited_ns)
+            self._run_due(waited_ns if len(self.inbox) else 0)
         except Exception as error:  # the outermost loop: a defect must not end the shadow
             if self._strict:
                 raise
@@ -184,8 +195,19 @@ class Gateway:
             frames = self.fleet.frames_of(datagram.frames, self.fleet.boats[system])
             outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
 
-    def _run_due(self, now_ns: int) -> None:
-        """Ticks, rate requests, and the checks of each second."""
+    def _note_delay(self, waited_ns: int) -> None:
+        """Events when what was handled had waited for long, and when it no longer does."""
+        if self._behind is (waited_ns > (CURRENT_NS if self._behind else BEHIND_NS)):
+            return
+        self._behind = not self._behind
+        text = f"this machine is too slow: what is shown is {waited_ns // SECOND} s old"
+        event = ("overload", "error", text)
+        for boat in self.fleet.boats.values():
+            self._send_event(boat, *(event if self._behind else CURRENT))
+
+    def _run_due(self, behind_ns: int) -> None:
+        """Ticks, rate requests, and the checks of each second: due by what has been heard."""
+        now_ns, steady_ns = self._clock() - behind_ns, self._steady() - behind_ns
         for boat in self.fleet.due(now_ns):
             outputs = self.outputs[boat.boat.system]
             if outputs.recording is not None:
@@ -194,7 +216,7 @@ class Gateway:
                 outputs.send(output.rows)
                 for event in output.events:
                     self._progress(_line(boat, event))
-        for outcome in self._rate_requests.due(self.fleet.boats.values(), self._steady()):
+        for outcome in self._rate_requests.due(self.fleet.boats.values(), steady_ns):
             self._progress(outcome.text)
             boat = self.fleet.boats[outcome.boat.system]
             self._send_event(boat, "rate_request", "info", outcome.text)
@@ -317,16 +339,6 @@ class Gateway:
 def _line(boat: LiveBoat, event: EventRow) -> LogLine:
     """An event of a boat as a line."""
     return LogLine(f"{boat.name}: {event.text}", event.severity, event.kind, boat.name)
-
-
-def _make_folder(folder: Path) -> None:
-    """BadInput at the start rather than when the first boat is found."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(
-            f"--out {folder}: cannot record there: {error.strerror}: choose another folder"
-        ) from None
 
 
 # A busy thread (the recorder) keeps the interpreter for so long when another one (the loop, when a

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.bus import Bus
 from gateway.config import Settings, as_tables
-from gateway.errors import ShadowError
+from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram
 from gateway.live.boats import BoatPlan, LiveBoat
@@ -152,6 +152,16 @@ class EarlyDatagrams:
         while self._datagrams:
             yield self._datagrams.popleft()
         self._bytes = 0
+
+
+def make_folder(folder: Path) -> None:
+    """BadInput at the start rather than when the first boat is found."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(
+            f"--out {folder}: cannot record there: {error.strerror}: choose another folder"
+        ) from None
 
 
 def start_recording(

@@ -23,7 +23,7 @@ from gateway.live import outputs
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder, TopicsKept, open_new
 from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence, SimulatedBoatSettings
-from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played, truth
+from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played, truth
 from tests.gateway.pipelines.running import wait
 
 SECONDS = 30.0
@@ -112,6 +112,27 @@ def test_a_burst_is_worked_off_without_loss() -> None:
     assert heard.messages("health")[-1]["late"] == 0
     waited = 9.0
     assert len(heard.payloads["shadow"]) > 0.95 * (50 * (20 - waited) + 10 * waited)
+
+
+def test_a_machine_that_is_too_slow_says_how_old_its_picture_is_and_loses_nothing() -> None:
+    """From 3 to 15 s something else has the processor: that is no silence of the boat."""
+    items, k = datagrams(played(25.0)), 0
+    with Deck() as deck:
+        inbox = deck.gateway.inbox
+        while k < len(items) or len(inbox):
+            busy = at_ns(3.0) < deck.now_ns < at_ns(15.0)
+            deck.now_ns = at_ns(15.0) if busy else deck.now_ns + 1_000_000
+            while k < len(items) and items[k].receive_time_ns <= deck.now_ns:
+                inbox.put(items[k])
+                k += 1
+            deck.gateway.turn(inbox.get(0.0) if len(inbox) else None)
+    heard = deck.heard()
+    assert heard.payloads["shadow"] == shadowed(played(25.0)).payloads["shadow"]
+    assert "telemetry_silent" not in heard.events()
+    slow = [line for line in map(str, deck.told) if "this machine is too slow" in line]
+    assert slow == ["wam-v: this machine is too slow: what is shown is 12 s old"]
+    assert heard.events().count("overload") == heard.events().count("overload_over") == 1
+    assert heard.events().index("overload") < heard.events().index("overload_over")
 
 
 def test_a_ground_station_on_the_link_is_no_boat_and_no_harm(clean: Heard) -> None:
