@@ -19,13 +19,14 @@ from typing import NamedTuple
 import orjson
 
 from gateway.hil.session import Played, Session
-from gateway.links.transport import Peer
+from gateway.links.transport import Peer, peer_text
 from sim.hil.sensors import Readings
 
 CHANNELS = {18458: 16, 29569: 32}  # magic -> pulses
 HEAD = Struct("<HHI")
 PULSES = {magic: Struct(f"<{count}H") for magic, count in CHANNELS.items()}
 FORM = "expected 40 bytes with magic 18458 or 72 with 29569, ArduPilot's JSON interface"
+ALONE_S = 1.5  # firmware that has said nothing for so long is gone: it asks again after 1.1 s
 
 
 class MalformedPacket(ValueError):
@@ -74,13 +75,15 @@ def reply(readings: Readings) -> bytes:
 
 
 class JsonSession(Session):
-    """Lock-step with one firmware at a time; whoever sends count 0 is the one."""
+    """Lock-step with one firmware; another takes its place when it has fallen silent."""
 
     def __init__(self, played: Played) -> None:
         super().__init__(played)
         self._count: int | None = None
         self._peer: Peer | None = None
         self._answer = b""
+        self._heard_s = 0.0
+        self._other: Peer | None = None  # who spoke while the firmware may still be there
 
     def received(self, data: bytes, peer: Peer, now: float) -> list[bytes]:
         """A datagram -> the answer, or none where there is nothing to answer."""
@@ -89,6 +92,13 @@ class JsonSession(Session):
         except MalformedPacket as problem:
             self.played.notice("malformed", f"{problem}; it is passed over")
             return []
+        if peer != self._peer and self._peer is not None and now - self._heard_s < ALONE_S:
+            self._other = peer
+            return []
+        if peer == self._peer and self._other is not None:
+            text = f"{peer_text(self._other)} speaks as well: one firmware for each endpoint"
+            self.played.notice("second", text)
+        self._heard_s, self._other = now, None
         if peer == self._peer and packet.frame_count == self._count:
             self.played.count("repeated", "the firmware asked again: a packet was lost or late")
             return [self._answer]

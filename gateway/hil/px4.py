@@ -2,10 +2,10 @@
 
 HIL_SENSOR with id 0 is the firmware's clock: it goes out 250 times a second of the boat's time.
 With it go HIL_STATE_QUATERNION (the truth, for the firmware's log alone) and, ten times a second,
-HIL_GPS. HIL_ACTUATOR_CONTROLS come back, −1 … 1 per output, 0 … 1 for a motor that cannot reverse,
-all 0 unless armed. Firmware that runs as a program says by a flag that it is in lock-step: then the
-next sensors wait for its controls. Before the first controls, and for a board, sensors go out at
-the pace of the clock.
+HIL_GPS and, where the day has a depth, DISTANCE_SENSOR. HIL_ACTUATOR_CONTROLS come back, −1 … 1 per
+output, 0 … 1 for a motor that cannot reverse, all 0 unless armed. Firmware that runs as a program
+says by a flag that it is in lock-step: then the next sensors wait for its controls. Before the
+first controls, and for a board, sensors go out at the pace of the clock.
 
 The magnetic field is that of the World Magnetic Model at the place of the run: the firmware takes
 the declination that it expects from the same model.
@@ -40,6 +40,7 @@ ACCELEROMETER, GYRO, MAGNETOMETER, BAROMETER = 0x7, 0x38, 0x1C0, 0x1A00  # of fi
 ARMED, LOCK_STEP = 128, 1  # of mode; of flags
 SEA_LEVEL_HPA, HPA_PER_M = 1013.25, 0.12
 TEMPERATURE_C = 15.0
+SOUNDER_CM = 30, 10_000  # nearest and farthest bottom that the echo sounder tells
 GAUSS_PER_NT = 1e-5
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
 
@@ -146,6 +147,8 @@ class Px4Session(Session):
         out = [self._sensor(r, time_us), self._state(r, time_us)]
         if self._step % GPS_STEPS == 0:
             out.append(self._gps(r))
+            if r.depth is not None:
+                out.append(self._sounder(r.depth, time_us))
         return out
 
     def _sensor(self, r: Readings, time_us: int) -> Any:
@@ -164,6 +167,13 @@ class Px4Session(Session):
             self._unix_us + round(r.time * 1e6), 3, *degrees_e7(self._place, north, east),
             round(-1000.0 * down), 30, 40, round(100.0 * speed), round(100.0 * vn),
             round(100.0 * ve), round(100.0 * vd), round(100.0 * course) % 36000, 14, 0, 0,
+        )  # fmt: skip
+
+    def _sounder(self, depth: float, time_us: int) -> Any:
+        nearest, farthest = SOUNDER_CM
+        return mavlink.MAVLink_distance_sensor_message(
+            time_us // 1000, nearest, farthest, min(max(round(100.0 * depth), nearest), farthest),
+            mavlink.MAV_DISTANCE_SENSOR_ULTRASOUND, 0, mavlink.MAV_SENSOR_ROTATION_PITCH_270, 0,
         )  # fmt: skip
 
     def _state(self, r: Readings, time_us: int) -> Any:

@@ -71,10 +71,21 @@ class StandIn:
     def frame(self, pulses: dict[int, int], count: int | None = None) -> Values:
         """One frame in lock-step: pulses by output -> what the sensors read."""
         row = [pulses.get(n, 0) for n in range(1, self.outputs + 1)]
-        self.send(packet(self.count if count is None else count, row, self.rate))
-        values = parsed(self.receive())
+        asked = packet(self.count if count is None else count, row, self.rate)
+        values = parsed(self._answer(asked))
         self.count = (self.count if count is None else count) + 1
         return values
+
+    def _answer(self, asked: bytes) -> bytes:
+        """The reply; it asks again each second, as the firmware does."""
+        for _ in range(4):
+            self.send(asked)
+            try:
+                return self.receive(1.0)
+            except TimeoutError:
+                continue
+        self.send(asked)
+        return self.receive(1.0)
 
     def sail(self, pulses: dict[int, int], seconds: float) -> Values:
         """The same pulses for a while."""

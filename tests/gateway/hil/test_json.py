@@ -134,6 +134,23 @@ def test_count_0_is_a_restart_and_the_boat_starts_anew(plan, stand_in):
         assert values["position"] == (0.0, 0.0, 0.0)
     assert running.said("has restarted")
     assert running.loops[0].played.restarts == 1
+    assert not running.said("speaks as well")
+
+
+def test_a_second_firmware_on_one_port_neither_moves_nor_resets_the_boat(plan, stand_in):
+    """Two programs were started for one port: the first sails on, until it has fallen silent."""
+    with looping([plan]) as running:
+        first, second = stand_in(plan), stand_in(plan)
+        at = first.sail(AHEAD, 1.0)["timestamp"][0]
+        for count in (0, 7):
+            second.send(packet(count, [2000] * 16))
+            with pytest.raises(TimeoutError):
+                second.receive(0.2)
+            at += 1 / 400
+            assert first.frame(AHEAD)["timestamp"][0] == pytest.approx(at)
+        assert second.frame(NEUTRAL, count=0)["timestamp"][0] == pytest.approx(1 / 400)
+    assert running.said("speaks as well: one firmware for each endpoint")
+    assert len(running.said("has restarted")) == running.loops[0].played.restarts == 1
 
 
 def test_firmware_that_runs_already_is_taken_as_it_is(plan, stand_in):

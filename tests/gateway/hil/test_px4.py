@@ -2,8 +2,11 @@
 
 import contextlib
 import math
+import os
+import select
 import socket
 import time
+import tty
 from dataclasses import replace
 
 import pytest
@@ -23,8 +26,9 @@ FAST = LoopOptions(speed=1000.0)
 class StandIn:
     """Firmware that connects and answers each HIL_SENSOR with controls."""
 
-    def __init__(self, port):
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    def __init__(self, wire):
+        self._socket = wire
+        self._socket.settimeout(5.0)
         self._parser = mavlink.MAVLink(None)
         self._packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._waiting = []
@@ -75,7 +79,8 @@ def stand_in():
     made = []
 
     def make(plan):
-        made.append(StandIn(int(plan.endpoint.rpartition(":")[2])))
+        port = int(plan.endpoint.rpartition(":")[2])
+        made.append(StandIn(socket.create_connection(("127.0.0.1", port))))
         return made[-1]
 
     yield make
@@ -122,6 +127,17 @@ def test_what_the_sensors_read_at_rest(plan, stand_in):
     assert (gps.lat, gps.lon, gps.fix_type) == (515000000, -1000000, 3)
     state = firmware.last["HIL_STATE_QUATERNION"]
     assert state.attitude_quaternion == pytest.approx([0.5**0.5, 0.0, 0.0, 0.5**0.5])
+
+
+def test_an_echo_sounder_where_the_day_has_a_depth(plan, stand_in):
+    with looping([plan], replace(FAST, day=Day(depth=7.5))):
+        firmware = stand_in(plan)
+        heard = firmware.sail(0.0, 0.0, 0.2)
+    sounder = heard["DISTANCE_SENSOR"]
+    assert sounder.current_distance == pytest.approx(750, abs=1)
+    assert sounder.orientation == mavlink.MAV_SENSOR_ROTATION_PITCH_270  # down
+    with looping([plan], FAST):
+        assert "DISTANCE_SENSOR" not in stand_in(plan).sail(0.0, 0.0, 0.2)
 
 
 def test_a_known_field():
@@ -180,6 +196,47 @@ def test_a_board_without_lock_step_is_paced_by_the_clock(plan, stand_in):
         while time.monotonic() - begun < 1.0:
             last = firmware.sensor().time_usec
     assert (last - first) * 1e-6 == pytest.approx(1.0, abs=0.3)
+
+
+class Wire:
+    """The board's end of a serial line, as a socket."""
+
+    def __init__(self):
+        self._end, self._other = os.openpty()
+        tty.setraw(self._end)
+        self.device = os.ttyname(self._other)
+
+    def settimeout(self, seconds):
+        self._seconds = seconds
+
+    def sendall(self, data):
+        os.write(self._end, data)
+
+    def recv(self, size):
+        if not select.select([self._end], [], [], self._seconds)[0]:
+            raise TimeoutError
+        return os.read(self._end, size)
+
+    def close(self):
+        os.close(self._end)
+        os.close(self._other)
+
+
+def test_a_board_on_a_serial_line_drives_the_boat_without_lock_step(plan):
+    """HITL: sensors come whether or not controls do, and noise on the line does not end them."""
+    board = StandIn(Wire())
+    with looping([replace(plan, endpoint=f"px4:{board._socket.device}:921600")]) as running:
+        for _ in range(5):
+            board.sensor()
+        board.send(b"\xfd\x00 noise \xfe")
+        end = time.monotonic() + 60.0
+        while time.monotonic() < end and board.last["HIL_STATE_QUATERNION"].vx < 20:  # cm/s
+            board.controls(0.8, 0.8, flags=0)
+            board.sensor()
+    assert board.last["HIL_STATE_QUATERNION"].vx >= 20
+    assert board.last["HIL_GPS"].fix_type == 3
+    assert running.said("there is firmware")
+    board.close()
 
 
 def test_what_is_no_mavlink_or_no_number_is_survived(plan, stand_in):
