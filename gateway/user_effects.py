@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from gateway.errors import BadInput, ShadowError
 from gateway.files import write_whole
 from gateway.user_state import recall, remember, state_folder
-from sim.effects.catalogue import EFFECTS
+from sim.effects.catalogue import EFFECTS, mistaken_for
 from sim.effects.effect import Effect, Formula, Values
 
 
@@ -35,7 +35,7 @@ def described(effect: Effect) -> dict[str, object]:
         "name": effect.name,
         "scope": effect.scope.value,
         "looks_like": effect.looks_like,
-        "mistaken_for": list(effect.mistaken_for),
+        "mistaken_for": list(mistaken_for(effect)),
         "parameters": [
             {"name": p.name, "unit": p.unit, "lower": p.lower, "upper": p.upper, "start": p.start}
             for p in effect.parameters

@@ -18,6 +18,7 @@ from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.style import COLOUR, VELOCITIES
 from gateway.terminal.console import ResultConsole
 from sim.diagnosis.next_experiment import separation
+from sim.effects.catalogue import mistaken_for
 from sim.effects.effect import Effect
 from sim.excitation.effect_example import run_example
 from sim.state import Floats
@@ -103,9 +104,10 @@ def show_effect(effect: Effect, picture: Path | None = None) -> None:
     out.print(_flowing(effect.explanation), highlight=False, markup=False)
     out.print(f"\n[bold]Looks like[/bold]: {effect.looks_like}")
     _show_example(effect, out, picture)
-    if effect.mistaken_for:
-        out.print(f"[bold]Mistaken for[/bold]: {', '.join(effect.mistaken_for)}")
-    for other in effect.mistaken_for:
+    alike = mistaken_for(effect)
+    if alike:
+        out.print(f"[bold]Mistaken for[/bold]: {', '.join(alike)}")
+    for other in alike:
         found = separation(effect.name, other)
         if found is not None:
             out.bullets([f"{other}? {found.description}"])

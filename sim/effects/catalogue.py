@@ -29,6 +29,12 @@ def named(name: str, more: Iterable[Effect] = ()) -> Effect:
     return known[name]
 
 
+def mistaken_for(effect: Effect, among: Iterable[Effect] = EFFECTS) -> tuple[str, ...]:
+    """Names of the effects that look like this one: those it names, then those that name it."""
+    naming = (one.name for one in among if effect.name in one.mistaken_for)
+    return tuple(dict.fromkeys((*effect.mistaken_for, *naming)))
+
+
 def explaining(symptom: Symptom) -> str:
     """Names of the effects that a symptom of a base fit may come from, as a list in words."""
     return ", ".join(effect.name for effect in EFFECTS if symptom in effect.explains)

@@ -1,12 +1,13 @@
 """Laws that the effects of the catalogue obey, each over all members that they concern."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sim.body import Body, Flow
-from sim.effects.catalogue import EFFECTS, named
+from sim.effects.catalogue import EFFECTS, mistaken_for, named
 from sim.effects.effect import Need
 from sim.model import Model
 from sim.state import Pose
@@ -97,7 +98,10 @@ def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
     swapped = commands[:, ::-1] if vessel is WAMV else commands * [1.0, -1.0]
     here = reports_of(vessel.with_effects(item), commands, start)
     there = reports_of(vessel.with_effects(other), swapped, start * PORT_AND_STARBOARD[:6])
-    np.testing.assert_allclose(there, here * PORT_AND_STARBOARD, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        there, here * PORT_AND_STARBOARD, rtol=0, atol=1e-9,
+        err_msg="a parameter that a mirror turns round belongs into TURNED_ROUND",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("effect", [e for e in EFFECTS if e.water], ids=lambda e: e.name)
@@ -122,5 +126,13 @@ def test_reported_accelerations_are_those_of_the_reported_velocities(effect):
 
 def test_what_one_is_mistaken_for_is_mistaken_for_it():
     for effect in EFFECTS:
-        for other in effect.mistaken_for:
-            assert effect.name in named(other).mistaken_for, f"{effect.name} and {other}"
+        for other in mistaken_for(effect):
+            assert effect.name in mistaken_for(named(other)), f"{effect.name} and {other}"
+
+
+def test_one_of_two_that_look_alike_declares_it():
+    """A new effect changes no file of another."""
+    stranger = replace(named("hull_lift"), name="stranger", mistaken_for=("battery_sag",))
+    assert "stranger" not in named("battery_sag").mistaken_for
+    assert mistaken_for(named("battery_sag"), (*EFFECTS, stranger))[-1] == "stranger"
+    assert mistaken_for(named("hull_lift"), (*EFFECTS, stranger)) == ("cross_damping",)
