@@ -24,9 +24,10 @@ from zenoh import ext
 
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings, open_session, session_config
 from gateway.errors import BadInput
-from gateway.topics import TOPICS, Field, FieldType
+from gateway.topics import WATCHED, Field, FieldType
 
 Message = Mapping[str, Any]
+TRUTH = "truth"  # of a boat in the loop: it comes from `shadow hil`, whatever its shadow does
 SILENT_S = 2.0  # without a new message a boat is said to be silent; chosen, not measured
 LINK_SILENT_S, HIGH_LOSS, HIGH_NIS = 1.0, 0.05, 3.0  # health is marked from there on; not measured
 TYPES: Mapping[FieldType, tuple[type, ...]] = {
@@ -69,8 +70,9 @@ class VesselStatus:
         return self.message("measured") or self.message("shadow")
 
     def age_s(self) -> float | None:
-        """Time since the last new message; None where there was none."""
-        ages = [one.age_s for one in self.latest.values() if one.age_s is not None]
+        """Time since the last new message of its shadow; None where there was none."""
+        heard = (one.age_s for topic, one in self.latest.items() if topic != TRUTH)
+        ages = [age for age in heard if age is not None]
         return min(ages, default=None)
 
     @property
@@ -106,7 +108,7 @@ def decode(topic: str, payload: bytes) -> Message | None:
         message = orjson.loads(payload)
     except orjson.JSONDecodeError:
         return None
-    fields = TOPICS[topic].all_fields
+    fields = WATCHED[topic].all_fields
     if not isinstance(message, dict) or not all(_fits(message.get(f.name), f) for f in fields):
         return None
     return {k: printable(v) if isinstance(v, str) else v for k, v in message.items()}
@@ -214,7 +216,7 @@ class _Received:
     def status(self, name: str, now: float) -> VesselStatus:
         """Payloads decoded, ages and rate at the time `now`."""
         latest = {}
-        for topic in TOPICS:
+        for topic in WATCHED:
             payload, arrival = self.payloads.get(topic, (b"", None))
             message = decode(topic, payload)
             if message is not None:
@@ -281,10 +283,12 @@ class VesselSubscriber:
 
     def _keep(self, sample: Any, arrival: float | None) -> None:
         name, topic = _parts(sample.key_expr)
-        if topic not in TOPICS:
+        if topic not in WATCHED:
             return
         payload = sample.payload.to_bytes()
         with self._lock:
+            if topic == TRUTH and name not in self._vessels:
+                return
             vessel = self._vessel(name)
             if topic == "event":
                 vessel.add_event(decode(topic, payload))

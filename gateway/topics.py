@@ -286,7 +286,8 @@ _ALL = (
 )  # fmt: skip
 TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _ALL}
 
-# Recorded by `shadow hil` as NAME/<vessel>; no inference reads them, nothing publishes them.
+# Recorded by `shadow hil` as NAME/<vessel>; no inference reads them. The truth is published too,
+# for people who watch.
 TRUTH = (
     *MOTION,
     ("down_m", "m", "position of the body origin below calm water"),
@@ -322,6 +323,7 @@ _LOOP = (
     ),
 )
 LOOP_TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _LOOP}
+WATCHED: Mapping[str, Topic] = {**TOPICS, "truth": LOOP_TOPICS["truth"]}  # under shadow/<vessel>/
 
 
 def topic_of(channel: str) -> Topic:
@@ -364,7 +366,7 @@ def markdown() -> str:
         "# Topics of the loop",
         "",
         "In recordings of `shadow hil` alone, as the channels `truth/<vessel>` and "
-        "`outputs/<vessel>`; never published.",
+        "`outputs/<vessel>`. `truth` is also published, `shadow/<vessel>/truth` at 10 Hz.",
         "No estimator, identification or diagnosis reads them: a test holds that.",
         "",
     ]

@@ -231,6 +231,15 @@ def hil(
     out: Annotated[Path, typer.Option(help="Folder for the recordings.")] = Path("shadow-out"),
     record: Record = True,
     effects: EffectFiles = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp/HOST:PORT", help="Bus of `shadow live`, for the truth. Default: its own."
+        ),
+    ] = None,
+    publish: Annotated[
+        bool, typer.Option(help="Publish the truth where shadow live does, for the studio.")
+    ] = True,
 ) -> None:
     """The autopilot in the loop: real firmware steers the vessel, as if it were the boat.
 
@@ -239,6 +248,7 @@ def hil(
     first, and be started again. The recording holds the truth beside the
     outputs. Ctrl-C ends.
     """
+    from gateway.bus import DEFAULT_ENDPOINT as BUS
     from gateway.hil.day_file import load_day
     from gateway.hil.run import DEFAULT_ENDPOINT, LoopOptions, plans_of, run_until_stopped
     from gateway.plants.choice import load_plant
@@ -250,7 +260,7 @@ def hil(
     plans = plans_of(endpoints or [DEFAULT_ENDPOINT], vessel, lambda file: load_vessel(file, own))
     options = LoopOptions(
         seed=seed, out=out if record else None, speed=speed, outputs=outputs,
-        plant=load_plant(plant, own),
+        plant=load_plant(plant, own), bus=(connect or BUS) if publish else None,
     )  # fmt: skip
     if script is not None:
         day, text = load_day(script, own)

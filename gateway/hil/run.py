@@ -22,6 +22,7 @@ from gateway.hil.px4 import Px4Session
 from gateway.hil.recording import TruthRecording, loop_recorder
 from gateway.hil.servo_outputs import ServoOutputs, check_link
 from gateway.hil.session import Notices, Played, Session
+from gateway.hil.truth_on_bus import TruthOnBus
 from gateway.links.inbox import LinkEventKind
 from gateway.links.serial_port import SerialTransport
 from gateway.links.tcp import TcpServerTransport
@@ -39,7 +40,7 @@ from sim.vessel import Vessel
 DEFAULT_ENDPOINT = "json:127.0.0.1:9002"
 PX4_BAUD = 921600  # of a board in HITL mode
 AHRS_BAUD = 230400  # of an external AHRS: three packets at 100, 50 and 5 Hz take 14 kB/s
-LOOK_S = 0.1  # so often it looks whether it is to stop
+LOOK_S = 0.1  # so often it looks whether it is to stop, and publishes the truth
 SILENT_S = 5.0  # an autopilot that has said nothing for so long is reported
 
 
@@ -124,7 +125,7 @@ class LoopOptions:
 
     `seconds` is of the clock on the wall. `speed`: times real time, for PX4 in lock-step.
     `outputs`: the link on which the servo outputs of a board come back. `plant`: what moves under
-    the vessels' actuators.
+    the vessels' actuators. `bus`: where zenoh may be joined to publish the truth; None: nowhere.
     """
 
     day: Day = field(default_factory=Day)
@@ -134,6 +135,7 @@ class LoopOptions:
     seconds: float = float("inf")
     speed: float = 1.0
     outputs: str | None = None
+    bus: str | None = None
     plant: PlantChoice = OWN_VESSEL
 
 
@@ -300,9 +302,13 @@ def run_loops(
         for thread in threads:
             thread.start()
         end = time.monotonic() + options.seconds
+        on_bus = None if options.bus is None else TruthOnBus(options.bus, scope)
         while not stop() and time.monotonic() < end:
             if not any(thread.is_alive() for thread in threads):
                 break
+            if on_bus is not None:
+                for loop in loops:
+                    on_bus.publish(loop.plan.name, loop.played.truth)
             time.sleep(min(LOOK_S, max(end - time.monotonic(), 0.0)))
         waker.wake()
         for thread in threads:

@@ -15,6 +15,7 @@ QUIET_S = 10.0  # between two lines about the same thing
 CHECK_AFTER_S = 20.0  # of the boat's time: by then the firmware drives its outputs
 DRIVEN_US = 20.0  # an output that has moved by so much is driven
 PLAUSIBLE_US = (500.0, 2500.0)
+NO_PULSE = (0.0, 65535.0)
 
 
 class TruthSink(Protocol):
@@ -75,7 +76,7 @@ class OutputCheck:
         if not self._checked and time_s > CHECK_AFTER_S:
             self._checked = True
             for channel, name in self._actuators.items():
-                if channel not in self._range:
+                if pulses.get(channel, 0.0) in NO_PULSE:  # firmware begins with some everywhere
                     self._notices.once(
                         f"idle {channel}",
                         f"output {channel} ({name}) gets no pulses: set SERVO{channel}_FUNCTION, "
@@ -83,7 +84,7 @@ class OutputCheck:
                     )
 
     def _note(self, channel: int, pulse: float) -> None:
-        if pulse in (0, 65535):  # no pulse at all
+        if pulse in NO_PULSE:
             return
         if not PLAUSIBLE_US[0] <= pulse <= PLAUSIBLE_US[1]:
             self._notices.once(
@@ -117,6 +118,7 @@ class Played:
         self._checkpoint = checkpoint
         self.name, self.boat, self._notices, self._sink = name, boat, notices, sink
         self._state = boat.start()
+        self.truth: Truth | None = None  # after the last step; other threads may look
         self._outputs = OutputCheck(boat, notices)
         self.frames = self.restarts = 0
         self.seconds = 0.0  # of the boat's time, over all starts
@@ -149,6 +151,7 @@ class Played:
     def step(self, pulses: Mapping[int, float], dt: float) -> Readings:
         """Go on by dt [s] under pulses [µs] by channel -> what the sensors read then."""
         self._state, readings, truth = self.boat.step(self._state, pulses, dt)
+        self.truth = truth
         self._outputs.look(pulses, truth.time)
         if self._sink is not None:
             self._sink.put(truth, pulses)

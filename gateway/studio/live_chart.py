@@ -11,13 +11,14 @@ from bokeh.plotting import figure as new_figure
 from gateway.figures.bokeh_draw import style_figure
 from gateway.figures.figure_data import SeriesRole
 from gateway.figures.style import EAST, NORTH, VELOCITIES, Theme
-from gateway.monitor import Message, VesselStatus
+from gateway.monitor import TRUTH, Message, VesselStatus
 from gateway.studio.live_history import WINDOW_S, WatchedBoat
 from gateway.studio.page import fill_source
 
 SERIES = (("measured", SeriesRole.MEASURED, "solid"), ("shadow", SeriesRole.SHADOW, "solid"),
-          ("reference", SeriesRole.CONTEXT, "dotted"))  # fmt: skip
-HULLS = SERIES[:2]
+          ("reference", SeriesRole.CONTEXT, "dotted"),
+          (TRUTH, SeriesRole.MODEL, "dashed"))  # fmt: skip
+HULLS = tuple(series for series in SERIES if series[0] != "reference")
 HULL = np.array(  # outline of a boat of 2 m: ahead, to starboard [m]
     [[1.0, 0.0], [0.3, 0.45], [-1.0, 0.4], [-1.0, -0.4], [0.3, -0.45]]
 )
@@ -69,8 +70,9 @@ class Chart:
                 (piece for boat in boats
                  for piece in _shaded(*boat.tracks.get(topic, ([], [])), strength(boat))),
             )  # fmt: skip
-            hulls = ((boat, boat.status.message(topic)) for boat in boats)
+            hulls = ((boat, boat.placed(topic)) for boat in boats)
             fill_source(self._hulls[topic], ((*_hull(m), strength(boat)) for boat, m in hulls if m))
+        _legend_of_truth(self.figure, any(boat.placed(TRUTH) for boat in boats))
         fill_source(self._forces, (arrow for boat in boats if (arrow := _arrow(boat))))
         motions = ((boat.status, boat.status.motion()) for boat in boats)
         fill_source(
@@ -122,6 +124,7 @@ class VelocityStrips:
 
     def show(self, boat: WatchedBoat) -> None:
         """What came since the last time."""
+        _legend_of_truth(self.figures[0], TRUTH in boat.velocities)
         for topic, source in self._sources.items():
             rows = boat.velocities_since(topic, self._latest.get(topic, 0.0))
             if len(rows):
@@ -141,6 +144,13 @@ def _legend_above(fig: Any, theme: Theme) -> None:
     legend.orientation, legend.location = "horizontal", "left"
     legend.background_fill_alpha, legend.label_text_color = 0.0, theme.ink
     legend.border_line_color, legend.margin, legend.padding = None, 2, 0
+
+
+def _legend_of_truth(fig: Any, there: bool) -> None:
+    """Only a boat in the loop has a truth: the legend of others does not name it."""
+    for item in fig.legend[0].items:
+        if item.label.value == TRUTH and item.visible is not there:
+            item.visible = there
 
 
 def _shaded(

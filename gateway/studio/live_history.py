@@ -16,7 +16,7 @@ import numpy as np
 
 from gateway.errors import ShadowError
 from gateway.figures.style import DEGREES
-from gateway.monitor import BusWatcher, Message, MonitorOptions, VesselStatus
+from gateway.monitor import TRUTH, BusWatcher, Message, MonitorOptions, VesselStatus
 from sim.state import Floats
 
 PERIOD_S = 0.1
@@ -24,17 +24,31 @@ WINDOW_S = 60.0  # of velocities
 TRACK_S = 300.0
 TRACK_EVERY = 5  # messages between two points of a track
 PAST_S, PAST_EVERY_S = 300.0, 0.2  # that can be gone back to, and between two moments of it
-MOTION_TOPICS = ("measured", "shadow", "reference")
+MOTION_TOPICS = ("measured", "shadow", "reference", TRUTH)
+TRACKED = ("measured", "shadow", TRUTH)
+SAME_MOMENT_NS = 100_000_000  # two messages that are held beside each other
+JUMP_M = 5.0  # within a tenth of a second: a frame or a day that begins anew
 LARGEST = 1e7  # m or m/s: what is larger would break a chart
 
 
 @dataclass(frozen=True)
 class WatchedBoat:
-    """One boat: its status, its tracks (east, north [m]) and its velocities by topic."""
+    """One boat: its status, its tracks (east, north [m]) and its velocities by topic.
+
+    truth_origin  where the truth's origin lies on the chart (east, north [m]); None: not known
+    """
 
     status: VesselStatus
     tracks: dict[str, tuple[list[float], list[float]]]
     velocities: dict[str, Floats]
+    truth_origin: tuple[float, float] | None = None
+
+    def placed(self, topic: str) -> Message | None:
+        """The latest motion of a topic, its place as the chart has it."""
+        m = self.status.message(topic)
+        if m is None or topic != TRUTH:
+            return m
+        return None if self.truth_origin is None else _moved(m, self.truth_origin)
 
     def velocities_since(self, topic: str, time: float) -> Floats:
         """Rows (n, 4) of Unix time [s], u, v [m/s], r [°/s] after that time."""
@@ -48,7 +62,9 @@ class BoatHistory:
     def __init__(self) -> None:
         length, points = int(WINDOW_S / PERIOD_S), int(TRACK_S / PERIOD_S / TRACK_EVERY)
         self.rows = {t: deque[tuple[float, ...]](maxlen=length) for t in MOTION_TOPICS}
-        self.tracks = {t: deque[tuple[float, float]](maxlen=points) for t in MOTION_TOPICS[:2]}
+        self.tracks = {t: deque[tuple[float, float]](maxlen=points) for t in TRACKED}
+        self.truth_origin: tuple[float, float] | None = None
+        self._places: dict[str, tuple[float, float]] = {}
         self.past = deque[tuple[float, VesselStatus]](maxlen=int(PAST_S / PAST_EVERY_S))
         self._counts: dict[str, int] = defaultdict(int)
 
@@ -63,16 +79,35 @@ class BoatHistory:
         if not known:
             return None
         short = BoatHistory()
+        short.truth_origin = self.truth_origin
         for _, status in known:
             short.add(status, track_every=1)
         return short.boat(known[-1][1])
 
     def add(self, status: VesselStatus, track_every: int = TRACK_EVERY) -> None:
         """What is new of each topic."""
+        self._place_truth(status.message(TRUTH), status.message("measured"))
         for topic in MOTION_TOPICS:
             message = status.message(topic)
             if message is not None and _plausible(message):
                 self._add(topic, message, track_every)
+
+    def _place_truth(self, truth: Message | None, measured: Message | None) -> None:
+        """Both count from a place of their own: they are laid together where both are first known.
+
+        A jump of either is a firmware that has begun anew: then they are laid together again.
+        """
+        if truth is None or measured is None or not (_plausible(truth) and _plausible(measured)):
+            return
+        now = {name: (m["east_m"], m["north_m"]) for name, m in ((TRUTH, truth), ("", measured))}
+        before, self._places = self._places, now
+        if any(np.hypot(*np.subtract(now[name], before[name])) > JUMP_M for name in before):
+            self.truth_origin = None
+            self.tracks[TRUTH].clear()
+        apart_ns = abs(truth["receive_time_ns"] - measured["receive_time_ns"])
+        if self.truth_origin is None and apart_ns < SAME_MOMENT_NS:
+            (east, north), (x, y) = now[""], now[TRUTH]
+            self.truth_origin = east - x, north - y
 
     def _add(self, topic: str, m: Message, track_every: int) -> None:
         at, rows = m["receive_time_ns"] * 1e-9, self.rows[topic]
@@ -82,7 +117,10 @@ class BoatHistory:
             rows.clear()  # the clock was set back, or a recording begins again
         rows.append((at, m["surge_mps"], m["sway_mps"], m["yaw_rate_radps"] * DEGREES))
         self._counts[topic] += 1
+        if topic == TRUTH and self.truth_origin is None:
+            return
         if topic in self.tracks and (self._counts[topic] - 1) % track_every == 0:
+            m = _moved(m, self.truth_origin) if topic == TRUTH and self.truth_origin else m
             self.tracks[topic].append((m["east_m"], m["north_m"]))
 
     def boat(self, status: VesselStatus) -> WatchedBoat:
@@ -92,7 +130,11 @@ class BoatHistory:
             for topic, points in self.tracks.items()
         }
         rows = {topic: np.array(rows) for topic, rows in self.rows.items() if rows}
-        return WatchedBoat(status, tracks, rows)
+        return WatchedBoat(status, tracks, rows, self.truth_origin)
+
+
+def _moved(m: Message, origin: tuple[float, float]) -> Message:
+    return {**m, "east_m": m["east_m"] + origin[0], "north_m": m["north_m"] + origin[1]}
 
 
 def _plausible(m: Message) -> bool:

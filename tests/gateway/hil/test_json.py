@@ -252,8 +252,11 @@ def test_an_output_that_the_vessel_does_not_have_is_said_once(plan, stand_in):
 
 
 def test_an_output_that_the_firmware_does_not_drive_is_said_once(plan, stand_in):
+    """Real firmware sends 1500 on all outputs at first, later nothing where it has no function."""
     with looping([plan]) as running:
-        stand_in(plan, rate=50).sail({1: 1600}, 21.0)
+        firmware = stand_in(plan, rate=50)
+        firmware.sail(dict.fromkeys(range(1, 17), 1500), 0.5)
+        firmware.sail({1: 1600}, 21.0)
     assert len(running.said("output 3 (right) gets no pulses: set SERVO3_FUNCTION")) == 1
     assert not running.said("output 1 (left) gets no pulses")
 

@@ -60,7 +60,10 @@ def test_the_recording_holds_vessel_day_and_seed(sailed):
 
 
 BESIDE = "gateway/offline/beside_loop.py"  # holds it beside a log, and infers nothing
-READS_TRUTH = {"gateway/topics.py", "gateway/hil/recording.py", BESIDE}
+READS_TRUTH = {
+    "gateway/topics.py", "gateway/hil/recording.py", BESIDE,
+    "gateway/hil/truth_on_bus.py", "gateway/monitor.py",  # for people who watch
+}  # fmt: skip
 SHOWS_BESIDE = {
     "gateway/commands/model.py", "gateway/terminal/missions.py", "gateway/hil_demo/story.py",
 }  # fmt: skip

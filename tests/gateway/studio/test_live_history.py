@@ -1,12 +1,15 @@
 """The history of live boats holds minutes, not hours, and leaves out what cannot be."""
 
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from gateway.figures.style import LIGHT
 from gateway.monitor import Latest, VesselStatus
 from gateway.studio import live_history
+from gateway.studio.live_chart import Chart
 from gateway.studio.live_history import BoatHistory, LiveHistory
 
 T0 = 1_700_000_000.0
@@ -82,3 +85,60 @@ def test_a_moment_that_was_comes_back_as_it_was():
     assert rows[-1, 0] == pytest.approx(T0 + 50.0, abs=0.2)
     assert live.as_of(T0 - 1.0) == ()
     assert live.boats()[0].status.motion()["east_m"] > 99.0
+
+
+def in_the_loop(t: float, moved: float = 0.0) -> VesselStatus:
+    """`status` with a truth whose home lies 30 m west and 7 m south of the autopilot's origin."""
+    given = status(t, east_m=1.0 * (t - T0) + moved)
+    m = given.latest["measured"].message
+    truth = {**m, "east_m": m["east_m"] + 30.0, "north_m": 7.0, "surge_mps": 1.5, "yaw_rad": 0.2}
+    return replace(given, latest={**given.latest, "truth": Latest(truth, 0.0)})
+
+
+def test_the_truth_of_a_boat_in_the_loop_is_laid_where_the_boat_was_first_known():
+    history = BoatHistory()
+    for k in range(100):
+        given = in_the_loop(T0 + 0.1 * k)
+        history.add(given)
+    boat = history.boat(given)
+    assert boat.truth_origin == pytest.approx((-30.0, -7.0))
+    assert boat.placed("truth")["east_m"] == pytest.approx(boat.placed("measured")["east_m"])
+    assert boat.placed("truth")["yaw_rad"] == 0.2
+    assert boat.velocities["truth"][-1, 1] == 1.5
+    assert boat.tracks["truth"] == (pytest.approx(boat.tracks["measured"][0]), [0.0] * 20)
+    off = in_the_loop(T0 + 10.0)
+    off.latest["measured"].message["east_m"] += 0.8  # the estimate drifts: the truth does not
+    history.add(off)
+    assert history.boat(off).placed("truth")["east_m"] == pytest.approx(10.0)
+
+
+def test_firmware_that_begins_anew_lays_the_truth_anew():
+    history = BoatHistory()
+    for k in range(100):
+        history.add(in_the_loop(T0 + 0.1 * k))
+    again = in_the_loop(T0 + 10.0, moved=-12.0)
+    again.latest["truth"].message["east_m"] = 0.0
+    history.add(again)
+    assert history.truth_origin == pytest.approx((-2.0, -7.0))
+    assert len(history.tracks["truth"]) == 1
+
+
+def test_the_chart_and_its_legend_show_a_truth_only_where_there_is_one():
+    chart, loop, sea = Chart(LIGHT), BoatHistory(), BoatHistory()
+    loop.add(in_the_loop(T0))
+    sea.add(status(T0))
+    for boat, there in ((loop.boat(in_the_loop(T0)), True), (sea.boat(status(T0)), False)):
+        chart.show((boat,))
+        assert bool(chart._hulls["truth"].data["xs"]) is there
+        shown = [i.label.value for i in chart.figure.legend[0].items if i.visible]
+        assert ("truth" in shown) is there
+
+
+def test_a_boat_at_sea_has_no_truth():
+    history = BoatHistory()
+    history.add(status(T0))
+    boat = history.boat(status(T0))
+    assert boat.truth_origin is None
+    assert boat.placed("truth") is None
+    assert boat.tracks["truth"] == ([], [])
+    assert boat.placed("measured") is not None
