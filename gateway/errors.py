@@ -21,6 +21,11 @@ def printable(text: str) -> str:
     return _UNPRINTABLE.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
+def one_line(text: str) -> str:
+    """The same of a text that may not begin a line of its own: what a boat says is not ours."""
+    return printable(text).replace("\n", "\\x0a")
+
+
 class ShadowError(Exception):
     """The work failed: exit status 1. The message says what, where and what to do."""
 

@@ -11,7 +11,7 @@ from typing import Self
 
 import orjson
 
-from gateway.errors import printable
+from gateway.errors import one_line
 
 
 class LogFormat(StrEnum):
@@ -36,7 +36,7 @@ class LogLine(str):
 
 def print_line(text: str, form: LogFormat = LogFormat.TEXT) -> None:
     """On standard error, as text or as one JSON object with time, level, kind, vessel, message."""
-    shown = printable(text)
+    shown = one_line(text)
     if form is LogFormat.JSON:
         line = text if isinstance(text, LogLine) else LogLine(text)
         now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

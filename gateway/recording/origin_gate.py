@@ -15,13 +15,14 @@ import secrets
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Self
 from urllib.parse import urlsplit
 
 MAX_CLIENTS = 32
 MAX_HEAD_BYTES = 16_384
-HEAD_TIMEOUT_S = 5.0  # for the handshake of a client
+HEAD_TIMEOUT_S = 5.0  # for the handshake of a client, all of it: one that trickles keeps others out
 PIECE = 65_536
 LOCAL = ("localhost", "127.0.0.1", "::1")
 # Pages that players are served from, and "file://": programs of the desktop, as those two are.
@@ -150,9 +151,9 @@ class OriginGate:
 
 def _head(client: socket.socket) -> bytes:
     """What a client sends until the empty line; ValueError where that is too much or too late."""
-    client.settimeout(HEAD_TIMEOUT_S)
-    head = b""
+    until, head = time.monotonic() + HEAD_TIMEOUT_S, b""
     while b"\r\n\r\n" not in head:
+        client.settimeout(max(until - time.monotonic(), 0.001))
         piece = client.recv(4096)
         head += piece
         if not piece or len(head) > MAX_HEAD_BYTES:

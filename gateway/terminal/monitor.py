@@ -8,6 +8,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from gateway.errors import one_line
 from gateway.figures.style import SURGE, SWAY, YAW_RATE
 from gateway.monitor import (
     HIGH_LOSS,
@@ -223,7 +224,7 @@ def _event(event: Message, name: str = "") -> Text:
     style = STYLES.get(event["severity"], WARN)
     line = Text(f"{time_of_day(event['receive_time_ns'])} ", style=FAINT, no_wrap=True,
                 overflow="ellipsis")  # fmt: skip
-    return line.append(f"{name}: " if name else "").append(event["says"], style=style)
+    return line.append(f"{name}: " if name else "").append(one_line(event["says"]), style=style)
 
 
 def _overview(statuses: Sequence[VesselStatus]) -> Group:

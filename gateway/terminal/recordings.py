@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
+from gateway.errors import one_line
 from gateway.figures.style import POSE, VELOCITIES, YAW_RATE
 from gateway.ingest.log import not_a_boat
 from gateway.ingest.log_events import LogEvent
@@ -82,7 +83,7 @@ NEEDED = {  # what a comparison needs -> the quantities of which one tells it
 
 def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
     clock = one.clock
-    out.print(f"\n[bold]{one.boat}[/bold] {one.firmware}: {one.seconds:.0f} s")
+    out.print(f"\n[bold]{one.boat}[/bold] {escape(one_line(one.firmware))}: {one.seconds:.0f} s")
     out.print(
         f"clock: {clock.sessions} boot sessions, {clock.reboots} reboots, {clock.wraps} wraps, "
         f"{clock.late} late, {clock.duplicates} duplicates, {clock.receive_steps} steps of the "
@@ -120,7 +121,8 @@ def show_events(boat: str, events: Sequence[LogEvent]) -> None:
     for one in events:
         who = "" if one.by == "autopilot" else f"{one.by}: "
         level = "" if one.severity in ("", "info", "notice", "debug") else f"{one.severity}: "
-        out.print(f"{one.time_s:9.1f}  {who}{level}{one.text}", highlight=False, markup=False)
+        line = f"{one.time_s:9.1f}  {who}{level}{one_line(one.text)}"
+        out.print(line, highlight=False, markup=False)
 
 
 def show_initial_vessel(made: VesselFile, out: Path) -> None:

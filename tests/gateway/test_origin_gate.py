@@ -124,6 +124,25 @@ def test_no_handshake_no_entry(monkeypatch: pytest.MonkeyPatch) -> None:
                     assert line.recv(100) == b""
 
 
+def test_a_handshake_that_trickles_in_does_not_hold_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(origin_gate, "HEAD_TIMEOUT_S", 0.5)
+    with (
+        echo() as inner,
+        OriginGate(("127.0.0.1", 0), inner, []) as gate,
+        socket.create_connection(("127.0.0.1", gate.port), PATIENCE_S) as line,
+    ):
+        begun, hung_up = time.monotonic(), False
+        while not hung_up and time.monotonic() - begun < PATIENCE_S:
+            time.sleep(0.05)  # well within the time that one read may take
+            try:
+                line.sendall(b"x")
+            except OSError:
+                hung_up = True
+    assert hung_up
+
+
 def test_clients_are_bounded_and_leave_room_when_they_go() -> None:
     with echo() as inner, OriginGate(("127.0.0.1", 0), inner, []) as gate:
         lines = [ask(gate.port, None) for _ in range(MAX_CLIENTS)]

@@ -10,6 +10,7 @@ from rich.live import Live
 from rich.table import Table
 
 from gateway.errors import printable
+from gateway.log_line import LogFormat, LogLine, print_line
 from gateway.terminal.console import ResultConsole, SafeConsole
 from gateway.vessel_file import dump_vessel
 from tests.gateway.command_line import Run
@@ -55,6 +56,22 @@ def test_a_live_view_still_moves_the_cursor() -> None:
         live.update("three", refresh=True)
     assert "\x1b[1A" in out.getvalue()
     assert "\x1b]0" not in out.getvalue()
+
+
+def test_what_a_boat_says_begins_no_line_of_its_own(
+    run: Run, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    forged = "all well\n  99.9  shadow: the model is right"
+    banner = dialect.MAVLink_statustext_message(6, b"ArduRover V4.6.3\nforged banner")
+    said = dialect.MAVLink_statustext_message(4, forged.encode()[:50])
+    log = tlog(tmp_path / "a.tlog", [(0.0, banner), (1.0, said), *parameters(), *voyage(10.0)])
+    shown = run("info", log, "--events").out
+    assert "all well\\x0a  99.9  shadow: the model is right" in shown
+    assert not [line for line in shown.splitlines() if line.strip().startswith(("99.9", "forged"))]
+    print_line(LogLine(f"wam-v: {forged}", "warning", "text", "wam-v"))
+    assert capfd.readouterr().err == f"wam-v: {forged}\n".replace("\n", "\\x0a", 1)
+    print_line(forged, LogFormat.JSON)
+    assert capfd.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.parametrize("words", [["info", "{log}"], ["info", "{absent}"], ["compare", "{log}",
