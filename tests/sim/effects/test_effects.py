@@ -14,6 +14,7 @@ from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Parameter, Scope
 from sim.following.reference import Reference, ReferenceMode
+from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.state import Inertia, Pose, Water
 from sim.vessel import AddedEffect
@@ -119,7 +120,10 @@ def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
 
 @every
 def test_leaving_an_effect_out_is_seen_everywhere(effect):
-    """In the simulation, in the missing force and in the prediction alike."""
+    """In the simulation, in the missing force and in the prediction alike.
+
+    The prediction runs in plain Python: that it is the compiled one is shown beside the kernels.
+    """
     plain = home(effect)
     model, commands, states, reports = simulated(plain.with_effects(added(effect)))
     without, _, _, other = simulated(plain)
@@ -133,7 +137,8 @@ def test_leaving_an_effect_out_is_seen_everywhere(effect):
     for m in (model, without):
         late = delayed(commands, m.delay)
         held = np.concatenate([late[:1], late[:-1]])
-        reference = Reference(m, ReferenceMode.MODEL)
+        in_python = replace(m, kernel=plain_kernel_for(m.kernel.structure))
+        reference = Reference(in_python, ReferenceMode.MODEL)
         ends.append(
             reference.advance(
                 reference.start(), times, reports, np.ones(len(times), bool), held, **air

@@ -8,12 +8,13 @@ import pytest
 from sim.effects import thruster_lag
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Parameter, Scope
+from sim.following.reference import Reference, ReferenceMode
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.simulated import DT, home, missing_along, simulated, surroundings
-from tests.sim.vessels import ANTENNA, SHAPES, WAMV, added, every_effect, excitation
+from tests.sim.vessels import ANTENNA, RUDDER_BOAT, SHAPES, WAMV, added, every_effect, excitation
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
@@ -26,12 +27,36 @@ def test_all_together_in_plain_python_equal_the_compiled_kernel(vessel):
     agree_in_both(replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel)))
 
 
-def agree_in_both(vessel):
-    """Free runs of a batch, the missing force and a prediction: compiled against plain Python."""
+@pytest.mark.parametrize("vessel", [WAMV, RUDDER_BOAT], ids=lambda v: v.name)
+def test_a_prediction_with_all_effects_in_plain_python_equals_the_compiled_one(vessel):
+    fast, slow = in_both(replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel)))
+    commands, steps = excitation(vessel, 3.0, DT), 150
+    rows = fast.simulate(commands, DT, **surroundings(steps))[1][0, :-1]
+    times, known = DT * np.arange(steps), np.arange(steps) < 50
+    predicted = []
+    for model in (fast, slow):
+        reference = Reference(model, ReferenceMode.AUTO)
+        result = reference.advance(
+            reference.start(), times, rows, known, commands, **surroundings(steps)
+        )
+        assert result.from_model.tolist() == (~known).tolist()
+        predicted.append(result.references)
+    np.testing.assert_allclose(predicted[1], predicted[0], rtol=0, atol=1e-12)
+    assert np.abs(predicted[0] - rows)[~known].max() > 1e-6  # not what it was given
+
+
+def in_both(vessel):
+    """The vessel's model compiled, and in plain Python."""
     fast = Model.of(vessel)
     slow = replace(fast, kernel=plain_kernel_for(fast.kernel.structure))
     assert fast.kernel.compiled
     assert not slow.kernel.compiled
+    return fast, slow
+
+
+def agree_in_both(vessel):
+    """Free runs of a batch and the missing force: compiled against plain Python."""
+    fast, slow = in_both(vessel)
     commands = np.stack([excitation(vessel, 2.0, DT, seed) for seed in (1, 2)])
     air = surroundings(commands.shape[1])
     start = np.random.default_rng(2).normal(0.0, 0.4, (2, 6))
