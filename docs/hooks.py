@@ -6,4 +6,4 @@ from typing import Any
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """`[text](../sim/body.py)` -> the text: the site holds documentation, not code."""
-    return re.sub(r"\[([^\]]+)\]\(\.\./[^)]*\)", r"\1", markdown)
+    return re.sub(r"\[([^\]]+)\]\(\s*\.\./[^)]*\)", r"\1", markdown)
