@@ -35,7 +35,7 @@ class LogLine(str):
 
 
 def print_line(text: str, form: LogFormat = LogFormat.TEXT) -> None:
-    """On standard error, as text or as one JSON object with time, level, kind, vessel, message."""
+    """Print on standard error: text, or one JSON object of time, level, kind, vessel, message."""
     shown = one_line(text)
     if form is LogFormat.JSON:
         line = text if isinstance(text, LogLine) else LogLine(text)

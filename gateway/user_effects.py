@@ -57,7 +57,7 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
 
 
 def load_trusted_effects(path: str | Path) -> tuple[Effect, ...]:
-    """The same for a file that nobody named: BadInput unless it was trusted as it is now."""
+    """Effects of a file that nobody named: BadInput unless it was trusted as it is now."""
     file = Path(path)
     raw = _raw(file)
     if not _is_trusted(raw):

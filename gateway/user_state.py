@@ -16,7 +16,7 @@ OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def state_folder() -> Path:
-    """Where entries are kept; it may not exist yet."""
+    """The folder that entries are kept in; it may not exist yet."""
     base = os.environ.get("XDG_STATE_HOME")
     return (Path(base) if base else Path.home() / ".local" / "state") / "shadow-gateway"
 

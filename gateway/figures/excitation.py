@@ -43,7 +43,7 @@ def plan_motion(plan: Plan) -> FigureData:
 
 
 def plan_track(plan: Plan, radius_m: float) -> FigureData:
-    """From above, bow to the north at the start, and the circle that it may not leave."""
+    """The planned track from above, bow to the north at the start, and the circle around it."""
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     circle = Line(radius_m * np.sin(angle), radius_m * np.cos(angle), SeriesRole.CONTEXT,
                   f"{radius_m:g} m: beyond, the script stops")  # fmt: skip

@@ -14,7 +14,7 @@ BOAT, LOOP = "the boat", "in the loop"
 
 
 def mission_tracks(found: MissionComparison) -> FigureData:
-    """From above, both from where they begin to move; where they have parted, in another colour."""
+    """Both tracks from above, each from where it begins to move; parted stretches marked."""
 
     def line(p: Passage, role: SeriesRole, label: str) -> Line:
         return Line(p.east, p.north, role, label)
@@ -51,7 +51,7 @@ def mission_gaps(found: MissionComparison) -> FigureData:
 
 
 def mission_figures(found: MissionComparison) -> dict[str, FigureData]:
-    """All of them by name."""
+    """All figures of a mission sailed twice, by name."""
     return {
         f"{found.first.name} beside the loop": mission_tracks(found),
         f"{found.first.name} gap and lag": mission_gaps(found),

@@ -124,7 +124,7 @@ def velocity_texts(rmse: Mapping[str, float]) -> tuple[str, str, str]:
 
 
 def motion_texts(rmse: Mapping[str, float]) -> tuple[str, str, str, str, str]:
-    """The same, then of the place [m] (along north and east together) and the heading [°]."""
+    """Errors of u, v, r, then of the place [m] (north and east together) and the heading [°]."""
     place = math.hypot(rmse["x"], rmse["y"])
     return *velocity_texts(rmse), f"{place:.2f}", f"{rmse['psi'] * DEGREES:.1f}"
 

@@ -166,7 +166,7 @@ class Agreement(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """No more than a sensor's faults."""
+        """Whether the two differ by no more than a sensor's own scale error and bias."""
         return abs(self.slope - 1.0) <= SLOPE and abs(self.bias) <= BIAS
 
 

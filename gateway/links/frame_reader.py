@@ -117,7 +117,7 @@ class Peers:
         return found
 
     def addresses(self, system: int | None, now_ns: int) -> tuple[Peer, ...]:
-        """Of a system, of all for None; the latest of each even after a long silence."""
+        """Addresses that a system (None: any) speaks from; its latest even after a long silence."""
         found: dict[Peer, None] = {}
         with self._lock:
             for number, known in self._received_ns.items():

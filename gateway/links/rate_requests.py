@@ -93,7 +93,7 @@ def check_rates(rates_hz: Mapping[str, float]) -> None:
 
 
 class Address(NamedTuple):
-    """Of a boat's autopilot."""
+    """MAVLink ids of a boat's autopilot."""
 
     system: int
     component: int

@@ -104,7 +104,7 @@ class Waker:
         self._far.close()
 
     def fileno(self) -> int:
-        """For selectors."""
+        """The file descriptor that a selector waits for."""
         return self._near.fileno()
 
     def wake(self) -> None:
@@ -135,14 +135,14 @@ class LineSelector:
         self._selector.unregister(line)
 
     def wait(self, timeout_s: float | None = None) -> list[selectors.SelectorKey]:
-        """Those that are ready, none after `timeout_s`; raises Closing when woken."""
+        """Sockets and devices that are ready, none after `timeout_s`; raises Closing when woken."""
         ready = [key for key, _ in self._selector.select(timeout_s)]
         if any(key.fileobj is self._waker for key in ready):
             raise Closing
         return ready
 
     def close(self) -> None:
-        """Forget them all."""
+        """Wait for nothing any more."""
         self._selector.close()
 
 

@@ -53,7 +53,7 @@ class Passport:
     numbers: tuple[Number, ...]
 
     def number(self, name: str) -> Number | None:
-        """One of them by name."""
+        """The number of that name."""
         return next((one for one in self.numbers if one.name == name), None)
 
     def to_dict(self) -> dict[str, Any]:

@@ -50,7 +50,7 @@ class Track(NamedTuple):
         return np.stack(columns, axis=1)
 
     def integral(self) -> "Track":
-        """What it adds up to; a silence adds nothing."""
+        """The integral of the values over time; a silence adds nothing."""
         step = np.diff(self.time)[:, None]
         step = np.where(step <= MAX_STEP_S, step, 0.0)
         mean = 0.5 * (self.values[1:] + self.values[:-1])

@@ -69,7 +69,7 @@ class BoatView:
         self._players = PlayerRows(rate_hz, known)
 
     def show(self, rows: Sequence[TopicRows]) -> None:
-        """To those who have subscribed; nothing is made for nobody."""
+        """Send messages to the players that have subscribed; without any, nothing is made."""
         for part in rows:
             channel, times = self._topics[part.topic], part.receive_time_ns
             if channel.has_sinks():
@@ -147,13 +147,13 @@ class FoxgloveServer:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The TCP port that it listens on."""
         assert self._gate is not None
         return self._gate.port
 
     @property
     def text(self) -> str:
-        """Where to connect, and from where that is possible."""
+        """The address to connect to, and from where that is possible, in words."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         others = "" if on_this_machine(self.host) else ", for everyone who reaches this machine"
         return f"Foxglove WebSocket on ws://{host}:{self.port}{others}"

@@ -96,7 +96,7 @@ class OriginGate:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The TCP port that it listens on."""
         assert self._listener is not None
         return int(self._listener.getsockname()[1])
 

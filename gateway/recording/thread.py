@@ -147,7 +147,7 @@ class RecordingThread:
 
 
 def merged(items: Iterable[Item]) -> Iterator[Item]:
-    """The same in fewer calls: raw frames in their order first, then topic by topic."""
+    """The same messages in fewer calls: raw frames in their order first, then topic by topic."""
     raws, topics = list[Raw](), dict[str, list[TopicRows]]()
     for item in items:
         if isinstance(item, TopicRows):

@@ -95,7 +95,7 @@ class SimulatedBoat:
         self._channels = [actuator.servo.channel for actuator in vessel.actuators]
 
     def start(self) -> BoatState:
-        """At rest, before the first tick."""
+        """The state before the first tick: at rest."""
         sensor_rng = Generator(PCG64(self._seed))
         s = self.settings
         return self._boot(

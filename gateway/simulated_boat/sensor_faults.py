@@ -29,7 +29,7 @@ FROZEN = {
 
 
 class Span(NamedTuple):
-    """From one moment to another [s]."""
+    """A stretch of time, from one moment to another [s]."""
 
     from_s: float
     to_s: float
@@ -55,7 +55,7 @@ class Frozen(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorFaults:
-    """All of them; none by default."""
+    """All faults of one voyage; none by default."""
 
     gps_lost: tuple[Span, ...] = ()
     ekf_holds: tuple[Span, ...] = ()

@@ -33,7 +33,7 @@ class ResultConsole(SafeConsole):
     """Standard output for results; the methods below print text as it is, without markup."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """As rich does it, but no cell of a table is cut off, however narrow the terminal."""
+        """Print as rich does, but no cell of a table is cut off, however narrow the terminal."""
         super().print(*(self._whole(o) if isinstance(o, Table) else o for o in objects), **options)
 
     def _whole(self, table: Table) -> RenderableType:
@@ -71,7 +71,7 @@ class ResultConsole(SafeConsole):
             self.print(f"• {sentence}", highlight=False, markup=False)
 
     def path(self, label: str, file: Path | str | None) -> None:
-        """Where a file is; nothing where it was not written."""
+        """Print where a file was written; nothing where it was not."""
         if file is not None:
             self.print(f"{label}: {file}", soft_wrap=True, markup=False)
 

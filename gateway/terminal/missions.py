@@ -89,7 +89,7 @@ def _pulses(found: MissionComparison) -> list[str]:
 
 
 def show_missions(beside: BesideLoop) -> None:
-    """Notices, then sentences."""
+    """Print the notices, then each mission in sentences."""
     out, found = ResultConsole(), beside.missions
     out.notices(beside.notices)
     out.print("\n[bold]The mission beside the loop[/bold]", highlight=False)
@@ -98,7 +98,7 @@ def show_missions(beside: BesideLoop) -> None:
 
 
 def missions_as_dict(beside: BesideLoop) -> dict[str, Any]:
-    """For JSON, in SI units."""
+    """Missions as plain values for JSON, in SI units."""
     found = beside.missions
     return {
         "boat": found.first.name,

@@ -61,16 +61,16 @@ class Independence:
 
     @property
     def band(self) -> float:
-        """Of a correlation, where 99 % of independent series lie."""
+        """Largest correlation (absolute) of 99 % of independent series."""
         return self.band_at(CONFIDENCE)
 
     def band_at(self, confidence: float) -> float:
-        """Of a correlation, where that share of independent series lie, to either side of 0."""
+        """Largest correlation (absolute) of that share of independent series."""
         return float(ndtri(0.5 + 0.5 * confidence)) / max(self.count, 1) ** 0.5
 
     @property
     def description(self) -> str:
-        """In words where errors follow an input; empty where none does."""
+        """Which errors follow an input, in words; empty where none does."""
         late = [pair for pair in self.pairs if pair.delay > 0.0]
         if not late:
             return ""

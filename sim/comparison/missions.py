@@ -63,7 +63,7 @@ class Passage:
         return np.hypot(np.gradient(self.north, self.time), np.gradient(self.east, self.time))
 
     def under_way(self) -> "Passage":
-        """From where it first moves to where it last does, counted from there in time and place."""
+        """The part from the first motion to the last; time and place count from its start."""
         speed = self.speed
         fast = speed > UNDER_WAY_SHARE * float(np.quantile(speed, 0.75))
         hold = max(round(UNDER_WAY_S / float(np.median(np.diff(self.time)))), 1)

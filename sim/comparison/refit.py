@@ -128,7 +128,7 @@ def compare_refitted(
     settings: CompareSettings | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Comparison]:
-    """As `compare`, each vessel with its parameters of the voyage estimated on other blocks."""
+    """Compare vessels whose parameters of the voyage were each estimated on other blocks."""
     folds = TwoFolds.of(trial)
     ruler = shared_ruler(folds.trial, models, settings)
     out = []

@@ -58,7 +58,7 @@ class Bin(_ErrorShare):
     sentence: str
 
     def to_row(self) -> dict[str, Any]:
-        """All of it, with one column for each number."""
+        """The bin as a row of a table, one column for each number."""
         row = self.to_dict() | {"time_share": self.time_share, "seconds": self.seconds}
         for name in ("mean", "rmse", "missing", "missing_std", "missing_spread"):
             axes = "XYN" if name.startswith("missing") else "uvr"

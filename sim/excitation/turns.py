@@ -80,7 +80,7 @@ class Zigzag(LegManoeuvre):
 @final
 @dataclass(frozen=True)
 class Spin(LegManoeuvre):
-    """On the spot to starboard and to port: helm for `hold` [s], neutral for `coast` [s]."""
+    """Turns on the spot to starboard and to port: helm for `hold` [s], neutral for `coast` [s]."""
 
     name: ClassVar = "spin"
     reveals: ClassVar = (

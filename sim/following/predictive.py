@@ -99,7 +99,7 @@ class Prediction:
         return cls(plant, options, G, low, high, weights, scale)
 
     def start(self) -> ResponseMemory:
-        """Before the first force: no response is known."""
+        """The state before the first force: no response is known."""
         return ResponseMemory(np.zeros((STEPS, 3, 3)), -np.inf)
 
     def control(

@@ -74,7 +74,7 @@ class Inversion:
     longest_step: float = CONTROL_STEP
 
     def start(self) -> None:
-        """It remembers nothing."""
+        """The state before the first row: an inversion remembers nothing."""
 
     def control(
         self, state: Any, ref: Floats, integral: Velocity, last: Wrench, inputs: PlantInputs,

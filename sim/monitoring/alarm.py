@@ -72,7 +72,7 @@ class ErrorByRegime:
 
     @classmethod
     def start(cls) -> "ErrorByRegime":
-        """Before the first second."""
+        """The state before the first second."""
         return cls(np.zeros(len(REGIMES)), np.zeros(len(REGIMES)))
 
     def observe(self, second: SecondMeans, z: float, ahead: float) -> "ErrorByRegime":
@@ -141,7 +141,7 @@ class Alarm:
 
     @classmethod
     def start(cls, estimator: DisturbanceEstimator) -> "Alarm":
-        """Before the first second."""
+        """The state before the first second."""
         return cls(estimator.start(), Misfit(), ErrorByRegime.start())
 
     def observe(

@@ -103,7 +103,7 @@ class DisturbanceFilter:
         return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3), walk)
 
     def reopened(self, before: "DisturbanceFilter") -> "DisturbanceFilter":
-        """As if the disturbance had only begun: b as it was before it, o as unknown as at first."""
+        """The filter as if the disturbance began now: b as before it, o as unknown as at first."""
         mean, covariance = np.zeros(len(self.prior)), np.diag(self.prior**2)
         mean[:BOAT_ERRORS] = before.mean[:BOAT_ERRORS]
         covariance[:BOAT_ERRORS, :BOAT_ERRORS] = before.covariance[:BOAT_ERRORS, :BOAT_ERRORS]
@@ -116,7 +116,7 @@ class DisturbanceFilter:
 
     @property
     def disturbance_covariance(self) -> Floats:
-        """Of o: (n, n)."""
+        """Covariance of o: (n, n)."""
         return self.covariance[BOAT_ERRORS:, BOAT_ERRORS:]
 
     def squared_distance(self, disturbance: Floats) -> float:
@@ -137,7 +137,7 @@ class DisturbanceFilter:
         dt: float,
         held: NDArray[np.bool_] | None = None,
     ) -> "DisturbanceFilter":
-        """After a missing force (3,) with its variance (3,), `dt` [s] after the last.
+        """The filter after a missing force (3,) with its variance (3,), `dt` [s] after the last.
 
         `held` (n,): those that only count as unknown and do not move (Schmidt's filter).
         """
@@ -209,7 +209,7 @@ class DisturbanceEstimate:
 
     @property
     def likely(self) -> tuple[Cause, ...]:
-        """Those that explain the missing force about as well as the best; none where none does."""
+        """Causes that explain the missing force about as well as the best; none where none does."""
         other = max(one.score for kind, one in self.ranked if kind is Cause.OTHER)
         named = [(kind, one) for kind, one in self.ranked if kind is not Cause.OTHER]
         best = named[0][1].score
@@ -259,7 +259,7 @@ class DisturbanceEstimator:
         return cls(model, WindModel.of(vessel, thrust), prior, own_causes(model, DRIFT_S))
 
     def start(self) -> DisturbanceEstimate:
-        """Before the first second."""
+        """The state before the first second."""
         current, wind = np.full(2, CURRENT_PRIOR_MPS), np.full(2, self.air.prior)
         boat, water, air = (DisturbanceFilter.start(self.prior, o) for o in (NONE, current, wind))
         own = tuple(DisturbanceFilter.start(self.prior, c.prior, c.drift_s) for c in self.own)
@@ -318,7 +318,7 @@ class DisturbanceEstimator:
         return MeasurementModel(self._errors(second, second.nu), np.zeros(3), np.zeros((3, 0)))
 
     def variance(self, second: SecondMeans, noise: Floats) -> Floats:
-        """Of a missing force: (3,), the stated one times `noise` (3,)."""
+        """Variance of a missing force: (3,), the stated one times `noise` (3,)."""
         return np.asarray(noise * second.missing_std**2 + (MIN_NOISE * self.prior[:3]) ** 2)
 
     def water_model(

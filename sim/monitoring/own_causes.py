@@ -37,7 +37,7 @@ ForceAndSlope = Callable[[SecondMeans, Floats], tuple[Floats, Floats]]
 
 
 class OwnCause(NamedTuple):
-    """One of them: prior standard deviations (n,), time of its walk [s], what it adds."""
+    """A cause aboard: prior standard deviations (n,), time of its walk [s], what it adds."""
 
     kind: str  # thrust, compass, drag, anything
     name: str  # of the thruster; empty else
@@ -47,7 +47,7 @@ class OwnCause(NamedTuple):
 
 
 def own_causes(model: Model, drift_s: float) -> tuple[OwnCause, ...]:
-    """All of a vessel; `drift_s` is the time of a steady cause's walk."""
+    """All causes aboard a vessel; `drift_s` is the time of a steady cause's walk."""
     return tuple(_of(model, drift_s))
 
 

@@ -92,7 +92,7 @@ def with_shares(vessel: Vessel, shares: Mapping[str, float]) -> Vessel:
 
 
 def followed_numbers(model: Model) -> tuple[Number, ...]:
-    """All of a vessel: the thrust of each thruster, drag, turning damping."""
+    """What is followed of a vessel: the thrust of each thruster, drag, turning damping."""
     thrusters = model.vessel.thrusters
     thrust = (
         Number(f"thrust {t.name}", (f"{t.name}.ahead", f"{t.name}.astern")) for t in thrusters
@@ -165,7 +165,7 @@ class NumberFollower:
         return NUMBER_PRIOR**2 * (np.eye(n) - alike) + COMMON_STD**2 * n * alike
 
     def start(self) -> NumberEstimates:
-        """Before the first second."""
+        """The state before the first second."""
         n, boat = len(self.numbers), self.estimator.prior.copy()
         boat[list(REPLACED)] = 0.0
         around = [*[CURRENT_PRIOR_MPS] * 2, *[self.estimator.air.prior] * 2, SMOOTHING_STD]

@@ -49,7 +49,7 @@ class MujocoHull:
 
     @classmethod
     def of(cls, model: Model) -> "MujocoHull":
-        """From a vessel; ValueError where it would not float upright or MuJoCo is not there."""
+        """A vessel's hull; ValueError where it would not float upright or MuJoCo is not there."""
         hull = floating_hull(model.vessel)
         step = min(
             LONGEST_STEP_S,

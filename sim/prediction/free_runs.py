@@ -161,7 +161,7 @@ class FreeRun:
 
 
 def free_run(trial: Trial, model: Model, scales: Floats, command_offset: float = 0.0) -> FreeRun:
-    """From the first sample of the longest usable stretch to its end, at most until it diverges."""
+    """One free run over the longest usable stretch, at most until it diverges."""
     stretch = longest_stretch(trial)
     rows, steps = np.array([stretch.start]), np.array([len(stretch) - 1])
     reported = free_reports(trial, model, rows, steps, command_offset)[0, :, :6]

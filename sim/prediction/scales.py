@@ -57,7 +57,7 @@ class Ruler:
 
     @classmethod
     def of(cls, trial: Trial, model: Model, settings: CompareSettings | None = None) -> "Ruler":
-        """From the trial and a vessel; NoUsableTimeError if nothing can be compared."""
+        """The ruler of a trial and a vessel; NoUsableTimeError if nothing can be compared."""
         settings = settings or CompareSettings()
         require_finite(trial)
         whole, scales = segments_of(trial, settings), scales_of(trial)
@@ -74,7 +74,7 @@ class Ruler:
         )
 
     def subset(self, which: NDArray[np.bool_]) -> "Ruler":
-        """The same with some of its segments (S,)."""
+        """The ruler of some of its segments (S,)."""
         own = self.segments
         return replace(
             self, segments=replace(own, rows=own.rows[which], nodes=own.nodes[which]),

@@ -24,7 +24,7 @@ COLUMN = {"u": 3, "v": 4, "r": 5, "x": 0, "y": 1, "psi": 2}  # of (eta, nu); x n
 
 @dataclass(frozen=True)
 class Scores:
-    """By channel, in m/s, rad/s, m and rad; a channel that never moved has no R² and no fit."""
+    """Errors by channel [m/s, rad/s, m, rad]; one that never moved has no R² and no fit."""
 
     rmse: Mapping[str, float]
     mae: Mapping[str, float]

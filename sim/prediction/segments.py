@@ -161,7 +161,7 @@ def longest_stretch(trial: Trial) -> RowRange:
 
 
 def require_finite(trial: Trial) -> None:
-    """NotFiniteError where usable rows hold motion that is not finite."""
+    """Raise NotFiniteError where usable rows hold motion that is not finite."""
     for key in ("eta", "nu", "nu_dot"):
         if not np.isfinite(getattr(trial, key)[trial.usable]).all():
             raise NotFiniteError(
