@@ -236,12 +236,12 @@ class BoatLoop:
                 self._truth.flush()
 
     def _serve(self) -> None:
-        begun, heard = None, time.monotonic()
+        begun, heard, told = None, time.monotonic(), False
         while True:
             arrivals = self._transport.receive(self._session.wait_s(time.monotonic()))
             now = time.monotonic()
             for arrival in arrivals:
-                begun, heard = begun or now, now
+                begun, heard, told = begun or now, now, False
                 for answer in self._session.received(arrival.data, arrival.peer, now):
                     self._transport.send(answer, arrival.peer)
                 self._note_latency(time.monotonic() - now)
@@ -250,8 +250,10 @@ class BoatLoop:
             for raw in self._session.due(time.monotonic(), peers):
                 self._transport.send(raw, peers[0])
                 self.wall_s = now - begun if begun is not None else 0.0
-            if begun is not None and self._session.talks and now - heard > SILENT_S:
-                self.notices.say("silent", f"the autopilot is silent for {now - heard:.0f} s")
+            silent_s = now - heard
+            if begun is not None and self._session.talks and not told and silent_s > SILENT_S:
+                told = True
+                self.notices.say("silent", f"the autopilot is silent for {silent_s:.0f} s")
                 if self._truth is not None:
                     self._truth.flush()
 

@@ -2,20 +2,22 @@
 
 import math
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gateway.errors import BadInput, ShadowError
-from gateway.hil.ardupilot_json import MalformedPacket, parse_packet, reply
+from gateway.hil import run, session
+from gateway.hil.ardupilot_json import JsonSession, MalformedPacket, parse_packet, reply
 from gateway.hil.run import LoopOptions, LoopPlan, plans_of, protocol_of
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
 from sim.hil.boat import Boat
 from sim.hil.day import Day, Moment, Wind
 from sim.hil.sensors import Readings
-from tests.gateway.hil.firmware import StandIn, free_port, looping, packet, parsed
+from tests.gateway.hil.firmware import StandIn, free_port, looping, packet, parsed, wait_for
 
 OTTER = load_vessel("otter")
 NEUTRAL = {1: 1500, 3: 1500}
@@ -259,6 +261,22 @@ def test_an_output_that_the_firmware_does_not_drive_is_said_once(plan, stand_in)
         firmware.sail({1: 1600}, 21.0)
     assert len(running.said("output 3 (right) gets no pulses: set SERVO3_FUNCTION")) == 1
     assert not running.said("output 1 (left) gets no pulses")
+
+
+def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
+    plan, stand_in, monkeypatch
+):
+    monkeypatch.setattr(run, "SILENT_S", 0.05)
+    monkeypatch.setattr(session, "QUIET_S", 0.0)
+    monkeypatch.setattr(JsonSession, "wait_s", lambda self, now: 0.01)
+    with looping([plan]) as running:
+        firmware = stand_in(plan, rate=50)
+        firmware.frame(NEUTRAL)
+        assert wait_for(lambda: running.said("is silent for"))
+        time.sleep(0.3)
+        assert len(running.said("is silent for")) == 1
+        firmware.frame(NEUTRAL)
+        assert wait_for(lambda: len(running.said("is silent for")) == 2)
 
 
 def test_it_sails_a_square_to_places(plan, stand_in):
