@@ -29,7 +29,7 @@ def dependencies(text: str, module: str = "") -> set[str]:
     """
     packages = frozenset({"sim", module.partition(".")[0]})
     found: set[str] = set()
-    new = _imported(text, module, packages)
+    new = set(_imported(text, module, packages))
     while new - found:
         found |= new
         new = set().union(*(_imports_of(name, packages) for name in new))
@@ -51,10 +51,11 @@ def fingerprint(texts: Iterable[str], modules: Iterable[str]) -> str:
 
 @lru_cache(maxsize=1024)
 def _imports_of(module: str, packages: frozenset[str]) -> frozenset[str]:
-    return frozenset(_imported(source_text(module), module, packages))
+    return _imported(source_text(module), module, packages)
 
 
-def _imported(text: str, module: str, packages: frozenset[str]) -> set[str]:
+@lru_cache(maxsize=256)  # texts of effects are read again for every kernel that holds them
+def _imported(text: str, module: str, packages: frozenset[str]) -> frozenset[str]:
     """Modules of these packages that a source text imports, or imports names from."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):
@@ -64,7 +65,7 @@ def _imported(text: str, module: str, packages: frozenset[str]) -> set[str]:
             package = module if _is_package(module) else module.rpartition(".")[0]
             base = resolve_name("." * node.level + (node.module or ""), package or None)
             names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return {name for name in names if name.partition(".")[0] in packages and _file(name)}
+    return frozenset(n for n in names if n.partition(".")[0] in packages and _file(n))
 
 
 def _is_package(module: str) -> bool:

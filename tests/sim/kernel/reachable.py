@@ -4,6 +4,7 @@ import ast
 import inspect
 import sys
 from collections.abc import Iterator
+from functools import cache
 from types import CodeType, FunctionType
 
 from numba.core.registry import CPUDispatcher
@@ -51,6 +52,12 @@ def _assigns(home, name, value=None) -> bool:
     module = sys.modules[home]
     if value is not None and vars(module).get(name) is not value:
         return False
-    nodes = ast.parse(inspect.getsource(module)).body
+    return name in _assigned(home)
+
+
+@cache
+def _assigned(home) -> set[str]:
+    """Names that a module assigns at its top level."""
+    nodes = ast.parse(inspect.getsource(sys.modules[home])).body
     targets = [t for n in nodes if isinstance(n, ast.Assign) for t in n.targets]
-    return any(isinstance(t, ast.Name) and t.id == name for x in targets for t in ast.walk(x))
+    return {t.id for x in targets for t in ast.walk(x) if isinstance(t, ast.Name)}
