@@ -141,10 +141,12 @@ def heading_rate(roll: Column, pitch: Column, pitch_rate: Column, yaw_rate: Colu
 
     A boat that rolls by 20° in waves turns its bow by pitching. On one that is level (`LEVEL_RAD`)
     the gyro is taken as it is: one that is frozen is known by its last bit. Within 25° of a bow
-    that points straight up or down the heading means little: there cos θ is taken as 0.4.
+    that points straight up or down the heading means little: there cos θ is taken as 0.4. NaN where
+    roll or pitch is no finite number.
     """
-    upright = np.maximum(np.cos(pitch), MIN_COS_PITCH)
-    turned = (pitch_rate * np.sin(roll) + yaw_rate * np.cos(roll)) / upright
+    with np.errstate(invalid="ignore"):
+        upright = np.maximum(np.cos(pitch), MIN_COS_PITCH)
+        turned = (pitch_rate * np.sin(roll) + yaw_rate * np.cos(roll)) / upright
     level = np.maximum(np.abs(roll), np.abs(pitch)) < LEVEL_RAD
     return np.where(level, yaw_rate, turned)
 

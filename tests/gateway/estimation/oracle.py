@@ -1,6 +1,7 @@
 """The filter written a second time, slowly: filterpy's, with Jacobians by complex steps."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, rts_smoother
@@ -11,6 +12,7 @@ from gateway.estimation.names import STATES, MeasurementKind
 from gateway.estimation.settings import FilterSettings
 
 
+@lru_cache(maxsize=8)  # the same three for each column of a Jacobian
 def axis(dt, sigma, tau):
     """Transition and noise of (displacement, velocity, acceleration) by Van Loan's method."""
     A = np.array([[0, 1, 0], [0, 0, 1], [0, 0, -1 / tau]])

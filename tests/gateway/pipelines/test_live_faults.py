@@ -7,7 +7,7 @@ import errno
 import random
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import count
 from pathlib import Path
 from typing import IO, Any
@@ -142,15 +142,22 @@ def test_a_ground_station_on_the_link_is_no_boat_and_no_harm(clean: Heard) -> No
     assert heard.payloads["shadow"] == clean.payloads["shadow"]
 
 
+@cache
+def zigzag() -> tuple[Any, Any]:
+    """What arrives from a boat in a zigzag, and its track when it is alone."""
+    frames = played(20.0, program="zigzag")
+    return frames, track(shadowed(frames), "boat")
+
+
 @pytest.mark.parametrize("apart_s", [0.0, 3.0, 200.0])
 def test_of_two_boats_with_one_system_id_the_shadow_follows_what_can_be(apart_s: float) -> None:
     """Nobody can tell them apart by their frames; one that booted long before is left out."""
-    near = played(20.0, program="zigzag")
+    near, alone = zigzag()
     far = played(20.0, seed=5, program="turns", start=(30.0, 20.0, 1.0), boot_s=30.0 + apart_s)
     with Deck() as deck:
         heard = deck.hear(datagrams(near, far)).heard()
     places = track(heard)
-    boats = [track(shadowed(frames), "boat") for frames in (near, far)]
+    boats = [alone, track(shadowed(far), "boat")]
     distance = [
         np.hypot(*(np.interp(places[:, 0], b[:, 0], b[:, k]) - places[:, k] for k in (1, 2)))
         for b in boats
