@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
+from sim.monitoring.kalman_step import kalman_step
 from sim.monitoring.live_second import (
     Balance,
     SecondMeans,
@@ -50,7 +51,6 @@ from sim.state import Floats
 BOAT_ERRORS = 10  # components of b
 SCORE_MEMORY_S = 180.0
 SECONDS_PER_INDEPENDENT_SECOND = 1.5
-MAX_SQUARED_DISTANCE = 16.0  # mᵀ S⁻¹ m over three axes: beyond this noise is not Gaussian
 DRIFT_S = 1800.0  # in which the random walk of o reaches its prior's width
 BOAT_DRIFT_S = 20000.0  # the same of b
 SIGNIFICANT_SIGMAS = 3.0  # of o, to be called different from nothing
@@ -141,25 +141,17 @@ class DisturbanceFilter:
 
         `held` (n,): those that only count as unknown and do not move (Schmidt's filter).
         """
-        P = self.covariance + np.diag(self.prior**2 * dt / self.walk_s)
-        H, R = np.hstack([measured.boat, measured.slope]), np.diag(variance)
-        m = force - measured.boat @ self.mean[:BOAT_ERRORS] - measured.force
-        S = H @ P @ H.T + R
-        squared, ratio = float(m @ np.linalg.solve(S, m)), m**2 / np.diag(S)
-        if squared > MAX_SQUARED_DISTANCE:  # an outlier: it counts, but less
-            R = R * (squared / MAX_SQUARED_DISTANCE)
-            S = H @ P @ H.T + R
-        K = np.linalg.solve(S, H @ P).T
-        if held is not None:
-            K[held] = 0.0
-        A = np.eye(len(self.mean)) - K @ H
-        distance = min(squared, MAX_SQUARED_DISTANCE) + float(np.linalg.slogdet(S)[1])
+        H = np.hstack([measured.boat, measured.slope])
+        expected = measured.boat @ self.mean[:BOAT_ERRORS] + measured.force
+        kept = np.zeros(len(self.mean), np.bool_) if held is None else held
+        mean, covariance, ratio, distance = kalman_step(
+            (self.mean, self.covariance, self.prior**2 * dt / self.walk_s),
+            (force - expected, variance, H),
+            kept,
+        )
         nats = -0.5 * distance / SECONDS_PER_INDEPENDENT_SECOND
         score = self.score * float(np.exp(-dt / SCORE_MEMORY_S)) + nats
-        covariance = A @ P @ A.T + K @ R @ K.T
-        return DisturbanceFilter(
-            self.prior, self.mean + K @ m, covariance, ratio, self.walk_s, score
-        )
+        return DisturbanceFilter(self.prior, mean, covariance, ratio, self.walk_s, score)
 
 
 class Cause(Enum):

@@ -43,9 +43,10 @@ SPEED, RATE = 1.5, 0.1  # m/s, rad/s
 def circle(
     script: Script, boot_s: float, receipt_s: float, seconds: float, armed: bool = True
 ) -> None:
-    """A steady turn to starboard, told at 10 Hz; velocity from VFR_HUD contradicts it."""
+    """A steady turn to starboard, told at 10 Hz, that goes on where an earlier one ended; velocity
+    from VFR_HUD contradicts it."""
     for t in np.arange(0.0, seconds, 0.1):
-        boot, receipt, yaw = boot_s + t, receipt_s + t, RATE * t
+        boot, receipt, yaw = boot_s + t, receipt_s + t, RATE * (receipt_s + t)
         script.send(receipt, attitude(boot, (yaw + np.pi) % (2 * np.pi) - np.pi, RATE))
         north, east = SPEED / RATE * np.sin(yaw), SPEED / RATE * (1.0 - np.cos(yaw))
         script.send(

@@ -211,6 +211,35 @@ def test_a_filter_moves_as_kalmans_equations_and_scores_what_it_foresaw() -> Non
     np.testing.assert_allclose(after.innovation_ratio, m**2 / np.diag(S))
 
 
+def test_an_outlier_is_a_measurement_with_as_much_more_noise_and_what_is_held_stays() -> None:
+    rng = np.random.default_rng(4)
+    measured = MeasurementModel(rng.normal(size=(3, BOAT_ERRORS)), np.zeros(3), np.zeros((3, 0)))
+    start = replace(
+        DisturbanceFilter.start(rng.uniform(0.5, 1.0, BOAT_ERRORS)),
+        mean=rng.normal(size=BOAT_ERRORS),
+    )
+    force, R = np.array([90.0, -40.0, 30.0]), np.array([0.5, 1.0, 2.0])
+    held = np.arange(BOAT_ERRORS) % 3 == 0
+    after = start.updated(force, R, measured, 0.0, held)
+
+    P, H = start.covariance, measured.boat
+    m = force - H @ start.mean
+    squared = m @ np.linalg.inv(H @ P @ H.T + np.diag(R)) @ m
+    assert squared > 16.0
+    wide = np.diag(R * squared / 16.0)
+    gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + wide)
+    gain[held] = 0.0
+    np.testing.assert_allclose(after.mean, start.mean + gain @ m, rtol=1e-12)
+    left = np.eye(BOAT_ERRORS) - gain @ H
+    np.testing.assert_allclose(
+        after.covariance, left @ P @ left.T + gain @ wide @ gain.T, rtol=1e-9
+    )
+    np.testing.assert_array_equal(after.mean[held], start.mean[held])
+    noise = H @ P @ H.T + wide
+    nats = -0.5 * (16.0 + np.log(np.linalg.det(noise))) / SECONDS_PER_INDEPENDENT_SECOND
+    assert after.score == pytest.approx(nats)
+
+
 def test_a_filter_weighs_an_outlier_less() -> None:
     start = DisturbanceFilter.start(np.ones(BOAT_ERRORS))
     measured = DisturbanceEstimator.of(Model.of(WAM_V))._boat(next(seconds(1)))
