@@ -42,6 +42,7 @@ SEA_LEVEL_HPA, HPA_PER_M = 1013.25, 0.12
 TEMPERATURE_C = 15.0
 SOUNDER_CM = 30, 10_000  # nearest and farthest bottom that the echo sounder tells
 GAUSS_PER_NT = 1e-5
+LAST_DIGIT_GAUSS, LAST_DIGIT_HPA = 1e-5, 5e-4  # they move: numbers that never do are stale to PX4
 SYSTEM, COMPONENT = 1, mavlink.MAV_COMP_ID_USER1  # of this side: there is no id for simulators
 
 
@@ -152,8 +153,10 @@ class Px4Session(Session):
         return out
 
     def _sensor(self, r: Readings, time_us: int) -> Any:
-        field = to_hull(Attitude(*r.attitude, *(0.0,) * 6), *self._field)
-        pressure = SEA_LEVEL_HPA + HPA_PER_M * r.position[2]
+        digit = self._step // SLOW_STEPS % 2
+        true_field = to_hull(Attitude(*r.attitude, *(0.0,) * 6), *self._field)
+        field = [axis + LAST_DIGIT_GAUSS * digit for axis in true_field]
+        pressure = SEA_LEVEL_HPA + HPA_PER_M * r.position[2] + LAST_DIGIT_HPA * digit
         slow = MAGNETOMETER | BAROMETER if self._step % SLOW_STEPS == 0 else 0
         return mavlink.MAVLink_hil_sensor_message(
             time_us, *r.accel, *r.gyro, *field, pressure, 0.0, -r.position[2], TEMPERATURE_C,

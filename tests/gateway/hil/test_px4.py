@@ -140,6 +140,22 @@ def test_an_echo_sounder_where_the_day_has_a_depth(plan, stand_in):
         assert "DISTANCE_SENSOR" not in stand_in(plan).sail(0.0, 0.0, 0.2)
 
 
+def test_no_sensor_of_a_boat_at_rest_is_stale(plan, stand_in):
+    """PX4 takes a magnetometer or barometer for failed whose numbers are the same 100 times."""
+    with looping([plan], FAST):
+        firmware = stand_in(plan)
+        slow = []
+        while len(slow) < 300:
+            message = firmware.sensor()
+            if message.fields_updated & 0x1C0:
+                slow.append((message.xmag, message.ymag, message.zmag, message.abs_pressure))
+            firmware.controls(0.0, 0.0)
+    for values in zip(*slow, strict=True):
+        changed = [k for k in range(1, 300) if values[k] != values[k - 1]]
+        assert all(b - a < 50 for a, b in zip([0, *changed], [*changed, 300], strict=True))
+        assert max(values) - min(values) < 1e-3
+
+
 def test_a_known_field():
     """Zürich, 2026: 48.4 µT, 3.6° east of north, 63.5° down, by the model's own calculator."""
     north, east, down = magnetic_field(Origin(47.397742, 8.545594), 2026.5)

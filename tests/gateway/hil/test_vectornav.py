@@ -12,11 +12,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from gateway.errors import BadInput
 from gateway.hil.run import LoopOptions, LoopPlan
 from gateway.hil.servo_outputs import ServoOutputs
-from gateway.hil.vectornav import Registers, checked, sentence
+from gateway.hil.vectornav import Fix, Registers, checked, imu_packet, sentence
 from gateway.links.transport import Endpoint, Waker
 from gateway.links.udp import UdpTransport, free_udp_port
 from gateway.vessel_file import load_vessel
 from sim.hil.day import Day
+from sim.hil.sensors import Readings
 from tests.gateway.hil.firmware import looping, wait_for
 
 ASKED = [  # what the driver of ArduPilot 4.6 sends at EAHRS_RATE 100
@@ -70,6 +71,20 @@ def test_noise_and_halves_do_no_harm():
     assert device.received(whole[5:])[0] == [whole]
     assert device.received(sentence("VNWRG,75,3,0,01,0721"))[1] == 0
     assert device.hertz == {}, "a divisor of 0 is no rate"
+
+
+def test_the_barometer_of_a_boat_at_rest_is_no_dead_one():
+    """ArduPilot calls one unhealthy, and does not arm, that says the same for two seconds."""
+    rest = Readings(
+        0.0, (0.0,) * 3, (0.0, 0.0, -9.80665), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, None, None, 14.8,
+        0.0, None,
+    )  # fmt: skip
+    at = Fix((51.5, -0.1, 0.0), (0.2, 0.0, 0.4), 0)
+    packets = [imu_packet(rest._replace(time=0.01 * k), at) for k in range(800)]
+    air = [struct.unpack_from("<2f", packet, 4 + 8 + 15 * 4) for packet in packets]
+    assert air[0] == pytest.approx((15.0, 101.325), abs=0.02)
+    changed = [k for k in range(1, 800) if air[k] != air[k - 1]]
+    assert all(b - a < 150 for a, b in zip([0, *changed], [*changed, 800], strict=True))
 
 
 class Board:
