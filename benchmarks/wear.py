@@ -22,7 +22,7 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 from sim.wear import Evidence, Series, believed, evidence_of
 
-NUMBERS = 8  # of one boat that are followed: six of damping, two thrusters
+WEARS = (-1, -1, 1, 1, 0, 0, 0, 0)  # of one boat: two thrusters, two of drag, four of damping
 RECORDINGS, DAYS = 20, 100.0
 LOSS = 0.1
 STATED = 0.006  # median standard deviation that a fit states, as a share; as on made voyages
@@ -38,58 +38,64 @@ class Counts(NamedTuple):
 
 
 def made(
-    random: np.random.Generator, loss: float, kind: str, scatter: float, heavy: bool
+    random: np.random.Generator, change: float, kind: str, scatter: float, heavy: bool, wears: int
 ) -> Series:
-    """One number over recordings: its level, its loss, and the scatter of voyages."""
+    """One number over recordings: its level, its change, and the scatter of voyages."""
     time = np.sort(random.uniform(0.0, DAYS, RECORDINGS))
     level = np.ones(RECORDINGS)
     if kind == "step":
-        level[random.integers(5, RECORDINGS - 4) :] -= loss
-    elif kind == "drift":
-        level -= loss * (time - time[0]) / (time[-1] - time[0])
+        level[random.integers(5, RECORDINGS - 4) :] += change
+    elif kind:
+        begins = time[0] if kind == "drift" else time[RECORDINGS // 2]
+        level += change * np.maximum(time - begins, 0.0) / (time[-1] - begins)
     std = STATED * random.uniform(0.5, 2.0, RECORDINGS)
     noise = random.standard_t(3, RECORDINGS) / np.sqrt(3.0) if heavy else random.normal(
         size=RECORDINGS
     )  # fmt: skip
-    return Series(time, level + std * random.normal(size=RECORDINGS) + scatter * noise, std)
+    value = level + std * random.normal(size=RECORDINGS) + scatter * noise
+    return Series(time, value, std, wears)
 
 
 def count(
-    seed: int, fleets: int, boats: int, kind: str, scatter: float, heavy: bool = False
+    seed: int, fleets: int, boats: int, kind: str, scatter: float, heavy: bool, change: float
 ) -> Counts:
-    """Fleets of so many boats; where there is a `kind`, one number of one boat loses `LOSS`."""
-    random = np.random.default_rng([seed, boats, int(1e4 * scatter), len(kind), heavy])
+    """Fleets of so many boats; where there is a `kind`, one thruster of one changes by so much."""
+    random = np.random.default_rng([seed, boats, int(1e4 * scatter), len(kind), heavy, change > 0])
     false = found = held = 0
     for _ in range(fleets):
-        series = [made(random, 0.0, "", scatter, heavy) for _ in range(NUMBERS * boats)]
+        series = [made(random, 0.0, "", scatter, heavy, w) for _ in range(boats) for w in WEARS]
         if kind:
-            series[0] = made(random, LOSS, kind, scatter, heavy)
+            series[0] = made(random, change, kind, scatter, heavy, WEARS[0])
         evidence = [evidence_of(one, i) for i, one in enumerate(series)]
-        sure = believed([e.p_value for e in evidence if e is not None])
+        sure = believed([e.p_value for e in evidence if e is not None], WEARS * boats)
         false += bool(sure[1 if kind else 0 :].any())
         if kind and sure[0] and isinstance(evidence[0], Evidence):
             found += 1
             low, high = evidence[0].change.share95
-            held += low <= -LOSS <= high
+            held += low <= change <= high
     return Counts(fleets, false, found, held)
 
 
 def print_series(seed: int, fleets: int) -> None:
     """The table of results/wear.md."""
     print(f"seed {seed}, {date.today()}: {RECORDINGS} recordings over {DAYS:.0f} days, "
-          f"{NUMBERS} numbers a boat, loss {LOSS:.0%}\n")  # fmt: skip
+          f"{len(WEARS)} numbers a boat, change {LOSS:.0%}\n")  # fmt: skip
     print("| boats | scatter of voyages | what happens | false alarms | found | interval holds |")
     print("|---|---|---|---|---|---|")
-    for boats, scatter, kind, heavy in [
-        (1, 0.01, "", False), (1, 0.03, "", False), (1, 0.03, "", True), (5, 0.02, "", False),
-        *((1, s, k, False) for s in (0.01, 0.02, 0.03, 0.04) for k in ("step", "drift")),
-        (1, 0.02, "step", True), (1, 0.02, "drift", True),
-        (5, 0.01, "drift", False), (5, 0.02, "drift", False),
+    lost, gained = -LOSS, LOSS
+    for boats, scatter, kind, heavy, change in [
+        (1, 0.01, "", False, 0.0), (1, 0.03, "", False, 0.0), (1, 0.03, "", True, 0.0),
+        (5, 0.02, "", False, 0.0),
+        *((1, s, k, False, lost) for s in (0.02, 0.03, 0.04) for k in ("step", "drift")),
+        (1, 0.03, "late drift", False, lost), (1, 0.03, "step", True, lost),
+        (1, 0.03, "drift", True, lost), (1, 0.03, "step", False, gained),
+        (1, 0.03, "drift", False, gained), (5, 0.02, "drift", False, lost),
+        (5, 0.03, "drift", False, lost),
     ]:  # fmt: skip
-        done = count(seed, fleets if kind else 3 * fleets, boats, kind, scatter, heavy)
+        done = count(seed, fleets if kind else 3 * fleets, boats, kind, scatter, heavy, change)
         rate = f"{done.found / done.fleets:.0%}" if kind else "–"
         held = f"{done.held / done.found:.0%}" if done.found else "–"
-        name = f"{kind or 'nothing'}{', heavy tails' if heavy else ''}"
+        name = f"{kind or 'nothing'}{' up' * (change > 0.0)}{', heavy tails' * heavy}"
         false = f"{done.false / done.fleets:.1%}"
         print(f"| {boats} | {scatter:.0%} | {name} | {false} | {rate} | {held} |", flush=True)
 

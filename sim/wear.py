@@ -9,12 +9,14 @@ that no interval tells (water, load, wind). m is a constant, or a change that is
     drift  m = a + b max(0, t − t_k)         wear, growth on the hull
 
 A change is searched for at every t_k with `EDGE` recordings on either side. The statistic is the
-mean of the likelihood ratios of all of them; its p-value comes from the same statistic of the
-recordings in random order (a permutation test: Good, Permutation, Parametric and Bootstrap Tests of
-Hypotheses, 3rd ed. 2005), so it holds whatever the distribution of the scatter and however many
-moments were tried; a value far from the others counts as `FAR`, so no single bad day decides. τ is
-that of DerSimonian and Laird (Controlled Clinical Trials 7, 1986). The course is the Gaussian
-posterior of m + w, which is what a Kalman smoother computes.
+mean of the likelihood ratios of all of them, weighted by what is expected beforehand: their
+`SHAPES`, and that what wears changes the way in which it wears (`WORN`). Its p-value comes from the
+same statistic of the recordings in random order (a permutation test: Good, Permutation, Parametric
+and Bootstrap Tests of Hypotheses, 3rd ed. 2005), so it holds whatever the distribution of the
+scatter, however many moments were tried and however wrong what was expected is; a value far from
+the others counts as `FAR`, so no single bad day decides. What the change is, is then found by
+robust regression (`_fitted`). τ is that of DerSimonian and Laird (Controlled Clinical Trials 7,
+1986). The course is the Gaussian posterior of m + w, which is what a Kalman smoother computes.
 """
 
 from collections.abc import Sequence
@@ -32,26 +34,37 @@ from sim.state import Floats
 # Chosen, not measured:
 EDGE = 3  # recordings on either side of a change: fewer are a bad day
 MIN_RECORDINGS = 2 * EDGE
+SHAPES = {"step": 0.25, "drift": 0.25, "steady": 0.5}  # of changes; steady: a drift over them all
+WORN = 0.8  # of changes go the way of wear: a propeller is renewed and a hull cleaned more rarely
+LIKELIER = 4.0  # times as likely as another number does one change that wears
 ALARM = 0.05  # share of fleets that may raise any false alarm
 ORDERS = (500, 20_000)  # random orders: of every number, and of those that may be significant
 PROMISING = 0.1  # p-value below which the second is run
 MOST_MOMENTS = 100  # at which a change is tried; among more recordings, evenly spread
 FAR = 4.0  # standard deviations, by the median: one bad day counts no more in the test
+TAILS = 4.0  # degrees of freedom of a day's error, where the change is measured
+ROUNDS = 50  # of expectation and maximisation
 NORMAL_95 = 1.96
 NORMAL_MAD = 1.4826  # standard deviations in a median absolute deviation
 
 
 @dataclass(frozen=True)
 class Series:
-    """A number of one boat by recording: time (n,) [days, ascending], value and std (n,)."""
+    """A number of one boat by recording: time (n,) [days, ascending], value and std (n,).
+
+    wears  which way its size goes by wear: −1 down (thrust), 1 up (drag), 0: it is not what wears
+    """
 
     time: Floats
     value: Floats
     std: Floats
+    wears: int = 0
 
 
 class Change(NamedTuple):
     """A change: step or drift, the moment [days] and its 95 % range, the level before, now.
+
+    The range ends at recordings: what happened between two of them has no other date.
 
     share  change relative to the level before, with its 95 % interval; a loss is negative
     """
@@ -83,11 +96,15 @@ class Course(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """One form of change: its kind, its moment [days], its regressor (n,)."""
+    """One form of change: its kind, its moment [days], its regressor (n,).
+
+    between  recordings [days] between which it stands for every moment
+    """
 
     kind: str
     moment: float
     form: Floats
+    between: tuple[float, float]
 
 
 def scatter_of(value: Floats, std: Floats) -> float:
@@ -103,14 +120,17 @@ def candidates_of(time: Floats) -> list[Candidate]:
     """All changes that are tried on recordings at these times (n,)."""
     last = len(time) - EDGE
     out = []
-    for k in np.unique(np.linspace(EDGE, last, min(MOST_MOMENTS, last - EDGE + 1)).astype(int)):
-        if time[k] > time[k - 1]:
-            moment = 0.5 * float(time[k - 1] + time[k])
-            out.append(Candidate("step", moment, (time > moment).astype(float)))
-    for k in np.unique(np.linspace(0, last - 1, min(MOST_MOMENTS, last)).astype(int)):
-        form = np.maximum(time - time[k], 0.0)
+    tried = np.linspace(EDGE, last, min(MOST_MOMENTS, last - EDGE + 1)).astype(int)
+    tried = np.array([k for k in np.unique(tried) if time[k] > time[k - 1]], dtype=int)
+    for before, k, after in zip([EDGE - 1, *tried], tried, [*tried[1:], last + 1], strict=False):
+        moment = 0.5 * float(time[k - 1] + time[k])
+        form, between = (time > moment).astype(float), (float(time[before]), float(time[after - 1]))
+        out.append(Candidate("step", moment, form, between))
+    tried = np.unique(np.linspace(0, last - 1, min(MOST_MOMENTS, last)).astype(int))
+    for before, k, after in zip([0, *tried], tried, [*tried[1:], last], strict=False):
+        form, between = np.maximum(time - time[k], 0.0), (float(time[before]), float(time[after]))
         if form[-1] > 0.0:
-            out.append(Candidate("drift", float(time[k]), form))
+            out.append(Candidate("drift", float(time[k]), form, between))
     return out
 
 
@@ -126,17 +146,17 @@ def evidence_of(series: Series, seed: int = 0) -> Evidence | None:
     forms -= np.outer(constant, constant @ forms)
     forms /= np.maximum(np.linalg.norm(forms, axis=0), 1e-300)
     white = _tamed(root * (series.value - np.median(series.value)))
-    weight = _weights(tried)
-    explained = _explained(white[None], constant, forms)[0]
-    support = _support(explained[None], weight, len(white))[0]
+    prior = _prior(tried, series)
+    likeness = _likeness(white[None], constant, forms)
+    support = float(logsumexp(_nats(likeness, prior, len(white))))
     random, p = np.random.default_rng(seed), 1.0
     for orders in ORDERS:
         if p > PROMISING and orders != ORDERS[0]:
             break
         shuffled = random.permuted(np.tile(white, (orders, 1)), axis=1)
-        others = _support(_explained(shuffled, constant, forms), weight, len(white))
+        others = logsumexp(_nats(_likeness(shuffled, constant, forms), prior, len(white)), axis=1)
         p = float((1 + np.sum(others >= support - 1e-9)) / (orders + 1))
-    return Evidence(_change(series, tried, explained, deviation), p)
+    return Evidence(_change(series, tried, prior, deviation), p)
 
 
 def _tamed(white: Floats) -> Floats:
@@ -153,78 +173,110 @@ def _deviation(series: Series) -> Floats:
     return np.sqrt(std**2 + scatter_of(series.value, std) ** 2)
 
 
-def _explained(white: Floats, constant: Floats, forms: Floats) -> Floats:
-    """Whitened values (B, n) -> share of their squares that each form explains (B, K)."""
+def _likeness(white: Floats, constant: Floats, forms: Floats) -> Floats:
+    """Whitened values (B, n) -> their correlation (B, K) with each form."""
     squares = np.sum(white**2, axis=1) - (white @ constant) ** 2
-    return np.asarray((white @ forms) ** 2 / np.maximum(squares, 1e-300)[:, None])
+    return np.asarray(white @ forms / np.sqrt(np.maximum(squares, 1e-300))[:, None])
 
 
-def _weights(tried: Sequence[Candidate]) -> Floats:
-    """Share (K,) of each candidate beforehand: a third steps, a third drifts, a third the drift
-    over all recordings."""
+class _Prior(NamedTuple):
+    """What is expected of the candidates: log of the share (K,) of each, if it goes down, if up."""
+
+    down: Floats
+    up: Floats
+
+    def of(self, change: Floats) -> Floats:
+        """The share (…, K) of each where it changes so."""
+        return np.where(change < 0.0, self.down, self.up)
+
+
+def _prior(tried: Sequence[Candidate], series: Series) -> _Prior:
+    """By their shapes, and by the way in which the number wears."""
     first = next((i for i, c in enumerate(tried) if c.kind == "drift"), None)
-    group = np.array(["all" if i == first else c.kind for i, c in enumerate(tried)])
-    kinds, number, count = np.unique(group, return_inverse=True, return_counts=True)
-    return np.asarray(1.0 / count[number] / len(kinds))
+    shape = np.array(["steady" if i == first else c.kind for i, c in enumerate(tried)])
+    kinds, number, count = np.unique(shape, return_inverse=True, return_counts=True)
+    share = np.array([SHAPES[str(kind)] for kind in kinds])
+    each = np.log((share / share.sum() / count)[number])
+    rising = series.wears * np.sign(np.median(series.value)) * (2.0 * WORN - 1.0)
+    return _Prior(each + np.log1p(-rising), each + np.log1p(rising))
 
 
-def _support(explained: Floats, weight: Floats, n: int) -> Floats:
-    """Shares explained (B, K) -> log of the mean likelihood ratio of all candidates (B,)."""
-    nats = -0.5 * n * np.log1p(-np.minimum(explained, 1.0 - 1e-12))
-    return np.asarray(logsumexp(nats, axis=1, b=weight))
+def _nats(likeness: Floats, prior: _Prior, n: int) -> Floats:
+    """Correlations (B, K) of n values -> log of each form's likelihood ratio and share (B, K)."""
+    nats = -0.5 * n * np.log1p(-np.minimum(likeness**2, 1.0 - 1e-12))
+    return np.asarray(nats + prior.of(likeness))
 
 
-def _change(
-    series: Series, tried: Sequence[Candidate], explained: Floats, deviation: Floats
-) -> Change:
-    """The best candidate; its intervals are over all of them, by their likelihood ratios."""
-    n, weight = len(series.time), _weights(tried)
-    ratio = weight * (1.0 - np.minimum(explained, 1.0 - 1e-12)) ** (-0.5 * n)
-    posterior = ratio / ratio.sum()
-    fits = [_fitted(series, candidate, deviation) for candidate in tried]
-    share, std = np.array([fit[2] for fit in fits]), np.array([fit[3] for fit in fits])
-    chosen = int(np.argmax(explained))
+class _Fits(NamedTuple):
+    """All candidates fitted: level before and change (K,), covariance (K, 2, 2), log likelihood."""
+
+    before: Floats
+    change: Floats
+    covariance: Floats
+    nats: Floats
+
+
+def _fitted(series: Series, tried: Sequence[Candidate], deviation: Floats) -> _Fits:
+    """Regression with errors of Student's t, which a bad day moves little (Lange, Little, Taylor,
+    J. Am. Stat. Assoc. 84, 1989), by expectation and maximisation."""
+    last = np.array([candidate.form[-1] for candidate in tried])
+    form = np.array([candidate.form for candidate in tried]) / last[:, None]
+    A = np.stack([np.ones_like(form), form], axis=-1) / deviation[:, None]
+    white, n = series.value / deviation, len(series.value)
+    weight = np.ones_like(form)
+    for _ in range(ROUNDS):
+        weighted = weight[..., None] * A
+        information = np.einsum("kni,knj->kij", weighted, A)
+        z = np.linalg.solve(information, np.einsum("kni,n->ki", weighted, white)[..., None])[..., 0]
+        left = (white - np.einsum("kni,ki->kn", A, z)) ** 2
+        variance = np.maximum(np.mean(weight * left, axis=1), 1e-18)[:, None]
+        weight = (TAILS + 1.0) / (TAILS + left / variance)
+    nats = -0.5 * (n * np.log(variance[:, 0]))
+    nats -= 0.5 * (TAILS + 1.0) * np.sum(np.log1p(left / (TAILS * variance)), axis=1)
+    known = n / (n - 2.0) * (TAILS + 3.0) / (TAILS + 1.0) * variance[..., None]
+    return _Fits(z[:, 0], z[:, 1], known * np.linalg.inv(information), nats)
+
+
+def _change(series: Series, tried: Sequence[Candidate], prior: _Prior, deviation: Floats) -> Change:
+    """The best candidate; its intervals are over all of them, by their likelihood."""
+    fits = _fitted(series, tried, deviation)
+    size = np.where(fits.before == 0.0, 1e-300, fits.before)
+    share = fits.change / size
+    gradient = np.stack([-share, np.ones_like(share)], axis=-1) / size[:, None]
+    variance = np.einsum("ki,kij,kj->k", gradient, fits.covariance, gradient)
+    chosen = int(np.argmax(fits.nats))
+    nats = fits.nats + prior.of(fits.change)
+    posterior = np.exp(nats - logsumexp(nats))
     mean = float(posterior @ share)
-    spread = float(np.sqrt(posterior @ (std**2 + (share - mean) ** 2)))
-    half = float(stdtrit(n - 2, 0.975)) * spread
-    kind = tried[chosen].kind
-    alike = sorted((c.moment, p) for c, p in zip(tried, posterior, strict=True) if c.kind == kind)
-    moments, mass = np.array(alike).T
-    below = np.cumsum(mass) / mass.sum()
-    low, high = moments[np.searchsorted(below, [0.025, 0.975]).clip(max=len(below) - 1)]
-    before, now = fits[chosen][:2]
+    spread = float(np.sqrt(posterior @ (variance + (share - mean) ** 2)))
+    half = float(stdtrit(len(series.time) - 2, 0.975)) * spread
+    alike = [i for i, candidate in enumerate(tried) if candidate.kind == tried[chosen].kind]
+    below = np.cumsum(posterior[alike]) / posterior[alike].sum()
+    low, high = np.searchsorted(below, [0.025, 0.975]).clip(max=len(below) - 1)
+    before = float(fits.before[chosen])
     return Change(
-        kind, tried[chosen].moment, (float(low), float(high)), before, now,
-        float(share[chosen]), (mean - half, mean + half),
+        tried[chosen].kind, tried[chosen].moment,
+        (tried[alike[low]].between[0], tried[alike[high]].between[1]),
+        before, before + float(fits.change[chosen]), float(share[chosen]),
+        (mean - half, mean + half),
     )  # fmt: skip
 
 
-def _fitted(
-    series: Series, candidate: Candidate, deviation: Floats
-) -> tuple[float, float, float, float]:
-    """Weighted least squares -> level before, now, share of the change and its deviation."""
-    A = np.column_stack([np.ones(len(series.time)), candidate.form]) / deviation[:, None]
-    white = series.value / deviation
-    fitted, *_ = np.linalg.lstsq(A, white, rcond=None)
-    left = white - A @ fitted
-    covariance = np.linalg.inv(A.T @ A) * float(left @ left) / (len(white) - 2)
-    before, change = float(fitted[0]), float(fitted[1] * candidate.form[-1])
-    size = before or 1e-300
-    gradient = np.array([-change / size, candidate.form[-1]]) / size
-    return before, before + change, change / size, float(np.sqrt(gradient @ covariance @ gradient))
+def believed(p_values: Sequence[float], wears: Sequence[int]) -> NDArray[np.bool_]:
+    """Which changes of a whole fleet are believed: (n,) p-values, `Series.wears` of each -> (n,).
 
-
-def believed(p_values: Sequence[float]) -> NDArray[np.bool_]:
-    """Which changes of a whole fleet are believed: (n,) p-values -> (n,).
-
-    Holm (Scandinavian Journal of Statistics 6, 1979): a fleet of any size raises any false alarm in
-    at most `ALARM` of all cases, whatever else wears in it.
+    Holm's rule with weights (Scandinavian Journal of Statistics 6, 1979): a fleet of any size
+    raises any false alarm in at most `ALARM` of all cases, whatever else wears in it; of that
+    share, numbers that wear have `LIKELIER` times as much as others.
     """
-    n, out = len(p_values), np.zeros(len(p_values), np.bool_)
-    for rank, i in enumerate(np.argsort(p_values, kind="stable")):
-        if p_values[i] > ALARM / (n - rank):
+    p, out = np.asarray(p_values, dtype=float), np.zeros(len(p_values), np.bool_)
+    weight = np.where(np.asarray(wears) != 0, LIKELIER, 1.0)
+    left = float(weight.sum())
+    for i in np.argsort(p / weight, kind="stable"):
+        if p[i] > ALARM * weight[i] / left:
             break
         out[i] = True
+        left -= float(weight[i])
     return out
 
 

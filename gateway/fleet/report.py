@@ -38,8 +38,9 @@ def fleet_page(rows: Sequence[Row], wear: FleetWear, name: str) -> FleetPage:
     ordered = sorted(rows, key=by_time)
     changed = {id(one) for one in wear.changes}
     numbers = [*wear.changes, *(one for one in wear.numbers if id(one) not in changed)]
+    boats = len({row["boat"] for row in rows if row["boat"]})
     return FleetPage(
-        f"Fleet: {len(fleet_of(rows))} boats, {len(rows)} recordings",
+        f"Fleet: {boats} boat{'' if boats == 1 else 's'}, {len(rows)} recordings",
         f"{name}, made {now:%Y-%m-%d %H:%M} UTC by shadow-gateway {version('shadow-gateway')}",
         tuple(headline(rows, wear)),
         tuple(_boat(boat, own) for boat, own in fleet_of(rows).items()),
@@ -59,13 +60,9 @@ def fleet_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 def headline(rows: Sequence[Row], wear: FleetWear) -> list[str]:
     """What has changed; what is not done."""
-    said = [one.text for one in wear.changes]
-    if not said and wear.numbers:
-        said = [f"Nothing has changed: {len(wear.numbers)} numbers were followed."]
-    if not said:
-        said = ["Too few recordings to tell whether anything has changed."]
+    said = wear.sentences or ["no number of any boat was fitted: nothing is known of changes"]
     failed = sum(row["state"] not in (*GOOD, DUPLICATE) for row in rows)
-    return said + ([f"{failed} of {len(rows)} recordings could not be used."] if failed else [])
+    return said + ([f"{failed} of {len(rows)} recordings could not be used"] if failed else [])
 
 
 def _boat(boat: str, rows: Sequence[Row]) -> tuple[str, ...]:

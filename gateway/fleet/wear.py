@@ -1,10 +1,11 @@
 """`shadow wear`: the table of a fleet -> what has changed on which boat, since when, by how much.
 
 Numbers that `identify` found identifiable, and those of effects that a diagnosis found and that
-belong to the boat, each over all recordings of its boat.
+belong to the boat, each over all recordings of its boat that have a real date. Of recordings of one
+time (a voyage's telemetry log and its DataFlash log) one counts: they are no two days.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -13,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from gateway.errors import BadInput
 from gateway.figures.figure_data import FigureData
 from gateway.figures.wear import course_figure
-from gateway.fleet.table import read_estimates
+from gateway.fleet.table import read_estimates, read_recordings
 from gateway.user_effects import known_effects
 from sim.effects.effect import Scope
 from sim.wear import (
@@ -31,6 +33,9 @@ from sim.wear import (
 )
 
 DAY_S = 86400.0
+CLOCKS_BEGIN = datetime(2000, 1, 1, tzinfo=UTC)  # an earlier date is a clock that was never set
+THRUST = ("ahead", "astern")  # of a thruster: what it loses is wear
+DRAG = ("X_u", "X_uu")  # growth on the hull makes it larger
 
 
 @dataclass(frozen=True)
@@ -55,13 +60,22 @@ class Wear:
     def _changed(self, change: Change) -> str:
         verb, sign = ("lost", -100.0) if change.share < 0.0 else ("gained", 100.0)
         low, high = sorted(sign * end for end in change.share95)
-        since = "since" if change.kind == "step" else "steadily since about"
-        first, last = (self.date(moment) for moment in change.moment95)
-        range_ = "" if first == last else f", between {first} and {last}"
         return (
             f"{worded(self.name)} has {verb} {100.0 * abs(change.share):.0f} % "
-            f"({low:.0f}–{high:.0f} %) {since} {self.date(change.moment)}{range_}"
+            f"({low:.0f} to {high:.0f} %) {self._since(change)}"
         )
+
+    def _since(self, change: Change) -> str:
+        """A step lies between two recordings; a drift may be older than the first of them."""
+        first, last = (self.date(moment) for moment in change.moment95)
+        if change.kind == "drift" and change.moment95[0] <= 0.0:
+            return (
+                f"steadily, since the first recording ({first}) or before"
+                f"{'' if first == last else f', since {last} at the latest'}"
+            )
+        about = "since" if change.kind == "step" else "steadily since about"
+        range_ = "" if first == last else f", between {first} and {last}"
+        return f"{about} {self.date(change.moment)}{range_}"
 
     def date(self, moment: float) -> str:
         """A moment of a change [days after the first recording] as a day."""
@@ -73,7 +87,7 @@ class Wear:
         """Recordings and course."""
         return course_figure(
             f"{self.boat} {self.name}", self.unit, self.date(0.0), self.series, self.course,
-            self.text or "nothing has changed",
+            self.text or "no change is clear",
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -97,22 +111,55 @@ class Wear:
 
 @dataclass(frozen=True)
 class FleetWear:
-    """All numbers that were followed, and per boat how many had too few recordings for it."""
+    """All numbers that were followed, and why others were not.
+
+    too_few  per boat, how many numbers had too few recordings for it
+    undated  per boat, recordings that have no real date
+    twice    per boat, recordings of a time of which another one counts
+    """
 
     numbers: tuple[Wear, ...]
     too_few: Mapping[str, int]
+    undated: Mapping[str, int]
+    twice: Mapping[str, int]
 
     @property
     def changes(self) -> list[Wear]:
         """Those that have changed, the clearest first."""
         return sorted((w for w in self.numbers if w.change), key=lambda w: w.p_value)
 
+    @property
+    def sentences(self) -> list[str]:
+        """What has changed, or that nothing clearly has; what was not followed, and why."""
+        n = len(self.numbers)
+        none = [f"no change is clear: {_counted(n, 'number')} followed"] if n else []
+        few = [
+            f"{boat}: {_counted(count, 'number')} in fewer than {MIN_RECORDINGS} recordings: "
+            "too few to tell wear"
+            for boat, count in self.too_few.items()
+        ]
+        dateless = [
+            f"{boat}: {_counted(count, 'recording')} left out: no real date (a clock that was "
+            "not set)"
+            for boat, count in self.undated.items()
+        ]
+        again = [
+            f"{boat}: {_counted(count, 'recording')} left out: of the same time as another"
+            for boat, count in self.twice.items()
+        ]
+        return [*([one.text for one in self.changes] or none), *few, *dateless, *again]
+
     def to_dict(self) -> dict[str, Any]:
         """What `shadow wear --json` prints."""
         return {
             "changes": [w.text for w in self.changes],
             "numbers": [w.to_dict() for w in self.numbers], "too_few": dict(self.too_few),
+            "undated": dict(self.undated), "twice": dict(self.twice),
         }  # fmt: skip
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def worded(name: str) -> str:
@@ -122,29 +169,66 @@ def worded(name: str) -> str:
 
 
 def wear_of(folder: str | Path, boats: Sequence[str] = ()) -> FleetWear:
-    """What has changed, by the table in a folder; `boats`: these alone."""
+    """What has changed, by the table in a folder; `boats`: these alone are told of.
+
+    What is believed is judged over the whole fleet all the same: who looks at one boat after the
+    other would find more false alarms than who looks at all.
+    """
     voyage = {e.name for e in known_effects() if e.scope is Scope.VOYAGE}
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = defaultdict(list)
+    undated, twice = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)
+    tomorrow = datetime.now(UTC) + timedelta(days=1)
+    again = _of_one_time(read_recordings(folder))
     for row in read_estimates(folder):
         followed = row["origin"] == "identify" or (
             row["kind"] == "effect" and row["effect"] not in voyage
         )
         known = row["identifiable"] and row["stretch"] is None and row["started"] is not None
-        if followed and known and (not boats or row["boat"] in boats):
+        if not (followed and known):
+            continue
+        if not CLOCKS_BEGIN <= row["started"] < tomorrow:
+            undated[row["boat"]].add(row["recording"])
+        elif row["recording"] in again:
+            twice[row["boat"]].add(row["recording"])
+        else:
             groups[row["boat"], row["name"]].append(row)
+    every = {*undated, *(boat for boat, _ in groups)}  # a second of one time has a first
+    for boat in boats:
+        if boat not in every:
+            known_boats = ", ".join(sorted(every)) or "none"
+            raise BadInput(f"{boat}: no numbers of this boat in {folder} (boats: {known_boats})")
+    told = set(boats) or every
     kept = {key: rows for key, rows in groups.items() if len(rows) >= MIN_RECORDINGS}
-    too_few: dict[str, int] = {}
-    for boat, _ in sorted(groups.keys() - kept.keys()):
-        too_few[boat] = too_few.get(boat, 0) + 1
-    return FleetWear(_followed(kept), too_few)
+    few = Counter(boat for boat, _ in sorted(groups.keys() - kept.keys()) if boat in told)
+    dateless, second = (
+        {boat: len(left_out[boat]) for boat in sorted(told & left_out.keys())}
+        for left_out in (undated, twice)
+    )
+    return FleetWear(tuple(w for w in _followed(kept) if w.boat in told), few, dateless, second)
+
+
+def _of_one_time(recordings: Sequence[Mapping[str, Any]]) -> set[str]:
+    """Recordings of a boat that lie within the time of another with more usable time."""
+    known = [row for row in recordings if row["started"] and row["seconds"] and row["usable_s"]]
+    kept: dict[str, list[tuple[datetime, datetime]]] = defaultdict(list)
+    out = set()
+    for row in sorted(known, key=lambda row: (-row["usable_s"], row["recording"])):
+        begins = row["started"]
+        ends = begins + timedelta(seconds=row["seconds"])
+        if any(begins < to and since < ends for since, to in kept[row["boat"]]):
+            out.add(row["recording"])
+        else:
+            kept[row["boat"]].append((begins, ends))
+    return out
 
 
 def _followed(groups: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> tuple[Wear, ...]:
     """Every series with its evidence; which changes are believed is decided over all of them."""
     ordered = {k: sorted(rows, key=lambda row: row["started"]) for k, rows in groups.items()}
-    series = {key: _series(rows) for key, rows in ordered.items()}
+    series = {(boat, name): _series(name, rows) for (boat, name), rows in ordered.items()}
     found = {key: e for key, one in series.items() if (e := evidence_of(one)) is not None}
-    sure = believed([evidence.p_value for evidence in found.values()])
+    wears = [series[key].wears for key in found]
+    sure = believed([evidence.p_value for evidence in found.values()], wears)
     changed = dict(zip(found, sure, strict=True))
     return tuple(
         _wear(*key, ordered[key], series[key], found[key], bool(changed[key]))
@@ -152,10 +236,13 @@ def _followed(groups: Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]) -> 
     )
 
 
-def _series(rows: Sequence[Mapping[str, Any]]) -> Series:
+def _series(name: str, rows: Sequence[Mapping[str, Any]]) -> Series:
     days = [(row["started"] - rows[0]["started"]).total_seconds() / DAY_S for row in rows]
     half = np.array([0.5 * (row["high"] - row["low"]) for row in rows])
-    return Series(np.array(days), np.array([row["value"] for row in rows]), half / NORMAL_95)
+    part, _, key = name.rpartition(".")
+    wears = -1 if part and key in THRUST else int(name in DRAG)
+    values = np.array([row["value"] for row in rows])
+    return Series(np.array(days), values, half / NORMAL_95, wears)
 
 
 def _wear(

@@ -14,9 +14,9 @@ from gateway.fleet.run import FleetResult, Progress
 from gateway.fleet.table import ESTIMATES_FILE, RECORDINGS_FILE
 from gateway.fleet.wear import FleetWear
 from gateway.terminal.console import ResultConsole, SafeConsole, result_table
-from sim.wear import MIN_RECORDINGS
 
-MOST_SHOWN = 10  # sentences of recordings that failed
+MOST_SHOWN = 10  # reasons why recordings failed
+MOST_NAMED = 3  # recordings of one reason
 
 
 @contextmanager
@@ -55,16 +55,20 @@ def show_fleet(result: FleetResult, wear: FleetWear) -> None:
     rows = list(result.rows.values())
     table = result_table(
         f"{len(rows)} recordings, {result.known} of them known already", "boat",
-        "recordings", "usable", "error", "noise floor", "from", "to",
+        "used", "usable", "error", "noise floor", "from", "to",
     )  # fmt: skip
     for boat, own in by_boat(rows).items():
         table.add_row(boat, *_cells(own))
     console.print(table)
     failed = [row for row in rows if row["state"] not in (DONE, DUPLICATE)]
-    shown = [_problem(row) for row in failed[:MOST_SHOWN]]
-    more = [f"{len(failed) - MOST_SHOWN} more, see `why` in the table"]
-    console.bullets(shown + (more if len(failed) > MOST_SHOWN else []))
-    _show_changes(console, wear)
+    problems = _problems(failed)
+    more = [f"{len(problems) - MOST_SHOWN} more reasons, see `why` in the table"]
+    console.bullets(problems[:MOST_SHOWN] + (more if len(problems) > MOST_SHOWN else []))
+    console.bullets(
+        f"{boat.name}: no recording fits {', '.join(boat.recordings)} (fleet file)"
+        for boat in result.unused
+    )
+    console.bullets(wear.sentences)
     console.path("recordings", result.folder / RECORDINGS_FILE)
     console.path("numbers", result.folder / ESTIMATES_FILE)
 
@@ -82,24 +86,24 @@ def show_wear(wear: FleetWear) -> None:
         )  # fmt: skip
     if wear.numbers:
         console.print(table)
-    _show_changes(console, wear)
+    console.bullets(wear.sentences)
 
 
-def _show_changes(console: ResultConsole, wear: FleetWear) -> None:
-    """What has changed; that nothing has, and where recordings are too few to say so."""
-    console.bullets(one.text for one in wear.changes)
-    if wear.numbers and not wear.changes:
-        console.bullets([f"nothing has changed: {len(wear.numbers)} numbers were followed"])
-    console.bullets(
-        f"{boat}: {count} numbers in fewer than {MIN_RECORDINGS} recordings: too few to tell wear"
-        for boat, count in wear.too_few.items()
-    )
+def _problems(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Why recordings are not done, each reason once."""
+    names: dict[str, list[str]] = defaultdict(list)
+    for row in rows:
+        name = row["recording"]
+        names[f"{row['state']}: {row['why'].removeprefix(f'{name}: ')}"].append(name)
+    return [_named(some, why) for why, some in names.items()]
 
 
-def _problem(row: Mapping[str, Any]) -> str:
-    """Why a recording is not done, its name once."""
-    name = row["recording"]
-    return f"{name}: {row['state']}: {row['why'].removeprefix(f'{name}: ')}"
+def _named(names: Sequence[str], why: str) -> str:
+    """A recording and why it is not done; of several, how many and the first ones' names."""
+    if len(names) == 1:
+        return f"{names[0]}: {why}"
+    first = ", ".join(PurePosixPath(name).name for name in names[:MOST_NAMED])
+    return f"{len(names)} recordings {why} ({first}{', …' if len(names) > MOST_NAMED else ''})"
 
 
 def by_boat(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
@@ -132,6 +136,7 @@ def fleet_as_dict(result: FleetResult) -> dict[str, Any]:
             state: sum(row["state"] == state for row in result.rows.values())
             for state in sorted({row["state"] for row in result.rows.values()})
         },
+        "unused": [boat.name for boat in result.unused],
         "table": [str(result.folder / name) for name in (RECORDINGS_FILE, ESTIMATES_FILE)],
         "failed": [
             {"recording": row["recording"], "state": row["state"], "why": row["why"]}

@@ -7,6 +7,7 @@ from filterpy.kalman import KalmanFilter
 from sim.wear import (
     EDGE,
     MIN_RECORDINGS,
+    WORN,
     Series,
     believed,
     course_of,
@@ -18,7 +19,9 @@ N = 20
 DAYS = np.linspace(0.0, 95.0, N)
 
 
-def made(seed: int, loss: float = 0.0, kind: str = "", scatter: float = 0.01, n: int = N) -> Series:
+def made(
+    seed: int, loss: float = 0.0, kind: str = "", scatter: float = 0.01, n: int = N, wears: int = 0
+) -> Series:
     random, days = np.random.default_rng(seed), DAYS[:n]
     level = np.full(n, 50.0)
     if kind == "step":
@@ -26,7 +29,7 @@ def made(seed: int, loss: float = 0.0, kind: str = "", scatter: float = 0.01, n:
     elif kind == "drift":
         level *= 1.0 - loss * np.maximum(days - 30.0, 0.0) / (days[-1] - 30.0)
     std = np.full(n, 0.25)
-    return Series(days, level + random.normal(0.0, np.hypot(std, 50.0 * scatter)), std)
+    return Series(days, level + random.normal(0.0, np.hypot(std, 50.0 * scatter)), std, wears)
 
 
 @pytest.mark.parametrize("kind", ["step", "drift"])
@@ -39,11 +42,16 @@ def test_a_loss_is_found_with_its_kind_its_date_and_its_size(kind):
     true = 57.5 if kind == "step" else 30.0  # between the 12th and 13th recording; the 7th
     assert change.moment == pytest.approx(true, abs=2.6 if kind == "step" else 16.0)
     assert change.moment95[0] <= true <= change.moment95[1]
+    if kind == "step":  # nobody knows when between two recordings
+        assert change.moment95[0] <= DAYS[11]
+        assert DAYS[12] <= change.moment95[1]
     assert change.now == pytest.approx(45.0, abs=1.0)
 
 
-def test_where_nothing_changes_the_p_value_is_what_it_says():
-    p = np.array([evidence_of(made(seed, scatter=0.03)).p_value for seed in range(100, 180)])
+@pytest.mark.parametrize("wears", [0, -1])
+def test_where_nothing_changes_the_p_value_is_what_it_says(wears):
+    series = [made(seed, scatter=0.03, wears=wears) for seed in range(100, 180)]
+    p = np.array([evidence_of(one).p_value for one in series])
     assert np.sum(p <= 0.05) <= 9  # 4 expected; more than 9 have a chance of 1 %
     assert 0.3 < p.mean() < 0.7
 
@@ -63,10 +71,33 @@ def test_one_bad_day_decides_nothing(monkeypatch):
     assert alarms() > 8  # where it counts for what it is, it raises them
 
 
+def test_what_goes_the_way_of_wear_is_clearer(monkeypatch):
+    p = {w: evidence_of(made(3, 0.04, "drift", scatter=0.02, wears=w)).p_value for w in (-1, 0, 1)}
+    assert p[-1] < p[0] < p[1] < 0.3
+    monkeypatch.setattr("sim.wear.WORN", 0.5)
+    assert evidence_of(made(3, 0.04, "drift", scatter=0.02, wears=1)).p_value == p[0]
+    assert WORN > 0.5
+
+
+def test_a_drift_is_dated_by_the_recordings_around_its_beginning():
+    random = np.random.default_rng(8)
+    level = 50.0 - 0.2 * np.maximum(DAYS - 52.0, 0.0)  # between two recordings
+    value, std = level + random.normal(0.0, 0.01, N), np.full(N, 0.01)
+    for bad in (None, 4, N - 1):  # a day that is far off changes neither its kind nor its dates
+        value = value.copy()
+        if bad is not None:
+            value[bad] -= 20.0
+        change = evidence_of(Series(DAYS, value, std)).change
+        assert change.kind == "drift"
+        if bad is None:
+            assert change.moment95[0] <= DAYS[10] < 52.0 < DAYS[11] <= change.moment95[1]
+            assert change.moment95[1] - change.moment95[0] <= 3 * (DAYS[1] - DAYS[0])
+
+
 def test_units_and_signs_do_not_matter():
-    one = made(3, 0.1, "step")
+    one = made(3, 0.1, "step", wears=-1)
     found = evidence_of(one)
-    turned = evidence_of(Series(one.time, -1e-3 * one.value, 1e-3 * one.std))
+    turned = evidence_of(Series(one.time, -1e-3 * one.value, 1e-3 * one.std, -1))
     assert turned.p_value == found.p_value
     assert turned.change.share == pytest.approx(found.change.share)
     assert turned.change.moment == found.change.moment
@@ -82,10 +113,20 @@ def test_too_few_recordings_say_nothing():
 
 def test_over_a_fleet_only_what_is_clear_among_all_is_believed():
     steady = [0.03, *np.linspace(0.1, 1.0, 39)]
-    assert not believed(steady).any()
-    assert believed([1e-4, *steady]).tolist() == [True] + [False] * 40
-    assert believed([0.03]).tolist() == [True]
-    assert believed([]).tolist() == []
+    assert not believed(steady, [0] * 40).any()
+    assert believed([1e-4, *steady], [0] * 41).tolist() == [True] + [False] * 40
+    assert believed([0.03], [0]).tolist() == [True]
+    assert believed([], []).tolist() == []
+
+
+def test_what_wears_is_believed_before_others_within_the_same_false_alarms():
+    assert believed([0.03, 0.5], [-1, 0]).tolist() == [True, False]
+    assert believed([0.03, 0.5], [0, -1]).tolist() == [False, False]
+    assert believed([0.03, 0.03], [0, -1]).tolist() == [True, True]  # what is left is the other's
+    random = np.random.default_rng(3)
+    fleets = random.uniform(size=(20_000, 8))  # p-values where nothing changes
+    alarms = sum(believed(p, [-1, -1, 1, 1, 0, 0, 0, 0]).any() for p in fleets)
+    assert 0.045 < alarms / len(fleets) < 0.053
 
 
 def test_the_scatter_is_what_the_intervals_do_not_tell():

@@ -46,9 +46,9 @@ def test_it_asks_for_nothing_outside_itself(page: str) -> None:
 
 
 def test_boats_recordings_and_reasons_are_in_it(page: str) -> None:
-    assert "<h1>Fleet: 3 boats, 10 recordings</h1>" in page
+    assert "<h1>Fleet: 2 boats, 10 recordings</h1>" in page
     assert "<td>heron</td><td>8 of 8</td><td>80 min</td><td>0.100</td><td>0.050</td>" in page
-    assert "1 of 10 recordings could not be used." in page
+    assert "1 of 10 recordings could not be used</p>" in page
     assert "cut off &amp; torn" in page
     assert "identify &lt;b&gt;" in page
     assert page.count("heron-3.tlog") == 1

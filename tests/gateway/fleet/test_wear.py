@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.errors import BadInput
 from gateway.fleet.table import write_table
 from gateway.fleet.wear import wear_of, worded
 from tests.gateway.command_line import one_line
@@ -49,33 +50,90 @@ def test_a_change_is_one_sentence_with_size_and_date(folder):
     found = wear_of(folder)
     step, drift = sorted(w.text for w in found.changes)[::-1]
     assert step.startswith("heron: the left thruster has lost 18 % (")
-    assert step.endswith(" since 13 May 2026")  # between the recordings of 11 and 16 May
+    assert step.endswith(" since 13 May 2026, between 11 May 2026 and 16 May 2026")
     assert drift.startswith("heron: X_u has gained ")
-    assert " steadily since about " in drift
+    _, latest = drift.split(" steadily, since the first recording (1 Apr 2026) or before")
+    assert latest in (", since 6 Apr 2026 at the latest", ", since 11 Apr 2026 at the latest")
     assert {(w.boat, w.name) for w in found.numbers} == {
         ("heron", "left.ahead"), ("heron", "right.ahead"), ("heron", "X_u"), ("otter", "left.ahead")
     }  # fmt: skip
     assert found.too_few == {"swan": 1}
 
 
+def test_a_drift_that_begins_later_has_its_dates(tmp_path):
+    worn = 90.0 - 2.0 * np.maximum(np.arange(20) - 9, 0)
+    noise = np.random.default_rng(4).normal(0.0, 0.2, 20)
+    write_table(tmp_path, [], numbers("heron", "left.ahead", worn + noise))
+    (text,) = (w.text for w in wear_of(tmp_path).changes)
+    since, range_ = text.split(" steadily since about ")[1].split(", between ")
+    first, last = (datetime.strptime(day, "%d %b %Y") for day in range_.split(" and "))
+    assert first <= datetime.strptime(since, "%d %b %Y") <= last
+    assert first <= datetime(2026, 5, 16) <= last  # the tenth recording
+
+
+def test_what_has_no_real_date_is_left_out_and_told(tmp_path):
+    steady = 90.0 + np.random.default_rng(5).normal(0.0, 0.5, 12)
+    rows = numbers("heron", "left.ahead", steady)
+    rows[0]["started"] = "1970-01-01T00:00:10+00:00"
+    rows[1]["started"] = (datetime.now(UTC) + timedelta(days=400)).isoformat()
+    write_table(tmp_path, [], rows)
+    found = wear_of(tmp_path)
+    (one,) = found.numbers
+    assert one.recordings == tuple(f"heron-{i}" for i in range(2, 12))
+    assert found.sentences == [
+        "no change is clear: 1 number followed",
+        "heron: 2 recordings left out: no real date (a clock that was not set)",
+    ]
+
+
+def test_two_recordings_of_one_voyage_are_one_day(tmp_path):
+    steady = 90.0 + np.random.default_rng(5).normal(0.0, 0.5, 8)
+    rows = numbers("heron", "left.ahead", [*steady, *steady])
+    for row in rows[8:]:
+        row["started"] = rows[int(row["recording"].split("-")[1]) - 8]["started"]
+    voyages = [
+        {"recording": row["recording"], "boat": "heron", "state": "done", "seconds": 600.0,
+         "started": row["started"], "usable_s": 400.0 + i}
+        for i, row in enumerate(rows)
+    ]  # fmt: skip
+    voyages[8]["started"] = (START + timedelta(seconds=601)).isoformat()  # it began when 0 ended
+    rows[8]["started"] = voyages[8]["started"]
+    write_table(tmp_path, voyages, rows)
+    found = wear_of(tmp_path)
+    assert found.numbers[0].recordings == ("heron-0", *(f"heron-{i}" for i in range(8, 16)))
+    assert found.sentences[1:] == ["heron: 7 recordings left out: of the same time as another"]
+
+
+def test_which_way_numbers_wear(folder):
+    wears = {w.name: w.series.wears for w in wear_of(folder, ["heron"]).numbers}
+    assert wears == {"left.ahead": -1, "right.ahead": -1, "X_u": 1}
+
+
 def test_one_boat_alone(folder):
-    assert {w.boat for w in wear_of(folder, ["otter"]).numbers} == {"otter"}
+    found = wear_of(folder, ["otter"])
+    assert {w.boat for w in found.numbers} == {"otter"}
+    assert found.too_few == {}
+    (one,) = found.numbers
+    assert (
+        0.05 / 2.0 < one.p_value < 0.05
+    )  # alone it would be believed; beside the others it is not
+    assert one.change is None
+    with pytest.raises(BadInput, match=r"^bear: .* \(boats: heron, otter, swan\)$"):
+        wear_of(folder, ["bear"])
 
 
 def test_the_command_tells_it_in_words_and_as_json(run, folder):
     done = run("wear", folder)
     assert done.status == 0
     assert "has lost 18 %" in " ".join(done.out.split())
-    assert "swan: 1 numbers in fewer than 6 recordings" in " ".join(done.out.split())
+    assert "swan: 1 number in fewer than 6 recordings" in " ".join(done.out.split())
     told = json.loads(run("wear", folder, "--json").out)
     assert len(told["changes"]) == 2
     change = next(n["change"] for n in told["numbers"] if n["name"] == "left.ahead")
     assert (change["kind"], change["moment"]) == ("step", "2026-05-13")
     steady = json.loads(run("wear", folder, "--json", "--boat", "otter").out)
     assert steady["changes"] == []
-    assert (
-        "nothing has changed: 1 numbers were followed" in run("wear", folder, "--boat", "otter").out
-    )
+    assert "no change is clear: 1 number followed" in run("wear", folder, "--boat", "otter").out
 
 
 def test_pictures_of_every_course(run, folder, tmp_path):

@@ -60,7 +60,7 @@ def test_the_table_is_shown_with_courses_what_has_changed_first(folder, tmp_path
     page._boat.value, page._state.value = "no boat", "failed"
     assert list(page._table.value.recording) == ["torn.tlog"]
     page._number.value = "heron: X_u"
-    assert "nothing has changed" in page._course.part[-1].object
+    assert "no change is clear" in page._course.part[-1].object
 
 
 def test_a_row_is_worked_on_with_its_vessel_and_one_that_is_gone_says_so(folder, tmp_path):
