@@ -42,6 +42,8 @@ STEPS = ("compare", "identify", "diagnose")
 DONE, PARTLY, FAILED, DUPLICATE = "done", "partly", "failed", "duplicate"
 LASTING = (DONE, PARTLY, FAILED)  # states that the same recording and settings would have again
 FAULT = "fault"  # of the program or its machine: tried again on the next run
+DAY_S = 86400.0
+CLOCK_OFF_S = DAY_S  # further from the boat's, a recording's clock was not set; chosen
 Row = dict[str, Any]
 
 
@@ -124,7 +126,7 @@ def _analysed(file: Path, task: Task) -> Analysis:
     trials = trials_of(log, options)
     sailed = survey(log, choose_floating(log, options.system, options.anyway).system).boats[0]
     row: Row = {"format": log.kind, "state": DONE, "good_for": list(sailed.good_for)}
-    row |= summary_of(trials)
+    row |= summary_of(trials, sailed.unix_ahead_s or 0.0)
     usable, estimates, problems = [t for t in trials if t.usable.any()], list[Row](), list[str]()
 
     def identify() -> Row:
@@ -165,21 +167,31 @@ def _analysed(file: Path, task: Task) -> Analysis:
     return Analysis(row, tuple(estimates))
 
 
-def summary_of(trials: Sequence[Trial]) -> Row:
-    """When, where, how long, how far and how fast: of the time that is usable."""
+def summary_of(trials: Sequence[Trial], ahead_s: float = 0.0) -> Row:
+    """When, where, how long, how far and how fast: of the time that is usable.
+
+    ahead_s  by how much the boat's own time of day is ahead of the recording's
+    """
     first = min(trials, key=lambda t: t.start_time_ns)
+    off = ahead_s if abs(ahead_s) > CLOCK_OFF_S else 0.0
+    notices = list(dict.fromkeys(n for t in trials for n in t.notices))
+    if off:
+        notices.append(
+            f"its clock is {abs(off) / DAY_S:.0f} days {'behind' if off > 0.0 else 'ahead of'} "
+            "the boat's: dated by the boat's"
+        )
     speed = [np.hypot(t.nu[:, Nu.U], t.nu[:, Nu.V])[t.usable] for t in trials]
     lengths = [float(s.sum()) * t.dt for s, t in zip(speed, trials, strict=True)]
     latitude, longitude = first.origin_deg or (None, None)
     return {
-        "started": datetime.fromtimestamp(first.start_time_ns * 1e-9, UTC).isoformat(),
+        "started": datetime.fromtimestamp(first.start_time_ns * 1e-9 + off, UTC).isoformat(),
         "seconds": sum(float(t.time[-1]) for t in trials),
         "usable_s": sum(float(t.usable.sum()) * t.dt for t in trials),
         "stretches": len(trials), "excluded": excluded_summary(trials),
         "latitude_deg": latitude, "longitude_deg": longitude,
         "distance_m": sum(lengths),
         "top_speed_mps": max((float(s.max()) for s in speed if len(s)), default=None),
-        "notices": list(dict.fromkeys(n for t in trials for n in t.notices)),
+        "notices": notices,
     }  # fmt: skip
 
 

@@ -39,8 +39,10 @@ def _found(name: str) -> list[str]:
             kept = [f for f in inside if PurePosixPath(f).suffix.lower() in suffixes()]
         elif "*" in root or "?" in root or "[" in root:
             kept = [file for file in filesystem.glob(root) if filesystem.isfile(file)]
+        elif filesystem.exists(root):
+            kept = [root]
         else:
-            kept = [root]  # a missing one is a row that says so
+            raise BadInput(f"{name}: there is no such file or folder")
     except (ImportError, ValueError, OSError) as error:
         raise BadInput(f"{name}: cannot look there: {error}") from None
     return kept if _is_local(name) else [filesystem.unstrip_protocol(file) for file in kept]

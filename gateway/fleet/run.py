@@ -57,12 +57,16 @@ class Progress:
 
 @dataclass
 class FleetResult:
-    """All rows; `known` of them were worked out on an earlier run."""
+    """All rows; `known` of them were worked out on an earlier run.
+
+    unused  boats that none of the recordings is of
+    """
 
     folder: Path
     rows: dict[str, Row] = field(default_factory=dict)
     estimates: dict[str, tuple[Row, ...]] = field(default_factory=dict)
     known: int = 0
+    unused: Sequence[Boat] = ()
 
     def add(self, recording: str, row: Row, estimates: Sequence[Row] = ()) -> None:
         """Put a recording's row in, and its estimates."""
@@ -129,6 +133,7 @@ def run_fleet(
     sailed = {recording: boat_of(recording, boats) for recording in recordings}
     asked = {boat: settings_digest(boat, settings) for boat in boats}
     store, result = ResultStore(folder), FleetResult(folder)
+    result.unused = [boat for boat in boats if boat not in sailed.values()]
     with connected(scheduler, workers) as client:
         digests = _digests(client, store, recordings)
         run = _Run(result, store, digests, sailed, asked, len(recordings), progress)

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from gateway.errors import BadInput
 from gateway.files import write_whole
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 VERSION_KEY = b"shadow.fleet.schema"
 RECORDINGS_FILE, ESTIMATES_FILE = "recordings.parquet", "estimates.parquet"
 
@@ -39,7 +39,7 @@ RECORDINGS: Mapping[str, Column] = {
     "state": Column(TEXT, "done, partly, failed, fault (tried again on the next run), duplicate"),
     "why": Column(TEXT, "why it is not done, one sentence"),
     "format": Column(TEXT, "kind of recording"),
-    "started": Column(TIME, "first sample, by the recording's clock"),
+    "started": Column(TIME, "first sample, by the boat's clock where the recording's is days off"),
     "seconds": Column(NUMBER, "length of its stretches"),
     "usable_s": Column(NUMBER, "of these armed, under way, with motion and commands"),
     "stretches": Column(COUNT, "pieces between boots and long silences"),

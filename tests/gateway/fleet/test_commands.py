@@ -3,9 +3,13 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from gateway.fleet.run import FleetResult
+from gateway.fleet.wear import FleetWear
+from gateway.terminal.fleet import show_fleet
 from tests.gateway.command_line import one_line
 
 BLOCKED = """
@@ -40,6 +44,7 @@ def test_json_counts_what_came_of_it(run, folder, cluster):
     assert done.status == 0
     told = json.loads(done.out)
     assert told["states"] == {"done": 2, "failed": 2}
+    assert told["unused"] == ["otter-1"]
     assert {one["why"] for one in told["failed"]} >= {"no entry of the fleet file names it"}
     assert "4 of 4: " in done.err
     assert "about 0 s left" in done.err
@@ -49,6 +54,8 @@ def test_json_counts_what_came_of_it(run, folder, cluster):
     text = " ".join(shown.out.split())
     assert "4 recordings, 3 of them known already" in text
     assert "│ heron │ 2 of 3 │" in text
+    assert "otter-1: no recording fits otter_* (fleet file)" in text
+    assert "heron: no recording" not in text
 
 
 def test_after_a_kill_the_same_command_goes_on(run, folder, cluster):
@@ -80,3 +87,19 @@ def test_a_broken_vessel_file_is_found_before_any_work(run, folder):
     words = ["--vessels", folder / "fleet.toml", "--out", folder / "out"]
     one_line(run("fleet", folder / "logs", *words), 2, "boat.toml: missing key")
     assert not (folder / "out").exists()
+
+
+def test_recordings_of_one_reason_are_one_line(capsys):
+    why = "{}: the vehicle says that it is a submarine"
+    rows = {
+        name: {"recording": name, "boat": "heron", "state": "failed", "why": why.format(name)}
+        for name in ("/logs/a.tlog", "/logs/b.tlog", "/logs/c.tlog", "/logs/d.tlog")
+    }
+    rows["/logs/e.BIN"] = rows["/logs/a.tlog"] | {"recording": "/logs/e.BIN", "why": "cut off"}
+    show_fleet(FleetResult(Path("out"), rows), FleetWear((), {}, {}, {}))
+    text = " ".join(capsys.readouterr().out.split())
+    assert (
+        "4 recordings failed: the vehicle says that it is a submarine (a.tlog, b.tlog, c.tlog, …)"
+    ) in text
+    assert "/logs/e.BIN: failed: cut off" in text
+    assert text.count("•") == 2

@@ -3,16 +3,20 @@
 import shutil
 from pathlib import Path
 
+import fsspec
 import pyarrow.parquet as pq
 import pytest
 from distributed import LocalCluster
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput, ShadowError
 from gateway.fleet import run as running
-from gateway.fleet.analysis import AnalysisSettings
+from gateway.fleet.analysis import DAY_S, AnalysisSettings
 from gateway.fleet.fleet_file import read_fleet
 from gateway.fleet.run import FleetResult, Progress, local_cluster, run_fleet
 from gateway.fleet.table import read_estimates, read_recordings
+from tests.gateway.ingest.scripted import START_NS
+from tests.gateway.pipelines.sailing import BOOT_S, frames, parameters, voyage
 
 COMPARE = AnalysisSettings(steps=("compare",))
 
@@ -55,6 +59,28 @@ def test_identify_writes_numbers_with_intervals(folder, cluster):
     assert not {"m11", "m22", "m33"} & rows.keys()
     assert all(r["low"] <= r["value"] <= r["high"] for r in rows.values())
     assert {r["boat"] for r in rows.values()} == {"otter-1"}
+
+
+@pytest.mark.parametrize("years", [0, 5, -50])
+def test_a_clock_that_is_years_off_is_set_by_the_boats(folder, cluster, years):
+    now_us = START_NS // 1000
+    boats = dialect.MAVLink_system_time_message(now_us, round(1000 * BOOT_S))
+    said = [(0.0, boats), *parameters(), *voyage(40.0)]
+    off_us = round(years * 365.25 * DAY_S * 1e6)
+    late = b"".join(
+        (int.from_bytes(frame[:8], "big") + off_us).to_bytes(8, "big") + frame[8:]
+        for frame in frames(said)
+    )
+    shutil.rmtree(folder / "logs" / "heron")
+    (folder / "logs" / "heron").mkdir()
+    (folder / "logs" / "heron" / "late.tlog").write_bytes(late)
+    go(folder, cluster)
+    (row,) = (r for r in read_recordings(folder / "out") if r["state"] == "done")
+    assert abs(row["started"].timestamp() - START_NS * 1e-9) < 5.0
+    told = [n for n in row["notices"] if "dated by the boat's" in n]
+    words = {5: "its clock is 1826 days ahead of", -50: "its clock is 18262 days behind"}
+    assert len(told) == (years != 0)
+    assert all(n.startswith(words[years]) for n in told)
 
 
 def test_what_is_known_is_not_run_again_until_it_changes(folder, cluster, monkeypatch):
@@ -125,11 +151,29 @@ def test_a_url_is_read_where_the_worker_is(folder, cluster):
     assert all(row["recording"].startswith("file:///") for row in rows)
 
 
+def test_a_filesystem_that_is_no_disk_is_read_through_fsspec(folder, cluster, sailed):
+    memory = fsspec.filesystem("memory")  # the cluster's workers are in this process
+    memory.pipe({"/lake/heron/a.tlog": sailed, "/lake/notes.txt": b"no recording"})
+    boats = read_fleet(folder / "fleet.toml")
+    try:
+        for named in ("memory://lake", "memory://lake/heron/*.tlog"):
+            run_fleet([named], boats, folder / "out", COMPARE, scheduler=cluster.scheduler_address)
+            (row,) = read_recordings(folder / "out")
+            assert (row["state"], row["boat"]) == ("done", "heron")
+            assert row["recording"] == "memory:///lake/heron/a.tlog"
+        with pytest.raises(BadInput, match=r"memory://lake/b\.tlog: there is no such file"):
+            run_fleet(["memory://lake/b.tlog"], boats, folder / "out", COMPARE)
+    finally:
+        memory.rm("/lake", recursive=True)
+
+
 def test_what_is_not_there_is_one_line(folder, cluster, monkeypatch):
     boats = read_fleet(folder / "fleet.toml")
     with pytest.raises(BadInput, match="no recordings there"):
         run_fleet([str(folder / "logs" / "*.ulg")], boats, folder / "out", COMPARE)
     monkeypatch.setattr(running, "CONNECT_S", 0.5)
+    with pytest.raises(BadInput, match="nowhere: there is no such file or folder"):
+        run_fleet([str(folder / "nowhere")], boats, folder / "out", COMPARE)
     with pytest.raises(ShadowError, match="no Dask scheduler answers there"):
         run_fleet([str(folder / "logs")], boats, folder / "out", COMPARE,
                   scheduler="tcp://127.0.0.1:1")  # fmt: skip

@@ -1,5 +1,6 @@
 """The table: its schema is documented and versioned, and other programs open it."""
 
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,7 +23,8 @@ from gateway.fleet.table import (
 from tests.conftest import ROOT
 
 WHEN = "2026-05-12T08:00:00+00:00"
-ROW = {"recording": "a.tlog", "state": "done", "started": WHEN, "good_for": ["all"], "nrmse": 0.2}
+ROW = {"recording": "a.tlog", "boat": "heron", "state": "done", "started": WHEN,
+       "usable_s": 600.0, "good_for": ["all"], "nrmse": 0.2}  # fmt: skip
 NUMBER = {"recording": "a.tlog", "boat": "heron", "name": "left.ahead", "value": 90.0,
           "low": 88.0, "high": 92.0, "started": WHEN, "identifiable": True}  # fmt: skip
 
@@ -37,7 +39,7 @@ def test_both_files_hold_every_column_and_the_version(folder):
     for name, columns in FILES.items():
         schema = pq.read_schema(folder / name)
         assert schema.names == list(columns)
-        assert schema.metadata[VERSION_KEY] == b"1"
+        assert schema.metadata[VERSION_KEY] == b"2"
 
 
 def test_every_column_is_documented_with_its_meaning():
@@ -56,6 +58,17 @@ def test_pandas_polars_and_duckdb_open_it(folder):
     query = f"SELECT r.nrmse, e.value FROM '{folder / RECORDINGS_FILE}' r JOIN "
     query += f"'{folder / ESTIMATES_FILE}' e USING (recording) WHERE r.state = 'done'"
     assert duckdb.sql(query).fetchall() == [(0.2, 90.0)]
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars", "duckdb"])
+def test_what_the_page_shows_runs_as_it_stands(folder, library, monkeypatch, capsys):
+    page = (ROOT / "docs" / "fleet.md").read_text(encoding="utf-8")
+    (code,) = (c for c in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if library in c)
+    (folder / "shadow-out").mkdir()
+    (folder / "shadow-out" / "fleet").symlink_to(folder, target_is_directory=True)
+    monkeypatch.chdir(folder)
+    exec(compile(code, "docs/fleet.md", "exec"), {})
+    assert "heron" in capsys.readouterr().out
 
 
 def test_a_table_of_another_version_or_none_is_refused(folder, tmp_path):
