@@ -18,7 +18,7 @@ ATTITUDE = 20.0
 [following]  reference, rate_hz, adapt (off, watch, apply), and the follower's options
 [studio]                    the map, fetched once somebody switches it on
 tiles = "https://…"         address of a tile with {Z}, {X} and {Y} for its numbers (Web Mercator),
-                            or an MBTiles file, NAME.mbtiles, from where the studio is started
+                            or a file, NAME.mbtiles or NAME.pmtiles, from where the studio starts
 attribution = "© …"         whose map it is; addresses in it become links
 deepest = 19                zoom beyond which the source has no tiles
 """
@@ -79,8 +79,8 @@ class StudioSettings:
 
     @property
     def file(self) -> Path | None:
-        """The MBTiles file that tiles are read from; None where a server is asked."""
-        return Path(self.tiles) if self.tiles.endswith(".mbtiles") else None
+        """The file that tiles are read from; None where a server is asked."""
+        return Path(self.tiles) if self.tiles.endswith((".mbtiles", ".pmtiles")) else None
 
     @property
     def source(self) -> str:

@@ -86,6 +86,14 @@ class VesselStatus:
             return float("inf")
         return None if self.alive and age <= SILENT_S else age
 
+    @property
+    def link_silent_s(self) -> float | None:
+        """Time without a frame of the boat, as its gateway tells; None where it is heard."""
+        health = self.message("health")
+        if health is None or health["link_age_s"] <= LINK_SILENT_S:
+            return None
+        return float(health["link_age_s"])
+
     def to_dict(self, events_before: int = 0) -> dict[str, Any]:
         """A line of JSON: the messages as published, and the events after the first so many."""
         fresh = min(self.event_count - events_before, len(self.events))

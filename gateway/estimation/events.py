@@ -49,6 +49,12 @@ class Events:
     def __getitem__(self, part: slice | NDArray[np.generic]) -> "Events":
         return Events(*(column[part] for column in vars(self).values()))
 
+    def thinned(self, rate_hz: float) -> "Events":
+        """The first of each kind in each step of time."""
+        step = np.floor(self.time_s * rate_hz)
+        _, first = np.unique(np.column_stack([self.kind, step]), axis=0, return_index=True)
+        return self[np.sort(first)]
+
 
 def make_events(kind: MeasurementKind, time_s: Floats, z: Floats, std: float) -> Events:
     """Measurements of one kind: times (K,) [s], values (K,) or (K, 1) or (K, 2), one std."""

@@ -156,7 +156,7 @@ def repair(path: Path, now: Callable[[], float] = time.time) -> Repair:
     whole = path.with_name(path.name + ".repair")
     try:
         with whole.open("wb") as stream:
-            messages = _rewrite(recording, Writer(stream, compression=CompressionType.ZSTD))
+            messages = rewrite(recording, Writer(stream, compression=CompressionType.ZSTD))
             stream.flush()
             os.fsync(stream.fileno())
         whole.replace(path)
@@ -167,14 +167,18 @@ def repair(path: Path, now: Callable[[], float] = time.time) -> Repair:
     return Repair(path, False, messages)
 
 
-def _rewrite(recording: Recording, writer: Writer) -> int:
-    """Copy everything that can be read -> number of messages."""
+def rewrite(
+    recording: Recording,
+    writer: Writer,
+    chosen: Callable[[Block], NDArray[np.bool_]] | None = None,
+) -> int:
+    """Copy everything that can be read, or of the messages those chosen -> how many messages."""
     writer.start(profile="")
     for name, entries in recording.metadata.items():
         writer.add_metadata(name, dict(entries))
     for item in recording.attachments.values():
         writer.add_attachment(0, 0, item.name, item.media_type, item.data)
-    return copy_messages(recording, writer)
+    return copy_messages(recording, writer, chosen)
 
 
 def copy_messages(

@@ -1,7 +1,7 @@
 """What is in each recording, read in the background one after the other, as cards for people."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from gateway.errors import ShadowError
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
-from gateway.offline.trials import TrialOptions, trials_of
+from gateway.offline.trials import FIRST_LOOK, trials_of
 from gateway.studio.worker import Send, Worker
 from sim.state import Eta, Floats
 
@@ -39,7 +39,7 @@ def card_task(send: Send, path: str, mapping: str | None = None) -> CardView:
     log = open_log(path, mapping)
     found = survey(log)
     try:
-        trials = trials_of(log, TrialOptions(mapping=mapping, rate_hz=2.0))
+        trials = trials_of(log, replace(FIRST_LOOK, mapping=mapping))
     except ShadowError as error:
         return CardView(found, why_not=" ".join(str(error).split()))
     track = np.concatenate([trial.eta[:, [Eta.EAST, Eta.NORTH]] for trial in trials])

@@ -1,4 +1,4 @@
-"""Bokeh figures of live boats: a chart from above, and strips of their velocities."""
+"""Bokeh figures of live boats: a chart from above, strips of velocities and missing force."""
 
 import math
 from itertools import pairwise
@@ -9,11 +9,12 @@ from bokeh.models import Arrow, ColumnDataSource, OpenHead, ScaleBar
 from bokeh.plotting import figure as new_figure
 
 from gateway.figures.bokeh_draw import style_figure
-from gateway.figures.figure_data import SeriesRole
-from gateway.figures.style import EAST, NORTH, VELOCITIES, Theme
+from gateway.figures.figure_data import Axis, SeriesRole
+from gateway.figures.style import EAST, MISSING_FORCES, NORTH, VELOCITIES, Theme
 from gateway.monitor import TRUTH, Message, VesselStatus
-from gateway.studio.live_history import WINDOW_S, WatchedBoat
+from gateway.studio.live_history import RESIDUAL, WINDOW_S, WatchedBoat
 from gateway.studio.page import fill_source
+from sim.state import Floats
 
 SERIES = (("measured", SeriesRole.MEASURED, "solid"), ("shadow", SeriesRole.SHADOW, "solid"),
           ("reference", SeriesRole.CONTEXT, "dotted"),
@@ -22,9 +23,11 @@ HULLS = tuple(series for series in SERIES if series[0] != "reference")
 HULL = np.array(  # outline of a boat of 2 m: ahead, to starboard [m]
     [[1.0, 0.0], [0.3, 0.45], [-1.0, 0.4], [-1.0, -0.4], [0.3, -0.45]]
 )
+SMALLEST_M = 40.0  # that the chart shows
 FADED = 0.25  # opacity of a boat that is not heard
 AGES = 5  # shades of a track
 SIGNIFICANT = 2.0  # standard deviations: a missing force below that is not drawn
+NOISE = tuple(f"{name}_{end}" for end in ("low", "high") for name in "XYN")
 MOST_ROWS = int(WINDOW_S * 12)  # of a strip: some more than the history has
 
 
@@ -52,6 +55,10 @@ class Chart:
             source=self._forces, x_start="x0", y_start="y0", x_end="x1", y_end="y1",
             line_color=colour, line_width=3, end=OpenHead(size=12, line_color=colour),
         ))  # fmt: skip
+        self._corners = _source("x", "y")  # of what is to be seen
+        seen = self.figure.scatter("x", "y", source=self._corners, alpha=0.0)
+        for axis in (self.figure.x_range, self.figure.y_range):
+            axis.renderers, axis.range_padding = [seen], 0.0
         self._names = _source("x", "y", "name")
         self.figure.text("x", "y", "name", source=self._names, text_color=theme.ink, x_offset=10,
                          text_font_size="12px")  # fmt: skip
@@ -62,16 +69,21 @@ class Chart:
             label_text_color=theme.ink, title="",
         ))  # fmt: skip
 
-    def show(self, boats: tuple[WatchedBoat, ...]) -> None:
-        """All boats as they are now."""
+    def show(
+        self, boats: tuple[WatchedBoat, ...], followed: str | None = None, across_m: float = 0.0
+    ) -> None:
+        """All boats as they are now; the chart shows so much around one of them, or all tracks."""
+        fill_source(self._corners, _corners(boats, followed, across_m))
         for topic, _, _ in HULLS:
             fill_source(
                 self._tracks[topic],
                 (piece for boat in boats
-                 for piece in _shaded(*boat.tracks.get(topic, ([], [])), strength(boat))),
+                 for piece in _shaded(*boat.tracks.get(topic, ([], [])), strength(boat, topic))),
             )  # fmt: skip
             hulls = ((boat, boat.placed(topic)) for boat in boats)
-            fill_source(self._hulls[topic], ((*_hull(m), strength(boat)) for boat, m in hulls if m))
+            fill_source(
+                self._hulls[topic], ((*_hull(m), strength(boat, topic)) for boat, m in hulls if m)
+            )
         _legend_of_truth(self.figure, any(boat.placed(TRUTH) for boat in boats))
         fill_source(self._forces, (arrow for boat in boats if (arrow := _arrow(boat))))
         motions = ((boat.status, boat.status.motion()) for boat in boats)
@@ -80,39 +92,81 @@ class Chart:
         )
 
 
-def strength(boat: WatchedBoat) -> float:
-    """How strongly a boat is drawn: one that is not heard fades to its last place."""
-    return 1.0 if boat.status.silent_s is None else FADED
+def _corners(
+    boats: tuple[WatchedBoat, ...], followed: str | None, across_m: float
+) -> list[tuple[float, float]]:
+    """Two corners [m] of a square around the boat that is followed, else around all tracks."""
+    motions = {boat.status.name: m for boat in boats if (m := boat.status.motion())}
+    half, places = 0.5 * across_m, list[tuple[float, float]]()
+    if across_m > 0.0 and followed in motions:
+        places = [(motions[followed]["east_m"], motions[followed]["north_m"])]
+    else:
+        half = 0.0
+        places += [(m["east_m"], m["north_m"]) for m in motions.values()]
+        for boat in boats:
+            for track in boat.tracks.values():
+                places += zip(*track, strict=True)
+    if not places:
+        return []
+    low, high = np.min(places, axis=0) - half, np.max(places, axis=0) + half
+    more = 0.5 * np.maximum(SMALLEST_M - (high - low), 0.1 * (high - low)) * (half == 0.0)
+    return [tuple((low - more).tolist()), tuple((high + more).tolist())]
+
+
+def strength(boat: WatchedBoat, topic: str) -> float:
+    """How strongly a boat or its shadow is drawn: what is not heard fades at its last place."""
+    lost = boat.status.silent_s is not None
+    lost |= topic == "measured" and boat.status.link_silent_s is not None
+    return FADED if lost else 1.0
 
 
 def _name(status: VesselStatus) -> str:
     """The name, and behind that of a boat that is not heard that it is so."""
     if status.silent_s is None:
-        return status.name
+        return f"{status.name}{': link silent, was here' if status.link_silent_s else ''}"
     return f"{status.name}: {'silent' if status.alive else 'gone'}, was here"
 
 
-class VelocityStrips:
-    """u, v, r over the last minute, streamed."""
+class Strips:
+    """u, v, r and the missing force over the last minute, streamed."""
 
     def __init__(self, theme: Theme) -> None:
-        self.figures: list[Any] = []
-        self._sources = {topic: _source("t", "u", "v", "r") for topic, _, _ in SERIES}
+        self._sources = {topic: _source("t", *"uvr") for topic, _, _ in SERIES}
+        self._sources[RESIDUAL] = _source("t", *"XYN", *NOISE)
         self._latest: dict[str, float] = {}  # topic -> time of the last row
-        for name, axis in zip("uvr", VELOCITIES, strict=True):
-            fig = new_figure(
-                height=150, sizing_mode="stretch_width", y_axis_label=axis.text,
-                x_axis_type="datetime", tools="pan,wheel_zoom,reset", toolbar_location=None,
-            )  # fmt: skip
-            style_figure(fig, theme)
-            fig.x_range.follow, fig.x_range.follow_interval = "end", WINDOW_S * 1000.0
-            fig.x_range.range_padding = 0.0
-            for topic, role, dash in SERIES:
-                fig.line("t", name, source=self._sources[topic], line_color=theme.colour(role),
-                         line_width=1.8, line_dash=dash,
-                         **({"legend_label": topic} if name == "u" else {}))  # fmt: skip
-            self.figures.append(fig)
-        _legend_above(self.figures[0], theme)
+        self.velocities = [
+            self._figure(axis, theme, name) for name, axis in zip("uvr", VELOCITIES, strict=True)
+        ]
+        time = self.velocities[0].x_range
+        time.follow, time.follow_interval = "end", WINDOW_S * 1000.0
+        time.range_padding = 0.0
+        self.forces = [
+            self._figure(axis, theme, name)
+            for name, axis in zip("XYN", MISSING_FORCES, strict=True)
+        ]
+        for fig in (*self.velocities[1:], *self.forces):
+            fig.x_range = time
+        _legend_above(self.velocities[0], theme)
+
+    def _figure(self, axis: Axis, theme: Theme, name: str) -> Any:
+        """The strip of one velocity of all motions, or of one missing force within its noise."""
+        fig = new_figure(
+            height=150, sizing_mode="stretch_width", y_axis_label=axis.text,
+            x_axis_type="datetime", tools="pan,wheel_zoom,reset", toolbar_location=None,
+            html_attributes={"role": "group", "aria-label": f"plot of {axis.label} over time"},
+        )  # fmt: skip
+        style_figure(fig, theme)
+        if name in "XYN":
+            colour, source = theme.colour(SeriesRole.ERROR), self._sources[RESIDUAL]
+            fig.varea("t", f"{name}_low", f"{name}_high", source=source, fill_alpha=0.25,
+                      fill_color=theme.colour(SeriesRole.CONTEXT))  # fmt: skip
+            fig.line("t", name, source=source, line_color=colour, line_width=1.8)
+            return fig
+        for topic, role, dash in SERIES:
+            fig.line("t", name, source=self._sources[topic], line_color=theme.colour(role),
+                     line_width=1.8, line_dash=dash,
+                     **({"legend_label": topic} if name == "u" else {}))  # fmt: skip
+        return fig
 
     def clear(self) -> None:
         """Another boat is shown from now on, or none."""
@@ -120,17 +174,25 @@ class VelocityStrips:
             return
         self._latest.clear()
         for source in self._sources.values():
-            source.data = {"t": [], "u": [], "v": [], "r": []}
+            source.data = {name: [] for name in source.column_names}
 
     def show(self, boat: WatchedBoat) -> None:
         """What came since the last time."""
-        _legend_of_truth(self.figures[0], TRUTH in boat.velocities)
+        _legend_of_truth(self.velocities[0], TRUTH in boat.rows)
         for topic, source in self._sources.items():
-            rows = boat.velocities_since(topic, self._latest.get(topic, 0.0))
+            rows = boat.rows_since(topic, self._latest.get(topic, 0.0))
             if len(rows):
                 self._latest[topic] = float(rows[-1, 0])
-                columns = dict(zip("tuvr", (1000.0 * rows[:, 0], *rows[:, 1:].T), strict=True))
-                source.stream(columns, rollover=MOST_ROWS)
+                columns = _with_noise(rows) if topic == RESIDUAL else rows
+                times = 1000.0 * rows[:, 0]
+                values = dict(zip(source.column_names, (times, *columns.T[1:]), strict=True))
+                source.stream(values, rollover=MOST_ROWS)
+
+
+def _with_noise(rows: Floats) -> Floats:
+    """Rows (n, 7) of time, forces and their std -> (n, 10): time, forces, noise below and above."""
+    noise = SIGNIFICANT * rows[:, 4:]
+    return np.hstack([rows[:, :4], -noise, noise])
 
 
 def _source(*columns: str) -> Any:
@@ -179,7 +241,8 @@ def _arrow(boat: WatchedBoat) -> tuple[float, float, float, float] | None:
     East and north of both ends [m].
     """
     m, f = boat.status.motion(), boat.status.message("residual")
-    if m is None or f is None or boat.status.silent_s is not None:
+    silent = boat.status.silent_s is not None or boat.status.link_silent_s is not None
+    if m is None or f is None or silent:
         return None
     X, Y = f["missing_surge_n"], f["missing_sway_n"]
     size = math.hypot(X, Y)

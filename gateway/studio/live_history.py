@@ -26,22 +26,30 @@ TRACK_EVERY = 5  # messages between two points of a track
 PAST_S, PAST_EVERY_S = 300.0, 0.2  # that can be gone back to, and between two moments of it
 MOTION_TOPICS = ("measured", "shadow", "reference", TRUTH)
 TRACKED = ("measured", "shadow", TRUTH)
+RESIDUAL = "residual"
+MISSING = ("missing_surge_n", "missing_sway_n", "missing_yaw_nm")
+FORCES = (*MISSING, *(f"{name}_std" for name in MISSING))
+MOTION = ("east_m", "north_m", "surge_mps", "sway_mps")
 SAME_MOMENT_NS = 100_000_000  # two messages that are held beside each other
 JUMP_M = 5.0  # within a tenth of a second: a frame or a day that begins anew
-LARGEST = 1e7  # m or m/s: what is larger would break a chart
+LARGEST = 1e7  # m, m/s, N or N m: what is larger would break a chart
 
 
 @dataclass(frozen=True)
 class WatchedBoat:
-    """One boat: its status, its tracks (east, north [m]) and its velocities by topic.
+    """One boat: its status, its tracks (east, north [m]), and what it told by topic.
 
+    rows  (n, 4) of Unix time [s], u, v [m/s], r [°/s] of a motion; (n, 7) of time, missing X, Y
+          [N], N [N m] and their standard deviations of the residual
     truth_origin  where the truth's origin lies on the chart (east, north [m]); None: not known
+    gone  when its gateway was last away [Unix s]: what was said before is of another run
     """
 
     status: VesselStatus
     tracks: dict[str, tuple[list[float], list[float]]]
-    velocities: dict[str, Floats]
+    rows: dict[str, Floats]
     truth_origin: tuple[float, float] | None = None
+    gone: float = 0.0
 
     def placed(self, topic: str) -> Message | None:
         """The latest motion of a topic, its place as the chart has it."""
@@ -50,10 +58,10 @@ class WatchedBoat:
             return m
         return None if self.truth_origin is None else _moved(m, self.truth_origin)
 
-    def velocities_since(self, topic: str, time: float) -> Floats:
-        """Rows (n, 4) of Unix time [s], u, v [m/s], r [°/s] after that time."""
-        rows = self.velocities.get(topic)
-        return np.empty((0, 4)) if rows is None else rows[rows[:, 0] > time]
+    def rows_since(self, topic: str, time: float) -> Floats:
+        """The rows of a topic after a Unix time [s]."""
+        rows = self.rows.get(topic)
+        return np.empty((0, 7)) if rows is None else rows[rows[:, 0] > time]
 
 
 class BoatHistory:
@@ -61,15 +69,18 @@ class BoatHistory:
 
     def __init__(self) -> None:
         length, points = int(WINDOW_S / PERIOD_S), int(TRACK_S / PERIOD_S / TRACK_EVERY)
-        self.rows = {t: deque[tuple[float, ...]](maxlen=length) for t in MOTION_TOPICS}
+        self.rows = {t: deque[tuple[float, ...]](maxlen=length) for t in (*MOTION_TOPICS, RESIDUAL)}
         self.tracks = {t: deque[tuple[float, float]](maxlen=points) for t in TRACKED}
         self.truth_origin: tuple[float, float] | None = None
         self._places: dict[str, tuple[float, float]] = {}
         self.past = deque[tuple[float, VesselStatus]](maxlen=int(PAST_S / PAST_EVERY_S))
         self._counts: dict[str, int] = defaultdict(int)
+        self._gone = 0.0
 
     def remember(self, now: float, status: VesselStatus) -> None:
         """The status of a moment [Unix s], to go back to."""
+        if not status.alive:
+            self._gone = now
         if not self.past or now - self.past[-1][0] >= PAST_EVERY_S:
             self.past.append((now, status))
 
@@ -89,15 +100,22 @@ class BoatHistory:
         self._place_truth(status.message(TRUTH), status.message("measured"))
         for topic in MOTION_TOPICS:
             message = status.message(topic)
-            if message is not None and _plausible(message):
-                self._add(topic, message, track_every)
+            if message is not None and _plausible(message, MOTION):
+                self._add_motion(topic, message, track_every)
+        lacks = status.message(RESIDUAL)
+        if lacks is not None and _plausible(lacks, FORCES):
+            self._append(RESIDUAL, lacks, *(lacks[name] for name in FORCES))
 
     def _place_truth(self, truth: Message | None, measured: Message | None) -> None:
         """Both count from a place of their own: they are laid together where both are first known.
 
         A jump of either is a firmware that has begun anew: then they are laid together again.
         """
-        if truth is None or measured is None or not (_plausible(truth) and _plausible(measured)):
+        if (
+            truth is None
+            or measured is None
+            or not (_plausible(truth, MOTION) and _plausible(measured, MOTION))
+        ):
             return
         now = {name: (m["east_m"], m["north_m"]) for name, m in ((TRUTH, truth), ("", measured))}
         before, self._places = self._places, now
@@ -109,19 +127,26 @@ class BoatHistory:
             (east, north), (x, y) = now[""], now[TRUTH]
             self.truth_origin = east - x, north - y
 
-    def _add(self, topic: str, m: Message, track_every: int) -> None:
-        at, rows = m["receive_time_ns"] * 1e-9, self.rows[topic]
-        if rows and at <= rows[-1][0]:
-            if at > rows[-1][0] - WINDOW_S:
-                return
-            rows.clear()  # the clock was set back, or a recording begins again
-        rows.append((at, m["surge_mps"], m["sway_mps"], m["yaw_rate_radps"] * DEGREES))
+    def _add_motion(self, topic: str, m: Message, track_every: int) -> None:
+        velocities = m["surge_mps"], m["sway_mps"], m["yaw_rate_radps"] * DEGREES
+        if not self._append(topic, m, *velocities):
+            return
         self._counts[topic] += 1
         if topic == TRUTH and self.truth_origin is None:
             return
         if topic in self.tracks and (self._counts[topic] - 1) % track_every == 0:
             m = _moved(m, self.truth_origin) if topic == TRUTH and self.truth_origin else m
             self.tracks[topic].append((m["east_m"], m["north_m"]))
+
+    def _append(self, topic: str, m: Message, *values: float) -> bool:
+        """A row of a topic; False where the message is not later than the last one."""
+        at, rows = m["receive_time_ns"] * 1e-9, self.rows[topic]
+        if rows and at <= rows[-1][0]:
+            if at > rows[-1][0] - WINDOW_S:
+                return False
+            rows.clear()  # the clock was set back, or a recording begins again
+        rows.append((at, *values))
+        return True
 
     def boat(self, status: VesselStatus) -> WatchedBoat:
         """The boat as it is now, with copies of what is kept."""
@@ -130,18 +155,16 @@ class BoatHistory:
             for topic, points in self.tracks.items()
         }
         rows = {topic: np.array(rows) for topic, rows in self.rows.items() if rows}
-        return WatchedBoat(status, tracks, rows, self.truth_origin)
+        return WatchedBoat(status, tracks, rows, self.truth_origin, self._gone)
 
 
 def _moved(m: Message, origin: tuple[float, float]) -> Message:
     return {**m, "east_m": m["east_m"] + origin[0], "north_m": m["north_m"] + origin[1]}
 
 
-def _plausible(m: Message) -> bool:
+def _plausible(m: Message, names: Iterable[str]) -> bool:
     """Anybody may publish: what would break a chart is left out."""
-    return all(abs(m[k]) < LARGEST for k in ("east_m", "north_m", "surge_mps", "sway_mps")) and (
-        0 < m["receive_time_ns"] < 1e19
-    )
+    return all(abs(m[name]) < LARGEST for name in names) and 0 < m["receive_time_ns"] < 1e19
 
 
 class LiveHistory:

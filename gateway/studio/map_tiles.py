@@ -14,12 +14,12 @@ from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
-from bokeh.models import ColumnDataSource, ImageURL
+from bokeh.models import ColumnDataSource, CustomJS, Div, ImageURL
 
 from gateway.config import StudioSettings
 from gateway.figures.style import Theme
 from gateway.ingest.earth import A, Origin, to_degrees, to_local
-from gateway.studio.page import boxes, fill_source, html
+from gateway.studio.page import bokeh_part, boxes, fill_source, html, stack
 from sim.state import Floats
 
 PIXELS = 256  # of a tile
@@ -29,6 +29,16 @@ WIDEST_M = 100_000.0  # beyond, the plane of the chart is not the Earth
 ADDRESS = re.compile(r"https?://[^\s<>\"]+")
 PALE = {"light": 0.75, "dark": 0.4}  # by theme, so that tracks and names stand out
 WIDE_PX = 700.0  # of a chart whose width is not known yet
+# The browser alone knows whether a picture came: it looks at the one in the middle.
+PROBE = """
+const urls = cb_obj.data.url;
+missing.visible = false;
+if (urls.length) {
+    const one = new Image();
+    one.onerror = () => { missing.visible = cb_obj.data.url === urls; };
+    one.src = urls[Math.floor(urls.length / 2)];
+}
+"""
 COLUMNS = ("url", "x", "y", "w", "h")  # of a tile
 
 
@@ -103,9 +113,10 @@ def _tile(x: int, y: int, zoom: int, origin: Origin, settings: StudioSettings) -
 class TileLayer:
     """The tiles below one figure, which follow what it shows."""
 
-    def __init__(self, figure: Any, settings: StudioSettings, theme: Theme) -> None:
+    def __init__(self, figure: Any, settings: StudioSettings, theme: Theme, missing: Any) -> None:
         self._figure, self._settings = figure, settings
         self._source = ColumnDataSource({name: [] for name in COLUMNS})
+        self._source.js_on_change("data", CustomJS(args={"missing": missing}, code=PROBE))
         tile = ImageURL(
             **{name: name for name in COLUMNS}, anchor="top_left", global_alpha=PALE[theme.name]
         )
@@ -115,7 +126,8 @@ class TileLayer:
         others = list(figure.renderers)
         figure.renderers.insert(0, drawn)
         for axis in (figure.x_range, figure.y_range):
-            axis.renderers = others  # the view follows the boats, never the map
+            if axis.renderers == "auto":
+                axis.renderers = others  # the view follows the boats, never the map
 
     def show(self, origin: Origin | None) -> None:
         """Tiles of what the figure shows now; none without a place on Earth."""
@@ -138,13 +150,20 @@ class TileMap:
         self._layers: list[TileLayer] = []
         self.credit = html()
         self.box = boxes(options=[f"Map, {settings.source}"])
+        self._missing = Div(
+            text=f"No picture of the map could be had of this place, {settings.source}.",
+            visible=False, styles={"color": "var(--warn)", "font-size": "15px"},
+        )  # fmt: skip
+        self.part = stack(self.box, bokeh_part(self._missing), self.credit)
 
     def show(self, figures: list[Any], origin: Origin | None) -> None:
         """The map below `figures` while the box is ticked, and the credit of its source."""
         on = bool(self.box.value)
         if on and figures and figures != self._figures:
             self._figures = figures
-            self._layers = [TileLayer(one, self._settings, self._theme) for one in figures]
+            self._layers = [
+                TileLayer(one, self._settings, self._theme, self._missing) for one in figures
+            ]
         for layer in self._layers:
             layer.show(origin if on else None)
         text = credit(self._settings.attribution) if on and origin else ""

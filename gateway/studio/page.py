@@ -55,6 +55,7 @@ th, td { text-align: right; padding: .3rem .6rem; border-bottom: 1px solid var(-
 th:first-child, td:first-child, td.text, th.text { text-align: left; } td.text { white-space: normal; }
 pre { white-space: pre-wrap; font-size: 13px; margin: 0; } ul { margin: .2rem 0 .2rem 1.1rem; padding: 0; }
 a { color: var(--accent); }
+.fields { max-height: 20rem; overflow-y: auto; } button.field { font: inherit; color: var(--ink); background: var(--field); border: 1px solid var(--edge); border-radius: 6px; padding: .1rem .5rem; margin: 2px; cursor: grab; } button.field[aria-pressed=true] { background: var(--accent); color: var(--on-accent); } button.field:focus-visible { outline: 3px solid var(--accent); outline-offset: 2px; }
 """  # noqa: E501
 NO_BUTTON = ".scroll-button { display: none; }"  # every column has one, and it takes room in a row
 CARD = {

@@ -30,7 +30,7 @@ from gateway.studio.page import PageEntry, StudioContext, set_style
 from gateway.studio.pages.catalogue import known_pages
 from gateway.studio.routes import routes
 from gateway.studio.session import Session
-from gateway.studio.tile_file import TileFile
+from gateway.studio.tile_file import open_tiles
 from gateway.studio.worker import BUG
 from gateway.user_effects import EffectFile
 from sim.state import Progress
@@ -127,7 +127,7 @@ def server_of(context: StudioContext, options: StudioOptions, token: str | None 
     auth = TokenAuth(token) if token else None
     more = {"auth_provider": auth} if auth else {}
     address = LOCAL if options.expose is None else options.expose
-    tiles = TileFile(context.settings.file) if context.settings.file is not None else None
+    tiles = open_tiles(context.settings.file) if context.settings.file is not None else None
     _check_port(address, options.port)
     server = pn.io.server.get_server(
         apps, port=options.port, address=address, show=False, start=False, title=titles,
@@ -149,7 +149,7 @@ def settings_of_file(settings: StudioSettings) -> StudioSettings:
     """Where tiles come from a file: no deeper than it goes, its own credit unless one is given."""
     if settings.file is None:
         return settings
-    file = TileFile(settings.file)
+    file = open_tiles(settings.file)
     whose = file.attribution if settings.attribution == CREDIT else settings.attribution
     return replace(settings, deepest=min(settings.deepest, file.deepest), attribution=whose)
 

@@ -220,8 +220,7 @@ class Session:
         if self.version is None:
             raise BadInput("there is no vessel to save yet")
         file = self.folders.to_save(name)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, self.version.text.encode(), "the vessel file")
+        write_whole(file, self.version.text.encode(), "the vessel file", folders=True)
         self._saved = self.version.text
         self._changed("files")
         return file
@@ -352,8 +351,9 @@ class Session:
         if self._asked != self.logs:
             return
         if message.kind == "part":
-            if message.value.name not in {t.name for t in self.trials}:
-                self.trials = (*self.trials, message.value)
+            view, known = message.value, {trial.name: trial for trial in self.trials}
+            if view.name not in known or known[view.name].rough:
+                self.trials = tuple((known | {view.name: view}).values())
                 self._changed("trials")
         elif message.kind == "done":
             self.trials, self.refused = message.value.trials, message.value.refused

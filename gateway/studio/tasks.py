@@ -5,7 +5,7 @@ A task's first argument, `send`, takes a line of progress or a part of the resul
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -28,14 +28,14 @@ from gateway.figures.motion import (
 )
 from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
 from gateway.ingest.happenings import Happenings, happenings
-from gateway.ingest.log import choose_floating
+from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.open import open_log
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.compare import TrialComparison, compare_models, distinct_vessels
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS, DiagnosisResult, diagnose_logs
 from gateway.offline.identify import identify_logs
 from gateway.offline.report import report_from_log, report_of, write_report
-from gateway.offline.trials import TrialOptions, trials_of
+from gateway.offline.trials import FIRST_LOOK, TrialOptions, trials_of
 from gateway.offline.usable_time import DISARMED
 from gateway.studio.views import (
     WHOLE,
@@ -68,20 +68,38 @@ from sim.vessel import Vessel
 WORST = 6  # regimes that are named
 EXPLAINS = 0.95  # of the error without any effect: what lowers it by less is not worth a figure
 
+Read = tuple[tuple[Trial, ...], Happenings]  # trials of a recording, and the modes and events in it
+LONG = 50_000  # messages of a recording: more, and a rough first look comes before the whole
+MOST_KEPT = 12  # recordings, of each process
+ROUGH = "{}: a first look, two points a second; it is being read whole"
+
 _last: dict[str, DiagnosisResult] = {}  # of this process, for the report
+_kept: dict[tuple[str, int, str | None], Read] = {}  # of this process
 
 
 def trials_in(path: str, mapping: str | None = None) -> tuple[Trial, ...]:
     """The trials of a recording with usable time; read again only when the file has changed."""
-    return _read(path, Path(path).stat().st_mtime_ns, mapping)[0]
+    return _read(path, mapping)[0]
 
 
-@lru_cache(maxsize=12)
-def _read(path: str, stamp: int, mapping: str | None) -> tuple[tuple[Trial, ...], Happenings]:
-    """Trials of a recording, and the modes and events in it."""
-    log = open_log(path, mapping)
-    trials = trials_of(log, TrialOptions(mapping=mapping))
-    return tuple(t for t in trials if t.usable.any()), happenings(log, choose_floating(log))
+def _read(
+    path: str, mapping: str | None, first_look: Callable[[Read], None] = lambda _: None
+) -> Read:
+    """What is in a recording; of a long one `first_look` gets a rough reading before."""
+    key = path, Path(path).stat().st_mtime_ns, mapping
+    if key not in _kept:
+        log = open_log(path, mapping)
+        known = happenings(log, choose_floating(log))
+        if sum(log.counts().values()) > LONG:
+            first_look((_usable(log, replace(FIRST_LOOK, mapping=mapping)), known))
+        _kept[key] = _usable(log, TrialOptions(mapping=mapping)), known
+        for old in list(_kept)[:-MOST_KEPT]:
+            del _kept[old]
+    return _kept[key]
+
+
+def _usable(log: Log, options: TrialOptions) -> tuple[Trial, ...]:
+    return tuple(trial for trial in trials_of(log, options) if trial.usable.any())
 
 
 def effects_in(files: Sequence[EffectFile]) -> tuple[Effect, ...]:
@@ -143,8 +161,14 @@ def _compared(
 ) -> list[TrialView]:
     """The trials of one recording."""
     out: list[TrialView] = []
-    for trial in trials_in(path, mapping):
-        known = _read(path, Path(path).stat().st_mtime_ns, mapping)[1]
+
+    def first_look(rough: Read) -> None:
+        for trial in rough[0]:
+            view = measured_view(trial, path, rough[1])
+            send(replace(view, rough=True, notices=(ROUGH.format(trial.name),)))
+
+    trials, known = _read(path, mapping, first_look)
+    for trial in trials:
         measured = measured_view(trial, path, known)
         send(measured)
         found = compare_models(scope.of(trial), models(), None, send)

@@ -84,7 +84,10 @@ class VesselView:
 
 @dataclass(frozen=True)
 class TrialView:
-    """One stretch of a recording; without vessels while it is still being compared."""
+    """One stretch of a recording; without vessels while it is still being compared.
+
+    rough   a first look: the whole reading takes its place
+    """
 
     name: str
     log: str
@@ -99,6 +102,7 @@ class TrialView:
     origin_deg: tuple[float, float] | None = None
     motion: Floats = field(default_factory=lambda: np.empty((0, 6)))  # (T, 6) η, ν as measured
     start_time_ns: int = 0  # of the boat's clock
+    rough: bool = False
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ class ComparePage(Page):
     def body(self) -> Any:
         """Numbers above, figures below."""
         choose = control_row(self._which, self._vessel, self._clear, self._report, self._get)
-        more = {"track": (self._map.box, self._map.credit)}
+        more = {"track": (self._map.part,)}
         moment = card(
             html("<h2>The moment</h2><p class='faint'>Move the time or click on a time axis: all "
                  "pictures show that moment. Space plays it. Boats on the track: measured and free "

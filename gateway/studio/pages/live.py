@@ -1,4 +1,4 @@
-"""Live: boats and shadows on a chart, strips of their velocities, health and events."""
+"""Live: what is wrong, boats and shadows on a chart, strips of what they do, health and events."""
 
 import math
 import time
@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import panel as pn
 
+from gateway.errors import BadInput, ShadowError
+from gateway.files import write_whole
 from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
-from gateway.monitor import HIGH_LOSS, HIGH_NIS, LINK_SILENT_S, VesselStatus, time_of_day
-from gateway.studio.live_chart import Chart, VelocityStrips
+from gateway.monitor import HIGH_LOSS, HIGH_NIS, VesselStatus, time_of_day
+from gateway.studio.live_banner import Banners, Frozen, freeze_task, growing_recording
+from gateway.studio.live_chart import Chart, Strips
 from gateway.studio.live_history import PAST_EVERY_S, PAST_S
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import (
@@ -28,13 +31,16 @@ from gateway.studio.page import (
     stack,
     word,
 )
+from sim.effects.effect import LawError
 
 MOVED_M = 20.0  # an origin further off is another one
 MOST_EVENTS = 8  # that are shown
 HEALTH = {  # name of a line -> its label
     "link": "link silent for", "messages": "messages", "nis": word("NIS"), "gated": word("gated"),
-    "clock": word("clock offset"), "shadow": "shadow", "recorder": "recorder",
+    "fit": "data", "clock": word("clock offset"), "shadow": "shadow", "recorder": "recorder",
 }  # fmt: skip
+SHOWN = {"40 m around it": 40.0, "100 m around it": 100.0, "300 m around it": 300.0,
+         "1 km around it": 1000.0, "all boats and tracks": 0.0}  # fmt: skip
 NO_HEALTH = "<p class='faint'>no health message yet</p>"
 
 
@@ -47,6 +53,9 @@ class LivePage(Page):
         super().__init__(context)
         self._which = select("Boat", [], width=240)
         self._which.param.watch(lambda _: self._begin_anew(), "value")
+        self._across = select("Chart shows", SHOWN, width=190)
+        asked = {f"{metres:g}": metres for metres in SHOWN.values()}
+        self._across.value = asked.get(self.address.read("across") or "", 100.0)
         self._state, self._events, self._old, self._then = html(), html(), html(), html()
         self._pause = pn.widgets.Toggle(label="Pause", width=140, **FIXED)
         self._pause.param.watch(lambda event: self._paused(event.new), "value")
@@ -56,14 +65,21 @@ class LivePage(Page):
             margin=(6, 10),
         )  # fmt: skip
         self._paused_at: float | None = None  # Unix s
-        self._shown_at: float | None = None
+        self._shown_at: tuple[float, float] | None = None  # the moment, and how much of the chart
         self._remove = button(
             "Remove boats that are not heard", self.guarded(context.live.remove_silent),
             visible=False, width=240,
         )  # fmt: skip
         self._health = {name: html() for name in HEALTH}
         self._no_health = html(NO_HEALTH)
-        self._chart, self._strips = Chart(self.theme), VelocityStrips(self.theme)
+        self._chart, self._strips = Chart(self.theme), Strips(self.theme)
+        self._across.param.watch(lambda event: self.address.write(across=f"{event.new:g}"), "value")
+        for one in (self._across, self._which):  # after a zoom by hand the chart follows again
+            one.jscallback(value="chart.reset.emit()", args={"chart": self._chart.figure})
+        self._banners = Banners(lambda name: self.guarded(lambda: self._freeze(name))())
+        self._leave = pn.widgets.TextInput(visible=False)  # where the browser goes next
+        self._leave.jscallback(value="if (cb_obj.value) window.location.href = cb_obj.value")
+        self._opens = False
         self._map = TileMap(context.settings, self.theme)
         self._origin: Origin | None = None
 
@@ -72,7 +88,7 @@ class LivePage(Page):
         chart = section(
             "Chart", f"North is up. The arrow is the {word('missing force')}, where it stands out "
             f"of its noise. The {word('shadow')} follows the {word('reference')}.",
-            pn.pane.Bokeh(self._chart.figure), self._map.box, self._map.credit,
+            self._across, pn.pane.Bokeh(self._chart.figure), self._map.part,
         )  # fmt: skip
         health = [_labelled(HEALTH[name], value) for name, value in self._health.items()]
         numbers = stack(
@@ -81,10 +97,15 @@ class LivePage(Page):
             card(html("<h2>Events</h2>"), self._events),
         )
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
-        self._drawn = stack(*map(pn.pane.Bokeh, self._strips.figures))
+        self._drawn = stack(*map(pn.pane.Bokeh, self._strips.velocities))
+        self._lacks = stack(*map(pn.pane.Bokeh, self._strips.forces))
         strips = section("Velocities", f"{three} over one minute.", self._old, self._drawn)
+        forces = section(word("missing force", "Missing force"), "What the model lacks, over one "
+                         "minute. Within the grey band it is noise of a single estimate.",
+                         self._lacks)  # fmt: skip
         time_card = card(stack(self._pause, self._back, self._then))
-        return stack(side_by_side(chart, numbers), time_card, strips)
+        return stack(self._banners.part, self._leave, side_by_side(chart, numbers), time_card,
+                     strips, forces)  # fmt: skip
 
     def tick(self) -> None:
         """Take what came since."""
@@ -98,8 +119,11 @@ class LivePage(Page):
             elif self._which.value not in names and names:
                 self._which.value = names[0]
         chosen = next((b for b in boats if b.status.name == self._which.value), None)
+        self._banners.show(boats)
+        if self._opens:
+            self._opens, self._leave.value = False, "/diagnose"
         if self._paused_at is None:
-            self._chart.show(boats)
+            self._chart.show(boats, self._which.value, self._across.value)
         else:
             self._show_past(self._paused_at - self._back.value)
         if chosen is not None:
@@ -132,11 +156,11 @@ class LivePage(Page):
 
     def _show_past(self, moment: float) -> None:
         """Chart and strips as they were at a moment [Unix s]."""
-        if moment == self._shown_at:
+        if (moment, self._across.value) == self._shown_at:
             return
-        self._shown_at = moment
+        self._shown_at = moment, self._across.value
         boats = self.context.live.as_of(moment)
-        self._chart.show(boats)
+        self._chart.show(boats, self._which.value, self._across.value)
         self._strips.clear()
         for boat in boats:
             if boat.status.name == self._which.value:
@@ -159,12 +183,35 @@ class LivePage(Page):
 
     def _show_age(self, status: VesselStatus) -> None:
         """Strips of a boat that is not heard are grey, and say of when they are."""
-        old = status.silent_s is not None
-        _put(self._old, f"<p class='warn'>{_silence(status)}: this is the last that came.</p>"
-             if old else "")  # fmt: skip
+        old, silence = status.silent_s is not None, _silence(status)
+        what = "this is the last that came" if old else "what goes on is its shadow alone"
+        _put(self._old, f"<p class='warn'>{silence}: {what}.</p>" if silence else "")
         styles = {"opacity": "0.4", "filter": "grayscale(1)"} if old else {}
-        if self._drawn.styles != styles:
-            self._drawn.styles = styles
+        for part in (self._drawn, self._lacks):
+            if part.styles != styles:
+                part.styles = styles
+
+    def _freeze(self, name: str) -> None:
+        """Keep the last minutes of a boat, and work on them with the vessel of its gateway."""
+        session = self.session
+        if not session.is_saved:
+            raise BadInput("the vessel has changes that are not saved: save it on the page Vessel")
+        file = growing_recording(name, session.folders.recordings())
+
+        def done(frozen: Frozen) -> None:
+            vessel = session.folders.write / f"{frozen.file.stem}.toml"
+            try:
+                write_whole(vessel, frozen.vessel.encode(), "the vessel file")
+                session.set_vessel(vessel)
+                session.set_logs([frozen.file])
+                session.diagnose()
+            except (ShadowError, LawError) as error:
+                session.notify(str(error))
+                return
+            self._opens = True
+
+        session.start("the last minutes", freeze_task, str(file), str(session.folders.write),
+                      done=done)  # fmt: skip
 
     def _begin_anew(self) -> None:
         self._origin = None
@@ -186,47 +233,55 @@ def _labelled(label: str, value: Any) -> Any:
 
 
 def _silence(boat: VesselStatus) -> str:
-    """Gone or silent, and for how long where that is known."""
+    """Gone or silent, or only its link, for how long where that is known; empty: it is heard."""
     age = boat.silent_s
+    if age is None:
+        link = boat.link_silent_s
+        return "" if link is None else f"link silent for {link:.0f} s"
     word = "silent" if boat.alive else "gone"
-    return word if age is None or math.isinf(age) else f"{word} for {age:.0f} s"
+    return word if math.isinf(age) else f"{word} for {age:.0f} s"
 
 
 def _state(boat: VesselStatus) -> str:
     """Speed, heading, and how far the shadow is from the boat."""
     m, s = boat.motion(), boat.message("shadow")
-    heard = boat.silent_s is None
+    silence = _silence(boat)
     life = (
-        "<span class='good'>● live</span>"
-        if heard
-        else f"<span class='warn'>○ {_silence(boat)}</span>"
+        f"<span class='warn'>○ {silence}</span>" if silence else "<span class='good'>● live</span>"
     )
     if m is None:
         return f"<h1>{escape(boat.name)} {life}</h1>"
     speed, heading = math.hypot(m["surge_mps"], m["sway_mps"]), math.degrees(m["yaw_rad"]) % 360.0
     off = ""
-    if s is not None:
+    if s is not None and not silence:
         away = math.hypot(s["north_m"] - m["north_m"], s["east_m"] - m["east_m"])
         off = f", shadow {away:.2f} m away"
     source = f", reference: {escape(s['source'])}" if s else ""
-    last = "" if heard else "last heard at "
+    last = "last heard at " if silence else ""
     return (f"<h1>{escape(boat.name)} {life}</h1><p>{last}{speed:.2f} m/s, "
             f"heading {heading:03.0f}°{off}{source}</p>")  # fmt: skip
 
 
 def _health(boat: VesselStatus) -> dict[str, str]:
-    """What stands beside each label of the health; nothing before the first message."""
+    """What stands beside each label of the health; nothing before the first message.
+
+    Of a boat that is not heard nothing is called good but what the gateway does by itself.
+    """
     h = boat.message("health")
     if h is None:
         return {}
     if (since := boat.silent_s) is not None:
         text = "nothing known now" if math.isinf(since) else f"{h['link_age_s'] + since:.0f} s"
         return {"link": f"<p>{text} <span class='warn'>look here</span></p>"}
+    silent = boat.link_silent_s is not None
+    fit = "nothing to judge the model by" if silent else h["unfit"] or "fit to judge the model by"
     lines = {
-        "link": (f"{h['link_age_s']:.1f} s", h["link_age_s"] > LINK_SILENT_S),
-        "messages": (f"{h['rate_hz']:.0f} /s, lost {100 * h['loss']:.1f} %", h["loss"] > HIGH_LOSS),
-        "nis": (f"{h['nis']:.2f}", h["nis"] > HIGH_NIS),
+        "link": (f"{h['link_age_s']:.1f} s", silent),
+        "messages": (f"{h['rate_hz']:.0f} /s, lost {100 * h['loss']:.1f} %",
+                     silent or h["loss"] > HIGH_LOSS),
+        "nis": (f"{h['nis']:.2f}", None if silent else h["nis"] > HIGH_NIS),
         "gated": (f"{h['gated']}, late {h['late']}", None),
+        "fit": (escape(fit), silent or bool(h["unfit"])),
         "clock": (f"{round(h['clock_offset_s'], 3) + 0.0:.3f} s", None),
         "shadow": (f"diverged {h['divergences']} times", h["diverging"] > 0),
         "recorder": (f"{h['recorder_backlog']} waiting, {h['recorder_drops']} dropped",

@@ -1,10 +1,14 @@
 """Signals: any field of any message of a recording on plots of one's own, and derived ones."""
 
+import json
+from collections.abc import Collection, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import panel as pn
+from bokeh.events import DocumentReady
+from bokeh.models import CustomJS, TextInput
 
 from gateway.errors import BadInput
 from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
@@ -12,10 +16,10 @@ from gateway.figures.style import SEVERAL, TIME
 from gateway.studio.controls import FigurePlace
 from gateway.studio.expression import EXPECTED, Expression
 from gateway.studio.page import (
-    FIXED,
     Page,
     StudioContext,
     Watches,
+    bokeh_part,
     button,
     card,
     control_row,
@@ -29,6 +33,8 @@ from gateway.studio.signals import SignalRequest, SignalsView
 
 SHOWN = 400  # fields in the list: who has more searches
 IDENTIFIER = "a name of letters, digits and _"
+NEW, DERIVED = "a new one", "derived"
+SCRIPT = (Path(__file__).parents[1] / "signals.js").read_text(encoding="utf-8")
 
 
 class SignalsPage(Page):
@@ -38,11 +44,17 @@ class SignalsPage(Page):
         super().__init__(context)
         self._log = select("Recording", {}, width=260)
         self._search = field("Search for a field", width=260, placeholder="yaw, servo, GPS …")
-        self._fields = pn.widgets.MultiSelect(label="Fields, by message", options=[], size=14,
-                                              width=340, **FIXED)  # fmt: skip
+        self._fields = html()
+        self._chosen = TextInput(value="[]", visible=False)  # names, as JSON
+        take = self.guarded(self._take_dropped)
+        self._dropped = TextInput(visible=False)  # plot, names as JSON, a number, as JSON
+        self._dropped.on_change("value", lambda attr, old, new: take())
+        if pn.state.curdoc is not None:
+            shared = {"chosen": self._chosen, "dropped": self._dropped}
+            pn.state.curdoc.js_on_event(DocumentReady, CustomJS(args=shared, code=SCRIPT))
         self._name = field("Name of a derived signal", width=200)
         self._formula = field("Expression", width=420, placeholder="deg(ATTITUDE.yaw)")
-        self._which = select("Plot", ["a new one"], width=140)
+        self._which = select("Plot", [NEW], width=140)
         self._problems, self._hint = html(), html()
         self._plots: list[FigurePlace] = []
         self._pictures = stack()
@@ -57,9 +69,11 @@ class SignalsPage(Page):
         add = button("Derive", self.guarded(self._derive), width=90)
         return stack(
             card(html("<h1>Any signal</h1><p class='faint'>All numbers that a recording holds, in "
-                      "the units of its format, over the time since its first message.</p>"),
-                 control_row(self._log, self._search), self._fields,
-                 control_row(self._which, put), self._hint),
+                      "the units of its format, over the time since its first message. Drag fields "
+                      "onto a plot, or press them and put them there.</p>"),
+                 control_row(self._log, self._search), self._hint, self._fields,
+                 control_row(self._which, put), bokeh_part(self._chosen),
+                 bokeh_part(self._dropped)),
             section("Derived signals", f"By a short expression: {escape(EXPECTED)}. It is taken at "
                     "the times of the signal named first.",
                     control_row(self._name, self._formula, add), self._problems),
@@ -99,9 +113,7 @@ class SignalsPage(Page):
         words = (self._search.value_input or "").lower().split()
         every = (*self.session.layout.derived, *self._every)
         found = [name for name in every if all(word in name.lower() for word in words)]
-        chosen = [name for name in self._fields.value if name in found]
-        self._fields.options = found[:SHOWN]
-        self._fields.value = chosen
+        self._fields.object = tree(found[:SHOWN], json.loads(self._chosen.value), bool(words))
         more = f", the first {SHOWN} shown" if len(found) > SHOWN else ""
         self._hint.object = f"<p class='faint'>{len(found)} of {len(every)} fields{more}</p>"
 
@@ -125,13 +137,17 @@ class SignalsPage(Page):
 
     def _draw(self, answer: SignalsView) -> None:
         plots, derived = self.session.layout.plots, self.session.layout.derived
-        self._which.options = ["a new one", *(str(k + 1) for k in range(len(plots)))]
+        self._which.options = [NEW, *(str(k + 1) for k in range(len(plots)))]
         reasons = [f"<p class='warn'>{escape(why)}</p>" for why in answer.refused.values()]
         texts = [f"<p>{escape(name)} = <code>{escape(text)}</code></p>"
                  for name, text in derived.items()]  # fmt: skip
         self._problems.object = "".join(texts + reasons)
         self.view.time = None  # another recording has another time axis
-        self._pictures.objects = [self._plot(k, names, answer) for k, names in enumerate(plots)]
+        here = html("<p class='faint'>Drop fields here for a new plot.</p>", min_height=60)
+        self._pictures.objects = [
+            *(self._plot(k, names, answer) for k, names in enumerate(plots)),
+            card(here, css_classes=["drop-new"]),
+        ]
 
     def _plot(self, k: int, names: tuple[str, ...], answer: SignalsView) -> Any:
         found = [(name, answer.signals[name]) for name in names if name in answer.signals]
@@ -144,16 +160,36 @@ class SignalsPage(Page):
         gone = [name for name in names if name not in answer.signals]
         text = f"<p class='warn'>not in this recording: {escape(', '.join(gone))}</p>"
         away = button(f"Remove plot {k + 1}", self.guarded(lambda: self._remove(k)), width=150)
-        return card(html(f"<h2>Plot {k + 1}</h2>{text if gone else ''}"), place.part, away)
+        return card(html(f"<h2>Plot {k + 1}</h2>{text if gone else ''}"), place.part, away,
+                    css_classes=[f"drop-{k}"])  # fmt: skip
 
     def _put(self) -> None:
-        names, plots = tuple(self._fields.value), self.session.layout.plots
+        """What was pressed, onto the plot that is named."""
+        names = tuple(json.loads(self._chosen.value))
         if not names:
-            raise BadInput("choose one or more fields first")
-        if self._which.value == "a new one":
+            raise BadInput("press one or more fields first, or drag them onto a plot")
+        self._chosen.value = "[]"
+        self._filter()
+        self._put_on(self._which.value, names)
+
+    def _take_dropped(self) -> None:
+        """What was dragged onto a plot; a text that comes from elsewhere is no field."""
+        plot, text, _ = json.loads(self._dropped.value)
+        known = {*self._every, *self.session.layout.derived}
+        try:
+            names = tuple(name for name in json.loads(text) if name in known)
+        except (ValueError, TypeError):
+            names = ()
+        if not names:
+            raise BadInput("what was dropped is no field of this recording")
+        self._put_on(NEW if plot == "new" else str(int(plot) + 1), names)
+
+    def _put_on(self, which: str, names: tuple[str, ...]) -> None:
+        plots = self.session.layout.plots
+        if which == NEW:
             self.session.set_layout(plots=(*plots, names))
         else:
-            k = int(self._which.value) - 1
+            k = int(which) - 1
             more = tuple(dict.fromkeys((*plots[k], *names)))
             self.session.set_layout(plots=(*plots[:k], more, *plots[k + 1 :]))
 
@@ -172,3 +208,26 @@ class SignalsPage(Page):
         elif derived.pop(name, None) is None:
             raise BadInput("give it an expression")
         self.session.set_layout(derived=derived)
+
+
+def tree(names: Sequence[str], chosen: Collection[str], unfolded: bool) -> str:
+    """Names of fields by message, as HTML: each can be pressed, and dragged onto a plot."""
+    messages: dict[str, list[str]] = {}
+    for name in names:
+        messages.setdefault(name.partition(".")[0] if "." in name else DERIVED, []).append(name)
+    parts = [
+        f"<details{' open' if unfolded or message == DERIVED else ''}>"
+        f"<summary>{escape(message)} <span class='faint'>{len(fields)}</span></summary><p>"
+        + "".join(_field(name, name in chosen) for name in fields) + "</p></details>"
+        for message, fields in messages.items()
+    ]  # fmt: skip
+    return (
+        f"<div class='fields' role='group' aria-label='Fields, by message'>{''.join(parts)}</div>"
+    )
+
+
+def _field(name: str, chosen: bool) -> str:
+    text, key = escape(name.partition(".")[2] or name), escape(name)
+    pressed = "true" if chosen else "false"
+    return (f'<button type="button" class="field" draggable="true" data-field="{key}" '
+            f'aria-label="{key}" aria-pressed="{pressed}">{text}</button> ')  # fmt: skip

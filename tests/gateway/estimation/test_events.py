@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.estimation.events import from_samples
+from gateway.estimation.events import from_samples, join, make_events
 from gateway.estimation.names import MeasurementKind
 from gateway.estimation.settings import FIELD_OF_KIND, FilterSettings, WhiteNoise, gyro_delay_s
 from gateway.samples import Quantity, Samples
@@ -77,3 +77,11 @@ def test_delay_of_the_gyro_filter():
     assert chosen.with_parameters({"INS_GYRO_FILTER": 4.0}) is chosen
     assert gyro_delay_s(0.0) == 0.0
     assert FilterSettings(gyro_delay_s=0.0).kernel_model().gyro_delay_s == 0.0
+
+
+def test_thinned_events_are_the_first_of_each_kind_in_each_step_of_time():
+    yaw = make_events(MeasurementKind.YAW, np.array([0.0, 0.1, 0.6, 0.9]), np.arange(4.0), 0.1)
+    place = make_events(MeasurementKind.POSITION, np.array([0.05, 1.2]), np.zeros((2, 2)), 1.0)
+    kept = join([yaw, place]).thinned(2.0)
+    assert kept.time_s.tolist() == [0.0, 0.6, 0.05, 1.2]
+    assert kept.z[:2, 0].tolist() == [0.0, 2.0]

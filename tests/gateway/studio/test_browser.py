@@ -355,6 +355,28 @@ def test_dark_pages_and_narrow_pages_fit(browser, studio, name):
         context.close()
 
 
+def test_on_the_first_visit_with_a_dark_system_nothing_light_is_shown(browser, studio):
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="dark")
+    context.add_init_script(LIGHTS)
+    watched, seen = Watched(context.new_page(), studio[0]), []
+    watched.page.on("console", lambda message: seen.append(message.text))
+    go(watched, studio, "recordings")
+    watched.page.wait_for_function("document.documentElement.dataset.theme === 'dark'")
+    watched.page.get_by_role("heading", name="What to work on").wait_for()
+    assert "dark frame" in seen
+    assert "light frame" not in seen
+    watched.is_clean()
+    context.close()
+
+
+# Says of each frame that is drawn whether something light is to be seen on it.
+LIGHTS = """const look = () => {
+    if (document.body && getComputedStyle(document.body).visibility === "visible")
+        console.log(`${document.documentElement.dataset.theme} frame`);
+    requestAnimationFrame(look); };
+requestAnimationFrame(look);"""
+
+
 def test_a_streaming_boat_is_followed(watched, studio, zenoh_port, tmp_path):
     config = tmp_path / "gateway.toml"
     config.write_text(f'[zenoh]\nendpoint = "tcp/127.0.0.1:{zenoh_port}"\n')

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pmtiles.tile import Compression, TileType, zxy_to_tileid
+from pmtiles.writer import Writer
 
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
 from gateway.ingest.earth import Origin, to_local
 from gateway.studio.map_tiles import MOST, View, corner, credit, numbered, tiles_under, zoom_of
 from gateway.studio.serve import settings_of_file
-from gateway.studio.tile_file import TileFile
+from gateway.studio.tile_file import open_tiles
 
 PLAIN = StudioSettings("https://maps.local/{Z}/{X}/{Y}.png", "us", 19)
 PLACES = [Origin(59.3, 18.1), Origin(-33.9, -70.6), Origin(0.0, 0.0), Origin(65.0, 179.9999)]
@@ -99,25 +101,46 @@ def mbtiles(path: Path, kind: str = "png") -> Path:
     return path
 
 
-def test_a_map_from_a_file_counts_from_the_north_and_asks_nobody(tmp_path):
-    path = mbtiles(tmp_path / "coast.mbtiles")
-    file = TileFile(path)
+def pmtiles(path: Path, kind: TileType = TileType.PNG) -> Path:
+    """The same map as PMTiles."""
+    with path.open("wb") as file:
+        out = Writer(file)
+        out.write_tile(zxy_to_tileid(0, 0, 0), b"world")
+        out.write_tile(zxy_to_tileid(2, 0, 0), b"north-west")
+        header = {"tile_type": kind, "tile_compression": Compression.NONE, "center_zoom": 0,
+                  "min_lon_e7": 0, "min_lat_e7": 0, "max_lon_e7": 0, "max_lat_e7": 0,
+                  "center_lon_e7": 0, "center_lat_e7": 0}  # fmt: skip
+        out.finalize(header, {"attribution": "<a href='x'>© a harbour</a>"})
+    return path
+
+
+@pytest.mark.parametrize("write", [mbtiles, pmtiles])
+def test_a_map_from_a_file_counts_from_the_north_and_asks_nobody(tmp_path, write):
+    path = write(tmp_path / f"coast.{write.__name__}")
+    file = open_tiles(path)
+    assert file.kind == "image/png"
     assert file.tile(2, 0, 0) == b"north-west"
-    assert file.tile(2, 0, 3) is None
+    for zoom, x, y in ((2, 0, 3), (1, 0, 0), (2, 9, 0), (40, 0, 0)):
+        assert file.tile(zoom, x, y) is None
     settings = settings_of_file(StudioSettings(tiles=str(path)))
     assert (settings.deepest, settings.attribution) == (2, "© a harbour")
-    assert settings.source == "from coast.mbtiles"
+    assert settings.source == f"from coast.{write.__name__}"
     assert settings.tile(2, 0, 0) == "tiles/2/0/0"
 
 
-@pytest.mark.parametrize("content", [b"", b"no database", None])
-def test_a_file_that_is_no_map_is_one_line(tmp_path, content):
-    path = tmp_path / "coast.mbtiles"
+def vector(path: Path) -> Path:
+    return mbtiles(path, "pbf") if path.suffix == ".mbtiles" else pmtiles(path, TileType.MVT)
+
+
+@pytest.mark.parametrize("ending", ["mbtiles", "pmtiles"])
+@pytest.mark.parametrize("content", [b"", b"no database", b"PMTiles\x03" + 200 * b"\xff", None])
+def test_a_file_that_is_no_map_is_one_line(tmp_path, content, ending):
+    path = tmp_path / f"coast.{ending}"
     if content is None:
-        mbtiles(path, kind="pbf")
+        vector(path)
     else:
         path.write_bytes(content)
-    with pytest.raises(BadInput, match=r"coast\.mbtiles"):
-        TileFile(path)
+    with pytest.raises(BadInput, match=rf"coast\.{ending}"):
+        open_tiles(path)
     with pytest.raises(BadInput, match="no such file"):
-        StudioSettings(tiles=str(tmp_path / "gone.mbtiles"))
+        StudioSettings(tiles=str(tmp_path / f"gone.{ending}"))

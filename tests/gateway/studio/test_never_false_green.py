@@ -211,12 +211,16 @@ def test_good_news_fade_and_what_failed_stays_until_it_works(session, monkeypatc
 # Boats that are gone
 
 
-def boat(age: float | None, *, alive: bool = True) -> WatchedBoat:
+def boat(
+    age: float | None, *, alive: bool = True, link: float = 0.0, unfit: str = ""
+) -> WatchedBoat:
     moved = {"receive_time_ns": 10**18, "surge_mps": 1.0, "sway_mps": 0.0, "yaw_rate_radps": 0.0,
              "east_m": 0.0, "north_m": 0.0, "yaw_rad": 0.0}  # fmt: skip
-    forces = {"missing_surge_n": 50.0, "missing_sway_n": 0.0, "missing_surge_n_std": 1.0,
+    forces = {field.name: 0.0 for field in TOPICS["residual"].all_fields} | {
+              "missing_surge_n": 50.0, "missing_sway_n": 0.0, "missing_surge_n_std": 1.0,
               "missing_sway_n_std": 1.0}  # fmt: skip
-    health = {field.name: 0 for field in TOPICS["health"].all_fields} | {"rate_hz": 10, "nis": 1}
+    health = {field.name: 0 for field in TOPICS["health"].all_fields} | {
+        "rate_hz": 10, "nis": 1, "unfit": unfit, "link_age_s": link}  # fmt: skip
     every = (("measured", moved), ("residual", forces), ("health", health))
     latest = {name: Latest(m, age) for name, m in every}
     return WatchedBoat(VesselStatus("Grebe", alive, latest, 10.0), {}, {})
@@ -238,6 +242,28 @@ def test_a_boat_is_live_only_while_it_is_heard(one, word):
     assert (alpha == 1.0) == heard
     assert (len(chart._forces.data["x0"]) == 1) == heard
     assert (chart._names.data["name"] == ["Grebe"]) == heard
+
+
+def test_a_boat_whose_link_is_silent_is_not_live_though_its_gateway_is():
+    one = boat(0.5, link=30.0)
+    assert "● live" not in live._state(one.status)
+    assert "○ link silent for 30 s" in live._state(one.status)
+    assert "last heard at" in live._state(one.status)
+    health = live._health(one.status)
+    assert [name for name, text in health.items() if "good" in text] == ["shadow", "recorder"]
+    assert "nothing to judge the model by" in health["fit"]
+    chart = Chart(LIGHT)
+    chart.show((one,))
+    assert chart._hulls["measured"].data["alpha"] == [0.25]
+    assert len(chart._forces.data["x0"]) == 0
+    assert chart._names.data["name"] == ["Grebe: link silent, was here"]
+
+
+def test_data_that_cannot_judge_the_model_are_not_called_good():
+    assert "good" in live._health(boat(0.5).status)["fit"]
+    fit = live._health(boat(0.5, unfit="heading frozen since 14:02").status)["fit"]
+    assert "heading frozen since 14:02" in fit
+    assert "look here" in fit
 
 
 def test_a_boat_that_was_removed_comes_back_with_its_next_message():

@@ -11,10 +11,12 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
+from gateway.studio import tasks
 from gateway.studio.access import Folders
 from gateway.studio.session import Session, with_values
 from gateway.studio.tasks import compare_task, report_task
 from gateway.studio.views import AlternativeView, DiagnosisView, LadderView, TrialView
+from gateway.studio.worker import JobMessage
 from gateway.vessel_file import load_vessel
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -165,6 +167,32 @@ def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_th
     median = np.median(np.hypot(east, north)[inside])
     low, high = (float(word) for word in speed.text.split(":")[0].split()[1:4:2])
     assert low <= median <= high
+
+
+def test_of_a_long_recording_a_rough_look_comes_first_and_the_whole_takes_its_place(
+    session, monkeypatch
+):
+    monkeypatch.setattr(tasks, "LONG", 1000)
+    monkeypatch.setattr(tasks, "_kept", {})
+    sent: list[object] = []
+    vessels = [("as given", BOAT.read_text())]
+    compare_task(sent.append, [str(LOG)], vessels, ())
+    rough, whole = (one for one in sent if isinstance(one, TrialView))
+    assert rough.rough
+    assert "first look" in rough.notices[0]
+    assert not whole.rough
+    assert whole.notices == ()
+    assert len(rough.time) < 0.3 * len(whole.time)
+    for place in ("north", "east"):
+        there = np.interp(whole.time, rough.time, getattr(rough, place))
+        assert np.abs(there - getattr(whole, place)).max() < 1.0
+    session._asked = session.logs
+    for one in (rough, whole, rough):
+        session._compared(JobMessage("compare", "part", one))
+    assert session.trials == (whole,)
+    sent.clear()
+    compare_task(sent.append, [str(LOG)], vessels, ())
+    assert not any(one.rough for one in sent if isinstance(one, TrialView))  # it was read before
 
 
 def test_the_error_over_time_is_what_the_scores_are_made_of():

@@ -105,15 +105,32 @@ def test_signals_are_searched_plotted_and_derived(watched, at):
     page.get_by_text(re.compile(r"^\d+ of \d+ fields")).wait_for(timeout=PATIENCE_MS)
     page.get_by_label("Search for a field").press_sequentially("att yaw")
     page.get_by_text(re.compile(r"^2 of \d+ fields")).wait_for()
-    page.get_by_label("Fields, by message").select_option("ATTITUDE.yaw")
+    page.get_by_role("button", name="ATTITUDE.yaw", exact=True).click()
     page.get_by_role("button", name="Onto the plot").click()
     page.get_by_role("heading", name="Plot 1").wait_for(timeout=PATIENCE_MS)
+    watched.until_none(lambda: page.evaluate(LINES) != [["ATTITUDE.yaw"]])
+    page.get_by_role("button", name="ATTITUDE.yawspeed").drag_to(page.locator(".drop-0"))
+    watched.until_none(lambda: page.evaluate(LINES) != [["ATTITUDE.yaw", "ATTITUDE.yawspeed"]])
+    page.get_by_role("button", name="ATTITUDE.yawspeed").drag_to(page.locator(".drop-new"))
+    page.get_by_role("heading", name="Plot 2").wait_for(timeout=PATIENCE_MS)
+    watched.until_none(
+        lambda: (
+            page.evaluate(LINES) != [["ATTITUDE.yaw", "ATTITUDE.yawspeed"], ["ATTITUDE.yawspeed"]]
+        )
+    )
     page.get_by_label("Name of a derived signal").fill("yaw_deg")
     page.get_by_label("Expression").fill("deg(ATTITUDE.yaw)")
     page.get_by_label("Expression").press("Tab")
     page.get_by_role("button", name="Derive").click()
     page.get_by_text("yaw_deg = deg(ATTITUDE.yaw)").wait_for(timeout=PATIENCE_MS)
     watched.shot("signals")
+
+
+# Names of the lines of each plot that has data, from top to bottom, asked of Bokeh itself.
+LINES = """() => Bokeh.documents.flatMap(d => d.roots()).flatMap(r => [...r.references()])
+    .filter(m => m.type === "Figure").map(f => f.renderers.filter(
+        r => r.glyph && r.glyph.type === "Line" && r.name && (r.data_source.data.x || []).length)
+        .map(r => r.name)).filter(names => names.length).sort((a, b) => b.length - a.length)"""
 
 
 @pytest.mark.parametrize("name", MANY_PAGES)
