@@ -16,6 +16,7 @@ from gateway.studio.page import (
     Page,
     StudioContext,
     bullets,
+    button,
     card,
     control_row,
     html,
@@ -53,6 +54,9 @@ class FleetPage(Page):
             stylesheets=[STYLE, TABLE_STYLE], sizing_mode="stretch_width",
         )  # fmt: skip
         self._table.on_click(lambda event: self.guarded(lambda: self.open_row(event.row))())
+        # rows are pressed by mouse alone: by keyboard a recording is chosen here
+        self._which = select("Open a recording", {}, width=320)
+        self._open = button("Open in Compare", self.guarded(self._open_chosen), width=150)
         self._search = text_field("Search in name and about", width=260)
         self._boat, self._state = (select(name, [ALL], width=160) for name in ("Boat", "State"))
         self._search.param.watch(lambda _: self._filter(), "value_input")
@@ -73,7 +77,8 @@ class FleetPage(Page):
             section("Recordings",
                     f"A press on a row opens it in Compare. Error: {word('nrmse')}, beside the "
                     f"{word('noise floor')}.",
-                    control_row(self._search, self._boat, self._state), self._table),
+                    control_row(self._search, self._boat, self._state), self._table,
+                    control_row(self._which, self._open)),
             section("Where the voyages began", "One map a water.", self._maps),
             section("How numbers went",
                     "Each point is what one recording tells of a number of the vessel, with its "
@@ -130,6 +135,8 @@ class FleetPage(Page):
             and all(word in f"{row['recording']} {_about(row)}".lower() for word in words)
         )  # fmt: skip
         self._table.value = _frame(self._shown)
+        names = (Path(row["recording"]).name for row in self._shown)
+        self._which.options = {name: k for k, name in enumerate(names)}
 
     def _draw_course(self) -> None:
         view = self.context.fleet.view
@@ -137,6 +144,11 @@ class FleetPage(Page):
         self._course.show(figure)
         if figure is not None:
             self._course.part.append(html(f"<p>{escape(figure.caption)}</p>"))
+
+    def _open_chosen(self) -> None:
+        if self._which.value is None:
+            raise BadInput("no recording is shown that could be opened")
+        self.open_row(self._which.value)
 
     def open_row(self, row: int) -> None:
         """Work on the recording of a row that is shown, with its vessel, in Compare."""

@@ -145,8 +145,8 @@ class SignalsPage(Page):
         self.view.time = None  # another recording has another time axis
         here = html("<p class='faint'>Drop fields here for a new plot.</p>", min_height=60)
         self._pictures.objects = [
-            *(self._plot(k, names, answer) for k, names in enumerate(plots)),
             card(here, css_classes=["drop-new"]),
+            *(self._plot(k, names, answer) for k, names in enumerate(plots)),
         ]
 
     def _plot(self, k: int, names: tuple[str, ...], answer: SignalsView) -> Any:

@@ -317,6 +317,21 @@ def test_a_map_is_asked_for_only_when_it_is_switched_on(browser, studio):
     context.close()
 
 
+def test_where_no_picture_of_the_map_can_be_had_it_says_so(browser, studio):
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="light")
+    page = context.new_page()
+    page.route(lambda url: studio[0] not in url, lambda route: route.abort())
+    watched = Watched(page, studio[0])
+    compare(watched, studio)
+    word = page.get_by_text("No picture of the map could be had")
+    assert not word.is_visible()
+    page.get_by_label(MAP).check()
+    word.wait_for()
+    page.get_by_label(MAP).uncheck()
+    word.wait_for(state="hidden")
+    context.close()
+
+
 MAP = "Map, asked of tile.openstreetmap.org"
 
 

@@ -143,3 +143,32 @@ def test_filtered_and_pressed_a_recording_opens_in_compare(at):
         page.get_by_text("voyage_1").first.wait_for(timeout=PATIENCE_MS)
         watched.is_clean()
         opened.close()
+
+
+@pytest.mark.slow
+def test_axe_finds_nothing_wrong_with_a_fleet_and_a_row_is_opened_by_keyboard(at):
+    sync_api = pytest.importorskip("playwright.sync_api")
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        for scheme in ("light", "dark"):
+            context = opened.new_context(
+                viewport={"width": 1280, "height": 900}, color_scheme=scheme
+            )
+            watched = Watched(context.new_page(), at)
+            page = watched.page
+            page.goto(f"http://{at}/fleet")
+            row = page.get_by_role("gridcell", name="voyage_1.tlog")
+            row.wait_for(timeout=PATIENCE_MS)
+            page.wait_for_timeout(2500)
+            watched.shot(f"fleet-{scheme}")
+            found = axe.run(page).response["violations"]
+            wrong = [f"{v['id']}: {v['nodes'][0]['html'][:300]}" for v in found]
+            assert wrong == [], (scheme, wrong)
+            watched.is_clean()
+        page.get_by_label("Search in name").fill("voyage")
+        page.get_by_role("gridcell", name="heron-3.tlog").wait_for(state="detached")
+        page.get_by_label("Open a recording").press("Tab")
+        page.get_by_role("button", name="Open in Compare").press("Enter")
+        page.wait_for_url("**/compare**", timeout=PATIENCE_MS)
+        opened.close()

@@ -109,9 +109,9 @@ def test_signals_are_searched_plotted_and_derived(watched, at):
     page.get_by_role("button", name="Onto the plot").click()
     page.get_by_role("heading", name="Plot 1").wait_for(timeout=PATIENCE_MS)
     watched.until_none(lambda: page.evaluate(LINES) != [["ATTITUDE.yaw"]])
-    page.get_by_role("button", name="ATTITUDE.yawspeed").drag_to(page.locator(".drop-0"))
+    drag_onto(page, "ATTITUDE.yawspeed", ".drop-0")
     watched.until_none(lambda: page.evaluate(LINES) != [["ATTITUDE.yaw", "ATTITUDE.yawspeed"]])
-    page.get_by_role("button", name="ATTITUDE.yawspeed").drag_to(page.locator(".drop-new"))
+    drag_onto(page, "ATTITUDE.yawspeed", ".drop-new")
     page.get_by_role("heading", name="Plot 2").wait_for(timeout=PATIENCE_MS)
     watched.until_none(
         lambda: (
@@ -124,6 +124,16 @@ def test_signals_are_searched_plotted_and_derived(watched, at):
     page.get_by_role("button", name="Derive").click()
     page.get_by_text("yaw_deg = deg(ATTITUDE.yaw)").wait_for(timeout=PATIENCE_MS)
     watched.shot("signals")
+
+
+def drag_onto(page, field: str, target: str) -> None:
+    """A field onto a part of the page: the drag begins before the page is scrolled to the part."""
+    page.get_by_role("button", name=field).hover()
+    page.mouse.down()
+    page.mouse.move(5, 5, steps=3)
+    page.locator(target).hover()
+    page.locator(target).hover()
+    page.mouse.up()
 
 
 # Names of the lines of each plot that has data, from top to bottom, asked of Bokeh itself.
