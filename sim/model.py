@@ -279,6 +279,26 @@ class InputTable:
             dt,
         )
 
+    @classmethod
+    def stacked(cls, tables: Sequence["InputTable"]) -> "InputTable":
+        """Tables of one time step under each other, each continued to the length of the longest."""
+        if len(tables) == 1:
+            return tables[0]
+        steps = max(t.time.shape[1] for t in tables)
+
+        def longer(values: Floats, rise: Floats | float, length: int) -> Floats:
+            after = np.arange(1, length - values.shape[1] + 1).reshape(
+                1, -1, *[1] * (values.ndim - 2)
+            )
+            return np.concatenate([values, values[:, -1:] + rise * after], axis=1)
+
+        total = [longer(t.total, t.total[:, -1:] - t.total[:, -2:-1], steps + 1) for t in tables]
+        voltage, wind = ([longer(x, 0.0, steps) for x in (getattr(t, name) for t in tables)]
+                         for name in ("voltage", "wind"))  # fmt: skip
+        time = [longer(t.time, t.dt, steps) for t in tables]
+        parts = (np.concatenate(x) for x in (total, voltage, wind, time))
+        return cls(*parts, tables[0].dt)
+
 
 def _steps_in(dt: float, step: float) -> int:
     """Equal steps in dt [s], none longer than `step` [s]."""

@@ -27,6 +27,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Kind
 from sim.identification.intervals import NUISANCE, Estimate, estimates_of, uncertainty_of
+from sim.identification.noise import Noise
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
 from sim.identification.search import (
     SearchLimits,
@@ -36,7 +37,7 @@ from sim.identification.search import (
     search,
 )
 from sim.identification.settings import BASE, IdentifySettings
-from sim.identification.shooting import FitResult, jacobian_of, noise_of_runs, residuals_of
+from sim.identification.shooting import FitResult, jacobian_of, residuals_of
 from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.state import Floats
@@ -122,6 +123,11 @@ class Fit:
             out[heldout] = self.fold_fits.residual[k, heldout]
         return out
 
+    @cached_property
+    def noise(self) -> tuple[Noise, ...]:
+        """Of each trial, as the fit leaves it."""
+        return self.problem.noise_of(self.unknowns, self.z)
+
     @property
     def left_out_residual(self) -> Floats:
         """Residuals (N,) of each trial as the fit without it leaves them."""
@@ -133,9 +139,8 @@ class Fit:
         """Standard deviation of what is left in u, v, r, over what the trials state for their
         measured velocities, the largest of all trials.
         """
-        run_sets = self.problem.run_sets_for(self.unknowns, self.z)
-        shares = [noise_of_runs(w, self.unknowns, self.z).sigma / w.track_std for w in run_sets]
-        u, v, r = np.max(shares, axis=0)
+        pairs = zip(self.noise, self.problem.run_sets, strict=True)
+        u, v, r = np.max([noise.sigma / w.track_std for noise, w in pairs], axis=0)
         return float(u), float(v), float(r)
 
     @property
@@ -147,10 +152,14 @@ class Fit:
         """Residuals (K, N) at other numbers z (K, n)."""
         return residuals_of(self.unknowns, self.problem.run_sets_for(self.unknowns, z[0]), z)
 
-    def renewed_problem(self, unknowns: Unknowns, z: Floats) -> FitProblem:
-        """With the noise that a model with these numbers leaves, starts linearised anew."""
-        old, run_sets = self.problem, self.problem.run_sets_for(unknowns, z)
-        noise = [noise_of_runs(runs, unknowns, z) for runs in run_sets]
+    @cached_property
+    def renewed_problem(self) -> FitProblem:
+        """With the noise that the fit leaves, starts linearised anew."""
+        return self.problem_under(self.noise)
+
+    def problem_under(self, noise: Sequence[Noise]) -> FitProblem:
+        """The same under a noise of each trial, that of another model perhaps."""
+        old = self.problem
         return FitProblem.of(old.vessel, old.trials, self.unknowns, self.z, noise, old.settings)
 
     def model(self, trial: int = 0) -> Model:

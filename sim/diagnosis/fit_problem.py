@@ -21,7 +21,12 @@ from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
 from sim.identification.runs import RunSet, TrialTrack
 from sim.identification.settings import IdentifySettings
-from sim.identification.shooting import FitInputs, build_run_set, deviance_of_runs
+from sim.identification.shooting import (
+    FitInputs,
+    build_run_set,
+    deviance_of_runs,
+    noise_of_runs,
+)
 from sim.model import Model
 from sim.prediction.free_runs import memory_at
 from sim.prediction.segments import BLOCK_S, GUARD_S
@@ -141,6 +146,10 @@ class FitProblem:
         if unknowns.model.kernel is self.run_sets[0].model.kernel:
             return self.run_sets
         return tuple(_with_model(runs, unknowns, z) for runs in self.run_sets)
+
+    def noise_of(self, unknowns: Unknowns, z: Floats) -> tuple[Noise, ...]:
+        """Of each trial, as a model with numbers z (n,) leaves it."""
+        return tuple(noise_of_runs(w, unknowns, z) for w in self.run_sets_for(unknowns, z))
 
     def deviance(self, unknowns: Unknowns, z: Floats) -> float:
         """−2 log likelihood of numbers z (n,) under the noise that they leave themselves."""

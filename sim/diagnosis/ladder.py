@@ -274,13 +274,13 @@ class EffectSearch:
 
     def _beside(self, added: Sequence[AddedEffect], like: Fit) -> Fit:
         """The base with these effects, fitted under the noise that `like` leaves."""
-        problem = like.renewed_problem(like.unknowns, like.z)
+        problem = like.renewed_problem
         unknowns = unknowns_for(self.superset, added, len(problem.trials), problem.settings)
         return fit_effects(added, unknowns, problem, start_values(unknowns, like))
 
     def _gain_over(self, fit: Fit, other: Fit) -> Gain:
         """What one fit is worth over another, under the noise that the first leaves."""
-        problem = fit.renewed_problem(fit.unknowns, fit.z)
+        problem = fit.renewed_problem
         before, after = (
             fit_effects(f.added, f.unknowns, problem, f.z).heldout_residual for f in (other, fit)
         )

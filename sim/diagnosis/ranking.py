@@ -107,7 +107,8 @@ def _rank_finalists(
     mapper: Mapper,
 ) -> Ranking:  # fmt: skip
     """The finalists under the noise that one of them leaves."""
-    problem = reference.renewed_problem(leader.unknowns, leader.z)
+    noise = reference.problem.noise_of(leader.unknowns, leader.z)
+    problem = reference.problem_under(noise)
     before = fit_effects(reference.added, reference.unknowns, problem, reference.z)
 
     def whole(r: ScreeningResult) -> tuple[Fit, Gain]:

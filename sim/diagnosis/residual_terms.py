@@ -24,7 +24,7 @@ from sim.diagnosis.force_terms import GROUPS, PER_TRIAL, error_responses
 from sim.diagnosis.heldout import Gain, gain
 from sim.identification.noise import MIN_SIGMA, Noise, RunErrors, estimate_noise
 from sim.identification.runs import RunSet, errors_and_sensitivity, run_errors
-from sim.identification.search import robust_weights, stacked_jacobian
+from sim.identification.search import residuals_and_jacobian, robust_weights
 from sim.identification.shooting import projected_residuals, whitened_run_set
 from sim.state import Floats
 
@@ -78,10 +78,10 @@ class _TrialErrors:
     def of(cls, fit: Fit, runs: RunSet) -> "_TrialErrors":
         errors, unknowns = errors_and_sensitivity(runs, fit.unknowns, fit.z), fit.unknowns
 
-        def flat(z: Floats) -> Floats:
-            return run_errors(runs, unknowns, z).reshape(len(z), -1)
+        def flat(each: Sequence[Floats]) -> list[Floats]:
+            return [run_errors(runs, unknowns, z).reshape(len(z), -1) for z in each]
 
-        jacobian = stacked_jacobian([(runs.source.number, flat)], unknowns, fit.z)
+        _, jacobian = residuals_and_jacobian(flat, [runs.source.number], unknowns, fit.z)
         jacobian = jacobian.reshape(*errors.error.shape, -1)
         return cls(runs, errors, jacobian, error_responses(fit, runs))
 

@@ -8,7 +8,6 @@ promise most.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,8 @@ from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for, with
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
-from sim.identification.search import (
-    damped_steps,
-    residuals_and_jacobian,
-    robust_cost,
-    robust_weights,
-)
-from sim.identification.shooting import residuals_of
+from sim.identification.search import damped_steps, robust_cost, robust_weights
+from sim.identification.shooting import jacobian_of, residuals_and_slopes, residuals_of
 from sim.identification.starts import MOMENT_STARTS, start_points
 from sim.model import Model
 from sim.state import Floats
@@ -152,8 +146,7 @@ class _Screening:
     @classmethod
     def of(cls, superset: SupersetModel, reference: Fit, problem: FitProblem) -> "_Screening":
         unknowns, z = reference.unknowns, reference.z
-        residuals = partial(residuals_of, unknowns, problem.run_sets_for(unknowns, z))
-        _, jacobian = residuals_and_jacobian(residuals, unknowns, z, np.arange(len(unknowns)))
+        jacobian = jacobian_of(unknowns, problem.run_sets_for(unknowns, z), z)
         return cls(superset, reference, problem, jacobian)
 
     def best(self, begins: Sequence[ScreeningResult]) -> ScreeningResult | None:
@@ -231,15 +224,15 @@ class _Screening:
         known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
         place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
         own, shared = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
-        residuals = partial(residuals_of, unknowns, self.problem.run_sets_for(unknowns, z))
-        residual, of_own = residuals_and_jacobian(residuals, unknowns, z, own)
-        J = np.zeros((len(residual), len(place)))
-        J[:, own], J[:, shared] = of_own, self.jacobian[:, place[shared]]
+        run_sets = self.problem.run_sets_for(unknowns, z)
+        residual, J = residuals_and_slopes(unknowns, run_sets, z, own)
+        J[:, shared] = self.jacobian[:, place[shared]]
         if not np.isfinite(J).all():
             return None
         weight = robust_weights(residual, thresholds.ROBUST_SIGMAS)
         tried = np.clip(z + damped_steps(unknowns, z, residual, J, weight), *unknowns.bounds)
-        costs = robust_cost(unknowns, tried, residuals(tried), thresholds.ROBUST_SIGMAS)
+        left = residuals_of(unknowns, run_sets, tried)
+        costs = robust_cost(unknowns, tried, left, thresholds.ROBUST_SIGMAS)
         k = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         here = float(robust_cost(unknowns, z, residual, thresholds.ROBUST_SIGMAS))
         if here <= costs[k]:

@@ -17,6 +17,7 @@ Forssell and Ljung, IEEE Trans. Automatic Control 45, 2000 (unstable systems).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numba
@@ -51,21 +52,22 @@ class Chain:
     """The filter over S runs of at most n means (m = 3 n rows), ready to be applied.
 
     follows  (S,) whether the next run begins where this one ends, as 0 and 1
-    last     (S,) the last mean of each run
-    rows     (S, m, m) whitening of the errors of a run in time
+    count    (S,) means of each run
+    noise    whitens the errors of a run in time
     state    (S, m, 6) of (δ, ε before the run) in these rows; moved (S, 6, 3): δ to the next run's
-    gain     (S, 6, m) of whitened innovations in that of the next run, unit (S, m, m) whitens them
+    gain     (S, 6, m) of whitened innovations in that of the next run
+    root     (S, m, m) Cholesky factor of the innovations' covariance
     spread   (3,) of the innovations of u, v, r, robust: 1 where the noise is right
     deviance −2 log likelihood of the errors that it was made from
     """
 
     follows: Floats
-    last: Ints
-    rows: Floats
+    count: Ints
+    noise: Noise
     state: Floats
     moved: Floats
     gain: Floats
-    unit: Floats
+    root: Floats
     spread: Floats
     deviance: float
 
@@ -79,47 +81,56 @@ class Chain:
         """
         S, n = errors.within.shape
         count = errors.within.sum(axis=1).astype(np.int64)
-        last = np.maximum(count - 1, 0)
         phi = np.nan_to_num(np.clip(errors.phi, -MAX_TRANSITION, MAX_TRANSITION))
-        rows, state = _rows_and_state(phi[:, :n], errors.within, noise)
-        moved = np.concatenate([phi[:, n], -phi[np.arange(S), last]], axis=1)
-        own = np.broadcast_to(np.eye(3 * n), (S, 3 * n, 3 * n)).copy()
-        drive, both = np.zeros((S, 6, 6)), np.zeros((S, 6, 3 * n))
-        drive[:, :3, :3] = np.diag(process**2) * (mean_s * count)[:, None, None]
+        moved = np.concatenate([phi[:, n], -phi[np.arange(S), np.maximum(count - 1, 0)]], axis=1)
+        fresh = _fresh(noise)
+        timing = np.zeros((0, 0, 0))
         if errors.timing_covariance is not None and noise.command_timing > 0.0:
-            timing = noise.command_timing**2 * np.nan_to_num(errors.timing_covariance)
-            counted = np.repeat(errors.within, 3, axis=1)
-            inside = timing[:, : 3 * n, : 3 * n] * counted[:, None] * counted[:, :, None]
-            own += rows @ inside @ np.swapaxes(rows, 1, 2)
-            added = _end_and_last(count, last, n)  # c, and what is no ε in the last error
-            drive += added @ timing @ np.swapaxes(added, 1, 2)
-            both = (added @ timing)[:, :, : 3 * n] * counted[:, None] @ np.swapaxes(rows, 1, 2)
+            timing = np.nan_to_num(errors.timing_covariance)
         start = np.diag(np.concatenate([(START_SIGMAS * noise.sigma) ** 2, noise.sigma**2]))
-        gain, unit, size = _gains(state, own, moved, follows, start, drive, both)
-        chain = cls(follows, last, rows, state, moved, gain, unit, np.ones(3), 0.0)
-        white = chain.whitened(errors.error[None])[0][errors.within > 0]
-        spread = np.sqrt(np.median(white**2, axis=0) / CHI2_MEDIAN) if len(white) else np.ones(3)
-        determinant = size - 2.0 * np.log(np.maximum(_diagonal(rows), 1e-300)).sum()
-        deviance = float(np.sum(np.clip(white, -CLIP_STD, CLIP_STD) ** 2) + determinant)
-        return replace(chain, spread=np.maximum(spread, 1e-3), deviance=deviance)
+        state, gain = np.zeros((S, 3 * n, 6)), np.zeros((S, 6, 3 * n))
+        root = np.broadcast_to(np.eye(3 * n), (S, 3 * n, 3 * n)).copy()
+        white = np.zeros((S, 3 * n))
+        size = _riccati(
+            np.ascontiguousarray(errors.error).reshape(S, -1), phi, count, follows, moved, fresh,
+            noise.rho, process**2 * mean_s, timing, noise.command_timing**2, start,
+            state, gain, root, white,
+        )  # fmt: skip
+        counted = white.reshape(S, n, 3)[errors.within > 0]
+        spread = np.ones(3)
+        if len(counted):
+            spread = np.sqrt(np.median(counted**2, axis=0) / CHI2_MEDIAN)
+        determinant = size + 2.0 * float(count.sum()) * np.log(fresh).sum()
+        deviance = float(np.sum(np.clip(counted, -CLIP_STD, CLIP_STD) ** 2) + determinant)
+        spread = np.maximum(spread, 1e-3)
+        return cls(follows, count, noise, state, moved, gain, root, spread, deviance)
+
+    @cached_property
+    def _unit(self) -> Floats:
+        """(S, m, m) whitens the innovations."""
+        return np.linalg.inv(self.root)
 
     def whitened(self, error: Floats) -> Floats:
         """Errors and gaps (K, S, n + 1, 3) -> whitened innovations (K, S, n, 3)."""
         K, S, n = error.shape[0], error.shape[1], error.shape[2] - 1
         out = np.zeros((K, S, 3 * n))
         _filter(
-            np.ascontiguousarray(error).reshape(K, S, 3 * n + 3), self.follows, self.last,
-            self.rows, self.state, self.moved, self.gain, self.unit, out,
+            np.ascontiguousarray(error).reshape(K, S, 3 * n + 3), self.follows, self.count,
+            _fresh(self.noise), self.noise.rho, self.state, self.moved, self.gain, self._unit, out,
         )  # fmt: skip
         return out.reshape(K, S, n, 3)
 
     def subset(self, which: Ints, follows: Floats) -> "Chain":
         """The chain over some of its runs."""
         return replace(
-            self, follows=follows, last=self.last[which], rows=self.rows[which],
-            state=self.state[which], moved=self.moved[which], gain=self.gain[which],
-            unit=self.unit[which],
+            self, follows=follows, count=self.count[which], state=self.state[which],
+            moved=self.moved[which], gain=self.gain[which], root=self.root[which],
         )  # fmt: skip
+
+
+def _fresh(noise: Noise) -> Floats:
+    """Standard deviation of what is new in ε from mean to mean: (3,)."""
+    return np.asarray(noise.sigma * np.sqrt(1.0 - noise.rho**2))
 
 
 def chain_of(
@@ -159,88 +170,119 @@ def follows_of(first: Ints, size: Ints) -> Floats:
     return out
 
 
-def _end_and_last(count: Ints, last: Ints, n: int) -> Floats:
-    """Of n + 1 means of a run (S,): the one after its last, and less the last: (S, 6, 3 n + 3)."""
-    out = np.zeros((len(count), 2, 3, n + 1, 3))
-    for i in range(3):
-        out[np.arange(len(count)), 0, i, count, i] = 1.0
-        out[np.arange(len(count)), 1, i, last, i] = -1.0
-    return out.reshape(len(count), 6, 3 * n + 3)
-
-
-def _diagonal(matrices: Floats) -> Floats:
-    return np.asarray(np.einsum("sii->si", matrices))
-
-
-def _rows_and_state(phi: Floats, within: Floats, noise: Noise) -> tuple[Floats, Floats]:
-    """Φ (S, n, 3, 3) -> whitening of a run's errors (S, m, m), (δ, ε) in these rows (S, m, 6)."""
-    S, n = within.shape
-    fresh = noise.sigma * np.sqrt(1.0 - noise.rho**2)
-    one = np.zeros((n, 3, n, 3))
-    for i in range(3):
-        one[np.arange(n), i, np.arange(n), i] = 1.0 / fresh[i]
-        one[np.arange(1, n), i, np.arange(n - 1), i] = -noise.rho[i] / fresh[i]
-    counted = np.repeat(within, 3, axis=1)
-    rows = np.broadcast_to(one.reshape(3 * n, 3 * n), (S, 3 * n, 3 * n)).copy()
-    carried = np.zeros((n, 3, 3))
-    carried[0] = np.diag(noise.rho / fresh)
-    state = np.concatenate(
-        [rows @ phi.reshape(S, 3 * n, 3), np.broadcast_to(carried.reshape(-1, 3), (S, 3 * n, 3))],
-        axis=2,
-    )
-    outside = np.where(counted == 0.0)
-    rows[outside], state[outside] = 0.0, 0.0
-    rows[outside[0], outside[1], outside[1]] = 1.0
-    return rows, np.ascontiguousarray(state)
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _gains(state, own, moved, follows, start, drive, both):  # type: ignore[no-untyped-def]
-    """Riccati recursion -> gain (S, 6, m), unit (S, m, m), Σ log det of the innovations.
+def _riccati(  # type: ignore[no-untyped-def]
+    error, phi, count, follows, moved, fresh, rho, process, timing, timing_scale, start,
+    state, gain, root, white,
+):  # fmt: skip
+    """The recursion run by run: state, gain, root and the whitened errors (S, m) are filled.
 
-    drive (S, 6, 6): what is new in the next (δ, ε); both (S, 6, m): its covariance with the errors
-    of the run.
+    Returns Σ log det of the innovations' covariances. error (S, m + 3) with the gap last; process
+    (3,): variance of w for each mean; timing (S, m + 3, m + 3), or empty. What command timing adds
+    to the next (δ, ε) is c, and what is no ε in the last error.
     """
-    S, m, _ = state.shape
-    gain, unit = np.zeros((S, 6, m)), np.zeros((S, m, m))
-    P, size = start.copy(), 0.0
+    S, size = len(phi), 0.0
+    P, x = start.copy(), np.zeros(6)
     for k in range(S):
-        G, F = state[k], moved[k]
-        L = np.linalg.cholesky(G @ P @ G.T + own[k])
-        W = np.linalg.inv(L)
+        m, F = 3 * count[k], moved[k]
+        G, own, beside = state[k, :m], np.eye(m), np.zeros((6, m))
+        _state_rows(phi[k], fresh, rho, G)
+        if len(timing):
+            rows = _whitened_rows(timing[k], m, fresh, rho)
+            for i in range(m):
+                for j in range(m):
+                    before = rho[j % 3] * rows[i, j - 3] if j > 2 else 0.0
+                    own[i, j] += timing_scale * (rows[i, j] - before) / fresh[j % 3]
+            for i in range(3):
+                beside[i] = timing_scale * rows[:m, m + i]
+                beside[3 + i] = -timing_scale * rows[:m, m - 3 + i]
+        GP = G @ P
+        L = np.linalg.cholesky(GP @ G.T + own)
+        root[k, :m, :m] = L
+        X = np.empty((m, 7))  # covariance of the next (δ, ε) with the rows, and the innovations
+        X[:, :6] = np.ascontiguousarray(GP[:, :3]) @ F.T + beside.T
+        X[:, 6] = _in_time(error[k], m, fresh, rho) - G @ x
         for i in range(m):
+            for j in range(i):
+                for b in range(7):
+                    X[i, b] -= L[i, j] * X[j, b]
+            for b in range(7):
+                X[i, b] /= L[i, i]
             size += 2.0 * np.log(L[i, i])
-        unit[k] = W
+        white[k, :m] = X[:, 6]
         if follows[k] == 0.0:
-            P = start.copy()
+            P, x = start.copy(), np.zeros(6)
             continue
-        cross = F @ np.ascontiguousarray((P @ G.T)[:3])
-        cross += both[k]
-        B = cross @ W.T
-        gain[k] = B
+        B = np.ascontiguousarray(X[:, :6].T)
+        gain[k, :, :m] = B
+        x = F @ x[:3] + B @ np.ascontiguousarray(X[:, 6])
         P = F @ np.ascontiguousarray(P[:3, :3]) @ F.T - B @ B.T
-        P += drive[k]
+        for i in range(3):
+            x[i] -= error[k, len(error[k]) - 3 + i]
+            x[3 + i] += error[k, m - 3 + i]
+            P[i, i] += process[i] * count[k]
+        if len(timing):
+            for i in range(3):
+                for j in range(3):
+                    P[i, j] += timing_scale * timing[k, m + i, m + j]
+                    P[i, 3 + j] -= timing_scale * timing[k, m + i, m - 3 + j]
+                    P[3 + i, j] -= timing_scale * timing[k, m - 3 + i, m + j]
+                    P[3 + i, 3 + j] += timing_scale * timing[k, m - 3 + i, m - 3 + j]
         P = 0.5 * (P + P.T)
-    return gain, unit, size
+    return size
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _filter(error, follows, last, rows, state, moved, gain, unit, out):  # type: ignore[no-untyped-def]
+def _state_rows(phi, fresh, rho, out):  # type: ignore[no-untyped-def]
+    """Φ (n, 3, 3) -> (δ, ε) in the whitened rows of a run: out (m, 6)."""
+    for i in range(len(out)):
+        j, a = i // 3, i % 3
+        for b in range(3):
+            before = rho[a] * phi[j - 1, a, b] if j > 0 else 0.0
+            out[i, b] = (phi[j, a, b] - before) / fresh[a]
+        if j == 0:
+            out[i, 3 + a] = rho[a] / fresh[a]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _in_time(error, m, fresh, rho):  # type: ignore[no-untyped-def]
+    """Errors of a run (m + 3,) -> whitened in time (m,)."""
+    out = np.empty(m)
+    for i in range(m):
+        before = rho[i % 3] * error[i - 3] if i > 2 else 0.0
+        out[i] = (error[i] - before) / fresh[i % 3]
+    return out
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _whitened_rows(matrix, m, fresh, rho):  # type: ignore[no-untyped-def]
+    """The first m + 3 columns of a covariance (M, M), whitened from the left: (m, m + 3)."""
+    out = np.empty((m, m + 3))
+    for i in range(m):
+        for j in range(m + 3):
+            before = rho[i % 3] * matrix[i - 3, j] if i > 2 else 0.0
+            out[i, j] = (matrix[i, j] - before) / fresh[i % 3]
+    return out
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _filter(error, follows, count, fresh, rho, state, moved, gain, unit, out):  # type: ignore[no-untyped-def]
     """Errors (K, S, m + 3) with the gap last -> whitened innovations out (K, S, m)."""
     K, S, wide = error.shape
-    m = wide - 3
-    for q in range(K):
-        x = np.zeros(6)
-        for k in range(S):
-            e = error[q, k]
-            v = rows[k] @ e[:m] - state[k] @ x
-            w = unit[k] @ v
-            out[q, k] = w
-            if follows[k] == 0.0:
-                x[:] = 0.0
-                continue
-            x = moved[k] @ x[:3] + gain[k] @ w
-            j = 3 * last[k]
+    x = np.zeros((6, K))
+    for k in range(S):
+        m = 3 * count[k]
+        v = np.empty((m, K))
+        for q in range(K):
+            v[:, q] = _in_time(error[q, k], m, fresh, rho)
+        v -= state[k, :m] @ x
+        w = np.ascontiguousarray(unit[k, :m, :m]) @ v
+        out[:, k, :m] = w.T
+        if follows[k] == 0.0:
+            x[:] = 0.0
+            continue
+        x = moved[k] @ x[:3] + np.ascontiguousarray(gain[k, :, :m]) @ w
+        for q in range(K):
             for i in range(3):
-                x[i] -= e[m + i]
-                x[3 + i] += e[j + i]
+                x[i, q] -= error[q, k, wide - 3 + i]
+                x[3 + i, q] += error[q, k, m - 3 + i]

@@ -139,9 +139,15 @@ class Unknowns:
         theta = np.tile(self.model.theta, (len(z), 1))
         values = self.to_named(z)
         for i in self.columns_of_trial(trial):
-            if self.each[i].name in self.model.names:
-                theta[:, self.model.names.index(self.each[i].name)] = values[:, i]
+            if (at := self._places[i]) is not None:
+                theta[:, at] = values[:, i]
         return theta
+
+    @cached_property
+    def _places(self) -> list[int | None]:
+        """Where the model has each of them; None of a nuisance."""
+        where = {name: at for at, name in enumerate(self.model.names)}
+        return [where.get(u.name) for u in self.each]
 
     def offset(self, z: Floats, name: str) -> Floats:
         """z (K, n) -> one of `OFFSETS` (K,) [s]; zero where it is not estimated."""

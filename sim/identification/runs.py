@@ -7,9 +7,12 @@ the same spin and never part. Errors are compared in means over several rows; th
 finite whatever the parameters.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +26,7 @@ from sim.identification.innovations import (
 )
 from sim.identification.noise import Noise, RunErrors, estimate_noise, restricted_deviance
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
-from sim.model import Model, Runs
+from sim.model import InputTable, Model, Runs
 from sim.prediction.free_runs import memory_at
 from sim.prediction.inputs import input_table
 from sim.prediction.scales import scales_of
@@ -36,6 +39,7 @@ MIN_MEANS = 3  # means in a run: three numbers are spent on its start …
 MIN_MEANS_TIED = 2  # … or none, where a filter ties it to the run before
 RUNS_TOGETHER = 12  # that stay tied to each other when some of the runs are left out
 LARGEST_ERROR_SCALES = 100.0  # an error beyond this counts as this: the run left the track
+MAX_RUNS_AT_ONCE = 3000  # of several trials in one call of the model: bounds the memory it takes
 NU = slice(3, 6)  # of a report
 
 
@@ -218,6 +222,22 @@ class RunSet:
         """Of the measured u, v, r, as the trial states it: (3,)."""
         return track_std(self.source.trial)
 
+    @cached_property
+    def scales(self) -> Floats:
+        """Of the trial's u, v, r: (3,)."""
+        return scales_of(self.source.trial)
+
+    @cached_property
+    def inputs(self) -> InputTable:
+        """What drives the model over the trial."""
+        return sharpened_commands(input_table(self.model, self.source.trial), self.kappa)
+
+    @property
+    def steps(self) -> Ints:
+        """Steps of each run (S,): to its last row, or on to the start of the run that follows."""
+        size = self.rows.size
+        return size - 1 if self.follows is None else size - 1 + self.follows.astype(np.int64)
+
     @property
     def mean_s(self) -> float:
         """Seconds from mean to mean."""
@@ -228,29 +248,37 @@ def simulate_runs(
     run_set: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
 ) -> Floats:
     """Parameters z (K, n), starts moved by `nudge` (K, S, 3) -> reports (K, S, rows, 9)."""
-    K, rows = len(z), run_set.rows.first
-    theta = unknowns.theta(z, run_set.source.number)
-    start = np.repeat(run_set.source.track[rows], K, axis=0)
-    if nudge is not None:
-        start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
-    x0 = np.hstack(
-        [run_set.model.true_states(start, theta=theta), np.repeat(run_set.memory, K, axis=0)]
-    )
-    runs = Runs(
-        table=np.zeros(len(start), np.int64),
-        start=np.repeat(rows, K),
-        steps=np.repeat(_steps(run_set), K),
-        delay=np.tile(unknowns.offset(z, OFFSETS[0]), len(rows)),
-    )
-    inputs = sharpened_commands(input_table(run_set.model, run_set.source.trial), run_set.kappa)
-    _, reports = run_set.model.run(x0, runs, inputs, theta=theta)
-    return reports.reshape(len(rows), K, -1, 9).swapaxes(0, 1)
+    (reports,) = _reports_together([run_set], unknowns, [z], nudge)
+    return reports.swapaxes(0, 1)
 
 
-def _steps(run_set: RunSet) -> Ints:
-    """Steps of each run (S,): to its last row, or on to the start of the run that follows."""
-    size = run_set.rows.size
-    return size - 1 if run_set.follows is None else size - 1 + run_set.follows.astype(np.int64)
+def _reports_together(
+    run_sets: Sequence[RunSet], unknowns: Unknowns, z: Sequence[Floats], nudge: Floats | None = None
+) -> list[Floats]:
+    """Of each trial at its own z (K, n) -> reports (S, K, rows, 9): one call of the model."""
+    model, starts, thetas, runs = run_sets[0].model, [], [], []
+    for i, (w, own) in enumerate(zip(run_sets, z, strict=True)):
+        K, rows = len(own), w.rows.first
+        theta = unknowns.theta(own, w.source.number)
+        start = np.repeat(w.source.track[rows], K, axis=0)
+        if nudge is not None:
+            start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
+        x0 = model.true_states(start, theta=theta)
+        starts.append(np.hstack([x0, np.repeat(w.memory, K, axis=0)]))
+        # one vector for each of K runs in turn serves all of a trial alone
+        thetas.append(theta if len(run_sets) == 1 else np.tile(theta, (len(rows), 1)))
+        delay = np.tile(unknowns.offset(own, OFFSETS[0]), len(rows))
+        table = np.full(len(start), i)
+        runs.append(Runs(table, np.repeat(rows, K), np.repeat(w.steps, K), delay))
+    together = Runs(*map(np.concatenate, zip(*(vars(r).values() for r in runs), strict=True)))
+    inputs = InputTable.stacked([w.inputs for w in run_sets])
+    _, reports = model.run(np.concatenate(starts), together, inputs, theta=np.concatenate(thetas))
+    out, done = [], 0
+    for w, start in zip(run_sets, starts, strict=True):
+        part = reports[done : done + len(start), : int(w.steps.max(initial=0)) + 1]
+        out.append(part.reshape(len(w.rows.first), -1, *part.shape[1:]))
+        done += len(start)
+    return out
 
 
 def run_errors(
@@ -261,28 +289,91 @@ def run_errors(
     Tied runs have one more, the last: measured start of the next run − end of this one, where it
     follows.
     """
-    rows, n = run_set.rows.first, run_set.within.shape[1]
-    if not len(rows):
-        return np.zeros((len(z), 0, n + (run_set.follows is not None), 3))
-    reported = simulate_runs(run_set, unknowns, z, nudge)
-    nu = reported[..., NU].copy()
-    nu[..., :2] -= unknowns.offset(z, OFFSETS[1])[:, None, None, None] * reported[..., 6:8]
-    trial = run_set.source.trial
-    jerk = np.gradient(reported[..., 6:9], trial.dt, axis=2)
-    nu += unknowns.offset(z, ROUNDING)[:, None, None, None] * np.nan_to_num(jerk)
-    nu = nu[:, :, : n * run_set.every]
-    at = np.minimum(rows[:, None] + np.arange(nu.shape[2]), len(trial) - 1)
-    limit = LARGEST_ERROR_SCALES * scales_of(trial)
-    error = np.clip(np.nan_to_num(trial.nu[at] - nu, nan=np.inf), -limit, limit)
-    means = error.reshape(len(z), len(rows), -1, run_set.every, 3).mean(axis=3)
-    means = np.asarray(means * run_set.within[..., None])
-    if run_set.follows is None:
-        return means
-    end = np.arange(len(rows)), run_set.rows.size - 1 + run_set.follows.astype(np.int64)
-    following = np.minimum(rows + run_set.rows.size, len(trial) - 1)
-    gap = run_set.source.track[following, NU] - reported[:, end[0], end[1]][..., NU]
-    gap = np.clip(np.nan_to_num(gap, nan=np.inf), -limit, limit) * run_set.follows[:, None]
-    return np.concatenate([means, gap[:, :, None]], axis=2)
+    if not len(run_set.rows.first):
+        return _no_errors(run_set, z)
+    (reports,) = _reports_together([run_set], unknowns, [z], nudge)
+    return _errors_of(run_set, unknowns, z, reports)
+
+
+def errors_of_trials(
+    run_sets: Sequence[RunSet], unknowns: Unknowns, z: Sequence[Floats]
+) -> list[Floats]:
+    """`run_errors` of several trials, each at its own z (K, n), in few calls of the model."""
+    out = [_no_errors(w, own) for w, own in zip(run_sets, z, strict=True)]
+    for some in _groups(run_sets, z):
+        sets, own = [run_sets[i] for i in some], [z[i] for i in some]
+        for i, reports in zip(some, _reports_together(sets, unknowns, own), strict=True):
+            out[i] = _errors_of(run_sets[i], unknowns, z[i], reports)
+    return out
+
+
+def _no_errors(run_set: RunSet, z: Floats) -> Floats:
+    """What a trial without runs has, and the shape of what others have."""
+    n = run_set.within.shape[1] + (run_set.follows is not None)
+    return np.zeros((len(z), len(run_set.rows.first), n, 3))
+
+
+def _groups(run_sets: Sequence[RunSet], z: Sequence[Floats]) -> list[list[int]]:
+    """Numbers of the trials with runs that go together: of one time step, and not too many runs."""
+    groups: list[list[int]] = []
+    size = 0
+    for i, (w, own) in enumerate(zip(run_sets, z, strict=True)):
+        runs = len(own) * len(w.rows.first)
+        if not runs:
+            continue
+        dt = w.source.trial.dt
+        if (
+            not groups
+            or size + runs > MAX_RUNS_AT_ONCE
+            or run_sets[groups[-1][0]].source.trial.dt != dt
+        ):
+            groups.append([])
+            size = 0
+        groups[-1].append(i)
+        size += runs
+    return groups
+
+
+def _errors_of(run_set: RunSet, unknowns: Unknowns, z: Floats, reports: Floats) -> Floats:
+    """Reports (S, K, rows, 9) -> errors (K, S, n, 3), of tied runs (K, S, n + 1, 3)."""
+    trial, tied = run_set.source.trial, run_set.follows is not None
+    out = _no_errors(run_set, z)
+    _mean_errors(
+        reports, trial.nu, run_set.source.track[:, NU], run_set.rows.first, run_set.rows.size,
+        run_set.every, unknowns.offset(z, OFFSETS[1]), unknowns.offset(z, ROUNDING), trial.dt,
+        LARGEST_ERROR_SCALES * run_set.scales, run_set.steps, tied, out,
+    )  # fmt: skip
+    return out
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _mean_errors(  # type: ignore[no-untyped-def]
+    reports, nu, track, first, size, every, late, rounding, dt, limit, steps, tied, out
+):
+    """Errors (S, K, rows) of what is reported `late` [s] and rounded, in means; with the gaps."""
+    S, K, rows, _ = reports.shape
+    for s in range(S):
+        for k in range(K):
+            own = reports[s, k]
+            for i in range(size[s]):
+                at = min(first[s] + i, len(nu) - 1)
+                a, b = max(i - 1, 0), min(i + 1, rows - 1)
+                for c in range(3):
+                    value = own[i, 3 + c]
+                    if c < 2:
+                        value -= late[k] * own[i, 6 + c]
+                    jerk = (own[b, 6 + c] - own[a, 6 + c]) / ((b - a) * dt)
+                    if np.isfinite(jerk):
+                        value += rounding[k] * jerk
+                    error = nu[at, c] - value
+                    error = min(max(error, -limit[c]), limit[c]) if error == error else limit[c]
+                    out[k, s, i // every, c] += error / every
+            if tied and steps[s] >= size[s]:
+                at = min(first[s] + size[s], len(nu) - 1)
+                for c in range(3):
+                    gap = track[at, c] - own[steps[s], 3 + c]
+                    gap = min(max(gap, -limit[c]), limit[c]) if gap == gap else limit[c]
+                    out[k, s, out.shape[2] - 1, c] = gap
 
 
 def errors_and_sensitivity(run_set: RunSet, unknowns: Unknowns, z: Floats) -> RunErrors:

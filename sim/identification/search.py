@@ -2,12 +2,12 @@
 
     minimise over z   Σ ρ(rᵢ(z)) + ‖(z − z₀) / prior‖²
 
-Jacobians are differences: all changes of z are one call of the model, and a recording is run only
-for the parameters that act on it. Source: Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999
-(the search of `scipy.optimize.least_squares`).
+Jacobians are differences: all changes of z are one call of the model, of many short recordings
+too, and a recording is run only for the parameters that act on it. Source: Branch, Coleman and Li,
+SIAM J. Sci. Comput. 21, 1999 (the search of `scipy.optimize.least_squares`).
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ MIN_CURVATURE = 1e-10  # of the largest: what has less is not determined, and do
 COST_CHANGE = 1e-5  # relative: a smaller one ends a search
 
 Residuals = Callable[[Floats], Floats]  # z (K, n) -> residuals (K, N)
+ResidualsOfTrials = Callable[[Sequence[Floats]], Sequence[Floats]]  # the same of each trial
 
 
 class SearchLimits(NamedTuple):
@@ -103,28 +104,33 @@ def damped_steps(
     return np.asarray(-scale * ((V.T @ (scale * s) / stiff) @ V.T))
 
 
-def residuals_and_jacobian(
-    residuals: Residuals, unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
+def moved_by_steps(
+    unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """Residuals (N,) at z (n,) and their Jacobian (N, k) by some of z, stepping within bounds."""
+    """z (n,), then with some of its numbers moved within bounds: (k + 1, n), and the steps (k,)."""
     _, upper = unknowns.bounds
     step = np.array([u.step for u in unknowns.each])
     step = np.where(z + step > upper, -step, step)[columns]
     moved = np.tile(z, (len(columns) + 1, 1))
     moved[np.arange(len(columns)) + 1, columns] += step
-    r = residuals(moved)
-    return r[0], ((r[1:] - r[0]) / step[:, None]).T
+    return moved, step
 
 
-def stacked_jacobian(
-    of_trials: Iterable[tuple[int, Residuals]], unknowns: Unknowns, z: Floats
-) -> Floats:
-    """∂ residuals / ∂ z (N, n) of trials by number, one after another."""
-    parts = []
-    for trial, residuals in of_trials:
-        mine = np.array(unknowns.columns_of_trial(trial))
-        _, own = residuals_and_jacobian(residuals, unknowns, z, mine)
-        part = np.zeros((len(own), len(z)))
-        part[:, mine] = own
-        parts.append(part)
-    return np.concatenate(parts)
+def residuals_and_jacobian(
+    residuals: ResidualsOfTrials, trials: Sequence[int], unknowns: Unknowns, z: Floats,
+    columns: NDArray[np.int64] | None = None,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Residuals (N,) at z (n,) of trials by number, one after another, and their Jacobian (N, n).
+
+    Only some `columns` of it, if given; the others are zero. A trial is run for those of its own.
+    """
+    wanted = np.arange(len(z)) if columns is None else columns
+    mine = [np.intersect1d(wanted, unknowns.columns_of_trial(trial)) for trial in trials]
+    moved = [moved_by_steps(unknowns, z, own) for own in mine]
+    each = residuals([points for points, _ in moved])
+    J = np.zeros((sum(r.shape[1] for r in each), len(z)))
+    done = 0
+    for r, own, (_, step) in zip(each, mine, moved, strict=True):
+        J[done : done + r.shape[1], own] = ((r[1:] - r[0]) / step[:, None]).T
+        done += r.shape[1]
+    return np.concatenate([r[0] for r in each]), J

@@ -39,10 +39,15 @@ from sim.identification.runs import (
     RunSet,
     TrialTrack,
     errors_and_sensitivity,
-    run_errors,
+    errors_of_trials,
     simulate_runs,
 )
-from sim.identification.search import SearchLimits, robust_weights, search, stacked_jacobian
+from sim.identification.search import (
+    SearchLimits,
+    residuals_and_jacobian,
+    robust_weights,
+    search,
+)
 from sim.identification.settings import IdentifySettings
 from sim.prediction.inputs import measured_motion
 from sim.prediction.scales import scales_of
@@ -199,8 +204,29 @@ def residuals_of(
     whitening: Whitening = projected_residuals,
 ) -> Floats:  # fmt: skip
     """Parameters z (K, n) -> residuals (K, N), without priors."""
-    parts = [whitening(w, run_errors(w, unknowns, z)) for w in run_sets]
-    return np.concatenate(parts, axis=1)
+    each = _residuals_of_trials(unknowns, run_sets, [z] * len(run_sets), whitening)
+    return np.concatenate(each, axis=1)
+
+
+def _residuals_of_trials(
+    unknowns: Unknowns, run_sets: Sequence[RunSet], z: Sequence[Floats], whitening: Whitening
+) -> list[Floats]:
+    """Parameters z (K, n) of each trial -> residuals (K, N) of each."""
+    errors = errors_of_trials(run_sets, unknowns, z)
+    return [whitening(w, e) for w, e in zip(run_sets, errors, strict=True)]
+
+
+def residuals_and_slopes(
+    unknowns: Unknowns, run_sets: Sequence[RunSet], z: Floats,
+    columns: NDArray[np.int64] | None = None, whitening: Whitening = projected_residuals,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Residuals (N,) at z (n,), and ∂ residuals / ∂ z (N, n) by differences, away from the nearer
+    limit; only some `columns`, the others zero.
+    """
+    return residuals_and_jacobian(
+        lambda each: _residuals_of_trials(unknowns, run_sets, each, whitening),
+        [w.source.number for w in run_sets], unknowns, z, columns,
+    )  # fmt: skip
 
 
 def jacobian_of(
@@ -208,11 +234,7 @@ def jacobian_of(
     whitening: Whitening = projected_residuals,
 ) -> Floats:  # fmt: skip
     """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
-    parts = [
-        (w.source.number, lambda z, w=w: residuals_of(unknowns, [w], z, whitening))
-        for w in run_sets
-    ]
-    return stacked_jacobian(parts, unknowns, z)
+    return residuals_and_slopes(unknowns, run_sets, z, whitening=whitening)[1]
 
 
 def best_parameters(

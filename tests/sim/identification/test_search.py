@@ -10,7 +10,6 @@ from sim.identification.search import (
     damped_steps,
     residuals_and_jacobian,
     search,
-    stacked_jacobian,
 )
 from sim.model import Model
 from tests.sim.vessels import WAMV
@@ -32,8 +31,13 @@ def one(name, lower=-10.0, upper=10.0, prior=np.inf, trial=None):
     return Unknown(name, "", 0.0, lower, upper, 1.0, 1e-3, prior, trial=trial)
 
 
+def of_trials(each):
+    """z (K, 2) of each trial -> the same residuals of each."""
+    return [straight(z) for z in each]
+
+
 def slope_in(both):
-    return lambda z: residuals_and_jacobian(straight, both, z, np.arange(2))[1]
+    return lambda z: residuals_and_jacobian(of_trials, [0], both, z)[1]
 
 
 @pytest.mark.parametrize("iterative", [False, True])
@@ -56,12 +60,12 @@ def test_a_start_beyond_the_limits_is_taken_inside():
 def test_no_step_leaves_the_limits():
     seen = []
 
-    def residuals(z):
-        seen.append(z)
-        return straight(z)
+    def residuals(each):
+        seen.extend(each)
+        return of_trials(each)
 
     both = unknowns(one("a", upper=1.0), one("b"))
-    left, slope = residuals_and_jacobian(residuals, both, np.array([1.0, 0.0]), np.arange(2))
+    left, slope = residuals_and_jacobian(residuals, [0], both, np.array([1.0, 0.0]))
     assert np.concatenate(seen)[:, 0].max() <= 1.0
     assert left == pytest.approx(A[:, 0] - B)
     assert slope == pytest.approx(A, abs=1e-9)
@@ -69,9 +73,22 @@ def test_no_step_leaves_the_limits():
 
 def test_a_recording_has_no_slope_along_the_numbers_of_another():
     both = unknowns(one("a"), one("b", trial=1))
-    slope = stacked_jacobian([(0, straight), (1, straight)], both, np.zeros(2))
+    runs = []
+
+    def residuals(each):
+        runs.extend(len(z) for z in each)
+        return of_trials(each)
+
+    _, slope = residuals_and_jacobian(residuals, [0, 1], both, np.zeros(2))
     assert slope[:4, 1] == pytest.approx(np.zeros(4))
     assert slope[4:] == pytest.approx(A, abs=1e-9)
+    assert runs == [2, 3]  # nor is it run for them
+
+
+def test_only_some_columns_are_worked_out_if_so_asked():
+    both = unknowns(one("a"), one("b"))
+    _, slope = residuals_and_jacobian(of_trials, [0], both, np.zeros(2), np.array([1]))
+    assert slope == pytest.approx(A * [0.0, 1.0], abs=1e-9)
 
 
 WEIGHT = np.array([1.0, 0.5, 0.2, 0.9])
