@@ -285,19 +285,21 @@ class InputTable:
         if len(tables) == 1:
             return tables[0]
         steps = max(t.time.shape[1] for t in tables)
+        return cls(
+            np.concatenate([_continued(t.total, steps + 1, np.diff(t.total[:, -2:], axis=1))
+                            for t in tables]),
+            np.concatenate([_continued(t.voltage, steps) for t in tables]),
+            np.concatenate([_continued(t.wind, steps) for t in tables]),
+            np.concatenate([_continued(t.time, steps, t.dt) for t in tables]),
+            tables[0].dt,
+        )  # fmt: skip
 
-        def longer(values: Floats, rise: Floats | float, length: int) -> Floats:
-            after = np.arange(1, length - values.shape[1] + 1).reshape(
-                1, -1, *[1] * (values.ndim - 2)
-            )
-            return np.concatenate([values, values[:, -1:] + rise * after], axis=1)
 
-        total = [longer(t.total, t.total[:, -1:] - t.total[:, -2:-1], steps + 1) for t in tables]
-        voltage, wind = ([longer(x, 0.0, steps) for x in (getattr(t, name) for t in tables)]
-                         for name in ("voltage", "wind"))  # fmt: skip
-        time = [longer(t.time, t.dt, steps) for t in tables]
-        parts = (np.concatenate(x) for x in (total, voltage, wind, time))
-        return cls(*parts, tables[0].dt)
+def _continued(values: Floats, length: int, rise: Floats | float = 0.0) -> Floats:
+    """(C, T, ...) -> (C, length, ...): the last row again and again, each `rise` more."""
+    after = np.arange(1.0, length - values.shape[1] + 1.0)
+    more = values[:, -1:] + rise * after.reshape(1, -1, *[1] * (values.ndim - 2))
+    return np.concatenate([values, more], axis=1)
 
 
 def _steps_in(dt: float, step: float) -> int:

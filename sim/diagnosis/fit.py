@@ -288,7 +288,7 @@ def with_event_moved(fit: Fit, name: str) -> Fit:
     """The same with an event moved to where the data have it."""
     times, rise, z = _profile(fit, name)
     best = int(np.argmin(rise))
-    moved = replace(fit, unknowns=_event_at(fit, name, times[best]), z=z[best])
+    moved = replace(fit, unknowns=with_event_at(fit.unknowns, name, times[best]), z=z[best])
     return replace(moved, residual=moved.at(moved.z[None])[0])
 
 
@@ -319,7 +319,7 @@ def _profile(fit: Fit, name: str) -> tuple[Floats, Floats, Floats]:
     times = inside if len(inside) else np.array([0.0, float(trial.time[-1])])
     cost, z = [], []
     for t in times:
-        r = replace(fit, unknowns=_event_at(fit, name, t)).at(fit.z[None])[0]
+        r = replace(fit, unknowns=with_event_at(fit.unknowns, name, t)).at(fit.z[None])[0]
         step = fit.steps(r)[0]
         left, pull = r + fit.jacobian @ step, fit.unknowns.prior_residuals(fit.z + step)
         cost.append(0.5 * (fit.weight @ left**2 + pull @ pull))
@@ -332,9 +332,9 @@ def _moment(fit: Fit, name: str) -> float:
     return float(model.theta[model.names.index(name)])
 
 
-def _event_at(fit: Fit, name: str, time: float) -> Unknowns:
-    """The unknowns of a model with the event at another time."""
-    model = fit.unknowns.model
+def with_event_at(unknowns: Unknowns, name: str, time: float) -> Unknowns:
+    """The unknowns of a model with the event `effect.parameter` at another time [s]."""
+    model = unknowns.model
     theta = model.theta.copy()
     theta[model.names.index(name)] = time
-    return replace(fit.unknowns, model=replace(model, theta=theta))
+    return replace(unknowns, model=replace(model, theta=theta))

@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for, with_given_base
+from sim.diagnosis.fit import (
+    Fit,
+    fit_effects,
+    start_values,
+    unknowns_for,
+    with_event_at,
+    with_given_base,
+)
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
@@ -184,9 +191,10 @@ class _Screening:
     ) -> ScreeningResult:
         """One step from each of these moments; the best where none leads further down."""
         tried = []
-        for time in times:
-            moved = self.at(best.added.effect, {**best.added.values, moment: float(time)})
-            tried.append(self._step(replace(moved, z=best.z)))
+        for time in map(float, times):
+            added = AddedEffect(best.added.effect, {**best.added.values, moment: time})
+            unknowns = with_event_at(best.unknowns, f"{best.name}.{moment}", time)
+            tried.append(self._step(replace(best, added=added, unknowns=unknowns)))
         return min([best, *(r for r in tried if r is not None)], key=lambda r: r.cost)
 
     def fitted(self, r: ScreeningResult) -> ScreeningResult:

@@ -108,7 +108,7 @@ class Chain:
     @cached_property
     def _unit(self) -> Floats:
         """(S, m, m) whitens the innovations."""
-        return np.linalg.inv(self.root)
+        return np.asarray(np.linalg.inv(self.root), np.float64)
 
     def whitened(self, error: Floats) -> Floats:
         """Errors and gaps (K, S, n + 1, 3) -> whitened innovations (K, S, n, 3)."""

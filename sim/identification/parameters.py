@@ -29,6 +29,7 @@ from sim.vessel import KNOT_PREFIX, next_knot
 OFFSETS = ("command_offset", "velocity_offset")  # [s] later than the other streams
 ROUNDING = "rounding"  # [s²] by which the motion's second derivative is added to it
 MASSES = ("m11", "m22", "m33")
+DAMPING = ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 # Chosen, not measured:
 OFFSET_STD_S, OFFSET_LIMIT_S, OFFSET_STEP_S = 0.03, 0.06, 2e-3  # prior, bounds, difference step
 ROUNDING_STD_S2, ROUNDING_LIMIT_S2, ROUNDING_STEP_S2 = 0.001, 0.004, 1e-4
@@ -286,7 +287,7 @@ def _base(model: Model, name: str, start: float) -> Unknown:
     lower, upper = -np.inf, np.inf
     if key in (*MASSES, "ahead", "exponent", "aspect"):
         lower, upper = 0.05 * scale, 20.0 * scale
-    elif key in ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr", "astern"):
+    elif key in (*DAMPING, "astern"):
         lower, upper = -100.0 * scale, 0.0
     elif key in ("area", *AREAS):
         lower = 0.0

@@ -10,8 +10,8 @@ from sim.diagnosis.answer import Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError
-from tests.sim.diagnosis.sailed import sailed
-from tests.sim.voyages import WAM_V
+from tests.sim.diagnosis.sailed import STD, sailed
+from tests.sim.voyages import WAM_V, trial_of, voyage
 
 FEW = DiagnoseSettings(
     effects=tuple(
@@ -36,7 +36,9 @@ def test_what_is_missing_is_named_and_the_error_falls() -> None:
     assert (found.verdict, found.effects) == (Verdict.EXPLAINED, ("thruster_imbalance",))
     gain = found.ladder[-1].parameters["thruster_imbalance"][0]
     assert gain.ci95[0] < 0.8 < gain.ci95[1]
-    assert found.ladder[-1].heldout.nrmse < 0.5 * found.ladder[0].heldout.nrmse
+    first, last = found.ladder[0].heldout.nrmse, found.ladder[-1].heldout.nrmse
+    assert last < 0.5 * first
+    assert f"falls from {first:.3f} to {last:.3f} (noise {found.noise_floor:.3f})" in found.summary
     assert found.ranking[0].effect == "thruster_imbalance"
     assert found.ranking[0].probability > 0.9
     assert [a.effect.name for a in found.vessel.effects] == ["thruster_imbalance"]
@@ -45,6 +47,24 @@ def test_what_is_missing_is_named_and_the_error_falls() -> None:
     for step in found.alternatives:
         assert tuple(a.effect.name for a in step.vessel.effects) == step.effects
         assert step.parameters[step.effects[0]]
+
+
+def test_a_voyage_is_explained_alike_on_a_fine_and_on_a_coarse_grid() -> None:
+    """10 Hz, as the library takes a log, and 5 Hz, as the command line does."""
+    eta, nu, nu_dot, drive = voyage(200.0, 0.1, current=(0.2, -0.25))
+    motion = np.hstack([eta, nu, nu_dot])
+    motion += np.random.default_rng(5).normal(0.0, STD, motion.shape)
+    parts, held = np.split(motion, 3, axis=1), drive.reshape(-1, 2, 2).mean(axis=1)
+    fine = trial_of(*parts, drive, 0.1, np.diag(STD**2))
+    coarse = trial_of(*(part[::2] for part in parts), held, 0.2, np.diag(STD**2))
+    currents = ("steady_current", "varying_current", "current_change")
+    few = replace(FEW, effects=tuple(named(n) for n in currents))
+    fine_found, coarse_found = (diagnose([trial], WAM_V, few) for trial in (fine, coarse))
+    assert fine_found.effects == coarse_found.effects == ("steady_current",)
+    assert fine_found.verdict is coarse_found.verdict
+    speeds = [f.ladder[-1].parameters["steady_current"][0] for f in (fine_found, coarse_found)]
+    assert speeds[0].value == pytest.approx(speeds[1].value, abs=0.02)
+    assert speeds[0].value == pytest.approx(np.hypot(0.2, 0.25), abs=0.02)
 
 
 def test_what_the_vessel_has_already_is_not_looked_for() -> None:

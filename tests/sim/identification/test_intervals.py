@@ -1,0 +1,33 @@
+"""Intervals of numbers, from uncertainties that are given."""
+
+import numpy as np
+import pytest
+
+from sim.identification.intervals import Estimate, Uncertainty, estimates_of
+from sim.identification.parameters import DAMPING, MASSES, OFFSETS, unknowns_of
+from sim.identification.settings import IdentifySettings
+from sim.model import Model
+from tests.sim.vessels import WAMV
+
+
+def estimates(std: float) -> dict[str, Estimate]:
+    """Of a vessel as it is; each number is known to within so many times its scale."""
+    unknowns = unknowns_of(Model.of(WAMV), 1, IdentifySettings())
+    variance = (std * np.array([u.scale for u in unknowns.each])) ** 2
+    known = Uncertainty(np.diag(1.0 / variance), np.diag(variance), 2.0)
+    return {e.name: e for e in estimates_of(unknowns, unknowns.start, known, ["trial"])}
+
+
+def test_an_interval_holds_no_number_that_no_boat_has() -> None:
+    """Damping takes energy out, and a mass is one; an offset may lie on either side."""
+    vague = estimates(3.0)
+    assert all(vague[name].ci95[1] == 0.0 for name in DAMPING)
+    assert all(vague[name].ci95[0] == 0.0 for name in MASSES)
+    assert vague[OFFSETS[0]].ci95[0] < 0.0 < vague[OFFSETS[0]].ci95[1]
+
+
+def test_an_interval_that_needs_no_limit_is_symmetric() -> None:
+    for name in (*DAMPING, *MASSES):
+        e = estimates(0.01)[name]
+        assert sum(e.ci95) == pytest.approx(2.0 * e.value)
+        assert e.ci95[0] < e.value < e.ci95[1]
