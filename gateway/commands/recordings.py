@@ -328,9 +328,9 @@ def studio(
 
     run_studio(
         StudioOptions(
-            tuple(logs or ()), vessel, tuple(folder or ()), out, tuple(effects or ()), port,
-            browser, expose, tuple(origin or ()), connect, settings_from(config, None, None).studio,
-            fleet, mapping,
+            tuple(logs or ()), vessel and vessel_path(vessel), tuple(folder or ()), out,
+            tuple(effects or ()), port, browser, expose, tuple(origin or ()), connect,
+            settings_from(config, None, None).studio, fleet, mapping,
         ),
         print_progress,
     )  # fmt: skip

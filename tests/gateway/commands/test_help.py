@@ -61,6 +61,18 @@ def test_a_mistyped_word_is_answered_with_the_right_one(run: Run) -> None:
     assert "--vessel" in run("compare", "x.tlog", "--vesel", "y").err
 
 
+def test_the_studio_takes_a_vessel_that_ships_by_its_name(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr("gateway.studio.serve.run_studio", lambda options, _: asked.append(options))
+    for words in ((), ("--vessel", "otter"), ("--vessel", "own.toml")):
+        assert run("studio", *words).status == 0
+    found = [options.vessel and options.vessel.name for options in asked]
+    assert found == [None, "otter.toml", "own.toml"]
+    assert asked[1].vessel.is_file()
+
+
 START = """
 import sys
 from gateway import cli
