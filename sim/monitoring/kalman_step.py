@@ -1,6 +1,6 @@
 """One step of an extended Kalman filter that weighs outliers less, compiled.
 
-A live boat takes eight each second: numpy's own cost for 3 × 3 matrices was a third of a replay.
+A boat under way takes eight each second, in numpy at 44 µs each, compiled at 13.
 
     S = H P Hᵀ + R = L Lᵀ,     K = P Hᵀ S⁻¹,     x ← x + K m
     P ← (1 − K H) P (1 − K H)ᵀ + K R Kᵀ          (Joseph's form)
