@@ -13,9 +13,10 @@ from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, 
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import find_free_curve
+from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, gain
-from sim.diagnosis.identifiability import RecordingContent, refusals, unseen_headings
-from sim.diagnosis.ladder import EffectSearch, Selection, is_at_floor, is_worth_it
+from sim.diagnosis.identifiability import RecordingContent, Refusal, refusals
+from sim.diagnosis.ladder import EffectSearch, Selection, is_at_floor, is_missed, is_worth_it
 from sim.diagnosis.next_experiment import SuggestedManoeuvre, by_information, by_separation
 from sim.diagnosis.ranking import RankedEffect, Ranking
 from sim.diagnosis.screening import Mapper, Progress
@@ -128,7 +129,7 @@ def diagnose(
     )
     verdict = verdict_of(selection, rivals, left, beyond)
     notes = [each.description for each in last.assumed]
-    notes += filter(None, [unseen_headings(effects_found, content)])
+    notes += filter(None, (unseen_headings(s.best, s.reference) for s in selection.steps))
     led = bool(selection.steps) and selection.steps[0].best is selection.first.best
     of_first = rivals[0] if led else rivals_of(selection.first, last.effects)
     names = [row.name for row in of_first]
@@ -151,7 +152,7 @@ def diagnose(
         ranking=candidates_of(selection.first, alone, names),
         unexplained=unexplained_share(ladder, floor),
         depends_on=tuple(left),
-        refused=tuple(refused),
+        refused=(*refused, *_doubted(selection, scorer)),
         noise_floor=floor,
         vessel=last.vessel,
         suggested=_suggested(selection, rivals, settings.plan, progress),
@@ -188,6 +189,17 @@ def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[R
     beside = (step, search.beside_unshown(step))
     rivals = [row for ranking in beside for row in rivals_of(ranking, selection.fit.names)]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]
+
+
+def _doubted(selection: Selection, scorer: HeldOutScorer) -> list[Refusal]:
+    """What would be worth it on these recordings, but is not believed of the boat."""
+    rows = [
+        (row, doubt_of(row, step.reference, scorer))
+        for step in (selection.first, *selection.steps)
+        for row in step.finalists
+        if row.name not in selection.fit.names and is_missed(row.effect, row.gain)
+    ]
+    return list({row.name: Refusal(row.name, doubt) for row, doubt in rows if doubt}.values())
 
 
 def _predicts_better(fitted: LadderStep, given: LadderStep) -> bool:

@@ -57,6 +57,13 @@ def per_block(residual: Floats, block: Ints) -> Floats:
     return np.asarray(np.bincount(block, clipped**2), np.float64)
 
 
+def nats_won(before: Floats, after: Floats) -> Floats:
+    """Nats (N,) that each residual of a fit wins over those of another, clipped."""
+    limit = thresholds.CLIP_SIGMAS
+    a, b = (np.clip(r, -limit, limit) ** 2 for r in (before, after))
+    return np.asarray(0.5 * (a - b) / thresholds.ROWS_PER_INDEPENDENT_ROW)
+
+
 def gain(before: Floats, after: Floats, block: Ints) -> Gain:
     """Residuals (N,) of two fits -> what the second is worth."""
     a, b = per_block(before, block), per_block(after, block)

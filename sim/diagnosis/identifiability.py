@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.effects.effect import Effect, Scope, Shown
+from sim.effects.effect import Effect, Shown
 from sim.model import Model
 from sim.prediction.inputs import vessel_commands
 from sim.state import Eta, Floats, Nu
@@ -31,7 +31,7 @@ class RecordingContent:
     """What the trials hold between them.
 
     seconds, longest   of usable time in all, and in one trial
-    heading_share      of the rows under way in each of eight sectors from north, clockwise
+    sectors            of eight, that headings under way lie in
     astern             s with a motor astern
     voltage_variation  standard deviation over mean; 0 where it was not measured
     rates_hz           the lowest of each stream
@@ -39,7 +39,7 @@ class RecordingContent:
 
     seconds: float
     longest: float
-    heading_share: tuple[float, ...]
+    sectors: int
     astern: float
     voltage_variation: float
     rates_hz: Mapping[str, float]
@@ -63,34 +63,10 @@ class RecordingContent:
                 rates[name] = min(rate, rates.get(name, np.inf))
         seconds = [float(t.usable.sum()) * t.dt for t in trials]
         return cls(
-            sum(seconds), max(seconds), tuple(share.tolist()),
+            sum(seconds), max(seconds), int(np.sum(share > thresholds.MIN_SECTOR_SHARE)),
             sum(float(rows) * t.dt for rows, t in zip(astern, trials, strict=True)),
             float(np.std(volts) / np.mean(volts)) if measured else 0.0, rates,
         )  # fmt: skip
-
-    def sectors(self, least: float) -> list[int]:
-        """Numbers of the sectors with more than a share of the rows under way."""
-        return [i for i, share in enumerate(self.heading_share) if share > least]
-
-
-def unseen_headings(effects: Sequence[Effect], content: RecordingContent) -> str:
-    """Where effects that go with the heading were not seen, in words; empty where they were.
-
-    What was found on a few headings (an offset of the compass) may be another thing on the others.
-    """
-    needs = {Shown.OPPOSITE, Shown.CIRCLES}
-    of_heading = [e.name for e in effects if e.scope is Scope.BOAT and needs & set(e.shown_by)]
-    seen = content.sectors(thresholds.MIN_SEEN_SECTOR_SHARE)
-    if not of_heading or len(seen) >= thresholds.MIN_SECTORS_FOR_CIRCLES:
-        return ""
-    width = 360 // thresholds.HEADING_SECTORS
-    begins = [i for i in seen if (i - 1) % thresholds.HEADING_SECTORS not in seen]
-    parts = []
-    for begin in begins:
-        count = next(n for n in range(1, 9) if (begin + n) % thresholds.HEADING_SECTORS not in seen)
-        parts.append(f"{width * begin}° to {width * (begin + count) % 360}°")
-    names = " and ".join(of_heading)
-    return f"sailed on headings from {' and '.join(parts)} alone: elsewhere {names} was not seen"
 
 
 def refusals(effects: Sequence[Effect], content: RecordingContent, vessel: Vessel) -> list[Refusal]:
@@ -107,8 +83,7 @@ def refusals(effects: Sequence[Effect], content: RecordingContent, vessel: Vesse
 
 def _missing_from(content: RecordingContent, shown: Shown) -> str:
     """What the trials lack of one thing that has to be shown, in words; empty where nothing."""
-    count = len(content.sectors(thresholds.MIN_SECTOR_SHARE))
-    sectors = f"headings in {count} of {thresholds.HEADING_SECTORS} sectors"
+    sectors = f"headings in {content.sectors} of {thresholds.HEADING_SECTORS} sectors"
     match shown:
         case Shown.COMMANDS | Shown.VELOCITY:
             name = "commands" if shown is Shown.COMMANDS else "velocity"
@@ -121,9 +96,9 @@ def _missing_from(content: RecordingContent, shown: Shown) -> str:
         case Shown.ASTERN if content.astern < thresholds.MIN_ASTERN_S:
             astern = f"{content.astern:.0f} s"
             return f"motors ran astern for {astern}: go astern, and brake from speed"
-        case Shown.CIRCLES if count < thresholds.MIN_SECTORS_FOR_CIRCLES:
+        case Shown.CIRCLES if content.sectors < thresholds.MIN_SECTORS_FOR_CIRCLES:
             return f"{sectors}: sail full circles"
-        case Shown.OPPOSITE if count < thresholds.MIN_SECTORS_FOR_OPPOSITE:
+        case Shown.OPPOSITE if content.sectors < thresholds.MIN_SECTORS_FOR_OPPOSITE:
             return f"{sectors}: sail opposite headings"
         case Shown.VOLTAGE if content.voltage_variation < thresholds.MIN_VOLTAGE_VARIATION:
             known = "hardly changed" if content.voltage_variation > 0.0 else "was not measured"

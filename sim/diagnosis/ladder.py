@@ -24,10 +24,11 @@ from sim.diagnosis.fit import (
     with_event_moved,
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.heldout import Gain, HeldOutScorer, gain, gain_on_recordings
+from sim.diagnosis.generality import doubt_of
+from sim.diagnosis.heldout import Gain, HeldOutScorer, gain
 from sim.diagnosis.ranking import RankedEffect, Ranking, rank
 from sim.diagnosis.screening import Mapper, Progress
-from sim.effects.effect import Effect, Scope
+from sim.effects.effect import Effect
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.vessel import AddedEffect
 
@@ -75,17 +76,6 @@ def is_worth_it(g: Gain) -> bool:
 def is_at_floor(noise_share: Sequence[float]) -> bool:
     """Whether no more is left in u, v, r than the recordings state as noise (`Fit.noise_share`)."""
     return max(noise_share) < thresholds.MAX_NOISE_SHARE
-
-
-def holds_on_recordings(row: RankedEffect, reference: Fit) -> bool:
-    """Whether what an effect says of the boat holds on recordings that it was not learnt on.
-
-    What is of a day is learnt on each anew; so is told of less than `MIN_RECORDINGS`.
-    """
-    if row.effect.scope is not Scope.BOAT:
-        return True
-    g = gain_on_recordings(reference, row.fit)
-    return g is None or g.nats > thresholds.MIN_NATS_ON_RECORDINGS
 
 
 def helps(scorer: HeldOutScorer, before: Fit, after: Fit, given: float) -> bool:
@@ -168,7 +158,7 @@ class EffectSearch:
         self, ranking: Ranking, steps: Sequence[Ranking], fit: Fit
     ) -> RankedEffect | None:
         worth = (r for r in ranking.finalists if self.justified(r, steps, fit))
-        return next((r for r in worth if holds_on_recordings(r, ranking.reference)), None)
+        return next((r for r in worth if self.is_believed(r, ranking.reference)), None)
 
     def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
         """Whether one of a ranking should be added to what was found so far."""
@@ -190,6 +180,10 @@ class EffectSearch:
     def helps(self, before: Fit, after: Fit) -> bool:
         """Whether predictions become noticeably better."""
         return helps(self.scorer, before, after, self.given)
+
+    def is_believed(self, row: RankedEffect, reference: Fit) -> bool:
+        """Whether nothing speaks against one of a ranking being true beyond these data."""
+        return not doubt_of(row, reference, self.scorer)
 
     def rank(self, fit: Fit, closer: bool = False, among: Container[str] | None = None) -> Ranking:
         """What could come next, of the whole catalogue or `among` these effects; `closer`: and
@@ -252,8 +246,8 @@ class EffectSearch:
             ranking = self.rank(self._beside(kept, fit), among=promising)
             ranking = ranking if ranking.finalists else step
             best, old = ranking.best, step.best.name
-            holds = best.name != old and holds_on_recordings(best, ranking.reference)
-            if holds and is_worth_it(self._gain_over(best.fit, fit)):
+            better = best.name != old and is_worth_it(self._gain_over(best.fit, fit))
+            if better and self.is_believed(best, ranking.reference):
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.diagnosis.identifiability import RecordingContent, Refusal, refusals, unseen_headings
+from sim.diagnosis.identifiability import RecordingContent, Refusal, refusals
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect, Shown
 from sim.model import Model
@@ -80,20 +80,3 @@ def test_each_reason_says_what_is_needed() -> None:
 def test_a_voltmeter_that_reads_zero_was_not_there() -> None:
     trial = sailed()
     assert "not measured" in reasons(replace(trial, voltage=np.zeros(len(trial))))["battery_sag"]
-
-
-def sailed_on(*degrees: float) -> RecordingContent:
-    """A voyage whose time is shared equally between these headings."""
-    trial = sailed()
-    eta = trial.eta.copy()
-    eta[:, 2] = np.resize(np.radians(degrees), len(eta))
-    return RecordingContent.of(MODEL, [replace(trial, eta=eta)])
-
-
-def test_on_which_headings_a_compass_was_seen_is_told_where_they_are_few() -> None:
-    offset = [named("heading_offset")]
-    few = unseen_headings(offset, sailed_on(10.0, 80.0, 350.0, 200.0))
-    assert "from 180° to 225° and 315° to 90° alone: elsewhere heading_offset" in few
-    assert unseen_headings(offset, sailed_on(*range(0, 360, 30))) == ""
-    for name in ("thruster_imbalance", "steady_current"):  # no heading, or of the day
-        assert unseen_headings([named(name)], sailed_on(10.0, 80.0)) == ""
