@@ -15,8 +15,15 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.figures.figure_data import FigureData
-from gateway.figures.wear import course_figure
+from gateway.figures.figure_data import (
+    Axis,
+    Band,
+    Dots,
+    FigureData,
+    Line,
+    Panel,
+    SeriesRole,
+)
 from gateway.fleet.table import read_estimates, read_recordings
 from gateway.user_effects import known_effects
 from sim.effects.effect import Scope
@@ -84,11 +91,18 @@ class Wear:
 
     @property
     def figure(self) -> FigureData:
-        """Recordings and course."""
-        return course_figure(
-            f"{self.boat} {self.name}", self.unit, self.date(0.0), self.series, self.course,
-            self.text or "no change is clear",
-        )  # fmt: skip
+        """What each recording says with its interval, and the course that is believed."""
+        series, course = self.series, self.course
+        low, high = (series.value + side * NORMAL_95 * series.std for side in (-1.0, 1.0))
+        marks = (
+            Band(series.time, course.low, course.high, SeriesRole.INTERVAL, "course, 95 %"),
+            Line(series.time, course.mean, SeriesRole.MODEL, "course"),
+            Dots(series.time, series.value, low, high, SeriesRole.MEASURED, "recordings"),
+        )
+        days = Axis(f"time since {self.date(0.0)}", "days")
+        panel = Panel(days, Axis("value", self.unit), marks)
+        caption = self.text or "no change is clear"
+        return FigureData(f"{self.boat} {self.name}", (panel,), caption=caption)
 
     def to_dict(self) -> dict[str, Any]:
         """What `shadow wear --json` prints."""

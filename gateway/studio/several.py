@@ -1,18 +1,33 @@
-"""Several recordings on one plot of the page Compare, laid over one another as is chosen."""
+"""Several recordings on one plot of the page Compare: velocities, or errors of a model.
+
+They are laid over one another at a moment of each, or along the way that they ran through.
+"""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from gateway.figures.bokeh_draw import LinkedView
-from gateway.figures.several import ALONG, SINCE, Course, several_velocities, way_run
+from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
+from gateway.figures.style import SEVERAL, VELOCITIES
 from gateway.studio.controls import FigurePlace
 from gateway.studio.page import Page, boxes, control_row, html, select, stack
 from gateway.studio.views import TrialView
 from sim.state import Floats
 
+SINCE = Axis("time after that moment", "s")
+ALONG = Axis("way run through", "m")
 START, WAY = "at their beginning", "along the way run through"
 MEASURED, ERROR = "measured motion", "error: measured − model"
+
+
+class Course(NamedTuple):
+    """One recording: its name, x (n,) of its rows, u, v, r (n, 3) [m/s, m/s, rad/s]."""
+
+    name: str
+    x: Floats
+    velocity: Floats
 
 
 class SeveralRecordings:
@@ -80,3 +95,25 @@ def course_of(trial: TrialView, align: str, error: bool) -> Course | None:
         return Course(trial.name, way_run(trial.north, trial.east), velocity)
     zero = float(trial.time[0]) if align == START else moments(trial).get(align)
     return None if zero is None else Course(trial.name, trial.time - zero, velocity)
+
+
+def way_run(north: Floats, east: Floats) -> Floats:
+    """Places (n,) [m] -> length of the track up to each (n,) [m]."""
+    steps = np.hypot(np.diff(north), np.diff(east))
+    return np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
+
+
+def several_velocities(courses: Sequence[Course], axis: Axis, what: str) -> FigureData:
+    """u, v, r of all courses, each in a colour of its own; `what` they are, as a title."""
+    panels = tuple(
+        Panel(
+            axis, quantity,
+            tuple(
+                Line(one.x, one.velocity[:, i] * quantity.factor, SeriesRole.CONTEXT, one.name,
+                     SEVERAL[k % len(SEVERAL)])
+                for k, one in enumerate(courses)
+            ),
+        )
+        for i, quantity in enumerate(VELOCITIES)
+    )  # fmt: skip
+    return FigureData(what, panels, shared_x=True)
