@@ -10,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.json_rows import TopicRows, encode
+from gateway.recording.foxglove import SCHEMAS, schema_text
 from gateway.recording.recorder import Recorder
 from gateway.topics import LOOP_TOPICS, TOPICS, FieldType, schema_files, write_schemas
 from tests.conftest import ROOT
@@ -43,6 +44,36 @@ def without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def strict(text: bytes) -> Any:
     """JSON as the standard has it: no NaN, no member twice."""
     return json.loads(text, parse_constant=refuse, object_pairs_hook=without_repetition)
+
+
+def refused_by_players(schema: dict[str, Any], name: str = "") -> list[str]:
+    """Fields whose schema Lichtblick does not read (parseJsonSchema of its public source).
+
+    An object is said to be one, a field has one type, an array's items too, text no other encoding.
+    """
+    if schema.get("type") != "object":
+        return [name]
+    out: list[str] = []
+    for field, given in schema["properties"].items():
+        one = given["items"] if given.get("type") == "array" else given
+        if one.get("type") == "object":
+            out += refused_by_players(one, f"{name}.{field}")
+        else:
+            plain = one.get("type") in ("boolean", "string", "number", "integer")
+            if not plain or one.get("contentEncoding", "base64") != "base64":
+                out.append(f"{name}.{field}")
+    return out
+
+
+@pytest.mark.parametrize("name", [*(f"topic {t}" for t in EVERY), *SCHEMAS])
+def test_players_read_every_schema(name: str) -> None:
+    kind, _, topic = name.partition(" ")
+    text = (FOLDER / f"{topic}.json").read_bytes() if topic else schema_text(kind)
+    schema = strict(text)
+    assert refused_by_players(schema) == []
+    first = next(iter(schema["properties"]))
+    schema["properties"][first] = {"type": ["number", "null"]}
+    assert refused_by_players(schema) == [f".{first}"]
 
 
 def test_the_files_are_current() -> None:
