@@ -238,8 +238,8 @@ def hil(
         ),
     ] = None,
     publish: Annotated[
-        bool, typer.Option(help="Publish the truth where shadow live does, for the studio.")
-    ] = True,
+        str, typer.Option(metavar="[zenoh|off]", help="The truth, beside `shadow live`'s shadow.")
+    ] = "zenoh",
 ) -> None:
     """The autopilot in the loop: real firmware steers the vessel, as if it were the boat.
 
@@ -256,11 +256,13 @@ def hil(
 
     if not vessel:
         raise BadInput("no model of the boat: give --vessel FILE (TOML)")
+    if publish not in ("zenoh", "off"):
+        raise BadInput(f"--publish {publish}: expected zenoh or off")
     own = effects_from(effects)
     plans = plans_of(endpoints or [DEFAULT_ENDPOINT], vessel, lambda file: load_vessel(file, own))
     options = LoopOptions(
         seed=seed, out=out if record else None, speed=speed, outputs=outputs,
-        plant=load_plant(plant, own), bus=(connect or BUS) if publish else None,
+        plant=load_plant(plant, own), bus=None if publish == "off" else connect or BUS,
     )  # fmt: skip
     if script is not None:
         day, text = load_day(script, own)

@@ -11,6 +11,7 @@ from gateway.json_rows import TopicRows, encode_rows
 from gateway.live.outputs import unused_path
 from gateway.recording.recorder import Attachment, Recorder
 from gateway.recording.thread import RecordingThread
+from gateway.recording.writer import warm_up
 from gateway.shadow.topic_rows import METADATA, attachments_of
 from gateway.topics import OUTPUTS
 from sim.hil.boat import Truth
@@ -31,6 +32,7 @@ def loop_recorder(
     plant: PlantChoice = OWN_VESSEL,
 ) -> Recorder:
     """A recording `<name>-hil-<time>.mcap` with vessel, plant and day in it."""
+    warm_up()
     stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
     config = {"hil": {"seed": seed}}
     attached = attachments_of(vessel, plant, config)

@@ -86,7 +86,7 @@ class OutputCheck:
     def _note(self, channel: int, pulse: float) -> None:
         if pulse in NO_PULSE:
             return
-        if not PLAUSIBLE_US[0] <= pulse <= PLAUSIBLE_US[1]:
+        if channel in self._actuators and not PLAUSIBLE_US[0] <= pulse <= PLAUSIBLE_US[1]:
             self._notices.once(
                 f"pulse {channel}",
                 f"a pulse of {pulse:g} µs on output {channel}: expected {PLAUSIBLE_US[0]:g} … "

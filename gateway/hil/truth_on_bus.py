@@ -16,7 +16,7 @@ from sim.hil.boat import Truth
 
 
 class TruthOnBus:
-    """Publishes what is new; a session is open until `scope` ends."""
+    """Publishes what is new; a session is open until `scope` ends. BadInput: no endpoint."""
 
     def __init__(self, endpoint: str, scope: ExitStack) -> None:
         self._endpoint, self._scope = endpoint, scope
@@ -24,6 +24,7 @@ class TruthOnBus:
         self._next_try_s = -float("inf")
         self._begun_ns = time.time_ns()
         self._last: dict[str, Truth] = {}
+        self._joined()
 
     def publish(self, name: str, truth: Truth | None) -> None:
         """A boat's latest truth, unless it is the one that was published last."""

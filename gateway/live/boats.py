@@ -22,6 +22,7 @@ from gateway.ingest.mavlink.mapping import from_heartbeat
 from gateway.json_rows import TopicRows
 from gateway.links.inbox import Datagram, Frame
 from gateway.live.intake import MessageIntake
+from gateway.recording.writer import warm_up
 from gateway.shadow.adaptation import Adapt
 from gateway.shadow.events import EventDetector, MissingForceRange
 from gateway.shadow.health import SECOND, LiveHealth
@@ -266,6 +267,7 @@ class Fleet:
 
     def warm_up(self) -> None:
         """Compile everything before a link is open, by a few messages of a throw-away boat."""
+        warm_up()
         for path, plan in zip(self._paths, self._plans, strict=True):
             boat = LiveBoat(Boat(1, 1), plan.key, path, self._adapt)
             for k in range(4):

@@ -87,6 +87,12 @@ def _lay_out(
         at += size
 
 
+def warm_up() -> None:
+    """Compile what lays out messages: a short recording may not wait for that when it ends."""
+    heads, payloads = np.zeros((1, HEAD.itemsize), np.uint8), Payloads.of([b"-"])
+    _lay_out(heads, *payloads, np.empty(HEAD.itemsize + 1, np.uint8))
+
+
 class _Waiting(NamedTuple):
     """Messages that are not laid out yet."""
 

@@ -58,6 +58,8 @@ def test_a_kill_loses_no_more_than_the_last_second(tmp_path):
         (["-v", "nowhere"], "cannot read the vessel file"),
         (["json:127.0.0.1:1", "tcp:x:2", "-v", "a=otter", "-v", "b=otter"], 'endpoint "tcp:x:2"'),
         (["-v", "otter", "--script", "nowhere.toml"], "nowhere.toml: cannot read the day"),
+        (["-v", "otter", "--publish", "keelson"], "--publish keelson: expected zenoh or off"),
+        (["json:127.0.0.1:1", "-v", "otter", "--no-record", "--connect", "sea"], "--connect sea"),
     ],
 )
 def test_bad_input_is_one_line(run, words, wrong):

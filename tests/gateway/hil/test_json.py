@@ -236,13 +236,14 @@ def test_no_pulse_is_no_thrust(plan, dead, stand_in):
 def test_absurd_pulses_are_said_once_and_do_no_harm(plan, stand_in):
     with looping([plan]) as running:
         firmware = stand_in(plan)
-        speed = firmware.sail({1: 60000, 3: 60000}, 3.0)["velocity"][0]
+        speed = firmware.sail({1: 60000, 3: 60000, 5: 60000}, 3.0)["velocity"][0]
     full = Boat.of(OTTER)
     state = full.start()
     for _ in range(1200):
         state, expected, _ = full.step(state, {1: 2000.0, 3: 2000.0}, 1 / 400)
     assert speed == pytest.approx(expected.velocity[0], rel=1e-3)
     assert len(running.said("60000 µs on output 1")) == 1
+    assert not running.said("output 5"), "the vessel knows nothing of it"
 
 
 def test_an_output_that_the_vessel_does_not_have_is_said_once(plan, stand_in):

@@ -1,6 +1,8 @@
 """What a loop records: the truth beside the outputs; and that no inference ever reads it."""
 
 import ast
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -117,3 +119,28 @@ def test_a_log_with_truth_in_it_gives_the_trial_that_it_gives_without(tmp_path):
     (one,), (other,) = trials
     for field in ("eta", "nu", "nu_dot", "pwm"):
         assert np.array_equal(getattr(one, field), getattr(other, field))
+
+
+FIRST_RUN = """
+from pathlib import Path
+from gateway.hil.recording import TruthRecording, loop_recorder
+from gateway.recording.thread import RecordingThread
+from gateway.recording.writer import _lay_out
+from gateway.vessel_file import load_vessel
+from sim.hil.boat import Truth
+
+recorder = loop_recorder(Path("."), "otter", load_vessel("otter"), None, 0)
+ready = list(_lay_out.signatures)
+with RecordingThread(recorder) as thread:
+    truth = TruthRecording("otter", thread, 0)
+    truth.put(Truth._make([0.02] * 28), {1: 1500.0})
+    truth.flush()
+print(len(ready), ready == list(_lay_out.signatures), thread.failure)
+"""
+
+
+def test_the_first_recording_of_an_installation_compiles_nothing_when_it_ends(tmp_path):
+    """Where it did, a busy machine left it unfinished, and empty."""
+    words = [sys.executable, "-c", FIRST_RUN]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=200.0)
+    assert done.stdout.split() == ["1", "True", "None"], done.stderr
