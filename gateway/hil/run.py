@@ -294,6 +294,7 @@ def run_loops(
 ) -> list[BoatLoop]:
     """Play until `stop` says so, the time is over, or every boat has failed."""
     with ExitStack() as scope:
+        on_bus = None if options.bus is None else TruthOnBus(options.bus, scope)
         loops = [BoatLoop(plan, options, progress, scope) for plan in plans]
         waker = scope.enter_context(Waker())
         for loop in loops:
@@ -304,7 +305,6 @@ def run_loops(
         for thread in threads:
             thread.start()
         end = time.monotonic() + options.seconds
-        on_bus = None if options.bus is None else TruthOnBus(options.bus, scope)
         while not stop() and time.monotonic() < end:
             if not any(thread.is_alive() for thread in threads):
                 break
