@@ -209,8 +209,6 @@ def _surroundings() -> tuple[Field, ...]:
 
 
 WIND = _pairs(("wind", "mps", "velocity of the air, if the air is what is missing"))
-
-
 PARAMETERS = (
     Field("value", "", "the number as a multiple of the vessel file's; 1: as written there"),
     Field("value_std", "", "standard deviation of value"),
@@ -286,8 +284,7 @@ _ALL = (
 )  # fmt: skip
 TOPICS: Mapping[str, Topic] = {topic.name: topic for topic in _ALL}
 
-# Recorded by `shadow hil` as NAME/<vessel>; no inference reads them. The truth is published too,
-# for people who watch.
+# Recorded by `shadow hil` as NAME/<vessel>, the truth published too; no inference reads them.
 TRUTH = (
     *MOTION,
     ("down_m", "m", "position of the body origin below calm water"),
