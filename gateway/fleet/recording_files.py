@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 import fsspec
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.ingest.open import suffixes
 
 
@@ -43,7 +43,9 @@ def _found(name: str) -> list[str]:
             kept = [root]
         else:
             raise BadInput(f"{name}: there is no such file or folder")
-    except (ImportError, ValueError, OSError) as error:
+    except BadInput:
+        raise
+    except Exception as error:  # a filesystem's package has errors of its own
         raise BadInput(f"{name}: cannot look there: {error}") from None
     return kept if _is_local(name) else [filesystem.unstrip_protocol(file) for file in kept]
 
@@ -63,9 +65,12 @@ def local_file(recording: str) -> Iterator[Path]:
         try:
             with fsspec.open(recording, "rb") as source, copy.open("wb") as target:
                 shutil.copyfileobj(source, target)
-        except (ImportError, ValueError, OSError) as error:
+        except Exception as error:  # as above
             raise BadInput(f"{recording} cannot be read: {error}") from None
-        yield copy
+        try:
+            yield copy
+        except ShadowError as error:  # people know the recording, not the copy
+            raise BadInput(str(error).replace(str(copy), recording)) from None
 
 
 def digest(recording: str) -> str:
@@ -75,7 +80,7 @@ def digest(recording: str) -> str:
             content = hashlib.sha256()
             while block := stream.read(1 << 20):
                 content.update(block)
-    except (ImportError, ValueError, OSError):
+    except Exception:  # as above
         return ""
     return content.hexdigest()
 

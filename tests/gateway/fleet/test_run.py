@@ -7,6 +7,7 @@ import fsspec
 import pyarrow.parquet as pq
 import pytest
 from distributed import LocalCluster
+from fsspec.implementations.memory import MemoryFileSystem
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput, ShadowError
@@ -154,6 +155,7 @@ def test_a_url_is_read_where_the_worker_is(folder, cluster):
 def test_a_filesystem_that_is_no_disk_is_read_through_fsspec(folder, cluster, sailed):
     memory = fsspec.filesystem("memory")  # the cluster's workers are in this process
     memory.pipe({"/lake/heron/a.tlog": sailed, "/lake/notes.txt": b"no recording"})
+    memory.pipe("/torn/heron/torn.tlog", b"no recording")
     boats = read_fleet(folder / "fleet.toml")
     try:
         for named in ("memory://lake", "memory://lake/heron/*.tlog"):
@@ -161,10 +163,39 @@ def test_a_filesystem_that_is_no_disk_is_read_through_fsspec(folder, cluster, sa
             (row,) = read_recordings(folder / "out")
             assert (row["state"], row["boat"]) == ("done", "heron")
             assert row["recording"] == "memory:///lake/heron/a.tlog"
+        torn = ["memory://torn"]
+        run_fleet(torn, boats, folder / "out", COMPARE, scheduler=cluster.scheduler_address)
+        (row,) = read_recordings(folder / "out")
+        assert row["why"].startswith("memory:///torn/heron/torn.tlog is a text file")
         with pytest.raises(BadInput, match=r"memory://lake/b\.tlog: there is no such file"):
             run_fleet(["memory://lake/b.tlog"], boats, folder / "out", COMPARE)
     finally:
         memory.rm("/lake", recursive=True)
+        memory.rm("/torn", recursive=True)
+
+
+class NoCredentials(Exception):
+    """Of a filesystem's package: none of Python's own."""
+
+
+def test_errors_of_a_filesystems_own_are_one_line_or_a_row(folder, cluster, monkeypatch):
+    boats = read_fleet(folder / "fleet.toml")
+
+    def refuse(*_, **more):
+        raise NoCredentials("Unable to locate credentials")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(MemoryFileSystem, "isdir", refuse)
+        with pytest.raises(BadInput, match="memory://sea: cannot look there: Unable to locate"):
+            run_fleet(["memory://sea"], boats, folder / "out", COMPARE)
+    memory = fsspec.filesystem("memory")
+    memory.pipe("/sea/heron/a.tlog", b"locked")
+    monkeypatch.setattr(MemoryFileSystem, "_open", refuse)
+    run_fleet(["memory://sea"], boats, folder / "out", COMPARE, scheduler=cluster.scheduler_address)
+    (row,) = read_recordings(folder / "out")
+    assert (row["state"], row["sha256"]) == ("failed", "")
+    assert row["why"].endswith("cannot be read: Unable to locate credentials")
+    memory.rm("/sea", recursive=True)
 
 
 def test_what_is_not_there_is_one_line(folder, cluster, monkeypatch):
