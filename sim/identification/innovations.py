@@ -92,8 +92,8 @@ class Chain:
         root = np.broadcast_to(np.eye(3 * n), (S, 3 * n, 3 * n)).copy()
         white = np.zeros((S, 3 * n))
         size = _riccati(
-            np.ascontiguousarray(errors.error).reshape(S, -1), phi, count, follows, moved, fresh,
-            noise.rho, process**2 * mean_s, timing, noise.command_timing**2, start,
+            np.ascontiguousarray(errors.error).reshape(S, 3 * n + 3), phi, count, follows, moved,
+            fresh, noise.rho, process**2 * mean_s, timing, noise.command_timing**2, start,
             state, gain, root, white,
         )  # fmt: skip
         counted = white.reshape(S, n, 3)[errors.within > 0]
