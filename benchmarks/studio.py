@@ -136,6 +136,8 @@ def message(topic: str, t: float, boat: int) -> dict[str, object]:
     values: dict[str, object] = {f.name: kinds[f.type] for f in TOPICS[topic].all_fields}
     now = time.time_ns()
     values |= {"vehicle_time_ns": now, "receive_time_ns": now}
+    if "unfit" in values:
+        values["unfit"] = ""
     if "east_m" in values:
         east, north = 20.0 * math.cos(0.1 * t) + 60.0 * boat, 20.0 * math.sin(0.1 * t)
         values |= {"east_m": east, "north_m": north, "yaw_rad": 0.1 * t,
@@ -143,10 +145,10 @@ def message(topic: str, t: float, boat: int) -> dict[str, object]:
     return values
 
 
-def stream(buses: list[Bus], seconds: float) -> None:
-    """All boats at the rate, for so long."""
-    begun = time.monotonic()
-    while (t := time.monotonic() - begun) < seconds:
+def stream(buses: list[Bus], seconds: float, stop: threading.Event | None = None) -> None:
+    """All boats at the rate, for so long, or until `stop`."""
+    begun, stop = time.monotonic(), stop or threading.Event()
+    while (t := time.monotonic() - begun) < seconds and not stop.is_set():
         for boat, bus in enumerate(buses):
             for topic in ("measured", "reference", "shadow", "residual", "health", "position"):
                 bus.publish(topic, orjson.dumps(message(topic, t, boat)))

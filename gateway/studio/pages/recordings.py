@@ -7,7 +7,7 @@ from typing import Any
 
 import panel as pn
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.studio.cards import card_text
 from gateway.studio.controls import report_download
 from gateway.studio.page import (
@@ -55,7 +55,7 @@ class RecordingsPage(Page):
         self._shown: str | None = None  # the session's vessel file when it was looked at last
         self._leave = ""  # the vessel file for which unsaved changes are to be left behind
         self._details: dict[str, Any] = {}
-        self._taken: set[str] = set()  # names that were dropped on this page
+        self._taken: dict[str, bytes | str] = {}  # what was dropped on this page, by name
 
     def body(self) -> Any:
         """A choice, then the details."""
@@ -110,16 +110,25 @@ class RecordingsPage(Page):
                 place.object = text
 
     def _dropped(self, files: dict[str, bytes | str]) -> None:
-        """Recordings that came: each once, with a word of what can be done with it."""
-        new = {name: what for name, what in files.items() if name not in self._taken}
-        self._taken |= set(new)
-        for name, what in new.items():
-            self.guarded(partial(self._take_in, name, what))()
+        """Recordings that came, each once: what can be done with them, and why others are none."""
+        new = {name: what for name, what in files.items() if self._taken.get(name) is not what}
+        self._taken |= new
+        if new:
+            self.guarded(partial(self._take_in, new))()
 
-    def _take_in(self, name: str, content: bytes | str) -> None:
-        raw = content.encode() if isinstance(content, str) else content
-        file = self.session.add_recording(name, raw)
-        self.notify(f"{file.name} is here: work on it, or have a report from it alone", good=True)
+    def _take_in(self, new: dict[str, bytes | str]) -> None:
+        came, refused = list[str](), list[str]()
+        for name, content in new.items():
+            raw = content.encode() if isinstance(content, str) else content
+            try:
+                came.append(self.session.add_recording(name, raw).name)
+            except ShadowError as error:
+                refused.append(str(error))
+        are = "is" if len(came) == 1 else "are"
+        here = f"{', '.join(came)} {are} here: work on it, or have a report from it alone"
+        if refused:
+            raise BadInput("; ".join([*refused, *([here] if came else [])]))
+        self.notify(here, good=True)
 
     def _show_report(self) -> None:
         self._get.visible = bool(self.session.report)

@@ -15,13 +15,13 @@ from gateway.offline.trials import load_trials
 from gateway.studio.access import Folders
 from gateway.studio.cards import CardReader, card_task, card_text
 from gateway.studio.layout import NAME
-from gateway.studio.pages import vessel
+from gateway.studio.pages import recordings, vessel
 from gateway.studio.session import Session, with_values
 from gateway.studio.several import WAY, course_of, moments
 from gateway.studio.tasks import compare_task
 from gateway.studio.views import Scope
 from tests.conftest import ROOT
-from tests.gateway.studio.pages import context_of
+from tests.gateway.studio.pages import context_of, message_of
 
 LOG, BOAT = ROOT / "recordings/voyage_1.tlog", ROOT / "configs/vessels/demo_boat.toml"
 GIVEN = [("as given", BOAT.read_text())]
@@ -152,6 +152,25 @@ def test_a_dropped_recording_goes_nowhere_else_and_over_nothing(session):
     for name in ("my trip.tlog", "../up.tlog", "vessel.toml", ".hidden.tlog", "a/b.tlog"):
         with pytest.raises(BadInput):
             session.add_recording(name, b"")
+
+
+def test_of_several_dropped_files_each_that_is_refused_is_named_and_asked_for_again(session):
+    page, log = recordings.RecordingsPage(context_of(session)), LOG.read_bytes()
+    page._dropped({"notes.txt": b"hello", "trip.tlog": log, "b.exe": b""})
+    text = message_of(page)
+    assert "'notes.txt': no recording: expected" in text
+    assert "'b.exe'" in text
+    assert "trip.tlog is here" in text
+    assert not page._notice.good
+    page._notice = None
+    page._dropped({"trip.tlog": log})
+    assert message_of(page) == ""  # it came before
+    again = bytes(bytearray(log))
+    page._dropped({"trip.tlog": again})
+    assert message_of(page) == "trip.tlog is there already"
+    (session.folders.write / "trip.tlog").unlink()
+    page._dropped({"trip.tlog": bytes(bytearray(log))})
+    assert message_of(page).startswith("trip.tlog is here")
 
 
 def test_changes_of_a_page_are_sent_together_and_each_is_kept(session):
