@@ -29,11 +29,10 @@ from gateway.studio.page import field as text_field
 
 COLUMNS = ("recording", "boat", "began", "usable min", "error", "noise floor", "state", "about")
 ALL, NOBODY = "all", "no boat"
-ROWS_SHOWN = 20
+ROWS_SHOWN, ROW_PX, HEAD_PX = 20, 37, 60  # what is more is scrolled to
 TABLE_STYLE = """
-.tabulator, .tabulator .tabulator-header, .tabulator .tabulator-header .tabulator-col, .tabulator .tabulator-tableholder .tabulator-table, .tabulator-row, .tabulator-row.tabulator-row-even, .tabulator .tabulator-footer { background: var(--paper) !important; color: var(--ink) !important; border-color: var(--line) !important; font: inherit; }
+.tabulator, .tabulator .tabulator-header, .tabulator .tabulator-header .tabulator-col, .tabulator .tabulator-tableholder .tabulator-table, .tabulator-row, .tabulator-row.tabulator-row-even { background: var(--paper) !important; color: var(--ink) !important; border-color: var(--line) !important; font: inherit; }
 .tabulator-row.tabulator-selectable:hover { background: var(--soft) !important; cursor: pointer; }
-.tabulator .tabulator-footer .tabulator-page { background: var(--field); color: var(--ink); border-color: var(--edge); opacity: 1; }
 """  # noqa: E501
 NO_FOLDER = (
     "No fleet was given. Write the table of many recordings with <code>shadow fleet logs/ "
@@ -50,7 +49,7 @@ class FleetPage(Page):
         self._headline, self._why = html(), html()
         self._table = pn.widgets.Tabulator(
             _frame(()), show_index=False, disabled=True, theme="simple",
-            pagination="local", page_size=ROWS_SHOWN, layout="fit_data_stretch",
+            layout="fit_data_stretch",
             stylesheets=[STYLE, TABLE_STYLE], sizing_mode="stretch_width",
         )  # fmt: skip
         self._table.on_click(lambda event: self.guarded(lambda: self.open_row(event.row))())
@@ -135,6 +134,7 @@ class FleetPage(Page):
             and all(word in f"{row['recording']} {_about(row)}".lower() for word in words)
         )  # fmt: skip
         self._table.value = _frame(self._shown)
+        self._table.height = HEAD_PX + ROW_PX * min(max(len(self._shown), 1), ROWS_SHOWN)
         names = (Path(row["recording"]).name for row in self._shown)
         self._which.options = {name: k for k, name in enumerate(names)}
 

@@ -12,7 +12,8 @@ from gateway.errors import BadInput, ShadowError
 from gateway.files import write_whole
 from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
 from gateway.monitor import HIGH_LOSS, HIGH_NIS, VesselStatus, time_of_day
-from gateway.studio.live_banner import Banners, Frozen, freeze_task, growing_recording
+from gateway.studio.frozen import Frozen, freeze_task, growing_recording
+from gateway.studio.live_banner import Banners
 from gateway.studio.live_chart import Chart, Strips
 from gateway.studio.live_history import PAST_EVERY_S, PAST_S
 from gateway.studio.map_tiles import TileMap

@@ -18,9 +18,15 @@ from gateway.recording.recorder import Attachment, RecordingFile
 from gateway.recording.writer import Compression
 from gateway.shadow.topic_rows import LIVE, METADATA
 from gateway.studio import live_history
-from gateway.studio.live_banner import freeze_task, growing_recording, sentence_of
+from gateway.studio.access import Folders
+from gateway.studio.frozen import freeze_task, growing_recording
+from gateway.studio.live_banner import sentence_of
 from gateway.studio.live_chart import Chart, Strips
 from gateway.studio.live_history import BoatHistory, LiveHistory
+from gateway.studio.pages.live import LivePage
+from gateway.studio.session import Session
+from tests.conftest import ROOT
+from tests.gateway.studio.pages import context_of, message_of
 
 T0 = 1_700_000_000.0
 
@@ -226,14 +232,14 @@ def test_the_banner_says_what_holds_now_of_a_boat_that_is_heard(events, alive, e
     assert sentence_of(history.boat(now)) == expected
 
 
-def live_recording(folder: Path, name: str, seconds: int) -> Path:
+def live_recording(folder: Path, name: str, seconds: int, vessel: bytes = b"name = 'x'") -> Path:
     """A recording as the gateway writes it, not finished: a parameter, then ten frames a second."""
     mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     file = folder / f"{name}-20260101-120000.mcap"
     with file.open("wb") as stream:
         recording = RecordingFile(stream, Compression.LZ4, 10_000)
-        vessel = Attachment("vessel.toml", "application/toml", b"name = 'x'")
-        recording.start([vessel], {METADATA: {"vessel": name, LIVE: "yes"}})
+        attached = Attachment("vessel.toml", "application/toml", vessel)
+        recording.start([attached], {METADATA: {"vessel": name, LIVE: "yes"}})
         begun = int(T0 * 1e9)
         for k in range(10 * seconds):
             message = (
@@ -258,6 +264,29 @@ def test_the_last_minutes_of_a_growing_recording_are_kept_with_its_parameters(tm
     assert int(np.ptp(raw.receive_time_ns[1:])) == 300 * 10**9
     assert sorted(tmp_path.glob("out/*")) == [found.file]
     assert not Recording.open(file).finished  # the gateway's own is as it was
+
+
+def test_diagnose_this_takes_the_gateways_vessel_and_its_last_minutes_and_opens_diagnose(tmp_path):
+    vessel = (ROOT / "configs/vessels/demo_boat.toml").read_bytes()
+    live_recording(tmp_path, "boat", 20, vessel)
+    session = Session(Folders.of([], [tmp_path], tmp_path / "out"), (), None)
+    page = LivePage(context_of(session))
+    try:
+        page._banners._diagnose("ghost")
+        assert "no recording of it grows" in message_of(page)
+        page._banners._diagnose("boat")
+        assert message_of(page) == ""
+        end = time.monotonic() + 60.0
+        while not page._opens and time.monotonic() < end:
+            session.update()
+            time.sleep(0.1)
+        assert page._opens
+        (log,) = session.logs
+        assert log.name.startswith("boat-20260101-120000-until-")
+        assert session.version.text.encode() == vessel
+        assert session.slow.job == "diagnose"
+    finally:
+        session.close()
 
 
 def test_without_a_growing_recording_it_is_said_where_one_is_looked_for(tmp_path):
