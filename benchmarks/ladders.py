@@ -1,9 +1,11 @@
 """Real boats improved step by step: which effects the software names, and what the error does.
 
-    python -m benchmarks.ladders [blueboat] [otter] [--data FOLDER]
+    python -m benchmarks.ladders [blueboat] [short] [otter] [--data FOLDER]
 
 blueboat   lake runs without 232 and 234: the plain vessel is identified, the diagnosis names what
            is missing, each rung is fitted anew on the same runs and run freely over the two others
+short      three lake runs alone, as a newcomer would: identified, diagnosed, and each step of the
+           ladder compared on 232 and 234
 otter      ArduPilot's SITL Otter (another author's hull): the vessel file that `shadow init` gives,
            diagnosed on the first 400 s, each rung judged on the last 100
 
@@ -29,12 +31,17 @@ from gateway.vessel_file import load_vessel
 from sim.comparison.compare import compare
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.identification.identify import identify
+from sim.identification.settings import IdentifySettings
+from sim.identification.wiring import rewired, wiring_of
 from sim.model import Model
+from sim.trial import Trial
 from sim.vessel import Vessel
 
 OTTER = blueboat.ROOT.parent / "shared" / "data" / "sitl" / "otter_calm.tlog"
 SIZE = {"length": 2.0, "beam": 1.08, "mass": 55.0, "thrust": 120.0}
 SEEN_S = 400.0
+SHORT = ("220", "224", "230")
 GUESSED = 1.0  # share that numbers guessed from a boat's size may be off by
 
 
@@ -62,6 +69,30 @@ def blueboat_ladder(folder: Path) -> None:
         names = found.effects[:k]
         print(f"\nwith {', '.join(names)}, all fitted anew")
         _judged(blueboat.fitted(fit, [], names).vessel, judges)
+
+
+def short_ladder(folder: Path) -> None:
+    """What three short runs can carry: the steps of their ladder on two runs that nothing saw."""
+
+    def trials_of(number: str, options: TrialOptions) -> list[Trial]:
+        return load_trials(folder / f"fixed_00000{number}.csv", None, options, blueboat.MAPPING)
+
+    fine = [trial for number in SHORT for trial in trials_of(number, TrialOptions())]
+    vessel = blueboat.labelled()
+    vessel = identify(fine, rewired(vessel, wiring_of(fine, vessel)), IdentifySettings()).vessel
+    begun, cpu = time.perf_counter(), time.process_time()
+    coarse = [trial for number in SHORT for trial in trials_of(number, DIAGNOSIS_TRIALS)]
+    found = diagnose(coarse, vessel)
+    _told(found, time.perf_counter() - begun)
+    print(f"  CPU {time.process_time() - cpu:.0f} s")
+    for refusal in found.refused:
+        print(f"  not judged: {refusal.effect}: {refusal.reason}")
+    models = [Model.of(rung.vessel) for rung in found.ladder]
+    for number in blueboat.JUDGE:
+        (trial,) = trials_of(number, TrialOptions())
+        for rung, one in zip(found.ladder, compare(trial, models), strict=True):
+            name = " + ".join(rung.effects) or rung.base
+            print(f"{number}  {name:40} nrmse {one.nrmse:.3f} (noise {one.noise_floor_nrmse:.3f})")
 
 
 def _judged(vessel: Vessel, judges: Sequence[blueboat.Run]) -> None:
@@ -94,7 +125,8 @@ def _told(found: Diagnosis, seconds: float) -> None:
     print(f"\n{found.verdict}, {seconds:.0f} s: {found.summary}")
     for rung in found.ladder:
         name = " + ".join(rung.effects) or rung.base
-        print(f"  {name:40} held-out nrmse {rung.heldout.nrmse:.3f}")
+        others = f", recordings left out {rung.left_out.nrmse:.3f}" if rung.left_out else ""
+        print(f"  {name:40} held-out nrmse {rung.heldout.nrmse:.3f}{others}")
     for effect, numbers in found.ladder[-1].parameters.items():
         told = ", ".join(f"{e.name.rpartition('.')[2]} {e.value:.3g}" for e in numbers[:4])
         print(f"  {effect}: {told}")
@@ -103,7 +135,7 @@ def _told(found: Diagnosis, seconds: float) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.ladders")
-    parser.add_argument("boats", nargs="*", default=["blueboat", "otter"])
+    parser.add_argument("boats", nargs="*", default=["blueboat", "short", "otter"])
     parser.add_argument("--data", type=Path, help="folder of the BlueBoat runs")
     a = parser.parse_args(arguments)
     np.set_printoptions(precision=3)
@@ -111,6 +143,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "blueboat" in a.boats:
         print("BlueBoat on a lake")
         blueboat_ladder(folder) if folder.is_dir() else print(f"skipped: no runs in {folder}")
+    if "short" in a.boats and folder.is_dir():
+        print("\nBlueBoat, three short runs")
+        short_ladder(folder)
     if "otter" in a.boats:
         print("\nOtter in ArduPilot's simulation")
         otter_ladder(OTTER) if OTTER.is_file() else print(f"skipped: no {OTTER.name}")
