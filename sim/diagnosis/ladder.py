@@ -208,7 +208,8 @@ class EffectSearch:
         self.progress(f"whether {best.name} is told from {', '.join(e.name for e in alike)}")
         fit = step.reference
         found = rank(self.superset, fit.model(), [best, *alike], fit, mapper=self.mapper)
-        return found.led_by(next(r for r in found.finalists if r.name == best.name))
+        row = next((r for r in found.finalists if r.name == best.name), None)
+        return replace(step, finalists=(step.best,)) if row is None else found.led_by(row)
 
     def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold, whole or as a part of another."""

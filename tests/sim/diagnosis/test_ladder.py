@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from sim.diagnosis import ladder
 from sim.diagnosis.heldout import Gain
 from sim.diagnosis.ladder import EffectSearch, helps
 from sim.diagnosis.ranking import RankedEffect, Ranking, select_finalists
@@ -269,3 +270,15 @@ def test_what_was_kept_out_by_an_effect_that_went_gets_its_place(
     monkeypatch.setattr(Scripted, "helps", lambda self, before, after: True)
     selection = search.run(found())
     assert selection.fit.names == ("heading_offset", "current_change")
+
+
+@pytest.mark.parametrize("others", [(), (LITTLE,)])
+def test_where_the_best_cannot_be_fitted_again_its_look_alikes_are_no_rivals(
+    monkeypatch: pytest.MonkeyPatch, others: tuple[RankedEffect, ...]
+) -> None:
+    offset = row("heading_offset", MUCH.gain)
+    base: Any = SimpleNamespace(model=lambda: None)
+    step = Ranking(base, (offset, LITTLE))
+    monkeypatch.setattr(ladder, "rank", lambda *_, **__: Ranking(base, others))
+    search = replace(made(offset), unshown=(named("compass_deviation"),))
+    assert [r.name for r in search.beside_unshown(step).finalists] == ["heading_offset"]
