@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.ingest.clock import BoatClock
 from gateway.ingest.clock_step import StampStatus
-from gateway.ingest.log import Boat, BoatSamples, Log, Table
+from gateway.ingest.log import Boat, BoatSamples, Log, Table, numbers
 from gateway.ingest.mapping import Rule, counter_us, instance_of
 from gateway.samples import Quantity, Samples
 from sim.state import Ints
@@ -70,8 +70,11 @@ def _rows(table: Table, rule: Rule, boat: Boat, instances: Mapping[str, int]) ->
 
 
 def _as_live(column: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Single precision as double: a live message comes as Python floats, and both must agree."""
-    return column.astype(np.float64) if column.dtype.kind == "f" else column
+    """Single precision as double: a live message comes as Python floats, and both must agree.
+
+    No rule reads a text: what a damaged definition declares to be one is missing.
+    """
+    return numbers(column) if column.dtype.kind in "fSUO" else column
 
 
 def _stamped(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gateway.errors import BadInput
 from gateway.ingest.clock import ClockReport
 from gateway.samples import Quantity, Samples
-from sim.state import Ints
+from sim.state import Floats, Ints
 
 Array = TypeVar("Array", bound=NDArray[np.generic])
 
@@ -61,6 +61,13 @@ class Boat:
         return f"system {self.system} ({kind})"
 
 
+def numbers(column: NDArray[np.generic]) -> Floats:
+    """A column as numbers; NaN throughout where a damaged definition declares it to be text."""
+    if column.dtype.kind in "SUO":
+        return np.full(len(column), np.nan)
+    return np.asarray(column, np.float64)
+
+
 @dataclass(frozen=True)
 class Table:
     """All messages of one name, as columns.
@@ -103,10 +110,10 @@ class Table:
 
     def parameters(self, names: str, values: str, boat: Boat) -> dict[str, float]:
         """Two columns of that boat's messages: name -> value, the last one where it was changed."""
-        if values not in self.columns:
+        if not {names, values} <= set(self.columns):
             return {}
-        numbers = np.asarray(self.columns[values], np.float64)[self.sent_by(boat)]
-        pairs = zip(self.texts(names, boat), numbers, strict=True)
+        found = numbers(self.columns[values])[self.sent_by(boat)]
+        pairs = zip(self.texts(names, boat), found, strict=True)
         return {name: float(value) for name, value in pairs if name and np.isfinite(value)}
 
 

@@ -12,6 +12,7 @@ turn into one line, a mutant that takes longer than `HANG_S`, or memory that gro
 import argparse
 import faulthandler
 import hashlib
+import itertools
 import resource
 import subprocess
 import sys
@@ -35,17 +36,21 @@ class Found(Exception):
     """A mutant that must not be: what happened, and where it is kept."""
 
 
-def fuzz(target: Target, budget_s: float, first_seed: int) -> int:
-    """Mutants until the budget is used up -> how many; raises `Found`."""
+def fuzz(target: Target, budget_s: float, first_seed: int, batches: int | None = None) -> int:
+    """Mutants until the budget is used up or so many batches are done -> how many mutants.
+
+    Raises `Found`. With a number of batches alone (a budget of infinity) every machine tries the
+    same mutants.
+    """
     corpus = list(target.corpus())
     for specimen in corpus:  # compiles what has to be compiled
         _try(target, specimen, hang_s=600.0)
     base, count, until = _peak_bytes(), 0, time.monotonic() + budget_s
-    batch = first_seed
-    while time.monotonic() < until:
+    for batch in itertools.count(first_seed):
+        if time.monotonic() >= until or batch - first_seed == batches:
+            return count
         count += _batch(target, corpus, batch, base)
-        batch += 1
-    return count
+    raise AssertionError("counting ended")
 
 
 def _batch(target: Target, corpus: list[bytes], number: int, base: int) -> int:
@@ -65,7 +70,10 @@ def _batch(target: Target, corpus: list[bytes], number: int, base: int) -> int:
         if grown > GROWTH_BYTES:
             raise _kept(target, data, f"memory grew by {grown / 1e6:.0f} MB")
 
-    run()
+    with warnings.catch_warnings():
+        # else it stands in the place of what was found: a mutant is longer than what can be shown
+        warnings.filterwarnings("ignore", message="Generating overly large repr")
+        run()
     return len(tried)
 
 

@@ -1,9 +1,11 @@
 """The fuzzer finds what it is for; parsers stand some mutants; what was found stays mended."""
 
+import math
 import re
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,9 +20,11 @@ from tests.fuzz import __main__ as fuzzer
 from tests.fuzz.__main__ import Found, fuzz
 from tests.fuzz.mutations import KINDS, TEXT_KINDS, Change, changed
 from tests.fuzz.targets import TARGETS, Target, is_fault
+from tests.gateway.ingest.dataflash_writer import voyage_log
 from tests.gateway.test_bombs import record, text
 
-ROUND_S = 20.0  # of the slow round, for each target: five minutes for all of them
+BATCHES = {"tlog": 50, "BIN": 70, "datagrams": 15}  # of the slow round, for slow targets
+OTHER_BATCHES = 200  # for the rest: ten to twenty seconds each
 CORPUS = [b"abc=1.5 def", bytes(range(256))]
 
 
@@ -47,8 +51,8 @@ def test_every_parser_stands_some_mutants(target: Target) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
 def test_every_parser_stands_a_short_round(target: Target) -> None:
-    """Other mutants than above, in the time that a slow test may take; `make fuzz` goes on."""
-    assert fuzz(target, ROUND_S, 1000) > 0
+    """Other mutants than above, the same ones on every machine; `make fuzz` goes on."""
+    assert fuzz(target, math.inf, 1000, BATCHES.get(target.name, OTHER_BATCHES)) > 0
 
 
 def test_an_exception_is_found_and_its_mutant_kept(tmp_path: Path) -> None:
@@ -62,6 +66,22 @@ def test_an_exception_is_found_and_its_mutant_kept(tmp_path: Path) -> None:
     assert kept.parent == tmp_path
     with pytest.raises(KeyError):
         read(kept.read_bytes())
+
+
+def test_what_was_found_in_a_long_mutant_is_told() -> None:
+    def read(data: bytes) -> None:
+        if data not in specimens:
+            raise KeyError("lost")
+
+    specimens = [bytes(100_000)]  # longer than what hypothesis would show without a warning
+    with pytest.raises(Found, match="made: KeyError"):
+        fuzz(Target("made", lambda: specimens, read), 20.0, 1)
+
+
+def test_as_many_batches_as_asked_for() -> None:
+    target = reads(lambda data: None)
+    assert fuzz(target, math.inf, 1, batches=2) == 2 * fuzzer.BATCH
+    assert fuzz(target, math.inf, 1, batches=0) == 0
 
 
 def test_what_the_command_line_tells_in_a_line_is_no_fault() -> None:
@@ -142,3 +162,24 @@ def test_names_in_an_mcap_that_are_no_text(tmp_path: Path, opcode: Opcode) -> No
     path.write_bytes(MCAP0_MAGIC + header + record(opcode, content) + end)
     with pytest.raises(ShadowError, match="the file is damaged: use another copy of it"):
         open_log(path)
+
+
+@pytest.mark.parametrize("year", [2014, 2025])
+def test_definitions_of_a_dataflash_log_that_were_damaged(year: int) -> None:
+    """Each number of four bytes declared a text, and each column without its name."""
+    target = next(target for target in TARGETS if target.name == "BIN")
+    whole, count = voyage_log(year, 4.0), 0
+    for found in re.finditer(rb"\xa3\x95\x80..(.{4})(.{16})(.{64})", whole, re.DOTALL):
+        letters, columns = found[2].rstrip(b"\0"), found[3].rstrip(b"\0").split(b",")
+        texts = [
+            letters[:k] + b"n" + letters[k + 1 :] for k, c in enumerate(letters) if c in b"fiIL"
+        ]
+        lost = [
+            b",".join([*columns[:k], b"Zz", *columns[k + 1 :]])[:64] for k in range(len(columns))
+        ]
+        for first, size, others in ((found.start(2), 16, texts), (found.start(3), 64, lost)):
+            for other in others:
+                with suppress(ShadowError):  # one line
+                    target.read(whole[:first] + other.ljust(size, b"\0") + whole[first + size :])
+                count += 1
+    assert count > 60

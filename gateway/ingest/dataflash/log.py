@@ -27,7 +27,7 @@ from gateway.ingest.dataflash.records import (
 )
 from gateway.ingest.decoding import decode_tables
 from gateway.ingest.format import looks_like
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, frozen
+from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, frozen, numbers
 from gateway.ingest.mavlink.walk import group
 from gateway.ingest.parameters import banner
 from gateway.samples import Quantity, Samples
@@ -92,8 +92,8 @@ def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
     names = next((names for names in GPS_TIME if set(names) <= set(gps)), None)
     if names is None:
         return 0
-    week, tow_ms, boot_us = gps[names[0]], gps[names[1]], gps["time_us"]
-    known = np.flatnonzero(week > 0)
+    week, tow_ms, boot_us = numbers(gps[names[0]]), numbers(gps[names[1]]), gps["time_us"]
+    known = np.flatnonzero((week > 0.0) & np.isfinite(tow_ms))
     if not len(known):
         return 0
     k = known[0]
@@ -109,7 +109,7 @@ def primary_lane(log: Log) -> int:
     for name, column in PRIMARY_LANE:
         table = log.table(name)
         if len(table) and column in table.columns:
-            lanes = np.asarray(table.columns[column]).astype(np.int64)
+            lanes = np.nan_to_num(numbers(table.columns[column])).astype(np.int64)
             return int(np.bincount(lanes[lanes >= 0], minlength=1).argmax())
     return 0
 
@@ -121,7 +121,7 @@ def without_bias(samples: Samples, log: Log, lane: int) -> Samples:
         if len(table) and "GZ" in table.columns:
             lanes = np.asarray(table.columns.get(LANE, np.full(len(table), lane)))
             mine = lanes == lane
-            bias = np.radians(np.asarray(table.columns["GZ"], np.float64)[mine])
+            bias = np.radians(numbers(table.columns["GZ"])[mine])
             if len(bias):
                 last = np.searchsorted(table.order[mine], samples.order) - 1
                 return replace(samples, values=samples.values - bias[np.maximum(last, 0), None])
