@@ -8,11 +8,14 @@ but `session.put(socket.recv())`, the least that any Python program between UDP 
 Each boat says ATTITUDE at 50 Hz, LOCAL_POSITION_NED and SERVO_OUTPUT_RAW at 25 Hz, HEARTBEAT at
 1 Hz. Counted is `shadow/<vessel>/shadow` for one datagram of ATTITUDE, all other topics being
 subscribed to as well. Targets: p50 within 1 ms of the relay's, p99 within 2 ms (one boat, 50 Hz);
-p99 within 5 ms (five boats). Runs are repeated and their median is shown: the machine may be busy.
+p99 within 5 ms (five boats), within 10 ms (twenty). Runs are repeated and their median is shown:
+the machine may be busy. Each boat is a `[[boats]]` of the configuration: `--vessel` alone is the
+model of the first boat that speaks and of no other.
 """
 
 import argparse
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -29,9 +32,13 @@ import zenoh
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gateway.live.boats import MAX_BOATS
+
 ROOT = Path(__file__).resolve().parent.parent
 VESSEL = ROOT / "configs" / "vessels" / "wam-v.toml"
 RATE_HZ = 50.0
+TARGETS_P99_MS = ((1, 2.0), (5, 5.0), (MAX_BOATS, 10.0))  # up to so many boats, beyond the relay
+FIRST_MS, AGREE = 10_000, 5  # time in the first frame; samples that make an offset
 SETTLE_S = 3.0  # left out: the first words, requests, files being opened
 LIVE = "from gateway.cli import run; run()"
 RELAY = """
@@ -60,7 +67,8 @@ class Percentiles(NamedTuple):
 def main() -> None:
     """Run and print."""
     options = _options()
-    runs = [one_run(options.boats, options.seconds) for _ in range(options.runs)]
+    shares: list[float] = []
+    runs = [one_run(options.boats, options.seconds, shares) for _ in range(options.runs)]
     print(
         f"{options.boats} boat(s), {options.runs} runs of {options.seconds:.0f} s, medians of runs"
     )
@@ -69,12 +77,14 @@ def main() -> None:
         p50, p99, worst, lost, _ = np.median(np.array(rows), axis=0).tolist()
         print(f"{name:8}{p50:9.2f}{p99:9.2f}{worst:9.2f}      {lost:.0f}")
     beyond = np.median([[s.p50 - r.p50, s.p99 - r.p99] for r, s in runs], axis=0).tolist()
-    limit = 2.0 if options.boats == 1 else 5.0
+    limit = next(limit for most, limit in TARGETS_P99_MS if options.boats <= most)
     kept = beyond[0] <= 1.0 and beyond[1] <= limit
     print(
         f"beyond the relay: p50 {beyond[0]:+.2f} ms (target 1), p99 {beyond[1]:+.2f} ms "
         f"(target {limit:.0f}): {'kept' if kept else 'MISSED'}"
     )
+    print(f"the gateway used {np.median(shares):.0%} of a core")
+    print(f"load of the machine, last minute: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 
 def _options() -> argparse.Namespace:
@@ -85,22 +95,35 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def one_run(boats: int, seconds: float) -> tuple[Percentiles, Percentiles]:
-    """One run -> relay, shadow."""
+def one_run(
+    boats: int, seconds: float, shares: list[float] | None = None
+) -> tuple[Percentiles, Percentiles]:
+    """One run -> relay, shadow; what the gateway used of a core is added to `shares`."""
     with ExitStack() as scope:
         folder = Path(scope.enter_context(tempfile.TemporaryDirectory()))
         ports = [free_port(socket.SOCK_DGRAM) for _ in range(2)]
         endpoints = [f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}" for _ in range(2)]
         config = folder / "gateway.toml"
-        config.write_text(f'[zenoh]\nendpoint = "{endpoints[0]}"\n')
-        live = ["live", f"udpin:127.0.0.1:{ports[0]}", "--vessel", str(VESSEL)]
-        live += ["--out", str(folder), "--config", str(config), "--silent"]
-        scope.enter_context(program([LIVE, *live], "listening on"))
+        fleet = "".join(
+            f'[[boats]]\nvessel = "{VESSEL}"\nsystem_id = {1 + boat}\nname = "{_name(boat)}"\n'
+            for boat in range(boats)
+        )
+        config.write_text(f'[zenoh]\nendpoint = "{endpoints[0]}"\n{fleet}')
+        live = ["live", f"udpin:127.0.0.1:{ports[0]}", "--silent"]
+        live += ["--out", str(folder), "--config", str(config)]
+        gateway = scope.enter_context(program([LIVE, *live], "listening on"))
         scope.enter_context(program([RELAY, str(ports[1]), endpoints[0]], "ready"))
         ears = Ears(scope.enter_context(joined(endpoints[0])))
+        cpu, begun = cpu_s(gateway.pid), time.monotonic()
         sent = _speak(boats, seconds, ports)
+        if shares is not None:
+            shares.append((cpu_s(gateway.pid) - cpu) / (time.monotonic() - begun))
         time.sleep(1.0)
         return ears.relayed(sent), ears.shadowed(sent)
+
+
+def _name(boat: int) -> str:
+    return f"boat-{boat}"
 
 
 class Sent(NamedTuple):
@@ -126,7 +149,7 @@ def _speak(boats: int, seconds: float, ports: Sequence[int]) -> Sent:
     )
     rows, begun = [], time.monotonic_ns() + 50_000_000
     for at, k, boat, kind in turns:
-        boot_ms = 10_000 + round(at * 1000.0)
+        boot_ms = FIRST_MS + round(at * 1000.0)
         frames = [pack(voices[boat], _message(kind, boot_ms, at))]
         if kind == 2 and k % 50 <= 1:
             beat = dialect.MAVLink_heartbeat_message(11, 3, 128, 0, 4, 3)
@@ -138,7 +161,7 @@ def _speak(boats: int, seconds: float, ports: Sequence[int]) -> Sent:
             for to in order:
                 moments[to] = time.monotonic_ns()
                 line.sendto(frame, (shadow, relay)[to])
-        if kind == 0 and at > SETTLE_S:
+        if kind == 0:
             rows.append((boot_ms, boat, *moments))
     line.close()
     return Sent(*np.array(rows, np.int64).T)
@@ -156,7 +179,7 @@ def _message(kind: int, boot_ms: int, t: float) -> Any:
 class Ears:
     """Subscribes to everything; notes when samples came, looks into them later."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: Any) -> None:
         self._relay: list[tuple[int, bytes]] = []
         self._shadow: list[tuple[int, str, bytes]] = []
         self._scope = [
@@ -187,22 +210,28 @@ class Ears:
         arrived = [(now, key, json.loads(raw)) for now, key, raw in self._shadow]
         found: dict[tuple[int, int], int] = {}
         for boat in set(sent.boat.tolist()):
-            name = "wam-v" if boat == 0 else f"wam-v-{boat + 1}"
-            mine = [(now, m["vehicle_time_ns"]) for now, key, m in arrived if f"/{name}/" in key]
+            key = f"/{_name(boat)}/"
+            mine = [(now, m["vehicle_time_ns"]) for now, heard, m in arrived if key in heard]
             for now, boot_ms in _boot_times(mine, sent, boat):
                 found[boot_ms, boat] = now
         return _percentiles(sent, sent.shadow_ns, found)
 
 
 def _boot_times(arrived: list[tuple[int, int]], sent: Sent, boat: int) -> list[tuple[int, int]]:
-    """Samples on the gateway's time -> on the boat's: one offset, which most samples agree on."""
+    """Samples on the gateway's time -> on the boat's.
+
+    Between the two lies one offset: of those that several samples agree on the one that makes the
+    shadow the least late. A gateway that does not keep up repeats others, whole periods off.
+    """
     mine = sent.boat == boat
     order, boot = sent.shadow_ns[mine], sent.boot_ms[mine]
-    times = np.array([now for now, _ in arrived if now > order[0]])
-    vehicle = np.array([v for now, v in arrived if now > order[0]])
+    times = np.array([now for now, _ in arrived if now > order[0]], np.int64)
+    vehicle = np.array([v for now, v in arrived if now > order[0]], np.int64)
+    if not len(times):
+        return []
     before = boot[np.searchsorted(order, times) - 1]
     epochs, counts = np.unique(vehicle - before * 1_000_000, return_counts=True)
-    epoch = epochs[np.argmax(counts)]
+    epoch = epochs[counts >= min(AGREE, counts.max())][-1]
     boot_ms = np.round((vehicle - epoch) / 1e6).astype(np.int64)
     return list(zip(times.tolist(), boot_ms.tolist(), strict=True))
 
@@ -210,6 +239,8 @@ def _boot_times(arrived: list[tuple[int, int]], sent: Sent, boat: int) -> list[t
 def _percentiles(
     sent: Sent, moments: NDArray[np.int64], found: dict[tuple[int, int], int]
 ) -> Percentiles:
+    settled = sent.boot_ms > FIRST_MS + SETTLE_S * 1000.0
+    sent, moments = Sent(*(column[settled] for column in sent)), moments[settled]
     keys = list(zip(sent.boot_ms.tolist(), sent.boat.tolist(), strict=True))
     late = [
         (found[key] - at) / 1e6
@@ -217,9 +248,11 @@ def _percentiles(
         if key in found
     ]
     lost = len(keys) - len(late)
-    p50, p99 = np.percentile(late, [50, 99]).tolist()
     seconds = (moments[-1] - moments[0]) * 1e-9
-    return Percentiles(p50, p99, max(late), lost, len(late) / seconds)
+    if not late:
+        return Percentiles(np.nan, np.nan, np.nan, lost, 0.0)
+    p50, p99, worst = np.percentile(late, [50, 99, 100]).tolist()
+    return Percentiles(p50, p99, worst, lost, len(late) / seconds)
 
 
 def joined(endpoint: str) -> zenoh.Session:
@@ -270,6 +303,12 @@ def program(
         finally:
             process.terminate()
             drain.join()
+
+
+def cpu_s(pid: int) -> float:
+    """CPU that a process has used so far [s], without that of its children."""
+    stat = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def free_port(kind: socket.SocketKind) -> int:

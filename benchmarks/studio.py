@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import orjson
 
-from benchmarks.live_latency import Percentiles, free_port, one_run, program
+from benchmarks.live_latency import Percentiles, cpu_s, free_port, one_run, program
 from benchmarks.replay import VESSEL, voyage
 from gateway.bus import Bus, BusSettings, open_session
 from gateway.topics import TOPICS, FieldType
@@ -62,8 +62,7 @@ class Studio:
 
     def cpu_s(self) -> float:
         """CPU that its process has used so far [s], without that of its workers."""
-        stat = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
+        return cpu_s(self._process.pid)
 
 
 @contextmanager
