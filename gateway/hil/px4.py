@@ -72,6 +72,11 @@ def pulses_of(controls: tuple[float, ...], vessel: Vessel) -> dict[int, float]:
 class Px4Session(Session):
     """One firmware; it is paced by its own answers, or by the clock where it gives none."""
 
+    absent = (
+        "no PX4 has connected yet. As a program it does that once, when it starts: one that ran "
+        "before this waits for ever, stop it and start it again"
+    )
+
     def __init__(self, played: Played, speed: float = 1.0) -> None:
         super().__init__(played)
         self._speed, self._place = speed, Origin(*played.boat.day.place)

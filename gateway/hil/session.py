@@ -171,6 +171,7 @@ class Session(ABC):
     """What one protocol does with one boat. Bytes in, bytes out; no sockets."""
 
     talks = True  # an autopilot that is there says something all the time
+    absent = ""  # what may be wrong where none has connected for a while
 
     def __init__(self, played: Played) -> None:
         self.played = played

@@ -194,6 +194,26 @@ def test_firmware_that_comes_again_finds_the_boat_at_its_start(plan, stand_in):
     assert running.said("the firmware is there again")
 
 
+def test_firmware_that_does_not_come_may_be_one_that_ran_before(plan, stand_in, monkeypatch):
+    """PX4 as a program opens its simulator's link once: after a kill of `hil` it waits for ever."""
+    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    with looping([plan]) as running:
+        assert wait_for(lambda: running.said("no PX4 has connected yet"))
+        firmware = stand_in(plan)
+        firmware.sail(0.2, 0.2, 0.5)
+    assert len(running.said("no PX4 has connected yet")) == 1
+
+
+def test_firmware_that_is_there_is_not_looked_for(plan, stand_in, monkeypatch):
+    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    with looping([plan]) as running:
+        firmware = stand_in(plan)
+        firmware.sail(0.2, 0.2, 0.5)
+        firmware.close()
+        assert wait_for(lambda: running.said("is silent for"))
+    assert not running.said("no PX4 has connected yet")
+
+
 def test_controls_that_stay_away_are_said_and_it_goes_on(plan, stand_in):
     with looping([plan], FAST) as running:
         firmware = stand_in(plan)
