@@ -17,16 +17,15 @@ from gateway.outputs import check_output, note_output
 UNSAFE = re.compile(r"[^\w.-]+")  # in the name of a file
 
 
-def write_whole(file: Path, content: bytes, what: str, folders: bool = False) -> None:
+def write_whole(file: Path, content: bytes, what: str) -> None:
     """Write a file, or raise a ShadowError that names `what` and leave the old file as it was.
 
-    `folders`: make the folders that are missing.
+    Folders that are missing are made.
     """
     check_output(file)
     part = file.with_name(f".{file.name}.part")
     try:
-        if folders:
-            file.parent.mkdir(parents=True, exist_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         part.write_bytes(content)
         part.replace(file)
     except OSError as error:

@@ -1,7 +1,8 @@
 """What a command may replace: what it wrote itself, and nothing else of the user's.
 
 A command names its inputs and outputs before it works (`guarded_outputs`). An output that is an
-input, or a file that this command did not write, is refused there and then; `--force` overrides.
+input, or a file that this command did not write, is refused there and then; `--force` overrides. So
+is one where nothing can be written (`check_place`).
 What a command wrote is remembered by size and time of change: a file that was edited since is the
 user's again. Names that come up during the work (a picture for each part of a recording) are asked
 about when they are written (`check_output`).
@@ -12,6 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from gateway.errors import BadInput
 from gateway.user_state import recall, remember
@@ -56,15 +58,25 @@ _guard: ContextVar[OutputGuard | None] = ContextVar("output_guard", default=None
 
 @contextmanager
 def guarded_outputs(
-    command: str, inputs: Iterable[Path | None], outputs: Iterable[Path | None], force: bool
+    command: str,
+    inputs: Iterable[Path | None],
+    outputs: Iterable[Path | None],
+    force: bool,
+    folder: Path | None = None,
 ) -> Iterator[OutputGuard]:
-    """Check all outputs now; what the block writes is checked and remembered."""
+    """Check all outputs now; what the block writes is checked and remembered.
+
+    `folder`: for files whose names come up during the work.
+    """
     guard = OutputGuard(command, tuple(p for p in inputs if p is not None), force)
     named: set[Path] = set()
+    if folder is not None:
+        check_place(folder)
     for file in outputs:
         if file is None:
             continue
         guard.check(file)
+        check_place(file.parent, file)
         if file.resolve() in named:
             raise BadInput(f"{file}: is named twice among the outputs: give each its own name")
         named.add(file.resolve())
@@ -73,6 +85,24 @@ def guarded_outputs(
         yield guard
     finally:
         _guard.reset(token)
+
+
+def check_place(folder: Path, named: Path | None = None) -> None:
+    """BadInput that names `named` where no file can be made in a folder, which may be made first.
+
+    A file is made and removed: what a file system allows is known to nobody else.
+    """
+    whole = folder.absolute()
+    nearest = next(one for one in (whole, *whole.parents) if one.exists())
+    try:
+        with TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        reason = error.strerror or error
+        raise BadInput(
+            f"{named or folder}: nothing can be written there ({nearest}: {reason}): "
+            "choose another place"
+        ) from None
 
 
 def check_output(file: Path) -> None:

@@ -16,7 +16,7 @@ from gateway.commands.options import (
     print_result,
 )
 from gateway.errors import BadInput
-from gateway.outputs import guarded_outputs
+from gateway.outputs import check_place, guarded_outputs
 
 EXTRA = ("distributed", "pyarrow")  # what the extra `fleet` of the package installs
 
@@ -152,6 +152,8 @@ def wear(
     from gateway.fleet.wear import wear_of
     from gateway.terminal.fleet import show_wear
 
+    if pictures is not None:
+        check_place(pictures)
     found = wear_of(folder, boat or ())
     if pictures is not None:
         figures = {one.figure.title: one.figure for one in found.numbers}

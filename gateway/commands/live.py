@@ -29,7 +29,7 @@ from gateway.commands.options import (
 from gateway.errors import BadInput
 from gateway.files import DAYS, vessel_path
 from gateway.log_line import LogFormat, print_line
-from gateway.outputs import guarded_outputs
+from gateway.outputs import check_place, guarded_outputs
 
 
 def live(
@@ -94,6 +94,8 @@ def live(
         raise BadInput("--plant and --name go with --vessel; [[boats]] say theirs themselves")
     if not plans:
         raise BadInput("no model of the boat: give --vessel FILE, or [[boats]] in --config FILE")
+    if record:
+        check_place(out)
     options = LiveOptions(links, out if record else None, silent, signing_key, settings)
     run_until_stopped(plans, options, lambda text: print_line(text, log))
 
@@ -258,6 +260,8 @@ def hil(
         raise BadInput("no model of the boat: give --vessel FILE (TOML)")
     if publish not in ("zenoh", "off"):
         raise BadInput(f"--publish {publish}: expected zenoh or off")
+    if record:
+        check_place(out)
     own = effects_from(effects)
     plans = plans_of(endpoints or [DEFAULT_ENDPOINT], vessel, lambda file: load_vessel(file, own))
     options = LoopOptions(

@@ -106,7 +106,7 @@ def identify(
     drawn = pictures_there(pictures, [log.stem for log in read], end="-parameters.png")
     inputs = (*read, vessel_path(vessel), mapping, *(effects or ()))
     with (
-        guarded_outputs("identify", inputs, [out, *drawn], force),
+        guarded_outputs("identify", inputs, [out, *drawn], force, pictures),
         status_line("identifying") as progress,
     ):
         found = identify_logs(
@@ -170,7 +170,10 @@ def compare(
     drawn = pictures_there(pictures, [log.stem for log in logs])
     options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
     beside = None
-    with guarded_outputs("compare", inputs, drawn, force), status_line("comparing") as progress:
+    with (
+        guarded_outputs("compare", inputs, drawn, force, pictures),
+        status_line("comparing") as progress,
+    ):
         if with_hil is not None:
             progress(f"reading {with_hil.name}")
             beside = beside_loop(logs[0], with_hil, vessel_from(vessel[0], effects), options)
@@ -222,7 +225,6 @@ def diagnose(
     """Which physical effect is missing from the model, how sure that is, and what to do next."""
     from gateway.offline.diagnose import (
         DIAGNOSIS_TRIALS,
-        check_folders,
         diagnose_logs,
         save_diagnosis,
     )
@@ -232,7 +234,6 @@ def diagnose(
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
-    check_folders(save, out)
     own, options = (
         effects_from(effects),
         replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping, anyway=anyway),
@@ -240,7 +241,7 @@ def diagnose(
     inputs = (*logs, vessel_path(vessel), mapping, *(effects or ()))
     drawn = pictures_there(pictures, ("ladder", "ranking", "timeline", "evidence"))
     with (
-        guarded_outputs("diagnose", inputs, [save, out, *drawn], force),
+        guarded_outputs("diagnose", inputs, [save, out, *drawn], force, pictures),
         status_line("diagnosing", keep=FIRST_IMPRESSION) as progress,
     ):
         found = diagnose_logs(
@@ -265,10 +266,8 @@ def add(
 ) -> None:
     """The better model: effects and re-fitted base from a diagnosis, into a new vessel file."""
     from gateway.offline.add import add_effects
-    from gateway.offline.diagnose import check_folders
     from gateway.terminal.diagnosis import show_addition
 
-    check_folders(out)
     inputs = (vessel_path(vessel), source, *(effects or ()))
     with guarded_outputs("add", inputs, [out], force):
         done = add_effects(names, vessel, source, out, effects_from(effects))

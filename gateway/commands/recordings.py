@@ -35,7 +35,7 @@ from gateway.commands.options import (
 )
 from gateway.errors import BadInput, numerical_errors, printable
 from gateway.files import vessel_path
-from gateway.outputs import guarded_outputs
+from gateway.outputs import check_place, guarded_outputs
 
 Length = Annotated[float | None, typer.Option(help="Length [m].")]
 Beam = Annotated[float | None, typer.Option(help="Beam [m].")]
@@ -326,6 +326,7 @@ def studio(
     """The five steps in a browser: live, compare, diagnose, vessel, recordings; a fleet."""
     from gateway.studio.serve import StudioOptions, run_studio
 
+    check_place(out)
     run_studio(
         StudioOptions(
             tuple(logs or ()), vessel and vessel_path(vessel), tuple(folder or ()), out,

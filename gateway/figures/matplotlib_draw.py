@@ -81,7 +81,7 @@ def save_figure(figure: FigureData, path: str | Path) -> Path:
     drawn = BytesIO()
     with _own_style():
         draw_figure(figure).savefig(drawn, format=suffix[1:], dpi=130, metadata=undated)
-    write_whole(file, drawn.getvalue(), "the picture", folders=True)
+    write_whole(file, drawn.getvalue(), "the picture")
     return file
 
 

@@ -29,7 +29,7 @@ Row = Mapping[str, Any]
 def write_fleet_report(folder: str | Path, file: Path) -> None:
     """The report of the table in a folder."""
     page = fleet_page(read_recordings(folder), wear_of(folder), str(folder))
-    write_whole(file, render_fleet(page).encode(), "the report", folders=True)
+    write_whole(file, render_fleet(page).encode(), "the report")
 
 
 def fleet_page(rows: Sequence[Row], wear: FleetWear, name: str) -> FleetPage:

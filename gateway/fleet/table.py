@@ -92,7 +92,7 @@ def write_table(
 ) -> None:
     """Write both files, each whole or not at all."""
     for (name, columns), rows in zip(FILES.items(), (recordings, estimates), strict=True):
-        write_whole(folder / name, _parquet(columns, rows), "the fleet's table", folders=True)
+        write_whole(folder / name, _parquet(columns, rows), "the fleet's table")
 
 
 def _parquet(columns: Mapping[str, Column], rows: Iterable[Mapping[str, Any]]) -> bytes:

@@ -71,7 +71,7 @@ class ArduRover:
                     remarks = self._sail(task, station)
                 except ShadowError as error:
                     said = (place / SAID).read_bytes()[-SAID_BYTES:]
-                    write_whole(folder / SAID, said, "what the firmware said", folders=True)
+                    write_whole(folder / SAID, said, "what the firmware said")
                     raise ShadowError(f"{self.name}: {error} ({folder / SAID})") from None
                 seconds = station.now
             logs = sorted((place / "logs").glob("*.BIN"))
@@ -119,7 +119,7 @@ class ArduRover:
                 "CRUISE_THROTTLE": 100.0 * task.throttle, "WP_RADIUS": task.radius_m,
             }  # fmt: skip
         text = "".join(f"{name} {value:g}\n" for name, value in values.items())
-        write_whole(folder / "boat.parm", text.encode(), "the parameters", folders=True)
+        write_whole(folder / "boat.parm", text.encode(), "the parameters")
 
     @contextmanager
     def _running(self, folder: Path, sensors: int, station: int) -> Iterator[None]:

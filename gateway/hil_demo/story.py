@@ -99,7 +99,7 @@ class Story:
     def tell(self) -> None:
         """The whole story; it ends early where a diagnosis names nothing."""
         o, hidden = self._o, " and ".join(map(effect_text, self._o.hidden))
-        write_whole(o.file("guess.toml"), dump_vessel(self._guess).encode(), "the guess", True)
+        write_whole(o.file("guess.toml"), dump_vessel(self._guess).encode(), "the guess")
         self._say(f"{o.boat.name} in the loop, steered by {self._autopilot.name}; out: {o.out}")
         self._head("1. Excite", "the boat's plan, and a mission, in calm water")
         excited = self._sail(0, PlanTask(self._plan(self._guess, 0)), ())

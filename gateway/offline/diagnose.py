@@ -270,13 +270,6 @@ def diagnosed_trials(
         raise BadInput(f"{file or names}: {error}") from None
 
 
-def check_folders(*files: Path | None) -> None:
-    """BadInput where the folder of a file is missing: before the work, not after it."""
-    for file in files:
-        if file is not None and not file.resolve().parent.is_dir():
-            raise BadInput(f"{file}: no such folder: {file.resolve().parent}")
-
-
 def save_diagnosis(
     found: DiagnosisResult,
     *,

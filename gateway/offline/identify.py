@@ -21,6 +21,7 @@ from gateway.offline.usable_time import (
     limit_to_span,
     notices_of,
 )
+from gateway.outputs import check_place
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file, revised
 from gateway.vessel_tables import DynamicsTable, Provenance
 from sim.effects.effect import Effect
@@ -60,8 +61,8 @@ def identify_logs(
     """
     known, names = tuple(effects), ", ".join(str(log) for log in logs)
     boat = load_vessel(vessel, known)
-    if out is not None and not Path(out).resolve().parent.is_dir():
-        raise BadInput(f"{out}: no such folder: {Path(out).resolve().parent}")
+    if out is not None:
+        check_place(Path(out).parent, Path(out))
     read = map(chosen, usable_trials(logs, options, progress))
     trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
     others = usable_trials(validate, options, progress)

@@ -89,7 +89,7 @@ def script_text(plan: Plan, safety: SafetyLimits, version: str) -> str:
 def write_script(plan: Plan, safety: SafetyLimits, version: str, file: Path) -> Path:
     """The script as a file."""
     text = script_text(plan, safety, version)
-    write_whole(file, text.encode(), "the script", folders=True)
+    write_whole(file, text.encode(), "the script")
     return file
 
 
@@ -127,5 +127,5 @@ def _write(file: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(header)
     writer.writerows(rows)
-    write_whole(file, table.getvalue().encode(), "the table", folders=True)
+    write_whole(file, table.getvalue().encode(), "the table")
     return file

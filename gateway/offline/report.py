@@ -141,7 +141,7 @@ def report_from_log(
 def write_report(page: ReportPage, out: str | Path) -> ReportFile:
     """The page as a file, whole or not at all."""
     file, text = Path(out), render(page).encode()
-    write_whole(file, text, "the report", folders=True)
+    write_whole(file, text, "the report")
     return ReportFile(file, len(text), page.headline)
 
 

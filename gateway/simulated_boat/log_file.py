@@ -39,7 +39,7 @@ def write_log(
     settings = SimulatedBoatSettings(system_id=system, rates=FAST if fast else THIN)
     boat = SimulatedBoat(vessel, settings, seed, commands)
     _, frames = boat.advance(boat.start(), duration)
-    write_whole(file, tlog_bytes(frames, settings.unix_s), "the telemetry log", folders=True)
+    write_whole(file, tlog_bytes(frames, settings.unix_s), "the telemetry log")
     return duration
 
 

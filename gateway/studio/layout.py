@@ -48,4 +48,4 @@ def save_layout(layout: Layout, folder: Path) -> None:
     """Keep it, but never in the place of a file that cannot be read."""
     load_layout(folder)
     text = msgspec.json.format(msgspec.json.encode(layout), indent=1)
-    write_whole(folder / NAME, text, "the layout", folders=True)
+    write_whole(folder / NAME, text, "the layout")

@@ -220,7 +220,7 @@ class Session:
         if self.version is None:
             raise BadInput("there is no vessel to save yet")
         file = self.folders.to_save(name)
-        write_whole(file, self.version.text.encode(), "the vessel file", folders=True)
+        write_whole(file, self.version.text.encode(), "the vessel file")
         self._saved = self.version.text
         self._changed("files")
         return file
@@ -301,7 +301,7 @@ class Session:
     def add_recording(self, name: str, content: bytes) -> Path:
         """A recording that was dropped on a page, into the folder of results."""
         file = self.folders.to_add(name)
-        write_whole(file, content, "the recording", folders=True)
+        write_whole(file, content, "the recording")
         self.reader.want([file])
         self._changed("files")
         return file

@@ -117,7 +117,7 @@ def export(path: Path, files: Sequence[Path], options: ExportOptions) -> Exporte
     """Write a log in another form; BadInput where it does not hold what is asked for."""
     content, exported = _WRITERS[options.format](path, options)
     for file, one in zip(files, content, strict=True):
-        write_whole(file, one, "the export", folders=True)
+        write_whole(file, one, "the export")
     count, unit, columns, notes = exported
     return Exported(str(path), tuple(files), count, unit, columns, notes)
 

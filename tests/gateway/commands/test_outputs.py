@@ -179,6 +179,45 @@ def test_an_input_is_no_output(run: Run, place: Path, which: tuple[str, str]) ->
             file.unlink()
 
 
+@pytest.mark.parametrize("which", WRITERS, ids="-".join)
+def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(
+    run: Run, place: Path, which: tuple[str, str]
+) -> None:
+    """A file stands where a folder would have to be made."""
+    words, _ = WRITERS[which]
+    (place / "voyage.tlog").write_bytes(b"text that no command can read, had it begun to work")
+    (place / "file").touch()
+    given = [
+        place / "file" / word.relative_to(place)
+        if isinstance(word, Path) and word.is_relative_to(place) and not word.exists()
+        else word
+        for word in words(place)
+    ]
+    assert given != words(place)
+    one_line(run(*given), 2, f"nothing can be written there ({place / 'file'}: Not a directory)")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["live", "udpin:127.0.0.1:14999", "-v", "otter", "--out"],
+        ["hil", "json:127.0.0.1:9999", "-v", "otter", "--no-publish", "--out"],
+        ["studio", "--no-browser", "--out"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_folder_that_cannot_be_made_is_refused(run: Run, tmp_path: Path, words: Words) -> None:
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "folder"
+    one_line(run(*words, out), 2, f"{out}: nothing can be written there")
+    one_line(run(*words, "/proc/x"), 2, "/proc/x: nothing can be written there (/proc: ")
+
+
+def test_to_ask_whether_a_place_can_be_written_leaves_nothing(tmp_path: Path) -> None:
+    with guarded_outputs("init", [], [tmp_path / "new" / "folder" / "boat.toml"], False):
+        assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("which", QUICK, ids="-".join)
 def test_what_the_command_wrote_may_be_replaced_until_somebody_edits_it(
     run: Run, place: Path, which: tuple[str, str]

@@ -68,10 +68,11 @@ def test_what_was_asked_for_is_written(run, ready, folder, tmp_path):
     assert "shadow add" not in out.split("next:")[1]
 
 
-def test_long_work_is_not_begun_for_a_folder_that_is_not_there(run, ready, folder, tmp_path):
+def test_long_work_is_not_begun_for_a_folder_that_cannot_be_made(run, ready, folder, tmp_path):
+    (tmp_path / "no").touch()
     done = run("diagnose", "a.tlog", "-v", folder / "boat.toml", "--save",
                   tmp_path / "no" / "d.json")  # fmt: skip
-    refused(done, "no such folder")
+    refused(done, "nothing can be written there")
     assert ready == {}
     refused(run("diagnose", "a.tlog", "-v", folder / "boat.toml", "--prior", "0"), "--prior 0")
 

@@ -65,7 +65,7 @@ def test_json_is_strict(written):
         ),
         ({"span": TimeSpan(50.0, 20.0)}, "expected a span of time"),
         ({"span": TimeSpan(1e6, None)}, "usable time"),
-        ({"out": "/no/such/folder/boat.toml"}, "no such folder"),
+        ({"out": "/proc/folder/boat.toml"}, "nothing can be written there"),
     ],
 )
 def test_bad_input_is_one_line(change, says):
