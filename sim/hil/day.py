@@ -80,10 +80,12 @@ def vessel_of_day(vessel: Vessel, day: Day) -> Vessel:
 
 
 def _before(moment: Moment) -> AddedEffect:
-    """The effect as it is before the moment that brings it."""
+    """The effect as it is before the moment that brings it: nothing, or air that stands still."""
     assert moment.effect is not None
-    neutral = {p.name: p.neutral for p in moment.effect.parameters if p.neutral is not None}
-    return AddedEffect(moment.effect, {**moment.values, **neutral})
+    parameters = moment.effect.parameters
+    still = {p.name: 0.0 for p in parameters if p.unit == "m/s"}
+    neutral = {p.name: p.neutral for p in parameters if p.neutral is not None}
+    return AddedEffect(moment.effect, {**moment.values, **(neutral or still)})
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class Schedule:
             share = 1.0 if change.over <= 0.0 else min((time - change.at) / change.over, 1.0)
             target = change.value * (self._base[change.column] if change.factor else 1.0)
             before = values[change.column]
-            begin = target if not np.isfinite(before) else before
+            begin = before if np.isfinite(before) else 0.0  # a day without wind is calm
             values[change.column] = begin + share * (target - begin)
             until = until if share == 1.0 else time
         return values[:-2], values[-2:], until

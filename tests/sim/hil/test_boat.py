@@ -7,7 +7,7 @@ import pytest
 
 from sim.effects.catalogue import EFFECTS
 from sim.hil.boat import Boat, command_of
-from sim.hil.day import Day, Moment, Wind, vessel_of_day
+from sim.hil.day import Day, Moment, Schedule, Wind, vessel_of_day
 from sim.model import Model
 from sim.plants.hydrostatics import GRAVITY
 from sim.plants.waves import Sea
@@ -164,6 +164,49 @@ def test_a_wind_that_turns_is_seen_by_the_vane():
     assert before.vane == pytest.approx((0.0, 5.0), abs=1e-6)
     assert after.vane == pytest.approx((np.pi / 2, 5.0), abs=1e-6)
     assert after.wind == pytest.approx((0.0, -5.0), abs=1e-9)
+
+
+def test_a_wind_that_rises_on_a_day_without_wind_rises_from_calm():
+    rising = Moment(1.0, over=4.0, wind=Wind(8.0, 0.3))
+    steps = sail(Boat.of(WAMV, Day(moments=(rising,))), {}, 6.0)
+    speed = np.hypot(column(steps, "wind_north"), column(steps, "wind_east"))
+    time = column(steps, "time")
+    begun = time > 1.02
+    assert np.allclose(speed[time < 0.98], 0.0)
+    assert np.abs(speed - 8.0 * np.clip((time - 1.0) / 4.0, 0.0, 1.0))[begun].max() < 0.05
+
+
+WITH_NOTHING = [  # effects that can be nothing; a lag or a battery acts from the start
+    effect
+    for effect in EFFECTS
+    if any(p.neutral is not None or p.unit == "m/s" for p in effect.parameters)
+    and not WAMV.unmet_needs(effect)
+]
+
+
+@pytest.mark.parametrize("effect", WITH_NOTHING, ids=lambda effect: effect.name)
+def test_what_a_moment_brings_is_nothing_before_it_and_rises_from_there(effect):
+    """Currents, winds, waves that push, faults: none of them acts, or jumps, ahead of its time."""
+    full = {p.name: p.start for p in effect.parameters}
+    still = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
+    still = still or {p.name: 0.0 for p in effect.parameters if p.unit == "m/s"}
+    moment = Moment(10.0, over=20.0, effect=effect, values=full)
+    day = Day(moments=(moment,))
+    model = Model.of(vessel_of_day(WAMV, day))
+    schedule = Schedule(model, day)
+    for name, nothing in still.items():
+        column = model.names.index(f"{effect.name}.{name}")
+        seen = [schedule.at(time)[0][column] for time in (0.0, 9.9, 10.0, 20.0, 30.0, 99.0)]
+        half = 0.5 * (nothing + full[name])
+        assert seen == pytest.approx([nothing, nothing, nothing, half, full[name], full[name]])
+
+
+def test_a_wind_of_an_effect_does_not_push_before_its_moment():
+    values = {"speed": 10.0, "direction": 0.0}  # from north: on the bow
+    moment = Moment(5.0, over=5.0, effect=EFFECT["steady_wind"], values=values)
+    surge = column(sail(Boat.of(WAMV, Day(moments=(moment,))), {}, 12.0), "u")
+    assert np.abs(surge[:490]).max() == 0.0
+    assert surge[-1] < -0.01
 
 
 def test_the_vane_feels_the_speed_of_the_boat():
