@@ -19,7 +19,14 @@ from gateway.estimation.names import Flag
 from gateway.shadow.health import STEADY_S
 from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import BROKEN, ShadowRows, discontinuous
-from gateway.shadow.sensor_checks import WORDS, reasons_in
+from gateway.shadow.sensor_checks import (
+    ALWAYS_WELL,
+    REPORTED,
+    WORDS,
+    SensorFault,
+    reasons_in,
+    reported_well,
+)
 from gateway.shadow.topic_rows import EventRow
 from sim.state import Floats
 from sim.vessel import Vessel
@@ -171,6 +178,8 @@ class EventDetector:
     diverged_s: float = -np.inf  # when the shadow last diverged; −inf: it is well
     faults: int = 0  # of the boat's data, as told so far; 0: they are fit
     unfit_s: float = -np.inf  # since when
+    well: int = ALWAYS_WELL  # faults whose absence the boat has reported
+    lost: int = 0  # of `faults` those that were in `well` before: what comes back does so again
 
     def observe(
         self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows
@@ -192,32 +201,54 @@ class EventDetector:
         if not len(out):
             return now, events
         last = bool(out.fresh[-1]), bool(out.from_model[-1]), bool(out.limited[-1])
-        return EventDetector(True, *last, diverged_s, now.faults, now.unfit_s), events
+        fresh, from_model, limited = last
+        return replace(
+            now, started=True, fresh=fresh, from_model=from_model, limited=limited,
+            diverged_s=diverged_s,
+        ), events  # fmt: skip
 
     def _sensors(
         self, inputs: FilterInputs, rows: FilterRows
     ) -> tuple["EventDetector", list[EventRow]]:
         """What makes the boat's data unfit: each fault once, until all of them are over."""
         told, since, events = self.faults, self.unfit_s, list[EventRow]()
+        well, lost = self.well, self.lost
         if not told and not rows.faults.any():
-            return self, events
-        for k, (time, bits) in enumerate(
-            zip(inputs.events.time_s.tolist(), rows.faults.tolist(), strict=True)
+            if well & REPORTED == REPORTED:
+                return self, events
+            reported = np.bitwise_or.reduce(reported_well(inputs.gps_fix, inputs.estimator))
+            return replace(self, well=well | int(reported)), events
+        for k, (time, bits, reported) in enumerate(
+            zip(
+                inputs.events.time_s.tolist(),
+                rows.faults.tolist(),
+                reported_well(inputs.gps_fix, inputs.estimator).tolist(),
+                strict=True,
+            )
         ):
             words = None
             if found := reasons_in(bits & ~told):
+                lost |= bits & ~told & well
                 since, told = time if not told else since, told | bits
                 what = _joined([WORDS[fault][0] for fault in found])
                 text = f"{what}: until that is over the model is not judged"
                 words = "sensor_failed", "warning", text
             elif told and not bits:
-                what = _joined([WORDS[fault][1] for fault in reasons_in(told)])
-                text = f"{what}, after {time - since:.0f} s: the model is judged again"
-                told, words = 0, ("sensor_restored", "info", text)
+                what = _joined([_restored(fault, lost) for fault in reasons_in(told)])
+                text = f"{what}, after {time - since:.0f} s: the model is judged"
+                text += " again" if lost else " from now on"
+                told, lost, words = 0, 0, ("sensor_restored", "info", text)
+            well |= reported
             if words is not None:
                 at = int(inputs.vehicle_time_ns[k]), int(inputs.receive_time_ns[k])
                 events.append(EventRow(*at, *words))
-        return replace(self, faults=told, unfit_s=since), events
+        return replace(self, faults=told, unfit_s=since, well=well, lost=lost), events
+
+
+def _restored(fault: SensorFault, lost: int) -> str:
+    """What is said when a fault is over; nothing comes again that was never there."""
+    over = WORDS[fault][1]
+    return over if fault & lost else over.removesuffix(" again")
 
 
 def _joined(texts: list[str]) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 
 from gateway.estimation.events import Events
 from gateway.estimation.names import MeasurementKind
+from gateway.ingest.mapping import EstimatorFault
 from gateway.shadow.inputs import FilterInputs
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
@@ -242,6 +243,19 @@ def check_events(
         out[k] = bits
 
 
+REPORTED = sum(int(fault) << EKF_SHIFT for fault in EstimatorFault) | GPS  # by the boat itself
+ALWAYS_WELL = sum(int(fault) for fault in REASONS) & ~REPORTED  # until it was seen to fail
+
+
+def reported_well(fix: Floats, estimator: Floats) -> Ints:
+    """GPS fix and faults of the estimator (K,), NaN where unknown -> what the boat says is well:
+    bits of `SensorFault` (K,)."""
+    known = np.isfinite(estimator)
+    faults = np.where(known, estimator, 0.0).astype(np.int64) << EKF_SHIFT
+    well = np.where(known, REPORTED & ~GPS & ~faults, 0)
+    return np.where(fix >= FIX_3D, well | GPS, well)
+
+
 def clock_text(time_ns: int) -> str:
     """Unix time [ns] -> the time of day in UTC."""
     return f"{datetime.fromtimestamp(time_ns // 1_000_000_000, UTC):%H:%M:%S} UTC"
@@ -277,7 +291,7 @@ def unfit_text(bits: int, since_ns: Mapping[SensorFault, int]) -> str:
     """What makes the data unfit and since when (receipt), for people; empty while they are fit."""
     found = reasons_in(bits)
     if not found:
-        return "all well again, settling" if bits else ""
+        return "all is well, settling" if bits else ""
     return "; ".join(f"{WORDS[fault][0]} since {clock_text(since_ns[fault])}" for fault in found)
 
 

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.estimation.events import Events
 from gateway.estimation.names import MeasurementKind
+from gateway.ingest.mapping import EstimatorFault
 from gateway.ingest.mavlink.mapping import ekf_status_report, estimator_status
 from gateway.samples import CHANNELS, Quantity
 from gateway.shadow.inputs import FilterInputs
@@ -25,6 +26,7 @@ from gateway.shadow.sensor_checks import (
     WORDS,
     SensorFault,
     SensorMemory,
+    reported_well,
     unfit_text,
 )
 from gateway.simulated_boat.sensor_faults import (
@@ -84,6 +86,35 @@ def test_what_failed_is_said_with_its_begin_and_end_and_the_model_is_not_blamed(
     assert not [m["says"] for m in found.messages("event") if m["kind"] in BLAME]
     assert any(line.endswith(text) for line in told)
     assert any(line.endswith(over) for line in told)
+
+
+def test_what_was_not_there_at_first_does_not_come_again() -> None:
+    """An EKF that needs a while after boot, and one that loses later what it had by then."""
+    late = SensorFaults(ekf_holds=(Span(0.0, 20.0), Span(40.0, 50.0)))
+    with Deck() as deck:
+        found = deck.hear(datagrams(played(65.0, sensor_faults=late))).heard()
+    (_, first), (_, second) = events(found, "sensor_restored")
+    assert first.startswith("the autopilot's EKF has its velocity and its position, after ")
+    assert first.endswith("the model is judged from now on")
+    assert second.startswith("the autopilot's EKF has its velocity again and its position again")
+    assert second.endswith("the model is judged again")
+
+
+@pytest.mark.parametrize(
+    ("fix", "estimator", "well", "unsaid"),
+    [
+        (3.0, np.nan, SensorFault.GPS, SensorFault.EKF_ATTITUDE),
+        (1.0, 0.0, SensorFault.EKF_ATTITUDE, SensorFault.GPS),
+        (np.nan, float(EstimatorFault.ATTITUDE), SensorFault.EKF_VELOCITY,
+         SensorFault.EKF_ATTITUDE),
+    ],
+)  # fmt: skip
+def test_only_what_the_boat_says_is_well_can_be_lost(
+    fix: float, estimator: float, well: SensorFault, unsaid: SensorFault
+) -> None:
+    said = int(reported_well(np.array([fix]), np.array([estimator]))[0])
+    assert said & well
+    assert not said & unsaid
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -281,6 +312,6 @@ def test_flags_of_px4s_filter(flags: int, ratio: float, bits: int) -> None:
 def test_each_fault_has_words_of_its_own_and_every_freeze_can_be_played() -> None:
     texts = [text for pair in WORDS.values() for text in pair]
     assert len(set(texts)) == 2 * (len(SensorFault) - 1)
-    assert unfit_text(int(SensorFault.SETTLING), {}) == "all well again, settling"
+    assert unfit_text(int(SensorFault.SETTLING), {}) == "all is well, settling"
     assert unfit_text(0, {}) == ""
     assert {one.what for fault, _, _ in FAULTS.values() for one in fault.frozen} == set(FROZEN)
