@@ -19,14 +19,16 @@ COEFFICIENT_FACTOR = 1.4  # that C_X and C_Y may be off by: 0.70 / 0.50
 
 
 @jitable
-def wind_load(flow: Flow, north: float, east: float) -> Wrench:
-    """Motion of the hull, of the air [m/s, to north and east] -> X, Y, N [N, N, N m]."""
+def wind_load(flow: Flow, north: float, east: float, c_x: float, c_n: float) -> Wrench:
+    """Motion of the hull, of the air [m/s, to north and east], coefficients ahead and of the moment
+    -> X, Y, N [N, N, N m].
+    """
     u_w, v_w = to_body(north, east, flow.yaw)
     u, v = flow.u_ground - u_w, flow.v_ground - v_w
     body = flow.body
     V = np.sqrt(u * u + v * v)  # V cos γ = u, V sin γ = −v
     return Wrench(
-        -0.5 * AIR_DENSITY * C_X * body.area_front * V * u,
+        -0.5 * AIR_DENSITY * c_x * body.area_front * V * u,
         -0.5 * AIR_DENSITY * C_Y * body.area_side * V * v,
-        -AIR_DENSITY * C_N * body.area_side * body.length * u * v,
+        -AIR_DENSITY * c_n * body.area_side * body.length * u * v,
     )

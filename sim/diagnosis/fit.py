@@ -212,8 +212,8 @@ def _without_slope(fit: Fit, added: AddedEffect, fitted: set[str]) -> list[Estim
         if name not in fitted:
             event = known[key].kind is Kind.MOMENT
             ends = event_interval(fit, name) if event else (value, value)
-            # of numbers only those have no slope that a measurement stands for
-            doubt = MEASURED if key in added.effect.fit_parameters else ""
+            measured = added.effect.measured
+            doubt = MEASURED if measured is not None and key in measured.values else ""
             out.append(Estimate(name, known[key].unit, value, value, ends, True, doubt=doubt))
     return out
 
@@ -221,11 +221,17 @@ def _without_slope(fit: Fit, added: AddedEffect, fitted: set[str]) -> list[Estim
 def unknowns_for(
     superset: SupersetModel, added: Sequence[AddedEffect], trials: int, settings: IdentifySettings
 ) -> Unknowns:
-    """What is fitted with these effects in the vessel; they give where its effects start."""
+    """What is fitted with these effects in the vessel; they give where its effects start.
+
+    What is known of a parameter beforehand stays where it was, wherever an earlier fit ended.
+    """
     free = [name for a in added for name in superset.free_names(a.effect)]
     model = superset.with_added(added)
     unknowns = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
-    return replace(unknowns, each=tuple(_bounded(u) for u in unknowns.each))
+    pairs = ((a.effect.name, p) for a in added for p in a.effect.parameters if p.prior)
+    known = {f"{name}.{p.name}": p.start for name, p in pairs}
+    each = (replace(u, start=known.get(u.name, u.start)) for u in unknowns.each)
+    return replace(unknowns, each=tuple(_bounded(u) for u in each))
 
 
 def _bounded(u: Unknown) -> Unknown:

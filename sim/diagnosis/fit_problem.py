@@ -64,9 +64,11 @@ class SupersetModel:
         """Numbers that a fit with the effect moves, as the model names them: its own, or those of
         the vessel where all trials measured what they stand for.
         """
+        names = effect.fit_parameters
         if effect.measured is not None and effect.name in self.measured:
-            return list(effect.measured.fitted)
-        return [f"{effect.name}.{key}" for key in effect.fit_parameters]
+            names = effect.measured.fitted
+        own = effect.fit_parameters
+        return [f"{effect.name}.{key}" if key in own else key for key in names]
 
     def with_added(self, added: Sequence[AddedEffect]) -> Model:
         """A model of the vessel with these effects, the others switched off."""

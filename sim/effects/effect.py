@@ -164,6 +164,8 @@ class Parameter:
     direction  name of the angle that this magnitude belongs to, the next parameter: the two are
                fitted as north and east parts
     default    what stands where a vessel file says nothing; None: it must say it
+    prior      standard deviation of what is known beforehand, about `start`: a search for the
+               effect keeps to it; 0: anything within the bounds
     """
 
     name: str
@@ -179,6 +181,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
     direction: str = ""
     default: float | None = None
+    prior: float = 0.0
     says: InitVar[str | None] = None  # the name of `description` in 0.1
 
     def __post_init__(self, says: str | None) -> None:
@@ -239,7 +242,7 @@ class Measured(NamedTuple):
     """An effect whose cause may be measured: its own parameters do not count there.
 
     column  of a trial (`wind`), NaN where it was not measured
-    fitted  numbers of the vessel, by the names of `Body`, that are fitted instead
+    fitted  numbers of the vessel, by the names of `Body`, and own ones that are fitted then
     values  of the parameters: what acts where it was not measured
     """
 

@@ -6,13 +6,16 @@
 
 V, u_rw, v_rw [m/s] of the boat through the air; A_F, A_L [m²] frontal and lateral area, L [m]
 length of the hull; ρ = 1.225 kg/m³; c_x = 0.7, c_y = 0.825, c_n = 0.125, the middle of the
-published ranges. The wind blows at speed [m/s] from direction [rad from north]; where the boat
-measured the wind, that wind acts and the two parameters do not count. Gusts are not modelled: what
-they leave is no sign of anything else (`unsteady`). Valid for: hulls symmetric fore and aft and to
-the sides. Areas that nobody measured are assumed from length and beam (`sim.wind_areas`): the
-motion then tells a force and a direction, and the speed as a range. Where the wind was measured,
-the areas are what is fitted. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021,
-§10.1 (wind coefficients of symmetrical craft).
+published ranges, where nothing else is given. c_x and c_n are found along with the wind, near those
+values: the moment of a hull is known no better, and what it lacks would be taken for lift of the
+hull. c_y stays: a force abeam tells ½ ρ V² c_y A_L and no more. The wind blows at speed [m/s] from
+direction [rad from north]; where the boat measured the wind, that wind acts and the two parameters
+do not count. Gusts are not modelled: what they leave is no sign of anything else (`unsteady`).
+Valid for: hulls symmetric fore and aft and to the sides. Areas that nobody measured are assumed
+from length and beam (`sim.wind_areas`): the motion then tells a force and a direction, and the
+speed as a range. Where the wind was measured, the areas are what is fitted. Source: Fossen,
+Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, §10.1 (wind coefficients of symmetrical
+craft).
 """
 
 from collections.abc import Sequence
@@ -40,7 +43,7 @@ from sim.effects.effect import (
 from sim.effects.words import FittedValues
 from sim.state import Wrench
 from sim.wind_areas import AREA_FACTOR, areas_text
-from sim.wind_loads import AIR_DENSITY, C_X, C_Y, COEFFICIENT_FACTOR, wind_load
+from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y, COEFFICIENT_FACTOR, wind_load
 
 SPEED_FACTOR = float(np.sqrt(AREA_FACTOR * COEFFICIENT_FACTOR))  # of a speed told from a force
 
@@ -53,7 +56,7 @@ def force(flow: Flow, p: Any) -> Wrench:
     assumed = (flow.wind_known - 1.0) * p.speed  # it blows from there: hence the sign
     north = flow.wind_known * flow.wind_north + assumed * np.cos(p.direction)
     east = flow.wind_known * flow.wind_east + assumed * np.sin(p.direction)
-    return wind_load(flow, north, east)
+    return wind_load(flow, north, east, p.c_x, p.c_n)
 
 
 def more_starts(length: float) -> Sequence[Values]:
@@ -71,7 +74,7 @@ def assumption(vessel: Any, values: Values, ci95: Intervals) -> Assumption | Non
     low, high = ci95.get("speed", (values["speed"], values["speed"]))
     low, high = max(low, 0.0) / SPEED_FACTOR, high * SPEED_FACTOR
     pressure = 0.5 * AIR_DENSITY * values["speed"] ** 2
-    ahead, abeam = pressure * C_X * front, pressure * C_Y * side
+    ahead, abeam = pressure * values["c_x"] * front, pressure * C_Y * side
     come_from = np.degrees(values["direction"]) % 360.0
     return Assumption(
         f"from {come_from:.0f}° with about {_newtons(abeam)} abeam and {_newtons(ahead)} from "
@@ -91,6 +94,18 @@ def _newtons(force: float) -> str:
     return f"{force:.0f} N" if force >= 10.0 else f"{force:.1f} N"
 
 
+# The published range of C_N is two standard deviations, that of C_X one: it also holds what the ratio
+# of the areas is off by.
+COEFFICIENTS = (
+    Parameter(
+        "c_x", "1", lower=0.1, upper=1.5, start=C_X, scale=0.1, default=C_X,
+        prior=0.2, description="coefficient ahead",
+    ),
+    Parameter(
+        "c_n", "1", lower=-0.1, upper=0.4, start=C_N, scale=0.02, default=C_N,
+        prior=0.04, description="coefficient of the moment",
+    ),
+)  # fmt: skip
 CIRCLES = Separation(
     "full circles: wind changes its side, a motor does not; then motors off", "circles"
 )
@@ -111,6 +126,7 @@ EFFECT = Effect(
             "speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5, direction="direction"
         ),
         circular_parameter("direction", "from, clockwise from north", starts=QUARTERS),
+        *COEFFICIENTS,
     ),
     looks_like="pushed away from one side of the world, most when lying across it, and turned on "
     "quartering headings; a boat with stopped motors drifts that way",
@@ -138,7 +154,7 @@ EFFECT = Effect(
     },
     more_starts=more_starts,
     in_words=in_words,
-    measured=Measured("wind", ("area_front", "area_side"), {"speed": 0.0, "direction": 0.0}),
+    measured=Measured("wind", ("area_front", "area_side", "c_n"), {"speed": 0.0, "direction": 0.0}),
     assumption=assumption,
     pattern_for=("heading",),
 )

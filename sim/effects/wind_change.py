@@ -30,7 +30,7 @@ from sim.effects.effect import (
     Values,
     circular_parameter,
 )
-from sim.effects.steady_wind import CIRCLES, LIGHT, STRONG, UNSTEADY
+from sim.effects.steady_wind import CIRCLES, COEFFICIENTS, LIGHT, STRONG, UNSTEADY
 from sim.effects.steady_wind import assumption as steady_assumption
 from sim.effects.words import FittedValues, until_and_after
 from sim.state import Wrench
@@ -50,6 +50,8 @@ def force(flow: Flow, p: Any) -> Wrench:
         flow,
         flow.wind_known * flow.wind_north + assumed * north,
         flow.wind_known * flow.wind_east + assumed * east,
+        p.c_x,
+        p.c_n,
     )
 
 
@@ -59,6 +61,7 @@ def assumption(vessel: Any, values: Values, ci95: Intervals) -> Assumption | Non
     for before in ("", "later_"):
         names = (f"{before}speed", f"{before}direction")
         own = {n: values[key] for n, key in zip(("speed", "direction"), names, strict=True)}
+        own["c_x"] = values["c_x"]
         sure = {"speed": ci95[names[0]]} if names[0] in ci95 else {}
         parts.append(steady_assumption(vessel, own, sure))
     first, later = parts
@@ -116,6 +119,7 @@ EFFECT = Effect(
         ),
         circular_parameter("later_direction", "from, clockwise from north, after"),
         TIME_OF_CHANGE,
+        *COEFFICIENTS,
     ),
     looks_like="pushed away from one side of the world, and from one moment on harder, less or "
     "from another side",

@@ -270,9 +270,10 @@ def _effect_unknown(name: str, start: float, p: Parameter) -> Unknown:
     """A parameter of an effect, started within its bounds."""
     if not (p.lower < p.upper and 0.0 < p.scale < np.inf):
         raise UnknownNameError(f"{name} cannot be fitted between {p.lower:g} and {p.upper:g}")
+    prior = p.prior or 0.5 * (p.upper - p.lower)
     return Unknown(
         name, p.unit, min(max(start, p.lower), p.upper), p.lower, p.upper, p.scale,
-        EFFECT_STEP * p.scale, 0.5 * (p.upper - p.lower), True, direction=p.direction,
+        EFFECT_STEP * p.scale, prior, not p.prior, direction=p.direction,
     )  # fmt: skip
 
 

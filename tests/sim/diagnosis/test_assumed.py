@@ -13,6 +13,7 @@ from sim.identification.intervals import Estimate
 from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
+from sim.wind_loads import C_N
 from tests.sim.diagnosis.sailed import DT, STD, sailed
 from tests.sim.voyages import WAM_V, commands, trial_of
 
@@ -70,10 +71,10 @@ def test_what_was_measured_is_not_fitted_but_what_it_acts_on() -> None:
     """In all recordings, nearly all the time; else the wind is what nobody knows."""
     whole, none = measured_in(80.0), measured_in(80.0, known=False)
     half = replace(whole, wind=np.where(whole.time[:, None] < 40.0, whole.wind, np.nan))
-    own = ["steady_wind.speed", "steady_wind.direction"]
+    own = [f"steady_wind.{key}" for key in ("speed", "direction", "c_x", "c_n")]
     for trials, expected in (
-        ([whole], ["area_front", "area_side"]), ([none], own), ([half], own), ([whole, none], own),
-        ([], own),
+        ([whole], ["area_front", "area_side", "steady_wind.c_n"]), ([none], own), ([half], own),
+        ([whole, none], own), ([], own),
     ):  # fmt: skip
         assert SupersetModel.of(WAM_V, [WIND], trials).free_names(WIND) == expected
     current = named("steady_current")
@@ -95,9 +96,11 @@ def test_areas_are_fitted_to_a_measured_wind() -> None:
     numbers = {e.name: e for e in found.ladder[-1].base_parameters}
     low, high = numbers["area_side"].ci95
     assert low < AREAS[1] < high
-    speed = found.ladder[-1].parameters["steady_wind"][0]
-    assert (speed.name, speed.value) == ("steady_wind.speed", 0.0)
-    assert "measured" in speed.doubt
+    wind = {e.name.partition(".")[2]: e for e in found.ladder[-1].parameters["steady_wind"]}
+    assert wind["speed"].value == 0.0
+    assert "measured" in wind["speed"].doubt
+    assert not wind["c_x"].doubt  # it acts on the frontal area, which is fitted
+    assert wind["c_n"].value == pytest.approx(C_N, abs=0.03)
 
 
 def test_a_calm_voyage_names_no_wind_and_assumes_nothing() -> None:

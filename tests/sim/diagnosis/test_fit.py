@@ -107,6 +107,22 @@ def off() -> Fit:
     return fit_of(failing(93.0), 95.0)
 
 
+def test_what_is_known_of_a_coefficient_does_not_follow_the_fit() -> None:
+    """It begins where an earlier fit ended; what was known beforehand stays what it was."""
+    wind, settings = named("steady_wind"), DiagnoseSettings().identify(WAM_V)
+    superset = SupersetModel.of(WAM_V, [wind])
+    known = {p.name: p for p in wind.parameters if p.prior}
+    found = AddedEffect(wind, {"speed": 8.0, "direction": 1.0, "c_x": 0.9, "c_n": 0.05})
+    unknowns = {u.name: u for u in unknowns_for(superset, [found], 1, settings).each}
+    assert set(known) == {"c_x", "c_n"}
+    for key, p in known.items():
+        own = unknowns[f"steady_wind.{key}"]
+        assert (own.start, own.prior, own.assumed) == (p.start, p.prior, False)
+    speed = unknowns["steady_wind.speed"]
+    assert speed.assumed  # nothing is known of it
+    assert speed.start == 8.0
+
+
 def test_events_are_moments() -> None:
     trial = failing(93.0)
     assert event_names(fit_of(trial, 95.0)) == (NAME,)
