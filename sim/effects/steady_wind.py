@@ -94,8 +94,8 @@ def _newtons(force: float) -> str:
     return f"{force:.0f} N" if force >= 10.0 else f"{force:.1f} N"
 
 
-# The published range of C_N is two standard deviations, that of C_X one: it also holds what the ratio
-# of the areas is off by.
+# The published range of C_N is two standard deviations, that of C_X one: the ratio of the areas
+# counts with it, and is off too.
 COEFFICIENTS = (
     Parameter(
         "c_x", "1", lower=0.1, upper=1.5, start=C_X, scale=0.1, default=C_X,
