@@ -66,7 +66,8 @@ class Change(NamedTuple):
 
     The range ends at recordings: what happened between two of them has no other date.
 
-    share  change relative to the level before, with its 95 % interval; a loss is negative
+    share  change relative to the level before, with its 95 % interval; a loss is negative; `now`
+           follows from both
     """
 
     kind: str
@@ -238,7 +239,10 @@ def _fitted(series: Series, tried: Sequence[Candidate], deviation: Floats) -> _F
 
 
 def _change(series: Series, tried: Sequence[Candidate], prior: _Prior, deviation: Floats) -> Change:
-    """The best candidate; its intervals are over all of them, by their likelihood."""
+    """The best candidate; size and intervals are over all of them, by their likelihood.
+
+    What the best one alone says can lie at the end of an interval over all, or beyond it.
+    """
     fits = _fitted(series, tried, deviation)
     size = np.where(fits.before == 0.0, 1e-300, fits.before)
     share = fits.change / size
@@ -257,8 +261,7 @@ def _change(series: Series, tried: Sequence[Candidate], prior: _Prior, deviation
     return Change(
         tried[chosen].kind, tried[chosen].moment,
         (tried[alike[low]].between[0], tried[alike[high]].between[1]),
-        before, before + float(fits.change[chosen]), float(share[chosen]),
-        (mean - half, mean + half),
+        before, before * (1.0 + mean), mean, (mean - half, mean + half),
     )  # fmt: skip
 
 

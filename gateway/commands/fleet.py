@@ -15,7 +15,7 @@ from gateway.commands.options import (
     print_progress,
     print_result,
 )
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.outputs import check_place, guarded_outputs
 
 EXTRA = ("distributed", "pyarrow")  # what the extra `fleet` of the package installs
@@ -86,7 +86,11 @@ def fleet(
     force: Force = False,
     json: AsJson = False,
 ) -> None:
-    """Many recordings of many boats: compare, identify, diagnose on all cores; one table."""
+    """Many recordings of many boats: compare, identify, diagnose on all cores; one table.
+
+    The table is that of the recordings named. What came of others before is kept beside it, and is
+    there again, without work, when they are named again.
+    """
     require_extra()
     from gateway.fleet.analysis import AnalysisSettings
     from gateway.fleet.fleet_file import fleet_of_one, read_fleet
@@ -123,6 +127,8 @@ def fleet(
         json, lambda: fleet_as_dict(result) | {"changes": [one.text for one in found.changes]},
         lambda: show_fleet(result, found),
     )  # fmt: skip
+    if result.nothing_done:
+        raise ShadowError(f"every recording failed ({len(result.rows)}): the table says why")
 
 
 def _interrupted(done: int, total: int) -> None:

@@ -16,7 +16,7 @@ from gateway.figures.motion import map_panel
 from gateway.files import write_whole
 from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
 from gateway.fleet.table import read_recordings
-from gateway.fleet.wear import FleetWear, wear_of
+from gateway.fleet.wear import FleetWear, counted, wear_of
 
 EARTH_M_PER_DEG = 111_195.0  # of latitude, on a sphere; a map needs no more
 NEAR_DEG = 0.2  # recordings further apart stand on maps of their own
@@ -40,7 +40,7 @@ def fleet_page(rows: Sequence[Row], wear: FleetWear, name: str) -> FleetPage:
     numbers = [*wear.changes, *(one for one in wear.numbers if id(one) not in changed)]
     boats = len({row["boat"] for row in rows if row["boat"]})
     return FleetPage(
-        f"Fleet: {boats} boat{'' if boats == 1 else 's'}, {len(rows)} recordings",
+        f"Fleet: {counted(boats, 'boat')}, {counted(len(rows), 'recording')}",
         f"{name}, made {now:%Y-%m-%d %H:%M} UTC by shadow-gateway {version('shadow-gateway')}",
         tuple(headline(rows, wear)),
         tuple(_boat(boat, own) for boat, own in fleet_of(rows).items()),
@@ -62,7 +62,8 @@ def headline(rows: Sequence[Row], wear: FleetWear) -> list[str]:
     """What has changed; what is not done."""
     said = wear.sentences or ["no number of any boat was fitted: nothing is known of changes"]
     failed = sum(row["state"] not in (*GOOD, DUPLICATE) for row in rows)
-    return said + ([f"{failed} of {len(rows)} recordings could not be used"] if failed else [])
+    every = counted(len(rows), "recording")
+    return said + ([f"{failed} of {every} could not be used"] if failed else [])
 
 
 def _boat(boat: str, rows: Sequence[Row]) -> tuple[str, ...]:

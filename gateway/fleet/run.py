@@ -29,7 +29,8 @@ from gateway.fleet.analysis import (
 from gateway.fleet.fleet_file import Boat, boat_of
 from gateway.fleet.recording_files import digest, find_recordings
 from gateway.fleet.results import ResultStore, settings_digest
-from gateway.fleet.table import write_table
+from gateway.fleet.table import recordings_of_table, write_table
+from gateway.fleet.wear import counted
 
 SAVE_S = 30.0  # the table is written so often while work goes on; chosen, not measured
 CONNECT_S = 20.0  # that a scheduler may take to answer
@@ -60,6 +61,7 @@ class FleetResult:
     """All rows; `known` of them were worked out on an earlier run.
 
     unused  boats that none of the recordings is of
+    dropped  recordings of the table before that were not named this time
     """
 
     folder: Path
@@ -67,6 +69,12 @@ class FleetResult:
     estimates: dict[str, tuple[Row, ...]] = field(default_factory=dict)
     known: int = 0
     unused: Sequence[Boat] = ()
+    dropped: Sequence[str] = ()
+
+    @property
+    def nothing_done(self) -> bool:
+        """Did every recording fail?"""
+        return bool(self.rows) and all(r["state"] in (FAILED, FAULT) for r in self.rows.values())
 
     def add(self, recording: str, row: Row, estimates: Sequence[Row] = ()) -> None:
         """Put a recording's row in, and its estimates."""
@@ -134,6 +142,7 @@ def run_fleet(
     asked = {boat: settings_digest(boat, settings) for boat in boats}
     store, result = ResultStore(folder), FleetResult(folder)
     result.unused = [boat for boat in boats if boat not in sailed.values()]
+    result.dropped = sorted(recordings_of_table(folder) - set(recordings))
     with connected(scheduler, workers) as client:
         digests = _digests(client, store, recordings)
         run = _Run(result, store, digests, sailed, asked, len(recordings), progress)
@@ -236,5 +245,5 @@ def _outcome(future: "Future[Any]", client: Client, left: int) -> Analysis:
         )
     raise ShadowError(
         f"{client.scheduler.address if client.scheduler else 'the scheduler'}: the Dask scheduler "
-        f"is gone: {left} recordings are left; the same command goes on with them"
+        f"is gone: {counted(left, 'recording')} left; the same command goes on"
     )

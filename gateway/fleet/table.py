@@ -125,6 +125,15 @@ def read_recordings(folder: str | Path) -> list[dict[str, Any]]:
     return _read(Path(folder) / RECORDINGS_FILE)
 
 
+def recordings_of_table(folder: Path) -> set[str]:
+    """Names of the recordings in a table of any version; none where there is no table."""
+    try:
+        column = pq.read_table(folder / RECORDINGS_FILE, columns=["recording"])["recording"]
+    except (OSError, KeyError, pa.ArrowInvalid):
+        return set()
+    return set(column.to_pylist())
+
+
 def _read(file: Path) -> list[dict[str, Any]]:
     if not file.is_file():
         raise BadInput(f"{file}: there is no such table: shadow fleet writes it")

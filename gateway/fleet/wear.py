@@ -146,19 +146,19 @@ class FleetWear:
     def sentences(self) -> list[str]:
         """What has changed, or that nothing clearly has; what was not followed, and why."""
         n = len(self.numbers)
-        none = [f"no change is clear: {_counted(n, 'number')} followed"] if n else []
+        none = [f"no change is clear: {counted(n, 'number')} followed"] if n else []
         few = [
-            f"{boat}: {_counted(count, 'number')} in fewer than {MIN_RECORDINGS} recordings: "
+            f"{boat}: {counted(count, 'number')} in fewer than {MIN_RECORDINGS} recordings: "
             "too few to tell wear"
             for boat, count in self.too_few.items()
         ]
         dateless = [
-            f"{boat}: {_counted(count, 'recording')} left out: no real date (a clock that was "
+            f"{boat}: {counted(count, 'recording')} left out: no real date (a clock that was "
             "not set)"
             for boat, count in self.undated.items()
         ]
         again = [
-            f"{boat}: {_counted(count, 'recording')} left out: of the same time as another"
+            f"{boat}: {counted(count, 'recording')} left out: of the same time as another"
             for boat, count in self.twice.items()
         ]
         return [*([one.text for one in self.changes] or none), *few, *dateless, *again]
@@ -172,7 +172,8 @@ class FleetWear:
         }  # fmt: skip
 
 
-def _counted(count: int, what: str) -> str:
+def counted(count: int, what: str) -> str:
+    """A number of things: 1 recording, 2 recordings."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 

@@ -12,7 +12,7 @@ from rich.progress import Progress as Bar
 from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
 from gateway.fleet.run import FleetResult, Progress
 from gateway.fleet.table import ESTIMATES_FILE, RECORDINGS_FILE
-from gateway.fleet.wear import FleetWear
+from gateway.fleet.wear import FleetWear, counted
 from gateway.terminal.console import ResultConsole, SafeConsole, result_table
 
 MOST_SHOWN = 10  # reasons why recordings failed
@@ -54,7 +54,7 @@ def show_fleet(result: FleetResult, wear: FleetWear) -> None:
     console = ResultConsole()
     rows = list(result.rows.values())
     table = result_table(
-        f"{len(rows)} recordings, {result.known} of them known already", "boat",
+        f"{counted(len(rows), 'recording')}, {result.known} of them known already", "boat",
         "used", "usable", "error", "noise floor", "from", "to",
     )  # fmt: skip
     for boat, own in by_boat(rows).items():
@@ -68,9 +68,21 @@ def show_fleet(result: FleetResult, wear: FleetWear) -> None:
         f"{boat.name}: no recording fits {', '.join(boat.recordings)} (fleet file)"
         for boat in result.unused
     )
+    if result.dropped:
+        console.bullets([_dropped(result.dropped)])
     console.bullets(wear.sentences)
     console.path("recordings", result.folder / RECORDINGS_FILE)
     console.path("numbers", result.folder / ESTIMATES_FILE)
+
+
+def _dropped(recordings: Sequence[str]) -> str:
+    """What the table had before: it comes back when it is named again, without work."""
+    first = ", ".join(PurePosixPath(name).name for name in recordings[:MOST_NAMED])
+    more = ", …" if len(recordings) > MOST_NAMED else ""
+    return (
+        f"{counted(len(recordings), 'recording')} of the table before not named now, so not in it "
+        f"any more ({first}{more}): results are kept for when they are named again"
+    )
 
 
 def show_wear(wear: FleetWear) -> None:
@@ -136,7 +148,7 @@ def fleet_as_dict(result: FleetResult) -> dict[str, Any]:
             state: sum(row["state"] == state for row in result.rows.values())
             for state in sorted({row["state"] for row in result.rows.values()})
         },
-        "unused": [boat.name for boat in result.unused],
+        "unused": [boat.name for boat in result.unused], "dropped": list(result.dropped),
         "table": [str(result.folder / name) for name in (RECORDINGS_FILE, ESTIMATES_FILE)],
         "failed": [
             {"recording": row["recording"], "state": row["state"], "why": row["why"]}

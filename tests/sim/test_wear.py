@@ -48,6 +48,20 @@ def test_a_loss_is_found_with_its_kind_its_date_and_its_size(kind):
     assert change.now == pytest.approx(45.0, abs=1.0)
 
 
+def test_a_size_stands_in_the_middle_of_its_own_interval():
+    """A late loss with few recordings: a drift and steps explain it alike, at different sizes."""
+    random = np.random.default_rng(240)
+    n = random.integers(6, 14)
+    days = np.sort(random.uniform(0.0, 300.0, n))
+    worn = 1.0 - 0.3 * np.maximum(0.0, days - 100.0) / 200.0
+    days_off = random.normal(0.0, 0.02, n) * (1 + 4 * (random.random(n) < 0.1))
+    change = evidence_of(Series(days, 100.0 * (worn + days_off), np.full(n, 1.0), -1)).change
+    low, high = change.share95
+    assert low < change.share < high
+    assert change.share - low == pytest.approx(high - change.share)
+    assert change.now == pytest.approx(change.before * (1.0 + change.share))
+
+
 @pytest.mark.parametrize("wears", [0, -1])
 def test_where_nothing_changes_the_p_value_is_what_it_says(wears):
     series = [made(seed, scatter=0.03, wears=wears) for seed in range(100, 180)]

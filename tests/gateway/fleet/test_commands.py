@@ -89,6 +89,36 @@ def test_a_broken_vessel_file_is_found_before_any_work(run, folder):
     assert not (folder / "out").exists()
 
 
+def test_where_every_recording_failed_the_exit_status_says_so(run, folder, cluster):
+    words = ["fleet", folder / "logs" / "short.tlog", "--vessels", folder / "fleet.toml",
+             "--out", folder / "out", "--steps", "compare", "--scheduler",
+             cluster.scheduler_address]  # fmt: skip
+    for _ in range(2):  # worked out, and known
+        done = run(*words)
+        assert done.status == 1
+        assert done.err.endswith("error: every recording failed (1): the table says why\n")
+        assert "1 recording, " in done.out
+        assert "1 recordings" not in done.out
+
+
+def test_a_run_over_another_list_says_what_the_table_has_no_more(run, folder, cluster):
+    def fleet(*logs):
+        return run("fleet", *logs, "--vessels", folder / "fleet.toml", "--out", folder / "out",
+                   "--steps", "compare", "--scheduler", cluster.scheduler_address)  # fmt: skip
+
+    heron = folder / "logs" / "heron"
+    monday, tuesday = heron / "monday.tlog", heron / "tuesday.tlog"
+    assert "not named now" not in fleet(monday).out
+    assert "not named now" not in fleet(monday, tuesday).out  # the list has grown
+    text = " ".join(fleet(tuesday).out.split())
+    assert (
+        "1 recording of the table before not named now, so not in it any more (monday.tlog)" in text
+    )
+    back = fleet(monday, tuesday).out
+    assert "2 recordings, 2 of them known already" in " ".join(back.split())
+    assert "not named now" not in back
+
+
 def test_recordings_of_one_reason_are_one_line(capsys):
     why = "{}: the vehicle says that it is a submarine"
     rows = {
