@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, one_line
 from sim.vessel import CURVES, Points, curve_problem
 
 LARGEST = 1e9  # of any number of a vessel, in SI: the largest ships have a mass of 6e8 kg
@@ -31,6 +31,12 @@ Steering = Annotated[float, Gt(-1.58), Lt(1.58)]  # rad: degrees by mistake are 
 Channel = Annotated[int, Ge(1), Le(32)]
 Point = tuple[float, float]
 Column = tuple[Metres, Metres, Positive]
+
+
+def _one_line(name: str) -> str:
+    if one_line(name) != name:
+        raise ValueError("must be one line of characters that can be shown")
+    return name
 
 
 def _ascending(pwm: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -72,6 +78,7 @@ def _curve(given: Any) -> str | Points:
     return points
 
 
+Name = Annotated[str, AfterValidator(_one_line)]
 Pulses = Annotated[tuple[float, float, float], AfterValidator(_ascending)]
 Thrust = Annotated[Point, AfterValidator(_astern_ahead)]
 Curve = Annotated[Any, PlainValidator(_curve)]
@@ -120,7 +127,7 @@ class DynamicsTable(StrictTable):
 class ThrusterTable(StrictTable):
     """[[thrusters]]"""
 
-    name: str
+    name: Name
     channel: Channel
     position: Place
     azimuth: Azimuth = 0.0
@@ -133,7 +140,7 @@ class ThrusterTable(StrictTable):
 class RudderTable(StrictTable):
     """[[rudders]]"""
 
-    name: str = "rudder"
+    name: Name = "rudder"
     channel: Channel
     position: Place = (0.0, 0.0)
     pwm: Pulses = (1100.0, 1500.0, 1900.0)
@@ -206,7 +213,7 @@ class Revision(StrictTable):
 class VesselFile(StrictTable):
     """A vessel file as written."""
 
-    name: str
+    name: Name
     source: str = ""
     sketch: bool = False
     hull: HullTable

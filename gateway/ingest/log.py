@@ -203,7 +203,7 @@ class Log(ABC):
 
 
 NOT_FLOATING = (  # words of vehicle types that no model of a boat fits
-    "copter", "rotor", "wing", "plane", "vtol", "submarine", "helicopter", "airship", "balloon",
+    "copter", "rotor", "wing", "plane", "VTOL", "submarine", "helicopter", "airship", "balloon",
     "rocket", "kite", "parafoil",
 )  # fmt: skip
 

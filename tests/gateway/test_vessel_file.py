@@ -32,6 +32,8 @@ point = st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
 length = st.floats(0.01, 500.0)
 areas = st.just((0.0, 0.0)) | st.tuples(positive, positive)
 share = st.floats(0.0, 1.0)  # of the range of a number
+name = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc", "Cf"]), min_size=1,
+               max_size=12)  # fmt: skip
 word = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=12)
 servo = st.builds(
     Servo,
@@ -41,7 +43,7 @@ servo = st.builds(
 )
 thruster = st.builds(
     Thruster,
-    word,
+    name,
     servo,
     point,
     st.tuples(st.floats(-1e4, 0.0), st.floats(0.1, 1e4)),
@@ -64,7 +66,7 @@ def vessels(draw: st.DrawFn) -> Vessel:
     thrusters = draw(st.lists(thruster, min_size=1, max_size=4, unique_by=distinct))
     rudder = st.builds(
         Rudder,
-        word.map(lambda name: "rudder " + name),
+        name.map(lambda name: "rudder " + name),
         servo,
         point,
         st.tuples(st.floats(-1.5, -0.1), st.floats(-0.05, 1.5)),
@@ -77,7 +79,7 @@ def vessels(draw: st.DrawFn) -> Vessel:
     driven = {t.servo.channel for t in thrusters}
     rudders = draw(st.lists(rudder, max_size=2, unique_by=lambda r: r.name))
     bare = Vessel(
-        draw(word),
+        draw(name),
         draw(st.builds(Hull, length, length, positive, areas)),
         draw(dynamics),
         tuple(thrusters),
@@ -145,6 +147,8 @@ MISTAKES = {
     "unknown table": ("[hull]", "[hulls]", "unknown key hulls; missing key hull"),
     "missing": ("mass = 90.0", "", "missing key hull.mass"),
     "text": ("mass = 90.0", 'mass = "90"', "hull.mass = '90': input should be a valid number"),
+    "two lines": ('name = "outboard"', 'name = "out\\nboard"', "must be one line of characters"),
+    "escape": ('name = "blade"', 'name = "\\u001b[2J"', "rudders[0].name = '\\x1b[2J': must be"),
     "truth": ("mass = 90.0", "mass = true", "hull.mass = True: input should be a valid number"),
     "infinite": ("mass = 90.0", "mass = inf", "hull.mass = inf: input should be a finite number"),
     "no size": ("mass = 90.0", "mass = 0.0", "hull.mass = 0.0: input should be greater than 0"),

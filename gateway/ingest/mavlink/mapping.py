@@ -261,6 +261,7 @@ BY_SOURCE = {rule.source: rule for rule in RULES}
 GROUND_STATION = 6  # MAV_TYPE_GCS
 AUTOPILOT_COMPONENT = 1
 SENT_BY_BOATS = ("ATTITUDE", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW")
+VTOLS, VTOL = {*range(19, 26), 47}, "VTOL aircraft"  # definitions call some of them "reserved"
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4", 0: "generic autopilot"}
 
 
@@ -295,7 +296,7 @@ def from_motion(log: Log) -> tuple[Boat, ...]:
 
 def vehicle_type(number: int) -> str:
     """MAV_TYPE: 11 -> "surface boat"."""
-    return _enum("MAV_TYPE", number)
+    return VTOL if number in VTOLS else _enum("MAV_TYPE", number)
 
 
 def _boat(system: int, component: int, autopilot: int, type_: int) -> Boat:

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.log import choose_boat
+from gateway.ingest.log import choose_boat, not_a_boat
 from tests.gateway.ingest.scripted import ARDUPILOT, Script, attitude, heartbeat
 
 
@@ -26,6 +26,15 @@ def test_ground_stations_and_companions_are_no_boats() -> None:
         (7, 1, "PX4"),
     ]
     assert found[0].type == "surface boat"
+
+
+@pytest.mark.parametrize("number", [19, 20, 21, 22, 23, 24, 25, 47])
+def test_an_aircraft_is_called_one_whatever_the_definitions_call_it(number: int) -> None:
+    script = Script()
+    script.send(0.0, heartbeat(type_=number))
+    (boat,) = script.log().boats()
+    assert boat.type == "VTOL aircraft"
+    assert "says that it is a VTOL aircraft" in not_a_boat(boat)
 
 
 def test_a_log_of_several_boats_asks_which() -> None:
