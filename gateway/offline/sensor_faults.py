@@ -3,7 +3,8 @@
     frozen    the same value to the last bit for `FROZEN_S`, and meanwhile another source moved:
               heading against the integral of the gyro, gyro against the heading, velocity against
               the position, position against the integral of the velocity
-    compass   the rule of the live checks (`gateway.shadow.sensor_checks`), and `SETTLE_S` after it
+    compass   the rule of the live checks (`gateway.shadow.sensor_checks`), and `SETTLE_S` after it;
+              one that never comes back is believed once it has settled
 
 Live, a value that stands still is enough. Afterwards the whole stretch is known, and a value that
 rightly stands still (a table without noise on a straight leg) contradicts nothing and is kept.
@@ -20,6 +21,8 @@ from gateway.shadow.sensor_checks import (
     CONFIRMED_S,
     FROZEN_COUNT,
     FROZEN_S,
+    JUMP_HELD_S,
+    MAX_YAW_GAP_S,
     SETTLE_S,
     TURNED_RAD,
     SensorFault,
@@ -139,11 +142,17 @@ def _track(events: Events, kind: MeasurementKind, width: int) -> Track:
 
 
 def compass_jumped(events: Events, time: Floats) -> Bools:
-    """Where the heading had jumped though the gyro saw no such turn: (T,) s -> (T,)."""
+    """Where the heading had jumped though the gyro saw no such turn: (T,) s -> (T,).
+
+    Until it is back. One that stays is believed after `JUMP_HELD_S`; nothing happens to it then:
+    here, where that is known, it is believed as soon as the autopilot's filter has settled.
+    """
     unknown = np.full(len(events), np.nan)
     _, bits = SensorMemory().after(events, (unknown, unknown, np.zeros(len(events))))
     out = np.zeros(len(time), np.bool_)
     for start, stop in usable_stretches((bits & int(SensorFault.COMPASS)) > 0):
-        begin, end = events.time_s[start] - CONFIRMED_S, events.time_s[stop - 1] + SETTLE_S
+        begin, end = events.time_s[start] - CONFIRMED_S, events.time_s[stop - 1]
+        stays = end - begin >= JUMP_HELD_S - 2.0 * MAX_YAW_GAP_S
+        end = (begin + CONFIRMED_S if stays else end) + SETTLE_S
         out |= (time >= begin) & (time <= end)
     return out

@@ -118,3 +118,25 @@ def test_a_heading_that_jumps_is_left_out_until_it_is_back() -> None:
         events({**sources, "YAW": (time, np.angle(np.exp(1j * (yaw + off))))}), GRID
     )
     assert edges(flags) == pytest.approx((BEGIN, END + SETTLE_S), abs=0.31)
+
+
+@pytest.mark.parametrize(("back", "left_out"), [(100.0, 100.0), (1e9, 0.0)])
+def test_a_heading_that_never_comes_back_is_believed_once_it_has_settled(
+    back: float, left_out: float
+) -> None:
+    """Four minutes of them, the compass 34° off from the fiftieth second on."""
+    fast = np.arange(0.0, 240.0, 0.1)
+    off = np.where((fast >= BEGIN) & (fast < BEGIN + back), 0.6, 0.0)
+    yaw = np.angle(np.exp(1j * (0.3 + 0.05 * fast + off)))
+    found = events({"YAW": (fast, yaw), "YAW_RATE": (fast, np.full(len(fast), 0.05))})
+    rows = fast[compass_jumped(found, fast)]
+    assert rows[[0, -1]] == pytest.approx([BEGIN, BEGIN + left_out + SETTLE_S], abs=0.6)
+
+
+def test_a_heading_that_jumps_near_the_end_is_not_believed() -> None:
+    """Whether it comes back is not known."""
+    sources = motion(turn=0.05)
+    time, yaw = sources["YAW"]
+    jumped = np.angle(np.exp(1j * (yaw + np.where(time >= BEGIN, 0.6, 0.0))))
+    flags = compass_jumped(events({**sources, "YAW": (time, jumped)}), GRID)
+    assert edges(flags) == pytest.approx((BEGIN, GRID[-1]), abs=0.31)
