@@ -30,7 +30,7 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
         return ""
     if not _wins_on_recordings(row, reference, scorer):
         return "it wins nothing on recordings that the fit did not see: it is not alike on all"
-    seen = seen_sectors(row, reference) if OF_HEADING & set(row.effect.shown_by) else None
+    seen = _sectors_where_it_counts(row, reference)
     if seen is not None and not _opposite(seen):
         return f"it was seen on headings from {in_words(seen)} alone: sail opposite headings"
     return ""
@@ -38,12 +38,17 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
 
 def unseen_headings(row: RankedEffect, reference: Fit) -> str:
     """On which headings an effect was seen, in words, where they are few; else empty."""
-    if row.effect.scope is not Scope.BOAT or not OF_HEADING & set(row.effect.shown_by):
-        return ""
-    seen = seen_sectors(row, reference)
-    if len(seen) >= thresholds.MIN_SECTORS_FOR_CIRCLES:
+    seen = _sectors_where_it_counts(row, reference)
+    if seen is None or len(seen) >= thresholds.MIN_SECTORS_FOR_CIRCLES:
         return ""
     return f"{row.name} was seen on headings from {in_words(seen)} alone"
+
+
+def _sectors_where_it_counts(row: RankedEffect, reference: Fit) -> list[int] | None:
+    """`seen_sectors` of what is of the boat and shown by headings; None of all else."""
+    if row.effect.scope is not Scope.BOAT or not OF_HEADING & set(row.effect.shown_by):
+        return None
+    return seen_sectors(row, reference)
 
 
 def seen_sectors(row: RankedEffect, reference: Fit) -> list[int]:

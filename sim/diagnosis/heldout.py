@@ -51,17 +51,20 @@ class Gain(NamedTuple):
     lost: float
 
 
+def _squares(residual: Floats) -> Floats:
+    """Squares (N,), none beyond its clip."""
+    return np.asarray(np.clip(residual, -thresholds.CLIP_SIGMAS, thresholds.CLIP_SIGMAS) ** 2)
+
+
 def per_block(residual: Floats, block: Ints) -> Floats:
     """Sum of squares of each block (G,), no row beyond its clip."""
-    clipped = np.clip(residual, -thresholds.CLIP_SIGMAS, thresholds.CLIP_SIGMAS)
-    return np.asarray(np.bincount(block, clipped**2), np.float64)
+    return np.asarray(np.bincount(block, _squares(residual)), np.float64)
 
 
 def nats_won(before: Floats, after: Floats) -> Floats:
     """Nats (N,) that each residual of a fit wins over those of another, clipped."""
-    limit = thresholds.CLIP_SIGMAS
-    a, b = (np.clip(r, -limit, limit) ** 2 for r in (before, after))
-    return np.asarray(0.5 * (a - b) / thresholds.ROWS_PER_INDEPENDENT_ROW)
+    won = _squares(before) - _squares(after)
+    return np.asarray(0.5 * won / thresholds.ROWS_PER_INDEPENDENT_ROW)
 
 
 def gain(before: Floats, after: Floats, block: Ints) -> Gain:
@@ -70,7 +73,7 @@ def gain(before: Floats, after: Floats, block: Ints) -> Gain:
     log = np.log(np.maximum(a, 1e-9) / np.maximum(b, 1e-9))
     spread = float(log.std(ddof=1)) if len(log) >= thresholds.MIN_BLOCKS_FOR_T else np.inf
     t = float(log.mean() / max(spread / np.sqrt(len(log)), 1e-9))
-    won = 0.5 * (a - b) / thresholds.ROWS_PER_INDEPENDENT_ROW
+    won = np.bincount(block, nats_won(before, after))
     up, down = float(np.maximum(won, 0.0).sum()), float(np.maximum(-won, 0.0).sum())
     ratio = max(float(a.sum()), 1e-300) / max(float(b.sum()), 1e-300)
     return Gain(ratio, float(log.mean()), t, up - down, down / max(up, 1e-9))
