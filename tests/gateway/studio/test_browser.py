@@ -365,6 +365,9 @@ def test_dark_pages_and_narrow_pages_fit(browser, studio, name):
         page.page.wait_for_timeout(3000)
         wide = page.page.evaluate("document.documentElement.scrollWidth")
         assert wide <= width + 40
+        bar = page.page.locator("header.bar").bounding_box()
+        assert bar is not None
+        assert bar["height"] < 150.0  # names of pages side by side, not one below the other
         page.shot(f"{name}-{scheme}-{width}")
         page.is_clean()
         context.close()
