@@ -27,8 +27,8 @@ from gateway.offline.usable_time import notices_of
 from gateway.samples import Quantity
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
+from sim.identification import BASE, IdentifySettings
 from sim.identification.identify import Identification, identify
-from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.wiring import rewired, wiring_of
 from sim.model import Model
 from sim.prediction.free_runs import free_run

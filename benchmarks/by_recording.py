@@ -33,6 +33,7 @@ from benchmarks.hidden.voyage import write_voyage
 from gateway.files import VESSELS
 from gateway.offline.trials import DEFAULT_TRIALS, usable_trials
 from gateway.vessel_file import load_vessel
+from sim.identification import BASE, IdentifySettings
 from sim.identification.by_recording import (
     ByRecording,
     RecordingFit,
@@ -40,7 +41,6 @@ from sim.identification.by_recording import (
     pooled,
 )
 from sim.identification.identify import identify
-from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.wiring import rewired, wiring_of
 from sim.model import parameters_of
 

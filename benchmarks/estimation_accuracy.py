@@ -18,10 +18,9 @@ from pathlib import Path
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
+from gateway.estimation import STATES, FilterSettings, Flag, MeasurementKind, State
 from gateway.estimation.events import Events, join, make_events
 from gateway.estimation.filter import Estimator, FilterRows
-from gateway.estimation.names import STATES, Flag, MeasurementKind, State
-from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from gateway.ingest.log import Log, Table
 from gateway.ingest.open import open_log

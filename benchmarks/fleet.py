@@ -12,8 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from gateway.fleet import fleet_of_one
 from gateway.fleet.analysis import AnalysisSettings
-from gateway.fleet.fleet_file import fleet_of_one
 from gateway.fleet.run import FleetResult, run_fleet
 
 

@@ -24,7 +24,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from gateway.plants.choice import load_plant
+from gateway.plants import load_plant
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.hil.boat import Boat

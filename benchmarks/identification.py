@@ -26,10 +26,10 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
+from sim.identification import BASE, METHODS, IdentifySettings
 from sim.identification.identify import Identification, identify
 from sim.identification.noise import Noise
 from sim.identification.parameters import unknowns_of
-from sim.identification.settings import BASE, METHODS, IdentifySettings
 from sim.identification.shooting import information
 from sim.model import Model
 from sim.state import Floats

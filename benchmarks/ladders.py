@@ -25,14 +25,14 @@ import numpy as np
 
 from benchmarks import blueboat
 from gateway.offline.diagnose import DIAGNOSIS_TRIALS
-from gateway.offline.initial_vessel import init_vessel
 from gateway.offline.trials import TrialOptions, load_trials
+from gateway.offline.vessel import init_vessel
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import compare
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.identification import IdentifySettings
 from sim.identification.identify import identify
-from sim.identification.settings import IdentifySettings
 from sim.identification.wiring import rewired, wiring_of
 from sim.model import Model
 from sim.trial import Trial

@@ -21,7 +21,7 @@ import numpy as np
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.links.inbox import Datagram, Inbox
+from gateway.links import Datagram, Inbox
 from gateway.links.link import Link
 
 RATE_HZ, SECONDS = 250, 6.0

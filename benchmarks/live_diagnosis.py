@@ -35,9 +35,9 @@ from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import ShadowPath, ShadowRows, follower_of
 from gateway.shadow.topic_rows import EventRow
 from gateway.vessel_file import load_vessel
-from sim.following.reference import Reference
+from sim.following.follower import Reference
 from sim.model import Model
-from sim.monitoring.live_second import air_velocity, air_velocity_covariance
+from sim.monitoring import air_velocity, air_velocity_covariance
 
 SECONDS = 300.0
 PAIRS = (

@@ -35,11 +35,11 @@ from gateway.offline.replay import replay_input_of
 from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import ShadowPath, follower_of
 from gateway.vessel_file import load_vessel
-from sim.following.reference import Reference
+from sim.following.follower import Reference
 from sim.model import Model
+from sim.monitoring import SecondMeans
 from sim.monitoring.alarm import Alarm, ModelEvent
 from sim.monitoring.disturbances import DisturbanceEstimator
-from sim.monitoring.live_second import SecondMeans
 from sim.vessel import Vessel
 
 SECONDS, BEGINS = 240.0, 80.0

@@ -30,7 +30,7 @@ from benchmarks.hidden.scene import Stream
 from benchmarks.live_diagnosis import Case, _current, _thrown
 from benchmarks.live_naming import remembered
 from sim.model import Model
-from sim.monitoring.live_second import SecondMeans
+from sim.monitoring import SecondMeans
 from sim.monitoring.recursive import NumberFollower
 from sim.state import Floats
 from sim.vessel import Vessel

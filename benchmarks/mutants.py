@@ -59,14 +59,13 @@ TARGETS = {
         compiled=True,
     ),
     "estimation": Target(
-        ("gateway/estimation/step.py", "gateway/estimation/history.py",
-         "gateway/estimation/measurement.py", "gateway/estimation/motion.py"),
+        ("gateway/estimation/events.py", "gateway/estimation/filter.py",
+         "gateway/estimation/model.py"),
         (f"{ESTIMATION}/test_estimator.py", f"{ESTIMATION}/test_events.py"),
     ),
-    "clock": Target(("gateway/ingest/clock*.py",), ("tests/gateway/ingest/test_clock.py",)),
+    "clock": Target(("gateway/ingest/clock.py",), ("tests/gateway/ingest/test_clock.py",)),
     "diagnosis": Target(
-        ("sim/diagnosis/verdict.py", "sim/diagnosis/heldout.py", "sim/diagnosis/evidence.py",
-         "sim/diagnosis/ranking.py"),
+        ("sim/diagnosis/verdict.py", "sim/diagnosis/heldout.py", "sim/diagnosis/evidence.py"),
         (f"{DIAGNOSIS}/test_verdict.py", f"{DIAGNOSIS}/test_heldout.py",
          f"{DIAGNOSIS}/test_evidence.py"),
     ),

@@ -26,14 +26,13 @@ from gateway.config import Settings, ZenohSettings
 from gateway.ingest.open import open_log
 from gateway.offline.replay import ReplayInput, ReplayOptions, replay, replay_input_of
 from gateway.recording.recorder import TopicsKept
+from gateway.shadow import filter_inputs_of
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
-from gateway.shadow.inputs import filter_inputs_of
 from gateway.shadow.path import ShadowPath
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import load_vessel
-from sim.following.follower import VesselFollower
-from sim.following.reference import Reference, ReferenceMode
+from sim.following.follower import Reference, ReferenceMode, VesselFollower
 from sim.model import Model
 
 VESSEL = Path(__file__).resolve().parent.parent / "configs" / "vessels" / "wam-v.toml"

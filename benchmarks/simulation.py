@@ -20,8 +20,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
-from sim.following.follower import VesselFollower
-from sim.following.reference import Reference
+from sim.following.follower import Reference, VesselFollower
 from sim.kernel.cache import plain_kernel_for
 from sim.model import InputTable, Model, Runs
 from sim.state import Floats

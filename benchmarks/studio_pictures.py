@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, sync_playwright
 from benchmarks.live_latency import free_port
 from benchmarks.studio import BOATS, CHROMIUM, FLAGS, PATIENCE_MS, stream, studio
 from gateway.bus import Bus, BusSettings, open_session
-from gateway.studio.pages.catalogue import known_pages
+from gateway.studio.pages import known_pages
 
 FOLDER = Path(__file__).resolve().parents[1] / "out/screenshots"
 SIZES = {"phone": (390, 844), "tablet": (820, 1180), "laptop": (1280, 800), "desk": (1920, 1080)}

@@ -36,7 +36,7 @@ from benchmarks.hidden.vessel_toml import vessel_toml
 from gateway.offline.diagnose import diagnose_logs
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.effects.catalogue import EFFECTS, named
-from sim.wind_areas import assumed_wind_areas
+from sim.wind import assumed_wind_areas
 
 SEED = 40_000  # of the tuning set's, which end at 50_000
 CROSS = 0.85  # the generator's coefficient abeam

@@ -47,14 +47,14 @@ def plot(
     Comparisons: motion, errors and missing force on the trial of the first one. An identification:
     how the parameters changed, with intervals. A diagnosis: ladder, ranking, evidence.
     """
-    from gateway.figures import comparison, diagnosis, excitation
+    from gateway.figures import comparison, diagnosis, motion
     from gateway.figures.matplotlib_draw import draw_figure
 
     some = [trials] if isinstance(trials, Trial) else list(trials)
     if isinstance(result, Diagnosis):
         figures = diagnosis.diagnosis_figures(result, some)
     elif isinstance(result, Identification):
-        changes = excitation.parameter_changes(result.vessel.name, result.estimates)
+        changes = motion.parameter_changes(result.vessel.name, result.estimates)
         figures = {"parameters": changes}
     else:
         compared = [result] if isinstance(result, Comparison) else list(result)

@@ -21,8 +21,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from gateway.commands import effects, fleet, live, model, recordings, vessel
-from gateway.commands.options import PUBLISH
+from gateway.commands import PUBLISH, effects, fleet, live, model, recordings
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 
 app = typer.Typer(
@@ -69,7 +68,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
 for name, command in COMMANDS.items():
     about = " ".join((command.__doc__ or "").partition("\n\n")[0].split())  # whole: typer cuts it
     app.command(name, short_help=about)(command)
-app.add_typer(vessel.app, name="vessel", short_help=vessel.app.info.help)
+app.add_typer(model.app, name="vessel", short_help=model.app.info.help)
 
 
 def _version(wanted: bool) -> None:

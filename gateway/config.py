@@ -10,7 +10,7 @@ name = "wam-v"              key on zenoh; default: the vessel's name
 [links.rates]               Hz, by message: what boats are asked for; 0: not asked for
 preset = "radio"            what stands under these: full (default), or radio for 57600 baud
 ATTITUDE = 20.0
-[filter]     see gateway.estimation.settings
+[filter]     see gateway.estimation
 [zenoh]      publish, endpoint, config_file, keelson (base path of Keelson's keys, beside ours)
 [foxglove]   address = "8765", or "HOST:PORT": a WebSocket server for players
 [metrics]    address = "9464", or "HOST:PORT": Prometheus metrics of `shadow live`
@@ -36,19 +36,17 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
 
 from gateway.bus import DEFAULT_ENDPOINT, BusSettings
 from gateway.errors import BadInput
-from gateway.estimation.settings import FilterSettings, WhiteNoise
+from gateway.estimation import FilterSettings, WhiteNoise
 from gateway.ingest.mcap import MAGIC
 from gateway.keelson import check_base
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
-from gateway.plants.choice import plant_relative_to
-from gateway.recording.foxglove_server import parse_address
-from gateway.recording.origin_gate import ORIGIN
+from gateway.plants import plant_relative_to
+from gateway.recording.foxglove_server import ORIGIN, parse_address
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings
-from gateway.shadow.adaptation import Adapt
+from gateway.shadow.model_monitor import Adapt
 from gateway.toml_file import explain, read_toml, validated
-from sim.following.follower import FollowerOptions
-from sim.following.reference import ReferenceMode
+from sim.following.follower import FollowerOptions, ReferenceMode
 
 OPENSTREETMAP = "https://tile.openstreetmap.org/{Z}/{X}/{Y}.png"
 CREDIT = "© OpenStreetMap contributors, https://www.openstreetmap.org/copyright"

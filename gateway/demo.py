@@ -17,9 +17,9 @@ from gateway.offline.add import add_effects
 from gateway.offline.compare import compare_logs
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.offline.replay import ReplayOptions, replay
-from gateway.terminal.console import SafeConsole, progress_bar, status_line
+from gateway.terminal import SafeConsole, progress_bar, status_line
+from gateway.terminal.comparison import show_comparisons
 from gateway.terminal.diagnosis import show_addition, show_diagnosis
-from gateway.terminal.identification import show_comparisons
 from gateway.terminal.recordings import show_replay
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison

@@ -16,8 +16,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from gateway.errors import BadInput, ShadowError
-from gateway.files import write_whole
-from gateway.user_state import recall, remember, state_folder
+from gateway.files import recall, remember, state_folder, write_whole
 from sim.effects.catalogue import EFFECTS, mistaken_for
 from sim.effects.effect import Effect, Formula, Values
 

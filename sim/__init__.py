@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from sim.effects.effect import Effect as Effect
     from sim.effects.effect import Parameter as Parameter
     from sim.effects.effect import Scope as Scope
+    from sim.identification import IdentifySettings as IdentifySettings
     from sim.identification.identify import Identification as Identification
     from sim.identification.identify import identify as identify
-    from sim.identification.settings import IdentifySettings as IdentifySettings
     from sim.model import Model as Model
-    from sim.prediction.missing_force import MissingForce as MissingForce
-    from sim.prediction.missing_force import missing_force as missing_force
+    from sim.prediction import MissingForce as MissingForce
+    from sim.prediction import missing_force as missing_force
     from sim.prediction.segments import CompareSettings as CompareSettings
     from sim.trial import Trial as Trial
     from sim.vessel import AddedEffect as AddedEffect
@@ -47,9 +47,9 @@ _HOMES = {
     "effects.catalogue": ("EFFECTS",),
     "effects.effect": ("Effect", "Parameter", "Scope"),
     "identification.identify": ("Identification", "identify"),
-    "identification.settings": ("IdentifySettings",),
+    "identification": ("IdentifySettings",),
     "model": ("Model",),
-    "prediction.missing_force": ("MissingForce", "missing_force"),
+    "prediction": ("MissingForce", "missing_force"),
     "prediction.segments": ("CompareSettings",),
     "trial": ("Trial",),
     "vessel": (

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Role
-from sim.kernel import loops_numpy
-from sim.kernel.arrays import air, floats
+from sim.kernel import air, floats, rollout_numpy
 from sim.kernel.cache import Kernel, kernel_for
 from sim.kernel.generator import Structure
 from sim.state import Floats
@@ -234,7 +233,7 @@ class Model:
         return out
 
     def _rollout_in_numpy(self, *arguments: Any) -> None:
-        loops_numpy.rollout(self.kernel.module, *arguments)
+        rollout_numpy(self.kernel.module, *arguments)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 
 from sim.effects.effect import Effect, Need
 from sim.state import Floats
-from sim.wind_areas import areas_text, assumed_wind_areas
+from sim.wind import areas_text, assumed_wind_areas
 
 Point = tuple[float, float]
 Points = tuple[Point, ...]
@@ -136,7 +136,7 @@ class Hull:
 
 @dataclass(frozen=True)
 class Floating:
-    """The hull in six degrees of freedom (`sim.plants.floating`); what is not given is assumed.
+    """The hull in six degrees of freedom (`sim.plants.mujoco_hull`); what is not given is assumed.
 
     points              columns of the waterline: x, y [m, FRD], area [m²]
     inertia             I_x, I_y, I_z [kg m²] of the hull alone about its centre of gravity

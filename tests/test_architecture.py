@@ -24,7 +24,7 @@ CALLS = {"open", "input", "print", "exec", "eval"}
 KERNELS = {"os", "pathlib", "tempfile"}
 ALLOWED = {  # these keep kernels on disk: a compiler's cache, nothing that a result depends on
     "kernel/cache.py": KERNELS,
-    "kernel/sources.py": {"pathlib"},  # reads the project's own source, which a kernel is named by
+    "kernel/compiled.py": {"pathlib"},  # reads the project's own source, which a kernel is named by
 }
 
 
@@ -98,8 +98,8 @@ LAYERS = {
     "sim": """
         jit
         state
-        body wind_areas
-        wind_loads
+        body
+        wind
         balance actuators sensing effects
         vessel trial
         kernel
@@ -111,9 +111,8 @@ LAYERS = {
         api
     """,
     "gateway": """
-        errors samples stopping topics user_state
-        outputs toml_file log_line keelson
-        files json_rows
+        errors samples topics
+        files toml_file long_running keelson json_rows
         user_effects estimation recording bus vessel_tables
         vessel_file ingest monitor
         links shadow plants

@@ -27,7 +27,7 @@ from benchmarks.hidden.twins import on_another_day
 from gateway.offline.trials import load_trials
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import named
-from sim.identification.vessel_update import updated_vessel
+from sim.identification import updated_vessel
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
 

@@ -14,8 +14,8 @@ import numpy as np
 from sim.comparison.compare import compare
 from sim.effects.catalogue import named
 from sim.effects.effect import Kind, Scope
+from sim.identification import BASE, IdentifySettings
 from sim.identification.identify import Identification, identify
-from sim.identification.settings import BASE, IdentifySettings
 from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel

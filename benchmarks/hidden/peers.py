@@ -29,7 +29,7 @@ from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Kind, Parameter
 from sim.model import Model
-from sim.prediction.missing_force import missing_force
+from sim.prediction import missing_force
 from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel

@@ -15,8 +15,8 @@ from numpy.random import Generator as Dice
 
 from benchmarks.hidden.oracle import armed_at, free_of, halves, nrmse, shifted
 from sim.effects.effect import Kind, Parameter, Scope
+from sim.identification import IdentifySettings
 from sim.identification.identify import identify
-from sim.identification.settings import IdentifySettings
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
 

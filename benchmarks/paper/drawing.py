@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
+from gateway.figures import Axis, FigureData, Line, Panel, SeriesRole
 from sim.state import Floats
 
 TIME = Axis("time", "s")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator as Dice
 
 from benchmarks.hidden.pilots import TICK
-from sim.excitation.manoeuvre import held_sticks
+from sim.excitation import held_sticks
 from sim.state import Floats
 
 Family = Callable[[float, Dice], Floats]

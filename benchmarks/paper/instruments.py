@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from benchmarks.hidden.scene import Report
 from benchmarks.hidden.sensors import ESTIMATE, Wander
-from gateway.estimation.settings import FilterSettings
+from gateway.estimation import FilterSettings
 from gateway.offline.trials import AS_REPORTED
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from gateway.figures.figure_data import FigureData
+from gateway.figures import FigureData
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.paper.published import CHANNELS, UNITS, Score, Scores
-from sim.prediction.scores import scores
+from sim.prediction.free_runs import scores
 from sim.state import Eta, Floats
 
 

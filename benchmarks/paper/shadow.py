@@ -17,11 +17,11 @@ from benchmarks.paper.published import TABLE_7_FOLLOWING, Scores
 from benchmarks.paper.scoring import beside, scored
 from benchmarks.paper.voyage import clock_offset_s, logged, true_at
 from gateway.config import Settings
-from gateway.figures.figure_data import FigureData, SeriesRole
+from gateway.figures import FigureData, SeriesRole
 from gateway.ingest.open import open_log
 from gateway.offline.replay import replay_input_of
 from gateway.shadow.path import ShadowPath, ShadowRows, follower_of
-from sim.following.reference import Reference, ReferenceMode
+from sim.following.follower import Reference, ReferenceMode
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel

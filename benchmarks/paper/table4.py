@@ -14,7 +14,7 @@ from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_4, Scores
 from benchmarks.paper.scoring import beside, scored, spread
 from benchmarks.paper.voyage import motion_of
-from gateway.figures.figure_data import SeriesRole
+from gateway.figures import SeriesRole
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import Vessel

@@ -14,10 +14,10 @@ from benchmarks.paper.campaign import Campaign, Study
 from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_5_STD
 from benchmarks.paper.scoring import header, row
-from gateway.figures.figure_data import Axis, Dots, FigureData, Level, Panel, SeriesRole
+from gateway.figures import Axis, Dots, FigureData, Level, Panel, SeriesRole
+from sim.identification import BASE
 from sim.identification.intervals import Estimate
 from sim.identification.regression import DELTA_SIGN, Regression
-from sim.identification.settings import BASE
 
 Interval = tuple[float, float, float]  # value, low, high of δ
 METHODS = ("LQS printed", "LQS consistent", "default")

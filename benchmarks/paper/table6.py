@@ -15,11 +15,10 @@ from benchmarks.paper.drawing import Motion, tracks, velocities
 from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_6, Scores
 from benchmarks.paper.scoring import beside, reached, scored, spread
-from gateway.figures.figure_data import FigureData, SeriesRole
-from sim.identification.settings import BASE
-from sim.identification.vessel_update import updated_vessel
+from gateway.figures import FigureData, SeriesRole
+from sim.identification import BASE, updated_vessel
 from sim.model import Model
-from sim.prediction.inputs import input_table, measured_motion, runs_from
+from sim.prediction import input_table, measured_motion, runs_from
 from sim.prediction.segments import longest_stretch
 from sim.state import Floats
 from sim.vessel import Vessel

@@ -14,7 +14,7 @@ from benchmarks.paper.part import Part
 from benchmarks.paper.published import TABLE_7_ALONE, TABLE_7_FOLLOWING, TABLE_7_STD
 from benchmarks.paper.scoring import beside, reached, scored, spread
 from benchmarks.paper.table4 import simulated
-from gateway.figures.figure_data import SeriesRole
+from gateway.figures import SeriesRole
 from sim.state import Floats
 from sim.vessel import Vessel
 

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.options import AsJson, EffectFiles, Force, effects_from, print_result
+from gateway.commands import AsJson, EffectFiles, Force, effects_from, print_result
 from gateway.errors import BadInput, printable
-from gateway.outputs import guarded_outputs
+from gateway.files import guarded_outputs
 
 
 def show_effects(
@@ -30,7 +30,7 @@ def show_effects(
 ) -> None:
     """The catalogue of physical effects: equation, parameters, what it looks like in the data."""
     from gateway.offline.add import formula_in
-    from gateway.terminal.effects import show_catalogue, show_effect, show_effect_file
+    from gateway.terminal.diagnosis import show_catalogue, show_effect, show_effect_file
     from gateway.user_effects import (
         described,
         known_effects,

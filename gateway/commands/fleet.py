@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.options import (
+from gateway.commands import (
     Anyway,
     AsJson,
     EffectFiles,
@@ -16,7 +16,7 @@ from gateway.commands.options import (
     print_result,
 )
 from gateway.errors import BadInput, ShadowError
-from gateway.outputs import check_place, guarded_outputs
+from gateway.files import check_place, guarded_outputs
 
 EXTRA = ("distributed", "pyarrow")  # what the extra `fleet` of the package installs
 
@@ -92,8 +92,8 @@ def fleet(
     there again, without work, when they are named again.
     """
     require_extra()
+    from gateway.fleet import fleet_of_one, read_fleet
     from gateway.fleet.analysis import AnalysisSettings
-    from gateway.fleet.fleet_file import fleet_of_one, read_fleet
     from gateway.fleet.report import write_fleet_report
     from gateway.fleet.run import run_fleet
     from gateway.fleet.table import FILES

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.options import (
+from gateway.commands import (
     Adapt,
     AsJson,
     Config,
@@ -27,9 +27,8 @@ from gateway.commands.options import (
     vessel_from,
 )
 from gateway.errors import BadInput
-from gateway.files import DAYS, vessel_path
-from gateway.log_line import LogFormat, print_line
-from gateway.outputs import check_place, guarded_outputs
+from gateway.files import DAYS, check_place, guarded_outputs, vessel_path
+from gateway.long_running import LogFormat, print_line
 
 
 def live(
@@ -102,7 +101,7 @@ def live(
 
 def show_plants(json: AsJson = False) -> None:
     """The kinds of plant that can play a boat or its shadow (--plant)."""
-    from gateway.plants.choice import known_plants
+    from gateway.plants import known_plants
     from gateway.terminal.recordings import show_plants as show
 
     known = [
@@ -158,7 +157,7 @@ def simulate(
     if live is not None and log is not None:
         raise BadInput("--live and --log: a boat is played to one of them, give one")
     if log is not None:
-        from gateway.simulated_boat.log_file import write_log
+        from gateway.simulated_boat.play import write_log
 
         sources = (vessel_path(vessel), config, *(effects or ()))
         with guarded_outputs("simulate", sources, [log], force):
@@ -184,7 +183,7 @@ def simulate(
         return
     from gateway.offline.simulate import recording_file
     from gateway.offline.simulate import simulate as work
-    from gateway.plants.choice import load_plant
+    from gateway.plants import load_plant
     from gateway.terminal.recordings import show_simulation
 
     if commands is None:
@@ -253,7 +252,7 @@ def hil(
     from gateway.bus import DEFAULT_ENDPOINT as BUS
     from gateway.hil.day_file import load_day
     from gateway.hil.run import DEFAULT_ENDPOINT, LoopOptions, plans_of, run_until_stopped
-    from gateway.plants.choice import load_plant
+    from gateway.plants import load_plant
     from gateway.vessel_file import load_vessel
 
     if not vessel:
@@ -303,8 +302,8 @@ def hil_demo(
     hidden in the boat, and the steps find out which one it is. Some minutes, offline.
     """
     from gateway.hil.day_file import load_day
+    from gateway.hil_demo import StandInAutopilot
     from gateway.hil_demo.ardurover import ArduRover
-    from gateway.hil_demo.stand_in_autopilot import StandInAutopilot
     from gateway.hil_demo.story import (
         DemoOptions,
         first_guess,
@@ -337,6 +336,6 @@ def monitor(
 ) -> None:
     """Watch shadows in the terminal, from this machine or another: states, residuals, health."""
     from gateway.monitor import MonitorOptions
-    from gateway.terminal.monitor_loop import run_monitor
+    from gateway.terminal.monitor import run_monitor
 
     run_monitor(MonitorOptions(connect, config, vessel), once, json)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.options import (
+from gateway.commands import (
     Anyway,
     AsJson,
     BoatsOfOneType,
@@ -23,8 +23,7 @@ from gateway.commands.options import (
     vessel_from,
 )
 from gateway.errors import BadInput
-from gateway.files import pictures_there, vessel_path
-from gateway.outputs import guarded_outputs
+from gateway.files import guarded_outputs, pictures_there, vessel_path
 
 
 def identify(
@@ -75,12 +74,12 @@ def identify(
     from gateway.offline.identify import identify_logs, identify_settings
     from gateway.offline.trials import TrialOptions
     from gateway.offline.usable_time import TimeSpan, parse_exclusions
-    from gateway.terminal.console import status_line
+    from gateway.terminal import status_line
     from gateway.terminal.identification import show_by_recording, show_identification
 
     settings = identify_settings(free or (), fix or (), prior or (), method)
     if by_recording:
-        from gateway.offline.by_recording import boats_of, files_of, identify_logs_by_recording
+        from gateway.offline.identify import boats_of, files_of, identify_logs_by_recording
 
         if any(given is not None for given in (start, end, exclude, validate, pictures)):
             raise BadInput(
@@ -153,9 +152,8 @@ def compare(
     from gateway.offline.beside_loop import beside_loop, draw_missions
     from gateway.offline.compare import as_json, compare_logs
     from gateway.offline.trials import TrialOptions
-    from gateway.terminal.console import status_line
-    from gateway.terminal.identification import show_comparisons
-    from gateway.terminal.missions import missions_as_dict, show_missions
+    from gateway.terminal import status_line
+    from gateway.terminal.comparison import missions_as_dict, show_comparisons, show_missions
     from sim.prediction.segments import CompareSettings
 
     if refit not in (None, "voyage"):
@@ -228,9 +226,9 @@ def diagnose(
         diagnose_logs,
         save_diagnosis,
     )
-    from gateway.terminal.console import status_line
+    from gateway.terminal import status_line
     from gateway.terminal.diagnosis import show_diagnosis
-    from sim.diagnosis.ranking import FIRST_IMPRESSION
+    from sim.diagnosis.heldout import FIRST_IMPRESSION
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")
@@ -331,3 +329,47 @@ def plan(
     with guarded_outputs("plan", inputs, plan_files(excitation, log, out), force):
         done = make_plan(vessel_from(vessel, effects), options, out, log, trials)
     print_result(json, done.to_dict, lambda: show_plan(done))
+
+
+app = typer.Typer(
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Where the numbers of a vessel file come from, how two files differ, what changed when.",
+)
+File = Annotated[Path, typer.Argument(metavar="FILE", help="A vessel file, or one that ships.")]
+
+
+@app.command()
+def show(file: File, effects: EffectFiles = None, json: AsJson = False) -> None:
+    """Every number with its interval and its origin: recording, fit, date."""
+    from gateway.offline.vessel import passport
+    from gateway.terminal.identification import show_passport
+
+    read = passport(file, effects_from(effects))
+    print_result(json, read.to_dict, lambda: show_passport(read))
+
+
+@app.command()
+def diff(
+    first: File,
+    second: Annotated[Path, typer.Argument(metavar="FILE2", help="The other one.")],
+    effects: EffectFiles = None,
+    json: AsJson = False,
+) -> None:
+    """What differs between two vessel files, and whether it is beyond their intervals."""
+    from gateway.offline.vessel import diff_as_dict, passport
+    from gateway.terminal.identification import show_difference
+
+    own = effects_from(effects)
+    a, b = passport(first, own), passport(second, own)
+    print_result(json, lambda: diff_as_dict(a, b), lambda: show_difference(a, b))
+
+
+@app.command()
+def history(file: File, effects: EffectFiles = None, json: AsJson = False) -> None:
+    """Which commands changed which numbers, when, on which recordings."""
+    from gateway.offline.vessel import passport
+    from gateway.terminal.identification import show_history
+
+    read = passport(file, effects_from(effects))
+    print_result(json, read.history_as_dict, lambda: show_history(read))

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.commands.options import (
+from gateway.commands import (
     Adapt,
     Anyway,
     AsJson,
@@ -34,8 +34,7 @@ from gateway.commands.options import (
     vessel_from,
 )
 from gateway.errors import BadInput, numerical_errors, printable
-from gateway.files import vessel_path
-from gateway.outputs import check_place, guarded_outputs
+from gateway.files import check_place, guarded_outputs, vessel_path
 
 Length = Annotated[float | None, typer.Option(help="Length [m].")]
 Beam = Annotated[float | None, typer.Option(help="Beam [m].")]
@@ -90,7 +89,7 @@ def init(
     json: AsJson = False,
 ) -> None:
     """A first vessel file from the log's own parameters (SERVOn_FUNCTION, MIN, TRIM, MAX)."""
-    from gateway.offline.initial_vessel import init_vessel, initial_vessel_dict
+    from gateway.offline.vessel import init_vessel, initial_vessel_dict
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
@@ -124,8 +123,8 @@ def replay(
     """Run recordings through the shadow: estimate, follow, record to MCAP, publish on zenoh."""
     from gateway.config import recorded_settings
     from gateway.offline import replay as work
-    from gateway.plants.choice import load_plant
-    from gateway.terminal.console import progress_bar
+    from gateway.plants import load_plant
+    from gateway.terminal import progress_bar
     from gateway.terminal.recordings import show_replay
 
     recorded = recorded_settings(logs[0]) if config is None and logs[0].is_file() else None
@@ -194,7 +193,7 @@ def export(
     grid. What is exported opens in info, compare, identify and diagnose; a .csv brings the mapping
     file that this takes.
     """
-    from gateway.offline.export import export as work
+    from gateway.offline import export as work
     from gateway.terminal.recordings import show_export
 
     if to not in set(work.ExportFormat):
@@ -253,10 +252,9 @@ def report(
     json: AsJson = False,
 ) -> None:
     """One self-contained HTML file to mail, from a log alone: verdict, pictures, vessel file."""
-    from gateway.offline.pdf import find_browser, print_pdf
-    from gateway.offline.report import make_report, report_from_log
+    from gateway.offline.report import find_browser, make_report, print_pdf, report_from_log
     from gateway.offline.trials import TrialOptions
-    from gateway.terminal.console import status_line
+    from gateway.terminal import status_line
     from gateway.terminal.recordings import show_report
 
     given = _size(length, beam, mass, thrust, top_speed)

@@ -26,13 +26,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimation.events import NO_GRID, Events, Timeline, timelines
+from gateway.estimation import GATE_RECORDS, KINDS, STATES, FilterModel, FilterSettings, Flag, State
+from gateway.estimation.events import (
+    NO_GRID,
+    Event,
+    Events,
+    KalmanState,
+    Timeline,
+    initialise,
+    timelines,
+    update_gated,
+    valid,
+)
 from gateway.estimation.filter import add_heading_error
-from gateway.estimation.measurement import Workspace, new_workspace, symmetrise
-from gateway.estimation.motion import COLUMNS, ROWS, predict, predict_about
-from gateway.estimation.names import GATE_RECORDS, KINDS, STATES, Flag, State
-from gateway.estimation.settings import FilterModel, FilterSettings
-from gateway.estimation.step import Event, KalmanState, initialise, update_gated, valid
+from gateway.estimation.model import (
+    COLUMNS,
+    ROWS,
+    Workspace,
+    new_workspace,
+    predict,
+    predict_about,
+    symmetrise,
+)
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION

@@ -21,9 +21,21 @@ from bokeh.models import (
 )
 from bokeh.plotting import figure as new_figure
 
+from gateway.figures import (
+    COMPASS,
+    EAST,
+    HEADING,
+    LIGHT,
+    SELECTED,
+    TIME,
+    Bars,
+    FigureData,
+    Line,
+    Panel,
+    SeriesRole,
+    Theme,
+)
 from gateway.figures.bokeh_marks import DrawnMark, draw_mark
-from gateway.figures.figure_data import Bars, FigureData, Line, Panel, SeriesRole
-from gateway.figures.style import COMPASS, EAST, HEADING, LIGHT, SELECTED, TIME, Theme
 
 LANE_HEIGHT = 26
 HEIGHT, TIME_HEIGHT, STRIP_HEIGHT, MAP_HEIGHT, NAMES_HEIGHT = 230, 175, 130, 430, 320

@@ -7,7 +7,7 @@ import numpy as np
 from bokeh.core.properties import value as literal
 from bokeh.models import BasicTicker, ColorBar, ColumnDataSource, LinearColorMapper
 
-from gateway.figures.figure_data import (
+from gateway.figures import (
     Band,
     Bars,
     ColouredPoints,
@@ -18,11 +18,11 @@ from gateway.figures.figure_data import (
     Mark,
     SeriesRole,
     Strip,
+    Theme,
     decimated,
     within,
     worst_kept,
 )
-from gateway.figures.style import Theme
 
 POINTS = 3000  # of a coloured track
 LETTER = 0.008  # of the width of a figure

@@ -1,29 +1,35 @@
 """Figures of a comparison: error and missing force of each vessel, and where they are largest.
 
 Errors lie in bins of heading, speed, turn rate, throttle and time, in the units that people read.
+Of one mission sailed twice: both tracks from above, gap and lag along the first.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gateway.figures.figure_data import (
+from gateway.figures import (
+    MISSING_FORCES,
+    NRMSE,
+    REGIMES,
     Axis,
     Band,
     Bars,
     Dots,
     FigureData,
     Level,
+    Line,
     Mark,
     Panel,
     SeriesRole,
     Strip,
 )
-from gateway.figures.motion import free_run_velocities, horizon_velocities, track
-from gateway.figures.style import MISSING_FORCES, NRMSE, REGIMES
+from gateway.figures.motion import free_run_velocities, horizon_velocities, map_panel, track
+from sim.comparison import Bin
 from sim.comparison.compare import Comparison
 from sim.comparison.independence import ERRORS, MAX_LAG, Independence
-from sim.comparison.where import Bin
+from sim.comparison.missions import MissionComparison, Passage
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -186,3 +192,54 @@ def _correlation_panel(
              "correlation"),
     )  # fmt: skip
     return Panel(Axis(f"error {what}", "s"), Axis("correlation", "1"), marks, title)
+
+
+ALONG = Axis("along the boat's track", "m")
+GAP = Axis("the loop to starboard", "m")
+LAG = Axis("the loop later", "s")
+BOAT, LOOP = "the boat", "in the loop"
+
+
+def mission_tracks(found: MissionComparison) -> FigureData:
+    """Both tracks from above, each from where it begins to move; parted stretches marked."""
+
+    def line(p: Passage, role: SeriesRole, label: str) -> Line:
+        return Line(p.east, p.north, role, label)
+
+    marks: list[Mark] = [
+        line(found.first, SeriesRole.MEASURED, BOAT),
+        line(found.second, SeriesRole.MODEL, LOOP),
+    ]
+    parted = np.abs(found.gap) > found.limit
+    if parted.any():
+        marks.append(_parted(found, parted))
+    caption = f"more than {found.limit:.1f} m apart counts as parted"
+    panel = map_panel(tuple(marks), "north and east of where each begins to move")
+    return FigureData(f"{found.first.name}: beside the loop", (panel,), caption=caption)
+
+
+def _parted(found: MissionComparison, parted: NDArray[np.bool_]) -> Line:
+    north = np.interp(found.time, found.first.time, found.first.north)
+    east = np.interp(found.time, found.first.time, found.first.east)
+    blank = np.where(parted, 1.0, np.nan)
+    return Line(east * blank, north * blank, SeriesRole.ERROR, "parted")
+
+
+def mission_gaps(found: MissionComparison) -> FigureData:
+    """Gap to the side and lag in time, over the length of the boat's track."""
+    limits = tuple(
+        Level(side * found.limit, SeriesRole.CONTEXT, "parted beyond" if side > 0 else "")
+        for side in (1.0, -1.0)
+    )
+    gap = Line(found.along, found.gap, SeriesRole.ERROR, "gap")
+    lag = Line(found.along, found.lag, SeriesRole.ERROR, "lag")
+    panels = (Panel(ALONG, GAP, (gap, *limits)), Panel(ALONG, LAG, (lag,)))
+    return FigureData(f"{found.first.name}: gap and lag of the loop", panels, shared_x=True)
+
+
+def mission_figures(found: MissionComparison) -> dict[str, FigureData]:
+    """All figures of a mission sailed twice, by name."""
+    return {
+        f"{found.first.name} beside the loop": mission_tracks(found),
+        f"{found.first.name} gap and lag": mission_gaps(found),
+    }

@@ -6,8 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from gateway.figures.comparison import bars_with_intervals
-from gateway.figures.figure_data import (
+from gateway.figures import (
+    DEGREES,
+    EVIDENCE,
+    MISSING_FORCES,
+    NRMSE,
+    SMALLEST_PROBABILITY,
     Axis,
     Band,
     Bars,
@@ -19,7 +23,7 @@ from gateway.figures.figure_data import (
     Panel,
     SeriesRole,
 )
-from gateway.figures.style import DEGREES, EVIDENCE, MISSING_FORCES, NRMSE, SMALLEST_PROBABILITY
+from gateway.figures.comparison import bars_with_intervals
 from gateway.figures.words import diagnosis_texts
 from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals

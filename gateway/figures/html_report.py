@@ -11,7 +11,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from gateway.figures.style import probability_text
+from gateway.figures import probability_text
 
 GLOSSARY = {  # words of the pages and the report, each in a sentence
     "nrmse": "size of the error of u, v and r together, in standard deviations of the motion: "

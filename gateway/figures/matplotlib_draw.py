@@ -15,7 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.figures.figure_data import (
+from gateway.figures import (
+    COLOUR,
+    COLOUR_SCALE,
+    COMPASS,
+    HEADING,
     Band,
     Bars,
     ColouredPoints,
@@ -31,7 +35,6 @@ from gateway.figures.figure_data import (
     decimated,
     worst_kept,
 )
-from gateway.figures.style import COLOUR, COLOUR_SCALE, COMPASS, HEADING
 from gateway.files import picture_name, write_whole
 
 if TYPE_CHECKING:

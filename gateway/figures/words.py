@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 
-from gateway.figures.style import probability_text
+from gateway.figures import probability_text
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.evidence import rivals

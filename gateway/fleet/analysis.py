@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput, ShadowError
-from gateway.fleet.fleet_file import Boat
-from gateway.fleet.recording_files import local_file
+from gateway.fleet import Boat, local_file
 from gateway.ingest.log import choose_floating
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.figures.figure_data import Dots, FigureData, Line, Mark, SeriesRole
+from gateway.figures import Dots, FigureData, Line, Mark, SeriesRole
 from gateway.figures.html_report import FleetPage, ReportFigure, render_fleet
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import map_panel

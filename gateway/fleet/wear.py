@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.figures.figure_data import (
+from gateway.figures import (
     Axis,
     Band,
     Dots,

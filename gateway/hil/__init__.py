@@ -1,1 +1,276 @@
-"""A vessel under a real autopilot: protocols in which firmware asks for sensors, one file each."""
+"""A vessel under a real autopilot: protocols in which firmware asks for sensors, one file each.
+
+Here: one boat in the loop, its state, what is said about it, and what its protocol has in common
+with others; and where it was when its program ended, kill -9 included: there it goes on.
+
+Running firmware waits when `shadow hil` is gone, and its filter does not forgive a boat that then
+lies elsewhere on another heading. So each frame leaves the state in a small mapped file, written in
+two places in turn: one of them is always whole. A boat goes on only for the very frame that the
+firmware is waiting with, with the same vessel, day and seed.
+"""
+
+import mmap
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from math import nan
+from pathlib import Path
+from struct import Struct
+from types import TracebackType
+from typing import Any, Protocol, Self
+from zlib import crc32
+
+import numpy as np
+import orjson
+
+from gateway.errors import ShadowError
+from gateway.links import Peer
+from sim.hil import Readings
+from sim.hil.boat import Boat, BoatState, Truth
+from sim.state import Progress
+
+SLOT_BYTES = 4096  # a state takes some hundred
+HEAD = Struct("<IIQ")  # checksum and length of the text, number of the writing
+NEXT_FRAMES = (0, 1)  # after the last one that was kept: the firmware asks for that, or again
+
+
+class Checkpoint:
+    """The file of one boat; `identity` is what it must have in common with who reads it."""
+
+    def __init__(self, path: Path, identity: str) -> None:
+        self._path, self._identity = path, f"{crc32(identity.encode()):08x}"
+        self._map: mmap.mmap | None = None
+        self._writings = 0
+        self._found: dict[str, Any] | None = None
+
+    def __enter__(self) -> Self:
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("a+b") as file:
+                file.truncate(2 * SLOT_BYTES)
+                self._map = mmap.mmap(file.fileno(), 2 * SLOT_BYTES)
+        except (OSError, ValueError) as error:
+            raise ShadowError(f"{self._path}: cannot keep the state there: {error}") from None
+        self._found = self._newest()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        if self._map is not None:
+            self._map.close()
+            self._map = None
+
+    def keep(self, frame: int, state: BoatState) -> None:
+        """The state after a frame. Commands that act late are forgotten but for the last."""
+        assert self._map is not None
+        text = orjson.dumps(
+            {**state._asdict(), "past": state.past[-1:], "frame": frame, "of": self._identity},
+            option=orjson.OPT_SERIALIZE_NUMPY,
+        )
+        self._writings += 1
+        at = SLOT_BYTES * (self._writings % 2)
+        head = HEAD.pack(crc32(text), len(text), self._writings)
+        if len(head) + len(text) <= SLOT_BYTES:
+            self._map[at : at + len(head) + len(text)] = head + text
+
+    def state_before(self, frame: int) -> BoatState | None:
+        """Where the boat was when the firmware asked for that frame; None where that is unknown."""
+        found = self._found
+        if found is None or found["of"] != self._identity:
+            return None
+        if frame - found["frame"] not in NEXT_FRAMES:
+            return None
+        row = np.array([nan if x is None else x for x in found["row"]])
+        past = tuple((time, tuple(commands)) for time, commands in found["past"])
+        rest = {name: found[name] for name in ("time", "number", "used_as", "voltage")}
+        return BoatState(row=row, past=past, **rest)
+
+    def _newest(self) -> dict[str, Any] | None:
+        assert self._map is not None
+        best: tuple[int, dict[str, Any] | None] = (0, None)
+        for at in (0, SLOT_BYTES):
+            checksum, length, number = HEAD.unpack_from(self._map, at)
+            text = self._map[at + HEAD.size : at + HEAD.size + min(length, SLOT_BYTES)]
+            if length and crc32(text) == checksum and number > best[0]:
+                best = (number, orjson.loads(text))
+        self._writings = best[0]
+        return best[1]
+
+
+QUIET_S = 10.0  # between two lines about the same thing
+CHECK_AFTER_S = 20.0  # of the boat's time: by then the firmware drives its outputs
+DRIVEN_US = 20.0  # an output that has moved by so much is driven
+PLAUSIBLE_US = (500.0, 2500.0)
+NO_PULSE = (0.0, 65535.0)
+
+
+class TruthSink(Protocol):
+    """Takes what was true after each step, with the pulses that led there."""
+
+    def put(self, truth: Truth, pulses: Mapping[int, float]) -> None:
+        """After one step."""
+        ...
+
+    def start(self, time_s: float = 0.0) -> None:
+        """The boat starts anew: its time is 0 again; or it goes on from a moment."""
+        ...
+
+
+class Notices:
+    """Lines about one boat; of what repeats, one each ten seconds."""
+
+    def __init__(
+        self, name: str, progress: Progress, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._name, self._progress, self._clock = name, progress, clock
+        self._last: dict[str, float] = {}
+        self._held: dict[str, int] = {}
+
+    def say(self, kind: str, text: str) -> None:
+        """A line, unless one of its kind was said just now."""
+        now = self._clock()
+        if now - self._last.get(kind, float("-inf")) < QUIET_S:
+            self._held[kind] = self._held.get(kind, 0) + 1
+            return
+        more = self._held.pop(kind, 0)
+        self._last[kind] = now
+        self._progress(f"{self._name}: {text}" + (f" ({more} more of this kind)" if more else ""))
+
+    def once(self, kind: str, text: str) -> None:
+        """A line that is said once."""
+        if kind not in self._last:
+            self._last[kind] = float("inf")
+            self._progress(f"{self._name}: {text}")
+
+
+class OutputCheck:
+    """Compares the outputs that the firmware drives with those that the vessel has."""
+
+    def __init__(self, boat: Boat, notices: Notices) -> None:
+        self._actuators = {a.servo.channel: a.name for a in boat.vessel.actuators}
+        self._notices = notices
+        self._range: dict[int, tuple[float, float]] = {}
+        self._last: Mapping[int, float] = {}
+        self._checked = False
+
+    def look(self, pulses: Mapping[int, float], time_s: float) -> None:
+        """Note one frame; nothing to do while nothing changes."""
+        if pulses != self._last:
+            self._last = pulses
+            for channel, pulse in pulses.items():
+                self._note(channel, pulse)
+        if not self._checked and time_s > CHECK_AFTER_S:
+            self._checked = True
+            for channel, name in self._actuators.items():
+                if pulses.get(channel, 0.0) in NO_PULSE:  # firmware begins with some everywhere
+                    self._notices.once(
+                        f"idle {channel}",
+                        f"output {channel} ({name}) gets no pulses: set SERVO{channel}_FUNCTION, "
+                        "or the channel in the vessel file",
+                    )
+
+    def _note(self, channel: int, pulse: float) -> None:
+        if pulse in NO_PULSE:
+            return
+        if channel in self._actuators and not PLAUSIBLE_US[0] <= pulse <= PLAUSIBLE_US[1]:
+            self._notices.once(
+                f"pulse {channel}",
+                f"a pulse of {pulse:g} µs on output {channel}: expected {PLAUSIBLE_US[0]:g} … "
+                f"{PLAUSIBLE_US[1]:g}; it is taken as the nearest that the vessel knows",
+            )
+        low, high = self._range.get(channel, (pulse, pulse))
+        low, high = min(low, pulse), max(high, pulse)
+        self._range[channel] = low, high
+        if high - low >= DRIVEN_US and channel not in self._actuators:
+            there = ", ".join(f"{c} ({name})" for c, name in sorted(self._actuators.items()))
+            self._notices.once(
+                f"unknown {channel}",
+                f"the firmware drives output {channel}, where the vessel has nothing: it has "
+                f"{there}; pulses there move nothing",
+            )
+
+
+class Played:
+    """A boat that moves when its protocol says so."""
+
+    def __init__(
+        self,
+        name: str,
+        boat: Boat,
+        notices: Notices,
+        sink: TruthSink | None,
+        checkpoint: Checkpoint | None = None,
+    ) -> None:
+        self._checkpoint = checkpoint
+        self.name, self.boat, self._notices, self._sink = name, boat, notices, sink
+        self._state = boat.start()
+        self.truth: Truth | None = None  # after the last step; other threads may look
+        self._outputs = OutputCheck(boat, notices)
+        self.frames = self.restarts = 0
+        self.seconds = 0.0  # of the boat's time, over all starts
+        self.counts: dict[str, int] = {}
+
+    def start(self, kind: str, text: str) -> None:
+        """The boat at rest where the day begins."""
+        self._notices.say(kind, text)
+        if self.frames:
+            self.restarts += 1
+            self._state = self.boat.start()
+            if self._sink is not None:
+                self._sink.start()
+
+    def resume(self, frame: int) -> bool:
+        """Go on where an earlier program left it when firmware waited with that frame."""
+        state = None if self._checkpoint is None else self._checkpoint.state_before(frame)
+        if state is None:
+            return False
+        self._state = state
+        if self._sink is not None:
+            self._sink.start(state.time)
+        return True
+
+    def keep(self, frame: int) -> None:
+        """Note where the boat is after a frame."""
+        if self._checkpoint is not None:
+            self._checkpoint.keep(frame, self._state)
+
+    def step(self, pulses: Mapping[int, float], dt: float) -> Readings:
+        """Go on by dt [s] under pulses [µs] by channel -> what the sensors read then."""
+        self._state, readings, truth = self.boat.step(self._state, pulses, dt)
+        self.truth = truth
+        self._outputs.look(pulses, truth.time)
+        if self._sink is not None:
+            self._sink.put(truth, pulses)
+        self.frames += 1
+        self.seconds += dt
+        return readings
+
+    def notice(self, kind: str, text: str) -> None:
+        """A line about what happened, and its count."""
+        self.counts[kind] = self.counts.get(kind, 0) + 1
+        self._notices.say(kind, text)
+
+    count = notice
+
+
+class Session(ABC):
+    """What one protocol does with one boat. Bytes in, bytes out; no sockets."""
+
+    talks = True  # an autopilot that is there says something all the time
+    absent = ""  # what may be wrong where none has connected for a while
+
+    def __init__(self, played: Played) -> None:
+        self.played = played
+
+    @abstractmethod
+    def received(self, data: bytes, peer: Peer, now: float) -> list[bytes]:
+        """Bytes of a peer at a moment [s, monotonic] -> what to send back."""
+
+    @abstractmethod
+    def wait_s(self, now: float) -> float:
+        """How long nothing will be due [s]."""
+
+    @abstractmethod
+    def due(self, now: float, peers: tuple[Peer, ...]) -> list[bytes]:
+        """What is to be sent now to the first of those that are connected."""

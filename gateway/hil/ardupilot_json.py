@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import orjson
 
-from gateway.hil.session import Played, Session
-from gateway.links.transport import Peer, peer_text
-from sim.hil.sensors import Readings
+from gateway.hil import Played, Session
+from gateway.links import Peer, peer_text
+from sim.hil import Readings
 
 CHANNELS = {18458: 16, 29569: 32}  # magic -> pulses
 HEAD = Struct("<HHI")

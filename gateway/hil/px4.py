@@ -22,12 +22,11 @@ from typing import Any
 from pygeomag import GeoMag
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.hil.session import Played, Session
-from gateway.ingest.earth import Origin
-from gateway.links.transport import Peer
+from gateway.hil import Played, Session
+from gateway.ingest.mapping import Origin
+from gateway.links import Peer
 from gateway.simulated_boat.telemetry import degrees_e7
-from sim.hil.inertial import Attitude, to_hull
-from sim.hil.sensors import Readings
+from sim.hil import Attitude, Readings, to_hull
 from sim.vessel import Vessel
 
 STEP_S = 0.004  # what PX4 expects of a simulator: 250 Hz

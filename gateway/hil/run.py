@@ -15,25 +15,19 @@ from typing import NamedTuple
 import numpy as np
 
 from gateway.errors import NUMERICAL_ERRORS, BadInput, ShadowError
-from gateway.hil.ahrs import WARNING, AhrsSession
+from gateway.hil import Checkpoint, Notices, Played, Session
+from gateway.hil.ahrs import WARNING, AhrsSession, ServoOutputs, check_link
 from gateway.hil.ardupilot_json import JsonSession
-from gateway.hil.checkpoint import Checkpoint
 from gateway.hil.px4 import Px4Session
-from gateway.hil.recording import TruthRecording, loop_recorder
-from gateway.hil.servo_outputs import ServoOutputs, check_link
-from gateway.hil.session import Notices, Played, Session
-from gateway.hil.truth_on_bus import TruthOnBus
-from gateway.links.inbox import LinkEventKind
-from gateway.links.serial_port import SerialTransport
-from gateway.links.tcp import TcpServerTransport
-from gateway.links.transport import Closing, Endpoint, Transport, Waker
-from gateway.links.udp import UdpTransport
+from gateway.hil.recording import TruthOnBus, TruthRecording, loop_recorder
+from gateway.links import Closing, Endpoint, LinkEventKind, Transport, Waker
+from gateway.links.transports import SerialTransport, TcpServerTransport, UdpTransport
+from gateway.long_running import stop_on_signals
 from gateway.recording.thread import RecordingThread
-from gateway.stopping import stop_on_signals
 from gateway.vessel_file import dump_vessel, zenoh_key
 from sim.hil.boat import Boat
 from sim.hil.day import Day
-from sim.plants.table import OWN_VESSEL, PlantChoice
+from sim.plants import OWN_VESSEL, PlantChoice
 from sim.state import Progress
 from sim.vessel import Vessel
 

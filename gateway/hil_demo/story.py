@@ -4,10 +4,12 @@
     fall? → the better vessel is the plant of the next run
 
 The boat is a vessel file that the steps never read: they begin with a first guess of it. Every
-sentence about a result is made of its numbers (`words`).
+sentence about a result is made of its numbers.
+
+A sentence says what its numbers say.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,25 +18,72 @@ from rich.markup import escape
 
 from gateway.errors import BadInput
 from gateway.files import pictures_there, write_whole
-from gateway.hil_demo.tasks import Autopilot, MissionTask, PlanTask, Run, Task
-from gateway.hil_demo.words import effect_text, error_sentence, intervals_sentence, named_sentence
+from gateway.hil_demo import Autopilot, MissionTask, PlanTask, Run, Task
 from gateway.offline.add import add_effects
 from gateway.offline.beside_loop import beside_loop, draw_missions
 from gateway.offline.compare import compare_logs
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.offline.identify import identify_logs
 from gateway.offline.plan import PlanOptions, make_plan
-from gateway.terminal.console import SafeConsole, status_line
+from gateway.terminal import SafeConsole, status_line
+from gateway.terminal.comparison import mission_sentences
 from gateway.terminal.diagnosis import show_diagnosis
 from gateway.terminal.identification import show_identification
-from gateway.terminal.missions import mission_sentences
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import Comparison
-from sim.excitation.step_response import THROTTLE, step_responses
-from sim.excitation.sticks import Plan
+from sim.comparison.compare import ADEQUATE_FLOORS, Comparison
+from sim.excitation import Plan
+from sim.excitation.responses import THROTTLE, step_responses
 from sim.hil.day import Day
+from sim.identification.intervals import Estimate
 from sim.model import Model
 from sim.vessel import AddedEffect, Vessel
+
+
+def intervals_sentence(estimates: Sequence[Estimate], true: Mapping[str, float]) -> str:
+    """How many intervals hold the number that the boat in the loop really has."""
+    known = [e for e in estimates if e.name in true]
+    holding = [e.name for e in known if e.ci95[0] <= true[e.name] <= e.ci95[1]]
+    missing = [e.name for e in known if e.name not in holding]
+    text = f"{len(holding)} of {len(known)} intervals hold the number that the boat really has"
+    return f"{text}; not that of {', '.join(missing)}" if missing else text
+
+
+def error_sentence(what: str, before: Comparison, after: Comparison) -> str:
+    """Two errors on one recording, and whether the second is lower, and at the floor."""
+    numbers = f"{before.nrmse:.3f} → {after.nrmse:.3f}"
+    if after.nrmse < before.nrmse:
+        verdict = f"the error of {what} falls"
+    elif after.nrmse > before.nrmse:
+        verdict = f"the error of {what} does not fall, it rises"
+    else:
+        verdict = f"the error of {what} stays as it is"
+    floor = after.noise_floor_nrmse
+    at_floor = after.nrmse <= ADEQUATE_FLOORS * floor
+    rest = "no more than noise" if at_floor else "more than noise"
+    return f"{verdict}: {numbers}, which is {rest} (noise alone may show {floor:.3f})"
+
+
+def effect_text(added: AddedEffect) -> str:
+    """`NAME (PARAMETER 0.8, …)`."""
+    numbers = ", ".join(f"{name} {value:.3g}" for name, value in added.values.items())
+    return f"{added.effect.name} ({numbers})"
+
+
+def named_sentence(hidden: Sequence[AddedEffect], found: Sequence[AddedEffect]) -> str:
+    """What a diagnosis has named, held against what was hidden."""
+    was, named = {a.effect.name for a in hidden}, {a.effect.name for a in found}
+    said = " and ".join(map(effect_text, found))
+    truth = " and ".join(map(effect_text, hidden))
+    if not named:
+        return f"it names nothing; hidden was {truth}"
+    if named == was:
+        return f"it names {said}: that is what was hidden, {truth}"
+    if was <= named:
+        return f"it names {said}: what was hidden, {truth}, and more that was not"
+    if named & was:
+        return f"it names {said}: a part of what was hidden, {truth}"
+    return f"it names {said}: that is not what was hidden, {truth}"
+
 
 # How far the first guess is off, chosen: as one who has weighed the boat and guessed the rest.
 GUESS = {

@@ -4,16 +4,29 @@ A mapping function takes one message (attributes are scalars) or all messages of
 (attributes are columns) and returns facts: pairs of a quantity and its values, in SI units. A
 value that the boat did not give is NaN: sentinels, scales and units end here. The functions and
 the table of rules of each format stand in its own folder (`mavlink/mapping.py`, …).
+
+Parameters of the autopilot say which output channel drives what (for `shadow init`); its banner is
+read here too.
+
+Latitude and longitude become metres on the plane that touches WGS-84 at an origin, and back:
+
+    north = (φ − φ0) M,   east = (λ − λ0) N cos φ0
+    M = a (1 − e²) / (1 − e² sin² φ0)^1.5,   N = a / (1 − e² sin² φ0)^0.5
+
+Valid for: some kilometres around the origin, at sea level. Source: NIMA TR8350.2 (WGS-84).
 """
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
-from typing import Any
+from enum import IntEnum, IntFlag, StrEnum
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gateway.samples import CHANNELS, Quantity
+from sim.state import Floats
 
 Column = Any  # a scalar or a (K,) array: mapping functions do not ask which
 Facts = tuple[tuple[Quantity, tuple[Column, ...]], ...]
@@ -178,3 +191,113 @@ def merge_pulses(previous: Any, channels: tuple[int, int], values: Any) -> Any:
     now = np.array(previous, dtype=np.float64)
     now[first - 1 : last] = np.asarray(values, dtype=np.float64)[first - 1 : last]
     return now
+
+
+class OutputFunction(StrEnum):
+    """What an output channel moves."""
+
+    THROTTLE = "throttle"
+    THROTTLE_LEFT = "throttle left"
+    THROTTLE_RIGHT = "throttle right"
+    MOTOR = "motor"
+    STEERING = "steering"
+    PASSTHROUGH = "passthrough"
+
+
+THRUST_FUNCTIONS = (
+    OutputFunction.THROTTLE,
+    OutputFunction.THROTTLE_LEFT,
+    OutputFunction.THROTTLE_RIGHT,
+    OutputFunction.MOTOR,
+)
+FUNCTIONS: Mapping[int, OutputFunction] = {  # SERVOn_FUNCTION
+    70: OutputFunction.THROTTLE,
+    73: OutputFunction.THROTTLE_LEFT,
+    74: OutputFunction.THROTTLE_RIGHT,
+    26: OutputFunction.STEERING,
+    1: OutputFunction.PASSTHROUGH,
+    **dict.fromkeys(range(33, 37), OutputFunction.MOTOR),
+    **dict.fromkeys(range(51, 67), OutputFunction.PASSTHROUGH),
+}
+LIMITS_US = (("MIN", 1100.0), ("TRIM", 1500.0), ("MAX", 1900.0))  # ArduPilot's own, where unset
+BANNER = re.compile(r"(Ardu\w+|APM\w*|PX4|Blimp)\b.*\d+\.\d+")  # "ArduRover V4.6.3 (3fc7011a)"
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """One output channel that moves the boat."""
+
+    channel: int  # 1-based
+    function: int  # SERVOn_FUNCTION
+    kind: OutputFunction
+    pwm: tuple[float, float, float]  # lowest, neutral, highest [µs]
+    reversed: bool
+
+    @property
+    def motor(self) -> int | None:
+        """Number of the motor (1 to 4) where its function is a motor's."""
+        return self.function - 32 if self.kind is OutputFunction.MOTOR else None
+
+
+def actuators(parameters: Mapping[str, float]) -> list[Actuator]:
+    """Parameters -> the channels that move the boat, in order."""
+    found = []
+    for channel in range(1, CHANNELS + 1):
+        function = int(parameters.get(f"SERVO{channel}_FUNCTION", 0))
+        if function in FUNCTIONS:
+            low, neutral, high = (
+                float(parameters.get(f"SERVO{channel}_{name}", default))
+                for name, default in LIMITS_US
+            )
+            reversed_ = bool(parameters.get(f"SERVO{channel}_REVERSED", 0.0))
+            pwm = (low, neutral, high)
+            found.append(Actuator(channel, function, FUNCTIONS[function], pwm, reversed_))
+    return found
+
+
+def banner(lines: Iterable[str]) -> str:
+    """The first text that names an autopilot's software and its version; empty without one."""
+    return next((line for line in lines if BANNER.match(line)), "")
+
+
+A = 6_378_137.0  # m
+E2 = 6.694379990141e-3
+
+
+class Origin(NamedTuple):
+    """Where a local frame starts."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+
+@lru_cache(maxsize=16)
+def metres_per_degree(origin: Origin) -> tuple[float, float]:
+    """Origin -> m per degree of latitude, of longitude."""
+    sine = np.sin(np.radians(origin.latitude_deg))
+    meridian = A * (1.0 - E2) / (1.0 - E2 * sine**2) ** 1.5
+    parallel = A / (1.0 - E2 * sine**2) ** 0.5 * np.cos(np.radians(origin.latitude_deg))
+    return float(np.radians(meridian)), float(np.radians(parallel))
+
+
+def to_local(degrees: Floats, origin: Origin) -> Floats:
+    """(..., 2) [latitude, longitude, degrees] -> (..., 2) [north, east, m]."""
+    turned = degrees[..., 1] - origin.longitude_deg
+    east = (turned + 180.0) % 360.0 - 180.0  # across the date line
+    north = degrees[..., 0] - origin.latitude_deg
+    return np.stack([north, east], axis=-1) * np.array(metres_per_degree(origin))
+
+
+def to_degrees(metres: Floats, origin: Origin) -> Floats:
+    """(..., 2) [north, east, m] -> (..., 2) [latitude, longitude, degrees]."""
+    return np.asarray(metres / np.array(metres_per_degree(origin)) + np.array(origin))
+
+
+def on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+    """Are these the degrees of a place?"""
+    return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+
+
+def distance_m(one: Origin, other: Origin) -> float:
+    """Distance between two places."""
+    return float(np.hypot(*to_local(np.array(one), other)))

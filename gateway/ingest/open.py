@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.errors import BadInput
-from gateway.ingest import csv, dataflash, mavlink, mcap, parquet, ulog
-from gateway.ingest.format import HEAD, LogFormat, read_bytes
+from gateway.ingest import HEAD, LogFormat, csv, dataflash, mavlink, mcap, parquet, read_bytes, ulog
 
 if TYPE_CHECKING:
     from gateway.ingest.log import Log

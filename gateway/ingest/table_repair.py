@@ -22,18 +22,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gateway.estimation.settings import FilterSettings, WhiteNoise
-from gateway.ingest.earth import Origin, to_local
+from gateway.estimation import FilterSettings, WhiteNoise
 from gateway.ingest.log import BoatSamples
-from gateway.ingest.source_quality import (
+from gateway.ingest.mapping import Origin, to_local
+from gateway.ingest.sources import (
     NOT_SMOOTHED,
+    Choice,
     Smoothing,
     acceleration_agreement,
     acceleration_std,
     estimated_white_std,
+    intervals,
+    rate_hz,
     smoothing,
 )
-from gateway.ingest.sources import Choice, intervals, rate_hz
 from gateway.samples import Quantity, Samples
 from sim.state import Floats, Ints
 

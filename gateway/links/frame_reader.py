@@ -1,7 +1,7 @@
 """Bytes of a link -> accepted MAVLink frames: checksum, signature, pymavlink's decoder.
 
 pymavlink's own splitter trusts the length behind every magic byte: one stray byte of noise swallows
-up to 280 bytes of good frames. Here, as in logs (`gateway.ingest.mavlink.walk`), a frame is
+up to 280 bytes of good frames. Here, as in logs (`gateway.ingest.mavlink.frames`), a frame is
 accepted when its checksum holds, and anything else moves the search on by one byte. `Peers` keeps
 the addresses from which each system id sends; of two that use one id the first holds it, and the
 frames of the other are left out.
@@ -18,11 +18,17 @@ from typing import NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.mavlink.definitions import checksum_seeds
-from gateway.ingest.mavlink.walk import BAD_CHECKSUM, CUT, GOOD, UNKNOWN, checksum_table, examine
-from gateway.links.inbox import EventReporter, Frame, LinkCounts, LinkEventKind
+from gateway.ingest.mavlink.frames import (
+    BAD_CHECKSUM,
+    CUT,
+    GOOD,
+    UNKNOWN,
+    checksum_seeds,
+    checksum_table,
+    examine,
+)
+from gateway.links import Arrival, EventReporter, Frame, LinkCounts, LinkEventKind, Peer, peer_text
 from gateway.links.transmitter import Signatures, SignatureStatus
-from gateway.links.transport import Arrival, Peer, peer_text
 
 MAX_ADDRESSES = 8  # kept per system id
 ADDRESS_TIMEOUT_NS = 60_000_000_000  # an address silent for so long is not sent to

@@ -17,13 +17,26 @@ from importlib.metadata import entry_points
 from typing import Any, NamedTuple, Self
 
 from gateway.errors import BadInput
+from gateway.links import (
+    Arrival,
+    Closing,
+    Datagram,
+    Endpoint,
+    EventReporter,
+    Inbox,
+    LinkCounts,
+    LinkEventKind,
+    Transport,
+    Waker,
+)
 from gateway.links.frame_reader import FrameReader, Peers, split_frames
-from gateway.links.inbox import Datagram, EventReporter, Inbox, LinkCounts, LinkEventKind
-from gateway.links.serial_port import SerialTransport
-from gateway.links.tcp import TcpClientTransport, TcpServerTransport
 from gateway.links.transmitter import Identity, Signatures, Transmitter, permitted
-from gateway.links.transport import Arrival, Closing, Endpoint, Transport, Waker
-from gateway.links.udp import UdpTransport
+from gateway.links.transports import (
+    SerialTransport,
+    TcpClientTransport,
+    TcpServerTransport,
+    UdpTransport,
+)
 from gateway.links.zenoh_key import FORM as ZENOH_FORM
 from gateway.links.zenoh_key import ZenohTransport
 

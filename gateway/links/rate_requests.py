@@ -26,10 +26,9 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.definitions import ids_by_name
+from gateway.ingest.mavlink.frames import ids_by_name
 from gateway.ingest.mavlink.mapping import from_heartbeat
-from gateway.links.parameter_requests import ParameterRequests
-from gateway.links.transmitter import SET_RATE, Identity
+from gateway.links.transmitter import SET_RATE, Identity, ParameterRequests
 
 MAX_RATE_HZ = 1000.0
 FULL_HZ: Mapping[str, float] = MappingProxyType(

@@ -15,13 +15,13 @@ from collections import deque
 from contextlib import suppress
 from typing import Any
 
-from gateway.links.inbox import LinkEventKind
-from gateway.links.transport import (
+from gateway.links import (
     CONNECT_TIMEOUT_S,
     Arrival,
     Endpoint,
     EventSink,
     LineSelector,
+    LinkEventKind,
     Peer,
     Waker,
 )

@@ -20,19 +20,18 @@ from gateway.estimation.filter import Estimator
 from gateway.ingest.log import Boat
 from gateway.ingest.mavlink.mapping import from_heartbeat
 from gateway.json_rows import TopicRows
-from gateway.links.inbox import Datagram, Frame
+from gateway.links import Datagram, Frame
 from gateway.live.intake import MessageIntake
 from gateway.recording.writer import warm_up
-from gateway.shadow.adaptation import Adapt
+from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from gateway.shadow.events import EventDetector, MissingForceRange
 from gateway.shadow.health import SECOND, LiveHealth
-from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
-from gateway.shadow.model_monitor import ModelMonitor, taken_over
+from gateway.shadow.model_monitor import Adapt, ModelMonitor, taken_over
 from gateway.shadow.path import Freshness, ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
 from gateway.vessel_file import zenoh_key
-from sim.plants.table import OWN_VESSEL, PlantChoice
+from sim.plants import OWN_VESSEL, PlantChoice
 from sim.vessel import Vessel
 
 BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S, TICK_S))

@@ -26,26 +26,25 @@ from gateway.bus import Bus, open_session
 from gateway.config import BoatSettings, Settings, check_name
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.log import Boat
-from gateway.links.inbox import PER_LINK, Datagram, Inbox, Item, LinkEvent
+from gateway.links import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
 from gateway.live.boats import MAX_LISTED, BoatPlan, Fleet, LiveBoat
-from gateway.live.metrics import Metrics
 from gateway.live.outputs import (
     FIRST_RETRY_S,
     BoatOutputs,
     EarlyDatagrams,
+    Metrics,
+    RateRequests,
     make_folder,
     start_recording,
 )
-from gateway.live.rate_requests import RateRequests
-from gateway.log_line import LogLine
-from gateway.plants.choice import load_plant
+from gateway.long_running import LogLine, Stop, stop_on_signals
+from gateway.plants import load_plant
 from gateway.recording.foxglove_server import FoxgloveServer
+from gateway.shadow import TICK_S
 from gateway.shadow.health import SECOND
-from gateway.shadow.inputs import TICK_S
 from gateway.shadow.topic_rows import EventRow
-from gateway.stopping import Stop, stop_on_signals
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.effects.effect import Effect
 from sim.state import Progress

@@ -15,19 +15,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import KIND_OF, Events
-from gateway.estimation.names import MeasurementKind
-from gateway.estimation.settings import FilterSettings
-from gateway.ingest.clock import BoatClock
-from gateway.ingest.clock_step import StampStatus
-from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees, to_local
+from gateway.ingest.clock import BoatClock, StampStatus
 from gateway.ingest.log import Boat
-from gateway.ingest.mapping import Rule, counter_us, instance_of, merge_pulses
+from gateway.ingest.mapping import (
+    Origin,
+    Rule,
+    counter_us,
+    distance_m,
+    instance_of,
+    merge_pulses,
+    on_earth,
+    to_degrees,
+    to_local,
+)
 from gateway.ingest.mavlink.mapping import BY_SOURCE
 from gateway.ingest.mavlink.mapping import RULES as MAVLINK
 from gateway.ingest.sources import PRIORITY
 from gateway.samples import CHANNELS, Measurement, Quantity
-from gateway.shadow.inputs import MOTION, FilterInputs
+from gateway.shadow import MOTION, FilterInputs
 from sim.state import Floats, Ints
 
 # Chosen, not measured.

@@ -1,22 +1,49 @@
-"""Outputs of one boat: zenoh, its recording, players; each may be absent."""
+"""All that leaves a live gateway: outputs of its boats, metrics, and requests to the boats.
 
+**Outputs** of one boat: zenoh, its recording, players; each may be absent.
+
+**Metrics** for Prometheus: what the health topic says, and the links' counts.
+
+    shadow_health_<field>{vessel}     every number of the newest health message
+    shadow_health_age_seconds{vessel} how old that message is
+    shadow_unfit{vessel}              1 where the boat's data cannot judge its model
+    shadow_link_<count>_total{link}   datagrams, bytes, frames, … of a link since the start
+    shadow_faults_total               defects of the gateway
+
+The loop only hands over the newest payload; the HTTP server of prometheus_client runs on threads of
+its own and decodes when it is asked.
+
+**Requests** for rates and parameters on all links: nothing else is ever sent to a boat. Only boats
+that are shadowed are asked. Times are those of a clock that never steps.
+"""
+
+import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Thread
+from typing import Any, Self
+
+import orjson
 
 from gateway.bus import Bus
 from gateway.config import Settings, as_tables
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
-from gateway.links.inbox import Datagram
+from gateway.links import Datagram
+from gateway.links.link import Link
+from gateway.links.rate_requests import Address, LinkRequests, RequestOutcome
+from gateway.links.transmitter import Identity
 from gateway.live.boats import BoatPlan, LiveBoat
-from gateway.recording.foxglove_server import BoatView
+from gateway.recording.foxglove_server import BoatView, on_this_machine, parse_address
 from gateway.recording.recorder import Recorder
 from gateway.recording.thread import RecordingThread
+from gateway.shadow.health import SECOND
 from gateway.shadow.topic_rows import attachments_of, metadata_of
+from gateway.topics import TIMES, TOPICS, FieldType
 
 MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before any boat was known
 
@@ -195,3 +222,160 @@ def unused_path(folder: Path, stem: str) -> Path:
 
 def _bytes(datagram: Datagram) -> int:
     return sum(len(frame.raw) for frame in datagram.frames)
+
+
+HEALTH = [f for f in TOPICS["health"].fields if f.type is not FieldType.STRING]
+assert not {f.name for f in HEALTH} & {f.name for f in TIMES}
+
+Counts = Callable[[], Mapping[str, Mapping[str, Any]]]  # link -> count -> value
+
+
+class Metrics:
+    """A server of metrics at [HOST:]PORT while it is open; `health` gives it something to say."""
+
+    def __init__(self, address: str, links: Counts, faults: Callable[[], int]) -> None:
+        self.host, self._port = parse_address(address, "metrics")
+        self._address, self._links, self._faults = address, links, faults
+        self._newest: dict[str, tuple[bytes, float]] = {}
+        self._server: Any = None
+        self._thread: Thread | None = None
+
+    def __enter__(self) -> Self:
+        try:
+            import prometheus_client
+        except ImportError:
+            raise BadInput(
+                "--metrics needs prometheus_client: pip install 'shadow-gateway[metrics]'"
+            ) from None
+        registry = prometheus_client.CollectorRegistry()
+        registry.register(self)  # type: ignore[arg-type]
+        try:
+            self._server, self._thread = prometheus_client.start_http_server(
+                self._port, self.host, registry
+            )
+        except OSError as error:
+            raise ShadowError(
+                f"--metrics {self._address}: cannot listen there: {error.strerror}: is another "
+                "program using the port?"
+            ) from None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._server is not None and self._thread is not None:
+            self._server.shutdown()
+            self._server.server_close()
+            self._thread.join()
+
+    @property
+    def port(self) -> int:
+        """Where it listens, also where any free port was asked for."""
+        return int(self._server.server_address[1])
+
+    @property
+    def text(self) -> str:
+        """Where it is, and who reaches it."""
+        who = "this machine" if on_this_machine(self.host) else "everyone who reaches this machine"
+        return f"metrics on http://{self.host}:{self.port}/metrics, for {who}"
+
+    def health(self, vessel: str, payload: bytes) -> None:
+        """The newest health message of a boat."""
+        self._newest[vessel] = payload, time.monotonic()
+
+    def describe(self) -> list[Any]:
+        """Nothing in advance: names follow from what there is."""
+        return []
+
+    def collect(self) -> Iterator[Any]:
+        """All metrics as they are now."""
+        from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+
+        rows = {
+            vessel: (orjson.loads(payload), time.monotonic() - at)
+            for vessel, (payload, at) in list(self._newest.items())
+        }
+        for field in HEALTH:
+            name = f"shadow_health_{field.name}"
+            gauge = GaugeMetricFamily(name, field.description, labels=["vessel"])
+            for vessel, (row, _) in rows.items():
+                gauge.add_metric([vessel], float(row[field.name]))
+            yield gauge
+        age = GaugeMetricFamily("shadow_health_age_seconds", "Age of that", labels=["vessel"])
+        unfit = GaugeMetricFamily(
+            "shadow_unfit", "1 where the boat's data cannot judge its model", labels=["vessel"]
+        )
+        for vessel, (row, seconds) in rows.items():
+            age.add_metric([vessel], seconds)
+            unfit.add_metric([vessel], float(bool(row["unfit"])))
+        yield age
+        yield unfit
+        links = self._links()
+        for count in sorted({count for counts in links.values() for count in counts}):
+            counter = CounterMetricFamily(
+                f"shadow_link_{count}", f"{count} of a link", labels=["link"]
+            )
+            for link, counts in links.items():
+                counter.add_metric([link], float(counts[count]))
+            yield counter
+        yield CounterMetricFamily("shadow_faults", "Defects of the gateway", value=self._faults())
+
+
+OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are compared with those requested
+
+
+class RateRequests:
+    """The requests of all links."""
+
+    def __init__(
+        self, links: Iterable[Link], identity: Identity | None, rates_hz: Mapping[str, float]
+    ) -> None:
+        self._links = {link.name: link for link in links}
+        self._requests = {
+            name: LinkRequests(identity, rates_hz, link.announces)
+            for name, link in self._links.items()
+        }
+        self._observed_ns = 0
+        self._reboots: dict[int, int] = {}  # by system
+
+    def take(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        """Heartbeats and answers of boats, and reboots that they show."""
+        if datagram.link not in self._requests:
+            return
+        addresses = {boat.address: boat for boat in boats}
+        for frame in datagram.frames:
+            m = frame.message
+            if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE"):
+                continue
+            boat = addresses.get((m.get_srcSystem(), m.get_srcComponent()))
+            if boat is not None:
+                self._restart_if_rebooted(boat, now_ns)
+                requests = self._requests[datagram.link]
+                self._requests[datagram.link] = requests.take(m, now_ns)
+
+    def _restart_if_rebooted(self, boat: LiveBoat, now_ns: int) -> None:
+        """A boat that rebooted has forgotten what it had accepted."""
+        if boat.reboots == self._reboots.get(boat.boat.system, 0):
+            return
+        self._reboots[boat.boat.system] = boat.reboots
+        for name, requests in self._requests.items():
+            self._requests[name] = requests.rebooted(Address(*boat.address), now_ns)
+
+    def due(self, boats: Iterable[LiveBoat], now_ns: int) -> list[RequestOutcome]:
+        """Send what is to be sent by now -> the outcomes of earlier requests."""
+        if now_ns - self._observed_ns >= OBSERVE_NS:
+            self._observed_ns = now_ns
+            self._observe(boats, now_ns)
+        outcomes: list[RequestOutcome] = []
+        for name, requests in self._requests.items():
+            if (at := requests.next_ns) is not None and now_ns >= at:
+                due = requests.due(now_ns)
+                self._requests[name] = due.requests
+                outcomes += due.outcomes
+                for message in due.messages:
+                    self._links[name].send_message(message)
+        return outcomes
+
+    def _observe(self, boats: Iterable[LiveBoat], now_ns: int) -> None:
+        for boat in boats:
+            rates = boat.health.rates_hz()
+            for name, requests in self._requests.items():
+                self._requests[name] = requests.observed(Address(*boat.address), rates, now_ns)

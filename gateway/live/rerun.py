@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.config import Settings
 from gateway.errors import BadInput
 from gateway.json_rows import TopicRows
-from gateway.links.inbox import Datagram, Frame
+from gateway.links import Datagram, Frame
 from gateway.live.boats import BoatPlan, Fleet, FleetOutput
 from gateway.recording.reader import RawFrames, Recording
 from gateway.recording.recorder import TICK_LINK

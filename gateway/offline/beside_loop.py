@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput
+from gateway.figures.comparison import mission_figures
 from gateway.figures.matplotlib_draw import save_figures
-from gateway.figures.missions import mission_figures
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, load_trials
 from gateway.recording.reader import Recording
 from sim.comparison.missions import (
     MissionComparison,
     Passage,
-    TooShortError,
+    TrackTooShortError,
     compare_missions,
 )
 from sim.vessel import Vessel
@@ -47,7 +47,7 @@ def beside_loop(
     loop, also = _longest(pieces, recording)
     try:
         found = compare_missions(boat, loop, vessel.hull.length)
-    except TooShortError as error:
+    except TrackTooShortError as error:
         raise BadInput(str(error)) from None
     return BesideLoop(found, (*chosen, *also))
 

@@ -30,7 +30,7 @@ from sim.diagnosis.thresholds import MAX_BASE_SIGMAS
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
-from sim.identification.settings import BASE
+from sim.identification import BASE
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Progress

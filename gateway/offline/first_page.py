@@ -6,11 +6,10 @@ It is written for people who do not read the pages behind it; nothing on it need
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gateway.figures.figure_data import FigureData, Line, Panel, SeriesRole
+from gateway.figures import VELOCITIES, FigureData, Line, Panel, SeriesRole
 from gateway.figures.html_report import FirstPage, ReportFigure
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, with_earlier_model
-from gateway.figures.style import VELOCITIES
 from gateway.figures.words import diagnosis_texts, judgement_text
 from gateway.offline.compare import TrialComparison
 from gateway.offline.diagnose import DiagnosisResult

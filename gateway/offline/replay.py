@@ -21,29 +21,28 @@ from gateway.bus import Bus
 from gateway.config import Settings, as_tables
 from gateway.errors import BadInput
 from gateway.ingest.csv.log import CsvLog
-from gateway.ingest.earth import Origin
 from gateway.ingest.log import BoatSamples, Log, choose_floating
+from gateway.ingest.mapping import Origin
 from gateway.ingest.mavlink.log import Frames, MavlinkLog
-from gateway.ingest.mcap.enclosed import enclosure_of_file
+from gateway.ingest.mcap.log import enclosure_of_file
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.json_rows import TopicRows
 from gateway.live.boats import BoatPlan
 from gateway.live.rerun import fleet_of, recorded_live, rerun
+from gateway.long_running import Interrupts
 from gateway.offline.replay_summary import ReplaySummary, ReplayTotals
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment, Recorder
 from gateway.recording.writer import Payloads
-from gateway.shadow.adaptation import APPLY_EVERY_NS, Adapt
+from gateway.shadow import FilterInputs, filter_inputs_of, origin_of
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
-from gateway.shadow.inputs import FilterInputs, filter_inputs_of, origin_of
-from gateway.shadow.model_monitor import ModelMonitor, taken_over
+from gateway.shadow.model_monitor import APPLY_EVERY_NS, Adapt, ModelMonitor, taken_over
 from gateway.shadow.path import ShadowPath, ShadowRows
 from gateway.shadow.topic_rows import attachments_of, event_rows, metadata_of, topic_rows
-from gateway.stopping import Interrupts
 from gateway.vessel_file import zenoh_key
-from sim.plants.table import PlantChoice
+from sim.plants import PlantChoice
 from sim.vessel import Vessel
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.ingest.mcap.enclosed import enclosure
+from gateway.ingest.mcap.log import enclosure
 from gateway.json_rows import encode_rows
 from gateway.offline.usable_time import assumed_by
 from gateway.recording.recorder import Attachment, Recorder, RecordingSettings, TopicsKept
@@ -23,7 +23,7 @@ from gateway.vessel_file import dump_vessel
 from sim.following.follower import FollowerOptions
 from sim.hil.boat import Boat
 from sim.model import Model
-from sim.plants.table import OWN_VESSEL, PlantChoice
+from sim.plants import OWN_VESSEL, PlantChoice
 from sim.state import Floats
 from sim.vessel import Vessel
 

@@ -13,19 +13,24 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput, numerical_errors
+from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
-from gateway.estimation.settings import SOURCES, FilterSettings
 from gateway.estimation.smoother import SmoothedMotion, smooth
-from gateway.ingest.earth import Origin
 from gateway.ingest.log import Log, choose_floating
+from gateway.ingest.mapping import Origin
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
-from gateway.offline.sensor_faults import compass_jumped, frozen
-from gateway.offline.usable_time import Bools
-from gateway.shadow.held_series import HeldInputs, held_inputs, held_series, seconds
-from gateway.shadow.inputs import motion_events, origin_of
+from gateway.offline.usable_time import Bools, compass_jumped, frozen
+from gateway.shadow import (
+    HeldInputs,
+    held_inputs,
+    held_series,
+    motion_events,
+    origin_of,
+    seconds,
+)
 from sim.state import Floats, Progress
 from sim.trial import Trial
 

@@ -34,8 +34,8 @@ from gateway.errors import BadInput
 from gateway.toml_file import explain, read_toml, validated
 from gateway.vessel_tables import Number, StrictTable
 from sim.model import Model
+from sim.plants import PlantKind
 from sim.plants.plant import Afloat, Plant, PlantInputs, PlantMotion
-from sim.plants.table import PlantKind
 from sim.state import Pose, Velocity, Wrench, to_world
 
 PLANE = ("north", "east", "yaw", "u", "v", "r")

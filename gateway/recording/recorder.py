@@ -28,8 +28,8 @@ import orjson
 from numpy.typing import NDArray
 
 from gateway.errors import ShadowError
+from gateway.files import check_output, note_output
 from gateway.json_rows import TopicRows
-from gateway.outputs import check_output, note_output
 from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows, RowThinning
 from gateway.recording.writer import BlockWriter, Compression, Payloads

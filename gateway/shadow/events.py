@@ -14,10 +14,10 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.estimation import Flag
 from gateway.estimation.filter import FilterRows
-from gateway.estimation.names import Flag
+from gateway.shadow import FilterInputs
 from gateway.shadow.health import STEADY_S
-from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import BROKEN, ShadowRows, discontinuous
 from gateway.shadow.sensor_checks import (
     ALWAYS_WELL,
@@ -210,7 +210,7 @@ class EventDetector:
     def _sensors(
         self, inputs: FilterInputs, rows: FilterRows
     ) -> tuple["EventDetector", list[EventRow]]:
-        """What makes the boat's data unfit: each fault once, until all of them are over."""
+        """Events of faults that make the boat's data unfit: each once, until all are over."""
         told, since, events = self.faults, self.unfit_s, list[EventRow]()
         well, lost = self.well, self.lost
         if not told and not rows.faults.any():

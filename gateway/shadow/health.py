@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from gateway.estimation import Flag
 from gateway.estimation.filter import FilterRows
-from gateway.estimation.names import Flag
 from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.log import LATE, MavlinkLog
 from gateway.json_rows import TopicRows, encode
@@ -40,7 +40,7 @@ LABEL = {name: label for label, names in RATED.items() for name in names}
 
 @dataclass
 class FilterCounts:
-    """What filter and shadow did since start; `nis` and `used` start anew with each row."""
+    """Counts of filter and shadow since start; `nis` and `used` start anew with each row."""
 
     nis: float = 0.0
     used: int = 0
@@ -58,7 +58,7 @@ class FilterCounts:
         self.diverged_ns = receive_ns
 
     def sense(self, faults: int, receive_ns: int) -> None:
-        """What makes the boat's data unfit from now on: bits of `SensorFault`."""
+        """Set the faults that make the boat's data unfit from now on: bits of `SensorFault`."""
         now = reasons_in(faults)
         self.fault_ns = {fault: self.fault_ns.get(fault, receive_ns) for fault in now}
         self.unfit_ns = (self.unfit_ns or receive_ns) if faults else None

@@ -4,6 +4,8 @@
 
 State is a value and a pure function of the ordered inputs: it does not matter how they are cut
 into chunks. Live gives what a datagram brought, replay a few thousand measurements at a time.
+
+Residuals of the vessel's model are missing force, and errors of free predictions that come due.
 """
 
 from copy import copy
@@ -15,20 +17,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
+from gateway.estimation import FilterSettings, Flag, MeasurementKind
 from gateway.estimation.filter import Estimator, FilterRows, FilterState
-from gateway.estimation.names import Flag, MeasurementKind
-from gateway.estimation.settings import FilterSettings
 from gateway.samples import CHANNELS as CHANNEL_COUNT
-from gateway.shadow.inputs import FilterInputs
-from gateway.shadow.residuals import ModelResiduals, ResidualEvaluator, ResidualState
+from gateway.shadow import FilterInputs
 from gateway.shadow.sensor_checks import SensorMemory
-from sim.following.follower import Follower, FollowerOptions
-from sim.following.reference import Reference, ReferenceMode, ReferenceState
+from gateway.topics import HORIZONS_S
+from sim.following.follower import (
+    Follower,
+    FollowerOptions,
+    Reference,
+    ReferenceMode,
+    ReferenceState,
+)
 from sim.following.stepwise import follower_for
 from sim.model import Model
-from sim.plants.table import VESSEL, PlantChoice, PlantKind
+from sim.plants import VESSEL, PlantChoice, PlantKind
 from sim.state import Floats
 from sim.vessel import Vessel
+
+PREDICTION_EVERY_S = 1.0  # a free prediction starts this often: as often as the monitor reads them
+HORIZONS = np.array(HORIZONS_S, dtype=float)
+
+
+@dataclass(frozen=True)
+class ResidualState:
+    """Memory of the missing force and the predictions under way."""
+
+    carry: Floats  # (nx + 1,)
+    predictions: Floats  # (S, nx + 2)
+    errors: Floats  # (H, 3), the latest that came due
+
+
+@dataclass(frozen=True)
+class ModelResiduals:
+    """Missing force with its standard deviation, τ(commands) (K, 3); errors (K, 3 H) of u, v, r."""
+
+    missing: Floats
+    missing_std: Floats
+    commanded: Floats
+    errors: Floats
+
+
+@dataclass(frozen=True)
+class ResidualEvaluator:
+    """Compares the vessel's model with the estimate, row by row."""
+
+    model: Model
+    horizons: Floats = field(default_factory=lambda: HORIZONS)
+
+    def start(self) -> ResidualState:
+        """Before the first row."""
+        slots = int(self.horizons[-1] / PREDICTION_EVERY_S) + 3
+        return ResidualState(
+            self.model.initial_carry(),
+            np.full((slots, self.model.state_size + 2), np.nan),
+            np.full((len(self.horizons), 3), np.nan),
+        )
+
+    def advance(
+        self,
+        state: ResidualState,
+        times: Floats,
+        motion: Floats,
+        covariance: Floats,
+        commands: Floats,
+        voltage: Floats,
+        wind: Floats,
+    ) -> tuple[ResidualState, ModelResiduals]:
+        """Estimates (K, 9) with covariance (K, 9, 9) and commands (K, na) at times (K,) [s]."""
+        after = ResidualState(state.carry.copy(), state.predictions.copy(), state.errors.copy())
+        inputs = {"voltage": voltage, "wind": wind}
+        missing, commanded = self.model.missing_force(
+            motion, times, commands, commands, carry=after.carry, **inputs
+        )
+        std = self.model.missing_force_std(motion, covariance, times, commands, **inputs)
+        errors = np.empty((len(times), len(self.horizons), 3))
+        self.model.kernel.module.forecast(
+            self.model.theta, after.predictions, after.errors, self.horizons, PREDICTION_EVERY_S,
+            times, motion, commands, voltage, wind, errors,
+        )  # fmt: skip
+        by_row = errors.reshape(len(times), 3 * len(self.horizons))
+        return after, ModelResiduals(missing, std, commanded, by_row)
+
 
 STALE_S = 1.0  # without a measurement for this long, telemetry is not fresh …
 LOST_S = 5.0  # … nor without heading, or without velocity and position, for this long
@@ -39,7 +110,7 @@ MOTION = (MeasurementKind.VELOCITY, MeasurementKind.BODY_VELOCITY, MeasurementKi
 
 
 class Freshness(NamedTuple):
-    """When the filter last used a measurement [s]: any, of heading, of velocity or position.
+    """Time [s] of the last used measurement: any, of heading, of velocity or position.
 
     After a silence the first measurements are mostly of the heading alone: until all have come,
     the estimate is still the one that ran blind.
@@ -66,12 +137,12 @@ class Freshness(NamedTuple):
 
 
 def discontinuous(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
-    """Where heading, velocity or position jumped (K,). A jump of the turn rate is a sharp turn."""
+    """Rows (K,) where heading, velocity or position jumped. A jump of r is a sharp turn."""
     return np.asarray(rows.has(Flag.JUMP) & (inputs.events.kind != MeasurementKind.YAW_RATE))
 
 
 def _broken(inputs: FilterInputs, rows: FilterRows) -> list[bool]:
-    """Where the estimate jumped or the filter started anew; empty: nowhere."""
+    """Rows where the estimate jumped or the filter started anew; empty: none."""
     if not (rows.flags & BROKEN).any():
         return []
     broken: list[bool] = (discontinuous(inputs, rows) | rows.has(Flag.RESTART)).tolist()
@@ -267,7 +338,7 @@ class ShadowPath:
     def _choose(
         self, state: PathState, inputs: FilterInputs, rows: FilterRows
     ) -> tuple[PathState, NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which rows go out: valid, at the end of a message, not faster than the rate asked for.
+        """Rows that go out: valid, at the end of a message, not faster than the rate asked for.
 
         -> state, rows (K,), and for each whether telemetry is fresh and whether it jumped.
         """

@@ -18,10 +18,10 @@ from enum import IntFlag
 
 import numpy as np
 
+from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
-from gateway.estimation.names import MeasurementKind
 from gateway.ingest.mapping import EstimatorFault
-from gateway.shadow.inputs import FilterInputs
+from gateway.shadow import FilterInputs
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints, wrap
 
@@ -44,7 +44,7 @@ TURNED_RAD = 0.2  # by the gyro, while a coarse heading stood still
 
 
 class SensorFault(IntFlag):
-    """What makes measurements unfit to judge a model by."""
+    """Faults that make measurements unfit to judge a model by, as bits."""
 
     GPS = 1
     EKF_ATTITUDE = 2
@@ -262,7 +262,7 @@ def clock_text(time_ns: int) -> str:
 
 
 class SensorMemory:
-    """What the checks remember; never changed once it was handed out."""
+    """State of the checks between calls; never changed once it was handed out."""
 
     def __init__(self, kinds: Floats | None = None, rest: Floats | None = None) -> None:
         if kinds is None or rest is None:
@@ -280,7 +280,7 @@ class SensorMemory:
     def after(
         self, events: Events, held: tuple[Floats, Floats, Floats]
     ) -> tuple["SensorMemory", Ints]:
-        """The same of K measurements and what `check_events` wants to know of each."""
+        """The memory after K measurements, given what `check_events` asks of each."""
         after = SensorMemory(self._kinds.copy(), self._rest.copy())
         out = np.zeros(len(events), np.int64)
         check_events(after._kinds, after._rest, (events.time_s, events.kind, events.z), held, out)
@@ -288,7 +288,7 @@ class SensorMemory:
 
 
 def unfit_text(bits: int, since_ns: Mapping[SensorFault, int]) -> str:
-    """What makes the data unfit and since when (receipt), for people; empty while they are fit."""
+    """Sentence on what makes the data unfit, since when (receipt); empty while they are fit."""
     found = reasons_in(bits)
     if not found:
         return "all is well, settling" if bits else ""

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import orjson
 
-from gateway.ingest.earth import Origin, to_degrees
 from gateway.ingest.log import Boat
+from gateway.ingest.mapping import Origin, to_degrees
 from gateway.json_rows import TopicRows, encode_rows
 from gateway.recording.recorder import Attachment
 from gateway.shadow.path import ShadowRows
 from gateway.vessel_file import dump_vessel
 from sim.effects.catalogue import EFFECTS
-from sim.plants.table import VESSEL, PlantChoice
+from sim.plants import VESSEL, PlantChoice
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -106,7 +106,7 @@ def _fields(motion: Floats, std: Floats) -> Floats:
 
 
 def _source(out: ShadowRows) -> str | list[str]:
-    """Where the reference came from, row by row where that changes."""
+    """Source of the reference, a row wherever it changes."""
     if not out.from_model.any():
         return "measured"
     return np.where(out.from_model, "model", "measured").tolist()

@@ -11,7 +11,8 @@ from typing import Any
 from numpy.random import PCG64, Generator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.ingest.earth import Origin
+from gateway.ingest.mapping import Origin
+from gateway.simulated_boat import FaultyLink, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.command_responder import (
     TOLERANCE_S,
     CommandResponder,
@@ -24,13 +25,13 @@ from gateway.simulated_boat.command_responder import (
 )
 from gateway.simulated_boat.hull import (
     ActuatorOutputs,
+    Program,
     SensedValues,
     SensorModel,
     SensorState,
     SimulatedHull,
+    program_of,
 )
-from gateway.simulated_boat.program import Program, program_of
-from gateway.simulated_boat.settings import FaultyLink, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.telemetry import (
     BANNER,
     CHANNELS,

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from numpy.random import Generator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gateway.simulated_boat.settings import Rates
+from gateway.simulated_boat import Rates
 from gateway.simulated_boat.telemetry import BY_ID, MESSAGES, Message
 
 PHASE_STEP = 0.618034  # of successive streams: a golden ratio, so that their phases never meet

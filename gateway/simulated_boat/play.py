@@ -1,21 +1,25 @@
-"""The simulated boat's end of a link, on the transports of `gateway.links`.
+"""A simulated boat on a link (`shadow simulate --live`), or in a file (`shadow simulate --log`).
 
     udpout:HOST:PORT   sends there (the gateway listens: udpin)
     udpin:HOST:PORT    waits for a first datagram (from the gateway: udpout)
     tcpin:HOST:PORT    is the server (the gateway: tcp)
     tcp:HOST:PORT      connects, again and again until a server is there (the gateway: tcpin)
 
-It is polled, and waits for nothing but a connection, a moment.
+The link is polled, and waits for nothing but a connection, a moment. Vessels are MAVLink boats on a
+port, in real time: frames go out when they are due, requests are answered. Only this file has a
+clock. Pace is kept against the start, so it does not drift; what a stalled machine could not send
+in time is lost, as on a real link. After a long sleep of the machine the boats go on from where
+they were.
 
-`shadow simulate --live`: vessels as MAVLink boats on a port, in real time.
-
-Frames go out when they are due, requests are answered. Only this file has a clock. Pace is kept
-against the start, so it does not drift; what a stalled machine could not send in time is lost, as
-on a real link. After a long sleep of the machine the boats go on from where they were.
+The file, a .tlog, is what a radio would have received. No clock and no link: the whole voyage is
+computed as fast as it can be. The same vessel, program and seed give the same bytes. The boat moves
+by the model of the vessel itself, so such a log tests what can be found in a recording, never
+whether a model is right.
 """
 
+import struct
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +29,14 @@ from typing import Any, Self
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput, ShadowError
+from gateway.files import write_whole
+from gateway.links import Arrival, Peer, Transport, Waker
 from gateway.links.link import transport_of
-from gateway.links.transport import Arrival, Peer, Transport, Waker
+from gateway.long_running import Stop, stop_on_signals
+from gateway.simulated_boat import FAST, THIN, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.boat import BoatState, SimulatedBoat
-from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, THIN, SimulatedBoatSettings
+from gateway.simulated_boat.hull import program_of
 from gateway.simulated_boat.telemetry import Message
-from gateway.stopping import Stop, stop_on_signals
 from sim.state import Progress
 from sim.vessel import Vessel
 
@@ -281,7 +286,7 @@ def simulate_live(
 ) -> PlayStatus:
     """Play vessels side by side, with ids from `system` on, until `stop` is set.
 
-    `program` is one of `gateway.simulated_boat.program.PROGRAMS` or a CSV of commands; `fast`
+    `program` is one of `gateway.simulated_boat.hull.PROGRAMS` or a CSV of commands; `fast`
     starts with high rates instead of a telemetry radio's.
     """
     if not vessels:
@@ -327,4 +332,38 @@ def play_until_stopped(
     )  # fmt: skip
     progress(
         f"played {status.seconds:.0f} s, {status.frames} frames, heard {status.received} messages"
+    )
+
+
+LONGEST_S = 86_400.0
+
+
+def write_log(
+    vessel: Vessel,
+    file: Path,
+    *,
+    program: str = "mixed",
+    system: int = 1,
+    fast: bool = False,
+    seed: int = 0,
+    seconds: float = float("inf"),
+) -> float:
+    """Play a program, once where no duration [s] is given, into a .tlog -> the duration [s]."""
+    if file.suffix.lower() != ".tlog":
+        raise BadInput(f"{file}: a telemetry log is called NAME.tlog")
+    commands = program_of(vessel, program, seed)
+    duration = commands.period if seconds == float("inf") else seconds
+    if not 0.0 < duration <= LONGEST_S:
+        raise BadInput(f"{duration:g} s: a voyage lasts more than 0 s and at most a day")
+    settings = SimulatedBoatSettings(system_id=system, rates=FAST if fast else THIN)
+    boat = SimulatedBoat(vessel, settings, seed, commands)
+    _, frames = boat.advance(boat.start(), duration)
+    write_whole(file, tlog_bytes(frames, settings.unix_s), "the telemetry log")
+    return duration
+
+
+def tlog_bytes(frames: Iterable[TimedFrame], unix_s: float) -> bytes:
+    """Frames -> a .tlog: before each the Unix time of its arrival [µs], 8 bytes big-endian."""
+    return b"".join(
+        struct.pack(">Q", round((unix_s + frame.time_s) * 1e6)) + frame.data for frame in frames
     )

@@ -142,7 +142,7 @@ class OtherHost(Matcher):  # type: ignore[misc]
 
 
 class OtherHostHandler(RequestHandler):  # type: ignore[misc]
-    """One line, status 403, whatever was asked for."""
+    """Answers any request under another host's name with one line, status 403."""
 
     def prepare(self) -> None:
         """Answer a request of any method."""
@@ -162,7 +162,7 @@ class RefusedHandler(RequestHandler):  # type: ignore[misc]
 
 
 class TokenAuth(AuthProvider):  # type: ignore[misc]
-    """What Bokeh's server asks before it opens a page or a websocket; nobody logs out."""
+    """Decides for Bokeh's server who may open a page or a websocket; nobody logs out."""
 
     get_user_async = get_login_url = logout_url = logout_handler = None
     login_url = "/refused"

@@ -8,9 +8,8 @@ import numpy as np
 from bokeh.models import Arrow, ColumnDataSource, OpenHead, ScaleBar
 from bokeh.plotting import figure as new_figure
 
+from gateway.figures import EAST, MISSING_FORCES, NORTH, VELOCITIES, Axis, SeriesRole, Theme
 from gateway.figures.bokeh_draw import style_figure
-from gateway.figures.figure_data import Axis, SeriesRole
-from gateway.figures.style import EAST, MISSING_FORCES, NORTH, VELOCITIES, Theme
 from gateway.monitor import TRUTH, Message, VesselStatus
 from gateway.studio.live_history import RESIDUAL, WINDOW_S, WatchedBoat
 from gateway.studio.page import fill_source
@@ -114,7 +113,7 @@ def _corners(
 
 
 def strength(boat: WatchedBoat, topic: str) -> float:
-    """How strongly a boat or its shadow is drawn: what is not heard fades at its last place."""
+    """Opacity of a boat or its shadow: one that is not heard any more fades at its last place."""
     lost = boat.status.silent_s is not None
     lost |= topic == "measured" and boat.status.link_silent_s is not None
     return FADED if lost else 1.0
@@ -177,7 +176,7 @@ class Strips:
             source.data = {name: [] for name in source.column_names}
 
     def show(self, boat: WatchedBoat) -> None:
-        """What came since the last time."""
+        """Draw the rows that came since the last call."""
         _legend_of_truth(self.velocities[0], TRUTH in boat.rows)
         for topic, source in self._sources.items():
             rows = boat.rows_since(topic, self._latest.get(topic, 0.0))

@@ -23,14 +23,13 @@ import panel as pn
 
 from gateway.config import StudioSettings
 from gateway.errors import ShadowError
+from gateway.figures import LIGHT, THEMES
 from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.html_report import GLOSSARY
-from gateway.figures.style import LIGHT, THEMES
-from gateway.studio.address import Address
-from gateway.studio.fleet_reader import FleetReader
+from gateway.studio import Address
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.session import Notice, Session
-from gateway.studio.worker import BUG
+from gateway.studio.worker import BUG, FleetReader
 from sim.effects.effect import LawError
 
 # Reaches into every widget: each lives in a shadow root, where the page's own rules end.
@@ -217,7 +216,7 @@ class PageEntry:
 
 @dataclass(frozen=True)
 class StudioContext:
-    """What every page gets: session, live boats, settings, the pages that there are, a fleet."""
+    """Given to every page: session, live boats, settings, the table of pages, a fleet."""
 
     session: Session
     live: LiveHistory
@@ -227,7 +226,7 @@ class StudioContext:
 
 
 class Page(ABC):
-    """What all pages share; a page says what it is made of and what follows which change."""
+    """Base of all pages; a page declares its parts and what follows which change."""
 
     period_ms: ClassVar[int] = PERIOD_MS
 
@@ -275,7 +274,7 @@ class Page(ABC):
         self._notice = Notice(text, good, time.monotonic())
 
     def guarded(self, work: Callable[[], None]) -> Callable[[], None]:
-        """What a user does: it ends the message before; its errors are a line, no traceback."""
+        """Run an action of the user: it ends the message before; its errors are a line."""
 
         def run() -> None:
             self._notice = None
@@ -334,7 +333,7 @@ class Page(ABC):
         self._show_messages()
 
     def _show_messages(self) -> None:
-        """What is under way, what was said last, here and for all, and ways to stop and close."""
+        """Show the job under way and the last messages, here and for all, with stop and close."""
         slow, quick = self.session.slow, self.session.quick
         lines = []
         if slow.busy:

@@ -1,4 +1,9 @@
-"""The server of the studio: its pages on one session, for this machine alone by default."""
+"""The server of the studio: its pages on one session, for this machine alone by default.
+
+Beside its pages it answers: is it there, where does `/` lead, a map's tiles. An open page asks
+`alive` about once a second. The answer is the name of this run of the server, so that a page knows
+when another one has taken its place, whose sessions it does not share.
+"""
 
 import errno
 import logging
@@ -15,7 +20,8 @@ from typing import Any
 
 import panel as pn
 from tornado.ioloop import IOLoop, PeriodicCallback
-from tornado.routing import Rule
+from tornado.routing import PathMatches, Rule
+from tornado.web import RedirectHandler, RequestHandler
 from tornado.websocket import WebSocketClosedError
 
 from gateway.bus import DEFAULT_ENDPOINT
@@ -24,16 +30,48 @@ from gateway.errors import BadInput
 from gateway.files import RECORDINGS, VESSELS
 from gateway.monitor import MonitorOptions
 from gateway.studio.access import Folders, OtherHost, OtherHostHandler, TokenAuth, new_token
-from gateway.studio.fleet_reader import TABLE, FleetReader
 from gateway.studio.live_history import LiveHistory
+from gateway.studio.map_tiles import TileFile, TileHandler, open_tiles
 from gateway.studio.page import PageEntry, StudioContext, set_style
-from gateway.studio.pages.catalogue import known_pages
-from gateway.studio.routes import routes
+from gateway.studio.pages import known_pages
 from gateway.studio.session import Session
-from gateway.studio.tile_file import open_tiles
-from gateway.studio.worker import BUG
+from gateway.studio.worker import BUG, TABLE, FleetReader
 from gateway.user_effects import EffectFile
 from sim.state import Progress
+
+ALIVE = "alive"
+
+
+class AliveHandler(RequestHandler):  # type: ignore[misc]
+    """The name of this run of the server; nothing that a stranger could use."""
+
+    def initialize(self, run: str) -> None:
+        """As tornado hands it over."""
+        self._run = run
+
+    def get(self) -> None:
+        """Answer a request; never from a cache."""
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(self._run)
+
+
+def routes(
+    run: str, first_page: str, tiles: TileFile | None = None,
+    allowed: Callable[[Any], bool] = lambda handler: True,
+) -> list[Any]:  # fmt: skip
+    """Rules that go before those of the pages; a token in the address is kept on the way.
+
+    tiles    a map's file; `allowed`: may the sender of a request see it?
+    """
+    more = {"file": tiles, "allowed": allowed}
+    place = PathMatches(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
+    return [
+        *([Rule(place, TileHandler, more)] if tiles is not None else []),
+        Rule(PathMatches(f"/{ALIVE}"), AliveHandler, {"run": run}),
+        Rule(PathMatches("/"), RedirectHandler, {"url": f"/{first_page}", "permanent": False}),
+    ]
+
 
 DEMO_LOGS = (RECORDINGS / "voyage_1.tlog", RECORDINGS / "voyage_2.tlog")
 DEMO_VESSEL = VESSELS / "demo_boat.toml"

@@ -1,8 +1,4 @@
-"""The session: what is being worked on, shared by all pages of one studio and kept over reloads.
-
-Pages change the session and look at it a few times a second. The work is done by two workers: a
-quick one that compares after every change, and one for what takes a minute.
-"""
+"""The session: what all pages of a studio work on, kept over reloads; a quick and a slow worker."""
 
 import secrets
 import time
@@ -18,20 +14,22 @@ import tomli_w
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
 from gateway.files import write_whole
-from gateway.studio import tasks
-from gateway.studio.access import Folders
-from gateway.studio.cards import CardReader
-from gateway.studio.layout import Layout, NamedRange, load_layout, save_layout
-from gateway.studio.signals import SignalReader
-from gateway.studio.views import (
+from gateway.studio import (
     WHOLE,
     DiagnosisView,
     LadderView,
+    Layout,
+    NamedRange,
     Scope,
     TimeRanges,
     TrialView,
+    load_layout,
+    save_layout,
+    tasks,
 )
-from gateway.studio.worker import JobMessage, Worker
+from gateway.studio.access import Folders
+from gateway.studio.signals import SignalReader
+from gateway.studio.worker import CardReader, JobMessage, Worker
 from gateway.user_effects import EffectFile, effect_file_beside
 from gateway.vessel_file import read_vessel_file
 
@@ -51,7 +49,7 @@ class Notice:
 
     @property
     def holds(self) -> bool:
-        """Whether it is still to be shown."""
+        """Whether the notice is still to be shown."""
         return not self.good or time.monotonic() - self.since < GOOD_S
 
 
@@ -194,7 +192,7 @@ class Session:
             self._changed("vessel")
 
     def redo(self) -> None:
-        """What was undone last is done again."""
+        """Do the change again that was undone last."""
         if self.undone:
             self.versions.append(self.undone.pop())
             self._changed("vessel")
@@ -230,7 +228,7 @@ class Session:
         self.notice = Notice(text, good, time.monotonic(), about)
 
     def _settled(self, about: str) -> None:
-        """What was said about that work is no longer true."""
+        """Take away the notice of work that has been done again."""
         if self.notice is not None and self.notice.about == about:
             self.notice = None
 
@@ -347,7 +345,7 @@ class Session:
             worker.cancel()
 
     def _compared(self, message: JobMessage) -> None:
-        """What the quick worker sent; what it says of other recordings than these is dropped."""
+        """Take comparisons that the quick worker sent; those of other recordings are dropped."""
         if self._asked != self.logs:
             return
         if message.kind == "part":

@@ -12,14 +12,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gateway.errors import BadInput, ShadowError
+from gateway.figures import FigureData
 from gateway.figures.comparison import error_correlations, error_strips, missing_force_by_regime
 from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
-from gateway.figures.excitation import identification_figures
-from gateway.figures.figure_data import FigureData
 from gateway.figures.motion import (
     commands_over_time,
     free_runs_on_rows,
     horizon_velocities,
+    identification_figures,
     lanes_over_time,
     measured_series,
     measured_velocities,
@@ -27,8 +27,8 @@ from gateway.figures.motion import (
     track,
 )
 from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
-from gateway.ingest.happenings import Happenings, happenings
 from gateway.ingest.log import Log, choose_floating
+from gateway.ingest.log_events import Happenings, happenings
 from gateway.ingest.open import open_log
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.compare import TrialComparison, compare_models, distinct_vessels
@@ -37,7 +37,7 @@ from gateway.offline.identify import identify_logs
 from gateway.offline.report import report_from_log, report_of, write_report
 from gateway.offline.trials import FIRST_LOOK, TrialOptions, trials_of
 from gateway.offline.usable_time import DISARMED
-from gateway.studio.views import (
+from gateway.studio import (
     WHOLE,
     AlternativeView,
     ComparisonView,
@@ -52,15 +52,13 @@ from gateway.studio.views import (
 from gateway.studio.worker import Send
 from gateway.user_effects import EffectFile, known_effects
 from gateway.vessel_file import load_vessel
+from sim.comparison import Bin, Regime, bin_of, regimes_of
 from sim.comparison.compare import Comparison
-from sim.comparison.regimes import Regime, regimes_of
-from sim.comparison.where import Bin, bin_of
 from sim.diagnosis.answer import LadderStep
 from sim.diagnosis.evidence import evidence_of, evidence_on, rivals
 from sim.effects.effect import Effect
 from sim.model import Model
-from sim.prediction.free_runs import DivergedError, predict
-from sim.prediction.scales import Ruler
+from sim.prediction.free_runs import DivergedError, Ruler, predict
 from sim.state import Eta
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -85,7 +83,7 @@ def trials_in(path: str, mapping: str | None = None) -> tuple[Trial, ...]:
 def _read(
     path: str, mapping: str | None, first_look: Callable[[Read], None] = lambda _: None
 ) -> Read:
-    """What is in a recording; of a long one `first_look` gets a rough reading before."""
+    """The trials of a recording; of a long one `first_look` gets a rough reading before."""
     key = path, Path(path).stat().st_mtime_ns, mapping
     if key not in _kept:
         log = open_log(path, mapping)
@@ -236,7 +234,7 @@ def diagnose_task(
     mapping: str | None = None,
     scope: Scope = WHOLE,
 ) -> DiagnosisView:
-    """What is missing, and every vessel on the way to it."""
+    """Diagnose recordings: the effects that are missing, and every vessel on the way to them."""
     effects = effects_in(files)
     with TemporaryDirectory() as folder:
         given = Path(folder) / "vessel.toml"
@@ -325,7 +323,7 @@ def _ladder_views(
 def _alternatives(
     found: DiagnosisResult, views: Sequence[LadderView]
 ) -> tuple[AlternativeView, ...]:
-    """What was not chosen; with evidence where it is a rival, or explains something at least."""
+    """Effects not chosen; with evidence where they are rivals, or explain something at least."""
     d = found.diagnosis
     tied = rivals(d)
     least = EXPLAINS * d.ladder[1].heldout.nrmse

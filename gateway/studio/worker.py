@@ -1,5 +1,8 @@
 """Long work in a process of its own: it reports progress, fails in a sentence, and is cancelled
 at any moment by ending the process. The page and a live shadow beside it keep their rate.
+
+Two such processes read in the background: cards that say what is in each recording, one after the
+other, and a fleet's table, which is followed.
 """
 
 import multiprocessing
@@ -8,14 +11,25 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from html import escape
+from importlib.util import find_spec
 from multiprocessing.connection import Connection
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
 
-from gateway.errors import ShadowError
+import numpy as np
+
+from gateway.errors import BadInput, ShadowError
+from gateway.figures import FigureData
+from gateway.ingest.open import open_log
+from gateway.ingest.survey import Survey, survey
+from gateway.offline.trials import FIRST_LOOK, trials_of
 from sim.effects.effect import LawError
+from sim.state import Eta, Floats
 
 Send = Callable[[Any], None]  # takes a line of progress, or a part of the result
 NICE = 5  # steps of lower priority: a live shadow on this machine goes first
@@ -25,7 +39,7 @@ BUG = "the studio has a fault here; its log says more"
 
 @dataclass(frozen=True)
 class JobMessage:
-    """What came of a job: a line of progress, a part, the result, or why there is none."""
+    """A message of a job: a line of progress, a part, the result, or why there is none."""
 
     job: str
     kind: Literal["progress", "part", "done", "failed"]
@@ -57,7 +71,7 @@ class Worker:
 
     @property
     def seconds(self) -> float:
-        """How long the job has been under way."""
+        """Time for which the job has been under way [s]."""
         return time.monotonic() - self._since if self.busy else 0.0
 
     def start(self, job: str, task: Callable[..., Any], *arguments: Any) -> None:
@@ -71,7 +85,7 @@ class Worker:
         self._connection.send((task, arguments))
 
     def messages(self) -> list[JobMessage]:
-        """What has come since the last time; never waits."""
+        """Messages that have come since the last call; never waits."""
         out: list[JobMessage] = []
         while self.busy and self._connection is not None:
             try:
@@ -138,3 +152,192 @@ def outcome(task: Callable[..., Any], arguments: Any, send: Send) -> tuple[str, 
     except Exception as error:  # the outermost loop of this process
         print(traceback.format_exc(), file=sys.stderr, flush=True)
         return "failed", f"{BUG} ({type(error).__name__})"
+
+
+POINTS = 200  # of a small track
+WIDTH, HEIGHT, EDGE = 150, 90, 6  # px of it
+MOST_RATES = 8  # messages whose rates are shown
+FIRST_YEAR = 2005  # a clock that says less was never set
+
+
+@dataclass(frozen=True)
+class CardView:
+    """A recording: what is in it, and of its trials the first time [ns], place, usable time [s] and
+    track (n, 2) east, north [m]; `why_not`: why none of it can be used."""
+
+    survey: Survey
+    start_time_ns: int = 0
+    origin_deg: tuple[float, float] | None = None
+    usable_s: float = 0.0
+    track: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    why_not: str = ""
+
+
+def card_task(send: Send, path: str, mapping: str | None = None) -> CardView:
+    """Read a recording for its card."""
+    log = open_log(path, mapping)
+    found = survey(log)
+    try:
+        trials = trials_of(log, replace(FIRST_LOOK, mapping=mapping))
+    except ShadowError as error:
+        return CardView(found, why_not=" ".join(str(error).split()))
+    track = np.concatenate([trial.eta[:, [Eta.EAST, Eta.NORTH]] for trial in trials])
+    return CardView(
+        found, trials[0].start_time_ns, trials[0].origin_deg,
+        sum(float(trial.usable.sum()) * trial.dt for trial in trials),
+        track[:: max(len(track) // POINTS, 1)],
+    )  # fmt: skip
+
+
+@dataclass
+class CardReader:
+    """A worker of its own and the cards it has read; `refused`: path -> why there is none."""
+
+    worker: Worker = field(default_factory=Worker)
+    cards: dict[str, CardView] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    _wanted: list[str] = field(default_factory=list)
+    _reading: str = ""
+
+    def want(self, paths: Sequence[Path]) -> None:
+        """Read those that were not read yet, in this order."""
+        known = {*self.cards, *self.refused, *self._wanted, self._reading}
+        self._wanted += [str(path) for path in paths if str(path) not in known]
+
+    def is_waiting(self, path: str) -> bool:
+        """Whether a recording will be read, or is being read."""
+        return path in self._wanted or path == self._reading
+
+    def update(self, mapping: str | None) -> bool:
+        """Take what was read, begin the next; whether there is something new."""
+        news = False
+        for message in self.worker.messages():
+            if message.kind == "done":
+                self.cards[self._reading] = message.value
+            elif message.kind == "failed":
+                self.refused[self._reading] = message.value
+            if message.kind in ("done", "failed"):
+                self._reading, news = "", True
+        if self._wanted and not self.worker.busy:
+            self._reading = self._wanted.pop(0)
+            self.worker.start("look", card_task, self._reading, mapping)
+            news = True
+        return news
+
+
+def card_text(path: Path, reader: CardReader) -> str:
+    """A recording in words with its track, or why there is none, as HTML."""
+    name = f"<h3>{escape(path.name)}</h3>"
+    view = reader.cards.get(str(path))
+    if view is None:
+        why = reader.refused.get(str(path))
+        waiting = "<p class='faint'>being read …</p>" if reader.is_waiting(str(path)) else ""
+        return name + (f"<p class='warn'>{escape(why)}</p>" if why else waiting)
+    found = view.survey
+    boats = "; ".join(escape(f"{b.boat} {b.firmware}".strip()) for b in found.boats) or "no boat"
+    fastest = sorted(found.messages.items(), key=lambda item: -item[1].rate_hz)[:MOST_RATES]
+    rates = ", ".join(f"{escape(name)} {message.rate_hz:.1f} Hz" for name, message in fastest)
+    warnings = [note for boat in found.boats for note in boat.notices]
+    warnings += [view.why_not] if view.why_not else []
+    notes = "".join(f"<p class='warn'>{escape(note)}</p>" for note in warnings)
+    limits = "".join(f"<li>{escape(text)}</li>" for boat in found.boats for text in boat.good_for)
+    return (
+        f"{name}<p>{_when_and_where(view)}{_minutes(found.seconds)}, "
+        f"<strong>{_minutes(view.usable_s)} usable</strong></p>{track_svg(view.track)}"
+        f"<p class='faint'>{escape(found.kind)}, {found.statistics.size_bytes / 1e6:.1f} MB; "
+        f"{boats}</p>{notes}<details><summary>What it is good for</summary><ul>{limits}</ul>"
+        f"<p class='faint'>{rates}</p></details>"
+    )
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60.0:.0f} min" if seconds >= 120.0 else f"{seconds:.0f} s"
+
+
+def _when_and_where(view: CardView) -> str:
+    """Date and place, as far as the recording knows them."""
+    when = datetime.fromtimestamp(view.start_time_ns * 1e-9, UTC) if view.start_time_ns else None
+    parts = [f"{when:%d %b %Y %H:%M} UTC"] if when and when.year >= FIRST_YEAR else []
+    if view.origin_deg is not None:
+        lat, lon = view.origin_deg
+        parts.append(f"{abs(lat):.3f}° {'NS'[lat < 0]}, {abs(lon):.3f}° {'EW'[lon < 0]}")
+    return "".join(f"{part}<br>" for part in parts)
+
+
+def track_svg(track: Floats) -> str:
+    """A track (n, 2) east, north [m] as a small picture, north up; empty without any motion."""
+    size = float(np.ptp(track, axis=0).max()) if len(track) > 1 else 0.0
+    if not size > 0.0:
+        return ""
+    scale = min((WIDTH - 2 * EDGE) / max(float(np.ptp(track[:, 0])), 1e-9),
+                (HEIGHT - 2 * EDGE) / max(float(np.ptp(track[:, 1])), 1e-9))  # fmt: skip
+    x = EDGE + scale * (track[:, 0] - track[:, 0].min())
+    y = HEIGHT - EDGE - scale * (track[:, 1] - track[:, 1].min())
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    return (f'<svg width="{WIDTH}" height="{HEIGHT}" role="img" aria-label="track, {size:.0f} m '
+            f'wide"><polyline points="{points}" fill="none" stroke="var(--accent)" '
+            'stroke-width="2"/></svg>')  # fmt: skip
+
+
+TABLE = "recordings.parquet"  # the file that is looked at for changes
+LOOK_S = 2.0  # between two looks whether `shadow fleet` has written it again
+
+
+@dataclass(frozen=True)
+class FleetView:
+    """The table of a fleet as the page shows it.
+
+    rows      the table's recordings, in order of time, those without one last
+    headline  what has changed, what could not be used
+    courses   "boat number" -> its course with intervals; what has changed first
+    """
+
+    rows: tuple[Mapping[str, Any], ...]
+    headline: tuple[str, ...]
+    maps: tuple[FigureData, ...]
+    courses: Mapping[str, FigureData]
+
+
+def fleet_task(send: Send, folder: str) -> FleetView:
+    """Read the table in a folder; BadInput where there is none."""
+    if find_spec("pyarrow") is None:
+        raise BadInput("pyarrow: not installed: pip install 'shadow-gateway[fleet]'")
+    from gateway.fleet.report import by_time, headline, maps
+    from gateway.fleet.table import read_recordings
+    from gateway.fleet.wear import wear_of
+
+    send(f"reading {folder}")
+    rows, wear = sorted(read_recordings(folder), key=by_time), wear_of(folder)
+    numbers = sorted(wear.numbers, key=lambda one: (one.change is None, one.p_value))
+    courses = {f"{one.boat}: {one.name}": one.figure for one in numbers}
+    return FleetView(tuple(rows), tuple(headline(rows, wear)), tuple(maps(rows)), courses)
+
+
+@dataclass
+class FleetReader:
+    """One worker for all pages; reads the table of a folder again when it has changed."""
+
+    folder: Path | None = None
+    worker: Worker = field(default_factory=Worker)
+    view: FleetView | None = None
+    refused: str = ""
+    revision: int = 0
+    _stamp: int | None = None
+    _looked: float = 0.0
+
+    def update(self) -> None:
+        """Take what was read; begin anew where the table has changed."""
+        for message in self.worker.messages():
+            if message.kind == "done":
+                self.view, self.refused = message.value, ""
+                self.revision += 1
+            elif message.kind == "failed":
+                self.refused = message.value
+                self.revision += 1
+        if self.folder is None or self.worker.busy or time.monotonic() - self._looked < LOOK_S:
+            return
+        self._looked, file = time.monotonic(), self.folder / TABLE
+        stamp = file.stat().st_mtime_ns if file.is_file() else -1
+        if stamp != self._stamp:
+            self._stamp = stamp
+            self.worker.start("fleet", fleet_task, str(self.folder))

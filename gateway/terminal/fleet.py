@@ -13,7 +13,7 @@ from gateway.fleet.analysis import DONE, DUPLICATE, PARTLY
 from gateway.fleet.run import FleetResult, Progress
 from gateway.fleet.table import ESTIMATES_FILE, RECORDINGS_FILE
 from gateway.fleet.wear import FleetWear, counted
-from gateway.terminal.console import ResultConsole, SafeConsole, result_table
+from gateway.terminal import ResultConsole, SafeConsole, result_table
 
 MOST_SHOWN = 10  # reasons why recordings failed
 MOST_NAMED = 3  # recordings of one reason

@@ -1,8 +1,7 @@
-"""Comparisons: how far models are from the measurement, and the worst regimes in words.
+"""An identification: fitted parameters, every doubt in words, and what is gained on unseen time.
 
-An identification: fitted parameters, every doubt in words, and what is gained on unseen time.
-
-A plan: its prediction, its bounds and its files; and the list of manoeuvres.
+A plan for one: its prediction, its bounds and its files; and the list of manoeuvres. The passport
+of a vessel file: origins of its numbers, differences, history.
 """
 
 from collections.abc import Sequence
@@ -11,79 +10,16 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from gateway.figures.style import DEGREES, motion_texts
-from gateway.figures.words import nowhere_text
-from gateway.offline.plan import PlanResult
-from gateway.offline.plan_export import pulse_bounds
-from gateway.terminal.console import ResultConsole, result_table
-from sim.comparison.compare import Comparison
-from sim.comparison.improvement import improvements
-from sim.excitation.manoeuvre import Manoeuvre
-from sim.excitation.step_response import STEER, THROTTLE, StepResponse, StepResponses
+from gateway.figures import DEGREES
+from gateway.offline.plan import PlanResult, pulse_bounds
+from gateway.offline.vessel import Passport, differences, outputs_that_differ
+from gateway.terminal import ResultConsole, result_table
+from sim.excitation import Manoeuvre
+from sim.excitation.responses import STEER, THROTTLE, StepResponse, StepResponses
 from sim.identification.by_recording import ByRecording
-from sim.identification.identify import Identification
-from sim.identification.validation import Validation
-from sim.prediction.scores import Scores
+from sim.identification.identify import Identification, Validation
+from sim.prediction.free_runs import Scores
 from sim.vessel import Vessel
-
-WORST = 5  # regimes that are named
-
-
-def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None:
-    """All comparisons: errors beside the floor, then where each vessel is worst."""
-    out = ResultConsole()
-    for log in dict.fromkeys(one.log for one in found):
-        out.print(_table([one for one in found if one.log == log]))
-    out.print(
-        "nrmse: error of free predictions over the horizon, in standard deviations of the motion; "
-        "at the floor it is noise. A free run starts once and is never corrected."
-    )
-    out.bullets(each.sentence for each in improvements(found))
-    out.bullets(_refits(found))
-    out.notices(dict.fromkeys(n for comparison in found for n in comparison.notices))
-    for one in found:
-        worst = one.worst(WORST)
-        heading = "where it is worst" if worst else nowhere_text(one.nrmse, one.noise_floor_nrmse)
-        out.print(f"\n[bold]{escape(one.vessel)}[/bold] on {escape(one.log)}: {heading}")
-        out.bullets(each.sentence for each in worst)
-        if one.place is not None:
-            out.bullets([str(one.place.to_dict()["says"])])
-        if one.independence is not None and one.independence.description:
-            out.bullets([one.independence.description])
-    if pictures is not None:
-        out.print(f"\npictures: {pictures}", soft_wrap=True, markup=False)
-
-
-def _refits(found: Sequence[Comparison]) -> list[str]:
-    """What was estimated anew on the day, either half of the blocks from the other."""
-    return [
-        f"{c.vessel} on {c.log}, estimated anew on blocks that it is not judged by: "
-        + ", ".join(f"{key} {a:.3g} / {b:.3g}" for (key, a), b in zip(
-            c.refit[0].items(), c.refit[1].values(), strict=True))
-        for c in found if c.refit
-    ]  # fmt: skip
-
-
-def _table(found: Sequence[Comparison]) -> Table:
-    """Comparisons on one recording, by one ruler."""
-    first = found[0]
-    title = f"{first.log}, {first.seconds:.0f} s: measured − model, RMSE"
-    table = Table(title=escape(title), title_justify="left")
-    table.add_column("vessel", overflow="fold")
-    for name in ("u m/s", "v m/s", "r °/s", "place m", "head °", "nrmse"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for c in found:
-        interval = "" if c.nrmse_ci95 is None else f" {c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f}"
-        table.add_row(
-            f"{escape(c.vessel)}, {c.ruler.settings.horizon:g} s",
-            *motion_texts(c.scores.rmse), f"{c.nrmse:.3f}{interval}",
-        )  # fmt: skip
-        rmse = c.free_run.to_dict().get("rmse", {})
-        free = motion_texts(rmse) if "u" in rmse else ("diverged", "", "", "", "")
-        table.add_row("  one free run", *free, "", end_section=True)
-    table.add_row("noise alone", "", "", "", "", "", f"{first.noise_floor_nrmse:.3f}")
-    return table
-
 
 CHANNELS = {  # of the scores, in SI units
     "u": "u m/s", "v": "v m/s", "r": "r rad/s", "x": "north m", "y": "east m", "psi": "ψ rad",
@@ -272,3 +208,54 @@ def _circle(done: PlanResult) -> str:
             f"was lowered from {done.requested_throttle:g} to {plan.limits.throttle:.2f}; {UNKNOWN}"
         )
     return f"{fast}, in the circle of {radius:g} m; {UNKNOWN}"
+
+
+def show_passport(read: Passport) -> None:
+    """Every number with its interval and its origin."""
+    console = ResultConsole()
+    table = Table(title=f"{read.vessel.name}: {read.path}", title_justify="left")
+    for name in ("number", "value", "95 % interval", "unit"):
+        table.add_column(name, no_wrap=True, justify="left" if name == "number" else "right")
+    table.add_column("from", overflow="fold")
+    for one in read.numbers:
+        ci95 = one.origin.ci95 if one.origin else None
+        interval = "" if ci95 is None else f"{ci95[0]:.4g} … {ci95[1]:.4g}"
+        source = escape(one.source)
+        table.add_row(escape(one.name), f"{one.value:.5g}", interval, one.unit, source)
+    console.print(table)
+    if read.vessel.source:
+        console.print(f"source: {read.vessel.source}", markup=False, highlight=False)
+    console.notices(read.vessel.assumptions)
+
+
+def show_difference(first: Passport, second: Passport) -> None:
+    """The numbers and the wiring that differ."""
+    console, found = ResultConsole(), differences(first, second)
+    table = result_table("what differs", "number", "first", "second", "change", "intervals",
+                         unit=True)  # fmt: skip
+    words = {None: "not stated", True: "beyond", False: "within"}
+    for one in found:
+        change = "" if one.share is None else f"{100.0 * one.share:+.1f} %"
+        ends = ("–" if value is None else f"{value:.5g}" for value in (one.first, one.second))
+        table.add_row(one.name, *ends, change, words[one.beyond], one.unit)
+    if found:
+        console.print(table)
+    wiring = outputs_that_differ(first.vessel, second.vessel)
+    console.bullets(wiring)
+    if not found and not wiring:
+        console.bullets(["the two are the same vessel"])
+
+
+def show_history(read: Passport) -> None:
+    """One line a revision, with what it changed."""
+    console = ResultConsole()
+    for one in read.tables.history:
+        changed = ", ".join(
+            f"{name} {one.before[name]:.4g} → {now:.4g}"
+            if name in one.before
+            else f"{name} {now:.4g}"
+            for name, now in one.now.items()
+        )
+        console.bullets([f"{one.date}, {one.by} on {one.recording}: {changed}"])
+    if not read.tables.history:
+        console.bullets(["no history: no command of this program has changed its numbers"])

@@ -13,16 +13,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from gateway.errors import one_line
-from gateway.figures.style import POSE, VELOCITIES, YAW_RATE
+from gateway.figures import POSE, VELOCITIES, YAW_RATE
 from gateway.ingest.log import not_a_boat
 from gateway.ingest.log_events import LogEvent
-from gateway.ingest.parameters import THRUST_FUNCTIONS
+from gateway.ingest.mapping import THRUST_FUNCTIONS
 from gateway.ingest.survey import BoatSurvey, Survey
-from gateway.terminal.console import ResultConsole
+from gateway.terminal import ResultConsole
 from gateway.vessel_tables import RudderTable, ThrusterTable, VesselFile
 
 if TYPE_CHECKING:  # `shadow info` needs none of them
-    from gateway.offline.export.export import Exported
+    from gateway.offline.export import Exported
     from gateway.offline.replay_summary import ReplaySummary
     from gateway.offline.report import ReportFile
     from gateway.offline.simulate import SimulationResult

@@ -22,9 +22,8 @@ from scipy.signal import lfilter
 from scipy.special import ndtri
 
 from sim.model import Model
+from sim.prediction import commands_around, forces_along
 from sim.prediction.free_runs import free_reports
-from sim.prediction.inputs import commands_around
-from sim.prediction.missing_force import forces_along
 from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial

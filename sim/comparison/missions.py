@@ -29,7 +29,7 @@ DRIVEN_US = 5.0  # an output whose pulses spread less is not driven
 HARDLY_SHARE = 0.1  # of the extent of the mission: a median gap beyond is another mission
 
 
-class TooShortError(ValueError):
+class TrackTooShortError(ValueError):
     """A passage that nothing can be said about; the message says why."""
 
 
@@ -69,11 +69,11 @@ class Passage:
         hold = max(round(UNDER_WAY_S / float(np.median(np.diff(self.time)))), 1)
         starts = np.flatnonzero(np.convolve(fast, np.ones(hold), "valid") >= hold)
         if not len(starts):
-            raise TooShortError(f"{self.name}: is never under way")
+            raise TrackTooShortError(f"{self.name}: is never under way")
         cut = slice(int(starts[0]), int(starts[-1]) + hold)
         length = float(np.hypot(np.diff(self.north[cut]), np.diff(self.east[cut])).sum())
         if length < SHORTEST_M:
-            raise TooShortError(f"{self.name}: {length:.1f} m under way: too short to compare")
+            raise TrackTooShortError(f"{self.name}: {length:.1f} m under way: too short to compare")
         return Passage(
             self.name,
             self.time[cut] - self.time[cut][0],

@@ -15,27 +15,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim.comparison import regimes_of
 from sim.comparison.compare import Comparison, comparison_of
-from sim.comparison.regimes import regimes_of
 from sim.effects.effect import Effect, Kind, Role, Scope
+from sim.identification import IdentifySettings, updated_vessel
 from sim.identification.identify import fitted_model
 from sim.identification.parameters import unknowns_of
-from sim.identification.settings import IdentifySettings
+from sim.identification.search import MOMENT_STARTS, start_points
 from sim.identification.shooting import FitInputs, fit_by_shooting
-from sim.identification.starts import MOMENT_STARTS, start_points
-from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
+from sim.prediction import MissingForce, missing_force
 from sim.prediction.free_runs import (
     DivergedError,
     FreeRun,
     Prediction,
+    Ruler,
     free_run,
+    nrmse,
     predict,
     shared_ruler,
 )  # fmt: skip
-from sim.prediction.missing_force import MissingForce, missing_force
-from sim.prediction.scales import Ruler
-from sim.prediction.scores import nrmse
 from sim.prediction.segments import (
     BLOCK_S,
     CompareSettings,

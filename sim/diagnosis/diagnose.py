@@ -12,15 +12,27 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, falling
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.free_curve import find_free_curve
-from sim.diagnosis.generality import doubt_of, unseen_headings
-from sim.diagnosis.heldout import HeldOutScorer, gain
-from sim.diagnosis.identifiability import RecordingContent, Refusal, refusals
-from sim.diagnosis.ladder import EffectSearch, Selection, is_at_floor, is_missed, is_worth_it
-from sim.diagnosis.next_experiment import SuggestedManoeuvre, by_information, by_separation
-from sim.diagnosis.ranking import RankedEffect, Ranking
+from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
+from sim.diagnosis.ladder import (
+    EffectSearch,
+    Selection,
+    doubt_of,
+    is_at_floor,
+    is_missed,
+    is_worth_it,
+    unseen_headings,
+)
+from sim.diagnosis.next_experiment import (
+    RecordingContent,
+    Refusal,
+    SuggestedManoeuvre,
+    by_information,
+    by_separation,
+    refusals,
+)
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
+    find_free_curve,
     is_above_noise,
     is_above_stated,
     is_curve_above_form,
@@ -33,8 +45,8 @@ from sim.diagnosis.verdict import (
 )
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
+from sim.identification import BASE, IdentifySettings
 from sim.identification.parameters import unknowns_of
-from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError

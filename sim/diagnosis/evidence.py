@@ -15,13 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.comparison.where import bin_of
+from sim.comparison import bin_of
 from sim.diagnosis.answer import Diagnosis, LadderStep
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis
-from sim.identification.vessel_update import updated_vessel
+from sim.identification import updated_vessel
 from sim.model import Model
-from sim.prediction.inputs import vessel_commands
-from sim.prediction.missing_force import missing_force_only
+from sim.prediction import missing_force_only, vessel_commands
 from sim.prediction.segments import BLOCK_S
 from sim.state import Eta, Floats, Nu
 from sim.trial import Trial

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Kind
+from sim.identification import BASE, IdentifySettings, updated_vessel
 from sim.identification.intervals import NUISANCE, Estimate, estimates_of, uncertainty_of
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknown, Unknowns, unknowns_of
@@ -36,9 +37,7 @@ from sim.identification.search import (
     robust_weights,
     search,
 )
-from sim.identification.settings import BASE, IdentifySettings
 from sim.identification.shooting import FitResult, jacobian_of, residuals_of
-from sim.identification.vessel_update import updated_vessel
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from sim.diagnosis import thresholds
 from sim.effects.effect import Effect
+from sim.identification import IdentifySettings
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
 from sim.identification.runs import RunSet, TrialTrack
-from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import (
     FitInputs,
     build_run_set,

@@ -21,8 +21,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit
 from sim.identification.runs import RunSet, simulate_runs
 from sim.model import Model
-from sim.prediction.inputs import vessel_commands
-from sim.prediction.missing_force import missing_force_only
+from sim.prediction import missing_force_only, vessel_commands
 from sim.prediction.segments import transitions
 from sim.state import Eta, Floats, Ints
 from sim.trial import Trial

@@ -24,9 +24,14 @@ from sim.diagnosis.fit import (
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
-from sim.identification.search import damped_steps, robust_cost, robust_weights
+from sim.identification.search import (
+    MOMENT_STARTS,
+    damped_steps,
+    robust_cost,
+    robust_weights,
+    start_points,
+)
 from sim.identification.shooting import jacobian_of, residuals_and_slopes, residuals_of
-from sim.identification.starts import MOMENT_STARTS, start_points
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect

@@ -5,7 +5,7 @@ What they give together was measured on 243 voyages with a hidden cause or none
 gives no figure of its own, the single number was chosen, not measured.
 """
 
-# --- What a recording must hold (identifiability.py) ---
+# --- What a recording must hold (next_experiment.py) ---
 MIN_USABLE_S = 60.0  # of all recordings together
 MIN_RATE_HZ = 5.0  # of commands and velocities, for what acts within a fraction of a second
 MIN_CHANGE_S = 150.0  # of one recording, for what changes as time goes by
@@ -21,7 +21,7 @@ MIN_ASTERN_S = 4.0  # … and that long in all
 MIN_VOLTAGE_VARIATION = 0.02  # std over mean: less says nothing of a sagging battery
 MIN_MEASURED_SHARE = 0.9  # of the usable rows with a wind: what it acts on is fitted, not the wind
 
-# --- Fits (fit.py, screening.py, ranking.py) ---
+# --- Fits (fit.py, screening.py, heldout.py) ---
 ROBUST_SIGMAS = 4.0  # whitened residual from which on one counts less (pseudo-Huber)
 MAX_EVALUATIONS = 6  # of residuals in the fit that decides
 MAX_BASE_SIGMAS = 3.0  # that a number of the base may move, in its prior's standard deviations
@@ -70,7 +70,7 @@ MIN_SHARE_OF_EARLIER = 0.05  # of the nats that earlier effects won: less is the
 MIN_RECORDINGS = 3  # to leave out one at a time: of two, each would be fitted by the other alone
 MIN_NATS_ON_RECORDINGS = 0.0  # that what is true of a boat wins on recordings left out
 
-# --- Rivals (ranking.py, verdict.py) ---
+# --- Rivals (heldout.py, verdict.py) ---
 MIN_T_BETTER = 3.0  # over the blocks: one is really better than the other
 MIN_LOG_RATIO_BETTER = 0.02  # the same of a general law beside its special case
 MAX_EXPLANATIONS = 3  # named of one thing

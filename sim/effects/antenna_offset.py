@@ -44,7 +44,9 @@ EFFECT = Effect(
     observe=observe,
     parameters=(
         Parameter("x", "m", lower=-20.0, upper=20.0, start=0.0, scale=0.05, neutral=0.0),
-        Parameter("y", "m", lower=-20.0, upper=20.0, start=0.0, scale=0.05, neutral=0.0),
+        Parameter(
+            "y", "m", lower=-20.0, upper=20.0, start=0.0, scale=0.05, neutral=0.0, sided=True
+        ),
     ),
     looks_like="sideways speed in proportion to the turn rate, at once and without any force; "
     "spots on the track that swing around the boat",

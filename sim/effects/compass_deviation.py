@@ -51,7 +51,9 @@ EFFECT = Effect(
     observe=observe,
     parameters=(
         Parameter("b", "rad", lower=-0.6, upper=0.6, start=0.0, scale=0.02, neutral=0.0),
-        Parameter("c", "rad", lower=-0.6, upper=0.6, start=0.0, scale=0.02, neutral=0.0),
+        Parameter(
+            "c", "rad", lower=-0.6, upper=0.6, start=0.0, scale=0.02, neutral=0.0, sided=True
+        ),
     ),
     looks_like="seems to crab to one side on some headings and to the other on the opposite ones; "
     "the crab angle is the same at any speed and astern",

@@ -59,12 +59,12 @@ EFFECT = Effect(
             "speed", "m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0,
             direction="direction", description="before the change",
         ),
-        circular_parameter("direction", "towards, clockwise from north, before"),
+        circular_parameter("direction", "towards, clockwise from north, before", sided=True),
         Parameter(
             "later_speed", "m/s", lower=0.0, upper=3.0, start=0.2, scale=0.05, neutral=0.0,
             direction="later_direction", description="after the change",
         ),
-        circular_parameter("later_direction", "towards, clockwise from north, after"),
+        circular_parameter("later_direction", "towards, clockwise from north, after", sided=True),
         TIME_OF_CHANGE,
     ),
     looks_like="a velocity offset that stays fixed in the world, until it becomes another one at "

@@ -166,6 +166,7 @@ class Parameter:
     default    what stands where a vessel file says nothing; None: it must say it
     prior      standard deviation of what is known beforehand, about `start`: a search for the
                effect keeps to it; 0: anything within the bounds
+    sided      in a mirror, where port and starboard are exchanged, it changes its sign
     """
 
     name: str
@@ -180,8 +181,9 @@ class Parameter:
     role: Role | None = None
     starts: tuple[float, ...] = ()
     direction: str = ""
-    default: float | None = None
     prior: float = 0.0
+    default: float | None = None
+    sided: bool = False
     says: InitVar[str | None] = None  # the name of `description` in 0.1
 
     def __post_init__(self, says: str | None) -> None:
@@ -201,12 +203,13 @@ class Parameter:
 
 
 def circular_parameter(
-    name: str, description: str, scale: float = 0.1, starts: tuple[float, ...] = ()
-) -> Parameter:
+    name: str, description: str, scale: float = 0.1, starts: tuple[float, ...] = (),
+    sided: bool = False,
+) -> Parameter:  # fmt: skip
     """An angle [rad] all around; bounds beyond one turn, so that no search stops at them."""
     return Parameter(
         name, "rad", lower=-7.0, upper=7.0, start=0.0, scale=scale, description=description,
-        kind=Kind.CIRCLE, starts=starts,
+        kind=Kind.CIRCLE, starts=starts, sided=sided,
     )  # fmt: skip
 
 
@@ -226,7 +229,7 @@ class Assumption(NamedTuple):
 class Formula(NamedTuple):
     """A short law that may stand for a table.
 
-    form     its name among those that `sim.effects.formulas` holds
+    form     its name among those that `sim.effects.learned_formula` holds
     text     the equation with its numbers
     numbers  by name, SI
     values   the table as the formula has it

@@ -36,7 +36,9 @@ EFFECT = Effect(
     scope=Scope.BOAT,
     observe=observe,
     parameters=(
-        Parameter("angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0),
+        Parameter(
+            "angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0, sided=True
+        ),
     ),
     looks_like="sideways speed in proportion to forward speed, on every heading, other sign astern",
     mistaken_for=("steady_current", "compass_deviation", "cg_offset"),

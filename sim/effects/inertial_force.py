@@ -51,7 +51,7 @@ EFFECT = Effect(
             neutral=0.0,
             direction="direction",
         ),
-        circular_parameter("direction", "towards, clockwise from north"),
+        circular_parameter("direction", "towards, clockwise from north", sided=True),
     ),
     looks_like="a missing force of one size and one direction in the world, at any speed and on "
     "any heading",

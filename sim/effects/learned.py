@@ -21,7 +21,7 @@ import numpy as np
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
-from sim.effects.learned_axes import (
+from sim.effects.learned_formula import (
     AHEAD,
     DRAWN_AGAINST,
     HEADING,
@@ -35,8 +35,9 @@ from sim.effects.learned_axes import (
     TURNING,
     UNITS,
     YAW,
+    formula_source,
+    formulas,
 )
-from sim.effects.learned_formula import formula_source, formulas
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench

@@ -53,7 +53,7 @@ EFFECT = Effect(
             neutral=0.0,
             direction="direction",
         ),
-        circular_parameter("direction", "towards, clockwise from north"),
+        circular_parameter("direction", "towards, clockwise from north", sided=True),
     ),
     looks_like="a velocity offset that stays fixed in the world while the boat turns, "
     "whatever its speed",

@@ -12,7 +12,7 @@ hull. c_y stays: a force abeam tells ½ ρ V² c_y A_L and no more. The wind blo
 direction [rad from north]; where the boat measured the wind, that wind acts and the two parameters
 do not count. Gusts are not modelled: what they leave is no sign of anything else (`unsteady`).
 Valid for: hulls symmetric fore and aft and to the sides. Areas that nobody measured are assumed
-from length and beam (`sim.wind_areas`): the motion then tells a force and a direction, and the
+from length and beam (`sim.wind`): the motion then tells a force and a direction, and the
 speed as a range. Where the wind was measured, the areas are what is fitted. Source: Fossen,
 Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, §10.1 (wind coefficients of symmetrical
 craft).
@@ -42,8 +42,16 @@ from sim.effects.effect import (
 )
 from sim.effects.words import FittedValues
 from sim.state import Wrench
-from sim.wind_areas import AREA_FACTOR, areas_text
-from sim.wind_loads import AIR_DENSITY, C_N, C_X, C_Y, COEFFICIENT_FACTOR, wind_load
+from sim.wind import (
+    AIR_DENSITY,
+    AREA_FACTOR,
+    C_N,
+    C_X,
+    C_Y,
+    COEFFICIENT_FACTOR,
+    areas_text,
+    wind_load,
+)
 
 SPEED_FACTOR = float(np.sqrt(AREA_FACTOR * COEFFICIENT_FACTOR))  # of a speed told from a force
 
@@ -125,7 +133,7 @@ EFFECT = Effect(
         Parameter(
             "speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5, direction="direction"
         ),
-        circular_parameter("direction", "from, clockwise from north", starts=QUARTERS),
+        circular_parameter("direction", "from, clockwise from north", starts=QUARTERS, sided=True),
         *COEFFICIENTS,
     ),
     looks_like="pushed away from one side of the world, most when lying across it, and turned on "

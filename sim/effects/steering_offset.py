@@ -37,7 +37,9 @@ EFFECT = Effect(
     angle=angle,
     needs=(Need.STEERING,),
     parameters=(
-        Parameter("angle", "rad", lower=-0.5, upper=0.5, start=0.0, scale=0.02, neutral=0.0),
+        Parameter(
+            "angle", "rad", lower=-0.5, upper=0.5, start=0.0, scale=0.02, neutral=0.0, sided=True
+        ),
     ),
     looks_like="turns to one side with the rudder amidships, the more the faster it goes",
     mistaken_for=("thruster_imbalance", "thruster_misalignment"),

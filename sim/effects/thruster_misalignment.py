@@ -31,7 +31,9 @@ EFFECT = Effect(
     scope=Scope.BOAT,
     turn=turn,
     parameters=(
-        Parameter("angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0),
+        Parameter(
+            "angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0, sided=True
+        ),
     ),
     looks_like="pulls to one side and slips sideways in proportion to the throttle, on every "
     "heading, and the other way astern",

@@ -58,7 +58,7 @@ EFFECT = Effect(
             direction="direction",
             description="at its strongest",
         ),
-        circular_parameter("direction", "towards, clockwise from north"),
+        circular_parameter("direction", "towards, clockwise from north", sided=True),
         Parameter(
             "period", "s", lower=20.0, upper=90000.0, start=300.0, scale=30.0, role=Role.PERIOD
         ),

@@ -166,7 +166,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("force", "N", lower=0.0, upper=1000.0, start=5.0, scale=1.0, neutral=0.0),
         Parameter("omega", "rad/s", lower=0.2, upper=12.0, start=2.0, scale=0.05),
-        circular_parameter("direction", "towards, clockwise from north"),
+        circular_parameter("direction", "towards, clockwise from north", sided=True),
         circular_parameter("phase", "at the origin, at the first sample", scale=0.2),
     ),
     looks_like="an oscillation of one frequency and zero mean that is faster against the waves "

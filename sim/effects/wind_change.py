@@ -34,7 +34,7 @@ from sim.effects.steady_wind import CIRCLES, COEFFICIENTS, LIGHT, STRONG, UNSTEA
 from sim.effects.steady_wind import assumption as steady_assumption
 from sim.effects.words import FittedValues, until_and_after
 from sim.state import Wrench
-from sim.wind_loads import wind_load
+from sim.wind import wind_load
 
 MOMENTS = 4  # at which the search lets the wind change; it is then looked for all along
 
@@ -112,12 +112,12 @@ EFFECT = Effect(
             "speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5, direction="direction",
             description="before the change",
         ),
-        circular_parameter("direction", "from, clockwise from north, before"),
+        circular_parameter("direction", "from, clockwise from north, before", sided=True),
         Parameter(
             "later_speed", "m/s", lower=0.0, upper=40.0, start=5.0, scale=0.5,
             direction="later_direction", description="after the change",
         ),
-        circular_parameter("later_direction", "from, clockwise from north, after"),
+        circular_parameter("later_direction", "from, clockwise from north, after", sided=True),
         TIME_OF_CHANGE,
         *COEFFICIENTS,
     ),

@@ -40,7 +40,9 @@ EFFECT = Effect(
     scope=Scope.VOYAGE,
     observe=observe,
     parameters=(
-        Parameter("bias", "rad/s", lower=-0.3, upper=0.3, start=0.0, scale=0.003, neutral=0.0),
+        Parameter(
+            "bias", "rad/s", lower=-0.3, upper=0.3, start=0.0, scale=0.003, neutral=0.0, sided=True
+        ),
     ),
     looks_like="a turn rate that is off by the same amount always, at rest too, while the heading "
     "does not follow",

@@ -1,4 +1,16 @@
-"""The follower: makes a plant move as the reference does, by the law in `sim.following.law`.
+"""The reference velocity ν_ref, and the follower that makes a plant move as it does.
+
+**The reference** is the estimate, the vessel's own prediction, or one after the other.
+
+    measured   the estimate, as it is
+    model      the vessel predicts from the boat's commands, from the first estimate on
+    auto       the estimate while telemetry is fresh, the prediction while the link is down
+
+At a hand-over the reference goes on where it was, pose, velocity and acceleration, and the offset
+decays within seconds (`sim.following`). Pure: a state goes in, a new state comes out, and how
+rows are cut into chunks does not change a bit.
+
+**The follower** goes by the law in `sim.following`.
 
 `VesselFollower` drives a vessel in one compiled loop, `sim.following.stepwise` any plant. Both are
 pure: a state goes in, a new state comes out, and how rows are cut into chunks does not change a
@@ -17,8 +29,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.following.law import Gains
-from sim.kernel.arrays import air, flags, floats, frozen
+from sim.following import Gains
+from sim.kernel import air, flags, floats, frozen
 from sim.model import Model
 from sim.state import Floats, Tau
 from sim.vessel import Thruster, Vessel
@@ -209,3 +221,86 @@ class VesselFollower:
             *self.limits, shadows, forces, limited, diverged,
         )  # fmt: skip
         return FollowerResult(FollowerState(frozen(carry)), shadows, forces, limited, diverged)
+
+
+FADE_S = 1.0  # time constant of a hand-over; chosen, not measured
+
+
+class ReferenceMode(StrEnum):
+    """Where the reference comes from."""
+
+    MEASURED = "measured"
+    MODEL = "model"
+    AUTO = "auto"
+
+
+@dataclass(frozen=True)
+class ReferenceState:
+    """The carried row (read-only)."""
+
+    carry: Floats
+
+
+class ReferenceResult(NamedTuple):
+    """The state after some rows, and the reference at each.
+
+    references  (K, 9)
+    from_model  (K,)  the model gives it
+    diverged    (K,)  … and had left what a boat can do: it began anew at the estimate
+    """
+
+    state: ReferenceState
+    references: Floats
+    from_model: NDArray[np.bool_]
+    diverged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Estimates and commands in, the reference out."""
+
+    model: Model
+    mode: ReferenceMode = ReferenceMode.AUTO
+    fade: float = FADE_S
+
+    def start(self) -> ReferenceState:
+        """The state before the first row."""
+        return ReferenceState(frozen(np.full(self.model.state_size + 21, np.nan)))
+
+    def prepare(self) -> None:
+        """Compile the loop."""
+        rows, commands = np.empty((0, 9)), np.empty((0, self.model.actuator_count))
+        self.advance(self.start(), np.empty(0), rows, np.zeros(0, np.bool_), commands)
+
+    def advance(
+        self,
+        state: ReferenceState,
+        times: Floats,
+        estimates: Floats,
+        fresh: NDArray[np.bool_],
+        commands: Floats,
+        voltage: Floats | None = None,
+        wind: Floats | None = None,
+        jumps: NDArray[np.bool_] | None = None,
+    ) -> ReferenceResult:
+        """Estimates (K, 9) at times (K,) [s] -> references (K, 9).
+
+        fresh (K,): telemetry is up to date at that row. Commands (K, na) hold over the interval
+        that ends at their row, taken as they act: a command delay is the caller's. jumps (K,):
+        estimates that did not come about by motion; the model is set to them.
+        """
+        count, carry = len(times), state.carry.copy()
+        from_model = self._from_model(flags(fresh, count))
+        out, diverged = np.empty((count, 9)), np.zeros(count, np.bool_)
+        self.model.kernel.module.compute_reference(
+            self.model.theta, carry, self.fade, floats(times), floats(estimates), from_model,
+            ~from_model, flags(jumps, count), floats(commands), *air(voltage, wind, count), out,
+            diverged,
+        )  # fmt: skip
+        return ReferenceResult(ReferenceState(frozen(carry)), out, from_model, diverged)
+
+    def _from_model(self, fresh: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which rows the model gives (K,); at the others it is set to the estimate."""
+        if self.mode is ReferenceMode.AUTO:
+            return ~fresh
+        return np.full_like(fresh, self.mode is ReferenceMode.MODEL)

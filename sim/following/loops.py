@@ -11,15 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.body import HeldInputs, Report
-from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS, is_possible, runs_on, within
-from sim.following.law import (
+from sim.following import (
+    MAX_SPEED_MPS,
+    MAX_TURN_RADPS,
     Gains,
     WorldMotion,
     blend,
     commanded_acceleration,
     corrected_reference,
+    is_possible,
     offset_between,
+    runs_on,
     to_world_motion,
+    within,
 )
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
@@ -34,7 +38,7 @@ from sim.kernel.loops import (
 from sim.state import Floats, Pose, Velocity, Wrench, wrap
 
 if TYPE_CHECKING:
-    from sim.kernel.signatures import (
+    from sim.kernel import (
         NX,
         Numbers,
         State,

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS, runs_on, within
+from sim.following import MAX_SPEED_MPS, MAX_TURN_RADPS, runs_on, within
 from sim.following.loops import predict
 from sim.jit import jitable as entry
 from sim.kernel.loops import held_inputs, report_from, report_of_state, set_row, true_motion
 from sim.state import Floats
 
 if TYPE_CHECKING:
-    from sim.kernel.signatures import NX, missing_wrench, settle_memory, state_from, unpack
+    from sim.kernel import NX, missing_wrench, settle_memory, state_from, unpack
 
 # -- the text from here on goes into the kernel --
 

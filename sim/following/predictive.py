@@ -6,7 +6,7 @@
 y: velocity of the plant. y₀: how it goes on under the present force; S: what a newton more does,
 by differences of `step` (renewed every REFRESH_S). w: forces on the body, or thrusts within their
 limits (τ = G w), changed at the moments MOVES. r: the reference, approached as under the law of
-`sim.following.law`:
+`sim.following`:
 
     r(t) = ν_ref + ν̇_ref t − e exp(−K t) + K_i ∫e (1 − exp(−K t)) / K
 
@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
+from sim.following import corrected_reference
 from sim.following.follower import Axes, FollowerOptions, ThrustLimits
-from sim.following.law import corrected_reference
 from sim.plants.plant import Plant, PlantInputs
 from sim.state import Floats, Pose, Velocity, Wrench
 from sim.vessel import Vessel

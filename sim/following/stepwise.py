@@ -10,7 +10,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS, is_possible, runs_on, within
+from sim.following import (
+    MAX_SPEED_MPS,
+    MAX_TURN_RADPS,
+    commanded_acceleration,
+    corrected_reference,
+    is_possible,
+    runs_on,
+    within,
+)
 from sim.following.follower import (
     Follower,
     FollowerOptions,
@@ -19,13 +27,12 @@ from sim.following.follower import (
     ThrustLimits,
     VesselFollower,
 )
-from sim.following.law import commanded_acceleration, corrected_reference
 from sim.following.loops import CONTROL_STEP, allocate_thrust
 from sim.following.predictive import Control, Prediction
-from sim.kernel.arrays import air, flags, floats, frozen
+from sim.kernel import air, flags, floats, frozen
 from sim.model import Model
+from sim.plants import VESSEL, PlantKind
 from sim.plants.plant import InvertiblePlant, Plant, PlantInputs, PlantMotion
-from sim.plants.table import VESSEL, PlantKind
 from sim.state import Eta, Floats, Pose, Velocity, Wrench, wrap
 from sim.vessel import Vessel
 
@@ -66,7 +73,7 @@ class Controller(Protocol):
 
 @dataclass(frozen=True)
 class Inversion:
-    """The law of `sim.following.law` on a plant that tells which force an acceleration takes."""
+    """The law of `sim.following` on a plant that tells which force an acceleration takes."""
 
     plant: InvertiblePlant
     options: FollowerOptions

@@ -2,7 +2,7 @@
 
 Surge, sway and yaw follow the balance of the vessel under its commands and the force of the waves.
 Heave z [m, down], roll φ and pitch θ [rad] are oscillators about the surface of the water as the
-hull sees it (`sim.plants.hydrostatics`):
+hull sees it (`sim.plants.waves`):
 
     q̈ + 2 ζ ω_n q̇ + ω_n² (q − q_w) = 0        q = z, φ, θ
 
@@ -21,13 +21,12 @@ import numpy as np
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
 from sim.kernel.loops import held_inputs, motion_of_state, report_from, set_row
-from sim.plants.hydrostatics import HullShape, oscillator_step
-from sim.plants.waves import WaveLoad, wave_load
+from sim.plants.waves import HullShape, WaveLoad, oscillator_step, wave_load
 from sim.state import Floats
 
 if TYPE_CHECKING:
     from sim.body import HeldInputs
-    from sim.kernel.signatures import (
+    from sim.kernel import (
         NX,
         Numbers,
         State,

@@ -24,10 +24,10 @@ import numpy as np
 from scipy.special import fdtrc, stdtrit
 
 from sim.effects.catalogue import EFFECTS
+from sim.identification import IdentifySettings
 from sim.identification.identify import FITS, MIN_USABLE_S, fitted_model
 from sim.identification.intervals import NUISANCE, named_covariance, uncertainty_of
 from sim.identification.parameters import Unknown, unknowns_of
-from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import FitInputs
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError, require_finite
@@ -45,7 +45,7 @@ NORMAL_95 = 1.96
 
 
 class RecordingFit(NamedTuple):
-    """What one recording says alone: value (n,), covariance (n, n) of its numbers.
+    """The fit of one recording alone: value (n,), covariance (n, n) of its numbers.
 
     day  what is of its day, by name
     """
@@ -113,7 +113,7 @@ class ByRecording:
     notices: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """What `shadow identify --by-recording --json` prints."""
+        """The JSON object that `shadow identify --by-recording --json` prints."""
         return {
             "vessel": next(iter(self.vessels.values())).name,
             "parameters": [one.to_dict() for one in self.numbers],
@@ -167,7 +167,7 @@ def _with_day(vessel: Vessel, settings: IdentifySettings) -> tuple[Vessel, Ident
 
 
 def pooled(fits: Sequence[RecordingFit], vessel: Vessel, own: Sequence[str] = ()) -> ByRecording:
-    """What recordings say together; numbers named `own` are each boat's, the rest are shared.
+    """Fits of recordings put together; numbers named `own` are each boat's, the rest are shared.
 
     Where there are several boats, the first one's own numbers are those of the vessel file: thrust
     and mass have one scale, which motion does not tell.
@@ -213,7 +213,7 @@ Label = tuple[str, str]  # name of a number, and its boat; empty: of all
 
 
 def _labels(fits: Sequence[RecordingFit], own: Sequence[str]) -> list[list[Label]]:
-    """Which of β each recording's numbers are."""
+    """Index into β of each recording's numbers."""
     return [[(n, fit.boat if n in own else "") for n in fit.names] for fit in fits]
 
 
@@ -285,7 +285,7 @@ def _pick(labels: Sequence[Label], every: Sequence[Label]) -> Floats:
 
 
 def _size(fits: Sequence[RecordingFit], labels: Sequence[Sequence[Label]], one: Label) -> float:
-    """How large a number is: the median over recordings, at least a tenth of its best std."""
+    """Size of a number: the median over recordings, at least a tenth of its best std."""
     said = [
         (abs(fit.value[each.index(one)]), fit.covariance[each.index(one), each.index(one)])
         for fit, each in zip(fits, labels, strict=True)
@@ -329,7 +329,7 @@ def _worst(
 
 
 def _told(one: Label, rest: Sequence[int], labels: Sequence[Sequence[Label]]) -> bool:
-    """Whether enough others tell a number."""
+    """Whether enough other recordings determine a number."""
     return sum(one in labels[i] for i in rest) >= MIN_OTHERS
 
 

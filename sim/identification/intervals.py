@@ -40,7 +40,7 @@ NUISANCE = (*OFFSETS, ROUNDING)
 
 
 class Uncertainty(NamedTuple):
-    """How far off z may be.
+    """Uncertainty of the fitted vector z.
 
     information  (n, n) of the data and of the priors that were given
     covariance   (n, n), with what is only assumed taken for almost nothing
@@ -271,6 +271,6 @@ def _traded(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> list[lis
 
 
 def _is_thrust_per_mass(names: Sequence[str]) -> bool:
-    """Whether it is the scale that thrust and masses share."""
+    """Whether a parameter is the scale that thrust and masses share."""
     keys = {n.rpartition(".")[2] for n in names}
     return bool(keys & {"ahead", "astern"} and keys & {*MASSES, "X_u", "X_uu", "N_r"})

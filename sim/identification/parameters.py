@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
-from sim.identification.settings import IdentifySettings
-from sim.identification.vessel_update import AREAS
+from sim.identification import AREAS, IdentifySettings
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import KNOT_PREFIX, next_knot
@@ -86,7 +85,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All of them, as one vector z (n,); `model` gives what is not estimated."""
+    """All unknown parameters as one vector z (n,); `model` gives what is not estimated."""
 
     model: Model
     each: tuple[Unknown, ...]
@@ -146,7 +145,7 @@ class Unknowns:
 
     @cached_property
     def _places(self) -> list[int | None]:
-        """Where the model has each of them; None of a nuisance."""
+        """Index of each parameter in the model's θ; None of a nuisance."""
         where = {name: at for at, name in enumerate(self.model.names)}
         return [where.get(u.name) for u in self.each]
 
@@ -166,7 +165,7 @@ class Unknowns:
         return np.diag([u.prior**-2.0 if u.assumed else 0.0 for u in self.each])
 
     def fixed(self, which: NDArray[np.bool_]) -> "Unknowns":
-        """The same with some of them (n,) held where they start."""
+        """These unknowns, those of the mask (n,) held where they start."""
         pairs = zip(self.each, which, strict=True)
         each = (replace(u, prior=FIXED_STD * u.scale) if fix else u for u, fix in pairs)
         return replace(self, each=tuple(each))
@@ -195,7 +194,7 @@ class Unknowns:
 
 
 def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknowns:
-    """What the settings ask for; UnknownNameError where the vessel has no such parameter."""
+    """The parameters that settings ask for; UnknownNameError where the vessel has no such one."""
     effects = _effect_parameters(model)
     each: list[Unknown] = []
     for name in _chosen(model, settings):

@@ -22,11 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
+from sim.identification import BASE
 from sim.identification.parameters import UNITS
-from sim.identification.settings import BASE
 from sim.model import Model
-from sim.prediction.inputs import commands_around
-from sim.prediction.missing_force import forces_along
+from sim.prediction import commands_around, forces_along
 from sim.prediction.segments import NotFiniteError
 from sim.state import Floats, Nu
 from sim.trial import Trial

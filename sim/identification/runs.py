@@ -16,7 +16,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.identification.command_timing import sharpened_commands
 from sim.identification.innovations import (
     Chain,
     chain_of,
@@ -24,12 +23,17 @@ from sim.identification.innovations import (
     follows_of,
     track_std,
 )
-from sim.identification.noise import Noise, RunErrors, estimate_noise, restricted_deviance
+from sim.identification.noise import (
+    Noise,
+    RunErrors,
+    estimate_noise,
+    restricted_deviance,
+    sharpened_commands,
+)
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
 from sim.model import InputTable, Model, Runs
-from sim.prediction.free_runs import memory_at
-from sim.prediction.inputs import input_table
-from sim.prediction.scales import scales_of
+from sim.prediction import input_table
+from sim.prediction.free_runs import memory_at, scales_of
 from sim.prediction.segments import VELOCITY_STEP, transitions, usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -86,7 +90,7 @@ class RunRows(NamedTuple):
         return cls(np.array(first, np.int64), np.array(size, np.int64))
 
     def halved(self, which: NDArray[np.bool_], every: int) -> "RunRows":
-        """The same time with some runs in two."""
+        """The same time, some of its runs cut in two."""
         half = self.size // (2 * every) * every
         first = np.concatenate([self.first, (self.first + half)[which]])
         size = np.concatenate([np.where(which, half, self.size), (self.size - half)[which]])
@@ -229,7 +233,7 @@ class RunSet:
 
     @cached_property
     def inputs(self) -> InputTable:
-        """What drives the model over the trial."""
+        """Inputs that drive the model over the trial."""
         return sharpened_commands(input_table(self.model, self.source.trial), self.kappa)
 
     @property
@@ -284,7 +288,7 @@ def _reports_together(
 def run_errors(
     run_set: RunSet, unknowns: Unknowns, z: Floats, nudge: Floats | None = None
 ) -> Floats:
-    """The same -> means of measured − model over `every` rows: (K, S, n, 3).
+    """Errors of runs as means of measured − model over `every` rows: (K, S, n, 3).
 
     Tied runs have one more, the last: measured start of the next run − end of this one, where it
     follows.
@@ -308,7 +312,7 @@ def errors_of_trials(
 
 
 def _no_errors(run_set: RunSet, z: Floats) -> Floats:
-    """What a trial without runs has, and the shape of what others have."""
+    """Errors of a trial without runs: empty, in the shape of the errors of others."""
     n = run_set.within.shape[1] + (run_set.follows is not None)
     return np.zeros((len(z), len(run_set.rows.first), n, 3))
 

@@ -19,13 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult
 
-from sim.identification.command_timing import command_timing_covariance, sharpening_factor
+from sim.identification import IdentifySettings
 from sim.identification.innovations import chain_of, track_std
 from sim.identification.noise import (
     Noise,
     RunErrors,
     apply_whitener,
+    command_timing_covariance,
     project_out_starts,
+    sharpening_factor,
     timing_whitener,
     whitened,
 )
@@ -48,9 +50,8 @@ from sim.identification.search import (
     robust_weights,
     search,
 )
-from sim.identification.settings import IdentifySettings
-from sim.prediction.inputs import measured_motion
-from sim.prediction.scales import scales_of
+from sim.prediction import measured_motion
+from sim.prediction.free_runs import scales_of
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats, Progress
 from sim.trial import Trial
@@ -64,7 +65,7 @@ SEARCH_STEPS = 8  # of the search in each round
 
 
 class FitInputs(NamedTuple):
-    """What a fit is made from; `usable`: rows (T,) of each trial that count, else its own."""
+    """Inputs of a fit; `usable`: rows (T,) of each trial that count, else the trial's own."""
 
     unknowns: Unknowns
     trials: Sequence[Trial]
@@ -134,7 +135,7 @@ def _first_noise(trial: Trial, settings: IdentifySettings) -> Noise:
 
 
 def require_runs(run_sets: list[RunSet]) -> list[RunSet]:
-    """The same; NoUsableTimeError where none of them holds a run."""
+    """The runs of all trials; NoUsableTimeError where no trial holds one."""
     if not any(len(w.rows.first) for w in run_sets):
         longest = MIN_MEANS * max((w.mean_s for w in run_sets), default=0.0)
         raise NoUsableTimeError(f"no usable stretch of {longest:.1f} s or more to fit")
@@ -305,7 +306,7 @@ def fit_result(
 def information(
     unknowns: Unknowns, trial: Trial, z: Floats, noise: Noise, settings: IdentifySettings
 ) -> Floats:
-    """What a trial would tell of z at known noise, no outliers: JᵀJ (n, n), without priors."""
+    """Information on z in a trial at known noise, without outliers or priors: JᵀJ (n, n)."""
     source = TrialTrack(0, trial, trial.usable, measured_motion(trial))
     run_set = build_run_set(source, unknowns, z, noise, settings.horizons[-1], settings)
     jacobian = jacobian_of(unknowns, [run_set], z)

@@ -81,7 +81,7 @@ def _lagged_response(
 
 @dataclass(frozen=True)
 class Wiring:
-    """How recordings contradict a vessel's channels.
+    """Contradictions between recordings and a vessel's channels.
 
     yaw, surge   1 as commanded, −1 the other way round, 0 not determined
     runs         recordings that contradict them
@@ -143,7 +143,7 @@ def _votes(trials: Sequence[Trial], vessel: Vessel, wrong: tuple[int, ...] = (-1
 
 
 def _response(trial: Trial, model: Model, axis: Nu) -> CommandResponse | None:
-    """How one axis of a trial followed its commands, in shares of what all thrusters can do."""
+    """Response of one axis of a trial to its commands, in shares of what all thrusters can do."""
     largest = sum(
         abs(t.thrust[1]) * (1.0 if axis is Nu.U else float(np.hypot(*t.position)))
         for t in model.vessel.thrusters
@@ -186,7 +186,7 @@ def rewired(vessel: Vessel, wiring: Wiring) -> Vessel:
 
 
 def wiring_notices(wiring: Wiring, vessel: Vessel) -> tuple[str, ...]:
-    """What is wrong, in which runs, and what to do: a sentence each."""
+    """A sentence for each fault of the wiring: what it is, in which runs, and what to do."""
     where = f"{', '.join(wiring.runs)}: correlation {wiring.correlation:.2f}"
     notices = []
     if wiring.backwards is not None:

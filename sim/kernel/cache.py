@@ -26,9 +26,9 @@ import numba
 import numpy as np
 
 from sim.effects.effect import LawError
-from sim.kernel import loops_numpy
+from sim.kernel import rollout_numpy
+from sim.kernel.compiled import dependencies, fingerprint, sources_of
 from sim.kernel.generator import Structure, kernel_text
-from sim.kernel.sources import dependencies, fingerprint, sources_of
 
 Jit = Callable[[Callable[..., Any]], Any]
 
@@ -216,7 +216,7 @@ def _check_laws(kernel: Kernel, names: str) -> None:
     try:
         with np.errstate(all="ignore"):  # made-up parameters: the numbers mean nothing
             kernel.module.rollout(*_empty_runs(s, 1))
-            loops_numpy.rollout(kernel.module, *_empty_runs(s, 2))
+            rollout_numpy(kernel.module, *_empty_runs(s, 2))
     except Exception as error:  # whatever a user's law does wrong is one line for its user
         raise LawError(f"effects {names}: {type(error).__name__}: {error}") from error
 

@@ -1,16 +1,96 @@
 """How loops beside the kernels are compiled: cached on disk, without the interpreter lock.
 
-numba's cache notices an edit of the file that a function stands in, but not of the files that it
-imports from: so the name of the cache file carries a fingerprint of them all.
+numba keeps machine code on disk and notices an edit of the file that a function stands in, but not
+of the files that it imports from, directly and indirectly: so the name of a cache file carries a
+fingerprint of all those sources, and is never out of date.
 """
 
-from collections.abc import Callable
+import ast
+import hashlib
+from collections.abc import Callable, Iterable
 from functools import lru_cache
+from importlib.util import find_spec, resolve_name
+from pathlib import Path
 from typing import TypeVar
 
 from numba import njit
 
-from sim.kernel.sources import fingerprint, sources_of
+
+def source_text(module: str) -> str:
+    """Text of a module, which is not imported for it; ImportError where there is none."""
+    file = _file(module)
+    if file is None:
+        raise ImportError(f"no source of {module}")
+    return file.read_text(encoding="utf-8")
+
+
+def dependencies(text: str, module: str = "") -> set[str]:
+    """Modules that a source text imports, and those that they import in turn.
+
+    Followed are imports from `sim` and from the package that the text's own `module` belongs to:
+    what comes from elsewhere is known by its version.
+    """
+    packages = frozenset({"sim", module.partition(".")[0]})
+    found: set[str] = set()
+    new = set(_imported(text, module, packages))
+    while new - found:
+        found |= new
+        new = set().union(*(_imports_of(name, packages) for name in new))
+    return found
+
+
+def sources_of(module: str) -> set[str]:
+    """A module and its dependencies; nothing where it has no file."""
+    return {module} | dependencies(source_text(module), module) if _file(module) else set()
+
+
+def fingerprint(texts: Iterable[str], modules: Iterable[str]) -> str:
+    """Hexadecimal digest of some texts and of the sources of some modules."""
+    digest = hashlib.sha256()
+    for text in (*texts, *(source_text(module) for module in sorted(modules))):
+        digest.update(text.encode())
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=1024)
+def _imports_of(module: str, packages: frozenset[str]) -> frozenset[str]:
+    return _imported(source_text(module), module, packages)
+
+
+@lru_cache(maxsize=256)  # texts of effects are read again for every kernel that holds them
+def _imported(text: str, module: str, packages: frozenset[str]) -> frozenset[str]:
+    """Modules of these packages that a source text imports, or imports names from."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            package = module if _is_package(module) else module.rpartition(".")[0]
+            base = resolve_name("." * node.level + (node.module or ""), package or None)
+            names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return frozenset(n for n in names if n.partition(".")[0] in packages and _file(n))
+
+
+def _is_package(module: str) -> bool:
+    file = _file(module) if module else None
+    return file is not None and file.name == "__init__.py"
+
+
+@lru_cache(maxsize=4096)
+def _file(module: str) -> Path | None:
+    """File of a module, found without importing it."""
+    top, *parts = module.split(".")
+    try:
+        spec = find_spec(top)
+    except (ImportError, ValueError):  # ValueError: a module that was made, not loaded
+        return None
+    for folder in (spec and spec.submodule_search_locations) or ():
+        path = Path(folder, *parts)
+        for file in (path.with_name(f"{path.name}.py"), path / "__init__.py"):
+            if file.is_file():
+                return file
+    return None
+
 
 F = TypeVar("F", bound=Callable[..., object])
 

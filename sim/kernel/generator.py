@@ -3,7 +3,7 @@
 The text is unrolled over thrusters, rudders and effects, and calls each law by name. Its only
 branches pass over an effect whose numbers are neutral: a model that holds thirty effects switched
 off costs little more than the bare vessel. On arrays they are never taken (`branch`).
-`sim.kernel.signatures` lists the composed functions. Effects act in the order of the
+`sim.kernel` lists the composed functions. Effects act in the order of the
 catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they stand
 in their files, with the imports that those files have.
 """
@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.effect import Effect
-from sim.kernel.sources import source_text
+from sim.kernel.compiled import source_text
 
 LOOPS = (
     "sim.kernel.loops",
     "sim.following.loops",
     "sim.following.monitor_loops",
-    "sim.plants.loops",
     "sim.hil.loops",
 )
 MARK = "# -- the text from here on goes into the kernel --\n"

@@ -1,4 +1,4 @@
-"""The loops around the composed laws: steps of integration, inversion of the sensors, free runs.
+"""The loops around the composed laws: integration, inversion of the sensors, free runs, balance.
 
 `sim.kernel.generator` copies the text below the mark into every kernel, where `jit` and `entry`
 compile; in plain Python they leave the functions as they are.
@@ -15,24 +15,29 @@ from sim.body import HeldInputs, Report
 from sim.jit import jitable as entry
 from sim.jit import jitable as jit
 from sim.sensing import inversion_step, reports_agree
-from sim.state import Floats, to_body, to_world
+from sim.state import Floats, Wrench, to_body, to_world
 
 if TYPE_CHECKING:
-    from sim.kernel.signatures import (
+    from sim.kernel import (
         NX,
         Numbers,
         State,
         axpy,
+        balance,
         delay_of,
+        flow_at,
         latency_of,
         observe,
         observe_undelayed,
         settle_memory,
         state_from,
         state_rates,
+        state_rates_under_force,
         static_actuation,
         unpack,
+        water_at,
     )
+    from sim.state import Pose
 
 # -- the text from here on goes into the kernel --
 
@@ -195,3 +200,30 @@ def true_states(theta: Floats, motion: Floats, out: Floats) -> None:
     for b in range(len(motion)):
         p = unpack(theta[b % len(theta)])
         set_row(out[b], true_motion(report_from(motion[b]), p)[:6])
+
+
+@entry
+def horizontal_balance(
+    theta: Floats, row: Floats, air: Floats, time: float, dt: float, out: Floats
+) -> None:
+    """What a state takes to keep its velocity, and the memory of its effects dt [s] later.
+
+    row (NX,): state; a memory of NaN starts settled, and is carried on by dt in place. air (3,):
+    voltage [V], wind north, east [m/s] -> out (9,): M11, M12, M13, M22, M23, M33 of the inertia,
+    then X, Y, N of the balance without acceleration and without thrusters [N, N, N m].
+    """
+    p, no_commands = unpack(theta), np.zeros(64)
+    inputs = held_inputs(no_commands, air[0], air[1], air[2], p)
+    x = state_from(row)
+    if NX > 6 and not np.isfinite(x[NX - 1]):
+        x = settle_memory(x, time, inputs, p)
+    water = water_at(time, Pose(x[0], x[1], x[2]), p)
+    flow = flow_at(x, time, inputs, water, p)
+    nothing = Wrench(0.0, 0.0, 0.0)
+    M, rest = balance(x, 0.0, 0.0, 0.0, water, flow, nothing, p)
+    set_row(out, M)
+    set_row(out[6:], rest)
+    if NX > 6:
+        rates = state_rates_under_force(x, time, inputs, nothing, p)
+        for i in range(6, NX):
+            row[i] = x[i] + dt * rates[i]

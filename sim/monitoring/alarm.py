@@ -13,7 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim.comparison.regimes import COMPASS
+from sim.comparison import COMPASS
+from sim.monitoring import SecondMeans, WindModel, air_velocity
 from sim.monitoring.consistency import Misfit
 from sim.monitoring.disturbances import (
     MIN_SCORE_BETWEEN_NATS,
@@ -22,7 +23,6 @@ from sim.monitoring.disturbances import (
     DisturbanceEstimator,
     DisturbanceFilter,
 )
-from sim.monitoring.live_second import SecondMeans, WindModel, air_velocity
 from sim.state import Floats, Nu
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:

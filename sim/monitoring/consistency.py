@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.monitoring.live_second import Balance, SecondMeans
-from sim.prediction.scales import MIN_SCALES
+from sim.monitoring import Balance, SecondMeans
+from sim.prediction.free_runs import MIN_SCALES
 from sim.state import Floats
 
 # Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,

@@ -4,7 +4,7 @@
     f = B(ν − c, τ) b + F(ν) − F(ν − c) + e          the water moves: c north, east [m/s]
     f = B(ν, τ) b + w(ψ, ν; g) + e                   the air pushes: g north, east
     f = B(ν, τ) b + h(o) + e                         a thruster, the compass, the drag, anything
-                                                     (`sim.monitoring.own_causes`)
+                                                     (`sim.monitoring`)
 
 f is the missing force, averaged over a second, F the balance of the vessel. b are small errors of
 the boat's own model (a constant force, the scale of its thrust and of its damping, a heading
@@ -34,16 +34,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.monitoring.kalman_step import kalman_step
-from sim.monitoring.live_second import (
+from sim.monitoring import (
     Balance,
+    OwnCause,
     SecondMeans,
     WindModel,
     balance_at,
     current_shift,
+    kalman_step,
+    own_causes,
     world_to_body,
 )
-from sim.monitoring.own_causes import OwnCause, own_causes
 from sim.state import Floats
 
 # Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,

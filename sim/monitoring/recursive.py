@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
+from sim.monitoring import SecondMeans, balance_at, current_shift
 from sim.monitoring.disturbances import (
     BOAT_ERRORS,
     CURRENT_PRIOR_MPS,
@@ -40,7 +41,6 @@ from sim.monitoring.disturbances import (
     MeasurementModel,
     noise_after,
 )
-from sim.monitoring.live_second import SecondMeans, balance_at, current_shift
 from sim.state import Floats
 from sim.vessel import Thruster, Vessel
 

@@ -13,7 +13,7 @@ force of the acceleration that follows, so that the engine finds that very accel
 
 M_A: in surge, sway and yaw what the vessel's inertia has beyond that of the rigid body (which may
 be less than nothing, as fitted inertias are), in heave, roll and pitch that of
-`sim.plants.floating`.
+`sim.plants.mujoco_hull`.
 Valid for: one hull, waves that do not break, and no shorter than the distance of columns. Source:
 Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. 2021, §3.3, §6.
 """
@@ -23,7 +23,7 @@ import numpy as np
 from sim.balance import coriolis_force
 from sim.jit import jitable
 from sim.kernel.compiled import compiled
-from sim.plants.hydrostatics import GRAVITY, WATER_DENSITY
+from sim.plants.waves import GRAVITY, WATER_DENSITY
 from sim.state import Floats, Inertia, Velocity, to_body, to_world
 
 Vector = tuple[float, float, float]

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from sim.kernel import State
 from sim.kernel.cache import plain_kernel_for
-from sim.kernel.signatures import State
 from sim.model import Model
 from sim.plants.waves import no_waves
 from sim.state import Floats, Pose, Velocity, Wrench

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import InputTable, Model
-from sim.prediction.inputs import input_table, measured_motion, runs_from
+from sim.prediction import input_table, measured_motion, runs_from
 from sim.state import Floats, Ints
 from sim.trial import Trial
 

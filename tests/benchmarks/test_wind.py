@@ -13,8 +13,7 @@ from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagno
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.effects.catalogue import named
-from sim.wind_areas import assumed_wind_areas
-from sim.wind_loads import C_N
+from sim.wind import C_N, assumed_wind_areas
 
 FEW = DiagnoseSettings(effects=tuple(map(named, ("steady_wind", "steady_current", "hull_lift"))))
 SPEED, FROM, SECONDS = 9.0, 2.0, 150.0

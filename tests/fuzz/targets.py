@@ -21,17 +21,16 @@ from gateway.ingest.log import boats_of
 from gateway.ingest.mavlink.log import MavlinkLog
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
+from gateway.links import Arrival, Datagram, EventReporter, Inbox, LinkCounts
 from gateway.links.frame_reader import FrameReader, Peers
-from gateway.links.inbox import Datagram, EventReporter, Inbox, LinkCounts
-from gateway.links.transport import Arrival
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.monitor import decode
 from gateway.offline.add import read_diagnosis
-from gateway.offline.export.export import ExportFormat, ExportOptions, export, export_files
+from gateway.offline.export import ExportFormat, ExportOptions, export, export_files
 from gateway.offline.simulate import read_commands
 from gateway.offline.trials import TrialOptions, trials_of
-from gateway.recording.origin_gate import allowed, origin_of
-from gateway.studio.address import ranges_in
+from gateway.recording.foxglove_server import allowed, origin_of
+from gateway.studio import ranges_in
 from gateway.topics import TOPICS
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.effects.effect import LawError

@@ -7,11 +7,10 @@ import pytest
 
 from gateway.config import Settings, as_tables, as_toml, load_settings, settings_of
 from gateway.errors import BadInput
-from gateway.estimation.settings import SOURCES
+from gateway.estimation import SOURCES
 from gateway.links.rate_requests import FULL_HZ, RADIO_HZ
 from gateway.recording.writer import Compression
-from sim.following.follower import ControlLaw
-from sim.following.reference import ReferenceMode
+from sim.following.follower import ControlLaw, ReferenceMode
 
 EVERYTHING = """
 [[boats]]

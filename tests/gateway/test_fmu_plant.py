@@ -14,8 +14,7 @@ from pythonfmu3.builder import FmuBuilder as Fmi3Builder
 from gateway.commands.live import simulate as simulate_command
 from gateway.errors import BadInput
 from gateway.offline.simulate import simulate
-from gateway.plants import fmu
-from gateway.plants.choice import load_plant
+from gateway.plants import fmu, load_plant
 from sim.following.follower import FollowerOptions
 from sim.following.stepwise import follower_for
 from sim.hil.boat import Boat

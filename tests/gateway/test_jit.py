@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from sim.kernel import compiled
 from sim.kernel import compiled as jit
-from sim.kernel import sources
 from tests.sim.kernel.reachable import entries, modules_reached
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,14 +25,14 @@ def test_every_function_that_is_reached_is_in_the_fingerprint(name, monkeypatch)
     reached = modules_reached(own, {"sim", "gateway"})
     assert own
     assert name in reached
-    assert reached <= sources.sources_of(name)
-    before, read = jit._version(name), sources.source_text
+    assert reached <= compiled.sources_of(name)
+    before, read = jit._version(name), compiled.source_text
     assert all(f.py_func.__qualname__.endswith(before) for f in own)
     for other in reached:
         with monkeypatch.context() as patch:
             jit._version.cache_clear()
             patch.setattr(
-                sources, "source_text", lambda n, o=other: read(n) + "\nX = 1\n" * (n == o)
+                compiled, "source_text", lambda n, o=other: read(n) + "\nX = 1\n" * (n == o)
             )
             assert jit._version(name) != before, other
     jit._version.cache_clear()

@@ -14,7 +14,7 @@ import zenoh
 
 from gateway.bus import Bus, BusSettings, open_session, session_config
 from gateway.cli import _with_defaults
-from gateway.commands.options import settings_from
+from gateway.commands import settings_from
 from gateway.config import settings_of
 from gateway.errors import BadInput
 from gateway.keelson import KNOTS, TOPICS

@@ -10,12 +10,13 @@ import pytest
 
 from gateway.config import FoxgloveSettings
 from gateway.errors import BadInput
-from gateway.recording import origin_gate
-from gateway.recording.foxglove_server import MAX_TOLD, FoxgloveServer
-from gateway.recording.origin_gate import (
+from gateway.recording import foxglove_server
+from gateway.recording.foxglove_server import (
     MAX_CLIENTS,
     MAX_HEAD_BYTES,
+    MAX_TOLD,
     ORIGINS,
+    FoxgloveServer,
     OriginGate,
     allowed,
     inner_host,
@@ -115,7 +116,7 @@ def test_listed_pages_pass_and_others_are_told_to_go() -> None:
 
 
 def test_no_handshake_no_entry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(origin_gate, "HEAD_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(foxglove_server, "HEAD_TIMEOUT_S", 0.2)
     with echo() as inner, OriginGate(("127.0.0.1", 0), inner, []) as gate:
         for said in (b"", b"GET / HT", b"x" * (MAX_HEAD_BYTES + 5000)):
             with socket.create_connection(("127.0.0.1", gate.port), PATIENCE_S) as line:
@@ -127,7 +128,7 @@ def test_no_handshake_no_entry(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_handshake_that_trickles_in_does_not_hold_its_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(origin_gate, "HEAD_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(foxglove_server, "HEAD_TIMEOUT_S", 0.5)
     with (
         echo() as inner,
         OriginGate(("127.0.0.1", 0), inner, []) as gate,

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway import plants
 from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.files import vessel_path
 from gateway.live.gateway import plans_in, plans_of
-from gateway.plants import choice as plants
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel
+from sim.plants import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 from sim.plants.plant import VesselPlant
-from sim.plants.table import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 from tests.sim.vessels import IACQUABOT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +25,7 @@ HEAVY = PlantKind("heavy", "twice the mass", VesselPlant)
 PLUG_IN = '''
 from dataclasses import dataclass, replace
 from sim.model import Model
-from sim.plants.table import PlantKind
+from sim.plants import PlantKind
 from sim.plants.plant import VesselPlant
 
 

@@ -10,8 +10,8 @@ from rich.live import Live
 from rich.table import Table
 
 from gateway.errors import printable
-from gateway.log_line import LogFormat, LogLine, print_line
-from gateway.terminal.console import ResultConsole, SafeConsole
+from gateway.long_running import LogFormat, LogLine, print_line
+from gateway.terminal import ResultConsole, SafeConsole
 from gateway.vessel_file import dump_vessel
 from tests.gateway.command_line import Run
 from tests.gateway.pipelines.sailing import parameters, tlog, voyage

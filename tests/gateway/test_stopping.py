@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from gateway.stopping import LOOK_S, Interrupts, Stop
+from gateway.long_running import LOOK_S, Interrupts, Stop
 
 
 def interrupt() -> None:

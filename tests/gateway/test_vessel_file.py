@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import BadInput
+from gateway.files import remember
 from gateway.user_effects import TRUSTED, load_effects, trust
-from gateway.user_state import remember
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from gateway.vessel_tables import Provenance
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel
-from sim.wind_areas import AREA_FACTOR, assumed_wind_areas
+from sim.wind import AREA_FACTOR, assumed_wind_areas
 from tests.conftest import ROOT
 from tests.gateway.test_effect_files import FILE
 from tests.sim.vessels import SHAPES, WAMV, every_effect

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim.identification import IdentifySettings, updated_vessel
 from sim.identification.parameters import unknowns_of
-from sim.identification.settings import IdentifySettings
-from sim.identification.vessel_update import updated_vessel
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.vessel import (

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.ingest.format import LogFormat, is_text
+from gateway.ingest import LogFormat, is_text
 
 if TYPE_CHECKING:
     from gateway.ingest.log import Log

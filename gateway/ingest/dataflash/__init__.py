@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.ingest.format import SAMPLE, LogFormat
+from gateway.ingest import SAMPLE, LogFormat
 
 if TYPE_CHECKING:
     from gateway.ingest.log import Log

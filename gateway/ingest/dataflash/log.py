@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
+from gateway.ingest import looks_like
 from gateway.ingest.dataflash.mapping import LANE, RULES
 from gateway.ingest.dataflash.records import (
     HEADER,
@@ -25,11 +26,18 @@ from gateway.ingest.dataflash.records import (
     sizes,
     walk_messages,
 )
-from gateway.ingest.decoding import decode_tables
-from gateway.ingest.format import looks_like
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, frozen, numbers
-from gateway.ingest.mavlink.walk import group
-from gateway.ingest.parameters import banner
+from gateway.ingest.log import (
+    Boat,
+    BoatSamples,
+    Log,
+    Statistics,
+    Table,
+    decode_tables,
+    frozen,
+    numbers,
+)
+from gateway.ingest.mapping import banner
+from gateway.ingest.mavlink.frames import group
 from gateway.samples import Quantity, Samples
 from sim.kernel.compiled import compiled
 from sim.state import Ints

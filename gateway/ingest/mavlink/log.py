@@ -1,8 +1,7 @@
-"""Raw MAVLink frames in the order of receipt, whatever container they came from, as tables.
+"""Logs of MAVLink frames: telemetry logs (.tlog), and the frames of the gateway's own recording.
 
-Sequence numbers show which frames of a source were lost, late or doubled.
-
-Logs of MAVLink frames: telemetry logs (.tlog), and the frames of the gateway's own recording.
+Raw frames in the order of receipt, whatever container they came from, become tables. Sequence
+numbers show which frames of a source were lost, late or doubled.
 """
 
 from collections.abc import Mapping
@@ -13,31 +12,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
-from gateway.ingest.decoding import decode_tables
-from gateway.ingest.format import looks_like
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, columns, frozen
-from gateway.ingest.mavlink.definitions import checksum_seeds, definitions, ids_by_name, layout
-from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
-from gateway.ingest.mavlink.walk import (
+from gateway.ingest import looks_like
+from gateway.ingest.log import (
+    Boat,
+    BoatSamples,
+    Log,
+    Statistics,
+    Table,
+    columns,
+    decode_tables,
+    frozen,
+)
+from gateway.ingest.mapping import banner
+from gateway.ingest.mavlink.frames import (
     GOOD,
     Bytes,
     Headers,
     Tally,
     check_frames,
+    checksum_seeds,
     checksum_table,
+    definitions,
     examine,
     gather,
     group,
+    ids_by_name,
+    layout,
     read_headers,
     read_stamps,
     walk_records,
 )
-from gateway.ingest.parameters import banner
+from gateway.ingest.mavlink.mapping import RULES, from_heartbeats, from_motion
 from sim.kernel.compiled import compiled
 from sim.state import Ints
 
 if TYPE_CHECKING:
     from gateway.recording.reader import Recording
+
 
 SOURCES = 65536  # systems × components
 LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.ingest.format import LogFormat
+from gateway.ingest import LogFormat
 
 if TYPE_CHECKING:
     from gateway.ingest.log import Log

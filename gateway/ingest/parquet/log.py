@@ -1,4 +1,8 @@
-"""A Parquet table as a log: its columns through the same mapping as those of a .csv."""
+"""Tables as Parquet, as `shadow export --to parquet` writes them.
+
+A mapping names the columns, the same as that of a .csv: the one given, the one inside the file, or
+the one beside it.
+"""
 
 import io
 import tempfile

@@ -1,10 +1,10 @@
-"""A ULog as a log: topics as tables, on the autopilot's microseconds and on Unix time by its GPS.
+"""ULog (.ulg): what a PX4 autopilot wrote on board, as tables on its microseconds and on Unix time.
 
 pyulog parses the file and goes on behind damage as well as it can. Here: what it cannot survive
-ends in one line, what it prints is not shown, and rows with impossible times are left out.
-`time_ref_utc` of the file is a time zone, not a time.
+ends in one line, what it prints is not shown, and rows with impossible times are left out. Unix
+time comes from its GPS: `time_ref_utc` of the file is a time zone, not a time.
 
-Format: header 'ULog\\x01\\x12\\x35'; definitions (formats, infos, parameters); data.
+Format: header 'ULog\x01\x12\x35'; definitions (formats, infos, parameters); data.
 Source: https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 """
 
@@ -20,8 +20,16 @@ from numpy.typing import NDArray
 from pyulog import ULog
 
 from gateway.errors import BadInput
-from gateway.ingest.decoding import decode_tables
-from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table, column, frozen
+from gateway.ingest.log import (
+    Boat,
+    BoatSamples,
+    Log,
+    Statistics,
+    Table,
+    column,
+    decode_tables,
+    frozen,
+)
 from gateway.ingest.mapping import UNIX_FROM_US
 from gateway.ingest.mavlink.mapping import vehicle_type
 from gateway.ingest.ulog.mapping import INSTANCE, OUTPUTS, RULES

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput
+from gateway.figures import velocity_texts
 from gateway.figures.motion import with_earlier_model
-from gateway.figures.style import velocity_texts
 from gateway.figures.words import judgement_text, nowhere_text
-from gateway.ingest.earth import Origin
-from gateway.studio.address import ranges_in, ranges_text
-from gateway.studio.controls import FigurePlace, report_download
+from gateway.ingest.mapping import Origin
+from gateway.studio import TimeRanges, TrialView, VesselView, inside, ranges_in, ranges_text
+from gateway.studio.controls import FigurePlace, SeveralRecordings, report_download
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import (
     Page,
@@ -34,11 +34,8 @@ from gateway.studio.page import (
     table,
     word,
 )
-from gateway.studio.playback import Playback
-from gateway.studio.ranges import RangeControls, scope_text
 from gateway.studio.session import Session
-from gateway.studio.several import SeveralRecordings
-from gateway.studio.views import TimeRanges, TrialView, VesselView, inside
+from gateway.studio.time_marks import Playback, RangeControls, scope_text
 from sim.comparison.compare import Judgement, judge
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"
@@ -206,7 +203,7 @@ class ComparePage(Page):
         self._ranges.show_numbers(trial, vessel)
 
     def _show_scope(self) -> None:
-        """What is worked on, and which ranges are kept."""
+        """Show the stretches that are worked on, and the ranges that are kept."""
         self._scope.object = scope_text(self.session)
         self._ranges.update()
 

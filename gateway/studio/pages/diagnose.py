@@ -6,10 +6,10 @@ from typing import Any
 
 import panel as pn
 
+from gateway.figures import FigureData, peoples_unit, probability_text
 from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.diagnosis import ladder_bars
-from gateway.figures.figure_data import FigureData
-from gateway.figures.style import peoples_unit, probability_text
+from gateway.studio import AlternativeView, DiagnosisView, LadderView
 from gateway.studio.controls import FigurePlace, LearnFrom, SaveControls, error_table
 from gateway.studio.page import (
     Page,
@@ -26,8 +26,7 @@ from gateway.studio.page import (
     table,
     word,
 )
-from gateway.studio.ranges import scope_text
-from gateway.studio.views import AlternativeView, DiagnosisView, LadderView
+from gateway.studio.time_marks import scope_text
 from sim.diagnosis.answer import Verdict
 
 MOST_CANDIDATES = 6  # that are offered
@@ -115,7 +114,7 @@ class DiagnosePage(Page):
         self._show_evidence(diagnosis)
 
     def _show_evidence(self, diagnosis: DiagnosisView) -> None:
-        """What was found, then what was ranked beside it; a rival can be taken right there."""
+        """Show the evidence for the findings, then for their rivals, which can be taken there."""
         self._add_buttons = {}
         wanted = self._offer_causes(diagnosis)
         parts = [
@@ -219,7 +218,7 @@ class DiagnosePage(Page):
         self._candidates.objects = self._rows(diagnosis)
 
     def _rows(self, diagnosis: DiagnosisView | None) -> list[Any]:
-        """What can come next, and what could stand in the place of what came last."""
+        """Rows of the ladder: steps that can come next, and those that could replace the last."""
         if diagnosis is None:
             return [html(AFTER)]
         version = self.session.version
@@ -281,7 +280,7 @@ def _row(add: Any, text: str, hint: str) -> Any:
 
 
 def _ranked(diagnosis: DiagnosisView, step: LadderView) -> str:
-    """How probable an effect is beside the others, and from what it cannot be told."""
+    """Probability of an effect beside the others, and those that it cannot be told from."""
     effect = step.effects[-1]
     row = next((r for r in diagnosis.answer["ranking"] if r["effect"] == effect), None)
     if row is None or len(step.effects) > 1:
@@ -293,7 +292,7 @@ def _ranked(diagnosis: DiagnosisView, step: LadderView) -> str:
 
 
 def _heading(says: str, effect: str) -> str:
-    """What was found in words, the name of the effect small; without words the name alone."""
+    """The finding in words, the name of the effect small; without words the name alone."""
     if not says:
         return _plain(effect)
     return f"{escape(says)} <span class='faint'>{_plain(effect)}</span>"
@@ -308,7 +307,7 @@ def _plain(effect: str) -> str:
 
 
 def why_not_table(diagnosis: DiagnosisView) -> str:
-    """What was tried and not chosen, each with the reason, as HTML."""
+    """Table of the effects that were tried and not chosen, each with the reason, as HTML."""
     alike: dict[str, list[str]] = {}
     for effect, text in diagnosis.why_not.items():
         alike.setdefault(text, []).append(_plain(effect))

@@ -89,7 +89,7 @@ class FleetPage(Page):
         )
 
     def tick(self) -> None:
-        """What the reader has."""
+        """Show the table when the reader has another."""
         reader = self.context.fleet
         reader.update()
         if self._seen_revision != reader.revision:

@@ -1,7 +1,12 @@
-"""Live: what is wrong, boats and shadows on a chart, strips of what they do, health and events."""
+"""Live: what is wrong, boats and shadows on a chart, strips of what they do, health and events.
+
+The banner says what a live gateway says of the model of its boat, with a way from there to a
+diagnosis.
+"""
 
 import math
 import time
+from collections.abc import Callable, Iterable
 from html import escape
 from typing import Any
 
@@ -10,12 +15,17 @@ import panel as pn
 
 from gateway.errors import BadInput, ShadowError
 from gateway.files import write_whole
-from gateway.ingest.earth import Origin, distance_m, on_earth, to_degrees
+from gateway.ingest.mapping import Origin, distance_m, on_earth, to_degrees
 from gateway.monitor import HIGH_LOSS, HIGH_NIS, VesselStatus, time_of_day
-from gateway.studio.frozen import Frozen, freeze_task, growing_recording
-from gateway.studio.live_banner import Banners
 from gateway.studio.live_chart import Chart, Strips
-from gateway.studio.live_history import PAST_EVERY_S, PAST_S
+from gateway.studio.live_history import (
+    PAST_EVERY_S,
+    PAST_S,
+    Frozen,
+    WatchedBoat,
+    freeze_task,
+    growing_recording,
+)
 from gateway.studio.map_tiles import TileMap
 from gateway.studio.page import (
     FIXED,
@@ -33,6 +43,56 @@ from gateway.studio.page import (
     word,
 )
 from sim.effects.effect import LawError
+from sim.monitoring.alarm import ModelEvent
+
+ALERT = {
+    "background": "var(--paper)", "border": "2px solid var(--warn)", "border-radius": "10px",
+    "padding": "8px 14px", "margin": "0 0 14px 0", "flex-direction": "row", "flex-wrap": "wrap",
+    "align-items": "center", "gap": "4px 14px",
+}  # fmt: skip
+
+
+def sentence_of(boat: WatchedBoat) -> str | None:
+    """The gateway's present sentence on a model that is wrong; None where it says none.
+
+    A boat that is not heard says nothing now, and what an earlier run of the gateway said is over.
+    """
+    if boat.status.silent_s is not None or boat.status.link_silent_s is not None:
+        return None
+    kinds = {event.value for event in ModelEvent}
+    said = [e for e in boat.status.events
+            if e["kind"] in kinds and e["receive_time_ns"] * 1e-9 > boat.gone]  # fmt: skip
+    if not said or said[-1]["kind"] == ModelEvent.RIGHT.value:
+        return None
+    return str(said[-1]["says"])
+
+
+class Banners:
+    """A banner for each boat whose model is wrong, with a button that calls `diagnose(name)`."""
+
+    def __init__(self, diagnose: Callable[[str], None]) -> None:
+        self.part = stack(margin=0)
+        self._diagnose = diagnose
+        self._shown: list[tuple[str, str]] = []
+
+    def show(self, boats: Iterable[WatchedBoat]) -> None:
+        """Show the present sentence; a banner that stays the same keeps the keyboard's focus."""
+        said = [(b.status.name, text) for b in boats if (text := sentence_of(b)) is not None]
+        if [name for name, _ in said] != [name for name, _ in self._shown]:
+            self.part.objects = [self._banner(name) for name, _ in said]
+        for banner, (name, text) in zip(self.part.objects, said, strict=True):
+            line = f"<p role='status'><strong>{escape(name)}</strong>: {escape(text)}.</p>"
+            if banner[0].object != line:
+                banner[0].object = line
+        self._shown = said
+
+    def _banner(self, name: str) -> Any:
+        text = html()
+        text.styles = {"flex": "1 1 20rem"}
+        press = button("Diagnose this", lambda: self._diagnose(name), "primary", width=150)
+        return pn.Column(text, press, styles=ALERT, sizing_mode="stretch_width",
+                         stylesheets=[NO_BUTTON])  # fmt: skip
+
 
 MOVED_M = 20.0  # an origin further off is another one
 MOST_EVENTS = 8  # that are shown
@@ -46,7 +106,7 @@ NO_HEALTH = "<p class='faint'>no health message yet</p>"
 
 
 class LivePage(Page):
-    """What the gateways publish now."""
+    """Boats, shadows, health and events as the gateways publish them now."""
 
     period_ms = 100
 
@@ -264,7 +324,7 @@ def _state(boat: VesselStatus) -> str:
 
 
 def _health(boat: VesselStatus) -> dict[str, str]:
-    """What stands beside each label of the health; nothing before the first message.
+    """Texts beside the labels of the health; empty before the first message.
 
     Of a boat that is not heard nothing is called good but what the gateway does by itself.
     """

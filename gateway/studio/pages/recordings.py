@@ -8,7 +8,6 @@ from typing import Any
 import panel as pn
 
 from gateway.errors import BadInput, ShadowError
-from gateway.studio.cards import card_text
 from gateway.studio.controls import report_download
 from gateway.studio.page import (
     NO_BUTTON,
@@ -23,6 +22,7 @@ from gateway.studio.page import (
     select,
     stack,
 )
+from gateway.studio.worker import card_text
 
 GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
         "gap": "0 14px"}  # fmt: skip

@@ -11,10 +11,8 @@ from bokeh.events import DocumentReady
 from bokeh.models import CustomJS, TextInput
 
 from gateway.errors import BadInput
-from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
-from gateway.figures.style import SEVERAL, TIME
+from gateway.figures import SEVERAL, TIME, Axis, FigureData, Line, Panel, SeriesRole
 from gateway.studio.controls import FigurePlace
-from gateway.studio.expression import EXPECTED, Expression
 from gateway.studio.page import (
     Page,
     StudioContext,
@@ -29,7 +27,7 @@ from gateway.studio.page import (
     select,
     stack,
 )
-from gateway.studio.signals import SignalRequest, SignalsView
+from gateway.studio.signals import EXPECTED, Expression, SignalRequest, SignalsView
 
 SHOWN = 400  # fields in the list: who has more searches
 IDENTIFIER = "a name of letters, digits and _"
@@ -64,7 +62,7 @@ class SignalsPage(Page):
         self._quiet = False
 
     def body(self) -> Any:
-        """What there is, above the plots."""
+        """The list of signals, and below it the plots."""
         put = button("Onto the plot", self.guarded(self._put), "primary", width=140)
         add = button("Derive", self.guarded(self._derive), width=90)
         return stack(
@@ -164,7 +162,7 @@ class SignalsPage(Page):
                     css_classes=[f"drop-{k}"])  # fmt: skip
 
     def _put(self) -> None:
-        """What was pressed, onto the plot that is named."""
+        """Put the signal that was pressed onto the plot that is named."""
         names = tuple(json.loads(self._chosen.value))
         if not names:
             raise BadInput("press one or more fields first, or drag them onto a plot")
@@ -173,7 +171,7 @@ class SignalsPage(Page):
         self._put_on(self._which.value, names)
 
     def _take_dropped(self) -> None:
-        """What was dragged onto a plot; a text that comes from elsewhere is no field."""
+        """Put a field that was dragged onto a plot there; text from elsewhere is no field."""
         plot, text, _ = json.loads(self._dropped.value)
         known = {*self._every, *self.session.layout.derived}
         try:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import panel as pn
 
+from gateway.figures import peoples_unit
 from gateway.figures.motion import with_earlier_model
-from gateway.figures.style import peoples_unit
 from gateway.studio import tasks
 from gateway.studio.controls import FigurePlace, LearnFrom, SaveControls, error_table
 from gateway.studio.page import (
@@ -29,8 +29,8 @@ from gateway.studio.page import (
     stack,
     word,
 )
-from gateway.studio.ranges import scope_text
 from gateway.studio.session import Session, with_values
+from gateway.studio.time_marks import scope_text
 from gateway.user_effects import known_effects
 
 BASE = {  # unit and meaning of the plain numbers
@@ -200,7 +200,7 @@ class VesselPage(Page):
 
 
 def history_text(session: Session) -> str:
-    """What was done to the vessel, in order, as HTML: first what it was given as, last the latest;
+    """Changes of the vessel in order, as HTML: first the file it was given as, last the latest;
     what was undone and can be done again is fainter."""
     done = [escape(one.change) for one in session.versions]
     done[-1] = f"<strong>{done[-1]}</strong>"

@@ -8,10 +8,10 @@ import pytest
 
 from gateway import cli
 from gateway.demo import demo_files
+from gateway.files import guarded_outputs
 from gateway.fleet.table import FILES
 from gateway.hil_demo.story import hil_demo_files
 from gateway.offline.plan import plan_files
-from gateway.outputs import guarded_outputs
 from tests.gateway.command_line import Run, one_line
 
 Words = list[str | Path]

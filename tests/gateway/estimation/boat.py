@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import Events, join, make_events
-from gateway.estimation.names import MeasurementKind
-from gateway.estimation.settings import FilterSettings
 
 STEP = 0.01  # s
 

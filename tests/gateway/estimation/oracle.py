@@ -7,9 +7,8 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, rts_smoother
 from scipy.linalg import block_diag, expm
 
+from gateway.estimation import STATES, FilterSettings, MeasurementKind
 from gateway.estimation.events import Events, join, make_events, ticks
-from gateway.estimation.names import STATES, MeasurementKind
-from gateway.estimation.settings import FilterSettings
 
 
 @lru_cache(maxsize=8)  # the same three for each column of a Jacobian

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from gateway.estimation import FilterSettings, Flag, MeasurementKind, State
 from gateway.estimation.events import Events, join, make_events, ticks
 from gateway.estimation.filter import Estimator
-from gateway.estimation.names import Flag, MeasurementKind, State
-from gateway.estimation.settings import FilterSettings
 from tests.gateway.estimation.boat import telemetry, weaving_boat
 
 ESTIMATOR = Estimator()

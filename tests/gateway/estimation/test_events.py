@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
+from gateway.estimation import (
+    FIELD_OF_KIND,
+    FilterSettings,
+    MeasurementKind,
+    WhiteNoise,
+    gyro_delay_s,
+)
 from gateway.estimation.events import from_samples, join, make_events
-from gateway.estimation.names import MeasurementKind
-from gateway.estimation.settings import FIELD_OF_KIND, FilterSettings, WhiteNoise, gyro_delay_s
 from gateway.samples import Quantity, Samples
 
 EPOCH = 1_700_000_000_000_000_000

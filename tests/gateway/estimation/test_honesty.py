@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from gateway.estimation import FilterSettings, State
 from gateway.estimation.filter import Estimator
-from gateway.estimation.names import State
-from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from tests.gateway.estimation.boat import singer_boat, telemetry, weaving_boat
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from gateway.estimation import FilterSettings, Flag, MeasurementKind
 from gateway.estimation.filter import Estimator
-from gateway.estimation.names import Flag, MeasurementKind
-from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from tests.gateway.estimation import oracle
 

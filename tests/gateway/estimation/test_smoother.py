@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from gateway.estimation import FilterSettings, MeasurementKind, State
 from gateway.estimation.events import join, make_events, ticks
-from gateway.estimation.names import MeasurementKind, State
-from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from tests.gateway.estimation.boat import telemetry, weaving_boat
 

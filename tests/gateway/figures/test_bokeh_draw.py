@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.figures import COLOUR, DARK, LIGHT, TIME, Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.bokeh_draw import BokehFigure, LinkedView
 from gateway.figures.bokeh_marks import columns_of, draw_mark
 from gateway.figures.comparison import comparison_figures
-from gateway.figures.figure_data import Axis, FigureData, Line, Panel, SeriesRole
 from gateway.figures.motion import horizon_velocities
-from gateway.figures.style import COLOUR, DARK, LIGHT, TIME
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.voyages import WAM_V, trial_of, voyage

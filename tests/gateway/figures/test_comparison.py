@@ -8,11 +8,18 @@ import pytest
 from PIL import Image
 
 from gateway.errors import BadInput, ShadowError
+from gateway.figures import (
+    COLOUR,
+    COLOUR_SCALE,
+    ColouredPoints,
+    FigureData,
+    Line,
+    SeriesRole,
+    Strip,
+)
 from gateway.figures.comparison import comparison_figures, error_shares, error_strips
-from gateway.figures.figure_data import ColouredPoints, FigureData, Line, SeriesRole, Strip
 from gateway.figures.matplotlib_draw import draw_figure, draw_mark, save_figure
 from gateway.figures.motion import free_run_velocities, horizon_velocities
-from gateway.figures.style import COLOUR, COLOUR_SCALE
 from sim.comparison.compare import compare
 from sim.model import Model
 from tests.sim.voyages import WAM_V, simulated, trial_of, voyage

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gateway.figures.figure_data import decimated, within, worst_kept
+from gateway.figures import decimated, within, worst_kept
 
 
 def test_few_points_stay_as_they_are():

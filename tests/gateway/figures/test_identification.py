@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gateway.figures.excitation import identification_figures, parameter_changes
-from gateway.figures.figure_data import Dots, Line, SeriesRole
+from gateway.figures import Dots, Line, SeriesRole
 from gateway.figures.matplotlib_draw import save_figure
+from gateway.figures.motion import identification_figures, parameter_changes
 from sim.identification.intervals import Estimate
 from sim.model import Model
-from sim.prediction.free_runs import predict
-from sim.prediction.scales import Ruler
+from sim.prediction.free_runs import Ruler, predict
 from tests.sim.voyages import WAM_V, simulated
 
 

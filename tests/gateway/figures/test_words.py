@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.figures import Line
 from gateway.figures.diagnosis import timeline
-from gateway.figures.figure_data import Line
 from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
 from sim.effects.catalogue import EFFECTS

@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.errors import BadInput
-from gateway.fleet.fleet_file import boat_of, read_fleet
+from gateway.fleet import boat_of, read_fleet
 
 
 def test_the_first_entry_that_matches_takes_a_recording(folder):

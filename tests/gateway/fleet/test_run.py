@@ -11,9 +11,9 @@ from fsspec.implementations.memory import MemoryFileSystem
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput, ShadowError
+from gateway.fleet import read_fleet
 from gateway.fleet import run as running
 from gateway.fleet.analysis import DAY_S, AnalysisSettings
-from gateway.fleet.fleet_file import read_fleet
 from gateway.fleet.run import FleetResult, Progress, local_cluster, run_fleet
 from gateway.fleet.table import read_estimates, read_recordings
 from tests.gateway.ingest.scripted import START_NS

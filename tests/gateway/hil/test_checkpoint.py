@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.errors import ShadowError
-from gateway.hil.checkpoint import HEAD, SLOT_BYTES, Checkpoint
+from gateway.hil import HEAD, SLOT_BYTES, Checkpoint
 from gateway.vessel_file import load_vessel
 from sim.hil.boat import Boat
 

@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway import hil
 from gateway.errors import BadInput, ShadowError
-from gateway.hil import run, session
+from gateway.hil import run
 from gateway.hil.ardupilot_json import JsonSession, MalformedPacket, parse_packet, reply
 from gateway.hil.run import LoopOptions, LoopPlan, plans_of, protocol_of
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
+from sim.hil import Readings
 from sim.hil.boat import Boat
 from sim.hil.day import Day, Moment, Wind
-from sim.hil.sensors import Readings
 from tests.gateway.hil.firmware import StandIn, free_port, looping, packet, parsed, wait_for
 
 OTTER = load_vessel("otter")
@@ -268,7 +269,7 @@ def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
     plan, stand_in, monkeypatch
 ):
     monkeypatch.setattr(run, "SILENT_S", 0.05)
-    monkeypatch.setattr(session, "QUIET_S", 0.0)
+    monkeypatch.setattr(hil, "QUIET_S", 0.0)
     monkeypatch.setattr(JsonSession, "wait_s", lambda self, now: 0.01)
     with looping([plan]) as running:
         firmware = stand_in(plan, rate=50)

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.hil.px4 import STEP_S, magnetic_field, pulses_of, quaternion
 from gateway.hil.run import LoopOptions, LoopPlan
-from gateway.ingest.earth import Origin
+from gateway.ingest.mapping import Origin
 from gateway.vessel_file import load_vessel
 from sim.hil.day import Day
 from tests.gateway.hil.firmware import looping, wait_for

@@ -64,10 +64,10 @@ def test_the_recording_holds_vessel_day_and_seed(sailed):
 BESIDE = "gateway/offline/beside_loop.py"  # holds it beside a log, and infers nothing
 READS_TRUTH = {
     "gateway/topics.py", "gateway/hil/recording.py", BESIDE,
-    "gateway/hil/truth_on_bus.py", "gateway/monitor.py",  # for people who watch
+    "gateway/monitor.py",  # for people who watch
 }  # fmt: skip
 SHOWS_BESIDE = {
-    "gateway/commands/model.py", "gateway/terminal/missions.py", "gateway/hil_demo/story.py",
+    "gateway/commands/model.py", "gateway/terminal/comparison.py", "gateway/hil_demo/story.py",
 }  # fmt: skip
 
 
@@ -96,8 +96,8 @@ def test_a_log_with_truth_in_it_gives_the_trial_that_it_gives_without(tmp_path):
     from gateway.offline.trials import load_trials
     from gateway.recording.recorder import Recorder
     from gateway.recording.thread import RecordingThread
+    from gateway.simulated_boat import FAST, SimulatedBoatSettings
     from gateway.simulated_boat.boat import SimulatedBoat
-    from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
     from sim.hil.boat import Truth
 
     settings = SimulatedBoatSettings(rates=FAST)

@@ -10,14 +10,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput
+from gateway.hil.ahrs import Fix, Registers, ServoOutputs, checked, imu_packet, sentence
 from gateway.hil.run import LoopOptions, LoopPlan
-from gateway.hil.servo_outputs import ServoOutputs
-from gateway.hil.vectornav import Fix, Registers, checked, imu_packet, sentence
-from gateway.links.transport import Endpoint, Waker
-from gateway.links.udp import UdpTransport, free_udp_port
+from gateway.links import Endpoint, Waker
+from gateway.links.transports import UdpTransport, free_udp_port
 from gateway.vessel_file import load_vessel
+from sim.hil import Readings
 from sim.hil.day import Day
-from sim.hil.sensors import Readings
 from tests.gateway.hil.firmware import looping, wait_for
 
 ASKED = [  # what the driver of ArduPilot 4.6 sends at EAHRS_RATE 100

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.hil_demo import MissionTask
 from gateway.hil_demo.ardurover import ArduRover
-from gateway.hil_demo.tasks import MissionTask
 from gateway.offline.compare import compare_logs
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel

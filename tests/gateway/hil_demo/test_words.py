@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from gateway.hil_demo.words import error_sentence, intervals_sentence, named_sentence
+from gateway.hil_demo.story import error_sentence, intervals_sentence, named_sentence
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect
 

@@ -9,7 +9,7 @@ from mcap.writer import Writer
 from gateway.errors import BadInput
 from gateway.ingest.log import choose_boat
 from gateway.ingest.mavlink.log import MavlinkLog
-from gateway.ingest.mcap.blueos import _flags, _frame
+from gateway.ingest.mcap.log import _flags, _frame
 from gateway.ingest.open import open_log
 from gateway.offline.trials import load_trials
 from gateway.vessel_file import dump_vessel

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.ingest.clock import BoatClock
-from gateway.ingest.clock_step import StampStatus
+from gateway.ingest.clock import BoatClock, StampStatus
 from gateway.ingest.mapping import Counter
 
 START = 1_700_000_000_000_000_000

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.ingest.earth import Origin, to_degrees, to_local
+from gateway.ingest.mapping import Origin, to_degrees, to_local
 
 
 def test_a_minute_of_latitude_is_about_a_mile() -> None:

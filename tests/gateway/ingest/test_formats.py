@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
+from gateway.ingest import LogFormat
 from gateway.ingest import open as opening
-from gateway.ingest.format import LogFormat
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat
 
 FOLDER = Path(opening.__file__).parent

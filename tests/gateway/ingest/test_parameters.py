@@ -3,7 +3,7 @@
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.log import choose_boat
-from gateway.ingest.parameters import OutputFunction, actuators
+from gateway.ingest.mapping import OutputFunction, actuators
 from tests.gateway.ingest.scripted import Script, heartbeat
 
 

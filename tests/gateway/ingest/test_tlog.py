@@ -13,7 +13,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.mavlink.definitions import definitions, layout
+from gateway.ingest.mavlink.frames import definitions, layout
 from gateway.ingest.mavlink.log import Frames, MavlinkLog, tlog_from_bytes
 from gateway.ingest.open import open_log
 from tests.gateway.ingest.streams import (

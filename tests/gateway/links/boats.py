@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.links.inbox import Datagram, Inbox, LinkEvent, LinkEventKind
+from gateway.links import Datagram, Inbox, LinkEvent, LinkEventKind
 
 PATIENCE_S = 10.0
 

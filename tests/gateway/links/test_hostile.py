@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.inbox import Datagram, Inbox, LinkEventKind
+from gateway.links import Datagram, Inbox, LinkEventKind
 from gateway.links.link import Link
 from gateway.links.rate_requests import LinkRequests, heartbeat
 from gateway.links.transmitter import Identity, Transmitter, permitted, signing_timestamp

@@ -4,7 +4,7 @@ from queue import Empty
 
 import pytest
 
-from gateway.links.inbox import PER_LINK, Datagram, Inbox, LinkEvent, LinkEventKind
+from gateway.links import PER_LINK, Datagram, Inbox, LinkEvent, LinkEventKind
 
 BYTES = Datagram("link", 0, ())
 LOST = LinkEvent("link", 0, LinkEventKind.LOST, "gone")

@@ -9,8 +9,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
+from gateway.links import Inbox, LinkEventKind
 from gateway.links.frame_reader import MAX_LISTED
-from gateway.links.inbox import Inbox, LinkEventKind
 from gateway.links.link import Link
 from gateway.links.rate_requests import heartbeat
 from gateway.links.transmitter import Identity

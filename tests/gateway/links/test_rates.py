@@ -3,7 +3,7 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.mavlink.definitions import ids_by_name
+from gateway.ingest.mavlink.frames import ids_by_name
 from gateway.links.rate_requests import FULL_HZ, PRESETS, RADIO_HZ, check_rates
 
 HEADER = 12  # bytes of MAVLink 2 around a payload

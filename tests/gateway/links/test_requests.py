@@ -4,7 +4,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.links.parameter_requests import WANTED
 from gateway.links.rate_requests import (
     ANSWER_TIMEOUTS_NS,
     FULL_HZ,
@@ -15,7 +14,7 @@ from gateway.links.rate_requests import (
     Address,
     LinkRequests,
 )
-from gateway.links.transmitter import Identity
+from gateway.links.transmitter import WANTED, Identity
 from tests.gateway.links.boats import Autopilot, decoded
 
 BOAT = Address(1, 1)

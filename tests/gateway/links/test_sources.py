@@ -3,12 +3,15 @@
 import pytest
 
 from gateway.errors import BadInput
-from gateway.links import link
+from gateway.links import Endpoint, link
 from gateway.links.link import SOURCES, LinkSource, transport_of
-from gateway.links.serial_port import DEFAULT_BAUD, SerialTransport
-from gateway.links.tcp import TcpClientTransport, TcpServerTransport
-from gateway.links.transport import Endpoint
-from gateway.links.udp import UdpTransport
+from gateway.links.transports import (
+    DEFAULT_BAUD,
+    SerialTransport,
+    TcpClientTransport,
+    TcpServerTransport,
+    UdpTransport,
+)
 from gateway.links.zenoh_key import ZenohTransport
 from tests.conftest import ROOT
 

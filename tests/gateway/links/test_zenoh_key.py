@@ -15,7 +15,7 @@ import zenoh
 
 from gateway.bus import session_config
 from gateway.errors import BadInput
-from gateway.links.inbox import Inbox, LinkEventKind
+from gateway.links import Inbox, LinkEventKind
 from gateway.links.link import Link
 from gateway.links.rate_requests import heartbeat
 from gateway.links.transmitter import Identity

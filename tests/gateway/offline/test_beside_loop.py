@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
-from gateway.hil_demo.stand_in_autopilot import StandInAutopilot
-from gateway.hil_demo.tasks import MissionTask
+from gateway.hil_demo import MissionTask, StandInAutopilot
 from gateway.offline.beside_loop import beside_loop, loop_passages
 from gateway.offline.trials import DEFAULT_TRIALS
 from gateway.vessel_file import load_vessel

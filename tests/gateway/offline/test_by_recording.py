@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import gateway.offline.by_recording as work
+import gateway.offline.identify as work
 from gateway.errors import BadInput
-from gateway.offline.by_recording import boat_of, boats_of, files_of, identify_logs_by_recording
+from gateway.offline.identify import boat_of, boats_of, files_of, identify_logs_by_recording
 from gateway.offline.trials import TrialOptions
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
+from sim.identification import IdentifySettings
 from sim.identification.by_recording import RecordingFit, pooled
-from sim.identification.settings import IdentifySettings
 from sim.identification.wiring import Wiring
 from tests.gateway.command_line import one_line
 from tests.sim.vessels import WAMV

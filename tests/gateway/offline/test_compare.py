@@ -8,9 +8,9 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.offline.compare import as_json, compare_logs, distinct_vessels
-from gateway.terminal.identification import show_comparisons
+from gateway.terminal.comparison import show_comparisons
 from gateway.vessel_file import load_vessel
-from sim.identification.vessel_update import updated_vessel
+from sim.identification import updated_vessel
 from sim.trial import Stretch
 from tests.conftest import ROOT
 from tests.sim.voyages import WAM_V, simulated

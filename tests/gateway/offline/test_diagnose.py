@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.figures import Dots, Level, Line
 from gateway.figures.diagnosis import diagnosis_figures
-from gateway.figures.figure_data import Dots, Level, Line
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
 from gateway.terminal.diagnosis import show_diagnosis
@@ -19,7 +19,7 @@ from sim.diagnosis.force_terms import GROUPS
 from sim.diagnosis.heldout import Gain
 from sim.diagnosis.residual_terms import Dependence
 from sim.effects.catalogue import named
-from sim.identification.settings import BASE
+from sim.identification import BASE
 from tests.gateway.offline.diagnosis import FEW, found_current, refused, sailed
 from tests.sim.voyages import WAM_V
 
@@ -191,16 +191,20 @@ def test_compare_refits_what_is_of_the_day(run, trial, folder, tmp_path, monkeyp
     assert "estimated anew" not in run(*words, "--refit", "voyage")[1]
 
 
-def test_numbers_that_were_guessed_may_be_far_off(trial, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "most", [pytest.param(0, id="base"), pytest.param(None, marks=pytest.mark.slow, id="effects")]
+)
+def test_numbers_that_were_guessed_may_be_far_off(most, trial, tmp_path, monkeypatch):
     """The file says so itself: nobody has to think of --prior."""
     monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: [trial])
     d = WAM_V.dynamics
     far = replace(WAM_V, dynamics=replace(d, X_u=2.2 * d.X_u, X_uu=2.0 * d.X_uu, N_r=0.4 * d.N_r))
     mark = '\n[provenance."dynamics.m11"]\nsays = "guessed from size: identify it"\n'
+    settings = FEW if most is None else replace(FEW, most=most)
     error, notices = [], []
     for name, text in (("known", dump_vessel(far)), ("guessed", dump_vessel(far) + mark)):
         (tmp_path / name).write_text(text)
-        answer = diagnose_logs(["voyage.tlog"], tmp_path / name, settings=replace(FEW, most=0))
+        answer = diagnose_logs(["voyage.tlog"], tmp_path / name, settings=settings)
         error.append(answer.diagnosis.ladder[-1].heldout.nrmse)
         notices.append(" ".join(answer.notices))
     assert error[1] < 0.8 * error[0]

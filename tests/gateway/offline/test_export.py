@@ -11,9 +11,9 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.ingest.open import open_log
-from gateway.offline.export import export as exporting
-from gateway.offline.export.export import Exported, ExportFormat, ExportOptions, export_files
-from gateway.offline.export.frames import thinned
+from gateway.offline import export as exporting
+from gateway.offline.export import Exported, ExportFormat, ExportOptions, export_files
+from gateway.offline.export_messages import thinned
 from gateway.offline.trials import load_trials
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel

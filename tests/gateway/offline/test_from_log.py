@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.ingest.parameters import OutputFunction
-from gateway.offline.assumed_outputs import assumed_actuators
-from gateway.offline.from_log import begin_vessel, learn_from, split_time
+from gateway.ingest.mapping import OutputFunction
+from gateway.offline.from_log import assumed_actuators, begin_vessel, learn_from, split_time
 from gateway.offline.report import report_from_log
 from gateway.offline.trials import DEFAULT_TRIALS, load_trials
 from sim.trial import Trial

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput, ShadowError
-from gateway.offline.initial_vessel import init_vessel
+from gateway.offline.vessel import init_vessel
 from gateway.vessel_file import load_vessel
 from sim.model import Model
 from tests.gateway.pipelines.sailing import SERVOS, parameters, tlog, voyage

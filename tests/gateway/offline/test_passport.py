@@ -8,7 +8,7 @@ import tomli_w
 
 from gateway.errors import BadInput
 from gateway.offline.identify import identify_logs, identify_settings
-from gateway.offline.passport import differences, passport
+from gateway.offline.vessel import differences, passport
 from gateway.toml_file import read_toml
 from gateway.vessel_file import dump_vessel, load_vessel, revised
 from gateway.vessel_tables import Provenance

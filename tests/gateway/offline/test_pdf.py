@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
-from gateway.offline import pdf
+from gateway.offline import report
 from tests.gateway.studio.browser import chromium
 
 PAGE = "<!DOCTYPE html><title>t</title><h1>One</h1><h1 style='break-before: page'>Two</h1>"
@@ -29,7 +29,7 @@ def script(folder: Path, name: str, text: str) -> None:
 def test_without_a_browser_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
     with pytest.raises(BadInput, match="print the HTML page from your own browser"):
-        pdf.find_browser()
+        report.find_browser()
 
 
 def test_a_browser_that_prints_nothing_leaves_nothing(
@@ -38,25 +38,25 @@ def test_a_browser_that_prints_nothing_leaves_nothing(
     script(tmp_path, "chromium", "echo 'no display' >&2; exit 0")
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
     with pytest.raises(BadInput, match="printed nothing: no display"):
-        pdf.print_pdf(page_in(tmp_path), tmp_path / "out.pdf")
+        report.print_pdf(page_in(tmp_path), tmp_path / "out.pdf")
     assert not (tmp_path / "out.pdf").exists()
 
 
 def test_a_browser_that_hangs_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pdf, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(report, "PATIENCE_S", 0.2)
     script(tmp_path, "chromium", f"exec {shutil.which('sleep')} 30")
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
     with pytest.raises(BadInput, match="did not print the report within"):
-        pdf.print_pdf(page_in(tmp_path), tmp_path / "out.pdf")
+        report.print_pdf(page_in(tmp_path), tmp_path / "out.pdf")
 
 
 @pytest.mark.slow
 def test_two_pages_are_printed(tmp_path: Path) -> None:
     chromium()
     out = tmp_path / "out.pdf"
-    pdf.print_pdf(page_in(tmp_path), out)
+    report.print_pdf(page_in(tmp_path), out)
     made = out.read_bytes()
     assert made.startswith(b"%PDF")
     assert len(re.findall(rb"/Type ?/Page\b", made)) == 2

@@ -14,9 +14,8 @@ from gateway.offline.plan import CLEAR, PlanOptions, make_plan, rank_manoeuvres
 from gateway.offline.simulate import simulate
 from gateway.terminal.identification import show_plan
 from gateway.vessel_file import load_vessel
-from sim.excitation.manoeuvre import StickLimits, corner_rows, polyline
-from sim.excitation.sequences import Chirp
-from sim.excitation.sticks import TOLERANCE, manoeuvre_sticks, plan_of
+from sim.excitation import TOLERANCE, StickLimits, corner_rows, manoeuvre_sticks, plan_of, polyline
+from sim.excitation.catalogue import Chirp
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV

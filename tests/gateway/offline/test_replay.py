@@ -22,12 +22,11 @@ from gateway.errors import BadInput
 from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log, replay
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings, TopicsKept
-from gateway.shadow.adaptation import Adapt
+from gateway.shadow.model_monitor import Adapt
 from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
 from gateway.vessel_file import load_vessel, zenoh_key
-from sim.following.follower import FollowerOptions
-from sim.following.reference import ReferenceMode
+from sim.following.follower import FollowerOptions, ReferenceMode
 from sim.vessel import AddedEffect, Vessel
 from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat

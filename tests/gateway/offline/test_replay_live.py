@@ -10,7 +10,7 @@ from gateway.errors import BadInput
 from gateway.offline.replay import ReplayOptions, replay
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK, Attachment, Recorder
-from gateway.simulated_boat.settings import Faults, Silence
+from gateway.simulated_boat import Faults, Silence
 from sim.following.follower import FollowerOptions
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, datagrams, played
 from tests.sim.vessels import WAMV

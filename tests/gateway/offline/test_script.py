@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.offline.plan_export import SafetyLimits, pulse_bounds, safety_for, script_text
-from sim.excitation.catalogue import MANOEUVRES
-from sim.excitation.manoeuvre import StickLimits
-from sim.excitation.sequences import Steps
-from sim.excitation.sticks import plan_of
-from sim.excitation.turns import Zigzag
+from gateway.offline.plan import SafetyLimits, pulse_bounds, safety_for, script_text
+from sim.excitation import StickLimits, plan_of
+from sim.excitation.catalogue import MANOEUVRES, Steps, Zigzag
 from sim.model import Model
 from tests.gateway.offline.autopilot import GUIDED, HOLD, MANUAL, Autopilot
 from tests.sim.vessels import RUDDER_BOAT, WAMV

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events, join, make_events
-from gateway.estimation.names import MeasurementKind
-from gateway.offline.sensor_faults import compass_jumped, frozen
+from gateway.offline.usable_time import compass_jumped, frozen
 from gateway.shadow.sensor_checks import SETTLE_S
 from sim.state import Floats
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
+from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import join, make_events
-from gateway.estimation.names import MeasurementKind
-from gateway.estimation.settings import FilterSettings
 from gateway.estimation.smoother import smooth
 from gateway.ingest.open import open_log
 from gateway.offline import usable_time
@@ -21,7 +20,7 @@ from gateway.offline.trials import (
     source_of,
     trials_of,
 )
-from sim.identification.validation import held_out
+from sim.identification.identify import held_out
 from sim.state import Eta, Nu
 from sim.trial import Trial
 from tests.conftest import ROOT

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.ingest.mcap.enclosed import enclosure
+from gateway.ingest.mcap.log import enclosure
 from gateway.ingest.open import open_log
 from gateway.offline.replay import replay
 from gateway.offline.simulate import simulate

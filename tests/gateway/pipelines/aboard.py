@@ -12,15 +12,15 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.config import FollowingSettings, Settings, ZenohSettings
 from gateway.json_rows import TopicRows
-from gateway.links.inbox import Datagram, Frame
+from gateway.links import Datagram, Frame
 from gateway.live.boats import BoatPlan, LiveBoat
 from gateway.live.gateway import Gateway, LiveOptions
 from gateway.recording.recorder import RecordingSettings, TopicsKept
+from gateway.simulated_boat import FAST, SimulatedBoatSettings
+from gateway.simulated_boat import TimedFrame as OnWire
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
-from gateway.simulated_boat.settings import TimedFrame as OnWire
-from sim.following.reference import ReferenceMode
+from gateway.simulated_boat.hull import program_of
+from sim.following.follower import ReferenceMode
 from sim.state import Floats
 from sim.vessel import Vessel
 from tests.sim.vessels import WAMV

@@ -17,8 +17,8 @@ import zenoh
 
 from gateway.live.boats import BoatPlan
 from gateway.live.gateway import Gateway, LiveOptions
+from gateway.simulated_boat import FAST, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from gateway.vessel_file import dump_vessel
 from tests.conftest import ROOT
 from tests.gateway.pipelines.aboard import SETTINGS, Heard, Listener

@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 from gateway.cli import _with_defaults
-from gateway.estimation.settings import FilterSettings
+from gateway.estimation import FilterSettings
 from gateway.offline.replay import _chunk_ends
-from gateway.shadow.adaptation import APPLY_EVERY_NS, APPLY_STEP, Adaptation
-from gateway.shadow.model_monitor import ModelMonitor, taken_over
+from gateway.shadow.model_monitor import (
+    APPLY_EVERY_NS,
+    APPLY_STEP,
+    Adaptation,
+    ModelMonitor,
+    taken_over,
+)
 from gateway.shadow.path import ShadowPath
-from sim.following.follower import FollowerOptions
-from sim.following.reference import ReferenceMode
+from sim.following.follower import FollowerOptions, ReferenceMode
 from sim.model import Model
 from sim.monitoring.recursive import BOAT_ERRORS
-from sim.plants.table import OWN_VESSEL, PlantChoice
+from sim.plants import OWN_VESSEL, PlantChoice
 from tests.gateway.pipelines.test_lookout import path_rows
 from tests.sim.monitoring import live_seconds
 from tests.sim.vessels import IACQUABOT, WAMV

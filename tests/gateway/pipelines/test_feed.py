@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.estimation.names import MeasurementKind
+from gateway.estimation import MeasurementKind
 from gateway.ingest.open import open_log
 from gateway.offline.replay import replay_input_of
-from gateway.shadow.inputs import BLIND_S, SILENCE_S, TICK_S, FilterInputs
+from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
 from tests.gateway.pipelines.sailing import Said, tlog, voyage
 

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.ingest.log import Boat
-from gateway.links.inbox import Datagram, Frame
+from gateway.links import Datagram, Frame
 from gateway.live.boats import MAX_BOATS, MAX_OTHERS, BoatPlan, Fleet, LiveBoat, sender
 from gateway.live.gateway import plans_in, plans_of
 from gateway.vessel_file import dump_vessel

@@ -21,13 +21,13 @@ from mcap.reader import make_reader
 from gateway.config import FoxgloveSettings
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
-from gateway.links.inbox import LinkEvent, LinkEventKind
+from gateway.links import LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan
 from gateway.recording import foxglove
 from gateway.recording.foxglove_server import STOP_S, BoatView, FoxgloveServer, parse_address
 from gateway.recording.recorder import RAW
+from gateway.simulated_boat import THIN
 from gateway.simulated_boat.play import playing
-from gateway.simulated_boat.settings import THIN
 from gateway.topics import TOPICS
 from gateway.vessel_file import dump_vessel
 from tests.conftest import ROOT

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from gateway.estimation import Flag
 from gateway.estimation.filter import Estimator, FilterRows
-from gateway.estimation.names import Flag
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import replay_input_of
 from gateway.shadow.health import SECOND, STEADY_S, WINDOW_S, LogHealth

@@ -8,18 +8,16 @@ import orjson
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.estimation.names import MeasurementKind
-from gateway.estimation.settings import FilterSettings, gyro_delay_s
-from gateway.ingest.earth import to_degrees
+from gateway.estimation import FilterSettings, MeasurementKind, gyro_delay_s
 from gateway.ingest.log import Boat
+from gateway.ingest.mapping import to_degrees
 from gateway.live.boats import LiveBoat
 from gateway.live.intake import BETTER_SOURCE_NS, MessageIntake
 from gateway.samples import Measurement, Quantity
+from gateway.shadow import FilterInputs
 from gateway.shadow.health import LiveHealth, SequenceNumbers
-from gateway.shadow.inputs import FilterInputs
 from gateway.shadow.path import ShadowPath
-from sim.following.follower import VesselFollower
-from sim.following.reference import Reference
+from sim.following.follower import Reference, VesselFollower
 from sim.model import Model
 from tests.sim.vessels import WAMV
 

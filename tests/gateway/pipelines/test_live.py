@@ -9,12 +9,12 @@ import pytest
 
 from gateway.config import FollowingSettings
 from gateway.errors import BadInput
-from gateway.links.inbox import Datagram, LinkEvent, LinkEventKind
+from gateway.links import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
-from gateway.simulated_boat.settings import THIN, Faults, Silence
-from sim.following.reference import ReferenceMode
+from gateway.simulated_boat import THIN, Faults, Silence
+from sim.following.follower import ReferenceMode
 from sim.model import Model
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played
 from tests.sim.vessels import WAMV

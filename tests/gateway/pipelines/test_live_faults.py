@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.earth import Origin, to_local
+from gateway.ingest.mapping import Origin, to_local
+from gateway.links import Datagram, Frame
 from gateway.links.frame_reader import split_frames
-from gateway.links.inbox import Datagram, Frame
 from gateway.live import outputs
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Recorder, TopicsKept, open_new
-from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence, SimulatedBoatSettings
+from gateway.simulated_boat import Burst, Faults, Reboot, Silence, SimulatedBoatSettings
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played, truth
 from tests.gateway.pipelines.running import wait
 

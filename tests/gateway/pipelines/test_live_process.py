@@ -22,8 +22,8 @@ from gateway.links.transmitter import SET_RATE, Identity
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.rerun import fleet_of, rerun
 from gateway.recording.reader import Recording, repair
+from gateway.simulated_boat import Faults, Reboot, Silence
 from gateway.simulated_boat.play import playing
-from gateway.simulated_boat.settings import Faults, Reboot, Silence
 from tests.conftest import ROOT
 from tests.gateway.pipelines.aboard import SETTINGS, Heard
 from tests.gateway.pipelines.running import (

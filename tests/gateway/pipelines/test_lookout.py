@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from gateway.shadow.model_monitor import FIRST_S, ModelMonitor
-from gateway.shadow.path import ShadowRows
-from gateway.shadow.residuals import ModelResiduals
+from gateway.shadow.path import ModelResiduals, ShadowRows
 from gateway.shadow.sensor_checks import clock_text
+from gateway.simulated_boat import FAST, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings, TimedFrame
+from gateway.simulated_boat.hull import program_of
 from gateway.topics import TOPICS
 from sim.effects.catalogue import EFFECTS
 from sim.model import Model

@@ -18,9 +18,9 @@ from typer.testing import CliRunner
 
 from gateway.cli import app
 from gateway.errors import BadInput, ShadowError
-from gateway.links.inbox import LinkCounts
-from gateway.live.metrics import HEALTH, Metrics
-from gateway.log_line import LogFormat, LogLine, print_line
+from gateway.links import LinkCounts
+from gateway.live.outputs import HEALTH, Metrics
+from gateway.long_running import LogFormat, LogLine, print_line
 from gateway.simulated_boat.play import playing
 from gateway.topics import TOPICS, FieldType
 from tests.conftest import ROOT

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.estimation.names import Flag, MeasurementKind
+from gateway.estimation import Flag, MeasurementKind
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import ReplayInput, replay_input_of
 from gateway.shadow.events import EventDetector
@@ -15,8 +15,7 @@ from gateway.shadow.health import LogHealth
 from gateway.shadow.path import LOST_S, STALE_S, ShadowPath, ShadowRows, discontinuous
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.follower import FollowerOptions, VesselFollower
-from sim.following.reference import Reference, ReferenceMode
+from sim.following.follower import FollowerOptions, Reference, ReferenceMode, VesselFollower
 from sim.model import Model
 from sim.vessel import AddedEffect, Vessel
 from tests.gateway.ingest.scripted import local_position

@@ -22,8 +22,8 @@ import pytest
 import zenoh
 
 from gateway.recording.reader import Recording, repair
+from gateway.simulated_boat import Faults, Reboot
 from gateway.simulated_boat.play import playing
-from gateway.simulated_boat.settings import Faults, Reboot
 from tests.conftest import ROOT
 from tests.gateway.pipelines.running import Program, boat, free_port, program, subscribed, wait
 from tests.gateway.pipelines.test_live_process import WATCHER

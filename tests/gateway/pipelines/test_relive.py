@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
-from gateway.links.inbox import Datagram
+from gateway.links import Datagram
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.live.rerun import fleet_of, loop_inputs, rerun
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
-from gateway.simulated_boat.settings import Burst, Faults, Reboot, Silence
-from sim.plants.table import PlantChoice
+from gateway.simulated_boat import Burst, Faults, Reboot, Silence
+from sim.plants import PlantChoice
 from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, datagrams, played
 from tests.sim.vessels import IACQUABOT, WAMV
 

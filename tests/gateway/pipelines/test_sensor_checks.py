@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gateway.estimation import MeasurementKind
 from gateway.estimation.events import Events
-from gateway.estimation.names import MeasurementKind
 from gateway.ingest.mapping import EstimatorFault
 from gateway.ingest.mavlink.mapping import ekf_status_report, estimator_status
 from gateway.samples import CHANNELS, Quantity
-from gateway.shadow.inputs import FilterInputs
+from gateway.shadow import FilterInputs
 from gateway.shadow.sensor_checks import (
     CONFIRMED_S,
     FROZEN_S,
@@ -29,7 +29,7 @@ from gateway.shadow.sensor_checks import (
     reported_well,
     unfit_text,
 )
-from gateway.simulated_boat.sensor_faults import (
+from gateway.simulated_boat.telemetry import (
     FROZEN,
     WELL,
     CompassError,

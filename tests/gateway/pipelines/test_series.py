@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.shadow.held_series import HeldSeries
+from gateway.shadow import HeldSeries
 
 
 def held(*pairs: tuple[float, float]) -> HeldSeries:

@@ -12,11 +12,10 @@ from gateway.shadow.events import (
     REMEMBERED_BLOCKS,
     MissingForceRange,
 )
-from gateway.shadow.path import ShadowRows
-from gateway.shadow.residuals import ModelResiduals
+from gateway.shadow.path import ModelResiduals, ShadowRows
+from gateway.simulated_boat import FAST, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.program import program_of
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings, TimedFrame
+from gateway.simulated_boat.hull import program_of
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect
 from tests.gateway.pipelines.aboard import Deck, datagrams

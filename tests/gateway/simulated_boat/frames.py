@@ -7,8 +7,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.ingest.mavlink.log import MavlinkLog, tlog_from_bytes
+from gateway.simulated_boat import SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.settings import SimulatedBoatSettings, TimedFrame
 from tests.sim.vessels import WAMV
 
 UNIX_S = 1_700_000_000.0

@@ -8,8 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput
+from gateway.simulated_boat import FAST, THIN, Faults, Reboot, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.settings import FAST, THIN, Faults, Reboot, SimulatedBoatSettings
 from gateway.user_effects import load_effects
 from sim.vessel import AddedEffect
 from tests.gateway.simulated_boat.frames import (

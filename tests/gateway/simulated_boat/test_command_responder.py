@@ -3,8 +3,8 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from gateway.simulated_boat import Faults, Reboot
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.settings import Faults, Reboot
 from tests.gateway.simulated_boat.frames import messages_named, simulated_boat
 
 ASKING = 200  # system id of the sender of requests

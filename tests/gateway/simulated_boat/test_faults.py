@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.simulated_boat.settings import FAST, Burst, Faults, Silence
+from gateway.simulated_boat import FAST, Burst, Faults, Silence
 from tests.gateway.simulated_boat.frames import decoded, frames_of, log_of, simulated_boat
 
 SECONDS = 30.0

@@ -5,8 +5,8 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.ingest.open import open_log
-from gateway.simulated_boat.log_file import write_log
-from gateway.simulated_boat.program import program_of
+from gateway.simulated_boat.hull import program_of
+from gateway.simulated_boat.play import write_log
 from tests.sim.vessels import WAMV
 
 SECONDS = 8.0

@@ -9,9 +9,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.errors import BadInput
-from gateway.links.transport import Arrival
+from gateway.links import Arrival
+from gateway.simulated_boat import FAST
 from gateway.simulated_boat.play import PlayLoop, play, playing, simulate_live
-from gateway.simulated_boat.settings import FAST
 from tests.gateway.simulated_boat.frames import simulated_boat
 from tests.sim.vessels import WAMV
 

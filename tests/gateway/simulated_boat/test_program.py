@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
+from gateway.simulated_boat import SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.program import PROGRAMS, program_of
-from gateway.simulated_boat.settings import SimulatedBoatSettings
+from gateway.simulated_boat.hull import PROGRAMS, program_of
 from gateway.vessel_file import load_vessel
 from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
 

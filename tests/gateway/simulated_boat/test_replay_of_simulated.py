@@ -8,11 +8,11 @@ import pytest
 
 from gateway.config import Settings, ZenohSettings
 from gateway.ingest.log import choose_boat
-from gateway.ingest.parameters import actuators
-from gateway.offline.initial_vessel import init_vessel
+from gateway.ingest.mapping import actuators
 from gateway.offline.replay import ReplayOptions, replay
+from gateway.offline.vessel import init_vessel
+from gateway.simulated_boat import FAST, THIN, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
-from gateway.simulated_boat.settings import FAST, THIN, SimulatedBoatSettings
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
 from sim.vessel import AddedEffect, Servo

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.random import PCG64, Generator
 
+from gateway.simulated_boat import FAST, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.hull import GRAVITY, TABLE, SensedValues, SensorModel, TrueState
-from gateway.simulated_boat.settings import FAST, SimulatedBoatSettings
 from sim.body import Report
 from sim.vessel import Sensors
 from tests.gateway.simulated_boat.frames import frames_of, messages_named, simulated_boat

@@ -5,18 +5,15 @@ import math
 import numpy as np
 import pytest
 
+from gateway import stand_in
 from gateway.errors import ShadowError
 from gateway.hil.run import LoopOptions, LoopPlan
 from gateway.offline.compare import compare_logs
-from gateway.simulated_boat.log_file import tlog_bytes
-from gateway.stand_in import json_client
-from gateway.stand_in.autopilot import StandIn
-from gateway.stand_in.json_client import JsonClient, parse_reply
-from gateway.stand_in.pilots import MissionPilot, PlanPilot
+from gateway.simulated_boat.play import tlog_bytes
+from gateway.stand_in import JsonClient, MissionPilot, PlanPilot, StandIn, parse_reply
 from gateway.vessel_file import load_vessel
+from sim.excitation import StickLimits, plan_of
 from sim.excitation.catalogue import BY_NAME
-from sim.excitation.manoeuvre import StickLimits
-from sim.excitation.sticks import plan_of
 from sim.model import Model
 from tests.gateway.hil.firmware import free_port, looping
 
@@ -98,7 +95,7 @@ def test_its_log_is_that_of_the_boat_in_the_loop(sail, otter, tmp_path):
 
 
 def test_a_boat_that_is_not_there_is_one_line(monkeypatch):
-    monkeypatch.setattr(json_client, "REPLY_S", 0.01)
+    monkeypatch.setattr(stand_in, "REPLY_S", 0.01)
     address = f"127.0.0.1:{free_port()}"
     with JsonClient(address, 50) as client, pytest.raises(ShadowError, match="run shadow hil"):
         client.frame({1: 1500})

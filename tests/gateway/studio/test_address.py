@@ -4,15 +4,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.studio import address
-from gateway.studio.address import MOST_RANGES, Address, ranges_in, ranges_text
+from gateway import studio
+from gateway.studio import MOST_RANGES, Address, ranges_in, ranges_text
 
 
 @pytest.fixture
 def location(monkeypatch):
     one = SimpleNamespace(search="?recording=voyage+2&range=1.0:2.5&token=secret")
     state = SimpleNamespace(state=SimpleNamespace(location=one))
-    monkeypatch.setattr(address, "pn", state)
+    monkeypatch.setattr(studio, "pn", state)
     return one
 
 
@@ -35,7 +35,7 @@ def test_a_token_is_never_written_back(location):
 
 def test_a_page_without_an_address_remembers_all_the_same(monkeypatch):
     state = SimpleNamespace(state=SimpleNamespace(location=None))
-    monkeypatch.setattr(address, "pn", state)
+    monkeypatch.setattr(studio, "pn", state)
     here = Address()
     here.write(boat="Grebe")
     assert here.read("boat") == "Grebe"

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from gateway.figures.style import THEMES
+from gateway.figures import THEMES
 from gateway.studio import page
 from tests.gateway.figures.test_bokeh_draw import ratio
 

@@ -8,10 +8,10 @@ import pytest
 from gateway.errors import BadInput
 from gateway.fleet.table import write_table
 from gateway.studio.access import Folders
-from gateway.studio.fleet_reader import FleetReader, fleet_task
 from gateway.studio.pages.fleet import NO_FOLDER, FleetPage
 from gateway.studio.serve import StudioOptions, fleet_folder
 from gateway.studio.session import Session
+from gateway.studio.worker import FleetReader, fleet_task
 from tests.conftest import ROOT
 from tests.gateway.fleet.test_report import recordings
 from tests.gateway.fleet.test_wear import numbers

@@ -12,14 +12,13 @@ from panel.io.state import set_curdoc
 
 from gateway.errors import BadInput
 from gateway.offline.trials import load_trials
+from gateway.studio import LAYOUT_FILE, Scope
 from gateway.studio.access import Folders
-from gateway.studio.cards import CardReader, card_task, card_text
-from gateway.studio.layout import NAME
+from gateway.studio.controls import WAY, course_of, moments
 from gateway.studio.pages import recordings, vessel
 from gateway.studio.session import Session, with_values
-from gateway.studio.several import WAY, course_of, moments
 from gateway.studio.tasks import compare_task
-from gateway.studio.views import Scope
+from gateway.studio.worker import CardReader, card_task, card_text
 from tests.conftest import ROOT
 from tests.gateway.studio.pages import context_of, message_of
 
@@ -57,13 +56,13 @@ def test_a_range_is_kept_worked_on_and_forgotten(session):
 
 
 def test_a_layout_that_cannot_be_read_is_said_and_never_written_over(session):
-    file = session.folders.write / NAME
+    file = session.folders.write / LAYOUT_FILE
     file.parent.mkdir(exist_ok=True)
     file.write_text('{"ranges": 3}')
     again = Session(session.folders, (), None)
     assert again.notice is not None
-    assert NAME in again.notice.text
-    with pytest.raises(BadInput, match=NAME):
+    assert LAYOUT_FILE in again.notice.text
+    with pytest.raises(BadInput, match=LAYOUT_FILE):
         again.keep_range("turn", "voyage_1", ((0.0, 1.0),))
     assert file.read_text() == '{"ranges": 3}'
 

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.figures.style import LIGHT
+from gateway.figures import LIGHT
 from gateway.monitor import Latest, VesselStatus
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment, RecordingFile
@@ -19,11 +19,9 @@ from gateway.recording.writer import Compression
 from gateway.shadow.topic_rows import LIVE, METADATA
 from gateway.studio import live_history
 from gateway.studio.access import Folders
-from gateway.studio.frozen import freeze_task, growing_recording
-from gateway.studio.live_banner import sentence_of
 from gateway.studio.live_chart import Chart, Strips
-from gateway.studio.live_history import BoatHistory, LiveHistory
-from gateway.studio.pages.live import LivePage
+from gateway.studio.live_history import BoatHistory, LiveHistory, freeze_task, growing_recording
+from gateway.studio.pages.live import LivePage, sentence_of
 from gateway.studio.session import Session
 from tests.conftest import ROOT
 from tests.gateway.studio.pages import context_of, message_of

@@ -11,10 +11,18 @@ from pmtiles.writer import Writer
 
 from gateway.config import StudioSettings
 from gateway.errors import BadInput
-from gateway.ingest.earth import Origin, to_local
-from gateway.studio.map_tiles import MOST, View, corner, credit, numbered, tiles_under, zoom_of
+from gateway.ingest.mapping import Origin, to_local
+from gateway.studio.map_tiles import (
+    MOST,
+    View,
+    corner,
+    credit,
+    numbered,
+    open_tiles,
+    tiles_under,
+    zoom_of,
+)
 from gateway.studio.serve import settings_of_file
-from gateway.studio.tile_file import open_tiles
 
 PLAIN = StudioSettings("https://maps.local/{Z}/{X}/{Y}.png", "us", 19)
 PLACES = [Origin(59.3, 18.1), Origin(-33.9, -70.6), Origin(0.0, 0.0), Origin(65.0, 179.9999)]

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput
-from gateway.studio.cards import card_task
 from gateway.studio.serve import StudioOptions, session_of
 from gateway.studio.tasks import trials_in
+from gateway.studio.worker import card_task
 from tests.gateway.terminal.test_next_step import COMMANDED, table
 
 

@@ -7,25 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.figures import LIGHT, FigureData
 from gateway.figures.diagnosis import LadderBar
-from gateway.figures.figure_data import FigureData
-from gateway.figures.style import LIGHT
 from gateway.figures.words import judgement_text, nowhere_text
 from gateway.monitor import Latest, MonitorOptions, VesselStatus
-from gateway.studio.access import Folders
-from gateway.studio.live_chart import Chart
-from gateway.studio.live_history import LiveHistory, WatchedBoat
-from gateway.studio.page import Page
-from gateway.studio.pages import compare, diagnose, live, recordings, vessel
-from gateway.studio.ranges import range_text
-from gateway.studio.session import GOOD_S, NOW, Session, with_values
-from gateway.studio.views import (
+from gateway.studio import (
     ComparisonView,
     DiagnosisView,
     LadderView,
     TrialView,
     VesselView,
 )
+from gateway.studio.access import Folders
+from gateway.studio.live_chart import Chart
+from gateway.studio.live_history import LiveHistory, WatchedBoat
+from gateway.studio.page import Page
+from gateway.studio.pages import compare, diagnose, live, recordings, vessel
+from gateway.studio.session import GOOD_S, NOW, Session, with_values
+from gateway.studio.time_marks import range_text
 from gateway.studio.worker import JobMessage
 from gateway.topics import TOPICS
 from sim.comparison.compare import Judgement, judge

@@ -14,10 +14,10 @@ from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from gateway.errors import BadInput
 from gateway.monitor import MonitorOptions
+from gateway.studio import pages
 from gateway.studio.live_history import LiveHistory
 from gateway.studio.page import PageEntry, StudioContext
-from gateway.studio.pages import catalogue
-from gateway.studio.pages.catalogue import PAGES, known_pages
+from gateway.studio.pages import PAGES, known_pages
 from gateway.studio.serve import (
     DEMO_VESSEL,
     StudioOptions,
@@ -209,7 +209,7 @@ def test_a_page_closed_while_something_went_to_it_is_no_fault_and_anything_else_
 def plug_in(monkeypatch, entry: PageEntry) -> None:
     """An installed package that registers a page."""
     point = SimpleNamespace(load=lambda: entry)
-    monkeypatch.setattr(catalogue, "entry_points", lambda group: [point] * (group == GROUP))
+    monkeypatch.setattr(pages, "entry_points", lambda group: [point] * (group == GROUP))
 
 
 def test_the_page_of_a_plug_in_as_the_docs_show_it_is_served_in_its_order(

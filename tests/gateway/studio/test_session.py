@@ -11,11 +11,10 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.figures.diagnosis import LadderBar
-from gateway.studio import tasks
+from gateway.studio import AlternativeView, DiagnosisView, LadderView, TrialView, tasks
 from gateway.studio.access import Folders
 from gateway.studio.session import Session, with_values
 from gateway.studio.tasks import compare_task, report_task
-from gateway.studio.views import AlternativeView, DiagnosisView, LadderView, TrialView
 from gateway.studio.worker import JobMessage
 from gateway.vessel_file import load_vessel
 

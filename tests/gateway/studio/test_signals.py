@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.ingest.happenings import happenings
 from gateway.ingest.log import choose_boat
+from gateway.ingest.log_events import happenings
 from gateway.ingest.open import open_log
-from gateway.studio.expression import Expression, Signal, derived_signal
-from gateway.studio.signals import SignalReader, SignalRequest, signals_task
+from gateway.studio.signals import (
+    Expression,
+    Signal,
+    SignalReader,
+    SignalRequest,
+    derived_signal,
+    signals_task,
+)
 from tests.conftest import ROOT
 
 LOG = str(ROOT / "recordings/voyage_1.tlog")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.terminal.missions import mission_sentences
+from gateway.terminal.comparison import mission_sentences
 from sim.comparison.missions import MissionComparison, Parting, Passage
 
 ALONG = np.linspace(0.0, 100.0, 801)

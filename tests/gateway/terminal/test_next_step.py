@@ -8,7 +8,7 @@ from gateway.commands.recordings import info
 from gateway.ingest.log import Boat
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
-from gateway.offline.initial_vessel import init_vessel
+from gateway.offline.vessel import init_vessel
 from gateway.terminal.recordings import next_step
 from tests.conftest import ROOT
 from tests.gateway.offline.test_replay import TABLE_COLUMNS

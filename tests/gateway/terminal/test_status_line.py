@@ -5,8 +5,8 @@ import io
 import pytest
 from rich.console import Console
 
-from gateway.terminal import console
-from gateway.terminal.console import status_line
+import gateway.terminal
+from gateway.terminal import status_line
 
 
 def written(monkeypatch: pytest.MonkeyPatch, terminal: bool, *texts: str) -> str:
@@ -15,7 +15,7 @@ def written(monkeypatch: pytest.MonkeyPatch, terminal: bool, *texts: str) -> str
     def opened(**options: object) -> Console:
         return Console(file=out, force_terminal=terminal, width=200)
 
-    monkeypatch.setattr(console, "SafeConsole", opened)
+    monkeypatch.setattr(gateway.terminal, "SafeConsole", opened)
     with status_line("diagnosing", keep="first impression") as show:
         for text in texts:
             show(text)

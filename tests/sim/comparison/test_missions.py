@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.comparison.missions import Passage, TooShortError, compare_missions
+from sim.comparison.missions import Passage, TrackTooShortError, compare_missions
 
 DT = 0.1
 LEGS = [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0)]
@@ -82,8 +82,8 @@ def test_outputs_are_compared_where_both_drive_them():
 def test_a_boat_that_never_moves_cannot_be_compared():
     still = passage()
     still = Passage("moored", still.time, 0.0 * still.time, 0.0 * still.time, still.yaw_rate)
-    with pytest.raises(TooShortError, match="moored: is never under way"):
+    with pytest.raises(TrackTooShortError, match="moored: is never under way"):
         compare_missions(still, passage())
     drift = Passage("drifts", still.time, 0.01 * (still.time - 1000.0), still.east, still.yaw_rate)
-    with pytest.raises(TooShortError, match="drifts: 1"):
+    with pytest.raises(TrackTooShortError, match="drifts: 1"):
         compare_missions(drift, passage())

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
+from sim.comparison import ErrorMap, along_trial, bin_of, place_sentence, round_edges, worst_place
 from sim.comparison.compare import compare
-from sim.comparison.regimes import place_sentence, round_edges
-from sim.comparison.where import ErrorMap, along_trial, bin_of, worst_place
 from sim.model import Model
-from sim.prediction.missing_force import missing_force
+from sim.prediction import missing_force
 from tests.sim.voyages import WAM_V, simulated, trial_of, voyage
 
 STD = np.array([0.05, 0.05, 0.005, 0.01, 0.01, 0.005, 0.02, 0.02, 0.01])

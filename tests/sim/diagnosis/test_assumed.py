@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.diagnosis.assumed import DOUBT, assumed_numbers, with_assumed_intervals
+from sim.diagnosis.answer import DOUBT, assumed_numbers, with_assumed_intervals
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.effects.catalogue import named
@@ -13,7 +13,7 @@ from sim.identification.intervals import Estimate
 from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
-from sim.wind_loads import C_N
+from sim.wind import C_N
 from tests.sim.diagnosis.sailed import DT, STD, sailed
 from tests.sim.voyages import WAM_V, commands, trial_of
 

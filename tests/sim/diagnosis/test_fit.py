@@ -20,7 +20,7 @@ from sim.diagnosis.fit import (
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.ladder import final_fit
 from sim.effects.catalogue import named
-from sim.identification.settings import BASE
+from sim.identification import BASE
 from sim.model import Model
 from sim.state import Floats
 from sim.trial import Trial

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.diagnosis.identifiability import RecordingContent, Refusal, refusals
+from sim.diagnosis.next_experiment import RecordingContent, Refusal, refusals
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect, Shown
 from sim.model import Model

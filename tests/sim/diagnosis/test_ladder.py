@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from sim.diagnosis import ladder
-from sim.diagnosis.heldout import Gain
+from sim.diagnosis.heldout import Gain, RankedEffect, Ranking, select_finalists
 from sim.diagnosis.ladder import EffectSearch, helps
-from sim.diagnosis.ranking import RankedEffect, Ranking, select_finalists
 from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIER
 from sim.diagnosis.verdict import rivals_of
 from sim.effects.catalogue import EFFECTS, named

@@ -13,7 +13,7 @@ from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
 from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Parameter, Scope
-from sim.following.reference import Reference, ReferenceMode
+from sim.following.follower import Reference, ReferenceMode
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.state import Inertia, Pose, Water

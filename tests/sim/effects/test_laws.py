@@ -17,7 +17,6 @@ from tests.sim.vessels import RUDDER_BOAT, WAMV, added, excitation
 DT = 0.02
 TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
-TURNED_ROUND = ("direction", "later_direction", "angle", "y", "bias", "c")  # have a side
 OTHER_SIDE = {"thruster_fault": {"thruster": 2.0}, "actuator_wiring": {"reversed": 1.0}}
 ONE_SIDED = ("thruster_imbalance",)  # knows port only
 
@@ -92,7 +91,8 @@ def test_inertia_stays_that_of_a_mass():
 )
 def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
     vessel, item = home(effect), added(effect)
-    values = {k: -v if k in TURNED_ROUND else v for k, v in item.values.items()}
+    sided = {p.name for p in effect.parameters if p.sided}
+    values = {k: -v if k in sided else v for k, v in item.values.items()}
     other = AddedEffect(effect, values | OTHER_SIDE.get(effect.name, {}))
     commands, start = excitation(vessel, 8.0, DT), np.array([1.0, 2.0, 0.5, 0.4, 0.1, -0.1])
     swapped = commands[:, ::-1] if vessel is WAMV else commands * [1.0, -1.0]
@@ -100,7 +100,7 @@ def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
     there = reports_of(vessel.with_effects(other), swapped, start * PORT_AND_STARBOARD[:6])
     np.testing.assert_allclose(
         there, here * PORT_AND_STARBOARD, rtol=0, atol=1e-9,
-        err_msg="a parameter that a mirror turns round belongs into TURNED_ROUND",
+        err_msg="a parameter that a mirror turns round declares sided=True",
     )  # fmt: skip
 
 

@@ -9,10 +9,21 @@ import pytest
 from gateway.errors import BadInput
 from gateway.user_effects import load_effects, write_effect_formula
 from sim.effects.effect import Formula
-from sim.effects.formulas import FORMS, fitted_forms
 from sim.effects.learned import EFFECT
-from sim.effects.learned_axes import AHEAD, HEADING, KNOTS, MOTOR, SURGE, SWAY, THRUST, TURNING, YAW
-from sim.effects.learned_formula import formulas
+from sim.effects.learned_formula import (
+    AHEAD,
+    FORMS,
+    HEADING,
+    KNOTS,
+    MOTOR,
+    SURGE,
+    SWAY,
+    THRUST,
+    TURNING,
+    YAW,
+    fitted_forms,
+    formulas,
+)
 from tests.sim.vessels import WAMV
 
 X = np.linspace(-0.4, 2.0, KNOTS)

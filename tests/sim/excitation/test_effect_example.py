@@ -5,7 +5,7 @@ import pytest
 
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Kind
-from sim.excitation.effect_example import MIN_SIZE, run_example
+from sim.excitation.responses import MIN_SIZE, run_example
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)

@@ -5,11 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.excitation.catalogue import BY_NAME, MANOEUVRES, Mixed
-from sim.excitation.manoeuvre import Stick, StickLimits, slew_limited
-from sim.excitation.sequences import MotorsOff, Ramp, Square
-from sim.excitation.sticks import manoeuvre_commands, manoeuvre_sticks, mix_sticks, mixing_matrix
-from sim.excitation.turns import Circles, Spin, Zigzag
+from sim.excitation import (
+    Stick,
+    StickLimits,
+    manoeuvre_commands,
+    manoeuvre_sticks,
+    mix_sticks,
+    mixing_matrix,
+    slew_limited,
+)
+from sim.excitation.catalogue import (
+    BY_NAME,
+    MANOEUVRES,
+    Circles,
+    Mixed,
+    MotorsOff,
+    Ramp,
+    Spin,
+    Square,
+    Zigzag,
+)
 from sim.model import Model
 from sim.state import Eta
 from sim.vessel import Servo, Thruster

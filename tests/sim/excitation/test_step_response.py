@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.excitation.step_response import responses_to, step_response, step_responses
+from sim.excitation.responses import responses_to, step_response, step_responses
 from sim.model import Model
 from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
 

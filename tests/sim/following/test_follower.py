@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.bounds import MAX_SPEED_MPS, MAX_TURN_RADPS
+from sim.following import MAX_SPEED_MPS, MAX_TURN_RADPS
 from sim.following.follower import Axes, ControlLaw, FollowerOptions, VesselFollower
 from sim.following.stepwise import Inversion, PlantFollower, follower_for
 from sim.model import Model
+from sim.plants import PlantKind
 from sim.plants.plant import VesselPlant
-from sim.plants.table import PlantKind
 from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation

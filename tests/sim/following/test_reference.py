@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sim.effects import heading_offset, thruster_lag
-from sim.following.bounds import MAX_SPEED_MPS
-from sim.following.reference import Reference, ReferenceMode
+from sim.following import MAX_SPEED_MPS
+from sim.following.follower import Reference, ReferenceMode
 from sim.model import Model
 from tests.sim.vessels import WAMV, added, excitation
 

@@ -9,8 +9,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.hil.boat import Boat, command_of
 from sim.hil.day import Day, Moment, Schedule, Wind, vessel_of_day
 from sim.model import Model
-from sim.plants.hydrostatics import GRAVITY
-from sim.plants.waves import Sea
+from sim.plants.waves import GRAVITY, Sea
 from sim.vessel import AddedEffect, Sensors, Servo
 from tests.sim.vessels import RUDDER_BOAT, WAMV
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from sim.identification.settings import BASE
+from sim.identification import BASE
 from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import Vessel

@@ -6,8 +6,8 @@ from functools import partial
 import pytest
 
 from sim.effects.steady_current import EFFECT as CURRENT
+from sim.identification import BASE, IdentifySettings
 from sim.identification.identify import identify
-from sim.identification.settings import BASE, IdentifySettings
 from sim.vessel import AddedEffect
 from tests.sim.identification.independent_boat import FULL, blade, motor, sail
 from tests.sim.vessels import RUDDER_BOAT, STEERED_BOAT

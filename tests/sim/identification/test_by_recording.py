@@ -5,11 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.identification import by_recording
+from sim.identification import IdentifySettings, by_recording
 from sim.identification.by_recording import ByRecording, RecordingFit, pooled
 from sim.identification.identify import fitted_model
 from sim.identification.parameters import unknowns_of
-from sim.identification.settings import IdentifySettings
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.vessel import KNOT_PREFIX, Vessel, with_free_curves

@@ -5,21 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.identification.command_timing import (
-    command_timing_covariance,
-    sharpened_commands,
-    sharpening_factor,
-)
 from sim.identification.noise import (
     Noise,
     RunErrors,
     apply_whitener,
+    command_timing_covariance,
     estimate_noise,
+    sharpened_commands,
+    sharpening_factor,
     timing_whitener,
     whitened,
 )
 from sim.model import InputTable, Model
-from sim.prediction.inputs import measured_motion
+from sim.prediction import measured_motion
 from tests.sim.voyages import WAM_V, simulated
 
 DT, EVERY, MEANS = 0.1, 4, 12

@@ -7,9 +7,9 @@ import pytest
 
 from sim.effects.steady_current import EFFECT as CURRENT
 from sim.effects.thruster_lag import EFFECT as LAG
+from sim.identification import BASE, IdentifySettings
 from sim.identification.identify import identify
 from sim.identification.parameters import UnknownNameError
-from sim.identification.settings import BASE, IdentifySettings
 from sim.vessel import AddedEffect
 from tests.sim.identification.noisy_trials import noisy, off, wander
 from tests.sim.vessels import WAMV

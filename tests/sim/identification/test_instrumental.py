@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sim.effects.steady_current import EFFECT as CURRENT
-from sim.identification.instrumental import cross_check_by_instruments, fit_by_instruments
+from sim.identification import BASE
+from sim.identification.estimators import cross_check_by_instruments, fit_by_instruments
 from sim.identification.intervals import Estimate
 from sim.identification.regression import fit_by_regression
-from sim.identification.settings import BASE
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.vessel import AddedEffect

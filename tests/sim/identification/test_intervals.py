@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from sim.identification import IdentifySettings
 from sim.identification.intervals import Estimate, Uncertainty, estimates_of
 from sim.identification.parameters import DAMPING, MASSES, OFFSETS, unknowns_of
-from sim.identification.settings import IdentifySettings
 from sim.model import Model
 from tests.sim.vessels import WAMV
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.identification.identify import identify
-from sim.identification.settings import IdentifySettings
-from sim.identification.validation import is_confirmed, unconfirmed_channels
+from sim.identification import IdentifySettings
+from sim.identification.identify import identify, is_confirmed, unconfirmed_channels
 from tests.sim.identification.noisy_trials import noisy, off
 from tests.sim.vessels import WAMV
 

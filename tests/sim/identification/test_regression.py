@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sim.identification import BASE
 from sim.identification.regression import DELTA_SIGN, ordinary_least_squares, regressor
-from sim.identification.settings import BASE
 from sim.model import Model
 from tests.sim.vessels import IACQUABOT, WAMV
 

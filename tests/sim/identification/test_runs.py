@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim.identification import IdentifySettings
 from sim.identification.innovations import track_std
 from sim.identification.noise import Noise
 from sim.identification.parameters import OFFSETS, ROUNDING, unknowns_of
 from sim.identification.runs import RunSet, errors_of_trials, run_errors
-from sim.identification.settings import IdentifySettings
 from sim.identification.shooting import FitInputs, build_run_set, projected_residuals
 from sim.model import Model
 from sim.trial import Trial

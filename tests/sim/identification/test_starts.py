@@ -7,7 +7,7 @@ import pytest
 
 from sim.effects.catalogue import named
 from sim.effects.effect import Values
-from sim.identification.starts import start_points
+from sim.identification.search import start_points
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed, with_effect

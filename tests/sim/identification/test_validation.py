@@ -7,9 +7,7 @@ import pytest
 
 from sim.identification.identify import identify
 from sim.model import Model
-from sim.prediction.free_runs import free_run, predict
-from sim.prediction.scales import Ruler
-from sim.prediction.scores import nrmse
+from sim.prediction.free_runs import Ruler, free_run, nrmse, predict
 from sim.trial import Trial
 from tests.sim.voyages import WAM_V, simulated
 

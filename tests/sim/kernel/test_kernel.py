@@ -8,7 +8,7 @@ import pytest
 from sim.effects import thruster_lag
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.following.reference import Reference, ReferenceMode
+from sim.following.follower import Reference, ReferenceMode
 from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.state import Wrench

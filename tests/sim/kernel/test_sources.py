@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from sim.effects import steady_wind
-from sim.kernel import cache, sources
+from sim.kernel import cache, compiled
 from sim.kernel.generator import kernel_text
 from sim.model import Model
 from sim.vessel import AddedEffect
@@ -19,9 +19,9 @@ ALL_AT_ONCE = [replace(v, sensors=ANTENNA).with_effects(*every_effect(v)) for v 
 
 def changed(monkeypatch, module):
     """From now on the module's source is another one."""
-    read = sources.source_text
+    read = compiled.source_text
     monkeypatch.setattr(
-        sources, "source_text", lambda name: read(name) + "\nX = 1\n" * (name == module)
+        compiled, "source_text", lambda name: read(name) + "\nX = 1\n" * (name == module)
     )
 
 
@@ -30,7 +30,7 @@ def test_every_function_that_a_kernel_reaches_is_in_its_fingerprint(vessel, monk
     kernel = Model.of(vessel).kernel
     reached = modules_reached(entries(kernel.module), {"sim"})
     text = kernel_text(kernel.structure)
-    assert {"sim.state", "sim.balance", "sim.following.law"} <= reached
+    assert {"sim.state", "sim.balance", "sim.following"} <= reached
     assert reached <= cache.kernel_sources(kernel.structure, text)
     before = cache._fingerprint(kernel.structure, text)
     for module in reached:
@@ -43,10 +43,10 @@ def test_every_function_that_a_kernel_reaches_is_in_its_fingerprint(vessel, monk
 def test_what_an_effects_file_imports_is_covered_with_its_constants():
     wind = Model.of(WAMV.with_effects(added(steady_wind.EFFECT))).kernel
     reached = modules_reached(entries(wind.module), {"sim"})
-    assert "sim.wind_loads" in reached
+    assert "sim.wind" in reached
     assert reached <= cache.kernel_sources(wind.structure, kernel_text(wind.structure))
     plain = Model.of(WAMV).kernel.structure
-    assert "sim.wind_loads" not in cache.kernel_sources(plain, kernel_text(plain))
+    assert "sim.wind" not in cache.kernel_sources(plain, kernel_text(plain))
 
 
 LAW = """
@@ -79,17 +79,17 @@ def test_the_package_of_a_plug_in_is_covered_too(tmp_path, monkeypatch):
     finally:
         for name in [name for name in sys.modules if name.partition(".")[0] == "lab"]:
             del sys.modules[name]
-        sources._file.cache_clear()
+        compiled._file.cache_clear()
 
 
 def test_imports_of_every_form_are_followed():
     text = "import sim.state\nfrom sim import body\nfrom sim.effects import cubic_drag as c\n"
-    found = sources.dependencies(text + "def f():\n    from sim.jit import jitable\n")
+    found = compiled.dependencies(text + "def f():\n    from sim.jit import jitable\n")
     assert {"sim.state", "sim.body", "sim.effects.cubic_drag", "sim.jit"} <= found
-    assert sources.dependencies("from .law import Gains", "sim.following.x") >= {
-        "sim.following.law"
+    assert compiled.dependencies("from .loops import predict", "sim.following.x") >= {
+        "sim.following.loops"
     }
-    assert sources.dependencies("import numpy, os.path\nfrom scipy import linalg") == set()
-    assert sources.sources_of("no.such.module") == set()
+    assert compiled.dependencies("import numpy, os.path\nfrom scipy import linalg") == set()
+    assert compiled.sources_of("no.such.module") == set()
     with pytest.raises(ImportError, match="no source of sim"):
-        sources.source_text("sim.nothing")
+        compiled.source_text("sim.nothing")

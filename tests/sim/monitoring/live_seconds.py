@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sim.model import Model
-from sim.monitoring.live_second import SecondMeans, world_to_body
+from sim.monitoring import SecondMeans, world_to_body
 from sim.state import Floats
 from sim.vessel import Vessel
 from tests.sim.voyages import WAM_V

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sim.model import Model
+from sim.monitoring import SecondMeans, WindModel
 from sim.monitoring.alarm import (
     DOUBTS,
     MIN_DOUBT_INTERVAL_S,
@@ -24,7 +25,6 @@ from sim.monitoring.alarm import (
 )
 from sim.monitoring.consistency import WRONG_ABOVE
 from sim.monitoring.disturbances import Cause, DisturbanceEstimator
-from sim.monitoring.live_second import SecondMeans, WindModel
 from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.voyages import WAM_V
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim.monitoring import Balance
 from sim.monitoring.consistency import Misfit, transition
-from sim.monitoring.live_second import Balance
 from tests.sim.monitoring.live_seconds import seconds
 
 

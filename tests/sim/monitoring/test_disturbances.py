@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
+from sim.monitoring import SecondMeans, WindModel, air_velocity, balance_at
 from sim.monitoring.disturbances import (
     BOAT_DRIFT_S,
     BOAT_ERRORS,
@@ -21,7 +22,6 @@ from sim.monitoring.disturbances import (
     DisturbanceFilter,
     MeasurementModel,
 )
-from sim.monitoring.live_second import SecondMeans, WindModel, air_velocity, balance_at
 from sim.vessel import AddedEffect
 from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.vessels import SHAPES

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim.model import Model, parameters_of
-from sim.monitoring.live_second import SecondMeans
+from sim.monitoring import SecondMeans
 from sim.monitoring.recursive import (
     LIMITS,
     MAX_CHANGE_PER_S,

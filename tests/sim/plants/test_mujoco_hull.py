@@ -12,12 +12,10 @@ from sim.following.stepwise import PlantFollower, follower_for
 from sim.hil.boat import Boat
 from sim.hil.day import Day, Moment
 from sim.model import Model
-from sim.plants.floating import floating_hull
-from sim.plants.hydrostatics import GRAVITY, hull_shape
-from sim.plants.mujoco_hull import MujocoHull
+from sim.plants import MUJOCO, VESSEL, PlantChoice
+from sim.plants.mujoco_hull import MujocoHull, floating_hull
 from sim.plants.plant import FloatingPlant, InvertiblePlant, PlantInputs, PlantMotion, VesselPlant
-from sim.plants.table import MUJOCO, VESSEL, PlantChoice
-from sim.plants.waves import Sea
+from sim.plants.waves import GRAVITY, Sea, hull_shape
 from sim.state import Pose, Velocity, Wrench
 from sim.vessel import Floating
 from tests.sim.vessels import IACQUABOT, WAMV

@@ -7,10 +7,8 @@ import pytest
 
 from sim.effects.catalogue import named
 from sim.model import Model
-from sim.prediction.free_runs import DivergedError, predict
-from sim.prediction.inputs import delayed_commands, measured_motion
-from sim.prediction.scales import Ruler
-from sim.prediction.scores import nrmse
+from sim.prediction import delayed_commands, measured_motion
+from sim.prediction.free_runs import DivergedError, Ruler, nrmse, predict
 from sim.prediction.segments import CompareSettings
 from sim.vessel import AddedEffect, Sensors
 from tests.sim.voyages import UNSTABLE, WAM_V, legs, simulated, trial_of

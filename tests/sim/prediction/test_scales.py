@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from sim.model import Model
-from sim.prediction.free_runs import predict
-from sim.prediction.scales import Ruler
-from sim.prediction.scores import nrmse
+from sim.prediction.free_runs import Ruler, nrmse, predict
 from sim.prediction.segments import CompareSettings
 from tests.sim.voyages import UNSTABLE, WAM_V, legs, trial_of, voyage
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.prediction.scores import nrmse, nrmse_interval, scaled_squares, scores
+from sim.prediction.free_runs import nrmse, nrmse_interval, scaled_squares, scores
 
 
 def test_scores_by_hand():

@@ -1,0 +1,356 @@
+"""Vessel files: a first one from a log (`shadow init`), and their passport (`shadow vessel`).
+
+Initial: channels, functions, pulse limits and directions come from the autopilot's parameters in
+the log. Size, mass and thrust cannot be known from a log: the user gives them, and what follows
+from them is marked as a guess.
+
+The passport says of each number of a file where it comes from, and how two files differ.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from gateway.errors import BadInput
+from gateway.files import write_whole
+from gateway.ingest.log import choose_floating
+from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
+from gateway.ingest.open import open_log
+from gateway.toml_file import explain
+from gateway.vessel_file import (
+    dump_vessel,
+    edited_numbers,
+    load_vessel,
+    number_name,
+    read_vessel_file,
+)
+from gateway.vessel_tables import GUESSED, Provenance, RudderTable, ThrusterTable, VesselFile
+from sim.effects.effect import Effect
+from sim.identification import BASE
+from sim.identification.parameters import UNITS
+from sim.model import parameters_of
+from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
+
+ASTERN = 0.75  # thrust astern over thrust ahead of a usual propeller; a rule of thumb
+_SIDES = {
+    OutputFunction.THROTTLE: 0.0,
+    OutputFunction.THROTTLE_LEFT: -1.0,
+    OutputFunction.THROTTLE_RIGHT: 1.0,
+}
+_NAMES = {
+    OutputFunction.THROTTLE: "main",
+    OutputFunction.THROTTLE_LEFT: "left",
+    OutputFunction.THROTTLE_RIGHT: "right",
+    OutputFunction.MOTOR: "motor",
+    OutputFunction.STEERING: "rudder",
+}
+# Ahead and to starboard of the middle: corners of motors 1 to 4.
+_CORNERS = {1: (1.0, 1.0), 2: (-1.0, -1.0), 3: (1.0, -1.0), 4: (-1.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class BoatSize:
+    """What an owner knows: length, beam [m], mass [kg], thrust ahead of one motor [N], m/s."""
+
+    length: float = 1.5
+    beam: float = 0.8
+    mass: float = 30.0
+    thrust: float = 40.0
+    top_speed: float = 2.0
+
+
+def init_vessel(
+    log_path: Path,
+    out: Path,
+    name: str | None,
+    given: Mapping[str, float],
+    system: int | None = None,
+    anyway: bool = False,
+) -> VesselFile:
+    """Write an initial vessel file for the boat of a log -> what was written.
+
+    `given` holds members of `BoatSize`; the others are assumed.
+    """
+    check_size(given)
+    log = open_log(log_path)
+    parameters = log.parameters(choose_floating(log, system, anyway))
+    if not parameters:
+        raise BadInput(
+            f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
+            "them with the ground station, or copy a file from configs/vessels"
+        )
+    text = first_vessel(log_path, name or log_path.stem, actuators(parameters), given)
+    write_whole(out, text.encode(), "the vessel file")
+    return read_vessel_file(out)
+
+
+def initial_vessel_dict(made: VesselFile, out: Path) -> dict[str, object]:
+    """What was written as plain values: the file, its actuators, where each number is from."""
+    parts: list[ThrusterTable | RudderTable] = [*made.thrusters, *made.rudders]
+    return {
+        "written": str(out),
+        "name": made.name,
+        "actuators": [
+            {"name": a.name, "channel": a.channel, "pwm_us": list(a.pwm), "reversed": a.reversed}
+            for a in parts
+        ],
+        "provenance": {key: origin.says for key, origin in made.provenance.items()},
+    }
+
+
+def check_size(given: Mapping[str, float]) -> None:
+    """BadInput where a size is none."""
+    for key, value in given.items():
+        if not 0.0 < value < float("inf"):
+            raise BadInput(f"--{key.replace('_', '-')} {value}: expected a positive number")
+
+
+def first_vessel(
+    log_path: Path, name: str, found: list[Actuator], given: Mapping[str, float]
+) -> str:
+    """The text of an initial vessel file; `given` holds members of `BoatSize`."""
+    try:
+        vessel, provenance = initial_vessel(name, found, BoatSize(**given), frozenset(given))
+        return dump_vessel(vessel, provenance)
+    except BadInput as error:
+        raise BadInput(f"{log_path}: {error}") from None
+    except ValidationError as error:
+        raise BadInput(f"{log_path}: no vessel comes of that: {explain(error)}") from None
+
+
+def initial_vessel(
+    name: str, found: list[Actuator], size: BoatSize, given: frozenset[str] = frozenset()
+) -> tuple[Vessel, dict[str, Provenance]]:
+    """Vessel with the log's actuators, and its provenance; `given` names what was not guessed.
+
+    Added mass: slender body (Fossen 2021, §6.4.1, rules of thumb for small craft); damping: half
+    linear, half quadratic of what full thrust balances at top speed.
+    """
+    motors = [a for a in found if a.kind in THRUST_FUNCTIONS]
+    steering = [a for a in found if a.kind is OutputFunction.STEERING]
+    if not motors:
+        raise BadInput(
+            "no output drives the boat (SERVOn_FUNCTION 70, 73, 74 or 33 to 36): "
+            "write the [[thrusters]] by hand, see configs/vessels"
+        )
+    thrusters = tuple(
+        _thruster(a, name, size) for a, name in zip(motors, _names(motors), strict=True)
+    )
+    rudders = tuple(
+        _rudder(a, name, thrusters[0].name, size)
+        for a, name in zip(steering, _names(steering), strict=True)
+    )
+    vessel = Vessel(
+        name=name,
+        source="shadow init: actuators from the log's parameters, the rest guessed from size",
+        hull=Hull(size.length, size.beam, size.mass),
+        dynamics=_dynamics(size, sum(t.thrust[1] for t in thrusters)),
+        thrusters=thrusters,
+        rudders=rudders,
+    )
+    return vessel, _provenance(vessel, given)
+
+
+def _names(found: Sequence[Actuator]) -> list[str]:
+    """A name for each; with its channel where several outputs have one function."""
+    plain = [_NAMES[a.kind] + (f"_{a.motor}" if a.motor else "") for a in found]
+    return [
+        name if plain.count(name) == 1 else f"{name}_{a.channel}"
+        for a, name in zip(found, plain, strict=True)
+    ]
+
+
+def _thruster(a: Actuator, name: str, size: BoatSize) -> Thruster:
+    """A thruster where a motor of that function usually is."""
+    if a.motor is not None:
+        ahead, side = _CORNERS[a.motor]
+        position = (0.35 * size.length * ahead, 0.35 * size.beam * side)
+    else:
+        position = (-0.4 * size.length, 0.4 * size.beam * _SIDES[a.kind])
+    thrust = (-round(ASTERN * size.thrust, 1), size.thrust)
+    return Thruster(name, Servo(a.channel, a.pwm, a.reversed), position, thrust)
+
+
+def _rudder(a: Actuator, name: str, behind: str, size: BoatSize) -> Rudder:
+    area = round(0.02 * size.length * 0.2 * size.length, 4)  # a small share of the lateral plane
+    return Rudder(
+        name, Servo(a.channel, a.pwm, a.reversed), (-0.5 * size.length, 0.0), (-0.6, 0.6),
+        area=max(area, 0.002), wash=behind,
+    )  # fmt: skip
+
+
+def _dynamics(size: BoatSize, thrust: float) -> Dynamics:
+    m11, m22 = 1.1 * size.mass, 1.6 * size.mass
+    m33 = 1.5 * size.mass * (size.length**2 + size.beam**2) / 12.0
+    linear, quadratic = 0.5 * thrust / size.top_speed, 0.5 * thrust / size.top_speed**2
+    moment = thrust * 0.4 * size.beam
+    return Dynamics(
+        m11=round(m11, 2), m22=round(m22, 2), m33=round(m33, 3),
+        X_u=-round(linear, 2), X_uu=-round(quadratic, 2),
+        Y_v=-round(3.0 * linear, 2), Y_vv=-round(10.0 * quadratic, 2),
+        N_r=-round(0.5 * moment, 3), N_rr=-round(0.5 * moment, 3),
+    )  # fmt: skip
+
+
+def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
+    guessed = Provenance(says=f"{GUESSED}: identify it")
+    marks = {f"dynamics.{name}": guessed for name in BASE}
+    for key in ("length", "beam", "mass"):
+        if key not in given:
+            marks[f"hull.{key}"] = Provenance(says="assumed: measure it")
+    for thruster in vessel.thrusters:
+        key = f"thrusters.{thruster.name}"
+        marks[f"{key}.position"] = Provenance(says="assumed from its function: measure it")
+        if "thrust" not in given:
+            marks[f"{key}.thrust"] = Provenance(says="assumed: take it from the motor's data sheet")
+        marks[f"{key}.pwm"] = Provenance(says="from the log's parameters")
+    return marks
+
+
+GIVEN = "given"  # the origin of a number that the file says nothing about
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a vessel; `edited`: it is another one than its provenance gave."""
+
+    name: str
+    value: float
+    unit: str
+    origin: Provenance | None
+    edited: bool = False
+
+    @property
+    def source(self) -> str:
+        """Where it comes from, in words."""
+        if self.origin is None:
+            return GIVEN
+        parts = (self.origin.fit, self.origin.recording, self.origin.date, self.origin.says)
+        known = ", ".join(part for part in parts if part)
+        if self.edited and self.origin.value is not None:
+            return f"edited by hand, within its interval; {self.origin.value:.5g} by {known}"
+        return known
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        origin = {} if self.origin is None else self.origin.model_dump(exclude_defaults=True)
+        return {"name": self.name, "value": self.value, "unit": self.unit, "edited": self.edited,
+                "origin": origin}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Passport:
+    """A vessel file: its vessel, its tables, and every number with its origin."""
+
+    path: Path
+    vessel: Vessel
+    tables: VesselFile
+    numbers: tuple[Number, ...]
+
+    def number(self, name: str) -> Number | None:
+        """The number of that name."""
+        return next((one for one in self.numbers if one.name == name), None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `shadow vessel show --json` prints."""
+        return {
+            "file": str(self.path), "name": self.vessel.name, "source": self.vessel.source,
+            "effects": [added.effect.name for added in self.vessel.effects],
+            "numbers": [one.to_dict() for one in self.numbers],
+        } | self.history_as_dict()  # fmt: skip
+
+    def history_as_dict(self) -> dict[str, Any]:
+        """What `shadow vessel history --json` prints."""
+        return {"history": [one.model_dump() for one in self.tables.history]}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A number that two files do not share; None where a file has none of that name.
+
+    beyond  whether it has left the 95 % interval of either; None where neither states one
+    """
+
+    name: str
+    unit: str
+    first: float | None
+    second: float | None
+    beyond: bool | None
+
+    @property
+    def share(self) -> float | None:
+        """Change relative to the first, more damping positive; None without one, or from zero."""
+        if self.first is None or self.second is None or self.first == 0.0:
+            return None
+        return self.second / self.first - 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**vars(self), "share": self.share}
+
+
+def passport(path: str | Path, effects: Iterable[Effect] = ()) -> Passport:
+    """Read a vessel file with the origins of its numbers; BadInput where it is wrong."""
+    vessel, tables = load_vessel(path, effects), read_vessel_file(path)
+    origins = {number_name(key): (key, origin) for key, origin in tables.provenance.items()}
+    edited, units = edited_numbers(tables, vessel), _units(vessel)
+    numbers = []
+    for name, value in parameters_of(vessel).items():
+        key, origin = origins.get(name, (name, None))
+        numbers.append(Number(name, value, units.get(name, ""), origin, key in edited))
+    return Passport(Path(path), vessel, tables, tuple(numbers))
+
+
+def _units(vessel: Vessel) -> dict[str, str]:
+    """Units by name: those of the vessel file's numbers, and those that effects declare."""
+    out = {name: UNITS.get(name.rpartition(".")[2], "") for name in parameters_of(vessel)}
+    for added in vessel.effects:
+        out |= {f"{added.effect.name}.{p.name}": p.unit for p in added.effect.parameters}
+    return out
+
+
+def differences(first: Passport, second: Passport) -> list[Difference]:
+    """All numbers that differ, in the order of the first file."""
+    names = dict.fromkeys(one.name for one in (*first.numbers, *second.numbers))
+    out = []
+    for name in names:
+        a, b = first.number(name), second.number(name)
+        first_value, second_value = (None if n is None else n.value for n in (a, b))
+        if first_value != second_value:
+            unit = next(n.unit for n in (a, b) if n is not None)
+            out.append(Difference(name, unit, first_value, second_value, _beyond(a, b)))
+    return out
+
+
+def _beyond(a: Number | None, b: Number | None) -> bool | None:
+    if a is None or b is None:
+        return None
+    held = [
+        one.origin.ci95[0] <= other.value <= one.origin.ci95[1]
+        for one, other in ((a, b), (b, a))
+        if one.origin is not None and one.origin.ci95 is not None
+    ]
+    return not all(held) if held else None
+
+
+def outputs_that_differ(first: Vessel, second: Vessel) -> list[str]:
+    """A sentence for each actuator that only one has, or that is wired in another way."""
+    ours, theirs = ({a.name: a for a in v.actuators} for v in (first, second))
+    out = [f"{name}: only in the first" for name in ours.keys() - theirs.keys()]
+    out += [f"{name}: only in the second" for name in theirs.keys() - ours.keys()]
+    for name in ours.keys() & theirs.keys():
+        if ours[name].servo != theirs[name].servo:
+            out.append(f"{name}: {ours[name].servo} is {theirs[name].servo}")
+    return sorted(out)
+
+
+def diff_as_dict(first: Passport, second: Passport) -> dict[str, Any]:
+    """What `shadow vessel diff --json` prints."""
+    return {
+        "first": str(first.path), "second": str(second.path),
+        "numbers": [one.to_dict() for one in differences(first, second)],
+        "outputs": outputs_that_differ(first.vessel, second.vessel),
+    }  # fmt: skip
