@@ -250,7 +250,7 @@ def test_a_killed_worker_costs_nothing_and_a_lost_scheduler_keeps_what_was_done(
                 cluster.close(timeout=10)
 
         (folder / "boat.toml").write_text((folder / "boat.toml").read_text() + "\n")
-        with pytest.raises(ShadowError, match="scheduler is gone: 2 recordings are left"):
+        with pytest.raises(ShadowError, match="scheduler is gone: 2 recordings left"):
             go(folder, cluster, progress=gone)
     with local_cluster(1) as cluster:
         assert go(folder, cluster).known == 1
