@@ -32,6 +32,8 @@ from sim.diagnosis.answer import Verdict
 MOST_CANDIDATES = 6  # that are offered
 EVERY = "all of them"
 AFTER = "<p class='faint'>after a diagnosis</p>"
+NOT_YET = "<p class='faint'>Press “Find what is missing”.</p>"
+WORKING = "<p class='faint'>It is being looked for: what is found stands here.</p>"
 
 
 class DiagnosePage(Page):
@@ -86,6 +88,11 @@ class DiagnosePage(Page):
         """One diagnosis at a time."""
         if self._run.disabled != self.session.slow.busy:
             self._run.disabled = self.session.slow.busy
+        if self._now.object in (NOT_YET, WORKING):
+            self._now.object = self._not_found_yet()
+
+    def _not_found_yet(self) -> str:
+        return WORKING if self.session.slow.job == "diagnose" else NOT_YET
 
     def _show_scope(self) -> None:
         self._scope.object = scope_text(self.session)
@@ -213,7 +220,7 @@ class DiagnosePage(Page):
         self._now.object = (
             f"<p>In the vessel now: <strong>{effects}</strong></p>"
             if effects
-            else ("" if diagnosis else "<p class='faint'>Press “Find what is missing”.</p>")
+            else ("" if diagnosis else self._not_found_yet())
         )
         self._candidates.objects = self._rows(diagnosis)
 

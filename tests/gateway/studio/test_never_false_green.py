@@ -320,3 +320,16 @@ def test_the_headline_of_a_diagnosis_is_a_sentence_and_the_identifier_is_small(s
     assert f"<strong>{says}</strong>" in row[2].object
     heading = page._evidence.objects[0][0].object
     assert heading.startswith(f"<h3>{says} <span class='faint'>heading offset</span></h3>")
+
+
+def test_while_it_is_looked_for_nobody_is_asked_to_press_what_is_pressed(session):
+    page = diagnose.DiagnosePage(context_of(session))
+    page._show_ladder()
+    assert "Press “Find what is missing”" in page._now.object
+    session.slow.job = "diagnose"
+    page.tick()
+    assert "It is being looked for" in page._now.object
+    session.slow.job = "a report"
+    page.tick()
+    assert "Press “Find what is missing”" in page._now.object
+    session.slow.job = None
