@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.ingest.dataflash.log import mapping as dataflash
+from gateway.ingest.dataflash import mapping as dataflash
 from gateway.ingest.dataflash.mapping import RULES as DATAFLASH
 from gateway.ingest.log import choose_boat
 from gateway.ingest.mapping import Counter, merge_pulses
