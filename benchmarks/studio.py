@@ -83,7 +83,7 @@ def page() -> Iterator[Any]:
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        opened = browser.new_page(viewport={"width": 1280, "height": 900})
+        opened = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
         opened.set_default_timeout(PATIENCE_MS)
         yield opened
         browser.close()
