@@ -104,11 +104,7 @@ def one_run(
         ports = [free_port(socket.SOCK_DGRAM) for _ in range(2)]
         endpoints = [f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}" for _ in range(2)]
         config = folder / "gateway.toml"
-        fleet = "".join(
-            f'[[boats]]\nvessel = "{VESSEL}"\nsystem_id = {1 + boat}\nname = "{_name(boat)}"\n'
-            for boat in range(boats)
-        )
-        config.write_text(f'[zenoh]\nendpoint = "{endpoints[0]}"\n{fleet}')
+        config.write_text(f'[zenoh]\nendpoint = "{endpoints[0]}"\n{fleet_tables(boats)}')
         live = ["live", f"udpin:127.0.0.1:{ports[0]}", "--silent"]
         live += ["--out", str(folder), "--config", str(config)]
         gateway = scope.enter_context(program([LIVE, *live], "listening on"))
@@ -120,6 +116,14 @@ def one_run(
             shares.append((cpu_s(gateway.pid) - cpu) / (time.monotonic() - begun))
         time.sleep(1.0)
         return ears.relayed(sent), ears.shadowed(sent)
+
+
+def fleet_tables(boats: int) -> str:
+    """A `[[boats]]` of the configuration for each: no plan is for others than it names."""
+    return "".join(
+        f'[[boats]]\nvessel = "{VESSEL}"\nsystem_id = {1 + boat}\nname = "{_name(boat)}"\n'
+        for boat in range(boats)
+    )
 
 
 def _name(boat: int) -> str:
