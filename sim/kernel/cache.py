@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from threading import Event
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -34,6 +35,7 @@ Jit = Callable[[Callable[..., Any]], Any]
 
 
 OTHERS_MAY_WRITE = 0o022  # group and all
+LOCK_TRIES, LOCK_WAIT_S = 300, 0.2  # a minute: longer than any kernel compiles
 
 
 def _cache_folder() -> Path:
@@ -180,14 +182,23 @@ def _empty_runs(s: Structure, count: int) -> tuple[Any, ...]:
 
 @contextmanager
 def _one_process_at_a_time(file: Path) -> Iterator[None]:
-    """Several processes that want the same kernel compile it once; the others load the result."""
+    """Several processes that want the same kernel compile it once; the others load the result.
+
+    One that was stopped while it compiles holds up the others for a minute and not for ever:
+    numba's cache bears two that compile the same.
+    """
     try:
         import fcntl
     except ImportError:  # no POSIX: each compiles for itself
         yield
         return
     with file.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        for _ in range(LOCK_TRIES):
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                Event().wait(LOCK_WAIT_S)
         yield
 
 
