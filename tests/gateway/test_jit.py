@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from sim.kernel import compiled
-from sim.kernel import compiled as jit
 from tests.sim.kernel.reachable import entries, modules_reached
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -14,7 +13,7 @@ COMPILED = sorted(
     ".".join(file.relative_to(ROOT).with_suffix("").parts)
     for package in ("gateway", "sim")
     for file in (ROOT / package).rglob("*.py")
-    if "from sim.kernel.compiled import" in file.read_text(encoding="utf-8")
+    if "\n@compiled" in file.read_text(encoding="utf-8")
 )
 
 
@@ -26,16 +25,16 @@ def test_every_function_that_is_reached_is_in_the_fingerprint(name, monkeypatch)
     assert own
     assert name in reached
     assert reached <= compiled.sources_of(name)
-    before, read = jit._version(name), compiled.source_text
+    before, read = compiled._version(name), compiled.source_text
     assert all(f.py_func.__qualname__.endswith(before) for f in own)
     for other in reached:
         with monkeypatch.context() as patch:
-            jit._version.cache_clear()
+            compiled._version.cache_clear()
             patch.setattr(
                 compiled, "source_text", lambda n, o=other: read(n) + "\nX = 1\n" * (n == o)
             )
-            assert jit._version(name) != before, other
-    jit._version.cache_clear()
+            assert compiled._version(name) != before, other
+    compiled._version.cache_clear()
 
 
 def test_the_loops_of_both_packages_are_found():

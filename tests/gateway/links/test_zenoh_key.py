@@ -65,7 +65,7 @@ def eventually(happens: Any) -> None:
 
 
 def test_frames_come_as_they_were_published_and_ours_go_back(inbox: Inbox) -> None:
-    boat, port = Autopilot(), free_port()
+    boat, port = Autopilot(), free_port(socket.SOCK_STREAM)
     with server(port) as far, Link(_at(port), inbox, Identity()) as link:
         event(inbox, LinkEventKind.CONNECTED)
         eventually(lambda: _heard(far, inbox, boat))
@@ -80,7 +80,7 @@ def test_frames_come_as_they_were_published_and_ours_go_back(inbox: Inbox) -> No
 
 
 def test_a_silent_link_sends_nothing(inbox: Inbox) -> None:
-    boat, port = Autopilot(), free_port()
+    boat, port = Autopilot(), free_port(socket.SOCK_STREAM)
     with server(port) as far, Link(_at(port), inbox) as link:
         event(inbox, LinkEventKind.CONNECTED)
         eventually(lambda: _heard(far, inbox, boat))
@@ -89,7 +89,7 @@ def test_a_silent_link_sends_nothing(inbox: Inbox) -> None:
 
 
 def test_frames_cut_anywhere_and_junk_between_them_are_found(inbox: Inbox) -> None:
-    boat, port = Autopilot(), free_port()
+    boat, port = Autopilot(), free_port(socket.SOCK_STREAM)
     with server(port) as far, Link(_at(port), inbox):
         event(inbox, LinkEventKind.CONNECTED)
         eventually(lambda: _heard(far, inbox, boat))
@@ -102,7 +102,7 @@ def test_frames_cut_anywhere_and_junk_between_them_are_found(inbox: Inbox) -> No
 
 
 def test_a_router_that_is_not_there_is_tried_again(inbox: Inbox) -> None:
-    boat, port = Autopilot(), free_port()
+    boat, port = Autopilot(), free_port(socket.SOCK_STREAM)
     with Link(_at(port), inbox):
         lost = event(inbox, LinkEventKind.LOST)
         assert f"no zenoh router at tcp/127.0.0.1:{port}" in lost.text
@@ -112,7 +112,7 @@ def test_a_router_that_is_not_there_is_tried_again(inbox: Inbox) -> None:
 
 
 def test_a_router_that_goes_and_comes_back_is_joined_again(inbox: Inbox) -> None:
-    boat, port = Autopilot(), free_port()
+    boat, port = Autopilot(), free_port(socket.SOCK_STREAM)
     with Link(_at(port), inbox):
         for _ in range(2):
             with server(port) as far:

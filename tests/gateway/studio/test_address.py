@@ -2,17 +2,16 @@
 
 from types import SimpleNamespace
 
+import panel
 import pytest
 
-from gateway import studio
 from gateway.studio import MOST_RANGES, Address, ranges_in, ranges_text
 
 
 @pytest.fixture
 def location(monkeypatch):
     one = SimpleNamespace(search="?recording=voyage+2&range=1.0:2.5&token=secret")
-    state = SimpleNamespace(state=SimpleNamespace(location=one))
-    monkeypatch.setattr(studio, "pn", state)
+    monkeypatch.setattr(panel, "state", SimpleNamespace(location=one))
     return one
 
 
@@ -34,8 +33,7 @@ def test_a_token_is_never_written_back(location):
 
 
 def test_a_page_without_an_address_remembers_all_the_same(monkeypatch):
-    state = SimpleNamespace(state=SimpleNamespace(location=None))
-    monkeypatch.setattr(studio, "pn", state)
+    monkeypatch.setattr(panel, "state", SimpleNamespace(location=None))
     here = Address()
     here.write(boat="Grebe")
     assert here.read("boat") == "Grebe"
