@@ -5,6 +5,7 @@ Key `mavlink_raw/out`, encoding application/octet-stream;mavlink, one packet a s
 """
 
 import queue
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
