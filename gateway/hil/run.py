@@ -302,6 +302,9 @@ def run_loops(
             thread.start()
         end = time.monotonic() + options.seconds
         while not stop() and time.monotonic() < end:
+            for loop in loops:
+                if loop.failure is not None and len(loops) > 1:
+                    loop.notices.once("failed", f"it has ended: {loop.failure}")
             if not any(thread.is_alive() for thread in threads):
                 break
             if on_bus is not None:
@@ -313,9 +316,9 @@ def run_loops(
             thread.join()
     for loop in loops:
         _report(loop, progress)
-    failures = [loop.failure for loop in loops if loop.failure is not None]
-    if failures:
-        raise ShadowError(str(failures[0])) from failures[0]
+    for loop in loops:
+        if loop.failure is not None:
+            raise ShadowError(f"{loop.plan.name}: {loop.failure}") from loop.failure
     return loops
 
 

@@ -302,6 +302,34 @@ def test_several_boats_on_several_ports_do_not_mix(stand_in):
     assert {line.partition(":")[0] for line in running.lines} == {"one", "two"}
 
 
+def test_a_boat_that_ends_says_so_at_once_and_the_others_go_on(stand_in, monkeypatch):
+    plans = [LoopPlan(f"json:127.0.0.1:{free_port()}", name, OTTER) for name in ("one", "two")]
+    step = Boat.step
+
+    def breaking(boat, state, pulses, dt):
+        if pulses.get(1) == 1999:
+            raise ArithmeticError("the hull has gone")
+        return step(boat, state, pulses, dt)
+
+    monkeypatch.setattr(Boat, "step", breaking)
+    said = []
+
+    def scene():
+        with looping(plans) as running:
+            one, two = (stand_in(plan) for plan in plans)
+            for firmware in (one, two):
+                firmware.frame(AHEAD)
+            assert not running.said("ended")
+            one.send(packet(1, [1999] + [1500] * 15))
+            assert wait_for(lambda: running.said("ended"))
+            assert two.frame(AHEAD)["timestamp"][0] > 0.0
+            said.extend(running.said("ended"))
+
+    with pytest.raises(ShadowError, match=r"^one: the hull has gone$"):
+        scene()
+    assert said == ["one: it has ended: the hull has gone"]
+
+
 def test_two_runs_of_one_seed_are_the_same_byte_for_byte(plan, stand_in):
     def track(seed):
         with looping([plan], LoopOptions(seed=seed, day=Day(wind=Wind(5.0, 1.0)))):
