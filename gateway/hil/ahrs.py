@@ -277,6 +277,10 @@ class AhrsSession(Session):
     """One board; nothing goes out before its driver has asked."""
 
     talks = False
+    absent = (
+        "no board has asked yet. Its driver does that when it starts: reboot the board (as a "
+        "program: start it again) while this runs"
+    )
 
     def __init__(self, played: Played, outputs: ServoOutputs) -> None:
         super().__init__(played)

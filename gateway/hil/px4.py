@@ -7,6 +7,11 @@ output, 0 … 1 for a motor that cannot reverse, all 0 unless armed. Firmware th
 says by a flag that it is in lock-step: then the next sensors wait for its controls. Before the
 first controls, and for a board, sensors go out at the pace of the clock.
 
+PX4's rover modules set their motors 100 times a second, and 20 while disarmed, so that not every
+sample is answered. Where controls stay away for a second, twice as many samples may go out before
+they are waited for again, up to 100 ms of them; after a second in which every sample was answered
+each is waited for.
+
 The magnetic field is that of the World Magnetic Model at the place of the run: the firmware takes
 the declination that it expects from the same model.
 
@@ -34,6 +39,8 @@ SLOW_STEPS = 5  # magnetometer and barometer: each 20 ms
 GPS_STEPS = 25  # each 100 ms
 FIRST_S = 1.0  # on the firmware's clock: 0 means that there is none
 PATIENCE_S = 1.0  # for controls, before the sensors go on without them
+MOST_AHEAD = 25  # samples that may wait for controls: PX4 sets disarmed outputs each 50 ms
+COUNTED = 250  # samples after which it is seen whether each was answered
 BEHIND_S = 0.25  # what is later than this is not made up for
 ACCELEROMETER, GYRO, MAGNETOMETER, BAROMETER = 0x7, 0x38, 0x1C0, 0x1A00  # of fields_updated
 ARMED, LOCK_STEP = 128, 1  # of mode; of flags
@@ -89,11 +96,13 @@ class Px4Session(Session):
         self._controls: tuple[float, ...] = (0.0,) * 16
         self._step = 0
         self._next = self._sent = 0.0
-        self._lock_step = self._owed = False
+        self._lock_step = False
+        self._ahead, self._may = 0, 1  # samples since the last controls; how many are allowed
+        self._answers = 0  # controls since it was last counted
 
     def wait_s(self, now: float) -> float:
         """How long nothing is due [s]."""
-        if self._peer is None or (self._owed and self._lock_step):
+        if self._peer is None or self._waits():
             return PATIENCE_S
         return min(max(self._next - now, 0.0), PATIENCE_S)
 
@@ -118,17 +127,24 @@ class Px4Session(Session):
                 self._begin(peers[0], now)
         if self._peer is None or now < self._next:
             return []
-        if self._owed and self._lock_step:
+        if self._waits():
             if now - self._sent < PATIENCE_S:
                 return []
-            self.played.notice("late", f"no controls for {PATIENCE_S:.0f} s: it goes on")
-        self._sent, self._owed = now, True
+            self._may = min(2 * self._may, MOST_AHEAD)
+            text = (
+                f"no controls for {PATIENCE_S:.0f} s: it goes on, {self._may} samples ahead of them"
+            )
+            self.played.notice("late", text)
+        self._sent, self._ahead = now, self._ahead + 1
         speed = self._speed if self._lock_step else 1.0
         self._next = max(self._next + STEP_S / speed, now - BEHIND_S)
         pulses = pulses_of(self._controls, self.played.boat.vessel)
         readings = self.played.step(pulses, STEP_S)
         frames = [message.pack(self._packer) for message in self._messages(readings)]
         self._step += 1
+        if self._step % COUNTED == 0:
+            self._may = 1 if self._answers >= COUNTED - self._may else self._may
+            self._answers = 0
         return [b"".join(frames)]
 
     def _begin(self, peer: Peer, now: float) -> None:
@@ -136,10 +152,16 @@ class Px4Session(Session):
         text = "the firmware is there again: the boat starts anew" if again else "there is firmware"
         self.played.start("restart" if again else "there", text)
         self._peer, self._step, self._next = peer, 0, now
-        self._controls, self._lock_step, self._owed = (0.0,) * 16, False, False
+        self._controls, self._lock_step = (0.0,) * 16, False
+        self._ahead, self._may, self._answers = 0, 1, 0
+
+    def _waits(self) -> bool:
+        """Whether the next sensors are held back until controls come."""
+        return self._lock_step and self._ahead >= self._may
 
     def _note_controls(self, message: Any) -> None:
-        self._owed = False
+        self._answers += 1
+        self._ahead = 0
         self._lock_step = bool(message.flags & LOCK_STEP)
         controls = tuple(map(float, message.controls))
         if any(c != c for c in controls):

@@ -245,7 +245,8 @@ class BoatLoop:
                 self._transport.send(raw, peers[0])
                 self.wall_s = now - begun if begun is not None else 0.0
             silent_s = now - heard
-            if not peers and begun is None and self._session.absent and silent_s > SILENT_S:
+            nobody = begun is None and not (peers and self._session.talks)
+            if nobody and self._session.absent and silent_s > SILENT_S:
                 self.notices.once("absent", self._session.absent)
             if begun is not None and self._session.talks and not told and silent_s > SILENT_S:
                 told = True

@@ -223,6 +223,27 @@ def test_controls_that_stay_away_are_said_and_it_goes_on(plan, stand_in):
         assert running.said("no controls for 1 s")
 
 
+def test_firmware_that_answers_every_third_sample_is_not_held_up(plan, stand_in):
+    """PX4's rover modules set their motors at 100 Hz: a strict lock-step gave 4 ms a second."""
+    with looping([plan], FAST) as running:
+        firmware = stand_in(plan)
+        firmware.sail(0.0, 0.0, 0.1)
+        begun, first = time.monotonic(), firmware.last["HIL_SENSOR"].time_usec
+        for n in range(1000):
+            if n % 3 == 0:
+                firmware.controls(0.5, 0.5)
+            last = firmware.sensor().time_usec
+        assert last - first == pytest.approx(4e6, abs=1e4)
+        assert time.monotonic() - begun < 30.0, "held up by a few seconds of patience, not by 600"
+        assert len(running.said("no controls for 1 s")) <= 2
+        firmware.drain(0.3)
+        assert firmware.drain(0.3) == 0, "it is still waited for"
+        firmware.sail(0.0, 0.0, 3.0)  # each sample is answered
+        firmware.drain(0.3)
+        firmware.controls(0.0, 0.0)
+        assert firmware.drain(0.3) == 1, "lock-step is strict again"
+
+
 def test_a_board_without_lock_step_is_paced_by_the_clock(plan, stand_in):
     with looping([plan], LoopOptions(speed=1.0)):
         firmware = stand_in(plan)

@@ -212,6 +212,23 @@ def test_the_boat_sails_by_the_outputs_of_the_board_and_tells_it_so():
     assert fix[1] / 1e9 / 604800 > 2300, "weeks since 1980"
 
 
+def test_a_board_that_does_not_ask_is_to_be_started_again(monkeypatch):
+    """Its driver asks once, when it starts: one that ran before `hil` was started stays mute."""
+    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    options = LoopOptions(outputs=f"udpin:127.0.0.1:{free_udp_port()}")
+    with Board() as board, Board() as mute:
+        plan = LoopPlan(f"ahrs:{mute.device}", "ferry", load_vessel("otter"))
+        with looping([plan], options) as running:
+            assert wait_for(lambda: running.said("no board has asked yet"))
+        assert len(running.said("reboot the board")) == 1
+        plan = LoopPlan(f"ahrs:{board.device}", "ferry", load_vessel("otter"))
+        monkeypatch.setattr("gateway.hil.run.SILENT_S", 1.5)
+        with looping([plan], options) as running:
+            board.ask()
+            board.listen(2.0)
+        assert not running.said("no board has asked yet")
+
+
 def test_without_a_link_for_the_outputs_it_does_not_begin():
     plan = LoopPlan("ahrs:/dev/null", "ferry", load_vessel("otter"))
     with pytest.raises(BadInput, match="give --outputs LINK"), looping([plan], LoopOptions()):
