@@ -21,8 +21,10 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
+from pythonfmu.builder import FmuBuilder
 
 from gateway.plants import load_plant
 from gateway.vessel_file import load_vessel
@@ -45,10 +47,33 @@ while True:
     line.sendto(data * 9, peer)
 """
 SETTLE = 200  # frames left out
-PLANT_KINDS = (
-    "mujoco",
-    "vessel:wam-v",
-)  # in six degrees, and another hull under the same thrusters
+FMU = """
+from math import cos, sin
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Boat(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        for name in ("x", "y", "psi", "u", "v", "r", "tau_x", "tau_y", "tau_n"):
+            setattr(self, name, 0.0)
+            causality = Fmi2Causality.input if "tau" in name else Fmi2Causality.output
+            self.register_variable(Real(name, causality=causality))
+
+    def do_step(self, time, h):
+        u, v, r, c, s = self.u, self.v, self.r, cos(self.psi), sin(self.psi)
+        self.u += h * ((self.tau_x - 12 * u - 15 * abs(u) * u) / 60 + v * r)
+        self.v += h * ((self.tau_y - 40 * v - 60 * abs(v) * v) / 90 - u * r)
+        self.r += h * (self.tau_n - 9 * r - 8 * abs(r) * r) / 15
+        self.x, self.y = self.x + h * (c * u - s * v), self.y + h * (s * u + c * v)
+        self.psi += h * r
+        return True
+"""
+FMU_TABLE = """
+file = "Boat.fmu"
+inputs = { X = "tau_x", Y = "tau_y", N = "tau_n" }
+outputs = { north = "x", east = "y", yaw = "psi", u = "u", v = "v", r = "r" }
+"""
 
 
 def main() -> None:
@@ -57,18 +82,34 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=20_000)
     parser.add_argument("--runs", type=int, default=3)
     options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        measure(options.frames, options.runs, plants(Path(folder)))
+
+
+def plants(folder: Path) -> dict[str, str]:
+    """A hull in six degrees, another under the same thrusters, and an FMU built here."""
+    (folder / "boat.py").write_text(FMU, encoding="utf-8")
+    FmuBuilder.build_FMU(folder / "boat.py", folder)
+    (folder / "boat.toml").write_text(FMU_TABLE, encoding="utf-8")
+    fmu = f"fmu:{folder / 'boat.toml'}"
+    return {"mujoco": "mujoco", "vessel:wam-v": "vessel:wam-v", "fmu (in Python)": fmu}
+
+
+def measure(frames: int, repeats: int, kinds: dict[str, str]) -> None:
+    """Steps, then latency; kinds of plant by the name that is shown."""
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     print("\nsteps of 2.5 ms, in one process (CPU time)")
     for name, day in days().items():
         print(f"  {name:<34}{steps_per_second(Boat.of(load_vessel('otter'), day)):>10.0f} /s")
     print(f"  {'the vessel alone, compiled loop':<34}{vessel_steps_per_second():>10.0f} /s")
-    for name in PLANT_KINDS:
-        boat = Boat.of(load_vessel("otter"), days()["waves"], plant=load_plant(name))
+    for name, kind in kinds.items():
+        boat = Boat.of(load_vessel("otter"), days()["waves"], plant=load_plant(kind))
         print(f"  {f'--plant {name}, waves':<34}{steps_per_second(boat, 4_000):>10.0f} /s")
     print(f"\nservo packet → sensors, lock-step at {RATE_HZ} Hz [µs]      p50    p99   × real time")
-    for name in ("relay", "shadow hil", *(f"shadow hil --plant {kind}" for kind in PLANT_KINDS)):
-        runs = [round_trips(name, options.frames) for _ in range(options.runs)]
-        show(name, runs)
+    programs: dict[str, list[str] | None] = {"relay": None, "shadow hil": []}
+    programs |= {f"shadow hil --plant {name}": ["--plant", kind] for name, kind in kinds.items()}
+    for name, words in programs.items():
+        show(name, [round_trips(words, frames) for _ in range(repeats)])
 
 
 def days() -> dict[str, Day]:
@@ -103,13 +144,12 @@ def vessel_steps_per_second(count: int = 200_000) -> float:
 
 
 @contextmanager
-def answering(name: str, port: int) -> Iterator[None]:
-    """A process that answers on a port."""
+def answering(more: Sequence[str] | None, port: int) -> Iterator[None]:
+    """A process that answers on a port: `shadow hil` with more words, or None: the relay."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-c", RELAY, str(port)]
-        if name != "relay":
-            plant = name.split()[2:]
-            words = ["hil", f"json:127.0.0.1:{port}", "-v", "otter", "--out", folder, *plant]
+        if more is not None:
+            words = ["hil", f"json:127.0.0.1:{port}", "-v", "otter", "--out", folder, *more]
             command = [sys.executable, "-c", SHADOW, *words]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr is not None
@@ -121,7 +161,7 @@ def answering(name: str, port: int) -> Iterator[None]:
                 process.communicate()
 
 
-def round_trips(name: str, frames: int) -> list[float]:
+def round_trips(more: Sequence[str] | None, frames: int) -> list[float]:
     """Seconds from a packet to its answer, frame by frame."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind(("127.0.0.1", 0))
@@ -129,7 +169,7 @@ def round_trips(name: str, frames: int) -> list[float]:
         line.connect(("127.0.0.1", port))
         line.settimeout(5.0)
         out = []
-        with answering(name, port):
+        with answering(more, port):
             for count in range(frames):
                 pulses = (1700, 0, 1650, *(0,) * 13)
                 begun = time.perf_counter()
