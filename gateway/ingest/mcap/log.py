@@ -59,10 +59,13 @@ def mcap_log(path: str | Path, mapping: str | Path | None) -> Log:
         enclosed = open_enclosed(recording, mapping)
         if enclosed is not None:
             return enclosed
-        raise BadInput(
-            f"{path}: holds no MAVLink frames and encloses no log: give a recording of a voyage "
-            "(`shadow simulate --log` writes one)"
-        )
+        other = "give a recording of a voyage (`shadow simulate --log` writes one)"
+        if any("hil" in entries for entries in recording.metadata.values()):
+            other = (
+                "`shadow hil` writes the truth here, which no analysis reads: give the autopilot's "
+                "own log of that run (logs/*.BIN, *.ulg), or this one to compare --with-hil"
+            )
+        raise BadInput(f"{path}: holds no MAVLink frames and encloses no log: {other}")
     frames = Frames.from_buffer(
         rows.data, rows.start[filled], rows.end[filled], rows.receive_time_ns[filled]
     )

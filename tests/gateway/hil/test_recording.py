@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.errors import BadInput
 from gateway.hil.day_file import load_day
 from gateway.hil.run import LoopOptions, LoopPlan
+from gateway.ingest.open import open_log
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
 from tests.gateway.hil.firmware import StandIn, free_port, looping
@@ -59,6 +61,12 @@ def test_the_recording_holds_vessel_day_and_seed(sailed):
     assert b'"seed": 4' in recording.attachments["config.json"].data
     assert recording.metadata["shadow"]["vessel"] == "ferry"
     assert running.said(f"recorded to {recording.path}")
+
+
+def test_to_an_analysis_it_is_no_log_and_the_line_says_which_file_is(sailed):
+    recording, _, _ = sailed
+    with pytest.raises(BadInput, match=r"which no analysis reads: give the autopilot's own log"):
+        open_log(recording.path)
 
 
 BESIDE = "gateway/offline/beside_loop.py"  # holds it beside a log, and infers nothing
