@@ -77,6 +77,11 @@ def reply(readings: Readings) -> bytes:
 class JsonSession(Session):
     """Lock-step with one firmware; another takes its place when it has fallen silent."""
 
+    absent = (
+        "no ArduPilot has called yet. As a program it first waits for a ground station on its own "
+        "port: TCP 5760, 5770 with -I1"
+    )
+
     def __init__(self, played: Played) -> None:
         super().__init__(played)
         self._count: int | None = None

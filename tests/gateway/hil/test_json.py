@@ -281,6 +281,20 @@ def test_a_silence_is_said_once_and_again_only_after_the_firmware_was_heard(
         assert wait_for(lambda: len(running.said("is silent for")) == 2)
 
 
+def test_firmware_that_does_not_call_may_wait_for_a_ground_station(plan, stand_in, monkeypatch):
+    monkeypatch.setattr("gateway.hil.run.SILENT_S", 0.3)
+    with looping([plan]) as running:
+        assert wait_for(lambda: running.said("no ArduPilot has called yet"))
+        stand_in(plan).sail(NEUTRAL, 0.5)
+        assert wait_for(lambda: running.said("is silent for"))
+    assert len(running.said("waits for a ground station")) == 1
+    with looping([plan]) as running:
+        firmware, end = stand_in(plan), time.monotonic() + 1.0
+        while time.monotonic() < end:
+            firmware.frame(NEUTRAL)
+    assert not running.said("waits for a ground station")
+
+
 def test_it_sails_a_square_to_places(plan, stand_in):
     with looping([plan]) as running:
         firmware = stand_in(plan, rate=100)
