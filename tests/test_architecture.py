@@ -23,8 +23,9 @@ FORBIDDEN = {
 CALLS = {"open", "input", "print", "exec", "eval"}
 KERNELS = {"os", "pathlib", "tempfile"}
 ALLOWED = {  # these keep kernels on disk: a compiler's cache, nothing that a result depends on
-    "kernel/cache.py": KERNELS | {"threading"},  # waits while another process compiles the same
-    "kernel/compiled.py": {"pathlib"},  # reads the project's own source, which a kernel is named by
+    "kernel/cache.py": KERNELS,
+    # reads the sources that name a kernel; waits while another process compiles the same
+    "kernel/compiled.py": {"pathlib", "threading"},
 }
 
 

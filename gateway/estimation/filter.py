@@ -32,7 +32,7 @@ from gateway.estimation.events import (
     update_gated,
     valid,
 )
-from gateway.estimation.model import Workspace, new_workspace
+from gateway.estimation.model import Workspace, copy_matrix, copy_vector, new_workspace
 from sim.kernel.compiled import compiled
 from sim.state import Floats, Ints
 from sim.trial import MOTION
@@ -98,7 +98,8 @@ def write_event(history: History, number: int, event: Event) -> None:
     """Writes an event into its slot."""
     slot = number % len(history.time)
     history.time[slot], history.kind[slot] = event.time, event.kind
-    history.z[slot], history.std[slot] = event.z, event.std
+    copy_vector(event.z, history.z[slot])
+    copy_vector(event.std, history.std[slot])
 
 
 @compiled
@@ -111,13 +112,21 @@ def restart(history: History, model: FilterModel) -> None:
 
 
 @compiled
+def copy_state(source: KalmanState, to: KalmanState) -> None:
+    """One state becomes another."""
+    copy_vector(source.x, to.x)
+    copy_matrix(source.P, to.P)
+    copy_matrix(source.gates, to.gates)
+
+
+@compiled
 def reprocess(
     history: History, number: int, model: FilterModel, work: Workspace
 ) -> tuple[float, int, int]:
     """The state after event `number` from the one before it -> NIS, components used, flags."""
     event, state = event_of(history, number), state_after(history, number)
     before = state_after(history, number - 1)
-    state.x[:], state.P[:], state.gates[:] = before.x, before.P, before.gates
+    copy_state(before, state)
     span = event.time - event_of(history, number - 1).time
     if 0.0 < span < np.inf and state.gates[:, 0].any():
         predict_over(state, span, model, work)
@@ -203,7 +212,7 @@ def write_estimate(history: History, model: FilterModel, out: tuple[Floats, ...]
         motion[k, i] = x[i]
         std[k, i] = np.sqrt(P[i, i] + (model.heading_error_rad * heading_slope(i, x)) ** 2)
     if len(covariance[k]):
-        covariance[k] = P[:MOTION, :MOTION]
+        copy_matrix(P[:MOTION, :MOTION], covariance[k])
         add_heading_error(x, model.heading_error_rad, covariance[k])
     return valid(state.gates)
 

@@ -53,6 +53,21 @@ COLUMNS = np.array([int(column) for _, column in _COUPLED])
 
 
 @compiled
+def copy_vector(source: Floats, to: Floats) -> None:
+    """Numbers (n,) into another array: `to[:] = source` brings numba's texts of errors, seconds."""
+    for i in range(len(source)):
+        to[i] = source[i]
+
+
+@compiled
+def copy_matrix(source: Floats, to: Floats) -> None:
+    """The same for (n, m)."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            to[i, j] = source[i, j]
+
+
+@compiled
 def axis_response(t: float, tau: float) -> tuple[float, float, float]:
     """Time [s], time constant [s] -> displacement [s²], velocity [s], acceleration [1] per a."""
     velocity = -tau * np.expm1(-t / tau)
@@ -208,11 +223,13 @@ def predict_about(
 ) -> None:
     """As `predict`, but linearised at another state (13,); `moved` (13,) is scratch."""
     yaw = at[State.YAW] + 0.5 * dt * at[State.R] + 0.125 * dt * dt * at[State.R_DOT]
-    moved[:] = at
+    copy_vector(at, moved)
     transition(moved, dt, model, F)
-    x -= at
+    for i in range(STATES):
+        x[i] -= at[i]
     _upper_times(F, x)
-    x += moved
+    for i in range(STATES):
+        x[i] += moved[i]
     propagate(P, F)
     add_noise(P, yaw, dt, model, Q)
 

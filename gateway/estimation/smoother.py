@@ -43,6 +43,8 @@ from gateway.estimation.model import (
     COLUMNS,
     ROWS,
     Workspace,
+    copy_matrix,
+    copy_vector,
     new_workspace,
     predict,
     predict_about,
@@ -82,15 +84,15 @@ def new_trace(size: int) -> Trace:
 @compiled
 def store_step(trace: Trace, n: int, state: KalmanState, used: int, work: Workspace) -> None:
     """Keeps step n."""
-    trace.x[n] = state.x
-    trace.P[n] = state.P
-    trace.F[n] = work.F
+    copy_vector(state.x, trace.x[n])
+    copy_matrix(state.P, trace.P[n])
+    copy_matrix(work.F, trace.F[n])
     trace.used[n], trace.valid[n] = used, valid(state.gates)
     if used:
-        trace.H[n] = work.H
-        trace.K[n] = work.K
-        trace.S_inv[n] = work.S_inv
-        trace.y[n] = work.y
+        copy_matrix(work.H, trace.H[n])
+        copy_matrix(work.K, trace.K[n])
+        copy_matrix(work.S_inv, trace.S_inv[n])
+        copy_vector(work.y, trace.y[n])
 
 
 @compiled
@@ -310,7 +312,7 @@ def backward(
     work = new_workspace()
     lam, Lam = future
     for n in range(len(grid) - 1, -1, -1):
-        path[n] = trace.x[n] - trace.P[n] @ lam
+        copy_vector(trace.x[n] - trace.P[n] @ lam, path[n])
         row = grid[n]
         if row != NO_GRID:
             mean, covariance = out.mean[row], out.covariance[row]

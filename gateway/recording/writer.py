@@ -80,10 +80,12 @@ def _lay_out(
     """Heads (K, H) and payloads -> `out`, record after record."""
     at = 0
     for k in range(len(start)):
-        out[at : at + heads.shape[1]] = heads[k]
+        for i in range(heads.shape[1]):  # no slices: numba compiles the text of an error for them
+            out[at + i] = heads[k, i]
         at += heads.shape[1]
         size = end[k] - start[k]
-        out[at : at + size] = data[start[k] : end[k]]
+        for i in range(size):
+            out[at + i] = data[start[k] + i]
         at += size
 
 

@@ -118,7 +118,7 @@ def control_force(
 @jit
 def set_motion(row: Floats, motion: Floats) -> None:
     """Pose and velocity (6,) into a row, velocities within what a boat can do."""
-    row[:3] = motion[:3]
+    set_row(row, motion[:3])
     row[3] = within(motion[3], MAX_SPEED_MPS)
     row[4] = within(motion[4], MAX_SPEED_MPS)
     row[5] = within(motion[5], MAX_TURN_RADPS)
@@ -132,7 +132,7 @@ def start_following(
     set_motion(carry, reference)
     carry[NX : NX + 3] = 0.0
     carry[NX + 6] = time
-    carry[NX + 7 : NX + 16] = reference
+    set_row(carry[NX + 7 :], reference)
     return settle_memory(state_from(carry), time, inputs, p)
 
 
@@ -178,7 +178,8 @@ def follow(
             limited[k] = limited[k] or clipped
             x = rk4_step_under_force(x, t, inputs, tau, h, p)
         if span > 0.0:
-            carry[at], last[:] = times[k], references[k]
+            carry[at] = times[k]
+            set_row(last, references[k])
         if not is_possible(x[3], x[4], x[5]):
             diverged[k] = True
             x = start_following(carry, references[k], carry[at], inputs, p)
@@ -266,7 +267,7 @@ def compute_reference(
             source = report_of_state(state_from(carry), carry[NX], inputs, p)
         carry[NX + 1] = 1.0 if from_model[k] else 0.0
         set_row(carry[NX + 12 : NX + 21], with_decayed_offset(source, carry, fade))
-        out[k] = carry[NX + 12 : NX + 21]
+        set_row(out[k], carry[NX + 12 : NX + 21])
 
 
 @entry

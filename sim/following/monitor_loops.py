@@ -42,7 +42,7 @@ def missing_force_std(
         inputs = held_inputs(commands[k], voltage[k], wind[k, 0], wind[k, 1], p)
         for i in range(9):
             for side in range(2):
-                row[:] = motion[k]
+                set_row(row, motion[k])
                 row[i] += DIFFERENCE_STEPS[i] * (1.0 - 2.0 * side)
                 m = true_motion(report_from(row), p)
                 set_row(base, m[:6])
@@ -109,8 +109,9 @@ def forecast(
         if t >= newest + every:
             for s in range(1, len(runs)):
                 if not np.isfinite(runs[s, NX]):
-                    runs[s] = runs[0]
+                    set_row(runs[s], runs[0])
                     runs[s, NX], runs[s, NX + 1] = t, t
                     newest = t
                     break
-        out[k] = errors
+        for h in range(len(horizons)):
+            set_row(out[k, h], errors[h])

@@ -194,14 +194,20 @@ def _riccati(  # type: ignore[no-untyped-def]
                     before = rho[j % 3] * rows[i, j - 3] if j > 2 else 0.0
                     own[i, j] += timing_scale * (rows[i, j] - before) / fresh[j % 3]
             for i in range(3):
-                beside[i] = timing_scale * rows[:m, m + i]
-                beside[3 + i] = -timing_scale * rows[:m, m - 3 + i]
+                for j in range(m):
+                    beside[i, j] = timing_scale * rows[j, m + i]
+                    beside[3 + i, j] = -timing_scale * rows[j, m - 3 + i]
         GP = G @ P
         L = np.linalg.cholesky(GP @ G.T + own)
-        root[k, :m, :m] = L
+        next_rows = np.ascontiguousarray(GP[:, :3]) @ F.T + beside.T
+        innovation = _in_time(error[k], m, fresh, rho) - G @ x
         X = np.empty((m, 7))  # covariance of the next (δ, ε) with the rows, and the innovations
-        X[:, :6] = np.ascontiguousarray(GP[:, :3]) @ F.T + beside.T
-        X[:, 6] = _in_time(error[k], m, fresh, rho) - G @ x
+        for i in range(m):  # no slices: numba compiles the text of an error for them
+            for j in range(m):
+                root[k, i, j] = L[i, j]
+            for b in range(6):
+                X[i, b] = next_rows[i, b]
+            X[i, 6] = innovation[i]
         for i in range(m):
             for j in range(i):
                 for b in range(7):
@@ -209,12 +215,15 @@ def _riccati(  # type: ignore[no-untyped-def]
             for b in range(7):
                 X[i, b] /= L[i, i]
             size += 2.0 * np.log(L[i, i])
-        white[k, :m] = X[:, 6]
+        for i in range(m):
+            white[k, i] = X[i, 6]
         if follows[k] == 0.0:
             P, x = start.copy(), np.zeros(6)
             continue
         B = np.ascontiguousarray(X[:, :6].T)
-        gain[k, :, :m] = B
+        for b in range(6):
+            for i in range(m):
+                gain[k, b, i] = B[b, i]
         x = F @ x[:3] + B @ np.ascontiguousarray(X[:, 6])
         P = F @ np.ascontiguousarray(P[:3, :3]) @ F.T - B @ B.T
         for i in range(3):

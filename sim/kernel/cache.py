@@ -15,11 +15,9 @@ import re
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from threading import Event
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -28,14 +26,13 @@ import numpy as np
 
 from sim.effects.effect import LawError
 from sim.kernel import rollout_numpy
-from sim.kernel.compiled import dependencies, fingerprint, sources_of
+from sim.kernel.compiled import compiled_once, dependencies, fingerprint, sources_of
 from sim.kernel.generator import Structure, kernel_text
 
 Jit = Callable[[Callable[..., Any]], Any]
 
 
 OTHERS_MAY_WRITE = 0o022  # group and all
-LOCK_TRIES, LOCK_WAIT_S = 300, 0.2  # a minute: longer than any kernel compiles
 
 
 def _cache_folder() -> Path:
@@ -158,7 +155,7 @@ def _jit(function: Callable[..., Any]) -> Any:
 
 def _entry(function: Callable[..., Any]) -> Any:
     """For what Python calls, with arrays alone: its machine code, callees included, is kept."""
-    return numba.njit(nogil=True, error_model="numpy", cache=True)(function)
+    return compiled_once(numba.njit(nogil=True, error_model="numpy", cache=True)(function))
 
 
 def _uncompiled(function: Callable[..., Any]) -> Any:
@@ -180,33 +177,10 @@ def _empty_runs(s: Structure, count: int) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-@contextmanager
-def _one_process_at_a_time(file: Path) -> Iterator[None]:
-    """Several processes that want the same kernel compile it once; the others load the result.
-
-    One that was stopped while it compiles holds up the others for a minute and not for ever:
-    numba's cache bears two that compile the same.
-    """
-    try:
-        import fcntl
-    except ImportError:  # no POSIX: each compiles for itself
-        yield
-        return
-    with file.with_suffix(".lock").open("w") as lock:
-        for _ in range(LOCK_TRIES):
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                Event().wait(LOCK_WAIT_S)
-        yield
-
-
 def _compilation_problem(kernel: ModuleType, s: Structure) -> str | None:
     """Compile the dynamics once -> None, or what numba could not do, and where."""
     try:
-        with _one_process_at_a_time(Path(str(kernel.__file__))):
-            kernel.rollout(*_empty_runs(s, 1))
+        kernel.rollout(*_empty_runs(s, 1))
     except numba.core.errors.NumbaError as error:
         return _reason(str(error))
     return None

@@ -7,13 +7,16 @@ fingerprint of all those sources, and is never out of date.
 
 import ast
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
-from typing import TypeVar
+from threading import Event
+from typing import Any, TypeVar
 
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 
 
 def source_text(module: str) -> str:
@@ -113,6 +116,51 @@ def _version(module: str) -> str:
 
 def _compiled(function: F, inline: str) -> F:
     function.__qualname__ += f"_{_version(function.__module__)}"
-    return njit(  # type: ignore[no-any-return]
-        cache=True, nogil=True, error_model="numpy", inline=inline
-    )(function)
+    jit = njit(cache=True, nogil=True, error_model="numpy", inline=inline)
+    return compiled_once(jit(function))  # type: ignore[no-any-return]
+
+
+LOCK_TRIES, LOCK_WAIT_S = 300, 0.2  # a minute: longer than any function compiles
+
+
+@contextmanager
+def _one_process_at_a_time(file: Path) -> Iterator[None]:
+    """Those that hold the same file wait for one another, for a minute and not for ever.
+
+    Where a process was stopped while it holds the file, the others go on beside it: numba's cache
+    bears two that compile the same. So they do where the file cannot be made or locked.
+    """
+    try:
+        import fcntl
+
+        lock = file.open("w")
+    except (ImportError, OSError):
+        yield
+        return
+    with lock:
+        for _ in range(LOCK_TRIES):
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                Event().wait(LOCK_WAIT_S)
+            except OSError:  # a file system without locks
+                break
+        yield
+
+
+def compiled_once(dispatcher: Any) -> Any:
+    """A function of numba with a cache: of several processes one compiles it, the others load it.
+
+    numba asks `compile` for every type of arguments that is new to the process. Its own lock comes
+    first: a thread that has it and waits for the file would else wait for one that has the file.
+    """
+    compile_for = dispatcher.compile
+
+    def compile_or_load(signature: Any) -> Any:
+        file = Path(dispatcher.stats.cache_path, f"{dispatcher.py_func.__qualname__}.lock")
+        with global_compiler_lock, _one_process_at_a_time(file):
+            return compile_for(signature)
+
+    dispatcher.compile = compile_or_load
+    return dispatcher

@@ -65,8 +65,11 @@ def advance(
 
 
 @jit
-def set_row(row: Floats, values: tuple[float, ...]) -> None:
-    """Values into the first places of a row."""
+def set_row(row: Floats, values: tuple[float, ...] | Floats) -> None:
+    """Values into the first places of a row.
+
+    Of arrays too: for `row[:3] = values` numba compiles the text of an error, which takes seconds.
+    """
     for i in range(len(values)):
         row[i] = values[i]
 

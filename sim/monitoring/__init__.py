@@ -306,9 +306,10 @@ def whitened(L: Floats, columns: Floats) -> Floats:
     """L⁻¹ columns: (k, k), (k, n) -> (k, n)."""
     out = columns.copy()
     for i in range(len(L)):
-        for j in range(i):
-            out[i] -= L[i, j] * out[j]
-        out[i] /= L[i, i]
+        for n in range(out.shape[1]):
+            for j in range(i):
+                out[i, n] -= L[i, j] * out[j, n]
+            out[i, n] /= L[i, i]
     return out
 
 
@@ -317,9 +318,10 @@ def unwhitened(L: Floats, columns: Floats) -> Floats:
     """L⁻ᵀ columns: (k, k), (k, n) -> (k, n)."""
     out = columns.copy()
     for i in range(len(L) - 1, -1, -1):
-        for j in range(i + 1, len(L)):
-            out[i] -= L[j, i] * out[j]
-        out[i] /= L[i, i]
+        for n in range(out.shape[1]):
+            for j in range(i + 1, len(L)):
+                out[i, n] -= L[j, i] * out[j, n]
+            out[i, n] /= L[i, i]
     return out
 
 

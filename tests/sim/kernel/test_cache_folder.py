@@ -1,12 +1,10 @@
 """The cache of kernels is code: what somebody else may have put there is never used."""
 
 import os
-import threading
 from pathlib import Path
 
 import pytest
 
-from sim.kernel import cache as kernels
 from sim.kernel.cache import _cache_folder
 
 
@@ -48,40 +46,3 @@ def test_what_belongs_to_somebody_else_is_not_used(cache: Path, place: str) -> N
     assert not other.is_relative_to(cache)
     assert other.stat().st_uid == os.getuid()
     assert other == _cache_folder()  # one for the whole process
-
-
-def test_a_process_that_was_stopped_holds_up_the_others_for_a_while_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fcntl = pytest.importorskip("fcntl")
-    monkeypatch.setattr(kernels, "LOCK_TRIES", 3)
-    monkeypatch.setattr(kernels, "LOCK_WAIT_S", 0.01)
-    entered = threading.Event()
-
-    def compiles() -> None:
-        with kernels._one_process_at_a_time(tmp_path / "kernel_x.py"):
-            entered.set()
-
-    other = threading.Thread(target=compiles, daemon=True)  # waits for ever where it is not mended
-    with (tmp_path / "kernel_x.lock").open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        other.start()
-        assert entered.wait(20.0)
-
-
-def test_one_process_at_a_time_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    fcntl = pytest.importorskip("fcntl")
-    monkeypatch.setattr(kernels, "LOCK_WAIT_S", 0.01)
-    entered = threading.Event()
-
-    def compiles() -> None:
-        with kernels._one_process_at_a_time(tmp_path / "kernel_x.py"):
-            entered.set()
-
-    other = threading.Thread(target=compiles, daemon=True)
-    with (tmp_path / "kernel_x.lock").open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        other.start()
-        assert not entered.wait(0.2)
-    assert entered.wait(20.0)
-    other.join()
