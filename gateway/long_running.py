@@ -22,6 +22,7 @@ import orjson
 from gateway.errors import one_line
 
 LOOK_S = 0.05  # so often whoever sleeps looks whether the end was asked for
+AGAIN_S = 0.5  # what comes sooner is the same signal: `timeout` signals a program, then its group
 
 
 class Stop:
@@ -29,10 +30,19 @@ class Stop:
 
     def __init__(self) -> None:
         self._asked = False
+        self._asked_s = float("-inf")
 
     def set(self) -> None:
         """Ask for the end."""
+        if not self._asked:
+            self._asked_s = time.monotonic()
         self._asked = True
+
+    def set_again(self) -> bool:
+        """Ask for the end -> whether that was asked for before, more than a moment ago."""
+        again = self._asked and time.monotonic() - self._asked_s > AGAIN_S
+        self.set()
+        return again
 
     def is_set(self) -> bool:
         """Whether the end was asked for."""
@@ -50,8 +60,8 @@ class Interrupts:
     """Inside `with`, SIGINT and SIGTERM wait for the next `check` or `sleep`, or for the end of it.
 
     What is open (a zenoh session, a recorder) is never left in the middle of a step, nor while it
-    closes. A second signal interrupts at once. Outside of the main thread this does nothing: there
-    Python delivers no signals.
+    closes. A second signal, a moment later, interrupts at once. Outside of the main thread this does
+    nothing: there Python delivers no signals.
     """
 
     def __init__(self) -> None:
@@ -83,18 +93,18 @@ class Interrupts:
         self.check()
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
-        if self._stop.is_set():
+        if self._stop.set_again():
             raise KeyboardInterrupt
-        self._stop.set()
 
 
 def stop_on_signals() -> Stop:
-    """A `Stop` that SIGINT and SIGTERM set; the same signal again ends the program at once."""
+    """A `Stop` that SIGINT and SIGTERM set; one that comes later ends the program at once."""
     stop = Stop()
 
     def ask(number: int, _: FrameType | None) -> None:
-        stop.set()
-        signal.signal(number, signal.SIG_DFL)
+        if stop.set_again():
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, ask)

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -54,7 +56,8 @@ def test_an_interrupt_at_the_very_end_is_not_lost() -> None:
         interrupt()
 
 
-def test_a_second_interrupt_does_not_wait() -> None:
+def test_a_second_interrupt_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.long_running.AGAIN_S", 0.0)
     seen = []
 
     def work() -> None:
@@ -67,6 +70,43 @@ def test_a_second_interrupt_does_not_wait() -> None:
     with pytest.raises(KeyboardInterrupt):
         work()
     assert seen == ["first"]
+
+
+def test_a_signal_that_comes_twice_at_once_is_one() -> None:
+    """As those of `timeout -s INT`, which signals the program and then the group that it is in."""
+    done = []
+
+    def work() -> None:
+        with Interrupts() as interrupts:
+            for _ in range(3):
+                interrupt()
+            done.append("the step is finished")
+            interrupts.check()
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["the step is finished"]
+
+
+PROGRAM = """
+import os, signal, sys, time
+from gateway import long_running
+long_running.AGAIN_S = float(sys.argv[1])
+stop = long_running.stop_on_signals()
+for _ in range(2):
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+print("ended", stop.is_set())
+"""
+
+
+@pytest.mark.parametrize(("again_s", "status", "said"), [("60", 0, "ended True\n"), ("0", -2, "")])
+def test_the_same_for_programs_that_run_until_they_are_asked_to_end(
+    again_s: str, status: int, said: str
+) -> None:
+    command = [sys.executable, "-c", PROGRAM, again_s]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.returncode, done.stdout) == (status, said)
 
 
 def test_handlers_are_as_before_and_another_thread_is_left_alone() -> None:
