@@ -60,8 +60,8 @@ class Interrupts:
     """Inside `with`, SIGINT and SIGTERM wait for the next `check` or `sleep`, or for the end of it.
 
     What is open (a zenoh session, a recorder) is never left in the middle of a step, nor while it
-    closes. A second signal, a moment later, interrupts at once. Outside of the main thread this does
-    nothing: there Python delivers no signals.
+    closes. A second signal, a moment later, interrupts at once. Outside of the main thread this
+    does nothing: there Python delivers no signals.
     """
 
     def __init__(self) -> None:
