@@ -4,19 +4,25 @@ A target does what the command line would do with such a file, as far as it read
 what the command line turns into one line; anything else is a fault.
 """
 
+import struct
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gateway.config import load_settings, recorded_settings
 from gateway.errors import NUMERICAL_ERRORS, ShadowError
+from gateway.hil import Notices, Played, Session
+from gateway.hil.ahrs import AhrsSession, sentence
+from gateway.hil.ardupilot_json import JsonSession
 from gateway.hil.day_file import load_day
+from gateway.hil.px4 import Px4Session
 from gateway.ingest.log import boats_of
 from gateway.ingest.mavlink.log import MavlinkLog
 from gateway.ingest.open import open_log
@@ -34,6 +40,8 @@ from gateway.studio import ranges_in
 from gateway.topics import TOPICS
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.effects.effect import LawError
+from sim.hil.boat import Boat
+from sim.hil.day import Day
 from tests.conftest import ROOT
 from tests.gateway.ingest.blueos_writer import write_blueos
 from tests.gateway.ingest.dataflash_writer import voyage_log
@@ -203,6 +211,58 @@ def _datagrams() -> list[bytes]:
     return [b"".join(frames(voyage(4.0)))]
 
 
+class _Outputs:
+    """The servo outputs of a board that drives ahead."""
+
+    def pulses(self) -> dict[int, float]:
+        return {1: 1700.0, 3: 1700.0}
+
+
+@cache
+def _hull() -> Boat:
+    return Boat.of(load_vessel("otter"), Day())
+
+
+def _board(played: Played) -> AhrsSession:
+    return AhrsSession(played, cast(Any, _Outputs()))
+
+
+PROTOCOLS: tuple[tuple[Callable[[Played], Session], tuple[int, ...]], ...] = (
+    (JsonSession, (40, 72)), (Px4Session, (61,)), (_board, (25,)),
+)  # fmt: skip
+
+
+def _autopilot(data: bytes) -> None:
+    """Bytes of an autopilot to every protocol of the loop: nothing may end it."""
+    for protocol, sizes in PROTOCOLS:
+        session = protocol(Played("fuzz", _hull(), Notices("fuzz", lambda line: None), None))
+        at, now, peer = 0, 0.0, ("127.0.0.1", 1)
+        while at < len(data):
+            size = sizes[round(now / 0.02) % len(sizes)]
+            try:
+                answers = session.received(data[at : at + size], peer, now)
+                answers += session.due(now, (peer,))
+            except (ShadowError, *NUMERICAL_ERRORS) as error:
+                raise AssertionError(f"it ends the loop: {error}") from error
+            if not all(answers) or session.wait_s(now) < 0.0:
+                raise AssertionError("an answer that is empty, or a wait that is over")
+            at, now = at + size, now + 0.02
+
+
+def _autopilots() -> list[bytes]:
+    packets = [struct.pack("<HHI16H", 18458, 400, k, *[1500 + 20 * k] * 16) for k in range(12)]
+    wide = [struct.pack("<HHI32H", 29569, 400, 12, *[1700] * 32)]
+    firmware = mavlink.MAVLink(None, 1, 1)
+    controls = [
+        mavlink.MAVLink_hil_actuator_controls_message(k, [0.1 * k] * 16, 129, 1).pack(firmware)
+        for k in range(8)
+    ]
+    asked = ["VNASY,0", "VNWRG,75,3,16,01,0721", "VNWRG,76,3,16,31,0001,0106,0613", "VNASY,1"]
+    return [
+        b"".join(packets + wide), b"".join(controls), b"".join(map(sentence, asked)) * 3,
+    ]  # fmt: skip
+
+
 def _payload(data: bytes) -> None:
     """A payload from zenoh, under every topic, as `shadow monitor` reads it."""
     for topic in TOPICS:
@@ -237,6 +297,7 @@ TARGETS = (
     Target("commands", lambda: [b"time,left,right\n0,0,0\n1,0.5,-1\n2,0,0\n"],
            _file_reader("c.csv", lambda path: read_commands(path, WAMV)), text=True),
     Target("datagrams", _datagrams, _datagram),
+    Target("autopilots", _autopilots, _autopilot),
     Target("zenoh", _payloads, _payload, text=True),
     Target("http", lambda: [b"GET /?t=1.0:2.0 HTTP/1.1\r\nHost: localhost:5006\r\n"
                             b"Origin: https://app.foxglove.dev\r\n\r\n", b"12.0:15.5,20.0:31.0"],

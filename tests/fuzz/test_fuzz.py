@@ -23,7 +23,8 @@ from tests.fuzz.targets import TARGETS, Target, is_fault
 from tests.gateway.ingest.dataflash_writer import voyage_log
 from tests.gateway.test_bombs import record, text
 
-BATCHES = {"tlog": 50, "BIN": 70, "datagrams": 15}  # of the slow round, for slow targets
+# of the slow round, for slow targets
+BATCHES = {"tlog": 50, "BIN": 70, "datagrams": 15, "autopilots": 5}
 OTHER_BATCHES = 200  # for the rest: ten to twenty seconds each
 CORPUS = [b"abc=1.5 def", bytes(range(256))]
 
