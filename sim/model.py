@@ -1,7 +1,7 @@
 """The model of a vessel: its parameters by name, and the compiled loops on arrays."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -47,11 +47,11 @@ class Model:
     theta: Floats
 
     @classmethod
-    def of(cls, vessel: Vessel) -> "Model":
-        """Compose and compile, or load from the cache."""
+    def of(cls, vessel: Vessel, kernel_of: Callable[[Structure], Kernel] = kernel_for) -> "Model":
+        """Compose and compile, or load from the cache; with `plain_kernel_for` in plain Python."""
         parameters = parameters_of(vessel)
         theta = np.array(list(parameters.values()), dtype=float)
-        return cls(vessel, kernel_for(_structure(vessel)), tuple(parameters), theta)
+        return cls(vessel, kernel_of(_structure(vessel)), tuple(parameters), theta)
 
     @property
     def state_size(self) -> int:

@@ -3,12 +3,13 @@
 import numpy as np
 
 from sim.effects.effect import Effect, Need
+from sim.kernel.cache import plain_kernel_for
 from sim.model import InputTable, Model, Runs
 from sim.vessel import Vessel
 from tests.sim.vessels import RUDDER_BOAT, WAMV, excitation
 
 DT = 0.02
-SECONDS = 12.0
+SECONDS = 6.0  # past the moment of every effect that has one
 
 
 def home(effect: Effect) -> Vessel:
@@ -21,9 +22,18 @@ def surroundings(count):
     return {"voltage": np.full(count, 14.0), "wind": np.tile([2.0, -3.0], (count, 1))}
 
 
-def simulated(vessel):
+def in_numpy(vessel: Vessel) -> Model:
+    """The model with its laws in numpy, none passed over where its numbers are neutral.
+
+    For laws one by one: compiling each by itself takes seconds. That the compiled kernels do the
+    same is shown with all laws together, and for each of them switched on among all.
+    """
+    return Model.of(vessel, plain_kernel_for)
+
+
+def simulated(vessel, model_of=Model.of):
     """Model, commands (T, na), states (T, nx), reports (T, 9) of a free run with all inputs."""
-    model, commands = Model.of(vessel), excitation(vessel, SECONDS, DT)
+    model, commands = model_of(vessel), excitation(vessel, SECONDS, DT)
     states, reports = model.simulate(commands, DT, **surroundings(len(commands)))
     return model, commands, states[0, :-1], reports[0, :-1]
 

@@ -8,6 +8,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.vessel import AddedEffect
+from tests.sim.simulated import in_numpy
 from tests.sim.vessels import VALUES, WAMV
 from tests.sim.voyages import commands
 
@@ -25,7 +26,7 @@ def test_switched_on_it_is_the_vessel_with_that_effect(effect: Effect) -> None:
     added = AddedEffect(
         effect, VALUES.get(effect.name) or {p.name: p.start for p in effect.parameters}
     )
-    narrow = Model.of(WAMV.with_effects(added)).simulate(DRIVE, 0.1)[1]
+    narrow = in_numpy(WAMV.with_effects(added)).simulate(DRIVE, 0.1)[1]
     superset = SUPERSET.with_added([added]).simulate(DRIVE, 0.1)[1]
     np.testing.assert_allclose(superset, narrow, rtol=1e-9, atol=1e-9)
 

@@ -14,7 +14,6 @@ from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Parameter, Scope
 from sim.following.follower import Reference, ReferenceMode
-from sim.kernel.cache import plain_kernel_for
 from sim.model import Model
 from sim.state import Inertia, Pose, Water
 from sim.vessel import AddedEffect
@@ -22,6 +21,7 @@ from tests.sim.simulated import (
     DT,
     delayed,
     home,
+    in_numpy,
     missing_along,
     reports_without_past,
     simulated,
@@ -104,7 +104,7 @@ def test_one_law_serves_arrays_and_compiled_scalars(effect):
 
 @every
 def test_balance_of_a_simulated_motion_is_zero(effect):
-    model, commands, states, _ = simulated(home(effect).with_effects(added(effect)))
+    model, commands, states, _ = simulated(home(effect).with_effects(added(effect)), in_numpy)
     reports = reports_without_past(model, commands, states)
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
@@ -120,13 +120,10 @@ def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
 
 @every
 def test_leaving_an_effect_out_is_seen_everywhere(effect):
-    """In the simulation, in the missing force and in the prediction alike.
-
-    The prediction runs in plain Python: that it is the compiled one is shown beside the kernels.
-    """
+    """In the simulation, in the missing force and in the prediction alike."""
     plain = home(effect)
-    model, commands, states, reports = simulated(plain.with_effects(added(effect)))
-    without, _, _, other = simulated(plain)
+    model, commands, states, reports = simulated(plain.with_effects(added(effect)), in_numpy)
+    without, _, _, other = simulated(plain, in_numpy)
     assert np.abs(reports - other).max() > 1e-3
     assert np.abs(missing_along(without, commands, reports)).max() > 0.01
     reports = reports_without_past(model, commands, states)
@@ -137,8 +134,7 @@ def test_leaving_an_effect_out_is_seen_everywhere(effect):
     for m in (model, without):
         late = delayed(commands, m.delay)
         held = np.concatenate([late[:1], late[:-1]])
-        in_python = replace(m, kernel=plain_kernel_for(m.kernel.structure))
-        reference = Reference(in_python, ReferenceMode.MODEL)
+        reference = Reference(m, ReferenceMode.MODEL)
         ends.append(
             reference.advance(
                 reference.start(), times, reports, np.ones(len(times), bool), held, **air
@@ -155,7 +151,7 @@ def test_a_boats_own_effect_moves_nothing_by_itself(effect):
     if effect.scope is Scope.VOYAGE:
         pytest.skip("a voyage brings energy of its own: current, wind, waves")
     vessel = home(effect).with_effects(added(effect))
-    states, _ = Model.of(vessel).simulate(np.zeros((50, len(vessel.actuators))), DT)
+    states, _ = in_numpy(vessel).simulate(np.zeros((50, len(vessel.actuators))), DT)
     assert not states[..., :6].any()
 
 
@@ -221,7 +217,7 @@ def test_the_order_in_a_vessel_file_does_not_matter():
 def test_two_effects_of_one_kind_add():
     def drag(*values):
         parts = (AddedEffect(cubic_drag.EFFECT, {"X_uuu": value}) for value in values)
-        return simulated(WAMV.with_effects(*parts))
+        return simulated(WAMV.with_effects(*parts), in_numpy)
 
     np.testing.assert_allclose(drag(-2.0, -3.0)[3], drag(-5.0)[3], atol=1e-10)
     assert "cubic_drag#2.X_uuu" in drag(-2.0, -3.0)[0].names
@@ -286,5 +282,6 @@ def test_water_at_rest_changes_nothing():
         "still", Scope.VOYAGE, (), "nothing", water=lambda time, pose, p: Water(0.0, 0.0, 0.0, 0.0)
     )
     np.testing.assert_array_equal(
-        simulated(WAMV.with_effects(AddedEffect(still, {})))[3], simulated(WAMV)[3]
+        simulated(WAMV.with_effects(AddedEffect(still, {})), in_numpy)[3],
+        simulated(WAMV, in_numpy)[3],
     )

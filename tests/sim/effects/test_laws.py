@@ -12,6 +12,7 @@ from sim.effects.effect import Need
 from sim.model import Model
 from sim.state import Pose
 from sim.vessel import AddedEffect
+from tests.sim.simulated import in_numpy
 from tests.sim.vessels import RUDDER_BOAT, WAMV, added, excitation
 
 DT = 0.02
@@ -27,7 +28,7 @@ def home(effect):
 
 def reports_of(vessel, commands, x0=None):
     """Reports (T+1, 9) of a free run without a measured wind, at 14 V."""
-    return Model.of(vessel).simulate(commands, DT, x0, voltage=np.full(len(commands), 14.0))[1][0]
+    return in_numpy(vessel).simulate(commands, DT, x0, voltage=np.full(len(commands), 14.0))[1][0]
 
 
 def body_of(vessel, count):
@@ -55,7 +56,7 @@ def test_at_its_neutral_values_an_effect_does_nothing(effect):
     values = dict(added(effect).values)
     values |= {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
     vessel = home(effect)
-    commands = excitation(vessel, 8.0, DT)
+    commands = excitation(vessel, 5.0, DT)
     with_it = reports_of(vessel.with_effects(AddedEffect(effect, values)), commands)
     np.testing.assert_allclose(with_it, reports_of(vessel, commands), rtol=0, atol=1e-12)
 
@@ -94,7 +95,7 @@ def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
     sided = {p.name for p in effect.parameters if p.sided}
     values = {k: -v if k in sided else v for k, v in item.values.items()}
     other = AddedEffect(effect, values | OTHER_SIDE.get(effect.name, {}))
-    commands, start = excitation(vessel, 8.0, DT), np.array([1.0, 2.0, 0.5, 0.4, 0.1, -0.1])
+    commands, start = excitation(vessel, 5.0, DT), np.array([1.0, 2.0, 0.5, 0.4, 0.1, -0.1])
     swapped = commands[:, ::-1] if vessel is WAMV else commands * [1.0, -1.0]
     here = reports_of(vessel.with_effects(item), commands, start)
     there = reports_of(vessel.with_effects(other), swapped, start * PORT_AND_STARBOARD[:6])
