@@ -9,7 +9,6 @@ from typing import ClassVar, final
 
 import numpy as np
 from numpy.random import Generator
-from scipy.interpolate import PchipInterpolator
 
 from sim.excitation import (
     Leg,
@@ -221,6 +220,8 @@ class Joystick(Manoeuvre):
         return np.stack([self._axis(time, rng, ends) for ends in (self.throttle, self.steer)], -1)
 
     def _axis(self, time: Floats, rng: Generator, ends: tuple[float, float]) -> Floats:
+        from scipy.interpolate import PchipInterpolator  # half a second, for this course alone
+
         count = int(np.ceil(self.seconds / (self.move[0] + self.rest[0])))
         spans = np.stack([rng.uniform(*self.move, count), rng.uniform(*self.rest, count)], -1)
         knots = np.concatenate([[0.0], np.cumsum(spans)])
