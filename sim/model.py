@@ -3,9 +3,8 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Role
 from sim.kernel import air, floats, rollout_numpy
 from sim.kernel.cache import Kernel, kernel_for
+from sim.kernel.compiled import compiled
 from sim.kernel.generator import Structure
 from sim.state import Floats
 from sim.vessel import (
@@ -105,32 +105,40 @@ class Model:
     ) -> tuple[Floats, Floats]:
         """Free runs: x0 (B, 6 or nx) -> states (B, H+1, nx), reports (B, H+1, 9), NaN past ends.
 
-        Steps short enough for the velocities at the starts may be too long for those that the runs
-        reach, and then grow without end: such runs are made again in shorter steps.
+        Steps short enough for the starts may be too long for what the runs reach, and then grow
+        without end: such runs are made again in shorter ones, and all others from the same row.
         """
-        horizon = int(runs.steps.max()) + 1
         start = np.full((len(x0), self.state_size), np.nan)
         start[:, : x0.shape[1]] = x0
-        states = np.full((len(x0), horizon, self.state_size), np.nan)
-        reports = np.full((len(x0), horizon, 9), np.nan)
-        rollout = self.kernel.module.rollout if self.kernel.compiled else self._rollout_in_numpy
+        thetas = np.atleast_2d(self.theta if theta is None else theta)
         first = np.abs(np.nan_to_num(x0[:, 3:6])).max(axis=0)
-        substeps, needed = 0, _steps_in(inputs.dt, self.max_step(theta, first))
-        while needed > substeps:
-            substeps = needed
-            rollout(
-                floats(np.atleast_2d(self.theta if theta is None else theta)), start,
-                runs.table.astype(np.int64), runs.start.astype(np.int64),
-                runs.steps.astype(np.int64), runs.delay, inputs.total, inputs.voltage,
-                inputs.wind, inputs.time, inputs.dt, substeps, states, reports,
-            )  # fmt: skip
-            fastest = np.fmax.reduce(np.abs(states[..., 3:6]), axis=(0, 1))
-            reached = np.fmin(np.nan_to_num(fastest), RUNAWAY_SPEED)
-            if not np.isfinite(states[np.arange(len(x0)), runs.steps, 3:6]).all():
-                reached[:] = RUNAWAY_SPEED
-            if np.any(reached > FASTER * first + FASTER_BY):
-                stable = self.max_step(theta, reached, SHORTEST_STEP_S)
-                needed = min(_steps_in(inputs.dt, stable), 2 * substeps)
+        needed = _steps_in(inputs.dt, self.max_step(thetas, first))
+        horizon = int(runs.steps.max()) + 1
+        states, reports = self._rolled(start, runs, inputs, thetas, needed, horizon)
+        origin, again, reached = runs.origin, np.arange(len(x0)), _fastest(states, runs.steps)
+        while len(fast := again[np.any(reached > FASTER * first + FASTER_BY, axis=1)]):
+            stable = self.max_step(thetas, reached.max(axis=0), SHORTEST_STEP_S)
+            substeps, needed = needed, min(_steps_in(inputs.dt, stable), 2 * needed)
+            if needed <= substeps:
+                break
+            again = np.flatnonzero(np.isin(origin, origin[fast]))
+            some, own = runs.subset(again), thetas[again % len(thetas)]
+            part, seen = self._rolled(start[again], some, inputs, own, needed, horizon)
+            states[again], reports[again], reached = part, seen, _fastest(part, some.steps)
+        return states, reports
+
+    def _rolled(
+        self, start: Floats, runs: "Runs", inputs: "InputTable", thetas: Floats, substeps: int,
+        horizon: int,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """`run` in so many steps for each row, from whole states (B, nx)."""
+        states, reports = (np.full((len(start), horizon, n), np.nan) for n in (self.state_size, 9))
+        module = self.kernel.module
+        (module.rollout if self.kernel.compiled else partial(rollout_numpy, module))(
+            floats(thetas), floats(start), runs.table, runs.start, runs.steps, runs.delay,
+            inputs.total, inputs.voltage, inputs.wind, inputs.time, inputs.dt, substeps, states,
+            reports,
+        )  # fmt: skip
         return states, reports
 
     def max_step(
@@ -232,9 +240,6 @@ class Model:
         )
         return out
 
-    def _rollout_in_numpy(self, *arguments: Any) -> None:
-        rollout_numpy(self.kernel.module, *arguments)
-
 
 @dataclass(frozen=True)
 class Runs:
@@ -244,6 +249,15 @@ class Runs:
     start: NDArray[np.int64]
     steps: NDArray[np.int64]
     delay: Floats
+
+    @property
+    def origin(self) -> NDArray[np.int64]:
+        """A number (B,) for each first row of each table: runs of the same row share it."""
+        return self.table * (int(self.start.max(initial=0)) + 1) + self.start
+
+    def subset(self, which: NDArray[np.int64]) -> "Runs":
+        """Some of the runs."""
+        return Runs(self.table[which], self.start[which], self.steps[which], self.delay[which])
 
 
 @dataclass(frozen=True)
@@ -299,6 +313,25 @@ def _continued(values: Floats, length: int, rise: Floats | float = 0.0) -> Float
     after = np.arange(1.0, length - values.shape[1] + 1.0)
     more = values[:, -1:] + rise * after.reshape(1, -1, *[1] * (values.ndim - 2))
     return np.concatenate([values, more], axis=1)
+
+
+@compiled
+def _fastest(states: Floats, steps: NDArray[np.int64]) -> Floats:
+    """States (B, H+1, nx) of runs of so many steps (B,) -> the largest |u|, |v|, |r|: (B, 3).
+
+    At most `RUNAWAY_SPEED`, and that where a run broke off before its end.
+    """
+    out = np.zeros((len(states), 3))
+    for b in range(len(states)):
+        for k in range(steps[b] + 1):
+            for i in range(3):
+                speed = abs(states[b, k, 3 + i])
+                if speed > out[b, i]:  # false of NaN
+                    out[b, i] = min(speed, RUNAWAY_SPEED)
+        for i in range(3):
+            if not np.isfinite(states[b, steps[b], 3 + i]):
+                out[b] = RUNAWAY_SPEED
+    return out
 
 
 def _steps_in(dt: float, step: float) -> int:

@@ -10,7 +10,7 @@ from sim.effects import thruster_lag
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.follower import Reference, ReferenceMode
-from sim.model import Model
+from sim.model import InputTable, Model, Runs
 from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.simulated import DT, home, in_numpy, missing_along, simulated, surroundings
@@ -172,3 +172,36 @@ def test_steps_follow_a_hull_however_strongly_it_is_damped(stiffer):
     _, fine = model.simulate(np.repeat(commands, 100, axis=0), 0.002)
     assert np.abs(coarse[0] - fine[0, ::100])[:, 3:6].max() < 1e-3
     assert model.max_step(None, np.zeros((1, 3))) > 0.01
+
+
+def test_only_runs_from_a_row_where_one_becomes_too_fast_are_made_again_in_shorter_steps(
+    monkeypatch,
+):
+    """Of three boats at rest one turns hard, at two strengths of damping: both of these again."""
+    model = Model.of(replace(WAMV, dynamics=replace(WAMV.dynamics, N_rr=-2e4)))
+    stronger = model.theta.copy()
+    stronger[model.names.index("N_rr")] *= 1.1
+    tables = np.zeros((2, 30, 2))
+    tables[1] = [1.0, -1.0]
+    inputs, made = InputTable.of(tables, 0.2), []
+    whole = Model._rolled
+
+    def rolled(self, start, runs, *others):
+        made.append(runs.table.tolist())
+        return whole(self, start, runs, *others)
+
+    def run(*of):
+        which = np.array(of, np.int64)
+        theta = np.array([model.theta, model.theta, stronger])[which]
+        nothing = np.zeros(len(of), np.int64)
+        runs = Runs(np.array([0, 1, 1])[which], nothing, nothing + 30, np.zeros(len(of)))
+        return model.run(np.zeros((len(of), 6)), runs, inputs, theta=theta)[0]
+
+    monkeypatch.setattr(Model, "_rolled", rolled)
+    together = run(0, 1, 2)
+    assert made[0] == [0, 1, 1]
+    assert len(made) > 1
+    assert all(tables == [1, 1] for tables in made[1:])
+    np.testing.assert_array_equal(together[0], run(0)[0])
+    _, fine = model.simulate(np.repeat(tables[1], 100, axis=0), 0.002)
+    assert np.abs(together[1] - fine[0, ::100, :6])[:, 3:].max() < 1e-3
