@@ -45,6 +45,7 @@ class ScreeningResult:
     """One effect at the best start found: z (n,) of its unknowns, and the cost there.
 
     deviance  −2 log likelihood under the noise that it leaves itself; known once it is the best
+    residual  at z, on the rows that it was screened on last; None where it was moved since
     """
 
     added: AddedEffect
@@ -52,6 +53,7 @@ class ScreeningResult:
     z: Floats
     cost: float
     deviance: float = np.inf
+    residual: Floats | None = None
 
     @property
     def name(self) -> str:
@@ -199,7 +201,8 @@ class _Screening:
         for time in map(float, times):
             added = AddedEffect(best.added.effect, {**best.added.values, moment: time})
             unknowns = with_event_at(best.unknowns, f"{best.name}.{moment}", time)
-            tried.append(self._step(replace(best, added=added, unknowns=unknowns)))
+            moved = replace(best, added=added, unknowns=unknowns, residual=None)
+            tried.append(self._step(moved))
         return min([best, *(r for r in tried if r is not None)], key=lambda r: r.cost)
 
     def fitted(self, r: ScreeningResult) -> ScreeningResult:
@@ -209,7 +212,7 @@ class _Screening:
             fit = fit_effects(added, r.unknowns, self.problem, np.clip(r.z, *r.unknowns.bounds))
         except (ValueError, np.linalg.LinAlgError):  # the model is lost at this start
             return replace(r, cost=np.inf)
-        return replace(r, z=fit.z, cost=fit.cost)
+        return replace(r, z=fit.z, cost=fit.cost, residual=None)
 
     def few(self, begins: Sequence[ScreeningResult]) -> list[ScreeningResult]:
         """Where those lead that lead furthest: two steps from all, two more from every fourth."""
@@ -218,7 +221,7 @@ class _Screening:
             for _ in range(thresholds.COARSE_STEPS):
                 left = [r for r in map(self._step, left) if r is not None]
             left = sorted(left, key=lambda r: r.cost)[:most]
-        return left
+        return [replace(r, residual=None) for r in left]  # they go on to other rows
 
     def with_deviance(self, r: ScreeningResult) -> ScreeningResult:
         """The same, judged under its own noise."""
@@ -238,7 +241,7 @@ class _Screening:
         place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
         own, shared = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
         run_sets = self.problem.run_sets_for(unknowns, z)
-        residual, J = residuals_and_slopes(unknowns, run_sets, z, own)
+        residual, J = residuals_and_slopes(unknowns, run_sets, z, own, known=r.residual)
         J[:, shared] = self.jacobian[:, place[shared]]
         if not np.isfinite(J).all():
             return None
@@ -249,5 +252,5 @@ class _Screening:
         k = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
         here = float(robust_cost(unknowns, z, residual, thresholds.ROBUST_SIGMAS))
         if here <= costs[k]:
-            return replace(r, z=z, cost=here)
-        return replace(r, z=tried[k], cost=float(costs[k]))
+            return replace(r, z=z, cost=here, residual=residual)
+        return replace(r, z=tried[k], cost=float(costs[k]), residual=left[k])

@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from math import pi
 from typing import Any
 
+import numba
 import numpy as np
 
 from sim.body import Flow
@@ -97,9 +98,27 @@ class _Samples:
 
     def power(self, omega: Floats, direction: Floats, window: float) -> Floats:
         """Σ over windows of |A|²: (...)."""
-        first = np.flatnonzero(np.diff(self.time // window, prepend=-1.0))
-        sums = np.add.reduceat(self.filtered(omega, direction), first, axis=-1)
-        return np.asarray((np.abs(sums) ** 2).sum(axis=-1))
+        number = (self.time // window).astype(np.int64)
+        each = np.empty(omega.size)
+        _powers(self.time, self.place, self.force, number, omega.ravel(), direction.ravel(), each)
+        return each.reshape(omega.shape)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _powers(time, place, force, window, omega, direction, out):  # type: ignore[no-untyped-def]
+    """Samples (T,), (T, 2), (T, 2) in windows by number (T,) -> Σ |A|² at (M,) points, in `out`."""
+    for m in range(len(omega)):
+        c, s, w = np.cos(direction[m]), np.sin(direction[m]), omega[m]
+        k, total, real, imaginary = w * w / GRAVITY, 0.0, 0.0, 0.0
+        for t in range(len(time)):
+            turn = w * time[t] - k * (c * place[t, 0] + s * place[t, 1])
+            push = c * force[t, 0] + s * force[t, 1]
+            real += push * np.cos(turn)
+            imaginary -= push * np.sin(turn)
+            if t + 1 == len(time) or window[t + 1] != window[t]:
+                total += real * real + imaginary * imaginary
+                real = imaginary = 0.0
+        out[m] = total
 
 
 def strongest_trains(vessel: object, residual: Callable[[], ResidualForce]) -> list[Values]:

@@ -133,22 +133,26 @@ def moved_by_steps(
 
 def residuals_and_jacobian(
     residuals: ResidualsOfTrials, trials: Sequence[int], unknowns: Unknowns, z: Floats,
-    columns: NDArray[np.int64] | None = None,
+    columns: NDArray[np.int64] | None = None, known: Floats | None = None,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Residuals (N,) at z (n,) of trials by number, one after another, and their Jacobian (N, n).
 
     Only some `columns` of it, if given; the others are zero. A trial is run for those of its own.
+    `known`: the residuals at z, where they are at hand.
     """
     wanted = np.arange(len(z)) if columns is None else columns
     mine = [np.intersect1d(wanted, unknowns.columns_of_trial(trial)) for trial in trials]
     moved = [moved_by_steps(unknowns, z, own) for own in mine]
-    each = residuals([points for points, _ in moved])
-    J = np.zeros((sum(r.shape[1] for r in each), len(z)))
-    done = 0
+    here = known if all(map(len, mine)) else None
+    each = residuals([points if here is None else points[1:] for points, _ in moved])
+    if here is None:
+        here, each = np.concatenate([r[0] for r in each]), [r[1:] for r in each]
+    J, done = np.zeros((len(here), len(z))), 0
     for r, own, (_, step) in zip(each, mine, moved, strict=True):
-        J[done : done + r.shape[1], own] = ((r[1:] - r[0]) / step[:, None]).T
-        done += r.shape[1]
-    return np.concatenate([r[0] for r in each]), J
+        rows = slice(done, done + r.shape[1])
+        J[rows, own] = ((r - here[rows]) / step[:, None]).T
+        done = rows.stop
+    return here, J
 
 
 # Chosen, not measured:

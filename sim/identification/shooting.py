@@ -220,13 +220,14 @@ def _residuals_of_trials(
 def residuals_and_slopes(
     unknowns: Unknowns, run_sets: Sequence[RunSet], z: Floats,
     columns: NDArray[np.int64] | None = None, whitening: Whitening = projected_residuals,
+    known: Floats | None = None,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Residuals (N,) at z (n,), and ∂ residuals / ∂ z (N, n) by differences, away from the nearer
-    limit; only some `columns`, the others zero.
+    limit; only some `columns`, the others zero. `known`: the residuals, where they are at hand.
     """
     return residuals_and_jacobian(
         lambda each: _residuals_of_trials(unknowns, run_sets, each, whitening),
-        [w.source.number for w in run_sets], unknowns, z, columns,
+        [w.source.number for w in run_sets], unknowns, z, columns, known,
     )  # fmt: skip
 
 

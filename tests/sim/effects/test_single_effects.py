@@ -8,6 +8,7 @@ import pytest
 
 from sim.body import Report
 from sim.effects.catalogue import named
+from sim.effects.effect import ResidualForce
 from sim.effects.velocity_latency import observe
 from sim.model import Model
 from sim.vessel import AddedEffect, Hull
@@ -136,6 +137,22 @@ def test_a_boat_that_runs_with_the_wave_feels_one_phase():
     push = law(Place(time, along * np.cos(0.5), along * np.sin(0.5), 0.5), parameters)
     np.testing.assert_allclose(push.X, 10.0 * np.sin(1.0), atol=1e-9)
     np.testing.assert_allclose(push.Y, 0.0, atol=1e-9)
+
+
+def test_the_search_for_waves_begins_at_the_train_that_pushes():
+    """A boat that wanders, a train of 3 N and noise of 1 N; the phase is that of a plain sine."""
+    rng, time = np.random.default_rng(1), 0.2 * np.arange(1500)
+    place = np.cumsum(rng.normal(0.1, 0.2, (len(time), 2)), axis=0)
+    omega, direction, unit = 2.1, 1.0, np.array([np.cos(1.0), np.sin(1.0)])
+    push = 3.0 * np.sin(omega * time - omega**2 / 9.81 * (place @ unit) + 0.3)
+    force = push[:, None] * unit + rng.normal(0.0, 1.0, place.shape)
+    search = named("wave_motion").search
+    assert search is not None
+    found, other = search(WAMV, lambda: ResidualForce(time, place, force))
+    assert found["omega"] == pytest.approx(omega, abs=0.01)
+    assert found["direction"] == pytest.approx(direction, abs=0.05)
+    assert found["force"] == pytest.approx(3.0, rel=0.1)
+    assert other["force"] < 0.5
 
 
 class SimpleWave:

@@ -91,6 +91,22 @@ def test_only_some_columns_are_worked_out_if_so_asked():
     assert slope == pytest.approx(A * [0.0, 1.0], abs=1e-9)
 
 
+def test_residuals_that_are_at_hand_are_not_worked_out_again():
+    both, runs = unknowns(one("a"), one("b")), []
+
+    def residuals(each):
+        runs.extend(len(z) for z in each)
+        return of_trials(each)
+
+    left, slope = residuals_and_jacobian(residuals, [0], both, np.zeros(2), known=-B)
+    assert left == pytest.approx(-B)
+    assert slope == pytest.approx(A, abs=1e-9)
+    assert runs == [2]
+    nothing = np.array([], np.int64)  # a trial without a number of its own is run as it is
+    left, _ = residuals_and_jacobian(residuals, [0], both, np.zeros(2), nothing, known=-B)
+    assert left == pytest.approx(-B)
+
+
 WEIGHT = np.array([1.0, 0.5, 0.2, 0.9])
 
 
