@@ -233,7 +233,7 @@ def _axes(fig: Any, panel: Panel) -> None:
         bars = any(isinstance(mark, Bars) for mark in panel.marks)
         fig.y_range.start = 0.0 if bars else None
     if panel.x == HEADING:
-        _named_ticks(fig.xaxis, {45 * k: f"{45 * k} {name}" for k, name in enumerate(COMPASS)})
+        _named_ticks(fig.xaxis, {90 * k: f"{90 * k} {name}" for k, name in enumerate(COMPASS[::2])})
         fig.x_range = Range1d(0.0, 360.0)
     if panel.strip is not None or panel.lanes is not None:
         rows = panel.strip.rows if panel.strip else panel.lanes.names if panel.lanes else ()

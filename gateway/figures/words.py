@@ -90,7 +90,7 @@ def why_not_texts(
             text = _why_not(d, step, name in tied, name in contradicted)
             if name in chance and d.effects and chance[d.effects[0]] > chance[name]:
                 best, own = probability_text(chance[d.effects[0]]), probability_text(chance[name])
-                text += f" Alone, {_said(d.effects[0])} is {best} probable, this one {own}."
+                text += f" Alone, {said(d.effects[0])} is {best} probable, this one {own}."
             out[name] = text
     known = {*out, *d.effects, *(row.effect for row in d.ranking)}
     promised = "Not among the most promising in the first look at all effects: it was not fitted."
@@ -102,7 +102,7 @@ def _why_not(d: Diagnosis, step: LadderStep, tied: bool, contradicted: bool) -> 
     beside, error = step.effects[:-1], step.heldout.nrmse
     before = next((s for s in d.ladder[1:] if s.effects == beside), d.ladder[1])
     chosen = next((s for s in d.ladder[2:] if len(s.effects) > len(before.effects)), None)
-    there = f" beside {' and '.join(map(_said, beside))}" if beside else ""
+    there = f" beside {' and '.join(map(said, beside))}" if beside else ""
     first = (
         f"With it{there} the error on unseen time is {error:.3f}, without it "
         f"{before.heldout.nrmse:.3f}"
@@ -113,7 +113,7 @@ def _why_not(d: Diagnosis, step: LadderStep, tied: bool, contradicted: bool) -> 
         return f"{first}: not enough to be sure of it." if error < before.heldout.nrmse else (
             f"{first}: it predicts no better."
         )  # fmt: skip
-    more = " and ".join(map(_said, chosen.effects[len(before.effects) :]))
+    more = " and ".join(map(said, chosen.effects[len(before.effects) :]))
     if error >= before.heldout.nrmse:
         return f"{first}: it predicts no better; with {more} it is {chosen.heldout.nrmse:.3f}."
     if tied:
@@ -121,7 +121,8 @@ def _why_not(d: Diagnosis, step: LadderStep, tied: bool, contradicted: bool) -> 
     return f"{first}, with {more} {chosen.heldout.nrmse:.3f}."
 
 
-def _said(effect: str) -> str:
+def said(effect: str) -> str:
+    """The name of an effect as it stands in a sentence."""
     return effect.replace("_", " ")
 
 

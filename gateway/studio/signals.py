@@ -62,9 +62,8 @@ OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.divide,
     ast.Pow: np.power,
 }  # fmt: skip
-EXPECTED = (
-    "expected numbers, MESSAGE.field, + - * / **, and "
-    f"{', '.join(sorted((*FUNCTIONS, *OVER_TIME)))}"
+IN_EXPRESSIONS = (
+    f"numbers, MESSAGE.field, + - * / **, and {', '.join(sorted((*FUNCTIONS, *OVER_TIME)))}"
 )
 
 
@@ -77,11 +76,11 @@ class Expression:
         try:
             self._tree = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise BadInput(f"{text!r} is no expression: {EXPECTED}") from None
+            raise BadInput(f"{text!r} is no expression: expected {IN_EXPRESSIONS}") from None
         self.text = text
         self.names: tuple[str, ...] = tuple(dict.fromkeys(self._named(self._tree)))
         if not self.names:
-            raise BadInput(f"{text!r} names no signal: {EXPECTED}")
+            raise BadInput(f"{text!r} names no signal: expected {IN_EXPRESSIONS}")
 
     def value(self, signals: Mapping[str, Signal]) -> Signal:
         """Of all its signals, by name."""
@@ -110,7 +109,7 @@ class Expression:
                 if len(args) == count:
                     return [found for one in args for found in self._named(one)]
         wrong = ast.unparse(node)
-        raise BadInput(f"{wrong!r} cannot stand in an expression: {EXPECTED}")
+        raise BadInput(f"{wrong!r} cannot stand in an expression: expected {IN_EXPRESSIONS}")
 
     def _of(self, node: ast.expr, known: Mapping[str, Floats], time: Floats) -> Any:
         name = _signal_name(node)

@@ -28,10 +28,17 @@ ALL, ONLY, WITHOUT = "all of the time", "only what is marked", "all but what is 
 NONE = "–"
 
 
-def scope_text(session: Session) -> str:
-    """That not all of the time is worked on, as HTML; empty where all of it is."""
-    text = session.scope.text
-    return f"<p class='warn'>Worked on {escape(text)}.</p>" if text else ""
+class ScopeLine:
+    """That not all of the time is worked on; empty where all of it is."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.part = html()
+
+    def update(self) -> None:
+        """Say what is worked on now."""
+        text = self._session.scope.text
+        self.part.object = f"<p class='warn'>Worked on {escape(text)}.</p>" if text else ""
 
 
 class RangeControls:

@@ -35,7 +35,7 @@ from gateway.studio.page import (
     word,
 )
 from gateway.studio.session import Session
-from gateway.studio.time_marks import Playback, RangeControls, scope_text
+from gateway.studio.time_marks import Playback, RangeControls, ScopeLine
 from sim.comparison.compare import Judgement, judge
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"
@@ -78,7 +78,7 @@ class ComparePage(Page):
         self._playback = Playback(self.view)
         self._places = {name: FigurePlace(self.view) for name in FIGURES}
         self._headline, self._numbers, self._worst = html(), html(), stack()
-        self._scope = html()
+        self._scope = ScopeLine(self.session)
         self._ranges = RangeControls(self, self._mark_on, lambda: (self._shown, self._marked))
         self._several = SeveralRecordings(self)
         self._which = select("Recording", [], width=240)
@@ -106,7 +106,7 @@ class ComparePage(Page):
             bokeh_part(self._playback.part), bokeh_part(self._playback.readout),
         )  # fmt: skip
         return stack(
-            card(self._headline, self._scope, self._numbers, choose, self._ranges.part),
+            card(self._headline, self._scope.part, self._numbers, choose, self._ranges.part),
             moment,
             section("Where it is worst", "Press one: it is marked in all pictures.", self._worst),
             *(section(*FIGURES[name], place.part, *more.get(name, ()))
@@ -204,7 +204,7 @@ class ComparePage(Page):
 
     def _show_scope(self) -> None:
         """Show the stretches that are worked on, and the ranges that are kept."""
-        self._scope.object = scope_text(self.session)
+        self._scope.update()
         self._ranges.update()
 
     def _set_time_axis(self, trial: TrialView) -> None:

@@ -9,6 +9,7 @@ import panel as pn
 from gateway.figures import FigureData, peoples_unit, probability_text
 from gateway.figures.bokeh_draw import LinkedView
 from gateway.figures.diagnosis import ladder_bars
+from gateway.figures.words import said
 from gateway.studio import AlternativeView, DiagnosisView, LadderView
 from gateway.studio.controls import FigurePlace, LearnFrom, SaveControls, error_table
 from gateway.studio.page import (
@@ -26,7 +27,7 @@ from gateway.studio.page import (
     table,
     word,
 )
-from gateway.studio.time_marks import scope_text
+from gateway.studio.time_marks import ScopeLine
 from sim.diagnosis.answer import Verdict
 
 MOST_CANDIDATES = 6  # that are offered
@@ -44,14 +45,14 @@ class DiagnosePage(Page):
         self._learn = LearnFrom(self)
         self._run = button("Find what is missing", self.guarded(self._start), "primary", width=210)
         self._save = SaveControls(self, "Save the vessel as", "better", widths=(240, 150))
-        self._scope = html()
+        self._scope = ScopeLine(self.session)
         self._verdict, self._rest, self._now, self._unseen = html(), html(), html(), html()
+        self._last = card(self._rest, visible=False)
         self._candidates, self._evidence, self._why_not = stack(), stack(), html(AFTER)
         self._cause = select("Causes", [EVERY], width=300)
         self._cause.param.watch(lambda _: self._choose_cause(), "value")
         self._quiet = False
-        self._ladder = FigurePlace(self.view, min_height=330)
-        self._ranking = FigurePlace(self.view, min_height=330)
+        self._ladder, self._ranking = FigurePlace(self.view), FigurePlace(self.view)
         self._add_buttons: dict[tuple[str, ...], Any] = {}  # effects of an alternative -> button
 
     def body(self) -> Any:
@@ -59,7 +60,7 @@ class DiagnosePage(Page):
         return stack(
             card(html("<h1>What is missing from the model?</h1>"
                       "<p class='faint'>Learn from these recordings; the others check the result."
-                      "</p>"), self._scope, self._learn.part, self._run, self._verdict),
+                      "</p>"), self._scope.part, self._learn.part, self._run, self._verdict),
             section(f"The {word('ladder')}", f"Each step is judged on {word('unseen time')}: "
                     f"beside it the {word('noise floor')}.",
                     self._ladder.part, self._now, self._unseen, self._save.part),
@@ -71,14 +72,14 @@ class DiagnosePage(Page):
                     "what the effect supplies.", self._cause, self._evidence),
             section("Why not?", "Every cause that was tried and not chosen, and why.",
                     self._why_not),
-            card(self._rest),
+            self._last,
         )  # fmt: skip
 
     def watch(self) -> Watches:
         """The recordings, the answer, the vessel, the comparison."""
         return {
             ("logs",): self._learn.update,
-            ("scope",): self._show_scope,
+            ("scope",): self._scope.update,
             ("diagnosis",): self._show_diagnosis,
             ("diagnosis", "vessel"): self._show_ladder,
             ("trials", "vessel", "diagnosis"): self._show_unseen,
@@ -94,9 +95,6 @@ class DiagnosePage(Page):
     def _not_found_yet(self) -> str:
         return WORKING if self.session.slow.job == "diagnose" else NOT_YET
 
-    def _show_scope(self) -> None:
-        self._scope.object = scope_text(self.session)
-
     def _start(self) -> None:
         self._learn.check()
         self.session.diagnose()
@@ -108,6 +106,7 @@ class DiagnosePage(Page):
             self._verdict.object = self._rest.object = ""
             self._evidence.objects = [html(AFTER)]
             self._why_not.object = AFTER
+            self._last.visible = False
             return
         answer = diagnosis.answer
         text = Verdict(answer["verdict"]).description
@@ -117,6 +116,7 @@ class DiagnosePage(Page):
             f"<p class='faint'>{escape(answer['summary'])}</p>"
         )
         self._rest.object = _rest(diagnosis)
+        self._last.visible = bool(self._rest.object)
         self._why_not.object = why_not_table(diagnosis)
         self._show_evidence(diagnosis)
 
@@ -150,7 +150,7 @@ class DiagnosePage(Page):
         """The causes that have evidence; the one that the address names is chosen."""
         ranked = [one.step.effects[-1] for one in diagnosis.alternatives if one.evidence]
         causes = dict.fromkeys([*diagnosis.evidence, *ranked])
-        options = {EVERY: EVERY} | {_said(name): name for name in causes}
+        options = {EVERY: EVERY} | {said(name): name for name in causes}
         asked = self.address.read("effect")
         self._quiet = True
         self._cause.options = options
@@ -194,7 +194,7 @@ class DiagnosePage(Page):
     ) -> Any:
         """The evidence for an alternative, with its name and error, and a button to add it."""
         effects, error = one.step.effects, one.step.bar.error
-        added = button(f"Add {_said(effects[-1])}", self._climber(one.step), width=220)
+        added = button(f"Add {said(effects[-1])}", self._climber(one.step), width=220)
         self._add_buttons[effects] = added
         there = " beside " + ", ".join(map(_plain, effects[:-1])) if effects[1:] else ""
         best = next((s for s in diagnosis.steps if len(s.effects) == len(effects)), None)
@@ -258,7 +258,7 @@ class DiagnosePage(Page):
             kind = "primary" if step in diagnosis.steps and not there else "default"
             text = "Added" if there else "Instead" if len(step.effects) == len(now) else "Add"
             add = button(text, self._climber(step), kind, width=90, disabled=there)
-            says = escape(step.says or _said(effect))
+            says = escape(step.says or said(effect))
             text = f"<strong>{says}</strong>: error {step.bar.error:.3f}"
             looks = escape(diagnosis.looks.get(effect, ""))
             hint = f"{_plain(effect)}; looks like: {looks}"
@@ -305,12 +305,8 @@ def _heading(says: str, effect: str) -> str:
     return f"{escape(says)} <span class='faint'>{_plain(effect)}</span>"
 
 
-def _said(effect: str) -> str:
-    return effect.replace("_", " ")
-
-
 def _plain(effect: str) -> str:
-    return escape(_said(effect))
+    return escape(said(effect))
 
 
 def why_not_table(diagnosis: DiagnosisView) -> str:

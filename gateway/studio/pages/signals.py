@@ -27,7 +27,7 @@ from gateway.studio.page import (
     select,
     stack,
 )
-from gateway.studio.signals import EXPECTED, Expression, SignalRequest, SignalsView
+from gateway.studio.signals import IN_EXPRESSIONS, Expression, SignalRequest, SignalsView
 
 SHOWN = 400  # fields in the list: who has more searches
 IDENTIFIER = "a name of letters, digits and _"
@@ -72,8 +72,8 @@ class SignalsPage(Page):
                  control_row(self._log, self._search), self._hint, self._fields,
                  control_row(self._which, put), bokeh_part(self._chosen),
                  bokeh_part(self._dropped)),
-            section("Derived signals", f"By a short expression: {escape(EXPECTED)}. It is taken at "
-                    "the times of the signal named first.",
+            section("Derived signals", f"By a short expression of {escape(IN_EXPRESSIONS)}. "
+                    "It is taken at the times of the signal named first.",
                     control_row(self._name, self._formula, add), self._problems),
             self._pictures,
         )  # fmt: skip

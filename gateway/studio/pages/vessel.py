@@ -30,7 +30,7 @@ from gateway.studio.page import (
     word,
 )
 from gateway.studio.session import Session, with_values
-from gateway.studio.time_marks import scope_text
+from gateway.studio.time_marks import ScopeLine
 from gateway.user_effects import known_effects
 
 BASE = {  # unit and meaning of the plain numbers
@@ -69,7 +69,7 @@ class VesselPage(Page):
         self._quiet = False
         self._numbers = stack()
         self._errors, self._text, self._head, self._done = html(), html(), html(), html()
-        self._scope, self._learn = html(), LearnFrom(self)
+        self._scope, self._learn = ScopeLine(self.session), LearnFrom(self)
         self._fit = button("Fit the base numbers", self.guarded(self._start_fit), width=200)
         self._velocities = FigurePlace(self.view, min_height=540)
         export = download("Download", "vessel.toml", self._file, width=120)
@@ -81,7 +81,7 @@ class VesselPage(Page):
         interval = word("95 % interval")
         hint = html(f"<p class='faint'>Below a number its {interval}, where it was fitted.</p>")
         fit = section("Fit", f"Learn the nine numbers of the {word('base')} from these recordings; "
-                      "what is marked on Compare can be left out or used alone.", self._scope,
+                      "what is marked on Compare can be left out or used alone.", self._scope.part,
                       self._learn.part, self._fit)  # fmt: skip
         left = stack(card(self._head, self._save.part, self._done, hint, self._numbers), fit)
         three = f"{word('surge u')}, {word('sway v')}, {word('yaw rate r')}"
@@ -94,7 +94,7 @@ class VesselPage(Page):
         return {
             ("vessel",): self._show_vessel,
             ("logs",): self._learn.update,
-            ("scope",): self._show_scope,
+            ("scope",): self._scope.update,
             ("trials", "vessel"): self._show_trials,
         }
 
@@ -102,9 +102,6 @@ class VesselPage(Page):
         """One fit at a time."""
         if self._fit.disabled != self.session.slow.busy:
             self._fit.disabled = self.session.slow.busy
-
-    def _show_scope(self) -> None:
-        self._scope.object = scope_text(self.session)
 
     def _start_fit(self) -> None:
         self._learn.check()
@@ -166,9 +163,11 @@ class VesselPage(Page):
         reset = button(f"Reset {name}", self.guarded(partial(self._reset, key)), width=130)
         for widget in (typed, slider):
             widget.param.watch(partial(self._moved, key, one.si), "value")
-        slider.styles = {"flex": "1 1 140px", "min-width": "0"}
+        slider.styles = {"flex": "1 1 140px", "min-width": "140px"}
         self._typed[key], self._sliders[key], self._resets[key] = typed, slider, reset
-        row = {"flex-direction": "row", "align-items": "flex-end", "gap": "4px"}
+        row = {
+            "flex-direction": "row", "flex-wrap": "wrap", "align-items": "flex-end", "gap": "4px"
+        }  # fmt: skip
         return stack(typed, slider, reset, styles=row, stylesheets=[NO_BUTTON], margin=0)
 
     def _moved(self, key: str, si: float, event: Any) -> None:

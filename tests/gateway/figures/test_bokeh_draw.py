@@ -45,6 +45,21 @@ def test_every_figure_of_a_comparison_is_drawn(compared, theme):
             assert (figure.xaxis[0].axis_label or "") == panel.x.text
 
 
+def test_the_names_of_headings_stand_apart_in_a_picture_as_narrow_as_on_a_phone(compared):
+    letter_px, width_px = 7.0, 200.0
+    headings = [
+        figure.xaxis[0].major_label_overrides
+        for data in comparison_figures(*compared).values()
+        for figure in BokehFigure(data, LinkedView()).figures
+        if figure.xaxis[0].axis_label == "heading [°]"
+    ]
+    assert headings
+    for names in headings:
+        assert {0, 90, 180, 270, 360} <= set(names)
+        room = width_px * min(np.diff(sorted(names))) / 360.0
+        assert letter_px * max(map(len, names.values())) < room
+
+
 def test_time_axes_are_one_axis(compared):
     trial, found = compared
     view = LinkedView()

@@ -312,7 +312,9 @@ def test_the_headline_of_a_diagnosis_is_a_sentence_and_the_identifier_is_small(s
         headlines=(f"{says}.",), causes={"heading_offset": says},
     )  # fmt: skip
     page = diagnose.DiagnosePage(context_of(session))
+    assert not page._last.visible, "an empty card"
     page._show_diagnosis()
+    assert page._last.visible == bool(page._rest.object)
     text = page._verdict.object
     assert text.startswith(f"<h2>{says}.</h2>")
     assert text.index("Found what is missing") < text.index("<p class='faint'>heading_offset")
