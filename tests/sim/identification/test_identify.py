@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sim.effects.steady_current import EFFECT as CURRENT
 from sim.effects.thruster_lag import EFFECT as LAG
 from sim.identification import BASE, IdentifySettings
 from sim.identification.identify import identify
 from sim.identification.parameters import UnknownNameError
-from sim.vessel import AddedEffect
+from sim.model import Model
+from sim.vessel import AddedEffect, Vessel
 from tests.sim.identification.noisy_trials import noisy, off, wander
 from tests.sim.vessels import WAMV
 from tests.sim.voyages import WAM_V, legs, trial_of
@@ -147,3 +150,42 @@ def test_bad_rows_that_are_not_usable_change_nothing():
 
 def _current(speed, direction):
     return AddedEffect(CURRENT, {"speed": speed, "direction": direction})
+
+
+MOST_STEPS = 2e7  # of the model in one fit, some five seconds; a fit from a right file takes 0.2e6
+FACTORS = st.lists(st.sampled_from([0.2, 0.33, 0.7, 1.0, 1.5, 3.0, 5.0]), min_size=9, max_size=9)
+
+
+def scaled(factors: list[float]) -> Vessel:
+    numbers = zip(BASE, factors, strict=True)
+    changed = {name: f * getattr(WAMV.dynamics, name) for name, f in numbers}
+    return replace(WAMV, dynamics=replace(WAMV.dynamics, **changed))
+
+
+def ends(boat: Vessel, file: Vessel, seed: int) -> None:
+    """A fit of the boat's trial from the file gives finite numbers, in bounded work."""
+    made, whole = [], Model._rolled
+
+    def counted(self, start, runs, inputs, thetas, substeps, horizon):
+        made.append(float(runs.steps.sum() * substeps))
+        return whole(self, start, runs, inputs, thetas, substeps, horizon)
+
+    trial = noisy(boat, 40.0, seed)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Model, "_rolled", counted)
+        found = identify([trial], file, IdentifySettings())
+    assert all(np.isfinite(e.value) for e in found.estimates)
+    assert sum(made) < MOST_STEPS
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(FACTORS, FACTORS, st.integers(1, 100))
+def test_a_fit_of_any_hull_from_any_file_ends(boat, file, seed):
+    ends(scaled(boat), scaled(file), seed)
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(FACTORS, FACTORS, st.integers(1, 100))
+def test_fits_of_many_hulls_from_many_files_end(boat, file, seed):
+    ends(scaled(boat), scaled(file), seed)
