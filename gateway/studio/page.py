@@ -41,7 +41,7 @@ STYLE = """
 .bk-slider-value { color: var(--ink); font-weight: 600; }
 .bk-btn { font: inherit; border-radius: 6px !important; border: 1px solid var(--edge) !important; background: var(--field) !important; color: var(--ink) !important; white-space: normal; text-align: left; }
 .bk-btn:hover { background: var(--soft) !important; }
-.bk-btn-primary { background: var(--accent) !important; color: var(--on-accent) !important; border-color: var(--accent) !important; font-weight: 600; text-align: center; }
+.bk-btn.bk-btn-primary { background: var(--accent) !important; color: var(--on-accent) !important; border-color: var(--accent) !important; font-weight: 600; text-align: center; }
 .bk-btn:disabled, .bk-btn[disabled] { opacity: 1 !important; color: var(--faint) !important; background: var(--ground) !important; border-style: dashed !important; }
 .bk-btn:focus-visible, .bk-input:focus-visible, input:focus-visible, .noUi-handle:focus-visible { outline: 3px solid var(--accent) !important; outline-offset: 2px; }
 .bk-btn-group { flex-wrap: wrap; }

@@ -27,7 +27,8 @@ from gateway.studio.worker import card_text
 GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
         "gap": "0 14px"}  # fmt: skip
 DROPPER = """
-.filepond--root .filepond--panel-root { background: var(--field); border: 1px dashed var(--edge); }
+.filepond--root { border: 0 !important; outline: 1px dashed var(--edge); }
+.filepond--root .filepond--panel-root { background: var(--field); }
 .filepond--root .filepond--drop-label {
     color: var(--ink) !important; background: var(--field) !important;
 }

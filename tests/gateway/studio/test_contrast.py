@@ -7,6 +7,7 @@ import pytest
 from gateway.figures import THEMES
 from gateway.studio import page
 from tests.gateway.figures.test_bokeh_draw import ratio
+from tests.gateway.studio.browser import FLAGS, chromium
 
 TEXT = [
     *((ink, ground) for ink in ("ink", "faint", "good", "warn") for ground in ("paper", "ground")),
@@ -47,3 +48,23 @@ def test_no_colour_is_used_that_is_not_in_the_palette():
     assert re.findall(r"#[0-9a-fA-F]{6}\b|#[0-9a-fA-F]{3}\b", rules + page.STYLE) == []
     used = set(re.findall(r"var\(--([\w-]+)\)", rules + page.STYLE)) - {"font"}
     assert used <= set(themes()["light"])
+
+
+HUES = """element => ["color", "backgroundColor"].map(name => "#" + getComputedStyle(element)[name]
+    .match(/\\d+/g).slice(0, 3).map(part => (+part).toString(16).padStart(2, "0")).join(""))"""
+
+
+def test_a_button_under_the_pointer_is_read():
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        shown = browser.new_page()
+        for colours in themes().values():
+            rules = "".join(f"--{name}: {colour};" for name, colour in colours.items())
+            for kind in ("default", "primary"):
+                style = f"<style>:root {{ {rules} }} {page.STYLE}</style>"
+                shown.set_content(f"{style}<button class='bk-btn bk-btn-{kind}'>Find</button>")
+                button = shown.get_by_role("button")
+                button.hover()
+                assert ratio(*button.evaluate(HUES)) >= 4.5, kind
+        browser.close()
