@@ -32,16 +32,19 @@ class FittedValues:
     def size(
         self, name: str, unit: str, factor: float = 1.0, neutral: float = 0.0, after: str = ""
     ) -> str:
-        """How far a number is from neutral, whichever way: "7.5° AFTER (6.9–8.2°)"."""
+        """How far a number is from neutral, whichever way: "7.5° AFTER (6.9–8.2°)".
+
+        Ends that two digits do not tell apart are told with more: "55.6 % (55.5–55.7 %)".
+        """
         value = factor * (self.values[name] - neutral)
         decimals = _decimals(value)
-        text = _with_unit(f"{abs(value):.{decimals}f}", unit) + after
-        if name not in self.ci95:
-            return text
-        low, high = sorted(factor * (end - neutral) for end in self.ci95[name])
+        low, high = sorted(factor * (end - neutral) for end in self.ci95.get(name, (value, value)))
         if value < 0.0:
             low, high = -high, -low
-        if low == high:
+        while low != high and decimals < MOST_DECIMALS and _alike(low, high, decimals):
+            decimals += 1
+        text = _with_unit(f"{abs(value):.{decimals}f}", unit) + after
+        if name not in self.ci95 or _alike(low, high, decimals):
             return text
         ends = (f"{end:.{decimals}f}".replace("-", "−") for end in (low, high))
         return f"{text} ({_with_unit((' to ' if low < 0.0 else '–').join(ends), unit)})"
@@ -63,6 +66,11 @@ class FittedValues:
         """A direction [rad from north] in degrees and as a point of the compass."""
         angle = degrees(self.values[name]) % 360.0
         return f"{angle:.0f}° ({COMPASS[round(angle / 45.0) % 8]})"
+
+
+def _alike(low: float, high: float, decimals: int) -> bool:
+    """Whether two ends read the same."""
+    return f"{low:.{decimals}f}" == f"{high:.{decimals}f}"
 
 
 def _decimals(value: float) -> int:

@@ -39,6 +39,21 @@ def test_the_compass_reads_too_far_to_the_side_that_its_error_has():
 
 
 @pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ((0.40, 0.48), "56 % weaker than modelled (52–60 %)"),
+        ((0.4430, 0.4445), "55.6 % weaker than modelled (55.5–55.7 %)"),
+        ((0.44369, 0.44371), "55.630 % weaker than modelled (55.629–55.631 %)"),
+        ((0.4437, 0.4437), "56 % weaker than modelled"),
+        ((0.443699999, 0.443700001), "55.630 % weaker than modelled"),
+    ],
+)
+def test_an_interval_has_two_ends(ends, told):
+    """Never "56 % (56–56 %)"."""
+    assert said("thruster_imbalance", {"port_gain": ends}, port_gain=0.4437).endswith(told)
+
+
+@pytest.mark.parametrize(
     ("name", "values", "one", "other"),
     [
         ("reverse_loss", {"factor": (1.2, 0.8)}, "harder", "weaker"),
