@@ -42,6 +42,7 @@ TOLD = frozenset({
     "started", "telemetry_silent", "telemetry_back", "sensor_failed", "sensor_restored",
     "model_wrong", "model_explained", "model_right", "residual_unusual", "residual_usual",
     "shadow_diverged", "shadow_steady", "parameter_changed", "parameter_usual",
+    "parameter_inseparable",
 })  # fmt: skip
 
 

@@ -32,7 +32,7 @@ from sim.monitoring import (
 from sim.monitoring.alarm import WATCHED_HORIZONS_S, Alarm, ModelEvent, event_text
 from sim.monitoring.disturbances import DisturbanceEstimator
 from sim.monitoring.recursive import SIGMAS_95, NumberEstimates, NumberFollower, with_shares
-from sim.state import Eta, Floats
+from sim.state import Eta, Floats, Ints
 
 APPLY_EVERY_NS = 10_000_000_000  # at whole multiples of this receipt the shadow takes over …
 APPLY_STEP = 0.05  # … and no number moves by more than this at a time
@@ -68,7 +68,9 @@ class Adaptation:
         """A second that ended before row k -> the numbers after it, messages and events."""
         after = replace(self, estimates=self.follower.observe(self.estimates, second))
         turned = np.flatnonzero(after.estimates.left != self.estimates.left)
-        return after, after._topic_rows(out, k), [after._event(out, k, int(i)) for i in turned]
+        events = [after._event(out, k, int(i)) for i in turned]
+        events += after._inseparable(out, k, self.estimates.told_with)
+        return after, after._topic_rows(out, k), events
 
     def taken_over(self, path: ShadowPath, receive_time_ns: int) -> tuple["Adaptation", ShadowPath]:
         """The path for what is received from then on: now and then the shadow's numbers move
@@ -107,7 +109,7 @@ class Adaptation:
         """A number has left what the vessel file says, or is back."""
         now, name = self.estimates, self.follower.numbers[i].name
         share, reach = 100.0 * float(now.shares[i]), 100.0 * SIGMAS_95 * float(now.std[i])
-        what = f"the thrust of {name[7:]}" if name.startswith("thrust ") else f"the {name}"
+        what = _in_words(name)
         if not now.left[i]:
             return EventRow.at(
                 out, k, "parameter_usual", "info", f"{what} is again as in the vessel file"
@@ -116,6 +118,26 @@ class Adaptation:
         ends = sorted((abs(share - reach), abs(share + reach)))
         text = f"{what} is {size} (95 %: {ends[0]:.0f} to {ends[1]:.0f} %)"
         return EventRow.at(out, k, "parameter_changed", "warning", text)
+
+    def _inseparable(self, out: ShadowRows, k: int, before: Ints) -> list[EventRow]:
+        """Numbers that turned out to be told only together with another: each pair once."""
+        now, names = self.estimates.told_with, [_in_words(n.name) for n in self.follower.numbers]
+        rows = []
+        for i in np.flatnonzero((now >= 0) & (before < 0)):
+            other = int(now[i])
+            if now[other] == i and (before[other] >= 0 or other < i):
+                continue
+            text = (
+                f"{names[i]} is told only together with {names[other]}: this motion does not "
+                "tell them apart"
+            )
+            rows.append(EventRow.at(out, k, "parameter_inseparable", "info", text))
+        return rows
+
+
+def _in_words(name: str) -> str:
+    """A followed number as people say it."""
+    return f"the thrust of {name[7:]}" if name.startswith("thrust ") else f"the {name}"
 
 
 SECOND_S = 1.0

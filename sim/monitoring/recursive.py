@@ -41,7 +41,7 @@ from sim.monitoring.disturbances import (
     MeasurementModel,
     noise_after,
 )
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.vessel import Thruster, Vessel
 
 # Chosen on the tuning voyages of benchmarks/live_parameters.py; what they give on others:
@@ -59,6 +59,8 @@ MAX_CHANGE_PER_S = 0.01  # of a share
 LIMITS = (-0.7, 1.0)  # of a share
 MIN_EXCITED_S = 60.0  # before a number is valid
 MAX_VALID_STD = 0.1
+TOGETHER_S = 120.0  # of excitation, after which one that is not valid is asked why; chosen
+TOGETHER_SHARE = 0.4  # of its variance, left where the other is known; chosen
 SIGMAS_95 = 1.96
 # A number has left when its 95 % interval has not held the vessel's for a while
 CLEAR_S = 20.0
@@ -110,6 +112,7 @@ class NumberEstimates:
     excited_s   (n,) seconds in which each was excited
     left        (n,) which have left the vessel's interval
     clear_s     (n,) for how long that has looked otherwise
+    told_with   (n,) number that each is told only together with, as it was first seen; −1: none
     """
 
     filter: DisturbanceFilter
@@ -120,6 +123,7 @@ class NumberEstimates:
     excited_s: Floats
     left: NDArray[np.bool_]
     clear_s: Floats
+    told_with: Ints
     time: float = -np.inf
 
     @property
@@ -138,6 +142,22 @@ class NumberEstimates:
         low, high = LIMITS
         inside = (self.shares > low) & (self.shares < high)
         return np.asarray((self.excited_s >= MIN_EXCITED_S) & (self.std <= MAX_VALID_STD) & inside)
+
+    @property
+    def together(self) -> Ints:
+        """Which other number would have to be known for each to be told; −1: none, or told (n,).
+
+        Asked of numbers that were excited for long and are not known: thrusters that lie one
+        behind the other, thrust and drag at one speed. P_ii − P_ij²/P_jj is the variance of i
+        where j is known.
+        """
+        P = self.filter.covariance[BOAT_ERRORS + AROUND :, BOAT_ERRORS + AROUND :]
+        variance = np.diag(P)
+        given = variance[:, np.newaxis] - P**2 / variance
+        np.fill_diagonal(given, np.inf)
+        unknown = (self.excited_s >= TOGETHER_S) & (self.std > MAX_VALID_STD)
+        solved = given.min(axis=1) <= TOGETHER_SHARE * variance
+        return np.where(unknown & solved, given.argmin(axis=1), -1)
 
 
 @dataclass(frozen=True)
@@ -180,7 +200,7 @@ class NumberFollower:
         none, zeros = np.zeros(n, np.bool_), np.zeros(n)
         return NumberEstimates(
             filter_, np.ones(3), np.zeros((3, n)), np.zeros((n, n)), none,
-            zeros, none, zeros,
+            zeros, none, zeros, np.full(n, -1),
         )  # fmt: skip
 
     def observe(self, before: NumberEstimates, second: SecondMeans) -> NumberEstimates:
@@ -221,7 +241,8 @@ class NumberFollower:
         clear_s = np.where(clear, now.clear_s + dt, 0.0)
         turned = clear_s >= CLEAR_S
         left = now.left ^ turned
-        return replace(now, clear_s=np.where(turned, 0.0, clear_s), left=left)
+        with_ = np.where(now.told_with < 0, now.together, now.told_with)
+        return replace(now, clear_s=np.where(turned, 0.0, clear_s), left=left, told_with=with_)
 
     def _measurement(
         self, before: NumberEstimates, second: SecondMeans

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ from sim.following.follower import FollowerOptions, ReferenceMode
 from sim.model import Model
 from sim.monitoring.recursive import BOAT_ERRORS
 from sim.plants import OWN_VESSEL, PlantChoice
+from sim.vessel import Vessel
 from tests.gateway.pipelines.test_lookout import path_rows
 from tests.sim.monitoring import live_seconds
 from tests.sim.vessels import IACQUABOT, WAMV
@@ -59,6 +60,27 @@ def test_a_number_that_leaves_is_told_once_with_its_size() -> None:
     share, low, high = (float(s) for s in event.text.replace("%:", "%: ").split() if s.isdigit())
     assert low < share < high
     assert low <= 20.0 <= high
+
+
+def told(vessel: Vessel, count: int, **causes: Any) -> list[str]:
+    now, out, texts = Adaptation.of(Model.of(vessel)), path_rows(1.0), list[str]()
+    for second in live_seconds.seconds(count, vessel=vessel, leg_s=6, steer=0.25, **causes):
+        now, _, events = now.observe(out, 0, second)
+        texts += [e.text for e in events if e.kind == "parameter_inseparable"]
+    return texts
+
+
+def test_thrusters_one_behind_the_other_are_said_to_be_told_together() -> None:
+    assert sorted(told(IACQUABOT, 300)) == [
+        f"the thrust of front_{side} is told only together with the thrust of rear_{side}: this "
+        "motion does not tell them apart"
+        for side in ("left", "right")
+    ]
+
+
+def test_what_is_told_apart_is_not_said_to_be_told_together() -> None:
+    assert told(WAMV, 300) == []
+    assert told(WAMV, 300, thrust=np.array([-0.2, 0.0]), drag=0.3) == []
 
 
 def test_the_shadow_takes_numbers_over_a_little_at_a_time(weak: Adaptation) -> None:

@@ -36,7 +36,7 @@ def seconds(
         nu = through + np.append(world_to_body(stream, yaw), 0.0)
         motion = np.concatenate([[0.0, 0.0, yaw], nu, 0.02 * rng.standard_normal(3)])
         turn = steer * (leg % 4 - 1.5)
-        command = np.array([[0.4 + turn, 0.4 - turn]])
+        command = np.array([[0.4 + turn, 0.4 - turn] * (len(vessel.actuators) // 2)])
         missing, commanded = forces(model, motion, stream, command)
         missing = missing + NOISE * rng.standard_normal(3)
         if push is not None:
