@@ -16,7 +16,7 @@ from sim.kernel import air, floats, rollout_numpy
 from sim.kernel.cache import Kernel, kernel_for
 from sim.kernel.compiled import compiled
 from sim.kernel.generator import Structure
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.vessel import (
     AddedEffect,
     Vessel,
@@ -34,6 +34,7 @@ MIN_STABLE_STEP_S = 0.025  # a hull with faster motion than this allows is none:
 FASTER, FASTER_BY = 1.2, 0.1  # … no run becomes faster than all starts by this factor and amount
 RUNAWAY_SPEED = 1e3  # m/s, rad/s: of what is no number any more
 SHORTEST_STEP_S = 1e-3  # of runs that did
+SETTLED = 1e-3  # of a speed: shorter steps that change the fastest by less are short enough
 MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
 
@@ -106,7 +107,8 @@ class Model:
         """Free runs: x0 (B, 6 or nx) -> states (B, H+1, nx), reports (B, H+1, 9), NaN past ends.
 
         Steps short enough for the starts may be too long for what the runs reach, and then grow
-        without end: such runs are made again in shorter ones, and all others from the same row.
+        without end: such runs are made again in shorter ones, and all others from the same row,
+        until that changes nothing or the steps are short enough for the speeds that are reached.
         """
         start = np.full((len(x0), self.state_size), np.nan)
         start[:, : x0.shape[1]] = x0
@@ -116,15 +118,24 @@ class Model:
         horizon = int(runs.steps.max()) + 1
         states, reports = self._rolled(start, runs, inputs, thetas, needed, horizon)
         origin, again, reached = runs.origin, np.arange(len(x0)), _fastest(states, runs.steps)
-        while len(fast := again[np.any(reached > FASTER * first + FASTER_BY, axis=1)]):
-            stable = self.max_step(thetas, reached.max(axis=0), SHORTEST_STEP_S)
+        settled = np.zeros(len(x0), np.bool_)
+
+        def too_fast(rows: Ints) -> Ints:
+            faster = np.any(reached[rows] > FASTER * first + FASTER_BY, axis=1)
+            return np.asarray(rows[faster & ~settled[rows]])
+
+        while len(fast := too_fast(again)):
+            stable = self.max_step(thetas, reached[again].max(axis=0), SHORTEST_STEP_S)
             substeps, needed = needed, min(_steps_in(inputs.dt, stable), 2 * needed)
             if needed <= substeps:
                 break
             again = np.flatnonzero(np.isin(origin, origin[fast]))
             some, own = runs.subset(again), thetas[again % len(thetas)]
             part, seen = self._rolled(start[again], some, inputs, own, needed, horizon)
-            states[again], reports[again], reached = part, seen, _fastest(part, some.steps)
+            before, now = reached[again], _fastest(part, some.steps)
+            same = (np.abs(now - before) <= SETTLED * now) & (now < RUNAWAY_SPEED)
+            states[again], reports[again], reached[again] = part, seen, now
+            settled[again] = same.all(axis=1)
         return states, reports
 
     def _rolled(

@@ -174,6 +174,35 @@ def test_steps_follow_a_hull_however_strongly_it_is_damped(stiffer):
     assert model.max_step(None, np.zeros((1, 3))) > 0.01
 
 
+def test_steps_are_made_shorter_until_that_changes_nothing(monkeypatch):
+    """One hull turns, and one that is damped hard sideways goes straight ahead: nothing is fast.
+
+    Steps that were short enough for the damping of this at the speeds of that are not needed.
+    """
+    model, made, whole = Model.of(WAMV), [], Model._rolled
+    stiff = model.theta.copy()
+    stiff[model.names.index("Y_vv")] = -2e5
+
+    def rolled(self, start, runs, inputs, thetas, substeps, horizon):
+        made.append(substeps)
+        return whole(self, start, runs, inputs, thetas, substeps, horizon)
+
+    monkeypatch.setattr(Model, "_rolled", rolled)
+    tables = np.ones((2, 30, 2))
+    tables[0] = [1.0, -0.2]
+    nothing = np.zeros(2, np.int64)
+    runs = Runs(np.arange(2), nothing, nothing + 30, np.zeros(2))
+    inputs, thetas = InputTable.of(tables, 0.2), np.array([model.theta, stiff])
+    states, _ = model.run(np.zeros((2, 6)), runs, inputs, theta=thetas)
+    fastest = np.abs(states[..., 3:6]).max(axis=(0, 1))
+    assert fastest[1] > 0.1
+    assert len(made) > 1
+    assert max(made) < 0.1 * 0.2 / model.max_step(thetas, fastest, 1e-3)
+    for k in range(2):
+        _, fine = model.simulate(np.repeat(tables[k], 100, axis=0), 0.002, theta=thetas[k])
+        assert np.abs(states[k, :, 3:6] - fine[0, ::100, 3:6]).max() < 1e-3
+
+
 def test_only_runs_from_a_row_where_one_becomes_too_fast_are_made_again_in_shorter_steps(
     monkeypatch,
 ):
