@@ -71,16 +71,10 @@ class Model:
         return float(sum(law(SimpleNamespace(**values)) for law, values in laws if law))
 
     def simulate(
-        self,
-        commands: Floats,
-        dt: float,
-        x0: Floats | None = None,
-        *,
-        theta: Floats | None = None,
-        voltage: Floats | None = None,
-        wind: Floats | None = None,
+        self, commands: Floats, dt: float, x0: Floats | None = None, *,
+        theta: Floats | None = None, voltage: Floats | None = None, wind: Floats | None = None,
         start_time: float = 0.0,
-    ) -> tuple[Floats, Floats]:
+    ) -> tuple[Floats, Floats]:  # fmt: skip
         """Commands (T, na) or (B, T, na) held over dt -> states (B, T+1, nx), reports (B, T+1, 9).
 
         x0 (nx,), (6,) or (B, …): missing memory starts settled under the first command. theta
@@ -194,17 +188,10 @@ class Model:
         return float(np.max(damping + munk, initial=1e-9))
 
     def missing_force(
-        self,
-        motion: Floats,
-        times: Floats,
-        held: Floats,
-        commands: Floats,
-        *,
-        theta: Floats | None = None,
-        voltage: Floats | None = None,
-        wind: Floats | None = None,
+        self, motion: Floats, times: Floats, held: Floats, commands: Floats, *,
+        theta: Floats | None = None, voltage: Floats | None = None, wind: Floats | None = None,
         carry: Floats | None = None,
-    ) -> tuple[Floats, Floats]:
+    ) -> tuple[Floats, Floats]:  # fmt: skip
         """What the vessel would need beside its commanded forces to move as measured.
 
         Reported motion (T, 9) at times (T,) [s]; commands (T, na): those `held` over the interval
@@ -222,15 +209,9 @@ class Model:
         return out, commanded
 
     def missing_force_std(
-        self,
-        motion: Floats,
-        covariance: Floats,
-        times: Floats,
-        commands: Floats,
-        *,
-        voltage: Floats | None = None,
-        wind: Floats | None = None,
-    ) -> Floats:
+        self, motion: Floats, covariance: Floats, times: Floats, commands: Floats, *,
+        voltage: Floats | None = None, wind: Floats | None = None,
+    ) -> Floats:  # fmt: skip
         """Motion (T, 9) with covariance (T, 9, 9) -> std of the missing force (T, 3)."""
         out = np.empty((len(times), 3))
         self.kernel.module.missing_force_std(

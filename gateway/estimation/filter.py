@@ -32,8 +32,9 @@ from gateway.estimation.events import (
     update_gated,
     valid,
 )
-from gateway.estimation.model import Workspace, copy_matrix, copy_vector, new_workspace
+from gateway.estimation.model import Workspace, copy_matrix, new_workspace
 from sim.kernel.compiled import compiled
+from sim.kernel.loops import set_row
 from sim.state import Floats, Ints
 from sim.trial import MOTION
 
@@ -98,8 +99,8 @@ def write_event(history: History, number: int, event: Event) -> None:
     """Writes an event into its slot."""
     slot = number % len(history.time)
     history.time[slot], history.kind[slot] = event.time, event.kind
-    copy_vector(event.z, history.z[slot])
-    copy_vector(event.std, history.std[slot])
+    set_row(history.z[slot], event.z)
+    set_row(history.std[slot], event.std)
 
 
 @compiled
@@ -114,7 +115,7 @@ def restart(history: History, model: FilterModel) -> None:
 @compiled
 def copy_state(source: KalmanState, to: KalmanState) -> None:
     """One state becomes another."""
-    copy_vector(source.x, to.x)
+    set_row(to.x, source.x)
     copy_matrix(source.P, to.P)
     copy_matrix(source.gates, to.gates)
 

@@ -32,6 +32,7 @@ import numpy as np
 
 from gateway.estimation import STATES, FilterModel, MeasurementKind, State
 from sim.kernel.compiled import compiled
+from sim.kernel.loops import set_row
 from sim.state import Floats, wrap
 
 # Gauss-Legendre on [0, 1]: the noise of a step is an integral whose closed form cancels badly for
@@ -53,18 +54,10 @@ COLUMNS = np.array([int(column) for _, column in _COUPLED])
 
 
 @compiled
-def copy_vector(source: Floats, to: Floats) -> None:
-    """Numbers (n,) into another array: `to[:] = source` brings numba's texts of errors, seconds."""
-    for i in range(len(source)):
-        to[i] = source[i]
-
-
-@compiled
 def copy_matrix(source: Floats, to: Floats) -> None:
-    """The same for (n, m)."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            to[i, j] = source[i, j]
+    """Numbers (n, m) into another array, see `sim.kernel.loops.set_row`."""
+    for i in range(len(source)):
+        set_row(to[i], source[i])
 
 
 @compiled
@@ -223,7 +216,7 @@ def predict_about(
 ) -> None:
     """As `predict`, but linearised at another state (13,); `moved` (13,) is scratch."""
     yaw = at[State.YAW] + 0.5 * dt * at[State.R] + 0.125 * dt * dt * at[State.R_DOT]
-    copy_vector(at, moved)
+    set_row(moved, at)
     transition(moved, dt, model, F)
     for i in range(STATES):
         x[i] -= at[i]

@@ -44,13 +44,13 @@ from gateway.estimation.model import (
     ROWS,
     Workspace,
     copy_matrix,
-    copy_vector,
     new_workspace,
     predict,
     predict_about,
     symmetrise,
 )
 from sim.kernel.compiled import compiled
+from sim.kernel.loops import set_row
 from sim.state import Floats, Ints
 from sim.trial import MOTION
 
@@ -84,7 +84,7 @@ def new_trace(size: int) -> Trace:
 @compiled
 def store_step(trace: Trace, n: int, state: KalmanState, used: int, work: Workspace) -> None:
     """Keeps step n."""
-    copy_vector(state.x, trace.x[n])
+    set_row(trace.x[n], state.x)
     copy_matrix(state.P, trace.P[n])
     copy_matrix(work.F, trace.F[n])
     trace.used[n], trace.valid[n] = used, valid(state.gates)
@@ -92,7 +92,7 @@ def store_step(trace: Trace, n: int, state: KalmanState, used: int, work: Worksp
         copy_matrix(work.H, trace.H[n])
         copy_matrix(work.K, trace.K[n])
         copy_matrix(work.S_inv, trace.S_inv[n])
-        copy_vector(work.y, trace.y[n])
+        set_row(trace.y[n], work.y)
 
 
 @compiled
@@ -312,7 +312,7 @@ def backward(
     work = new_workspace()
     lam, Lam = future
     for n in range(len(grid) - 1, -1, -1):
-        copy_vector(trace.x[n] - trace.P[n] @ lam, path[n])
+        set_row(path[n], trace.x[n] - trace.P[n] @ lam)
         row = grid[n]
         if row != NO_GRID:
             mean, covariance = out.mean[row], out.covariance[row]
