@@ -80,6 +80,27 @@ class TopicRows:
         names = _layout(self.topic).names
         return [dict(zip(names, row, strict=True)) for row in _members(self, self._columns)]
 
+    @classmethod
+    def joined(cls, parts: Sequence["TopicRows"]) -> Self:
+        """Messages of one topic, one part after another; encoded where all of them are."""
+        times = (
+            np.concatenate([part.vehicle_time_ns for part in parts]),
+            np.concatenate([part.receive_time_ns for part in parts]),
+        )
+        columns = [part._columns for part in parts if part._columns is not None]
+        encoded = all(part._payloads is not None for part in parts)
+        payloads = [payload for part in parts for payload in part.payloads] if encoded else None
+        if len(columns) < len(parts):
+            every = payloads or [payload for part in parts for payload in part.payloads]
+            return cls(parts[0].topic, *times, every)
+        strings: list[Sequence[str]] = []
+        for column in zip(*(one.strings for one in columns), strict=True):
+            strings.append([text for part in column for text in part])
+        values = np.concatenate([one.values for one in columns])
+        found = cls(parts[0].topic, *times, Columns(values, strings))
+        found._payloads = payloads
+        return found
+
     def chosen(self, rows: Sequence[int]) -> Self:
         """Some of the messages."""
         times = self.vehicle_time_ns[rows], self.receive_time_ns[rows]
@@ -129,6 +150,7 @@ class _Layout(NamedTuple):
     numbers: tuple[str, ...]
     integers: tuple[str, ...]
     strings: tuple[Field, ...]
+    string_names: frozenset[str]
     message: type[msgspec.Struct]
 
 
@@ -141,6 +163,7 @@ def _layout(topic: str) -> _Layout:
         tuple(field.name for field in fields if field.type is FieldType.NUMBER),
         tuple(field.name for field in fields if field.type is FieldType.INTEGER),
         tuple(field for field in fields if field.type is FieldType.STRING),
+        frozenset(field.name for field in fields if field.type is FieldType.STRING),
         msgspec.defstruct(topic.replace("/", "_"), names, gc=False),
     )
 
@@ -174,14 +197,17 @@ def encode(topic: str, row: Mapping[str, Value]) -> bytes | None:
 
 def _string_columns(topic: str, strings: Mapping[str, Text], rows: int) -> list[Sequence[str]]:
     """The string members of all rows, each (rows,), in the topic's order."""
-    fields = _layout(topic).strings
-    names = [field.name for field in fields]
-    if strings.keys() != set(names):
-        raise ValueError(f"topic {topic}: strings {sorted(strings)}, expected {names}")
-    columns = []
-    for field in fields:
-        given = strings[field.name]
-        column = [given] * rows if isinstance(given, str) else given
+    layout = _layout(topic)
+    if strings.keys() != layout.string_names:
+        expected = sorted(layout.string_names)
+        raise ValueError(f"topic {topic}: strings {sorted(strings)}, expected {expected}")
+    columns: list[Sequence[str]] = []
+    for field in layout.strings:
+        column = strings[field.name]
+        if isinstance(column, str):
+            _check_text(topic, field, column)
+            columns.append([column] * rows)
+            continue
         if len(column) != rows:
             raise ValueError(f"topic {topic}: {len(column)} strings for {rows} rows")
         for value in set(column):

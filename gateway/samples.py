@@ -6,6 +6,7 @@ from the same mapping functions (`gateway.ingest.mapping`), which take scalars o
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,7 @@ class Quantity(IntEnum):
     ESTIMATOR = 15  # bits of `gateway.ingest.mapping.EstimatorFault`: 0 the autopilot's EKF is well
 
 
-@dataclass(frozen=True)
-class Measurement:
+class Measurement(NamedTuple):
     """One decoded fact, in SI units, on the boat's clock and on the receiver's."""
 
     quantity: Quantity

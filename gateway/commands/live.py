@@ -77,7 +77,8 @@ def live(
     config: Config = None,
 ) -> None:
     """The digital shadow beside a running boat: estimate, follow, publish, record. Ctrl-C ends."""
-    from gateway.live.gateway import LiveOptions, plans_in, plans_of, run_until_stopped
+    from gateway.live.gateway import LiveOptions, run_until_stopped
+    from gateway.live.plans import plans_in, plans_of
 
     settings = settings_from(config, reference, publish, adapt=adapt, topics=topics)
     if foxglove is not None:

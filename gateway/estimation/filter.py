@@ -16,8 +16,8 @@ linearised filter would seem to observe it, and turn a good sway into a bad one.
 added to what is reported.
 """
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,19 +220,22 @@ def write_estimate(history: History, model: FilterModel, out: tuple[Floats, ...]
 
 @compiled
 def process_events(
-    history: History,
+    kept: tuple[Any, ...],
     events: tuple[Floats, Ints, Floats, Floats],
-    model: FilterModel,
+    settings: tuple[float, ...],
     estimates: tuple[Floats, ...],
     outcomes: tuple[Floats, NDArray[np.int8], NDArray[np.uint8]],
 ) -> None:
     """K events as received through the filter, in place; one row of output per event.
 
+    kept        a `History`, and
+    settings    a `FilterModel`, as plain tuples: those numba tells apart in a moment, named ones
+                take it longer than what is done here for a few events
     events      columns of `Events`
     estimates   time, motion, std, covariance of `FilterRows`
     outcomes    its NIS, components used, flags
     """
-    work = new_workspace()
+    history, model, work = History(*kept), FilterModel(*settings), new_workspace()
     time, kind, z, std = events
     for k in range(len(time)):
         nis, used = 0.0, 0
@@ -297,10 +300,17 @@ class FilterRows:
     nis: Floats
     used: NDArray[np.int8]
     flags: NDArray[np.uint8]
-    faults: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    faults: Ints
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def with_faults(self, faults: Ints) -> "FilterRows":
+        """The same rows, with what makes the boat's data unfit (K,)."""
+        return FilterRows(
+            self.time_s, self.motion, self.std, self.covariance, self.nis, self.used, self.flags,
+            faults,
+        )  # fmt: skip
 
     def has(self, flag: Flag) -> NDArray[np.bool_]:
         """Which rows carry that flag: (K,)."""
@@ -313,6 +323,7 @@ class Estimator:
     def __init__(self, settings: FilterSettings | None = None) -> None:
         self.settings = settings or FilterSettings()
         self._model = self.settings.kernel_model()
+        self._numbers = tuple(self._model)
 
     def start(self) -> FilterState:
         """The state before the first event."""
@@ -327,9 +338,10 @@ class Estimator:
         """
         history = state.history if spend else copy_of(state.history)
         rows = _empty_rows(len(events), MOTION if covariance else 0)
-        columns = tuple(vars(events).values())
+        columns = events.time_s, events.kind, events.z, events.std
         estimates = rows.time_s, rows.motion, rows.std, rows.covariance
-        process_events(history, columns, self._model, estimates, (rows.nis, rows.used, rows.flags))
+        outcomes = rows.nis, rows.used, rows.flags
+        process_events(tuple(history), columns, self._numbers, estimates, outcomes)
         return FilterState(history), rows
 
 
@@ -342,4 +354,5 @@ def _empty_rows(count: int, size: int) -> FilterRows:
         np.empty(count),
         np.empty(count, np.int8),
         np.empty(count, np.uint8),
+        np.zeros(count, np.int64),
     )

@@ -157,10 +157,12 @@ def heading_rate(roll: Column, pitch: Column, pitch_rate: Column, yaw_rate: Colu
     that points straight up or down the heading means little: there cos θ is taken as 0.4. NaN where
     roll or pitch is no finite number.
     """
+    level = (abs(roll) < LEVEL_RAD) & (abs(pitch) < LEVEL_RAD)
+    if level is True:  # one message: nothing to turn
+        return yaw_rate
     with np.errstate(invalid="ignore"):
         upright = np.maximum(np.cos(pitch), MIN_COS_PITCH)
         turned = (pitch_rate * np.sin(roll) + yaw_rate * np.cos(roll)) / upright
-    level = np.maximum(np.abs(roll), np.abs(pitch)) < LEVEL_RAD
     return np.where(level, yaw_rate, turned)
 
 
@@ -175,7 +177,7 @@ def servo_pulses(first: int, columns: list[Column]) -> Facts:
 
     NaN for 0, 65535 and what no servo takes, and for the channels before and after.
     """
-    width = np.stack([np.asarray(column, dtype=np.float64) for column in columns])
+    width = np.array(columns, dtype=np.float64)
     pulses = list(only_where((width >= SHORTEST_US) & (width <= LONGEST_US), width))
     unreported = np.full(np.shape(pulses[0]), np.nan)
     values = [unreported] * (first - 1) + pulses
@@ -271,7 +273,7 @@ class Origin(NamedTuple):
     longitude_deg: float
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)  # more than boats of one process
 def metres_per_degree(origin: Origin) -> tuple[float, float]:
     """Origin -> m per degree of latitude, of longitude."""
     sine = np.sin(np.radians(origin.latitude_deg))
@@ -288,9 +290,16 @@ def to_local(degrees: Floats, origin: Origin) -> Floats:
     return np.stack([north, east], axis=-1) * np.array(metres_per_degree(origin))
 
 
+@lru_cache(maxsize=64)  # more than boats of one process
+def _degrees_from(origin: Origin) -> tuple[Floats, Floats]:
+    """What `to_degrees` divides by and adds (2,)."""
+    return np.array(metres_per_degree(origin)), np.array(origin)
+
+
 def to_degrees(metres: Floats, origin: Origin) -> Floats:
     """(..., 2) [north, east, m] -> (..., 2) [latitude, longitude, degrees]."""
-    return np.asarray(metres / np.array(metres_per_degree(origin)) + np.array(origin))
+    scale, place = _degrees_from(origin)
+    return np.asarray(metres / scale + place)
 
 
 def on_earth(latitude_deg: float, longitude_deg: float) -> bool:

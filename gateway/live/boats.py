@@ -13,15 +13,13 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from pymavlink.dialects.v20 import ardupilotmega as dialect
-
 from gateway.config import Settings
 from gateway.estimation.filter import Estimator
 from gateway.ingest.log import Boat
 from gateway.ingest.mavlink.mapping import from_heartbeat
 from gateway.json_rows import TopicRows
 from gateway.links import Datagram, Frame
-from gateway.live.intake import MessageIntake
+from gateway.live.intake import MessageIntake, warm_up_messages
 from gateway.recording.writer import warm_up
 from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from gateway.shadow.events import EventDetector, MissingForceRange
@@ -34,6 +32,7 @@ from gateway.vessel_file import zenoh_key
 from sim.plants import OWN_VESSEL, PlantChoice
 from sim.vessel import Vessel
 
+MAX_UNJUDGED = 25  # rows, half a second: whoever has no time for longer waits for them
 BLIND_NS, SILENCE_NS, TICK_NS = (round(s * SECOND) for s in (BLIND_S, SILENCE_S, TICK_S))
 
 
@@ -55,6 +54,14 @@ class BoatOutput(NamedTuple):
     rows: list[TopicRows]
     out: ShadowRows | None = None
     events: tuple[EventRow, ...] = ()
+
+
+def _with_events(
+    rows: list[TopicRows], events: Sequence[EventRow], out: ShadowRows | None = None
+) -> BoatOutput:
+    """Messages, and events as messages and for people."""
+    told = tuple(event for event in events if event.kind in TOLD)
+    return BoatOutput([*rows, event_rows(events)] if events else rows, out, told)
 
 
 class NewestTimes(NamedTuple):
@@ -85,6 +92,8 @@ class LiveBoat:
         self._ticked_ns = 0
         self._reported_s = 0
         self._resting = False  # silent for too long to run on
+        self.patient = False  # the caller calls `judge` when it has time
+        self._unjudged: list[ShadowRows] = []
 
     def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Iterator[BoatOutput]:
         """The boat's messages of one datagram -> what goes out, as it is made.
@@ -162,19 +171,33 @@ class LiveBoat:
 
     def _advance(self, inputs: FilterInputs, spend: bool) -> Iterator[BoatOutput]:
         if self._applies:
+            yield self.judge()  # whose numbers are to be taken over
             self._take_over(int(inputs.receive_time_ns[-1]))
         self._state, out, filtered = self._path.advance(self._state, inputs, spend)
         if len(out):
             for rows in topic_rows(out, self._intake.origin):
                 yield BoatOutput([rows])
-        receive, vehicle = int(inputs.receive_time_ns[-1]), int(inputs.vehicle_time_ns[-1])
-        self.health.filtered(filtered, out, receive, vehicle)
+        self.health.filtered(inputs, filtered, out)
         self._event_detector, events = self._event_detector.observe(inputs, filtered, out)
         self._force_range, range_events = self._force_range.observe(out)
-        self._model_monitor, monitored, model_events = self._model_monitor.observe(out)
-        events += [*range_events, *model_events]
-        told = tuple(event for event in events if event.kind in TOLD)
-        yield BoatOutput([*monitored, event_rows(events)] if events else monitored, out, told)
+        yield _with_events([], [*events, *range_events], out)
+        self._unjudged += [out] if len(out) else []
+        if not self.patient or len(self._unjudged) > MAX_UNJUDGED:
+            yield self.judge()
+
+    def judge(self) -> BoatOutput:
+        """Rows that went out since this was last called, held against the model.
+
+        Once a second that takes as long as two datagrams; many boats may begin their seconds at
+        one moment. So a caller with others that wait may do it a little later: nothing else
+        depends on it, and what comes of it is the same.
+        """
+        rows, events = list[TopicRows](), list[EventRow]()
+        for out in self._unjudged:
+            self._model_monitor, monitored, told = self._model_monitor.observe(out)
+            rows, events = [*rows, *monitored], [*events, *told]
+        self._unjudged = []
+        return _with_events(rows, events)
 
     def _take_over(self, receive_time_ns: int) -> None:
         """The shadow's numbers follow the boat's, from here on."""
@@ -270,9 +293,9 @@ class Fleet:
         warm_up()
         for path, plan in zip(self._paths, self._plans, strict=True):
             boat = LiveBoat(Boat(1, 1), plan.key, path, self._adapt)
-            for k in range(4):
-                list(boat.datagram(_warm_up_messages(1000 + 20 * k), (k + 1) * 20_000_000))
-            list(boat.tick(400_000_000))
+            for k in range(6):  # longer than a second, at whose end more is done
+                list(boat.datagram(warm_up_messages(1000 + 300 * k), (k + 1) * 300_000_000))
+            list(boat.tick(2_200_000_000))
 
     def datagram(self, datagram: Datagram) -> Iterator[FleetOutput]:
         """The frames of a datagram, each to its boat -> what comes of them, as it is made."""
@@ -301,17 +324,25 @@ class Fleet:
             for output in boat.tick(now_ns):
                 yield FleetOutput(boat, output)
 
-    def frames_of(self, frames: Sequence[Frame], boat: LiveBoat) -> list[bytes]:
-        """The frames for a boat's recording: its own, and those of a few systems that are no boat.
+    def recorded(self, frames: Sequence[Frame]) -> dict[int, list[bytes]]:
+        """Frames for the recording of each boat, by its system: its own, and those of a few
+        systems that are no boat, which go to all.
 
         A flood of invented ids neither fills the disk nor delays the boat.
         """
-        own = boat.boat.system
-        return [f.raw for f in frames if (system := sender(f.raw)) == own or self._beside(system)]
+        found: dict[int, list[bytes]] = {}
+        for frame in frames:
+            system = sender(frame.raw)
+            if system in self.boats:
+                found.setdefault(system, []).append(frame.raw)
+            elif self._beside(system):
+                for boat in self.boats:
+                    found.setdefault(boat, []).append(frame.raw)
+        return found
 
     def _beside(self, system: int) -> bool:
-        """Is it one of the few systems that are no boat and are recorded?"""
-        if system in self.boats or system in self._ignored_systems:
+        """Is it one of the few systems that are recorded, though they are no boat?"""
+        if system in self._ignored_systems:
             return False
         if len(self._others) < MAX_OTHERS:
             self._others.add(system)
@@ -360,18 +391,3 @@ def sender(raw: bytes) -> int:
     """System id of a frame; 0 where it is too short to have one."""
     place = 5 if raw[:1] == b"\xfd" else 3
     return raw[place] if len(raw) > place else 0
-
-
-def _warm_up_messages(boot_ms: int) -> list[Any]:
-    """Messages that take every compiled step once."""
-    messages: list[Any] = [
-        dialect.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0),
-        dialect.MAVLink_local_position_ned_message(boot_ms, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0),
-        dialect.MAVLink_global_position_int_message(
-            boot_ms, 600000000, 100000000, 0, 0, 10, 0, 0, 500
-        ),
-        dialect.MAVLink_servo_output_raw_message(boot_ms * 1000, 0, *([1500] * 8)),
-        dialect.MAVLink_sys_status_message(0, 0, 0, 0, 14800, 0, 0, 0, 0, 0, 0, 0, 0),
-    ]
-    mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
-    return [mav.decode(bytearray(message.pack(mav))) for message in messages]

@@ -6,7 +6,7 @@ The loop is driven by telemetry: a datagram that completes an estimate is shadow
 once. Ticks take over while telemetry is silent; what waits in the inbox is no silence. Only this
 loop reads the clock; what it decides follows from datagrams and ticks, which are recorded.
 
-`shadow live` as a program: the vessel for each boat, and a clean end.
+`shadow live` as a program, with a clean end.
 """
 
 import gc
@@ -23,13 +23,13 @@ from typing import Any
 import orjson
 
 from gateway.bus import Bus, open_session
-from gateway.config import BoatSettings, Settings, check_name
-from gateway.errors import BadInput, ShadowError
+from gateway.config import Settings
+from gateway.errors import ShadowError
 from gateway.ingest.log import Boat
 from gateway.links import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
-from gateway.live.boats import MAX_LISTED, BoatPlan, Fleet, LiveBoat
+from gateway.live.boats import MAX_LISTED, BoatOutput, BoatPlan, Fleet, LiveBoat
 from gateway.live.outputs import (
     FIRST_RETRY_S,
     BoatOutputs,
@@ -40,16 +40,15 @@ from gateway.live.outputs import (
     start_recording,
 )
 from gateway.long_running import LogLine, Stop, stop_on_signals
-from gateway.plants import load_plant
 from gateway.recording.foxglove_server import FoxgloveServer
 from gateway.shadow import TICK_S
 from gateway.shadow.health import SECOND
 from gateway.shadow.topic_rows import EventRow
-from gateway.vessel_file import dump_vessel, load_vessel
-from sim.effects.effect import Effect
+from gateway.vessel_file import dump_vessel
 from sim.state import Progress
 
 MAX_SLEEP_S = TICK_S / 4.0  # of the loop
+LOOK_NS = SECOND // 100  # between two looks for boats that have fallen silent
 REPORT_INTERVAL_NS = 10 * SECOND  # between two reports of defects
 BEHIND_NS, CURRENT_NS = 2 * SECOND, SECOND // 4  # what waits so long is told; so short is current
 CURRENT = ("overload_over", "warning", "what is shown is current again")
@@ -98,7 +97,10 @@ class Gateway:
         self._metrics: Metrics | None = None
         self._leading = plans[0] if plans else None  # its boat has the topics of a recording
         self._early = EarlyDatagrams()
-        self._dropped = 0
+        self._dropped = self._newly_dropped = 0
+        self._unchecked: list[LiveBoat] = []  # whose check of this second is still to come
+        self._ticked_ns = 0
+        self._unjudged: dict[int, LiveBoat] = {}  # by system: rows wait for their model
         self._ignored = 0  # boats without a vessel
         self._checked_s = 0
         self._behind = False  # datagrams wait longer than BEHIND_NS
@@ -151,6 +153,12 @@ class Gateway:
             except Empty:
                 item = None
             self.turn(item)
+        self.catch_up()
+
+    def catch_up(self) -> None:
+        """Hold all rows that still wait for it against their models."""
+        while self._unjudged:
+            self._judge()
 
     def turn(self, item: Item | None) -> None:
         """One round of the loop: an item, if one came, and what is due."""
@@ -162,6 +170,8 @@ class Gateway:
             waited_ns = 0 if item is None else max(self._clock() - item.receive_time_ns, 0)
             self._note_delay(waited_ns)
             self._run_due(waited_ns if len(self.inbox) else 0)
+            if self._unjudged and not len(self.inbox):
+                self._judge()
         except Exception as error:  # the outermost loop: a defect must not end the shadow
             if self._strict:
                 raise
@@ -174,6 +184,8 @@ class Gateway:
             if output.rows:
                 self.outputs[boat.boat.system].publish(output.rows)
                 published.append((boat, output.rows))
+            if output.out is not None and len(output.out):
+                self._unjudged[boat.boat.system] = boat
             told += [_line(boat, event) for event in output.events]
         late_ns = self._clock() - datagram.receive_time_ns
         for boat in {boat.boat.system: boat for boat, _ in published}.values():
@@ -184,14 +196,15 @@ class Gateway:
         for boat, rows in published:
             self.outputs[boat.boat.system].record(rows)
             self.outputs[boat.boat.system].show(rows)
-        self._rate_requests.take(datagram, self.fleet.boats.values(), self._steady())
+        self._rate_requests.take(datagram, self.fleet.boats, self._steady())
 
     def _record_frames(self, datagram: Datagram) -> None:
         """Raw frames to the recordings they belong to; none is lost while no boat is known."""
         if not self.outputs:
             self._early.add(datagram)
-        for system, outputs in self.outputs.items():
-            frames = self.fleet.frames_of(datagram.frames, self.fleet.boats[system])
+            return
+        for system, frames in self.fleet.recorded(datagram.frames).items():
+            outputs = self.outputs[system]
             outputs.record_frames(datagram.link, datagram.receive_time_ns, frames)
 
     def _note_delay(self, waited_ns: int) -> None:
@@ -205,48 +218,71 @@ class Gateway:
             self._send_event(boat, *(event if self._behind else CURRENT))
 
     def _run_due(self, behind_ns: int) -> None:
-        """Ticks, rate requests, and the checks of each second: due by what has been heard."""
+        """Ticks, rate requests, and the checks of each second: due by what has been heard.
+
+        One boat is checked a turn: all of them at one moment would hold every datagram up.
+        """
         now_ns, steady_ns = self._clock() - behind_ns, self._steady() - behind_ns
+        if not 0 <= now_ns - self._ticked_ns < LOOK_NS:
+            self._ticked_ns = now_ns
+            self._tick(now_ns)
+        for outcome in self._rate_requests.due(self.fleet.boats.values(), steady_ns):
+            self._progress(outcome.text)
+            boat = self.fleet.boats[outcome.boat.system]
+            self._send_event(boat, "rate_request", "info", outcome.text)
+        if now_ns // SECOND != self._checked_s and not self._unchecked:
+            self._checked_s = now_ns // SECOND
+            self._unchecked = list(self.fleet.boats.values())
+            self._newly_dropped = self._count_drops()
+        if self._unchecked:
+            self._check(self._unchecked.pop(), now_ns)
+
+    def _tick(self, now_ns: int) -> None:
+        """The shadows of silent boats run on."""
         for boat in self.fleet.due(now_ns):
             outputs = self.outputs[boat.boat.system]
             if outputs.recording is not None:
                 outputs.recording.tick(now_ns)
             for output in boat.tick(now_ns):
-                outputs.send(output.rows)
-                for event in output.events:
-                    self._progress(_line(boat, event))
-        for outcome in self._rate_requests.due(self.fleet.boats.values(), steady_ns):
-            self._progress(outcome.text)
-            boat = self.fleet.boats[outcome.boat.system]
-            self._send_event(boat, "rate_request", "info", outcome.text)
-        if now_ns // SECOND != self._checked_s:
-            self._checked_s = now_ns // SECOND
-            self._check(now_ns)
+                self._send(boat, output)
+            self._unjudged[boat.boat.system] = boat
 
-    def _check(self, now_ns: int) -> None:
-        """Once a second: health, recordings that failed, datagrams that were dropped."""
-        dropped = sum(link.counts().dropped for link in self.links)
-        for system, boat in self.fleet.boats.items():
-            outputs = self.outputs[system]
-            status = boat.status(now_ns, outputs.backlog, outputs.drops)
-            outputs.send(status)
-            if self._metrics is not None:
-                for part in status:
-                    if part.topic == "health":
-                        self._metrics.health(boat.name, part.payloads[-1])
-            if failure := outputs.new_failure():
-                self._send_event(boat, "recording_failed", "error", failure)
-            if stall := outputs.new_stall():
-                self._send_event(boat, "recording_stalled", "warning", stall)
-            now_s = self._steady() / SECOND
-            if outputs.wants_retry(now_s):
-                self._record_again(boat, outputs, now_s)
-            if again := outputs.new_recovery(now_s):
-                self._send_event(boat, "recording_again", "warning", again)
-            if dropped > self._dropped:
-                text = f"{dropped - self._dropped} datagrams dropped: more came than can be handled"
-                self._send_event(boat, "overload", "error", text)
-        self._dropped = dropped
+    def _judge(self) -> None:
+        """The rows of the boat that has waited longest for it, held against its model."""
+        boat = self._unjudged.pop(next(iter(self._unjudged)))
+        self._send(boat, boat.judge())
+
+    def _send(self, boat: LiveBoat, output: BoatOutput) -> None:
+        self.outputs[boat.boat.system].send(output.rows)
+        for event in output.events:
+            self._progress(_line(boat, event))
+
+    def _count_drops(self) -> int:
+        """Datagrams that were dropped since this was last asked."""
+        before, self._dropped = self._dropped, sum(link.counts().dropped for link in self.links)
+        return self._dropped - before
+
+    def _check(self, boat: LiveBoat, now_ns: int) -> None:
+        """Once a second: health, a recording that failed, datagrams that were dropped."""
+        outputs = self.outputs[boat.boat.system]
+        status = boat.status(now_ns, outputs.backlog, outputs.drops)
+        outputs.send(status)
+        if self._metrics is not None:
+            for part in status:
+                if part.topic == "health":
+                    self._metrics.health(boat.name, part.payloads[-1])
+        if failure := outputs.new_failure():
+            self._send_event(boat, "recording_failed", "error", failure)
+        if stall := outputs.new_stall():
+            self._send_event(boat, "recording_stalled", "warning", stall)
+        now_s = self._steady() / SECOND
+        if outputs.wants_retry(now_s):
+            self._record_again(boat, outputs, now_s)
+        if again := outputs.new_recovery(now_s):
+            self._send_event(boat, "recording_again", "warning", again)
+        if self._newly_dropped:
+            text = f"{self._newly_dropped} datagrams dropped: more came than can be handled"
+            self._send_event(boat, "overload", "error", text)
 
     def _link_event(self, event: LinkEvent) -> None:
         severity = "info" if event.kind in ("listening", "connected", "heard") else "warning"
@@ -275,6 +311,7 @@ class Gateway:
     def _add_boat(self, boat: LiveBoat, plan: BoatPlan) -> None:
         """Give a new boat its keys and its recording."""
         outputs = self.outputs[boat.boat.system] = BoatOutputs()
+        boat.patient = True
         self._boat_plans[boat.boat.system] = plan
         self._progress(f"{boat.boat}: shadowed as {boat.name}")
         if self._session is not None:
@@ -343,47 +380,6 @@ def _line(boat: LiveBoat, event: EventRow) -> LogLine:
 # A busy thread (the recorder) keeps the interpreter for so long when another one (the loop, when a
 # datagram comes) wants it. Python's default is 5 ms; benchmarks/live_latency.py measures the delay.
 SWITCH_S = 0.0005
-
-
-def plans_of(
-    vessels: Sequence[str], plant: str | None, name: str | None, effects: Sequence[Effect]
-) -> list[BoatPlan]:
-    """`--vessel FILE` and `--vessel SYSID=FILE` -> the vessel of each boat."""
-    if name is not None:
-        check_name(name, "--name")
-    played_by = load_plant(plant, effects)
-    plans = []
-    for text in vessels:
-        number, mark, file = text.partition("=")
-        if not (mark and number.isdecimal()):
-            number, file = "", text
-        elif not 1 <= int(number) <= 254:
-            raise BadInput(f"--vessel {text}: expected FILE or SYSID=FILE, SYSID 1 to 254")
-        system = int(number) if number else None
-        key = name if name is None or len(vessels) == 1 else f"{name}-{number or 'any'}"
-        plans.append(BoatPlan(load_vessel(file, effects), played_by, system, key))
-    return _distinct(plans, "--vessel: two vessels for one boat; give SYSID=FILE for each boat")
-
-
-def plans_in(boats: Sequence[BoatSettings], effects: Sequence[Effect]) -> list[BoatPlan]:
-    """`[[boats]]` of the configuration -> the vessel of each boat."""
-    plans = [
-        BoatPlan(
-            load_vessel(boat.vessel, effects),
-            load_plant(boat.plant, effects),
-            boat.system_id,
-            boat.name,
-        )
-        for boat in boats
-    ]
-    return _distinct(plans, "[[boats]]: two vessels for one boat; give each its system_id")
-
-
-def _distinct(plans: list[BoatPlan], message: str) -> list[BoatPlan]:
-    systems = [plan.system for plan in plans]
-    if len(set(systems)) < len(systems):
-        raise BadInput(message)
-    return plans
 
 
 def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress: Progress) -> None:

@@ -10,10 +10,10 @@ alone has its first position as origin, for good.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import KIND_OF, Events
@@ -87,8 +87,7 @@ class BoatDecoder:
         ]
 
 
-@dataclass(frozen=True)
-class OriginEstimate:
+class OriginEstimate(NamedTuple):
     """The origin of the local frame, as far as it is known."""
 
     origin: Origin | None = None
@@ -101,11 +100,11 @@ class OriginEstimate:
         """A measurement of any kind; only positions and origins change anything."""
         match m.quantity:
             case Quantity.ORIGIN if not self.fixed and on_earth(*m.values):
-                return replace(self, origin=Origin(*m.values))
+                return self._replace(origin=Origin(*m.values))
             case Quantity.GLOBAL_POSITION if on_earth(*m.values):
-                return replace(self, place=m)._paired()
+                return self._replace(place=m)._paired()
             case Quantity.POSITION if max(map(abs, m.values)) < MAX_LOCAL_M:
-                return replace(self, local=m)._paired()
+                return self._replace(local=m)._paired()
         return self
 
     def rebooted(self) -> "OriginEstimate":
@@ -116,7 +115,7 @@ class OriginEstimate:
         """A position in degrees as metres from the origin, which is its first one if need be."""
         if not on_earth(*m.values):
             return self, None
-        after = replace(self, origin=self.origin or Origin(*m.values), fixed=True)
+        after = self._replace(origin=self.origin or Origin(*m.values), fixed=True)
         assert after.origin is not None
         north, east = to_local(np.array(m.values), after.origin).tolist()
         local = Measurement(
@@ -135,12 +134,12 @@ class OriginEstimate:
         if not on_earth(*found):
             return self
         candidate, before = Origin(*found.tolist()), self.candidate
-        after = replace(self, candidate=candidate, place=None)  # a pair counts once
+        after = self._replace(candidate=candidate, place=None)  # a pair counts once
         if self.origin is not None and distance_m(self.origin, candidate) < AGREE_M:
             return after
         if before is None or distance_m(before, candidate) >= AGREE_M:
             return after
-        return replace(after, origin=candidate)
+        return after._replace(origin=candidate)
 
 
 class HeldValues(NamedTuple):
@@ -301,3 +300,18 @@ class MessageIntake:
             np.full(count, now.gps_fix),
             np.full(count, now.estimator),
         )
+
+
+def warm_up_messages(boot_ms: int) -> list[Any]:
+    """Messages that take every compiled step once."""
+    messages: list[Any] = [
+        dialect.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0),
+        dialect.MAVLink_local_position_ned_message(boot_ms, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0),
+        dialect.MAVLink_global_position_int_message(
+            boot_ms, 600000000, 100000000, 0, 0, 10, 0, 0, 500
+        ),
+        dialect.MAVLink_servo_output_raw_message(boot_ms * 1000, 0, *([1500] * 8)),
+        dialect.MAVLink_sys_status_message(0, 0, 0, 0, 14800, 0, 0, 0, 0, 0, 0, 0, 0),
+    ]
+    mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    return [mav.decode(bytearray(message.pack(mav))) for message in messages]

@@ -48,7 +48,7 @@ from gateway.topics import TIMES, TOPICS, FieldType
 MAX_EARLY, MAX_EARLY_BYTES = 60_000, 64_000_000  # datagrams that came before any boat was known
 
 
-STUCK_S = 3.0  # without a write, though the thread writes ten times a second
+STUCK_S = 3.0  # without a write, though the thread writes four times a second
 FIRST_RETRY_S, LAST_RETRY_S = 2.0, 120.0  # from a failed recording to the next
 PROOF_S = 1.5  # that the next one must last to be told
 LASTED_S = 60.0  # after which a failure is another matter
@@ -73,8 +73,11 @@ class BoatOutputs:
         """To zenoh."""
         if self.bus is not None:
             for part in rows:
-                for payload in part.payloads:
-                    self.bus.publish(part.topic, payload)
+                if self.bus.wants(part.topic):
+                    for payload in part.payloads:
+                        self.bus.publish(part.topic, payload)
+                elif len(part):  # kept for whoever asks or comes late, and encoded for them
+                    self.bus.publish(part.topic, part.last)
 
     def record(self, rows: Sequence[TopicRows]) -> None:
         """To disk."""
@@ -319,6 +322,7 @@ class Metrics:
         yield CounterMetricFamily("shadow_faults", "Defects of the gateway", value=self._faults())
 
 
+ANSWERS = frozenset({"HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE"})  # that tell of a request
 OBSERVE_NS = 5 * SECOND  # so often the rates that arrive are compared with those requested
 
 
@@ -336,17 +340,16 @@ class RateRequests:
         self._observed_ns = 0
         self._reboots: dict[int, int] = {}  # by system
 
-    def take(self, datagram: Datagram, boats: Iterable[LiveBoat], now_ns: int) -> None:
-        """Heartbeats and answers of boats, and reboots that they show."""
+    def take(self, datagram: Datagram, boats: Mapping[int, LiveBoat], now_ns: int) -> None:
+        """Heartbeats and answers of boats (by system), and reboots that they show."""
         if datagram.link not in self._requests:
             return
-        addresses = {boat.address: boat for boat in boats}
         for frame in datagram.frames:
             m = frame.message
-            if m is None or m.get_type() not in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE"):
+            if m is None or m.get_type() not in ANSWERS:
                 continue
-            boat = addresses.get((m.get_srcSystem(), m.get_srcComponent()))
-            if boat is not None:
+            boat = boats.get(m.get_srcSystem())
+            if boat is not None and boat.boat.component == m.get_srcComponent():
                 self._restart_if_rebooted(boat, now_ns)
                 requests = self._requests[datagram.link]
                 self._requests[datagram.link] = requests.take(m, now_ns)

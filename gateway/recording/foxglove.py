@@ -200,10 +200,13 @@ class RowThinning:
         """Times (K,) [ns], K > 0 -> which rows are kept."""
         if topic == UNTHINNED:
             return list(range(len(log_times)))
-        step = log_times // self._step_ns
-        fresh = np.diff(step, prepend=self._step.get(topic, -1)) > 0
-        self._step[topic] = int(step[-1])
-        return np.flatnonzero(fresh).tolist()
+        before, kept = self._step.get(topic, -1), list[int]()
+        for k, step in enumerate((log_times // self._step_ns).tolist()):
+            if step > before:
+                kept.append(k)
+            before = step
+        self._step[topic] = before
+        return kept
 
 
 class PlayerRows:

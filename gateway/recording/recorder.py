@@ -257,7 +257,8 @@ class Recorder:
             return rows
         if self.settings.topics is TopicsKept.NONE or not len(rows):
             return rows.chosen([])
-        return rows.chosen(self._thinning.of(rows.topic, rows.receive_time_ns)).rounded()
+        kept = self._thinning.of(rows.topic, rows.receive_time_ns)
+        return rows.chosen(kept).rounded() if kept else rows.chosen([])
 
     def write_raw(
         self,

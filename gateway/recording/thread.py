@@ -13,13 +13,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-import numpy as np
-
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
 from gateway.recording.recorder import TICK_LINK, Recorder
 
-WRITE_S = 0.1  # so often what came is written; a flush follows each half second
+WRITE_S = 0.25  # so often what came is written; a flush follows each half second
 AT_ONCE = 2000  # items written before the disk is looked after again
 FINISH_S = 10.0  # a disk that takes longer to finish is left behind
 DERIVED_LIMIT = 20_000  # messages waiting beyond which derived topics are dropped
@@ -161,13 +159,7 @@ def merged(items: Iterable[Item]) -> Iterator[Item]:
             [time for part in together for time in part.receive_time_ns],
             [frame for part in together for frame in part.frames],
         )
-    for topic, rows in topics.items():
-        yield TopicRows(
-            topic,
-            np.concatenate([part.vehicle_time_ns for part in rows]),
-            np.concatenate([part.receive_time_ns for part in rows]),
-            [payload for part in rows for payload in part.payloads],
-        )
+    yield from map(TopicRows.joined, topics.values())
 
 
 def _size(item: Item) -> int:

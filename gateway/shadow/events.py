@@ -8,8 +8,11 @@ usual; after minutes of nothing else they do, and that is an event too. A block 
 block later: a sensor that fails is noticed within seconds, and what it spoilt is never judged.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import isfinite
+from functools import reduce
+from math import isfinite, isinf
+from operator import or_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,7 +192,7 @@ class EventDetector:
         first = 0 if self.started else int(out.row[0]) + 1 if len(out) else len(rows)
         if not self.started and len(out):
             events.append(EventRow.at(out, 0, "started", "info", "the first estimate is there"))
-        if (rows.flags & BROKEN).any():
+        if any(flags & BROKEN for flags in rows.flags.tolist()):
             events += _breaks(inputs, rows, first)
         events += _changes(out, out.fresh, self.fresh, _TELEMETRY)
         events += _changes(out, out.from_model, self.from_model, _REFERENCE)
@@ -200,8 +203,12 @@ class EventDetector:
         events.sort(key=lambda event: event.receive_time_ns)
         if not len(out):
             return now, events
-        last = bool(out.fresh[-1]), bool(out.from_model[-1]), bool(out.limited[-1])
-        fresh, from_model, limited = last
+        fresh, from_model, limited = (
+            bool(flags[-1]) for flags in (out.fresh, out.from_model, out.limited)
+        )
+        last = True, fresh, from_model, limited, diverged_s
+        if last == (now.started, now.fresh, now.from_model, now.limited, now.diverged_s):
+            return now, events  # as mostly
         return replace(
             now, started=True, fresh=fresh, from_model=from_model, limited=limited,
             diverged_s=diverged_s,
@@ -213,16 +220,16 @@ class EventDetector:
         """Events of faults that make the boat's data unfit: each once, until all are over."""
         told, since, events = self.faults, self.unfit_s, list[EventRow]()
         well, lost = self.well, self.lost
-        if not told and not rows.faults.any():
+        if not told and not any(rows.faults.tolist()):
             if well & REPORTED == REPORTED:
                 return self, events
-            reported = np.bitwise_or.reduce(reported_well(inputs.gps_fix, inputs.estimator))
-            return replace(self, well=well | int(reported)), events
+            reported = reduce(or_, _reported(inputs), well)
+            return self if reported == well else replace(self, well=reported), events
         for k, (time, bits, reported) in enumerate(
             zip(
                 inputs.events.time_s.tolist(),
                 rows.faults.tolist(),
-                reported_well(inputs.gps_fix, inputs.estimator).tolist(),
+                _reported(inputs),
                 strict=True,
             )
         ):
@@ -245,6 +252,11 @@ class EventDetector:
         return replace(self, faults=told, unfit_s=since, well=well, lost=lost), events
 
 
+def _reported(inputs: FilterInputs) -> Iterator[int]:
+    """What the boat says is well, input by input."""
+    return map(reported_well, inputs.gps_fix.tolist(), inputs.estimator.tolist())
+
+
 def _restored(fault: SensorFault, lost: int) -> str:
     """What is said when a fault is over; nothing comes again that was never there."""
     over = WORDS[fault][1]
@@ -258,7 +270,7 @@ def _joined(texts: list[str]) -> str:
 
 def _divergences(out: ShadowRows, since: float) -> tuple[float, list[EventRow]]:
     """When the shadow last diverged, and events: once for all that follow within `STEADY_S`."""
-    if np.isinf(since) and not out.diverged.any():
+    if isinf(since) and True not in out.diverged.tolist():
         return since, []
     events = []
     for k, (time, diverged) in enumerate(zip(out.time_s, out.diverged, strict=True)):
@@ -274,7 +286,7 @@ def _divergences(out: ShadowRows, since: float) -> tuple[float, list[EventRow]]:
 def _changes(
     out: ShadowRows, now: NDArray[np.bool_], before: bool, words: _Words
 ) -> list[EventRow]:
-    if now.all() if before else not now.any():
+    if (not before) not in now.tolist():
         return []
     changed = np.flatnonzero(np.diff(np.append(before, now).astype(np.int8)) != 0)
     return [EventRow.at(out, int(k), *words[bool(now[k])]) for k in changed]

@@ -16,6 +16,7 @@ from gateway.estimation.filter import FilterRows
 from gateway.ingest.log import BoatSamples, Log
 from gateway.ingest.mavlink.log import LATE, MavlinkLog
 from gateway.json_rows import TopicRows, encode
+from gateway.shadow import FilterInputs
 from gateway.shadow.path import ShadowRows
 from gateway.shadow.sensor_checks import SensorFault, reasons_in, unfit_text
 from gateway.topics import RATED
@@ -66,15 +67,12 @@ class FilterCounts:
 
     def add(self, rows: FilterRows, receive_time_ns: Ints, part: slice = slice(None)) -> None:
         """Count some rows of the filter, received then (K,)."""
-        faults = rows.faults[part]
-        if (faults != self.faults).any():
-            for bits, moment in zip(faults.tolist(), receive_time_ns[part].tolist(), strict=True):
-                if bits != self.faults:
-                    self.sense(bits, moment)
-        for nis, used, flags in zip(
-            rows.nis[part].tolist(), rows.used[part].tolist(), rows.flags[part].tolist(),
-            strict=True,
-        ):  # fmt: skip
+        columns = receive_time_ns, rows.faults, rows.nis, rows.used, rows.flags
+        for moment, bits, nis, used, flags in zip(
+            *(column[part].tolist() for column in columns), strict=True
+        ):
+            if bits != self.faults:
+                self.sense(bits, moment)
             self.nis += nis if used else 0.0
             self.used += used
             self.late += flags & TOO_LATE != 0
@@ -272,10 +270,11 @@ class LiveHealth:
         if lost := numbers.note(sequence, receive_ns):
             self.lost.append((receive_ns, lost))
 
-    def filtered(self, rows: FilterRows, out: ShadowRows, receive_ns: int, vehicle_ns: int) -> None:
+    def filtered(self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows) -> None:
         """The rows of a datagram's measurements."""
-        self.counts.add(rows, np.full(len(rows), receive_ns, np.int64))
-        for _ in range(int(out.diverged.sum())):
+        receive_ns, vehicle_ns = int(inputs.receive_time_ns[-1]), int(inputs.vehicle_time_ns[-1])
+        self.counts.add(rows, inputs.receive_time_ns)
+        for _ in range(out.diverged.tolist().count(True)):
             self.counts.diverge(receive_ns)
         self.offsets.append((receive_ns, receive_ns - vehicle_ns))
 

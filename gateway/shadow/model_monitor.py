@@ -12,10 +12,13 @@ itself is the plant. The vessel file is never changed, and what the residuals an
 are about stays the vessel as it was given.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.json_rows import TopicRows, encode_rows
 from gateway.shadow.path import ShadowPath, ShadowRows
@@ -145,37 +148,78 @@ DOUBTFUL_S = 4  # seconds before a fault of the data is noticed, see `sensor_che
 MAX_STEP_S = 0.6  # between rows: a longer step leaves part of the second unknown
 FIRST_S = 30  # seconds before anything is published
 SEVERITY = {ModelEvent.WRONG: "warning", ModelEvent.EXPLAINED: "warning", ModelEvent.RIGHT: "info"}
-COLUMNS = 20  # estimate, cos and sin of yaw, missing, its variance, commanded; then commands
 ERRORS = [3 * HORIZONS_S.index(s) + i for s in WATCHED_HORIZONS_S for i in range(3)]
 
 
-@dataclass(frozen=True)
-class Second:
-    """The second under way: sums (20 + na,) over `count` rows since `began`, and its last row."""
+class RowsOfPath(NamedTuple):
+    """Rows first … end of a chunk of the path."""
+
+    out: ShadowRows
+    first: int
+    end: int
+
+
+class Second(NamedTuple):
+    """The second under way: the rows since `began`, and the time of the last of them.
+
+    Its means are made when it is over, in one pass over all its rows: live they come one by one.
+    """
 
     began: float = -np.inf
-    total: Floats = field(default_factory=lambda: np.zeros(COLUMNS))
-    count: int = 0
-    incomplete: bool = False
+    parts: tuple[RowsOfPath, ...] = ()
     time: float = -np.inf
-    variance: Floats = field(default_factory=lambda: np.zeros(3))
-    commands: Floats = field(default_factory=lambda: np.zeros(0))
-    errors: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
+
+    def with_rows(self, part: RowsOfPath) -> "Second":
+        """The second with more rows, at least one."""
+        times = part.out.time_s
+        began = self.began if self.parts else float(times[part.first])
+        return Second(began, (*self.parts, part), float(times[part.end - 1]))
+
+    @property
+    def complete(self) -> bool:
+        """Whether all rows are fit to judge the model by: no jump, the missing force known."""
+        fit, jumped = self._column(lambda out: out.fit), self._column(lambda out: out.jumped)
+        missing = self._column(lambda out: out.residuals.missing)
+        return bool((fit & ~jumped).all() and np.isfinite(missing.sum(axis=1)).all())
+
+    @property
+    def errors(self) -> Floats:
+        """The prediction errors (H 3,) known at its last row."""
+        if not self.parts:
+            return np.full(len(ERRORS), np.nan)
+        out, _, end = self.parts[-1]
+        return np.asarray(out.residuals.errors[end - 1, ERRORS])
+
+    def _column(self, of: Callable[[ShadowRows], NDArray[Any]]) -> NDArray[Any]:
+        return np.concatenate([of(out)[first:end] for out, first, end in self.parts])
+
+    def _mean(self) -> Floats:
+        """Means (20 + na,) of estimate, cos and sin of yaw, missing, its variance, commanded; then
+        commands. Summed row by row, so that chunks make no difference.
+        """
+        estimate = self._column(lambda out: out.estimate)
+        yaw, std = estimate[:, Eta.YAW], self._column(lambda out: out.residuals.missing_std)
+        table = np.column_stack([
+            estimate, np.cos(yaw), np.sin(yaw), self._column(lambda out: out.residuals.missing),
+            std**2, self._column(lambda out: out.residuals.commanded),
+            self._column(lambda out: out.commands),
+        ])  # fmt: skip
+        return np.asarray(table.cumsum(axis=0)[-1] / len(table))
 
     def means(self, before: Floats) -> SecondMeans:
         """The means; `before` (H 3,) are the errors known a second ago: only others count."""
-        mean = self.total / self.count
+        mean, (out, _, end) = self._mean(), self.parts[-1]
         motion = mean[:9].copy()
         motion[Eta.YAW] = np.arctan2(mean[10], mean[9])
+        errors = self.errors.reshape(-1, 3)
         new = (self.errors != before).reshape(-1, 3).any(axis=1, keepdims=True)
         return SecondMeans(
-            self.time, motion, self.variance, mean[11:14], np.sqrt(mean[14:17]), mean[17:20],
-            self.commands, np.where(new, self.errors.reshape(-1, 3), np.nan), mean[COLUMNS:],
+            self.time, motion, out.std[end - 1, 3:6] ** 2, mean[11:14], np.sqrt(mean[14:17]),
+            mean[17:20], out.commands[end - 1], np.where(new, errors, np.nan), mean[20:],
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class ModelMonitor:
+class ModelMonitor(NamedTuple):
     """The estimates so far; `known` (H 3,) are the prediction errors of the last whole second.
 
     adaptation  of the vessel's numbers, where they are followed
@@ -183,8 +227,8 @@ class ModelMonitor:
 
     estimator: DisturbanceEstimator
     alarm: Alarm
-    second: Second = field(default_factory=Second)
-    known: Floats = field(default_factory=lambda: np.full(len(ERRORS), np.nan))
+    second: Second = Second()
+    known: Floats = np.full(len(ERRORS), np.nan)
     adaptation: Adaptation | None = None
     earlier: tuple[tuple[Alarm, Adaptation | None], ...] = ()  # of the last seconds, oldest first
 
@@ -200,58 +244,45 @@ class ModelMonitor:
         now, rows, events = self, list[TopicRows](), list[EventRow]()
         if not len(out):
             return now, rows, events
-        first, times, table, bad = 0, out.time_s.tolist(), _columns(out), _unusable(out)
+        first, times = 0, out.time_s.tolist()
         for k, time in enumerate(times):
             step = time - (times[k - 1] if k else self.second.time)
             continuous = 0.0 <= step <= MAX_STEP_S
-            began = now.second.began if now.second.count else times[first]
+            began = now.second.began if now.second.parts else times[first]
             if not continuous or time - began >= SECOND_S:
-                now = now._with(out, table, bad, first, k)
+                now = now._with(out, first, k)
                 now, new_rows, new_events = now._closed(out, k, continuous)
                 rows, events, first = rows + new_rows, events + new_events, k
-        return now._with(out, table, bad, first, len(times)), rows, events
+        return now._with(out, first, len(times)), rows, events
 
-    def _with(
-        self, out: ShadowRows, table: Floats, bad: Floats, first: int, end: int
-    ) -> "ModelMonitor":
+    def _with(self, out: ShadowRows, first: int, end: int) -> "ModelMonitor":
         """Rows first … end join the second under way."""
         if end == first:
             return self
-        s, last = self.second, end - 1
-        before = s.total if s.count else np.zeros(table.shape[1])
-        total = np.vstack([before, table[first:end]]).cumsum(axis=0)[-1]
-        return replace(self, second=Second(
-            s.began if s.count else float(out.time_s[first]),
-            total,
-            s.count + end - first,
-            s.incomplete or bool(bad[first:end].any()),
-            float(out.time_s[last]),
-            out.std[last, 3:6] ** 2,
-            out.commands[last],
-            out.residuals.errors[last, ERRORS],
-        ))  # fmt: skip
+        return self._replace(second=self.second.with_rows(RowsOfPath(out, first, end)))
 
     def _closed(
         self, out: ShadowRows, k: int, whole: bool
     ) -> tuple["ModelMonitor", list[TopicRows], list[EventRow]]:
         """The second ends before row k; it counts where nothing in it is missing."""
         s = self.second
-        fresh = replace(self, second=Second(), known=s.errors)
-        if s.incomplete or not whole or not s.count:
-            alarm, adaptation = self._undone() if s.incomplete else (self.alarm, self.adaptation)
+        fresh = self._replace(second=Second(), known=s.errors)
+        complete = not s.parts or s.complete
+        if not (s.parts and whole and complete):
+            alarm, adaptation = (self.alarm, self.adaptation) if complete else self._undone()
             return (
-                replace(fresh, alarm=alarm.after_gap(), adaptation=adaptation, earlier=()),
+                fresh._replace(alarm=alarm.after_gap(), adaptation=adaptation, earlier=()),
                 [],
                 [],
             )
         alarm, event = self.alarm.observe(self.estimator, means := s.means(self.known))
         earlier = (*self.earlier, (self.alarm, self.adaptation))[-DOUBTFUL_S:]
-        fresh = replace(fresh, alarm=alarm, earlier=earlier)
+        fresh = fresh._replace(alarm=alarm, earlier=earlier)
         events = [] if event is None else [fresh._event_row(out, k, event, self.alarm)]
         rows = fresh._topic_rows(out, k, means)
         if self.adaptation is not None:
             adaptation, followed, changed = self.adaptation.observe(out, k, means)
-            fresh = replace(fresh, adaptation=adaptation)
+            fresh = fresh._replace(adaptation=adaptation)
             rows, events = [*rows, followed], [*events, *changed]
         return fresh, rows, events
 
@@ -299,24 +330,9 @@ def taken_over(
     if monitor.adaptation is None:
         return monitor, path
     adaptation, path = monitor.adaptation.taken_over(path, receive_time_ns)
-    return replace(monitor, adaptation=adaptation), path
+    return monitor._replace(adaptation=adaptation), path
 
 
 def std(covariance: Floats) -> Floats:
     """Covariance (n, n) -> standard deviations (n,)."""
     return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-
-
-def _columns(out: ShadowRows) -> Floats:
-    """The columns of which a second takes the mean: (K, 20 + na)."""
-    yaw, residuals = out.estimate[:, Eta.YAW], out.residuals
-    return np.column_stack([
-        out.estimate, np.cos(yaw), np.sin(yaw), residuals.missing, residuals.missing_std**2,
-        residuals.commanded, out.commands,
-    ])  # fmt: skip
-
-
-def _unusable(out: ShadowRows) -> Floats:
-    """Rows that leave their second incomplete: (K,)."""
-    unknown = ~np.isfinite(out.residuals.missing.sum(axis=1))
-    return np.asarray(~out.fit | out.jumped | unknown)

@@ -21,8 +21,8 @@ from gateway.estimation import FilterSettings, Flag, MeasurementKind
 from gateway.estimation.filter import Estimator, FilterRows, FilterState
 from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow import FilterInputs
+from gateway.shadow.residuals import ModelResiduals, ResidualEvaluator, ResidualState
 from gateway.shadow.sensor_checks import SensorMemory
-from gateway.topics import HORIZONS_S
 from sim.following.follower import (
     Follower,
     FollowerOptions,
@@ -35,71 +35,6 @@ from sim.model import Model
 from sim.plants import VESSEL, PlantChoice, PlantKind
 from sim.state import Floats
 from sim.vessel import Vessel
-
-PREDICTION_EVERY_S = 1.0  # a free prediction starts this often: as often as the monitor reads them
-HORIZONS = np.array(HORIZONS_S, dtype=float)
-
-
-@dataclass(frozen=True)
-class ResidualState:
-    """Memory of the missing force and the predictions under way."""
-
-    carry: Floats  # (nx + 1,)
-    predictions: Floats  # (S, nx + 2)
-    errors: Floats  # (H, 3), the latest that came due
-
-
-@dataclass(frozen=True)
-class ModelResiduals:
-    """Missing force with its standard deviation, τ(commands) (K, 3); errors (K, 3 H) of u, v, r."""
-
-    missing: Floats
-    missing_std: Floats
-    commanded: Floats
-    errors: Floats
-
-
-@dataclass(frozen=True)
-class ResidualEvaluator:
-    """Compares the vessel's model with the estimate, row by row."""
-
-    model: Model
-    horizons: Floats = field(default_factory=lambda: HORIZONS)
-
-    def start(self) -> ResidualState:
-        """Before the first row."""
-        slots = int(self.horizons[-1] / PREDICTION_EVERY_S) + 3
-        return ResidualState(
-            self.model.initial_carry(),
-            np.full((slots, self.model.state_size + 2), np.nan),
-            np.full((len(self.horizons), 3), np.nan),
-        )
-
-    def advance(
-        self,
-        state: ResidualState,
-        times: Floats,
-        motion: Floats,
-        covariance: Floats,
-        commands: Floats,
-        voltage: Floats,
-        wind: Floats,
-    ) -> tuple[ResidualState, ModelResiduals]:
-        """Estimates (K, 9) with covariance (K, 9, 9) and commands (K, na) at times (K,) [s]."""
-        after = ResidualState(state.carry.copy(), state.predictions.copy(), state.errors.copy())
-        inputs = {"voltage": voltage, "wind": wind}
-        missing, commanded = self.model.missing_force(
-            motion, times, commands, commands, carry=after.carry, **inputs
-        )
-        std = self.model.missing_force_std(motion, covariance, times, commands, **inputs)
-        errors = np.empty((len(times), len(self.horizons), 3))
-        self.model.kernel.module.forecast(
-            self.model.theta, after.predictions, after.errors, self.horizons, PREDICTION_EVERY_S,
-            times, motion, commands, voltage, wind, errors,
-        )  # fmt: skip
-        by_row = errors.reshape(len(times), 3 * len(self.horizons))
-        return after, ModelResiduals(missing, std, commanded, by_row)
-
 
 STALE_S = 1.0  # without a measurement for this long, telemetry is not fresh …
 LOST_S = 5.0  # … nor without heading, or without velocity and position, for this long
@@ -208,6 +143,26 @@ class ShadowRows:
         )  # fmt: skip
 
 
+class RowChoice(NamedTuple):
+    """Rows (K,) of a chunk that go out, whether each is fresh and jumped; then what `PathState`
+    remembers of it.
+    """
+
+    row: NDArray[np.int64]
+    fresh: NDArray[np.bool_]
+    jumped: NDArray[np.bool_]
+    published: float
+    freshness: Freshness
+    still_jumped: bool  # a discontinuity after the last of these rows
+
+    @property
+    def part(self) -> NDArray[np.int64] | slice:
+        """What picks them from a column: a slice where there is one, which costs a tenth."""
+        if len(self.row) == 1:
+            return slice(int(self.row[0]), int(self.row[0]) + 1)
+        return self.row
+
+
 class ShadowPath:
     """Estimator, reference, follower and residuals in a row. Holds settings, no state."""
 
@@ -283,17 +238,21 @@ class ShadowPath:
 
         `spend`: the caller has no more use for `state`, see `Estimator.advance`.
         """
-        filter_state, rows = self.estimator.advance(state.filter, inputs.events, True, spend)
+        filter_state, estimates = self.estimator.advance(state.filter, inputs.events, True, spend)
         sensors, faults = state.sensors.check(inputs)
-        rows = replace(rows, faults=faults)
-        state = replace(state, filter=filter_state, sensors=sensors)
-        state, chosen, fresh, jumped = self._choose(state, inputs, rows)
-        if not len(chosen):
+        rows = estimates.with_faults(faults)
+        choice = self._choose(state, inputs, rows)
+        if not len(choice.row):
+            state = replace(
+                state, filter=filter_state, sensors=sensors, published=choice.published,
+                freshness=choice.freshness, jumped=choice.still_jumped,
+            )  # fmt: skip
             return state, self._no_rows, rows
+        fresh, jumped, chosen = choice.fresh, choice.jumped, choice.part
         times, estimate = rows.time_s[chosen], rows.motion[chosen]
         fit = fresh & (faults[chosen] == 0)
         voltage, wind = inputs.voltage[chosen], inputs.wind[chosen]
-        state, commands = self._acting_commands(state, times, inputs.pulses[chosen])
+        kept_times, kept, commands = self._acting_commands(state, times, inputs.pulses[chosen])
         reference = self.reference.advance(
             state.reference, times, estimate, fresh, commands, voltage, wind, jumped
         )
@@ -304,17 +263,15 @@ class ShadowPath:
         residual_state, residuals = self.residuals.advance(
             state.residuals, times, estimate, rows.covariance[chosen], commands, voltage, wind
         )
-        residuals = replace(residuals, missing=np.where(fit[:, None], residuals.missing, np.nan))
-        state = replace(
-            state,
-            reference=reference.state,
-            follower=following.state,
-            residuals=residual_state,
-        )
+        residuals.missing[~fit] = np.nan
+        state = PathState(
+            filter_state, reference.state, following.state, residual_state, kept_times, kept,
+            choice.published, choice.freshness, choice.still_jumped, sensors,
+        )  # fmt: skip
         return (
             state,
             ShadowRows(
-                chosen,
+                choice.row,
                 times,
                 inputs.vehicle_time_ns[chosen],
                 inputs.receive_time_ns[chosen],
@@ -335,13 +292,8 @@ class ShadowPath:
             rows,
         )
 
-    def _choose(
-        self, state: PathState, inputs: FilterInputs, rows: FilterRows
-    ) -> tuple[PathState, NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Rows that go out: valid, at the end of a message, not faster than the rate asked for.
-
-        -> state, rows (K,), and for each whether telemetry is fresh and whether it jumped.
-        """
+    def _choose(self, state: PathState, inputs: FilterInputs, rows: FilterRows) -> RowChoice:
+        """Rows that go out: valid, at the end of a message, not faster than the rate asked for."""
         published, freshness, jumped = state.published, state.freshness, state.jumped
         kinds, complete = inputs.events.kind.tolist(), inputs.complete.tolist()
         flags, broken = rows.flags.tolist(), _broken(inputs, rows)
@@ -354,9 +306,11 @@ class ShadowPath:
             if flags[k] & VALID and complete[k] and time - published >= self.min_interval_s:
                 out.append((k, freshness.fresh(time), jumped))
                 published, jumped = time, False
-        table = np.array(out, dtype=np.int64).reshape(-1, 3)
-        state = replace(state, published=published, freshness=freshness, jumped=jumped)
-        return state, table[:, 0], table[:, 1].astype(bool), table[:, 2].astype(bool)
+        row, fresh, leapt = zip(*out, strict=True) if out else ((), (), ())
+        return RowChoice(
+            np.array(row, np.int64), np.array(fresh, np.bool_), np.array(leapt, np.bool_),
+            published, freshness, jumped,
+        )  # fmt: skip
 
     def _commands_of_row(self, pulses: bytes) -> Floats:
         """Pulses of one row -> commands (1, na)."""
@@ -366,21 +320,24 @@ class ShadowPath:
 
     def _acting_commands(
         self, state: PathState, times: Floats, pulses: Floats
-    ) -> tuple[PathState, Floats]:
-        """Commands (K, na) that act at each row: the latest, or those before the vessel's delay."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """Commands (K, na) that act at each row: the latest, or those before the vessel's delay.
+
+        -> times and commands that are kept for later rows, and those commands.
+        """
         if len(pulses) == 1:  # live: the same pulses stand for some rows
-            commands = self._commands_by_pulses(pulses.tobytes())
+            commands = self._commands_by_pulses(pulses.tobytes()).copy()  # kernels want to own it
         else:
             commands = self.model.vessel.commands(CHANNELS, pulses)
         delay = self.model.delay
         if delay <= 0.0:
-            return state, commands
+            return state.command_times, state.commands, commands
         kept_times = np.concatenate([state.command_times, times])
         kept = np.concatenate([state.commands, commands])
         at = np.searchsorted(kept_times, times - delay, side="right") - 1
         acting = kept[np.maximum(at, 0)]
         recent = kept_times > (times[-1] if len(times) else -np.inf) - COMMANDS_KEPT_S
-        return replace(state, command_times=kept_times[recent], commands=kept[recent]), acting
+        return kept_times[recent], kept[recent], acting
 
 
 def follower_of(model: Model, options: FollowerOptions, kind: PlantKind = VESSEL) -> Follower:

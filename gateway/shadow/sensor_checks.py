@@ -15,6 +15,7 @@ believed after `JUMP_HELD_S`: which of the two headings was right, the model's e
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from enum import IntFlag
+from math import isfinite
 
 import numpy as np
 
@@ -247,13 +248,12 @@ REPORTED = sum(int(fault) << EKF_SHIFT for fault in EstimatorFault) | GPS  # by 
 ALWAYS_WELL = sum(int(fault) for fault in REASONS) & ~REPORTED  # until it was seen to fail
 
 
-def reported_well(fix: Floats, estimator: Floats) -> Ints:
-    """GPS fix and faults of the estimator (K,), NaN where unknown -> what the boat says is well:
-    bits of `SensorFault` (K,)."""
-    known = np.isfinite(estimator)
-    faults = np.where(known, estimator, 0.0).astype(np.int64) << EKF_SHIFT
-    well = np.where(known, REPORTED & ~GPS & ~faults, 0)
-    return np.where(fix >= FIX_3D, well | GPS, well)
+def reported_well(fix: float, estimator: float) -> int:
+    """GPS fix and faults of the estimator, NaN where unknown -> what the boat says is well: bits
+    of `SensorFault`."""
+    known = isfinite(estimator)
+    well = REPORTED & ~GPS & ~(int(estimator) << EKF_SHIFT) if known else 0
+    return well | GPS if fix >= FIX_3D else well
 
 
 def clock_text(time_ns: int) -> str:

@@ -60,7 +60,7 @@ def metadata_of(
 
 
 # columns of a motion (eta, nu, nu_dot) in the order of the motion topics' fields
-MOTION_FIELDS = (3, 4, 5, 6, 7, 8, 0, 1, 2)
+MOTION_FIELDS = np.array([3, 4, 5, 6, 7, 8, 0, 1, 2])
 
 
 @dataclass(frozen=True)
@@ -86,44 +86,43 @@ def topic_rows(out: ShadowRows, origin: Origin | None) -> Iterator[TopicRows]:
     One by one, the shadow first: each can go out while the next is being made.
     """
     times, residuals = (out.vehicle_time_ns, out.receive_time_ns), out.residuals
-    source = {"source": _source(out)}
-    yield encode_rows("shadow", *times, _fields(out.shadow, out.std), source)
-    yield _measured(out)
-    yield encode_rows("reference", *times, _fields(out.reference, out.std), source)
+    source, std = {"source": _source(out)}, out.std.take(MOTION_FIELDS, axis=1)
+    yield encode_rows("shadow", *times, _fields(out.shadow, std), source)
+    yield _measured(out, std)
+    yield encode_rows("reference", *times, _fields(out.reference, std), source)
     if origin is not None:
         yield encode_rows("position", *times, _positions(out, origin))
-    forces = np.hstack([out.control, residuals.commanded])
+    forces = np.concatenate([out.control, residuals.commanded], axis=1)
     yield encode_rows("control", *times, forces)
-    values = np.hstack([residuals.missing, residuals.missing_std, residuals.errors])
-    yield encode_rows("residual", *times, values)
+    values = residuals.missing, residuals.missing_std, residuals.errors
+    yield encode_rows("residual", *times, np.concatenate(values, axis=1))
 
 
 def _fields(motion: Floats, std: Floats) -> Floats:
-    """(K, 9) motion and std -> (K, 18) in the order of the topic's fields."""
-    fields = np.empty((len(motion), 18))
-    fields[:, :9], fields[:, 9:] = motion[:, MOTION_FIELDS], std[:, MOTION_FIELDS]
-    return fields
+    """Motion (K, 9) and its std (K, 9), that in the order of the topic's fields -> (K, 18)."""
+    return np.concatenate([motion.take(MOTION_FIELDS, axis=1), std], axis=1)
 
 
 def _source(out: ShadowRows) -> str | list[str]:
     """Source of the reference, a row wherever it changes."""
-    if not out.from_model.any():
+    if True not in out.from_model.tolist():
         return "measured"
     return np.where(out.from_model, "model", "measured").tolist()
 
 
-def _measured(out: ShadowRows) -> TopicRows:
-    """The estimate where it rests on measurements."""
-    vehicle, receive, fields = out.vehicle_time_ns, out.receive_time_ns, (out.estimate, out.std)
-    if not out.fresh.all():
-        vehicle, receive = vehicle[out.fresh], receive[out.fresh]
-        fields = out.estimate[out.fresh], out.std[out.fresh]
-    return encode_rows("measured", vehicle, receive, _fields(*fields), {"source": "measured"})
+def _measured(out: ShadowRows, std: Floats) -> TopicRows:
+    """The estimate where it rests on measurements; `std` in the order of the topic's fields."""
+    vehicle, receive, fields = out.vehicle_time_ns, out.receive_time_ns, _fields(out.estimate, std)
+    if False in out.fresh.tolist():
+        fresh = out.fresh
+        vehicle, receive, fields = vehicle[fresh], receive[fresh], fields[fresh]
+    return encode_rows("measured", vehicle, receive, fields, {"source": "measured"})
 
 
 def _positions(out: ShadowRows, origin: Origin) -> Floats:
     boat, shadow = to_degrees(out.estimate[:, :2], origin), to_degrees(out.shadow[:, :2], origin)
-    return np.hstack([boat, out.estimate[:, 2:3], shadow, out.shadow[:, 2:3]])
+    columns = boat, out.estimate[:, 2:3], shadow, out.shadow[:, 2:3]
+    return np.concatenate(columns, axis=1)
 
 
 def event_rows(events: Sequence[EventRow]) -> TopicRows:

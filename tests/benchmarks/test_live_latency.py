@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.live_latency import Ears, Sent, fleet_tables
 from gateway.config import load_settings
-from gateway.live.gateway import plans_in
+from gateway.live.plans import plans_in
 
 
 @pytest.mark.parametrize("boats", [1, 20])

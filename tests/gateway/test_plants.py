@@ -13,7 +13,7 @@ from gateway import plants
 from gateway.config import load_settings
 from gateway.errors import BadInput
 from gateway.files import vessel_path
-from gateway.live.gateway import plans_in, plans_of
+from gateway.live.plans import plans_in, plans_of
 from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel
 from sim.plants import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind

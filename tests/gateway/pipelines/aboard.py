@@ -98,6 +98,9 @@ class Listener:
     def __init__(self) -> None:
         self.heard = Heard()
 
+    def wants(self, topic: str) -> bool:
+        return True
+
     def publish(self, topic: str, payload: bytes) -> None:
         self.heard.payloads[topic].append(payload)
 

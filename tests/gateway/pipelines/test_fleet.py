@@ -13,7 +13,7 @@ from gateway.errors import BadInput
 from gateway.ingest.log import Boat
 from gateway.links import Datagram, Frame
 from gateway.live.boats import MAX_BOATS, MAX_OTHERS, BoatPlan, Fleet, LiveBoat, sender
-from gateway.live.gateway import plans_in, plans_of
+from gateway.live.plans import plans_in, plans_of
 from gateway.vessel_file import dump_vessel
 from tests.gateway.pipelines.aboard import SETTINGS
 from tests.sim.vessels import IACQUABOT, WAMV
@@ -111,8 +111,10 @@ def test_a_recording_holds_the_frames_of_its_boat_and_of_no_other() -> None:
     said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
     unknown = Frame(framed(said, 255).raw, None)
     frames = (*(framed(said, system) for system in (1, 2, 3, 255)), unknown)
-    kept = harbour.fleet.frames_of(frames, harbour.fleet.boats[1])
-    assert kept == [frames[0].raw, frames[3].raw, unknown.raw]  # 3 is a boat without a vessel
+    assert harbour.fleet.recorded(frames) == {  # 3 is a boat without a vessel
+        1: [frames[0].raw, frames[3].raw, unknown.raw],
+        2: [frames[1].raw, frames[3].raw, unknown.raw],
+    }
 
 
 def test_invented_systems_do_not_fill_a_recording() -> None:
@@ -120,9 +122,10 @@ def test_invented_systems_do_not_fill_a_recording() -> None:
     said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
     frames = tuple(framed(said, system) for system in range(2, 250))
     for _ in range(2):
-        kept = harbour.fleet.frames_of(frames, harbour.fleet.boats[1])
-        assert kept == [frame.raw for frame in frames[:MAX_OTHERS]]
-    assert harbour.fleet.frames_of((framed(said, 1),), harbour.fleet.boats[1])
+        kept = harbour.fleet.recorded(frames)
+        assert kept == {1: [frame.raw for frame in frames[:MAX_OTHERS]]}
+    own = framed(said, 1)
+    assert harbour.fleet.recorded((own,)) == {1: [own.raw]}
 
 
 def test_frames_too_short_for_a_sender_have_none() -> None:

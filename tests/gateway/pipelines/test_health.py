@@ -95,6 +95,7 @@ def rows_of(nis: list[float], flags: int = 0) -> FilterRows:
     return FilterRows(
         np.zeros(count), np.zeros((count, 9)), np.zeros((count, 9)), np.zeros((count, 0, 0)),
         np.array(nis), np.ones(count, np.int8), np.full(count, flags, np.uint8),
+        np.zeros(count, np.int64),
     )  # fmt: skip
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from gateway.shadow.model_monitor import FIRST_S, ModelMonitor
-from gateway.shadow.path import ModelResiduals, ShadowRows
+from gateway.shadow.path import ShadowRows
+from gateway.shadow.residuals import ModelResiduals
 from gateway.shadow.sensor_checks import clock_text
 from gateway.simulated_boat import FAST, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.boat import SimulatedBoat

@@ -112,7 +112,7 @@ def test_what_was_not_there_at_first_does_not_come_again() -> None:
 def test_only_what_the_boat_says_is_well_can_be_lost(
     fix: float, estimator: float, well: SensorFault, unsaid: SensorFault
 ) -> None:
-    said = int(reported_well(np.array([fix]), np.array([estimator]))[0])
+    said = reported_well(fix, estimator)
     assert said & well
     assert not said & unsaid
 

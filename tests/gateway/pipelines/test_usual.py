@@ -12,7 +12,8 @@ from gateway.shadow.events import (
     REMEMBERED_BLOCKS,
     MissingForceRange,
 )
-from gateway.shadow.path import ModelResiduals, ShadowRows
+from gateway.shadow.path import ShadowRows
+from gateway.shadow.residuals import ModelResiduals
 from gateway.simulated_boat import FAST, SimulatedBoatSettings, TimedFrame
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.hull import program_of
