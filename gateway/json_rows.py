@@ -152,19 +152,23 @@ class _Layout(NamedTuple):
     strings: tuple[Field, ...]
     string_names: frozenset[str]
     message: type[msgspec.Struct]
+    row_shape: tuple[int] | None  # of the numbers; None: integers stand beside the times
 
 
 @cache
 def _layout(topic: str) -> _Layout:
     fields = topic_of(topic).all_fields
     names = tuple(field.name for field in fields)
+    numbers = tuple(field.name for field in fields if field.type is FieldType.NUMBER)
+    integers = tuple(field.name for field in fields if field.type is FieldType.INTEGER)
     return _Layout(
         names,
-        tuple(field.name for field in fields if field.type is FieldType.NUMBER),
-        tuple(field.name for field in fields if field.type is FieldType.INTEGER),
+        numbers,
+        integers,
         tuple(field for field in fields if field.type is FieldType.STRING),
         frozenset(field.name for field in fields if field.type is FieldType.STRING),
         msgspec.defstruct(topic.replace("/", "_"), names, gc=False),
+        (len(numbers),) if len(integers) <= len(TIMES) else None,
     )
 
 
@@ -228,9 +232,8 @@ def encode_rows(
     Columns of `values` are the topic's numbers in their order; a string field is one value for
     all rows or K of them. Rows with a number that is not finite are withheld: left out.
     """
-    layout = _layout(topic)
-    if len(layout.integers) > len(TIMES) or values.shape[1:] != (len(layout.numbers),):
-        shape = f"(K, {len(layout.numbers)})"
+    if values.shape[1:] != _layout(topic).row_shape:
+        shape = f"(K, {len(_layout(topic).numbers)}), and no integers"
         raise ValueError(f"topic {topic}: values {values.shape}, expected {shape}")
     columns = _string_columns(topic, strings or {}, len(values))
     finite = np.isfinite(values)

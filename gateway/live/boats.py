@@ -174,9 +174,10 @@ class LiveBoat:
             yield self.judge()  # whose numbers are to be taken over
             self._take_over(int(inputs.receive_time_ns[-1]))
         self._state, out, filtered = self._path.advance(self._state, inputs, spend)
-        if len(out):
-            for rows in topic_rows(out, self._intake.origin):
-                yield BoatOutput([rows])
+        if len(out):  # the shadow first: it goes out while the others are being made
+            topics = topic_rows(out, self._intake.origin)
+            yield BoatOutput([next(topics)])
+            yield BoatOutput(list(topics))
         self.health.filtered(inputs, filtered, out)
         self._event_detector, events = self._event_detector.observe(inputs, filtered, out)
         self._force_range, range_events = self._force_range.observe(out)

@@ -83,7 +83,7 @@ class EventRow:
 def topic_rows(out: ShadowRows, origin: Origin | None) -> Iterator[TopicRows]:
     """All topics that follow from the path's rows; what is not complete is withheld.
 
-    One by one, the shadow first: each can go out while the next is being made.
+    One by one, the shadow first: it can go out while the others are being made.
     """
     times, residuals = (out.vehicle_time_ns, out.receive_time_ns), out.residuals
     source, std = {"source": _source(out)}, out.std.take(MOTION_FIELDS, axis=1)
