@@ -1,6 +1,7 @@
 """Evidence: what is missing without an effect lies on the effect's own curve, for all of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,10 +9,10 @@ import pytest
 from sim.diagnosis.evidence import VARIABLES, Evidence, evidence
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Parameter, Scope
-from sim.model import Model
 from sim.state import Wrench
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV, added, excitation
 
 DT = 0.1
@@ -20,6 +21,12 @@ LATER = {  # events within the trial, and what is strong enough to be seen on it
     "thruster_fault": {"thruster": 1.0, "gain": 0.3, "time": 60.0},
     "wave_motion": {"force": 30.0, "omega": 1.4, "direction": 0.6, "phase": 0.3},
 }
+
+
+@pytest.fixture(autouse=True)
+def _nothing_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The laws in plain Python: a kernel for each effect alone takes seconds to compile."""
+    monkeypatch.setattr("sim.diagnosis.evidence.Model", SimpleNamespace(of=on_floats))
 
 
 def keel(flow, p):
@@ -37,7 +44,7 @@ def sailed(vessel: Vessel, seconds: float = 150.0) -> Trial:
     steps = excitation(vessel, seconds, DT)
     drive = np.stack([np.convolve(c, np.full(10, 0.1), "same") for c in steps.T], axis=1)
     volts = np.linspace(16.4, 14.0, len(drive))
-    _, reports = Model.of(vessel).simulate(drive, DT, voltage=volts)
+    _, reports = on_floats(vessel).simulate(drive, DT, voltage=volts)
     motion, T = reports[0, : len(drive)], len(drive)
     channels, pwm = vessel.pulses(drive)
     return Trial(

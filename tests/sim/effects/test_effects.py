@@ -4,6 +4,7 @@ import ast
 import inspect
 from collections import namedtuple
 from dataclasses import fields, replace
+from functools import cache
 
 import numba
 import numpy as np
@@ -14,15 +15,14 @@ from sim.effects import cubic_drag, heading_offset, steady_current, thruster_lag
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import LAWS, Effect, Parameter, Scope
 from sim.following.follower import Reference, ReferenceMode
-from sim.model import Model
 from sim.state import Inertia, Pose, Water
 from sim.vessel import AddedEffect
 from tests.sim.simulated import (
     DT,
     delayed,
     home,
-    in_numpy,
     missing_along,
+    on_floats,
     reports_without_past,
     simulated,
     surroundings,
@@ -102,10 +102,26 @@ def test_one_law_serves_arrays_and_compiled_scalars(effect):
             )
 
 
+@cache
+def sailed_with(name):
+    """`simulated` with one effect in plain Python, and the reports of each row alone."""
+    effect = named(name)
+    model, commands, states, reports = simulated(
+        home(effect).with_effects(added(effect)), on_floats
+    )
+    return model, commands, reports, reports_without_past(model, commands, states)
+
+
+@cache
+def sailed_bare(steered):
+    """Model and reports of the two homes of effects, with no effect."""
+    model, _, _, reports = simulated(RUDDER_BOAT if steered else WAMV, on_floats)
+    return model, reports
+
+
 @every
 def test_balance_of_a_simulated_motion_is_zero(effect):
-    model, commands, states, _ = simulated(home(effect).with_effects(added(effect)), in_numpy)
-    reports = reports_without_past(model, commands, states)
+    model, commands, _, reports = sailed_with(effect.name)
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
 
@@ -121,12 +137,10 @@ def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
 @every
 def test_leaving_an_effect_out_is_seen_everywhere(effect):
     """In the simulation, in the missing force and in the prediction alike."""
-    plain = home(effect)
-    model, commands, states, reports = simulated(plain.with_effects(added(effect)), in_numpy)
-    without, _, _, other = simulated(plain, in_numpy)
-    assert np.abs(reports - other).max() > 1e-3
-    assert np.abs(missing_along(without, commands, reports)).max() > 0.01
-    reports = reports_without_past(model, commands, states)
+    model, commands, late_reports, reports = sailed_with(effect.name)
+    without, other = sailed_bare(home(effect) is RUDDER_BOAT)
+    assert np.abs(late_reports - other).max() > 1e-3
+    assert np.abs(missing_along(without, commands, late_reports)).max() > 0.01
     new = np.any(commands != np.roll(commands, 1, axis=0), axis=1)
     times = DT * np.arange(len(commands))
     air = surroundings(len(commands))
@@ -151,12 +165,13 @@ def test_a_boats_own_effect_moves_nothing_by_itself(effect):
     if effect.scope is Scope.VOYAGE:
         pytest.skip("a voyage brings energy of its own: current, wind, waves")
     vessel = home(effect).with_effects(added(effect))
-    states, _ = in_numpy(vessel).simulate(np.zeros((50, len(vessel.actuators))), DT)
+    states, _ = on_floats(vessel).simulate(np.zeros((50, len(vessel.actuators))), DT)
     assert not states[..., :6].any()
 
 
 def test_sensor_effects_leave_the_motion_alone():
-    a, b = simulated(WAMV), simulated(WAMV.with_effects(added(heading_offset.EFFECT)))
+    vessels = WAMV, WAMV.with_effects(added(heading_offset.EFFECT))
+    a, b = (simulated(vessel, on_floats) for vessel in vessels)
     np.testing.assert_array_equal(a[2], b[2])
     assert np.abs(a[3] - b[3]).max() > 0.1
 
@@ -166,7 +181,7 @@ def test_the_true_motion_is_found_behind_the_reported_one(angle):
     vessel = replace(IACQUABOT, sensors=ANTENNA).with_effects(
         AddedEffect(heading_offset.EFFECT, {"angle": angle})
     )
-    model, commands, states, reports = simulated(vessel)
+    model, commands, states, reports = simulated(vessel, on_floats)
     np.testing.assert_allclose(model.true_states(reports), states[:, :6], rtol=0, atol=1e-9)
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
@@ -183,8 +198,8 @@ def test_the_antenna_moves_as_a_point_of_the_boat():
 @pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
 def test_a_boat_adrift_goes_with_the_current(vessel):
     current = AddedEffect(steady_current.EFFECT, {"speed": 0.4, "direction": 2.0})
-    model = Model.of(vessel.with_effects(current))
-    states, _ = model.simulate(np.zeros((6000, len(vessel.actuators))), 0.1)
+    model = on_floats(vessel.with_effects(current))
+    states, _ = model.simulate(np.zeros((3000, len(vessel.actuators))), 0.2)
     yaw, u, v, r = states[0, -1, 2:6]
     north, east = np.cos(yaw) * u - np.sin(yaw) * v, np.sin(yaw) * u + np.cos(yaw) * v
     np.testing.assert_allclose(
@@ -198,9 +213,9 @@ def test_a_current_carries_the_voyage_along(vessel):
     current = AddedEffect(steady_current.EFFECT, {"speed": 0.4, "direction": 2.0})
     flow = 0.4 * np.array([np.cos(2.0), np.sin(2.0)])
     commands = excitation(vessel, 20.0, 0.05)
-    still, _ = Model.of(vessel).simulate(commands, 0.05)
+    still, _ = on_floats(vessel).simulate(commands, 0.05)
     start = np.array([0.0, 0.0, 0.0, *flow, 0.0])
-    moving, _ = Model.of(vessel.with_effects(current)).simulate(commands, 0.05, start)
+    moving, _ = on_floats(vessel.with_effects(current)).simulate(commands, 0.05, start)
     time = 0.05 * np.arange(len(commands) + 1)
     np.testing.assert_allclose(moving[0, :, :2] - time[:, None] * flow, still[0, :, :2], atol=1e-5)
     np.testing.assert_allclose(moving[0, :, 2], still[0, :, 2], atol=1e-5)
@@ -217,7 +232,7 @@ def test_the_order_in_a_vessel_file_does_not_matter():
 def test_two_effects_of_one_kind_add():
     def drag(*values):
         parts = (AddedEffect(cubic_drag.EFFECT, {"X_uuu": value}) for value in values)
-        return simulated(WAMV.with_effects(*parts), in_numpy)
+        return simulated(WAMV.with_effects(*parts), on_floats)
 
     np.testing.assert_allclose(drag(-2.0, -3.0)[3], drag(-5.0)[3], atol=1e-10)
     assert "cubic_drag#2.X_uuu" in drag(-2.0, -3.0)[0].names
@@ -227,7 +242,7 @@ def test_lag_is_of_first_order():
     """After a step of the command, thrust is 1 − 1/e of the way there one time constant later."""
     vessel = WAMV.with_effects(AddedEffect(thruster_lag.EFFECT, {"tau": 0.5}))
     commands = np.repeat([[0.0, 0.0], [1.0, 1.0]], [1, 100], axis=0)
-    states, _ = Model.of(vessel).simulate(commands, 0.01)
+    states, _ = on_floats(vessel).simulate(commands, 0.01)
     assert states[0, 51, 6] == pytest.approx(90.0 * (1.0 - np.exp(-1.0)), rel=1e-6)
 
 
@@ -282,6 +297,6 @@ def test_water_at_rest_changes_nothing():
         "still", Scope.VOYAGE, (), "nothing", water=lambda time, pose, p: Water(0.0, 0.0, 0.0, 0.0)
     )
     np.testing.assert_array_equal(
-        simulated(WAMV.with_effects(AddedEffect(still, {})), in_numpy)[3],
-        simulated(WAMV, in_numpy)[3],
+        simulated(WAMV.with_effects(AddedEffect(still, {})), on_floats)[3],
+        simulated(WAMV, on_floats)[3],
     )

@@ -1,6 +1,7 @@
 """Laws that the effects of the catalogue obey, each over all members that they concern."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,10 +13,11 @@ from sim.effects.effect import Need
 from sim.model import Model
 from sim.state import Pose
 from sim.vessel import AddedEffect
-from tests.sim.simulated import in_numpy
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import RUDDER_BOAT, WAMV, added, excitation
 
 DT = 0.02
+COARSE = 0.04  # where two runs of the same steps are compared
 TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
 OTHER_SIDE = {"thruster_fault": {"thruster": 2.0}, "actuator_wiring": {"reversed": 1.0}}
@@ -26,9 +28,16 @@ def home(effect):
     return RUDDER_BOAT if Need.STEERING in effect.needs else WAMV
 
 
-def reports_of(vessel, commands, x0=None):
+def reports_of(vessel, commands, x0=None, dt=DT):
     """Reports (T+1, 9) of a free run without a measured wind, at 14 V."""
-    return in_numpy(vessel).simulate(commands, DT, x0, voltage=np.full(len(commands), 14.0))[1][0]
+    return on_floats(vessel).simulate(commands, dt, x0, voltage=np.full(len(commands), 14.0))[1][0]
+
+
+@cache
+def reports_bare(steered):
+    """Reports of five seconds without an effect, of either home."""
+    vessel = RUDDER_BOAT if steered else WAMV
+    return reports_of(vessel, excitation(vessel, 5.0, COARSE), dt=COARSE)
 
 
 def body_of(vessel, count):
@@ -56,9 +65,10 @@ def test_at_its_neutral_values_an_effect_does_nothing(effect):
     values = dict(added(effect).values)
     values |= {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
     vessel = home(effect)
-    commands = excitation(vessel, 5.0, DT)
-    with_it = reports_of(vessel.with_effects(AddedEffect(effect, values)), commands)
-    np.testing.assert_allclose(with_it, reports_of(vessel, commands), rtol=0, atol=1e-12)
+    commands = excitation(vessel, 5.0, COARSE)
+    with_it = reports_of(vessel.with_effects(AddedEffect(effect, values)), commands, dt=COARSE)
+    without = reports_bare(vessel is RUDDER_BOAT)
+    np.testing.assert_allclose(with_it, without, rtol=0, atol=1e-12)
 
 
 def test_only_these_have_no_neutral_values():
@@ -95,10 +105,12 @@ def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
     sided = {p.name for p in effect.parameters if p.sided}
     values = {k: -v if k in sided else v for k, v in item.values.items()}
     other = AddedEffect(effect, values | OTHER_SIDE.get(effect.name, {}))
-    commands, start = excitation(vessel, 5.0, DT), np.array([1.0, 2.0, 0.5, 0.4, 0.1, -0.1])
+    commands, start = excitation(vessel, 5.0, COARSE), np.array([1.0, 2.0, 0.5, 0.4, 0.1, -0.1])
     swapped = commands[:, ::-1] if vessel is WAMV else commands * [1.0, -1.0]
-    here = reports_of(vessel.with_effects(item), commands, start)
-    there = reports_of(vessel.with_effects(other), swapped, start * PORT_AND_STARBOARD[:6])
+    here, there = (
+        reports_of(vessel.with_effects(one), given, side * start, dt=COARSE)
+        for one, given, side in ((item, commands, 1.0), (other, swapped, PORT_AND_STARBOARD[:6]))
+    )
     np.testing.assert_allclose(
         there, here * PORT_AND_STARBOARD, rtol=0, atol=1e-9,
         err_msg="a parameter that a mirror turns round declares sided=True",

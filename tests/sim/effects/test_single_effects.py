@@ -12,7 +12,7 @@ from sim.effects.effect import ResidualForce
 from sim.effects.velocity_latency import observe
 from sim.model import Model
 from sim.vessel import AddedEffect, Hull
-from tests.sim.simulated import in_numpy
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation
 
 DT = 0.02
@@ -24,7 +24,7 @@ def with_effect(vessel, name, **values):
 
 def run(vessel, commands, x0=None, plain=True, **air):
     """States (T+1, nx) and reports (T+1, 9) of a free run."""
-    model = in_numpy(vessel) if plain else Model.of(vessel)
+    model = on_floats(vessel) if plain else Model.of(vessel)
     states, reports = model.simulate(commands, DT, x0, **air)
     return states[0], reports[0]
 
@@ -322,7 +322,7 @@ def test_the_true_motion_is_found_behind_all_sensors_at_once():
         AddedEffect(named("heading_offset"), {"angle": 0.3}),
         AddedEffect(named("yaw_rate_bias"), {"bias": 0.05}),
     )
-    model = Model.of(IACQUABOT.with_effects(*sensors))
+    model = on_floats(IACQUABOT.with_effects(*sensors))
     rng = np.random.default_rng(4)
     states = rng.uniform(-2.0, 2.0, (200, 6))
     commands = np.zeros((1, 4))

@@ -11,6 +11,7 @@ from sim.hil.day import Day, Moment, Schedule, Wind, vessel_of_day
 from sim.model import Model
 from sim.plants.waves import GRAVITY, Sea
 from sim.vessel import AddedEffect, Sensors, Servo
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import RUDDER_BOAT, WAMV
 
 EFFECT = {effect.name: effect for effect in EFFECTS}
@@ -191,7 +192,7 @@ def test_what_a_moment_brings_is_nothing_before_it_and_rises_from_there(effect):
     still = still or {p.name: 0.0 for p in effect.parameters if p.unit == "m/s"}
     moment = Moment(10.0, over=20.0, effect=effect, values=full)
     day = Day(moments=(moment,))
-    model = Model.of(vessel_of_day(WAMV, day))
+    model = on_floats(vessel_of_day(WAMV, day))  # names and numbers alone: nothing is compiled
     schedule = Schedule(model, day)
     for name, nothing in still.items():
         column = model.names.index(f"{effect.name}.{name}")
