@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,18 @@ ROOT = Path(__file__).resolve().parent.parent
 # a machine that has other work is no fault: speed is measured in benchmarks/
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("busy")
+
+
+# numba makes and drops millions of small objects while it compiles, beside a heap of all packages
+# that stays: by default the collector walks through both again and again, a tenth of all time
+COLLECT_AFTER = 50_000  # new objects
+
+
+def pytest_collection_finish() -> None:
+    """What is imported by now stays: it is not searched for garbage."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(COLLECT_AFTER, 20, 20)
 
 
 @pytest.hookimpl(optionalhook=True)

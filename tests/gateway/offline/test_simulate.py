@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -17,6 +16,7 @@ from sim.effects.catalogue import named
 from sim.following.follower import FollowerOptions
 from sim.model import Model
 from sim.vessel import AddedEffect
+from tests.gateway.json_schema import validator_of
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
 TABLE = "time,left,right\n10.0,0.0,0.0\n12.0,0.8,0.6\n20.0,-0.5,0.5\n30.0,0,0\n"
@@ -67,7 +67,7 @@ def test_the_recording_holds_it_all_and_fits_its_schemas(tmp_path: Path) -> None
     assert result.recording == tmp_path / "out" / "sticks-simulated.mcap"
     with result.recording.open("rb") as stream:
         for schema, _, message in make_reader(stream, validate_crcs=True).iter_messages():
-            jsonschema.validate(json.loads(message.data), json.loads(schema.data))
+            validator_of(schema.data).validate(json.loads(message.data))
     recording = Recording.open(result.recording)
     reference, shadow = recording.columns("reference"), recording.columns("shadow")
     assert np.array_equal(reference["surge_mps"], result.motion[:, 3])

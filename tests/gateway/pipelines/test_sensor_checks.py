@@ -4,6 +4,7 @@ Faults are injected into a simulated boat whose vessel is right: whatever blames
 """
 
 import math
+import time
 from functools import cache
 from typing import Any
 
@@ -37,32 +38,50 @@ from gateway.simulated_boat.telemetry import (
     SensorFaults,
     Span,
 )
-from tests.gateway.pipelines.aboard import Deck, Heard, datagrams, played
+from tests.gateway.pipelines.aboard import UNIX_S, Deck, Heard, datagrams, played
 
-BEGIN, END, SECONDS = 66.0, 80.0, 104.0
-SPAN = Span(BEGIN, END)
-# the fault, what is said of it, and how soon [s]
-FAULTS: dict[str, tuple[SensorFaults, str, float]] = {
-    "gps": (SensorFaults(gps_lost=(SPAN,)), "the GPS has no fix", 2.0),
-    "ekf": (SensorFaults(ekf_holds=(SPAN,)), "the autopilot's EKF has no velocity and no position",
-            3.0),
-    "compass": (SensorFaults(compass=(CompassError(SPAN, 0.6),)), "the heading jumped", 1.0),
-    "heading": (SensorFaults(frozen=(Frozen("heading", SPAN),)), "the heading is frozen", 4.0),
-    "turn": (SensorFaults(frozen=(Frozen("turn", SPAN),)), "the gyro is frozen", 4.0),
-    "velocity": (SensorFaults(frozen=(Frozen("velocity", SPAN),)), "the velocity is frozen", 4.0),
-    "position": (SensorFaults(frozen=(Frozen("position", SPAN),)), "the position is frozen", 8.0),
-}  # fmt: skip
+SECONDS = 104.0
+FIRST_S, LASTS_S, EVERY_S = 66.0, 14.0, 40.0  # the monitor judges by then; each fault; the next one
+# what is said of each fault, and how soon [s]; they happen one after another in one voyage
+FAULTS = {
+    "gps": ("the GPS has no fix", 2.0),
+    "ekf": ("the autopilot's EKF has no velocity and no position", 3.0),
+    "compass": ("the heading jumped", 1.0),
+    "heading": ("the heading is frozen", 4.0),
+    "turn": ("the gyro is frozen", 4.0),
+    "velocity": ("the velocity is frozen", 4.0),
+    "position": ("the position is frozen", 8.0),
+}
+
+
+def span_of(name: str) -> Span:
+    begin = FIRST_S + EVERY_S * list(FAULTS).index(name)
+    return Span(begin, begin + LASTS_S)
+
+
+ALL = SensorFaults(
+    gps_lost=(span_of("gps"),), ekf_holds=(span_of("ekf"),),
+    compass=(CompassError(span_of("compass"), 0.6),),
+    frozen=tuple(Frozen(n, span_of(n)) for n in ("heading", "turn", "velocity", "position")),
+)  # fmt: skip
 SURE = round(10 * STATUS_CONFIRMED_S) + 1  # rows at 10 Hz until fix and EKF are believed
 BLAME = ("model_wrong", "model_explained", "residual_unusual")
 
 
 @cache
-def heard(name: str) -> tuple[Heard, list[str]]:
-    """What goes out and what is printed of a voyage with that fault, or none."""
-    faults = FAULTS[name][0] if name in FAULTS else SensorFaults()
+def heard(faulty: bool = True) -> tuple[Heard, list[str]]:
+    """What goes out and what is printed of a voyage with all the faults, or none."""
+    seconds = FIRST_S + EVERY_S * len(FAULTS) if faulty else SECONDS
     with Deck() as deck:
-        deck.hear(datagrams(played(SECONDS, sensor_faults=faults)), SECONDS)
+        wire = played(seconds, sensor_faults=ALL if faulty else SensorFaults())
+        deck.hear(datagrams(wire), seconds)
         return deck.heard(), deck.told
+
+
+def around(name: str, times: Any) -> Any:
+    """Which times [s] belong to a fault: from a while before it to the next one's."""
+    begin = span_of(name).from_s
+    return (np.asarray(times) > begin - 8.0) & (np.asarray(times) < begin + EVERY_S - 8.0)
 
 
 def events(found: Heard, kind: str) -> list[tuple[float, str]]:
@@ -75,13 +94,19 @@ def events(found: Heard, kind: str) -> list[tuple[float, str]]:
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_what_failed_is_said_with_its_begin_and_end_and_the_model_is_not_blamed(name: str) -> None:
-    found, told = heard(name)
-    began, text = events(found, "sensor_failed")[0]
-    assert len(events(found, "sensor_failed")) == 1 + (name == "gps")  # the EKF follows
-    assert text.startswith(FAULTS[name][1])
-    assert BEGIN < began < BEGIN + FAULTS[name][2]
-    ((ended, over),) = events(found, "sensor_restored")
-    assert END + SETTLE_S - 0.5 < ended < END + SETTLE_S + 2.0
+    found, told = heard()
+    says, soon = FAULTS[name]
+    failed, restored = (
+        [(at, text) for at, text in events(found, kind) if around(name, at)]
+        for kind in ("sensor_failed", "sensor_restored")
+    )
+    began, text = failed[0]
+    assert len(failed) == 1 + (name == "gps")  # the EKF follows
+    assert text.startswith(says)
+    begin, end = span_of(name)
+    assert begin < began < begin + soon
+    ((ended, over),) = restored
+    assert end + SETTLE_S - 0.5 < ended < end + SETTLE_S + 2.0
     assert over.endswith("the model is judged again")
     assert not [m["says"] for m in found.messages("event") if m["kind"] in BLAME]
     assert any(line.endswith(text) for line in told)
@@ -119,39 +144,41 @@ def test_only_what_the_boat_says_is_well_can_be_lost(
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_health_says_what_failed_and_since_when_while_it_lasts(name: str) -> None:
-    rows = heard(name)[0].messages("health")
+    rows = heard()[0].messages("health")
     times = np.array([row["receive_time_ns"] * 1e-9 - 1.7e9 for row in rows])
     unfit = np.array([row["unfit_s"] for row in rows])
-    assert (unfit[times < BEGIN] == 0.0).all()
-    assert (unfit[(times > BEGIN + FAULTS[name][2] + 1.0) & (times < END)] > 0.0).all()
-    assert (unfit[times > END + SETTLE_S + 3.0] == 0.0).all()
-    texts = [
-        row["unfit"] for row in rows if BEGIN + 9.0 < row["receive_time_ns"] * 1e-9 - 1.7e9 < END
-    ]
-    assert all(FAULTS[name][1].partition(" and ")[0] in text for text in texts)
-    assert all(" since 22:14:" in text for text in texts)  # 22:13:20 and what the voyage took
+    (begin, end), (says, soon), here = span_of(name), FAULTS[name], around(name, times)
+    assert (here & (times < begin)).sum() > 5
+    assert (unfit[here & (times < begin)] == 0.0).all()
+    assert (unfit[(times > begin + soon + 1.0) & (times < end)] > 0.0).all()
+    assert (unfit[here & (times > end + SETTLE_S + 3.0)] == 0.0).all()
+    texts = [row["unfit"] for row, t in zip(rows, times, strict=True) if begin + 9.0 < t < end]
+    assert all(says.partition(" and ")[0] in text for text in texts)
+    since = time.strftime(" since %H:%M:", time.gmtime(UNIX_S + begin))
+    assert all(since in text for text in texts)
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_what_cannot_judge_is_withheld(name: str) -> None:
-    times = np.array(heard(name)[0].column("residual", "receive_time_ns")) * 1e-9 - 1.7e9
-    inside = (times > BEGIN + FAULTS[name][2]) & (times < END)
-    assert not inside.any()
-    assert (times > END + SETTLE_S + 3.0).sum() > 500
+    times = np.array(heard()[0].column("residual", "receive_time_ns")) * 1e-9 - 1.7e9
+    begin, end = span_of(name)
+    assert not ((times > begin + FAULTS[name][1]) & (times < end)).any()
+    assert (around(name, times) & (times > end + SETTLE_S + 3.0)).sum() > 300
 
 
 def test_without_the_checks_the_model_would_be_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         SensorMemory, "check", lambda self, given: (self, np.zeros(len(given), np.int64))
     )
-    played_fault = played(90.0, sensor_faults=FAULTS["velocity"][0])
+    frozen = SensorFaults(frozen=(Frozen("velocity", Span(66.0, 80.0)),))
+    played_fault = played(90.0, sensor_faults=frozen)
     with Deck() as deck:
         found = deck.hear(datagrams(played_fault)).heard()
     assert {m["kind"] for m in found.messages("event")} & set(BLAME)
 
 
 def test_a_boat_whose_sensors_are_well_is_never_unfit() -> None:
-    found, told = heard("none")
+    found, told = heard(faulty=False)
     assert not events(found, "sensor_failed")
     assert not events(found, "sensor_restored")
     assert {row["unfit"] for row in found.messages("health")} == {""}
@@ -314,4 +341,4 @@ def test_each_fault_has_words_of_its_own_and_every_freeze_can_be_played() -> Non
     assert len(set(texts)) == 2 * (len(SensorFault) - 1)
     assert unfit_text(int(SensorFault.SETTLING), {}) == "all is well, settling"
     assert unfit_text(0, {}) == ""
-    assert {one.what for fault, _, _ in FAULTS.values() for one in fault.frozen} == set(FROZEN)
+    assert {one.what for one in ALL.frozen} == set(FROZEN)
