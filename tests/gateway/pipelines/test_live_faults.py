@@ -35,10 +35,22 @@ def shadowed(frames: Any, **around: Any) -> Heard:
         return deck.hear(datagrams(frames)).heard()
 
 
+@cache
+def voyage() -> list[Datagram]:
+    """What arrives while nothing goes wrong."""
+    return datagrams(played(SECONDS))
+
+
+@cache
+def true_track() -> Any:
+    return truth(SECONDS)
+
+
 @pytest.fixture(scope="module")
 def clean() -> Heard:
     """The same voyage when nothing goes wrong."""
-    return shadowed(played(SECONDS))
+    with Deck() as deck:
+        return deck.hear(voyage()).heard()
 
 
 def track(heard: Heard, who: str = "shadow") -> Any:
@@ -80,10 +92,16 @@ TROUBLES: dict[str, tuple[Faults, float, set[str]]] = {
 }
 
 
+@cache
+def troubled(trouble: str) -> Heard:
+    return shadowed(played(SECONDS, faults=TROUBLES[trouble][0]))
+
+
 @pytest.mark.parametrize("trouble", TROUBLES)
 def test_the_shadow_stays_near_the_boat_and_says_what_happened(trouble: str) -> None:
     faults, metres, events = TROUBLES[trouble]
-    heard, true = shadowed(played(SECONDS, faults=faults)), truth(SECONDS, faults=faults)
+    heard = troubled(trouble)
+    true = truth(SECONDS, faults=faults) if faults.reboots else true_track()
     assert off(heard, true).max() < metres
     assert off(heard, true, 27.0).max() < 1.5
     speeds = np.array([heard.column("shadow", n) for n in ("surge_mps", "sway_mps")])
@@ -94,13 +112,12 @@ def test_the_shadow_stays_near_the_boat_and_says_what_happened(trouble: str) -> 
 
 
 def test_health_counts_what_was_lost_late_and_refused() -> None:
-    lossy = shadowed(played(15.0, faults=Faults(loss=0.3))).messages("health")[-1]
+    lossy = troubled("lost").messages("health")[-1]
     assert lossy["loss"] == pytest.approx(0.3, abs=0.06)
-    mixed = shadowed(played(15.0, faults=Faults(duplicates=0.3, reordered=0.3)))
-    last = mixed.messages("health")[-1]
+    last = troubled("doubled and reordered").messages("health")[-1]
     assert last["loss"] < 0.02
     assert last["rate_hz"] > 1.2 * 115.0
-    absurd = shadowed(played(15.0, faults=Faults(nonsense=0.1))).messages("health")[-1]
+    absurd = troubled("nonsense").messages("health")[-1]
     assert absurd["gated"] > 20
 
 
@@ -191,7 +208,7 @@ def _blank(kind: Any, message: Any) -> Any:
 def test_any_content_in_any_message_leaves_the_shadow_finite(seed: int) -> None:
     """One frame in five is forged, heartbeats that disarm and clocks that jump included."""
     dice, decoder, items = random.Random(seed), dialect.MAVLink(None), []
-    for datagram in datagrams(played(SECONDS)):
+    for datagram in voyage():
         items.append(datagram)
         forged = stranger(dice, decoder) if dice.random() < 0.2 else None
         if forged is not None and datagram.receive_time_ns < 1_700_000_020 * 10**9:
@@ -199,7 +216,7 @@ def test_any_content_in_any_message_leaves_the_shadow_finite(seed: int) -> None:
     assert len(items) > 4900
     with Deck() as deck:
         heard = deck.hear(items).heard()
-    assert off(heard, truth(SECONDS), 27.0).max() < 3.0
+    assert off(heard, true_track(), 27.0).max() < 3.0
     assert np.abs(heard.column("shadow", "surge_mps")).max() < 60.0
     assert np.abs(heard.column("control", "surge_n")).max() < 1e7
 
@@ -241,7 +258,7 @@ def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     everything = replace(SETTINGS.recording, topics=TopicsKept.ALL)  # thinned, it fits for long
     settings = replace(SETTINGS, recording=everything)
     with Deck(out=tmp_path, settings=settings) as deck:
-        heard = deck.hear(datagrams(played(SECONDS))).heard()
+        heard = deck.hear(voyage()).heard()
         shadow, later_s = list(heard.payloads["shadow"]), count(SECONDS + 1.0)
 
         def backlog() -> int:

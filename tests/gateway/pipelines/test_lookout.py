@@ -124,7 +124,7 @@ def frames(*legs: tuple[Any, float]) -> list[TimedFrame]:
 
 def test_a_current_that_sets_in_is_told_and_published() -> None:
     with Deck() as deck:
-        heard = deck.hear(datagrams(frames((WAMV, 40.0), (ADRIFT, 220.0)))).heard()
+        heard = deck.hear(datagrams(frames((WAMV, 40.0), (ADRIFT, 130.0)))).heard()
     events = [m for m in heard.messages("event") if m["kind"].startswith("model_")]
     began = events[0]["vehicle_time_ns"] * 1e-9 - 1.7e9
     assert events[0]["kind"] == "model_wrong"

@@ -49,7 +49,7 @@ def test_random_depends_on_the_seed_alone():
 def test_every_shipped_vessel_turns_both_ways_and_keeps_near(path):
     boat = SimulatedBoat(load_vessel(path), SimulatedBoatSettings(rates={"HEARTBEAT": 1.0}))
     state, turned = boat.start(), []
-    for second in range(200):
+    for second in range(100):
         state, _ = boat.advance(state, float(second))
         turned.append(state.hull[5])
     assert min(turned) < -0.02
