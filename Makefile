@@ -9,7 +9,10 @@ VENV := .venv
 RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo hil-demo test test-slow fuzz docs chromium check format constraints clean
+# What pytest makes of the assertions of a file is kept for the next process.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo hil-demo test tests-read test-slow fuzz docs chromium check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
@@ -17,8 +20,13 @@ demo: $(READY)
 hil-demo: $(READY)
 	$(RUN)/shadow hil-demo --out out/hil-demo $(if $(AUTOPILOT),--autopilot $(AUTOPILOT))
 
-test: $(READY) check
-	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile
+test: $(READY)
+	$(MAKE) --no-print-directory -j 2 check tests-read
+	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile --no-loadscope-reorder
+
+# One core reads the tests while the other checks types: three processes do not read them anew.
+tests-read: $(READY)
+	@$(RUN)/pytest -q --collect-only -m "not slow" > /dev/null || true
 
 test-slow: $(READY) chromium
 	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m slow

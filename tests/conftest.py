@@ -6,6 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+# each process has a core of its own: threads of BLAS would wait for one another
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -18,6 +22,24 @@ settings.load_profile("busy")
 # numba makes and drops millions of small objects while it compiles, beside a heap of all packages
 # that stays: by default the collector walks through both again and again, a tenth of all time
 COLLECT_AFTER = 50_000  # new objects
+
+
+# Files that take longest, from a full run: begun first, so that none of them runs alone at the end.
+LONG = (
+    "sim/effects/test_effects", "gateway/commands/test_outputs", "sim/kernel/test_kernel",
+    "gateway/offline/test_diagnose", "sim/diagnosis/test_diagnose",
+    "gateway/commands/test_bad_input", "gateway/pipelines/test_sensor_checks",
+    "gateway/pipelines/test_live_faults",
+    "gateway/pipelines/test_reliability", "sim/diagnosis/test_recordings",
+    "gateway/simulated_boat/test_replay_of_simulated", "gateway/pipelines/test_live_process",
+    "gateway/offline/test_replay", "gateway/offline/test_add", "test_python_face",
+)  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first; the order in each stays."""
+    places = {ROOT / "tests" / f"{name}.py": k for k, name in enumerate(LONG)}
+    items.sort(key=lambda item: places.get(item.path, len(LONG)))
 
 
 def pytest_collection_finish() -> None:

@@ -18,6 +18,7 @@ from sim.vessel import (
     table_owner,
     with_free_curves,
 )
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import WAMV
 
 DT = 0.1
@@ -32,8 +33,8 @@ def with_curves(*curves):
 
 def thrusts(vessel, commands):
     """Static thrust [N] of each thruster at commands (K,)."""
-    kernel = plain_kernel_for(Model.of(vessel).kernel.structure).module
-    p = kernel.unpack(Model.of(vessel).theta)
+    kernel = plain_kernel_for(on_floats(vessel).kernel.structure).module
+    p = kernel.unpack(on_floats(vessel).theta)
     return np.array([kernel.static_actuation(np.array([c, c]), p) for c in commands])
 
 
@@ -59,8 +60,8 @@ def test_a_straight_table_is_a_linear_curve():
 
 
 def test_a_plain_vessel_has_the_kernel_it_had():
-    assert Model.of(WAMV).kernel.structure.tables == ()
-    assert not [name for name in Model.of(WAMV).names if "curve_" in name]
+    assert on_floats(WAMV).kernel.structure.tables == ()
+    assert not [name for name in on_floats(WAMV).names if "curve_" in name]
 
 
 def test_numbers_put_back_by_name_move_a_knot():
@@ -69,7 +70,7 @@ def test_numbers_put_back_by_name_move_a_knot():
     )
     assert vessel.thrusters[0].curve[1] == (-0.4, -0.2)
     assert vessel.thrusters[0].curve[4] == (0.5, 0.7)
-    assert Model.of(vessel).names == Model.of(with_curves(TABLE, "left")).names
+    assert on_floats(vessel).names == on_floats(with_curves(TABLE, "left")).names
 
 
 def test_a_curve_that_is_freed_starts_as_it_was():
@@ -86,7 +87,7 @@ def test_a_curve_that_is_freed_starts_as_it_was():
 @pytest.mark.parametrize("seed", range(5))
 def test_whatever_is_searched_a_curve_never_falls(seed):
     vessel = with_free_curves(with_curves("quadratic", "linear"), ("curve", "left.curve"))
-    unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(("curve",), offsets=False))
+    unknowns = unknowns_of(on_floats(vessel), 1, IdentifySettings(("curve",), offsets=False))
     lower, upper = unknowns.bounds
     z = np.random.default_rng(seed).uniform(lower, upper)
     values = dict(zip((u.name for u in unknowns.each), unknowns.to_named(z), strict=True))
@@ -97,7 +98,9 @@ def test_whatever_is_searched_a_curve_never_falls(seed):
 
 def test_a_knot_beside_one_that_is_fixed_stays_below_it():
     vessel = with_curves(TABLE, "left")
-    unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(("left.curve_10",), offsets=False))
+    unknowns = unknowns_of(
+        on_floats(vessel), 1, IdentifySettings(("left.curve_10",), offsets=False)
+    )
     np.testing.assert_allclose(unknowns.to_named(np.array([1.0])), [0.6])
     assert next_knot("curve_10", knot_shares(TABLE)) == "curve_50"
     assert next_knot("curve_-40", knot_shares(TABLE)) is None

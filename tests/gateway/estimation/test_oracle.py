@@ -1,5 +1,7 @@
 """filterpy says the same: filter and smoother agree with it to 1e-9."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from gateway.estimation.smoother import smooth
 from tests.gateway.estimation import oracle
 
 SETTINGS = FilterSettings(prior_position_m=30.0, gate_probability=1 - 1e-15, velocity_error_mps=0.1)
+EVENTS = 400
 
 
 def started(events):
@@ -16,9 +19,16 @@ def started(events):
     return events[np.argmax(events.kind == MeasurementKind.YAW) :]
 
 
+@cache
+def filtered_by_filterpy():
+    """Events, and what filterpy makes of them."""
+    events = started(oracle.random_events(np.random.default_rng(2), EVENTS))
+    return events, oracle.run(events, SETTINGS)
+
+
 @pytest.mark.parametrize("body", [False, True])
 def test_filter_agrees_with_filterpy(body):
-    events = started(oracle.random_events(np.random.default_rng(1), 600, body))
+    events = started(oracle.random_events(np.random.default_rng(1), EVENTS, body))
     expected = oracle.run(events, SETTINGS)
     estimator = Estimator(SETTINGS)
     _, rows = estimator.advance(estimator.start(), events, covariance=True)
@@ -37,8 +47,8 @@ def test_filter_agrees_with_filterpy(body):
 
 @pytest.mark.parametrize("passes", [1, 2])
 def test_smoother_agrees_with_filterpy(passes, monkeypatch):
-    events = started(oracle.random_events(np.random.default_rng(2), 600))
-    x, P = oracle.smoothed(oracle.run(events, SETTINGS))
+    events, filtered = filtered_by_filterpy()
+    x, P = oracle.smoothed(filtered)
     if passes == 2:
         x, P = oracle.smoothed(oracle.run(events, SETTINGS, along=x))
 

@@ -2,11 +2,12 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from sim.diagnosis.answer import Verdict
+from sim.diagnosis.answer import Diagnosis, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError
@@ -22,8 +23,18 @@ FEW = DiagnoseSettings(
 )  # fmt: skip
 
 
+@cache
+def complete() -> Diagnosis:
+    return diagnose([sailed()], WAM_V, FEW)
+
+
+@cache
+def imbalanced() -> Diagnosis:
+    return diagnose([sailed("thruster_imbalance", port_gain=0.8)], WAM_V, FEW)
+
+
 def test_a_complete_model_is_adequate() -> None:
-    found = diagnose([sailed()], WAM_V, FEW)
+    found = complete()
     assert found.verdict is Verdict.ADEQUATE
     assert found.effects == ()
     assert [step.base for step in found.ladder] == ["plain", "kept"]  # there is nothing to fit
@@ -32,7 +43,7 @@ def test_a_complete_model_is_adequate() -> None:
 
 
 def test_what_is_missing_is_named_and_the_error_falls() -> None:
-    found = diagnose([sailed("thruster_imbalance", port_gain=0.8)], WAM_V, FEW)
+    found = imbalanced()
     assert (found.verdict, found.effects) == (Verdict.EXPLAINED, ("thruster_imbalance",))
     gain = found.ladder[-1].parameters["thruster_imbalance"][0]
     assert gain.ci95[0] < 0.8 < gain.ci95[1]
@@ -69,8 +80,7 @@ def test_a_voyage_is_explained_alike_on_a_fine_and_on_a_coarse_grid() -> None:
 
 def test_what_the_vessel_has_already_is_not_looked_for() -> None:
     trial = sailed("thruster_imbalance", port_gain=0.8)
-    complete = diagnose([trial], WAM_V, FEW).vessel
-    again = diagnose([trial], complete, FEW)
+    again = diagnose([trial], imbalanced().vessel, FEW)
     assert again.verdict is Verdict.ADEQUATE
     assert "thruster_imbalance" not in {row.effect for row in again.ranking}
 
@@ -107,7 +117,7 @@ def test_too_little_time_is_said() -> None:
 
 
 def test_the_answer_is_plain_json_without_gaps() -> None:
-    said = diagnose([sailed()], WAM_V, FEW).to_dict()
+    said = complete().to_dict()
     json.dumps(said, allow_nan=False)
     assert set(said) >= {"verdict", "summary", "ladder", "ranking", "refused", "unexplained"}
     assert all(np.isfinite(step["heldout_nrmse"]) for step in said["ladder"])
