@@ -18,9 +18,11 @@ from benchmarks.hidden.causes import Hidden
 from benchmarks.hidden.strengths import (
     CHANGES,
     GROUPS,
+    IN_A_SEA,
     LASTING,
     OF_A_VOYAGE,
     RECIPES,
+    SEAS,
     STRANGE,
     WHOLE,
     boats_for,
@@ -36,6 +38,7 @@ ALL_PILOTS = ("excitation", "gentle", "survey", "wander")
 FULL, WEAK, FAINT = 1.0, 0.4, 0.2
 SEEDS = {"tuning": 10_000, "reporting": 50_000, "small": 90_000}
 LIGHT_FROM = {10_000: 0, 50_000: 10, 90_000: 20}  # by the seed of a set: its first light hull
+OF_A_DAY = OF_A_VOYAGE | set(SEAS)  # another day has its own
 APART = 300  # seeds between families: one that grows does not change the others
 LONG, SHORT = 600.0, 300.0  # s
 LOG, TWIN, COMPLETE, VESSEL = "voyage.tlog", "twin.tlog", "complete.tlog", "vessel.toml"
@@ -129,7 +132,7 @@ def _case(name: str, family: str, plan: Plan, seed: int, seconds: float) -> Case
     voyage = Voyage(pilot, seed, seconds, rates, tuple(hidden))
     other = str(dice.choice([p for p in ALL_PILOTS if p != pilot]))
     there = [
-        _hide(h.name, boat, dice, plan.share, SHORT) if h.name in OF_A_VOYAGE else h for h in hidden
+        _hide(h.name, boat, dice, plan.share, SHORT) if h.name in OF_A_DAY else h for h in hidden
     ]
     twin = Voyage(other, seed + 1_000_000, SHORT, rates, tuple(there))
     return Case(name, family, boat, plan.share, plan.misjudged, voyage, twin)
@@ -212,6 +215,16 @@ def _day(seed: int, number: int = 40) -> Iterator[Plan]:
         yield Plan((*changes, *lasting), pilots, misjudged=i % 4 == 3)
 
 
+def _sea(seed: int, number: int = 30) -> Iterator[Plan]:
+    """A sea alone (every fifth), else with one effect beside; half on missions, a quarter
+    misjudged."""
+    dice = np.random.default_rng([seed, 0x5EA])
+    for i in range(number):
+        beside = () if i % 5 == 0 else (str(dice.choice(IN_A_SEA)),)
+        pilots = MISSIONS if i % 2 else (*OPEN_LOOP, "circles")
+        yield Plan(("sea", *beside), pilots, misjudged=i % 4 == 3)
+
+
 Family = Callable[[int], Iterator[Plan] | list[Plan]]
 FAMILIES: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP),
@@ -224,6 +237,7 @@ FAMILIES: Mapping[str, Family] = {
     "unknown": _unknown,
     "light": _light,
     "day": _day,
+    "sea": _sea,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

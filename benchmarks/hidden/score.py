@@ -37,6 +37,7 @@ OTHER_FORM = frozenset({
     "varying_current", "steady_wind", "wave_motion", "payload_change", "thruster_deadband",
     "thruster_lag", "advance_loss", "astern_stall", "current_change", "wind_change",
 })  # fmt: skip
+WAVES = frozenset({"wave_motion"})  # one train of a sea
 
 Json = Mapping[str, Any]
 
@@ -147,6 +148,16 @@ def alarm(row: Row) -> bool:
 def recognised(row: Row) -> bool:
     """Something is missing that the catalogue does not hold, and it says so."""
     return row.verdict == "unknown" or (row.absorbed and row.verdict == "adequate")
+
+
+def beside_the_sea(row: Row) -> bool:
+    """What is hidden beside a sea is named, and nothing else but waves."""
+    return set(row.named) - WAVES == set(row.truth["effects"]) - {"sea"}
+
+
+def invented_at_sea(row: Row) -> bool:
+    """Something else than what is hidden, and than waves, is named."""
+    return bool(set(row.named) - WAVES - set(row.truth["effects"]))
 
 
 def within(row: Row) -> bool:

@@ -242,6 +242,21 @@ CHANGES: Mapping[str, Recipe] = {
 LASTING = ("heading_offset", "reverse_loss", "towed_load", "cubic_drag", "compass_deviation")
 
 
+def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    """Steep for its length, as wind seas on lakes are; lengths from the boat's to three of it."""
+    period = math.sqrt(2.0 * math.pi * b.hull.length * _of(d, 1.2, 3.0) / 9.81)
+    height = k * _of(d, 0.02, 0.04) * 9.81 * period**2 / (2.0 * math.pi)
+    return {"height": height, "period": period, "direction": _direction(d),
+            "spread": _of(d, 0.2, 0.6), "seed": float(d.integers(1_000_000))}  # fmt: skip
+
+
+SEAS: Mapping[str, Recipe] = {"sea": _sea}  # no effect of the catalogue: partly waves, else noise
+IN_A_SEA = (
+    "steady_current", "thruster_imbalance", "compass_deviation", "cubic_drag", "reverse_loss",
+    "heading_offset", "towed_load", "steady_wind",
+)  # fmt: skip
+
+
 def boats_for(names: tuple[str, ...]) -> tuple[str, ...]:
     """The boats on which all of these act so that one can see it."""
     able = set(FLEET)
@@ -300,6 +315,6 @@ STRANGE: Mapping[str, Recipe] = {
 
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    return {**RECIPES, **CHANGES, **STRANGE}[name](
+    return {**RECIPES, **CHANGES, **STRANGE, **SEAS}[name](
         boat, dice, 1.0 if name in WHOLE else share, seconds
     )

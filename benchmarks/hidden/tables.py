@@ -37,7 +37,8 @@ GOALS: Mapping[str, tuple[str, float, bool]] = {  # what, figure, whether more i
 def report(rows: Sequence[Row], heading: str) -> str:
     """Everything, as Markdown."""
     by = {
-        f: [r for r in rows if r.truth["family"] == f] for f in (*SINGLE, "pair", "none", "unknown")
+        f: [r for r in rows if r.truth["family"] == f]
+        for f in (*SINGLE, "pair", "none", "unknown", "sea")
     }
     parts = [
         f"# {heading}",
@@ -92,7 +93,7 @@ def families(by: Mapping[str, Sequence[Row]]) -> str:
 
 def others(by: Mapping[str, Sequence[Row]]) -> str:
     """Pairs, nothing hidden, and what no catalogue holds."""
-    none = by["none"]
+    none, sea = by["none"], by["sea"]
     clean, off = ([r for r in none if r.truth["misjudged"] == wrong] for wrong in (False, True))
     lines = [
         ["pairs: both, and nothing else", len(by["pair"]), score.share(by["pair"], score.both)],
@@ -102,6 +103,8 @@ def others(by: Mapping[str, Sequence[Row]]) -> str:
         ["… files exact", len(clean), score.share(clean, score.alarm)],
         ["… files off by 10 %", len(off), score.share(off, score.alarm)],
         ["strangers: `unknown`", len(by["unknown"]), score.share(by["unknown"], score.recognised)],
+        ["seas: what is beside, waves or not", len(sea), score.share(sea, score.beside_the_sea)],
+        ["seas: something invented", len(sea), score.share(sea, score.invented_at_sea)],
     ]
     return grid(["", "cases", "share"], [[a, str(n), _percent(x)] for a, n, x in lines])
 

@@ -24,6 +24,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import dask
 from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, as_completed
 
 from gateway.errors import BadInput, ShadowError
@@ -202,13 +203,15 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Client]:
 def local_cluster(workers: int | None = None, processes: bool = True) -> LocalCluster:
     """Workers on this machine, default one a core; nothing of it listens to other machines.
 
-    One thread each: numpy and the compiled kernels are what works, not waiting.
+    One thread each: numpy and the compiled kernels are what works, not waiting. Dask's profiler is
+    off: it wakes a hundred times a second and keeps what it sees, megabytes a minute.
     """
-    return LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=processes, host="127.0.0.1",
-        protocol="tcp", silence_logs=logging.CRITICAL, dashboard_address="127.0.0.1:0",
-        worker_dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
-    )  # fmt: skip
+    with dask.config.set({"distributed.worker.profile.enabled": False}):
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=processes, host="127.0.0.1",
+            protocol="tcp", silence_logs=logging.CRITICAL, dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+        )  # fmt: skip
 
 
 def run_fleet(

@@ -6,18 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden import strengths
 from benchmarks.hidden.answers import answer, catalogued
 from benchmarks.hidden.boats import FLEET
 from benchmarks.hidden.cases import (
     LOG,
     MISSIONS,
+    OF_A_DAY,
     SEEDS,
     VESSEL,
     cases,
     materialise,
     materialise_twin,
 )
-from benchmarks.hidden.causes import KNOWN, UNKNOWN, Hidden, causes_of
+from benchmarks.hidden.causes import KNOWN, SEAS, UNKNOWN, Hidden, causes_of
 from benchmarks.hidden.strengths import CHANGES, OF_A_VOYAGE, RECIPES, STRANGE, boats_for, strong
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Scope
@@ -32,6 +34,7 @@ def reporting():
 def test_there_are_recipes_for_all_that_can_be_hidden():
     assert set(RECIPES) | set(CHANGES) == set(KNOWN)
     assert set(STRANGE) == set(UNKNOWN)
+    assert set(strengths.SEAS) == set(SEAS)
 
 
 def test_what_holds_for_one_day_is_what_the_catalogue_says():
@@ -81,7 +84,7 @@ def test_the_twin_has_the_same_boat_and_another_day(reporting):
         assert case.twin.pilot != case.voyage.pilot
         for here, there in zip(case.voyage.hidden, case.twin.hidden, strict=True):
             assert here.name == there.name
-            assert (here == there) == (here.name not in OF_A_VOYAGE)
+            assert (here == there) == (here.name not in OF_A_DAY)
 
 
 @pytest.mark.parametrize("name", sorted(set(RECIPES) - {"actuator_wiring"}))

@@ -11,12 +11,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from benchmarks.hidden.boats import BOATS, FLEET, Boat
-from benchmarks.hidden.causes import KNOWN, UNKNOWN, Hidden, causes_of
+from benchmarks.hidden.causes import KNOWN, UNKNOWN, Hidden, causes_of, water
 from benchmarks.hidden.missions import PILOTS
 from benchmarks.hidden.nature import Nature
 from benchmarks.hidden.pilots import random_steps
 from benchmarks.hidden.sail import TICK, Truth, sail, ticks_of
-from benchmarks.hidden.scene import Report
+from benchmarks.hidden.scene import Report, Scene
 from benchmarks.hidden.talk import MODEST
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import hidden_of, main, write_voyage
@@ -84,6 +84,25 @@ EXAMPLES = {
     "bent_skeg": {"Y_uu": 6.0, "x": -0.7},
     "resistance_hump": {"height": 10.0, "speed": 1.0, "width": 0.25},
 }
+
+
+def test_a_sea_has_the_height_and_the_peak_that_were_asked_for():
+    height, period = 0.2, 2.5
+    sea = water.sea(height, period, 0.0, 0.0, 7.0)
+    hull = BOATS["grebe"].hull._replace(length=1e-6, beam=1e-6, mass=1.0)
+    time = np.arange(0.0, 6000.0, 0.1)
+    push = np.array(
+        [sea.push(Scene(t, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 12.0, hull), ()) for t in time]
+    )
+    assert np.abs(push[:, 1]).max() < 1e-9  # all of it runs ahead
+    spectrum = np.abs(np.fft.rfft(push[:, 0] / 9.81)) ** 2 * 2.0 / len(time) ** 2  # of the slope
+    omega = 2.0 * np.pi * np.fft.rfftfreq(len(time), 0.1)
+    peak = 2.0 * math.pi / period
+    waves = omega > 0.5 * peak
+    of_height = spectrum[waves] * (9.81 / omega[waves] ** 2) ** 2
+    assert 4.0 * math.sqrt(of_height.sum()) == pytest.approx(height, rel=0.03)
+    middle = np.exp(np.average(np.log(omega[waves]), weights=of_height))
+    assert 1.0 < middle / peak < 1.4  # the tail lies above the peak
 
 
 def sailed(boat: Boat, seconds: float, *hidden: Hidden, pilot: str = "excitation") -> Truth:

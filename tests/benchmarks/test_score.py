@@ -123,6 +123,18 @@ def test_alarms_and_strangers():
     assert not score.recognised(row(("tether",), diagnosis(verdict="adequate"), "unknown"))
 
 
+def test_at_sea_waves_may_be_named_and_nothing_else_that_is_not_there():
+    truth = ("sea", "heading_offset")
+    right, named = row(truth, diagnosis("heading_offset", "wave_motion"), "sea"), "hull_lift"
+    wrong = row(truth, diagnosis("heading_offset", named), "sea")
+    calm = row(("sea",), diagnosis(verdict="adequate"), "sea")
+    assert [score.beside_the_sea(r) for r in (right, wrong, calm)] == [True, False, True]
+    assert [score.invented_at_sea(r) for r in (right, wrong, calm)] == [False, True, False]
+    silent = row(truth, diagnosis("wave_motion"), "sea")
+    assert not score.beside_the_sea(silent)
+    assert not score.invented_at_sea(silent)
+
+
 def test_as_good_as_who_knew():
     assert score.within(row(said=diagnosis("heading_offset"), after=0.12))
     assert not score.within(row(said=diagnosis("heading_offset"), after=0.13))

@@ -1,7 +1,7 @@
 """Everything that can be hidden: name -> a function of its parameters that gives the cause.
 
 The names are those of the catalogue where it holds the cause, so that an answer can be scored.
-`UNKNOWN` are those that no catalogue holds.
+`UNKNOWN` are those that no catalogue holds; of `SEAS` it holds a part.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -14,6 +14,7 @@ KNOWN: Mapping[str, Callable[..., Cause]] = {
     **water.CAUSES, **hull.CAUSES, **motors.CAUSES, **sensors.CAUSES,
 }  # fmt: skip
 UNKNOWN: Mapping[str, Callable[..., Cause]] = unknown.CAUSES
+SEAS: Mapping[str, Callable[..., Cause]] = water.SEAS
 
 
 class Hidden(NamedTuple):
@@ -25,7 +26,7 @@ class Hidden(NamedTuple):
 
 def causes_of(hidden: Iterable[Hidden]) -> list[Cause]:
     """Names and parameters -> causes; ValueError where a name or parameter does not exist."""
-    known = {**KNOWN, **UNKNOWN}
+    known = {**KNOWN, **UNKNOWN, **SEAS}
     for item in hidden:
         if item.name not in known:
             raise ValueError(f"nothing named {item.name!r} can be hidden: {', '.join(known)}")

@@ -3,10 +3,13 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from benchmarks.hidden.nature import Cause
 from benchmarks.hidden.scene import Push, Scene, Stream
 
 GRAVITY, AIR = 9.81, 1.22  # m/s², kg/m³
+COMPONENTS = 24  # of a sea
 TURN_S = 12.0  # that a current or a wind takes to become another one
 
 
@@ -111,6 +114,38 @@ def wave_motion(force: float, omega: float, direction: float, phase: float) -> C
     return Cause(push=push)
 
 
+def sea(height: float, period: float, direction: float, spread: float, seed: float) -> Cause:
+    """A wind sea: `height` [m] significant, peak `period` [s], running towards `direction`.
+
+    `COMPONENTS` long-crested waves of a Pierson–Moskowitz spectrum, of equal energy each, their
+    directions scattered by `spread` [rad]. Each pushes by its slope (Froude and Krylov), averaged
+    over the hull's length, and turns a hull that lies across.
+    """
+    dice = np.random.default_rng([int(seed), 0x5EA])
+    energy = (np.arange(COMPONENTS) + dice.uniform(0.2, 0.8, COMPONENTS)) / COMPONENTS
+    peak = 2.0 * math.pi / period
+    omega = peak * (1.25 / -np.log(energy)) ** 0.25  # the spectrum's own distribution, inverted
+    omega = np.minimum(omega, 3.0 * peak)
+    towards = direction + spread * dice.standard_normal(COMPONENTS)
+    phase = dice.uniform(0.0, 2.0 * math.pi, COMPONENTS)
+    amplitude = 0.25 * height * math.sqrt(2.0 / COMPONENTS)
+    number = omega**2 / GRAVITY
+    north, east = number * np.cos(towards), number * np.sin(towards)
+
+    def push(s: Scene, thrusts: Sequence[float]) -> Push:
+        off = towards - s.yaw
+        ahead = np.sinc(number * s.hull.length * np.cos(off) / (2.0 * math.pi))
+        across = np.sinc(number * s.hull.beam * np.sin(off) / (2.0 * math.pi))
+        slope = (
+            amplitude * number * np.sin(omega * s.time - north * s.north - east * s.east + phase)
+        )
+        each = s.hull.mass * GRAVITY * slope * ahead * across
+        arm = 0.1 * s.hull.length * np.sin(2.0 * off)
+        return Push(*(float(each @ part) for part in (np.cos(off), np.sin(off), arm)))
+
+    return Cause(push=push)
+
+
 CAUSES: Mapping[str, Callable[..., Cause]] = {
     law.__name__: law
     for law in (
@@ -118,3 +153,4 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
         inertial_force, wave_motion,
     )
 }  # fmt: skip
+SEAS: Mapping[str, Callable[..., Cause]] = {"sea": sea}  # partly waves of the catalogue, else noise

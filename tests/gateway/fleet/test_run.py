@@ -104,6 +104,12 @@ def test_failures_are_run_again_when_asked(folder, cluster):
     assert go(folder, cluster, retry=True).known == 2
 
 
+def test_workers_run_without_dasks_profiler(cluster):
+    """It keeps every second's stacks: half a gigabyte within three hundred recordings."""
+    for worker in cluster.workers.values():
+        assert "profile" not in worker.periodic_callbacks
+
+
 def test_a_copy_is_told_as_one(folder, cluster):
     logs = folder / "logs" / "heron"
     shutil.copy(logs / "monday.tlog", logs / "zz.tlog")
