@@ -108,7 +108,7 @@ class Model:
         start[:, : x0.shape[1]] = x0
         thetas = np.atleast_2d(self.theta if theta is None else theta)
         first = np.abs(np.nan_to_num(x0[:, 3:6])).max(axis=0)
-        needed = _steps_in(inputs.dt, self.max_step(thetas, first))
+        needed = self.steps_in(inputs.dt, thetas, first)
         horizon = int(runs.steps.max()) + 1
         states, reports = self._rolled(start, runs, inputs, thetas, needed, horizon)
         origin, again, reached = runs.origin, np.arange(len(x0)), _fastest(states, runs.steps)
@@ -165,6 +165,10 @@ class Model:
         accurate = max(ACCURATE_STEP / damping, min(rate_limit, MIN_STABLE_STEP_S))
         stable = max(rate_limit, shortest)
         return min(MAX_STEP_S, accurate, max(fastest_lag, MIN_LAG_STEP_S), stable)
+
+    def steps_in(self, dt: float, theta: Floats | None, nu: Floats) -> int:
+        """Equal steps in a row of dt [s] that `max_step` asks for."""
+        return _steps_in(dt, self.max_step(theta, nu))
 
     @cached_property
     def _time_constants(self) -> list[int]:

@@ -157,6 +157,17 @@ class FitProblem:
         """−2 log likelihood of numbers z (n,) under the noise that they leave themselves."""
         return sum(deviance_of_runs(w, unknowns, z) for w in self.run_sets_for(unknowns, z))
 
+    def stiffness(self, unknowns: Unknowns, z: Floats) -> float:
+        """Integration steps at z (n,) over those that a boat needs: 1, or more where the hull is
+        stiff (its turning damped within a few hundredths of a second, say).
+        """
+        found = [1.0]
+        for i, trial in enumerate(self.trials):
+            theta, fastest = unknowns.theta(z[None], i), np.abs(trial.nu[trial.usable]).max(axis=0)
+            step = trial.dt / unknowns.model.steps_in(trial.dt, theta, fastest)
+            found.append(min(trial.dt, thresholds.SHORTEST_SCREENED_STEP_S) / step)
+        return max(found)
+
     def thinned(self, rows: int) -> "FitProblem":
         """Every so many of the runs, so that about so many rows are left."""
         step = max(round(len(self.block) / (3 * rows)), 1)

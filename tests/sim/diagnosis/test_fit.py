@@ -17,8 +17,9 @@ from sim.diagnosis.fit import (
     with_event_moved,
     with_given_base,
 )
-from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.ladder import final_fit
+from sim.diagnosis.screening import screen
 from sim.effects.catalogue import named
 from sim.identification import BASE
 from sim.model import Model
@@ -54,6 +55,28 @@ def test_no_refit_fits_its_own_rows_worse(fit: Fit, m33: float) -> None:
     for (seen, _), refit in zip(begun.problem.folds, begun.fold_fits.z, strict=True):
         assert cost(fit, refit, seen) <= cost(fit, z, seen) * (1.0 + 1e-9)
     np.testing.assert_allclose(begun.fold_fits.residual, fit.at(begun.fold_fits.z))
+
+
+def test_a_stiff_hull_is_screened_on_fewer_rows(fit: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of its rows takes many integration steps; a hull that is none loses no row."""
+    asked: list[int] = []
+
+    def thinned(problem: FitProblem, rows: int) -> FitProblem:
+        asked.append(rows)
+        return problem
+
+    monkeypatch.setattr(FitProblem, "thinned", thinned)
+    z = fit.z.copy()
+    z[[u.name for u in fit.unknowns.each].index("N_r")] *= 100.0
+    stiff = replace(fit, z=z)
+    superset = SupersetModel.of(WAM_V, ())
+    screen(superset, fit.model(), [], fit)
+    assert asked == [thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS]
+    asked.clear()
+    screen(superset, fit.model(), [], stiff)
+    stiffness = stiff.problem.stiffness(stiff.unknowns, stiff.z)
+    assert stiffness == pytest.approx(2.0)
+    assert max(asked) == round(thresholds.SCREENED_ROWS / stiffness)
 
 
 def test_a_fit_without_a_part_is_near_the_fit_with_it(fit: Fit) -> None:
