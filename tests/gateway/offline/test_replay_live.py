@@ -22,7 +22,10 @@ def payloads(path: Path, topic: str) -> list[bytes]:
     return [payload for rows in Recording.open(path).rows(topic) for payload in rows.payloads]
 
 
-def recorded_live(folder: Path) -> Path:
+@pytest.fixture(scope="module")
+def recorded_live(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of twenty seconds with a silence."""
+    folder = tmp_path_factory.mktemp("live")
     wire = played(20.0, faults=Faults(silences=(Silence(9.0, 12.0),)))
     with Deck(out=folder) as deck:
         deck.hear(datagrams(wire), until_s=21.0)
@@ -30,8 +33,10 @@ def recorded_live(folder: Path) -> Path:
     return path
 
 
-def test_replay_reproduces_what_ran_live_and_can_be_replayed_again(tmp_path: Path) -> None:
-    path = recorded_live(tmp_path)
+def test_replay_reproduces_what_ran_live_and_can_be_replayed_again(
+    recorded_live: Path, tmp_path: Path
+) -> None:
+    path = recorded_live
     for turn in ("once", "twice"):
         options = ReplayOptions(out=tmp_path / turn, settings=SETTINGS)
         (again,) = replay(path, WAMV, options=options).recordings
@@ -41,8 +46,8 @@ def test_replay_reproduces_what_ran_live_and_can_be_replayed_again(tmp_path: Pat
         path = again
 
 
-def test_another_plant_gain_gives_another_shadow(tmp_path: Path) -> None:
-    path = recorded_live(tmp_path)
+def test_another_plant_gain_gives_another_shadow(recorded_live: Path, tmp_path: Path) -> None:
+    path = recorded_live
     slack = replace(SETTINGS.following, follower=FollowerOptions(rate=1.0))
     options = ReplayOptions(out=tmp_path / "slack", settings=replace(SETTINGS, following=slack))
     (again,) = replay(path, WAMV, options=options).recordings
@@ -50,8 +55,10 @@ def test_another_plant_gain_gives_another_shadow(tmp_path: Path) -> None:
     assert payloads(again, "shadow") != payloads(path, "shadow")
 
 
-def test_a_recording_knows_its_configuration_and_other_logs_have_none(tmp_path: Path) -> None:
-    path = recorded_live(tmp_path)
+def test_a_recording_knows_its_configuration_and_other_logs_have_none(
+    recorded_live: Path, tmp_path: Path
+) -> None:
+    path = recorded_live
     told = recorded_settings(path)
     assert told is not None
     assert told.following == SETTINGS.following
