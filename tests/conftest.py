@@ -49,6 +49,10 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(COLLECT_AFTER, 20, 20)
 
 
+def pytest_unconfigure() -> None:
+    gc.unfreeze()  # at the end of the process all of it goes
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """One process more than there are cores: tests that wait for a program leave theirs idle."""

@@ -68,7 +68,7 @@ def test_a_hull_that_heels_feels_gravity():
 
 def test_the_imu_feels_acceleration_and_turn():
     """Specific force is the change of velocity in the world, seen in the body."""
-    rates = dict.fromkeys(("HEARTBEAT", *FAST), 50.0)
+    rates = dict.fromkeys(("HEARTBEAT", "ATTITUDE", "LOCAL_POSITION_NED", "RAW_IMU"), 50.0)
     frames = frames_of(simulated_boat(rates=rates, noise=0.0, gyro_filter_hz=0.0), 100.0)
     yaw = np.array([m.yaw for m in messages_named(frames, "ATTITUDE")])
     v = np.array([(m.vx, m.vy) for m in messages_named(frames, "LOCAL_POSITION_NED")])
