@@ -197,3 +197,28 @@ def test_a_disk_that_never_finishes_is_left_behind(
     assert "did not finish" in thread.failure
     go.set()
     thread._thread.join()
+
+
+def test_what_nobody_encoded_is_joined_without_being_encoded() -> None:
+    parts = [rows_of("measured", 2, first=k) for k in range(3)]
+    (joined,) = merged(parts)
+    assert isinstance(joined, TopicRows)
+    assert [part._payloads for part in (joined, *parts)] == [None] * 4
+    assert len(joined) == 6
+    assert joined.payloads == [payload for part in parts for payload in part.payloads]
+    (again,) = merged(parts)  # encoded by now, for a subscriber
+    assert isinstance(again, TopicRows)
+    assert again._payloads == joined.payloads
+    assert again.rounded().payloads == joined.rounded().payloads
+    mixed = TopicRows.joined([parts[0], rows_of("measured", 1, first=7)])
+    assert len(mixed.payloads) == 3
+
+
+def test_a_thinned_topic_is_encoded_where_it_is_kept_alone(tmp_path: Path) -> None:
+    settings = RecordingSettings(minimum_free_bytes=1)
+    parts = [rows_of("measured", 100, first=k) for k in (0, 100)]
+    with RecordingThread(Recorder(tmp_path / "a.mcap", settings=settings, live=True)) as thread:
+        thread.rows(parts)
+    assert [part._payloads for part in parts] == [None, None]
+    kept = Recording.open(tmp_path / "a.mcap").counts()["measured"]
+    assert 0 < kept < 100
