@@ -378,8 +378,9 @@ def _line(boat: LiveBoat, event: EventRow) -> LogLine:
 
 
 # A busy thread (the recorder) keeps the interpreter for so long when another one (the loop, when a
-# datagram comes) wants it. Python's default is 5 ms; benchmarks/live_latency.py measures the delay.
-SWITCH_S = 0.0005
+# datagram comes) wants it. Python's default is 5 ms; shorter than this costs more of the processor,
+# since each thread that waits asks so often: benchmarks/results/live_latency.md.
+SWITCH_S = 0.002
 
 
 def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress: Progress) -> None:
