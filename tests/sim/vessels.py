@@ -1,5 +1,7 @@
 """Vessels for the tests: one of every shape, and the two of the paper (FLU turned into FRD)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sim.effects.catalogue import EFFECTS
@@ -54,6 +56,12 @@ STEERED_BOAT = Vessel(
     dynamics=SLENDER,
     thrusters=(CENTRE,),
     rudders=(Rudder("steering", Servo(3), (-1.0, 0.0), (-0.6, 0.6), motor="screw"),),
+)
+# thrusters on both sides and a rudder: every effect of the catalogue can act on it at once
+TWIN_WITH_RUDDER = replace(
+    WAMV,
+    name="twin with a rudder",
+    rudders=(Rudder("rudder", Servo(3), (-1.2, 0.0), (-0.6, 0.6), area=0.02, wash="left"),),
 )
 ANTENNA = Sensors(antenna=(0.6, -0.3))
 SHAPES = (WAMV, IACQUABOT, RUDDER_BOAT, STEERED_BOAT)

@@ -33,6 +33,7 @@ from tests.sim.vessels import (
     RUDDER_BOAT,
     SHAPES,
     STEERED_BOAT,
+    TWIN_WITH_RUDDER,
     WAMV,
     added,
     every_effect,
@@ -125,10 +126,10 @@ def test_balance_of_a_simulated_motion_is_zero(effect):
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
 
-@pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
+@pytest.mark.parametrize("vessel", [*SHAPES, TWIN_WITH_RUDDER], ids=lambda v: v.name)
 def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
     vessel = replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel))
-    model, commands, states, _ = simulated(vessel)
+    model, commands, states, _ = simulated(vessel, on_floats)
     reports = reports_without_past(model, commands, states)
     assert np.isfinite(states).all()
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
@@ -223,8 +224,8 @@ def test_a_current_carries_the_voyage_along(vessel):
 
 def test_the_order_in_a_vessel_file_does_not_matter():
     effects = every_effect(WAMV)
-    a = simulated(WAMV.with_effects(*effects))
-    b = simulated(WAMV.with_effects(*reversed(effects)))
+    a = simulated(WAMV.with_effects(*effects), on_floats)
+    b = simulated(WAMV.with_effects(*reversed(effects)), on_floats)
     assert a[0].names == b[0].names
     np.testing.assert_array_equal(a[3], b[3])
 

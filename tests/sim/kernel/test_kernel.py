@@ -14,7 +14,16 @@ from sim.model import InputTable, Model, Runs
 from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.simulated import DT, home, in_numpy, missing_along, simulated, surroundings
-from tests.sim.vessels import ANTENNA, RUDDER_BOAT, SHAPES, WAMV, added, every_effect, excitation
+from tests.sim.vessels import (
+    ANTENNA,
+    IACQUABOT,
+    STEERED_BOAT,
+    TWIN_WITH_RUDDER,
+    WAMV,
+    added,
+    every_effect,
+    excitation,
+)
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
@@ -27,14 +36,37 @@ def test_an_effect_compiled_among_all_others_is_the_same_alone_in_plain_python(e
         agree(SupersetModel.of(home(effect), EFFECTS).with_added([one]), in_numpy(alone))
 
 
-@pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
+EVERYTHING = replace(TWIN_WITH_RUDDER, sensors=ANTENNA).with_effects(
+    *every_effect(TWIN_WITH_RUDDER)
+)
+OF_ACTUATORS = (  # one of each kind of law that is unrolled over thrusters or rudders
+    "actuator_wiring", "thruster_deadband", "thruster_fault", "advance_loss", "thruster_lag",
+    "thruster_misalignment", "steering_offset", "steering_lag",
+)  # fmt: skip
+
+
+def test_all_effects_act_together_on_one_vessel():
+    assert {a.effect.name for a in EVERYTHING.effects} == {e.name for e in EFFECTS}
+
+
+@pytest.mark.parametrize(
+    "vessel",
+    [
+        EVERYTHING,
+        *(
+            shape.with_effects(*(a for a in every_effect(shape) if a.effect.name in OF_ACTUATORS))
+            for shape in (IACQUABOT, STEERED_BOAT)
+        ),
+    ],
+    ids=lambda v: v.name,
+)
 def test_all_together_in_plain_python_equal_the_compiled_kernel(vessel):
-    agree(*in_both(replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel))))
+    agree(*in_both(vessel))
 
 
-@pytest.mark.parametrize("vessel", [WAMV, RUDDER_BOAT], ids=lambda v: v.name)
-def test_a_prediction_with_all_effects_in_plain_python_equals_the_compiled_one(vessel):
-    fast, slow = in_both(replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel)))
+def test_a_prediction_with_all_effects_in_plain_python_equals_the_compiled_one():
+    fast, slow = in_both(EVERYTHING)
+    vessel = EVERYTHING
     commands, steps = excitation(vessel, 3.0, DT), 150
     rows = fast.simulate(commands, DT, **surroundings(steps))[1][0, :-1]
     times, known = DT * np.arange(steps), np.arange(steps) < 50
