@@ -6,8 +6,13 @@ interrupted. Every failure is one line; the environment variable SHADOW_DEBUG=1 
 in front of it. The traceback of a fault of the program is also written to a file.
 """
 
-import atexit
 import os
+
+# Work is shared out to cores in larger pieces: threads of BLAS, on matrices as small as these, wait
+# for one another. Read when numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import atexit
 import signal
 import sys
 import tempfile

@@ -1,5 +1,6 @@
 """Help of the program and of every command."""
 
+import os
 import subprocess
 import sys
 
@@ -94,3 +95,27 @@ def test_help_and_info_start_without_what_compiles_draws_and_fits() -> None:
     )
     assert "voyage_1.tlog" in done.stderr
     assert done.stdout.split() == ["|"]
+
+
+WATCH = """
+import os, sys
+class Watch:
+    def find_spec(self, name, path, target=None):
+        if name == "numpy":
+            print(os.environ.get("OPENBLAS_NUM_THREADS"))
+sys.meta_path.insert(0, Watch())
+import gateway.cli
+"""
+
+
+@pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("2", "2")])
+def test_blas_has_one_thread_unless_the_user_says_otherwise(
+    given: str | None, expected: str
+) -> None:
+    """It reads its number of threads when numpy is imported."""
+    env = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    env |= {} if given is None else {"OPENBLAS_NUM_THREADS": given}
+    done = subprocess.run(
+        [sys.executable, "-c", WATCH], env=env, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == [expected]
