@@ -11,9 +11,10 @@ from fsspec.implementations.memory import MemoryFileSystem
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput, ShadowError
-from gateway.fleet import read_fleet
+from gateway.files import RECORDINGS
+from gateway.fleet import fleet_of_one, read_fleet
 from gateway.fleet import run as running
-from gateway.fleet.analysis import DAY_S, AnalysisSettings
+from gateway.fleet.analysis import DAY_S, AnalysisSettings, Task, analyse
 from gateway.fleet.run import FleetResult, Progress, local_cluster, run_fleet
 from gateway.fleet.table import read_estimates, read_recordings
 from tests.gateway.ingest.scripted import START_NS
@@ -260,3 +261,17 @@ def test_a_killed_worker_costs_nothing_and_a_lost_scheduler_keeps_what_was_done(
             go(folder, cluster, progress=gone)
     with local_cluster(1) as cluster:
         assert go(folder, cluster).known == 1
+
+
+@pytest.mark.slow
+def test_a_diagnosis_is_a_row_with_its_effects_and_their_numbers():
+    """A shipped recording whose compass is turned by eight degrees."""
+    boat = fleet_of_one("demo_boat")[0]
+    task = Task(str(RECORDINGS / "voyage_1.tlog"), boat, AnalysisSettings(("diagnose",)))
+    found = analyse(task)
+    assert (found.row["state"], found.row["verdict"]) == ("done", "explained")
+    assert found.row["effects"] == ["heading_offset"]
+    assert found.row["heldout_nrmse_after"] < 0.5 * found.row["heldout_nrmse_before"]
+    (angle,) = (e for e in found.estimates if e["effect"] == "heading_offset")
+    assert (angle["kind"], angle["origin"], angle["unit"]) == ("effect", "diagnose", "rad")
+    assert angle["low"] < 0.14 < angle["high"]  # recordings/answers.json
