@@ -81,10 +81,11 @@ def screen(
     given = with_given_base(reference.unknowns, reference.z)
     references = [reference] if given is None else [reference, replace(reference, z=given)]
     # of a stiff hull fewer rows, for the same work
-    share = 1.0 / max(like.problem.stiffness(like.unknowns, like.z) for like in references)
+    stiffness = max(like.problem.stiffness(like.unknowns, like.z) for like in references)
+    share = max(1.0 / stiffness, thresholds.MIN_SCREENED_SHARE)
     pairs = [
         [
-            _Screening.of(superset, like, like.problem.thinned(max(round(share * rows), 1)))
+            _Screening.of(superset, like, like.problem.thinned(round(share * rows)))
             for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
         ]
         for like in references

@@ -33,6 +33,7 @@ COARSE_ROWS = 1000  # … and where many starts are compared first
 # 0.2 s, the Otter 0.05; what was fitted to ArduPilot's own simulated boat, which turns without
 # inertia, 0.025.
 SHORTEST_SCREENED_STEP_S = 0.05
+MIN_SCREENED_SHARE = 0.5  # of the rows: a lag of a few ms asks for steps that leave none
 MANY_STARTS = 4  # an effect with more is screened on `COARSE_ROWS` first, half as many go on
 COARSE_STEPS = 2  # there from each start, and again from the best of them
 # From the best start. A hull that is unstable on course bends every way to a varying current: of 21

@@ -125,7 +125,7 @@ def sea(height: float, period: float, direction: float, spread: float, seed: flo
     energy = (np.arange(COMPONENTS) + dice.uniform(0.2, 0.8, COMPONENTS)) / COMPONENTS
     peak = 2.0 * math.pi / period
     omega = peak * (1.25 / -np.log(energy)) ** 0.25  # the spectrum's own distribution, inverted
-    omega = np.minimum(omega, 3.0 * peak)
+    omega = np.minimum(omega, 3.0 * peak)  # what is shorter hardly moves a hull
     towards = direction + spread * dice.standard_normal(COMPONENTS)
     phase = dice.uniform(0.0, 2.0 * math.pi, COMPONENTS)
     amplitude = 0.25 * height * math.sqrt(2.0 / COMPONENTS)

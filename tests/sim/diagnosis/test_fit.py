@@ -77,6 +77,10 @@ def test_a_stiff_hull_is_screened_on_fewer_rows(fit: Fit, monkeypatch: pytest.Mo
     stiffness = stiff.problem.stiffness(stiff.unknowns, stiff.z)
     assert stiffness == pytest.approx(2.0)
     assert max(asked) == round(thresholds.SCREENED_ROWS / stiffness)
+    asked.clear()
+    monkeypatch.setattr(FitProblem, "stiffness", lambda *_: 50.0)  # as of a lag of a millisecond
+    screen(superset, fit.model(), [], fit)
+    assert min(asked) == round(thresholds.MIN_SCREENED_SHARE * thresholds.COARSE_ROWS)
 
 
 def test_a_fit_without_a_part_is_near_the_fit_with_it(fit: Fit) -> None:
