@@ -129,6 +129,11 @@ def every_effect(vessel: Vessel) -> tuple[AddedEffect, ...]:
     return tuple(added(effect) for effect in EFFECTS if not vessel.unmet_needs(effect))
 
 
+def with_every_effect(vessel: Vessel) -> Vessel:
+    """The vessel with all of these, its antenna off the middle."""
+    return replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel))
+
+
 def excitation(vessel: Vessel, seconds: float, dt: float, seed: int = 7) -> np.ndarray:
     """Commands (T, na) in steps of 2 s, ahead more than astern."""
     rng = np.random.default_rng(seed)

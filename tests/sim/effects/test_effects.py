@@ -38,6 +38,7 @@ from tests.sim.vessels import (
     added,
     every_effect,
     excitation,
+    with_every_effect,
 )
 
 ORDER = (  # of what a file declares
@@ -128,8 +129,7 @@ def test_balance_of_a_simulated_motion_is_zero(effect):
 
 @pytest.mark.parametrize("vessel", [*SHAPES, TWIN_WITH_RUDDER], ids=lambda v: v.name)
 def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
-    vessel = replace(vessel, sensors=ANTENNA).with_effects(*every_effect(vessel))
-    model, commands, states, _ = simulated(vessel, on_floats)
+    model, commands, states, _ = simulated(with_every_effect(vessel), on_floats)
     reports = reports_without_past(model, commands, states)
     assert np.isfinite(states).all()
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7

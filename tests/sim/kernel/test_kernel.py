@@ -15,7 +15,6 @@ from sim.state import Wrench
 from sim.vessel import AddedEffect
 from tests.sim.simulated import DT, home, in_numpy, missing_along, simulated, surroundings
 from tests.sim.vessels import (
-    ANTENNA,
     IACQUABOT,
     STEERED_BOAT,
     TWIN_WITH_RUDDER,
@@ -23,6 +22,7 @@ from tests.sim.vessels import (
     added,
     every_effect,
     excitation,
+    with_every_effect,
 )
 
 
@@ -36,9 +36,7 @@ def test_an_effect_compiled_among_all_others_is_the_same_alone_in_plain_python(e
         agree(SupersetModel.of(home(effect), EFFECTS).with_added([one]), in_numpy(alone))
 
 
-EVERYTHING = replace(TWIN_WITH_RUDDER, sensors=ANTENNA).with_effects(
-    *every_effect(TWIN_WITH_RUDDER)
-)
+EVERYTHING = with_every_effect(TWIN_WITH_RUDDER)
 OF_ACTUATORS = (  # one of each kind of law that is unrolled over thrusters or rudders
     "actuator_wiring", "thruster_deadband", "thruster_fault", "advance_loss", "thruster_lag",
     "thruster_misalignment", "steering_offset", "steering_lag",

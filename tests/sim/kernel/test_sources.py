@@ -2,7 +2,6 @@
 
 import importlib
 import sys
-from dataclasses import replace
 
 import pytest
 
@@ -12,9 +11,9 @@ from sim.kernel.generator import kernel_text
 from sim.model import Model
 from sim.vessel import AddedEffect
 from tests.sim.kernel.reachable import entries, modules_reached
-from tests.sim.vessels import ANTENNA, RUDDER_BOAT, SHAPES, WAMV, added, every_effect
+from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV, added, with_every_effect
 
-ALL_AT_ONCE = [replace(v, sensors=ANTENNA).with_effects(*every_effect(v)) for v in SHAPES]
+ALL_AT_ONCE = [with_every_effect(v) for v in SHAPES]
 
 
 def not_yet_compiled(structure):
