@@ -227,7 +227,9 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
             symptom = OFFSET_SYMPTOMS.get(u.name)
             cause = f": {symptom.value} ({explaining(symptom)})" if symptom else ""
             doubts.append(f"stands at its {name} limit, {limit:g} {u.unit}{cause}")
-    if vague and scaled:
+    if u.name in unknowns.faster_than_rows(z):
+        doubts.append("held: this damping is over sooner than these rows show, whatever it is")
+    elif vague and scaled:
         doubts.append(
             "not identifiable: known only as a share of thrust; fix the thrust, or a mass"
         )

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ EFFECT_STEP = 0.05  # scales, of differences of an effect's parameters
 ASSUMED_STD = 3.0  # scales that a number of a first vessel file may be off by
 FIXED_STD = 1e-4  # scales: prior of a parameter that is held at its start
 MAX_TURN_RAD = 1.5  # that a blade or motor turns
+AXES = (("m11", "X_u", "X_uu"), ("m22", "Y_v", "Y_vv"), ("m33", "N_r", "N_rr"))
+MAX_DAMPING_RATE = 10.0  # 1/s at 1 m/s or 1 rad/s: over in half a row of 0.2 s, so no row shows it
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
     "Y_vv": "N s²/m²", "N_r": "N m s", "N_rr": "N m s²", "x_g": "m", "Y_r": "N s", "N_v": "N s",
@@ -83,6 +86,32 @@ class Unknown:
         return self.prior / ASSUMED_STD if self.assumed else self.prior
 
 
+class _Axis(NamedTuple):
+    """Inertia, linear and square damping of surge, sway or yaw: columns of z, and values given."""
+
+    columns: Sequence[int | None]
+    given: Sequence[float]
+
+    @property
+    def damping(self) -> list[int]:
+        return [i for i in self.columns[1:] if i is not None]
+
+    def share(self, values: Floats) -> Floats:
+        """Named values (..., n) -> what share (...) of this damping a row can show, at most 1.
+
+        A vessel that was given with faster damping keeps that.
+        """
+        pairs = zip(self.columns, self.given, strict=True)
+        now = _damping_rate(*(given if i is None else values[..., i] for i, given in pairs))
+        limit = np.maximum(MAX_DAMPING_RATE, _damping_rate(*self.given))
+        return np.minimum(1.0, limit / np.maximum(now, 1e-9))
+
+
+def _damping_rate(inertia: Floats | float, linear: Floats | float, square: Floats | float) -> Any:
+    """[1/s] at 1 m/s or 1 rad/s."""
+    return (np.abs(linear) + 2.0 * np.abs(square)) / np.abs(inertia)
+
+
 @dataclass(frozen=True)
 class Unknowns:
     """All unknown parameters as one vector z (n,); `model` gives what is not estimated."""
@@ -114,7 +143,20 @@ class Unknowns:
         return lower, np.array([u.upper for u in self.each])
 
     def to_named(self, z: Floats) -> Floats:
-        """z (..., n) -> values of the named parameters (..., n)."""
+        """z (..., n) -> values of the named parameters (..., n).
+
+        Damping that is over before a row can show it stands for "as fast as the rows can tell" and
+        is held there: a fit to a boat that follows its helm at once would go on to hulls without
+        inertia, which take tens of steps in each row.
+        """
+        out = self._unlimited(z)
+        for axis in self._axes:
+            share = axis.share(out)
+            for i in axis.damping:
+                out[..., i] *= share
+        return out
+
+    def _unlimited(self, z: Floats) -> Floats:
         out = np.array(z, dtype=float)
         for i in self._pairs():
             out[..., i] = np.hypot(z[..., i], z[..., i + 1])
@@ -173,6 +215,17 @@ class Unknowns:
     def prior_residuals(self, z: Floats) -> Floats:
         """z (..., n) -> residuals of the priors (..., n); zero where nothing is known."""
         return (z - self.start) / np.array([u.prior for u in self.each])
+
+    def faster_than_rows(self, z: Floats) -> set[str]:
+        """Names of damping that is held at z (n,), because it is over before a row can show it."""
+        held = [axis for axis in self._axes if axis.share(self._unlimited(z)) < 1.0]
+        return {self.each[i].name for axis in held for i in axis.damping}
+
+    @cached_property
+    def _axes(self) -> list["_Axis"]:
+        known = dict(zip(self.model.names, self.model.theta.tolist(), strict=True))
+        known |= {u.name: u.start for u in self.each}
+        return [_Axis([self.column(n) for n in names], [known[n] for n in names]) for names in AXES]
 
     def _whole(self, i: int, values: Floats) -> Floats:
         """The value (...) that unknown i is a share of."""

@@ -155,7 +155,8 @@ def _jit(function: Callable[..., Any]) -> Any:
 
 def _entry(function: Callable[..., Any]) -> Any:
     """For what Python calls, with arrays alone: its machine code, callees included, is kept."""
-    return compiled_once(numba.njit(nogil=True, error_model="numpy", cache=True)(function))
+    entry = numba.njit(nogil=True, error_model="numpy", cache=True, no_cfunc_wrapper=True)
+    return compiled_once(entry(function))
 
 
 def _uncompiled(function: Callable[..., Any]) -> Any:

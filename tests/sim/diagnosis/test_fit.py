@@ -66,9 +66,10 @@ def test_a_stiff_hull_is_screened_on_fewer_rows(fit: Fit, monkeypatch: pytest.Mo
         return problem
 
     monkeypatch.setattr(FitProblem, "thinned", thinned)
+    given = [replace(u, start=100.0 * u.start) if u.name == "N_r" else u for u in fit.unknowns.each]
     z = fit.z.copy()
-    z[[u.name for u in fit.unknowns.each].index("N_r")] *= 100.0
-    stiff = replace(fit, z=z)
+    z[[u.name for u in given].index("N_r")] *= 100.0
+    stiff = replace(fit, z=z, unknowns=replace(fit.unknowns, each=tuple(given)))
     superset = SupersetModel.of(WAM_V, ())
     screen(superset, fit.model(), [], fit)
     assert asked == [thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS]

@@ -11,7 +11,7 @@ from sim.effects.steady_current import EFFECT as CURRENT
 from sim.effects.thruster_lag import EFFECT as LAG
 from sim.identification import BASE, IdentifySettings
 from sim.identification.identify import identify
-from sim.identification.parameters import UnknownNameError
+from sim.identification.parameters import MAX_DAMPING_RATE, UnknownNameError
 from sim.model import Model
 from sim.vessel import AddedEffect, Vessel
 from tests.sim.identification.noisy_trials import noisy, off, wander
@@ -189,3 +189,31 @@ def test_a_fit_of_any_hull_from_any_file_ends(boat, file, seed):
 @given(FACTORS, FACTORS, st.integers(1, 100))
 def test_fits_of_many_hulls_from_many_files_end(boat, file, seed):
     ends(scaled(boat), scaled(file), seed)
+
+
+AT_ONCE = replace(WAMV, dynamics=replace(WAMV.dynamics, m33=0.02 * WAMV.dynamics.m33))
+
+
+def yaw_rate_is_damped_in(vessel: Vessel) -> float:
+    """Rate [1/s] at 1 rad/s."""
+    d = vessel.dynamics
+    return -(d.N_r + 2.0 * d.N_rr) / d.m33
+
+
+def test_a_boat_that_follows_its_helm_at_once_is_no_hull_without_inertia():
+    """Its damping is over within a row: what lies below that is held, said, and not simulated."""
+    assert yaw_rate_is_damped_in(AT_ONCE) > 3.0 * MAX_DAMPING_RATE
+    trial = noisy(AT_ONCE, 200.0, seed=5)
+    found = identify([trial], off(WAMV))
+    assert yaw_rate_is_damped_in(found.vessel) == pytest.approx(MAX_DAMPING_RATE, rel=1e-3)
+    assert "sooner than these rows show" in value(found, "N_r").doubt
+    assert not value(found, "X_u").doubt
+    steps = [Model.of(v).steps_in(trial.dt, None, np.ones(3)) for v in (found.vessel, AT_ONCE)]
+    assert steps[0] <= 3 < steps[1]
+    (unseen,) = found.validation
+    assert unseen.after.scores.r2["r"] > 0.9  # it turns as the boat does
+
+
+def test_a_vessel_that_is_given_as_quick_as_that_stays_so():
+    found = identify([noisy(AT_ONCE, 200.0, seed=5)], AT_ONCE)
+    assert yaw_rate_is_damped_in(found.vessel) > 2.0 * MAX_DAMPING_RATE
