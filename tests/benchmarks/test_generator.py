@@ -21,7 +21,7 @@ from benchmarks.hidden.talk import MODEST
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import hidden_of, main, write_voyage
 from gateway.vessel_file import load_vessel
-from sim.model import Model
+from tests.sim.simulated import on_floats
 
 # what runs a diagnosis and scores it must call it; nothing of them sails
 JUDGES = {
@@ -146,7 +146,7 @@ def simulated(tmp_path: Path, boat: Boat, truth: Truth, effects: str = "") -> np
     channels = [output.channel for output in boat.outputs]
     commands = vessel.commands(channels, truth.pulses.astype(float))
     start = in_body(truth.motion[:1])[0]
-    states, _ = Model.of(vessel).simulate(commands, TICK, start)
+    states, _ = on_floats(vessel).simulate(commands, TICK, start)
     return states[0, :-1, :6]
 
 

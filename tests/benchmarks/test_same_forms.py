@@ -1,6 +1,7 @@
 """The generator's causes and the catalogue's effects: the same where they should be, else alike.
 
-The two share no code. Here the acceleration of one boat is asked of both, with and without each.
+The two share no code. Here the acceleration of one boat is asked of both, with and without each; of
+`sim` in plain Python, as a kernel for each takes seconds to compile.
 """
 
 from pathlib import Path
@@ -15,8 +16,8 @@ from benchmarks.hidden.sail import TICK, stepped
 from benchmarks.hidden.vessel_toml import vessel_toml
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS, named
-from sim.model import Model
 from sim.vessel import AddedEffect
+from tests.sim.simulated import on_floats
 
 VOLTS, COUNT = 15.0, 60
 SAME = {
@@ -92,7 +93,7 @@ def in_sim(folder: Path, boat, *effects):
     """The same by `sim`."""
     file = folder / "boat.toml"
     file.write_text(vessel_toml(boat), encoding="utf-8")
-    model, out = Model.of(load_vessel(file).with_effects(*effects)), []
+    model, out = on_floats(load_vessel(file).with_effects(*effects)), []
     for state, commands, time in zip(*moments(), strict=True):
         _, said = model.simulate(
             commands[None], 0.01, state, voltage=np.array([VOLTS]), start_time=float(time)
@@ -149,7 +150,7 @@ def answers_to_a_step(folder, name, tau):
         there.append([c * state[3] + s * state[4], c * state[4] - s * state[3], state[5]])
     file = folder / "boat.toml"
     file.write_text(vessel_toml(boat), encoding="utf-8")
-    model = Model.of(load_vessel(file).with_effects(AddedEffect(named(name), {"tau": tau})))
+    model = on_floats(load_vessel(file).with_effects(AddedEffect(named(name), {"tau": tau})))
     start = np.zeros(model.state_size)  # at rest, shafts and rudders too
     states, _ = model.simulate(np.tile(commands, (ticks, 1)), TICK, start)
     return np.array(there), states[0, 1:, 3:6]

@@ -3,7 +3,8 @@
 import numpy as np
 
 from sim.effects.effect import Effect, Need
-from sim.kernel.cache import plain_kernel_for
+from sim.kernel.cache import Kernel, plain_kernel_for
+from sim.kernel.generator import Structure
 from sim.model import InputTable, Model, Runs
 from sim.vessel import Vessel
 from tests.sim.vessels import RUDDER_BOAT, WAMV, excitation
@@ -36,7 +37,12 @@ def on_floats(vessel: Vessel) -> Model:
 
     Several times as fast as arrays of one element.
     """
-    return Model.of(vessel, lambda s: plain_kernel_for(s)._replace(compiled=True))
+    return Model.of(vessel, floats_kernel_for)
+
+
+def floats_kernel_for(structure: Structure) -> Kernel:
+    """The kernel in plain Python that takes one run after another, as a compiled one does."""
+    return plain_kernel_for(structure)._replace(compiled=True)
 
 
 def simulated(vessel, model_of=Model.of):

@@ -8,7 +8,6 @@ import pytest
 from sim.identification import IdentifySettings, updated_vessel
 from sim.identification.parameters import unknowns_of
 from sim.kernel.cache import plain_kernel_for
-from sim.model import Model
 from sim.vessel import (
     as_table,
     curve_exponent,
@@ -54,8 +53,8 @@ def test_a_thruster_may_share_the_table_of_another():
 def test_a_straight_table_is_a_linear_curve():
     commands = np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2))
     straight = ((-1.0, -1.0), (0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
-    ours, _ = Model.of(with_curves(straight, "left")).simulate(commands, DT)
-    plain, _ = Model.of(WAMV).simulate(commands, DT)
+    ours, _ = on_floats(with_curves(straight, "left")).simulate(commands, DT)
+    plain, _ = on_floats(WAMV).simulate(commands, DT)
     np.testing.assert_allclose(ours, plain, atol=1e-9)
 
 

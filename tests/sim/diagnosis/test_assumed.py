@@ -10,11 +10,11 @@ from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.effects.catalogue import named
 from sim.identification.intervals import Estimate
-from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
 from sim.wind import C_N
 from tests.sim.diagnosis.sailed import DT, STD, sailed
+from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V, commands, trial_of
 
 WIND = named("steady_wind")
@@ -39,7 +39,7 @@ def measured_in(seconds: float, known: bool = True) -> Trial:
     drive = commands(seconds, DT)
     turning = np.linspace(0.0, 2.0, len(drive))
     wind = -9.0 * np.stack([np.cos(turning), np.sin(turning)], axis=1)
-    _, reports = Model.of(blown(KNOWN)).simulate(drive, DT, wind=wind)
+    _, reports = on_floats(blown(KNOWN)).simulate(drive, DT, wind=wind)
     motion = reports[0, :-1] + np.random.default_rng(3).normal(0.0, STD, (len(drive), 9))
     parts = motion[:, :3], motion[:, 3:6], motion[:, 6:]
     trial = trial_of(*parts, drive, DT, np.diag(STD**2))
@@ -86,6 +86,7 @@ def test_what_was_measured_is_not_fitted_but_what_it_acts_on() -> None:
 ONLY_WIND = DiagnoseSettings(effects=(WIND, named("steady_current")))
 
 
+@pytest.mark.slow
 def test_areas_are_fitted_to_a_measured_wind() -> None:
     found = diagnose([measured_in(200.0)], WAM_V, ONLY_WIND)
     assert found.effects == ("steady_wind",)

@@ -60,6 +60,7 @@ def test_what_is_missing_is_named_and_the_error_falls() -> None:
         assert step.parameters[step.effects[0]]
 
 
+@pytest.mark.slow
 def test_a_voyage_is_explained_alike_on_a_fine_and_on_a_coarse_grid() -> None:
     """10 Hz, as the library takes a log, and 5 Hz, as the command line does."""
     eta, nu, nu_dot, drive = voyage(200.0, 0.1, current=(0.2, -0.25))
@@ -85,6 +86,7 @@ def test_what_the_vessel_has_already_is_not_looked_for() -> None:
     assert "thruster_imbalance" not in {row.effect for row in again.ranking}
 
 
+@pytest.mark.slow
 def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_named() -> None:
     """A push to starboard that grows with speed: no effect offered here can do that."""
     trial = sailed("hull_lift", Y_uv=0.0, Y_ur=0.0, N_uv=0.0, N_ur=0.0)

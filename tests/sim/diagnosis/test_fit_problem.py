@@ -1,43 +1,42 @@
-"""The superset model is each of the narrow ones, and the plain one where nothing is switched on."""
+"""The superset model is the plain one where nothing is switched on, and names what is added.
+
+That it is each of the narrow ones, compiled too, is shown in tests/sim/kernel/test_kernel.py.
+"""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sim.diagnosis.fit_problem import SupersetModel, neutral_values
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect
-from sim.model import Model
 from sim.vessel import AddedEffect
-from tests.sim.simulated import in_numpy
-from tests.sim.vessels import VALUES, WAMV
+from tests.sim.simulated import on_floats
+from tests.sim.vessels import WAMV
 from tests.sim.voyages import commands
 
-SUPERSET = SupersetModel.of(WAMV, EFFECTS)
 DRIVE = commands(20.0, 0.1)
 
 
-def test_switched_off_it_is_the_plain_vessel() -> None:
-    plain, superset = Model.of(WAMV).simulate(DRIVE, 0.1)[1], SUPERSET.model.simulate(DRIVE, 0.1)[1]
-    np.testing.assert_allclose(superset, plain, rtol=1e-12, atol=1e-12)
+@pytest.fixture
+def superset(monkeypatch: pytest.MonkeyPatch) -> SupersetModel:
+    """All effects, their laws in plain Python."""
+    monkeypatch.setattr("sim.diagnosis.fit_problem.Model", SimpleNamespace(of=on_floats))
+    return SupersetModel.of(WAMV, EFFECTS)
 
 
-@pytest.mark.parametrize("effect", SUPERSET.effects, ids=lambda e: e.name)
-def test_switched_on_it_is_the_vessel_with_that_effect(effect: Effect) -> None:
-    added = AddedEffect(
-        effect, VALUES.get(effect.name) or {p.name: p.start for p in effect.parameters}
-    )
-    narrow = in_numpy(WAMV.with_effects(added)).simulate(DRIVE, 0.1)[1]
-    superset = SUPERSET.with_added([added]).simulate(DRIVE, 0.1)[1]
-    np.testing.assert_allclose(superset, narrow, rtol=1e-9, atol=1e-9)
+def test_switched_off_it_is_the_plain_vessel(superset: SupersetModel) -> None:
+    plain, all_off = (m.simulate(DRIVE, 0.1)[1] for m in (on_floats(WAMV), superset.model))
+    np.testing.assert_allclose(all_off, plain, rtol=1e-12, atol=1e-12)
 
 
-def test_what_has_memory_or_no_off_comes_beside_the_others() -> None:
+def test_what_has_memory_or_no_off_comes_beside_the_others(superset: SupersetModel) -> None:
     lag = next(e for e in EFFECTS if e.name == "thruster_lag")
     assert neutral_values(lag) is None
-    both = SUPERSET.with_added(
+    both = superset.with_added(
         [
             AddedEffect(lag, {"tau": 0.3}),
-            AddedEffect(SUPERSET.effects[0], {"speed": 0.2, "direction": 1.0}),
+            AddedEffect(superset.effects[0], {"speed": 0.2, "direction": 1.0}),
         ]
     )
     assert {"thruster_lag.tau", "steady_current.speed"} <= set(both.names)

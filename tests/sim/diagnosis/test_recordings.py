@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
@@ -16,6 +17,7 @@ from sim.effects.effect import Shown
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import DT, STD, sailed, with_effect
+from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V, trial_of
 
 OFFSET, CURRENT = named("heading_offset"), named("steady_current")
@@ -63,14 +65,17 @@ def test_what_recordings_agree_on_holds_on_each_that_is_left_out() -> None:
 
 def test_what_holds_on_some_recordings_only_is_not_believed_of_the_boat() -> None:
     """Blocks of each were fitted too: on the rest of their time the offset helps all the same."""
-    trials = days(*DIFFERING)
-    ranking, step = offset_on(trials)
+    ranking, step = offset_on(days(*DIFFERING))
     assert ranking.best.gain.nats > 0.0
     assert on_recordings(ranking).nats < 0.0
     assert "not alike on all" in doubted(ranking)
     assert step.left_out is not None
     assert step.left_out.nrmse > 1.5 * step.heldout.nrmse
-    found = diagnose(trials, WAM_V, DiagnoseSettings(effects=(OFFSET,)))
+
+
+@pytest.mark.slow
+def test_what_is_not_believed_of_the_boat_is_not_named() -> None:
+    found = diagnose(days(*DIFFERING), WAM_V, DiagnoseSettings(effects=(OFFSET,)))
     assert "heading_offset" not in found.effects
 
 
@@ -107,7 +112,7 @@ def narrow(effect: str, **values: float) -> Trial:
     turn = 0.2 * np.sign(np.sin(2.0 * np.pi * time / 24.0 + 0.5 * np.pi))
     ahead = 0.5 + 0.2 * np.sin(2.0 * np.pi * time / 37.0)
     drive = np.stack([ahead + turn, ahead - turn], axis=1)
-    _, reports = Model.of(with_effect(WAM_V, effect, **values)).simulate(drive, DT)
+    _, reports = on_floats(with_effect(WAM_V, effect, **values)).simulate(drive, DT)
     motion = reports[0, :-1] + np.random.default_rng(5).normal(0.0, STD, (len(drive), 9))
     return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(STD**2))
 

@@ -13,7 +13,15 @@ from sim.following.follower import Reference, ReferenceMode
 from sim.model import InputTable, Model, Runs
 from sim.state import Wrench
 from sim.vessel import AddedEffect
-from tests.sim.simulated import DT, home, in_numpy, missing_along, simulated, surroundings
+from tests.sim.simulated import (
+    DT,
+    home,
+    in_numpy,
+    missing_along,
+    on_floats,
+    simulated,
+    surroundings,
+)
 from tests.sim.vessels import (
     IACQUABOT,
     STEERED_BOAT,
@@ -25,7 +33,22 @@ from tests.sim.vessels import (
     with_every_effect,
 )
 
+EVERYTHING = with_every_effect(TWIN_WITH_RUDDER)  # the one large kernel of the fast tests
+CAN_BE_OFF = [effect for effect in EFFECTS if neutral_values(effect) is not None]
 
+
+@pytest.mark.parametrize("effect", CAN_BE_OFF, ids=lambda e: e.name)
+def test_an_effect_compiled_among_all_others_is_the_same_without_them_in_plain_python(effect):
+    """The others are switched off by their numbers; those that cannot be act on both sides."""
+    fast, theta = Model.of(EVERYTHING), Model.of(EVERYTHING).theta.copy()
+    for other in CAN_BE_OFF:
+        for key, value in neutral_values(other).items() if other is not effect else ():
+            theta[fast.names.index(f"{other.name}.{key}")] = value
+    rest = [a for a in EVERYTHING.effects if a.effect is effect or a.effect not in CAN_BE_OFF]
+    agree(replace(fast, theta=theta), in_numpy(replace(EVERYTHING, effects=tuple(rest))), 1.0)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 def test_an_effect_compiled_among_all_others_is_the_same_alone_in_plain_python(effect):
     """All others are switched off; what cannot be is compiled by itself."""
@@ -36,7 +59,6 @@ def test_an_effect_compiled_among_all_others_is_the_same_alone_in_plain_python(e
         agree(SupersetModel.of(home(effect), EFFECTS).with_added([one]), in_numpy(alone))
 
 
-EVERYTHING = with_every_effect(TWIN_WITH_RUDDER)
 OF_ACTUATORS = (  # one of each kind of law that is unrolled over thrusters or rudders
     "actuator_wiring", "thruster_deadband", "thruster_fault", "advance_loss", "thruster_lag",
     "thruster_misalignment", "steering_offset", "steering_lag",
@@ -52,7 +74,12 @@ def test_all_effects_act_together_on_one_vessel():
     [
         EVERYTHING,
         *(
-            shape.with_effects(*(a for a in every_effect(shape) if a.effect.name in OF_ACTUATORS))
+            pytest.param(
+                shape.with_effects(
+                    *(a for a in every_effect(shape) if a.effect.name in OF_ACTUATORS)
+                ),
+                marks=pytest.mark.slow,
+            )
             for shape in (IACQUABOT, STEERED_BOAT)
         ),
     ],
@@ -89,9 +116,9 @@ def in_both(vessel):
     return fast, slow
 
 
-def agree(fast, slow):
+def agree(fast, slow, seconds=2.0):
     """Free runs of a batch and the missing force: compiled against plain Python."""
-    commands = np.stack([excitation(slow.vessel, 2.0, DT, seed) for seed in (1, 2)])
+    commands = np.stack([excitation(slow.vessel, seconds, DT, seed) for seed in (1, 2)])
     air = surroundings(commands.shape[1])
     start = np.random.default_rng(2).normal(0.0, 0.4, (2, 6))
     a, b = (m.simulate(commands, DT, start, **air) for m in (fast, slow))
@@ -159,7 +186,7 @@ def test_an_effect_that_numba_cannot_compile_runs_in_numpy_with_a_notice():
     with pytest.warns(UserWarning, match=r"listed.*numpy.*_asdict.*test_kernel.py"):
         model, commands, _, reports = simulated(slow_boat)
     assert not model.kernel.compiled
-    _, _, _, expected = simulated(fast_boat)
+    _, _, _, expected = simulated(fast_boat, on_floats)
     np.testing.assert_allclose(reports, expected, rtol=0, atol=1e-11)
     assert np.abs(missing_along(model, commands[:50], reports[:50])).max() < 1e-7
 
@@ -170,7 +197,7 @@ def test_missing_force_recovers_after_a_stretch_without_motion():
         "lossy", Scope.BOAT, (), "slow", thrust=lambda F, drive, flow, p: F * (1.0 - 0.1 * flow.u)
     )
     vessel = WAMV.with_effects(AddedEffect(lossy, {}), added(thruster_lag.EFFECT))
-    model, commands, _, reports = simulated(vessel)
+    model, commands, _, reports = simulated(vessel, on_floats)
     broken = reports.copy()
     broken[100:120] = np.nan
     force = missing_along(model, commands, broken)
