@@ -1,7 +1,7 @@
 # make demo      set up and run the main job on recordings that ship
 # make hil-demo  the same with an autopilot in the loop; AUTOPILOT=PATH is ardurover for SITL
 # make test      set up and run checks and tests
-# make test-slow set up and run what takes long
+# make test-slow set up and run what takes long: calculations on two cores, then the rest alone
 # make fuzz      damaged files and packets against every parser, a minute each; MINUTES=10 for ten
 # make docs      the documentation as a site, with search: out/site/index.html
 PYTHON ?= python3
@@ -29,7 +29,12 @@ tests-read: $(READY)
 	@$(RUN)/pytest -q --collect-only -m "not slow" > /dev/null || true
 
 test-slow: $(READY) chromium
-	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m slow
+	@failed=0; \
+	$(RUN)/pytest -q -m "slow and not alone" -n 2 --dist loadfile --no-loadscope-reorder \
+		|| failed=1; \
+	SHADOW_BROWSER=$$([ "$$(id -u)" != 0 ] || echo required) $(RUN)/pytest -q -m alone \
+		|| failed=1; \
+	exit $$failed
 
 fuzz: $(READY)
 	$(RUN)/python -m tests.fuzz --minutes $(or $(MINUTES),1) $(if $(ONLY),--only $(ONLY)) \

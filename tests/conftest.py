@@ -36,8 +36,12 @@ LONG = (
 )  # fmt: skip
 
 
+@pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first; the order in each stays."""
+    """What runs alone is slow too. Long files first; the order in each stays."""
+    for item in items:
+        if item.get_closest_marker("alone"):
+            item.add_marker("slow")
     places = {ROOT / "tests" / f"{name}.py": k for k, name in enumerate(LONG)}
     items.sort(key=lambda item: places.get(item.path, len(LONG)))
 

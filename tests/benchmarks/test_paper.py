@@ -103,6 +103,7 @@ def test_as_good_as_needs_all_three() -> None:
         assert not worse.as_good_as(paper)
 
 
+@pytest.mark.slow
 def test_the_smoothed_measurement_is_near_the_truth(campaign: Campaign) -> None:
     for study in campaign.studies.values():
         rows = study.validation.usable
@@ -111,6 +112,7 @@ def test_the_smoothed_measurement_is_near_the_truth(campaign: Campaign) -> None:
         assert np.abs(off).max() > 1e-3  # it is a measurement
 
 
+@pytest.mark.slow
 def test_tables_4_and_5(campaign: Campaign) -> None:
     whole(table_4(campaign))
     part = table_5(campaign)
@@ -122,6 +124,7 @@ def test_tables_4_and_5(campaign: Campaign) -> None:
     assert meets(default[8], 10.6007, 1.1849)
 
 
+@pytest.mark.slow
 def test_table_6(campaign: Campaign) -> None:
     whole(table_6(campaign))
     for study in campaign.studies.values():
@@ -131,6 +134,7 @@ def test_table_6(campaign: Campaign) -> None:
         assert columns["LQS printed"]["r"].rmse > columns[JUDGED]["r"].rmse
 
 
+@pytest.mark.slow
 def test_table_7(campaign: Campaign) -> None:
     part = table_7(campaign)
     whole(part)
@@ -138,6 +142,7 @@ def test_table_7(campaign: Campaign) -> None:
     assert all(part.held.values())
 
 
+@pytest.mark.slow
 def test_only_three_axes_hold_against_a_side_force(campaign: Campaign) -> None:
     wam = wam_v().vessel
     reference = driven(campaign, iacquabot().vessel)
@@ -147,6 +152,7 @@ def test_only_three_axes_hold_against_a_side_force(campaign: Campaign) -> None:
         assert (worst < 0.1) is holds
 
 
+@pytest.mark.slow
 def test_the_shadow_of_a_measured_reference(campaign: Campaign, folder: Path) -> None:
     part = shadows(campaign, folder)
     whole(part)

@@ -31,6 +31,7 @@ def diagnosed(
     return diagnose_logs([log], file, settings=FEW, improve=False), log, voyage
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("areas", [0.6, 1.7])
 def test_a_wind_is_named_with_its_direction_force_and_a_range_that_holds_its_speed(
     tmp_path: Path, areas: float
@@ -66,6 +67,7 @@ def test_a_wind_is_named_with_its_direction_force_and_a_range_that_holds_its_spe
     assert "assumed" not in " ".join(one.notices)
 
 
+@pytest.mark.slow
 def test_the_moment_of_a_wind_need_not_be_the_catalogues(tmp_path: Path) -> None:
     """The coefficients are found with the wind: the generator's own leave nothing over.
 
@@ -83,6 +85,7 @@ def test_the_moment_of_a_wind_need_not_be_the_catalogues(tmp_path: Path) -> None
     assert found.to_dict()["assumed"][0]["force_abeam_N"] == pytest.approx(abeam, rel=0.15)
 
 
+@pytest.mark.slow
 def test_in_a_calm_nothing_is_named_and_nothing_assumed(tmp_path: Path) -> None:
     found, _, voyage = diagnosed(tmp_path, 0.0)
     answer = found.to_dict()

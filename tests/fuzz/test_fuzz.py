@@ -46,10 +46,10 @@ def test_every_specimen_is_read(target: Target) -> None:
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
 def test_every_parser_stands_some_mutants(target: Target) -> None:
-    assert fuzz(target, 0.5, 1) > 0
+    assert fuzz(target, 0.2, 1) > 0
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
 def test_every_parser_stands_a_short_round(target: Target) -> None:
     """Other mutants than above, the same ones on every machine; `make fuzz` goes on."""

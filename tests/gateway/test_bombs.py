@@ -44,7 +44,7 @@ def zeros(compression: str, size: int) -> bytes:
     if compression == "lz4":
         return lz4.frame.compress(bytes(size), store_size=False)
     squeeze = zstandard.ZstdCompressor().compressobj(size=size)
-    block = bytes(1 << 20)
+    block = bytes(min(size, 1 << 20))
     parts = [squeeze.compress(block) for _ in range(size // len(block))]
     return b"".join([*parts, squeeze.flush()])
 
@@ -65,9 +65,9 @@ def test_a_chunk_that_unpacks_to_a_gigabyte_is_refused_before_it_is_unpacked(
 def test_many_chunks_count_together(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.recording.blocks.ALWAYS_UNPACKED", 4 << 20)
-    packed = zeros("zstd", 2 << 20)
-    path = bomb(tmp_path / "bomb.mcap", [chunk(packed, 2 << 20, "zstd")] * 40)
+    monkeypatch.setattr("gateway.recording.blocks.ALWAYS_UNPACKED", 1 << 18)
+    packed = zeros("zstd", 1 << 17)
+    path = bomb(tmp_path / "bomb.mcap", [chunk(packed, 1 << 17, "zstd")] * 40)
     one_line(run("info", path), 2, str(path), "MAX_EXPANSION")
 
 

@@ -1,7 +1,6 @@
 """Plants by kind: words of the command line, a plug-in's kind driven from it, the table of them."""
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ from gateway.recording.reader import Recording
 from gateway.vessel_file import dump_vessel
 from sim.plants import OWN_VESSEL, PLANTS, VESSEL, PlantChoice, PlantKind
 from sim.plants.plant import VesselPlant
+from tests.gateway.command_line import Run
 from tests.sim.vessels import IACQUABOT
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -104,31 +104,33 @@ def test_live_boats_have_plants_of_any_kind(heavy: None, boat: Path, tmp_path: P
     ]
 
 
-def shadow(*words: str, folder: Path) -> str:
-    """Standard output of a command, with the plug-in of that folder installed."""
-    path = [str(ROOT), str(folder)]
-    code = f"import sys; sys.path[:0] = {path!r}; from gateway.cli import run; run()"
-    done = subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, cwd=folder
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def test_a_plug_ins_plant_is_driven_from_the_command_line(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "lazyplant", raising=False)
+    plants.known_plants.cache_clear()
+    try:
+        drive_the_plug_in(run, tmp_path)
+    finally:
+        plants.known_plants.cache_clear()
 
 
-def test_a_plug_ins_plant_is_driven_from_the_command_line(tmp_path: Path) -> None:
+def drive_the_plug_in(run: Run, tmp_path: Path) -> None:
     (tmp_path / "lazyplant.py").write_text(PLUG_IN, encoding="utf-8")
     info = tmp_path / "lazyplant-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lazyplant\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[shadow.plants]\nlazy = lazyplant:LAZY\n")
-    listed = json.loads(shadow("plants", "--json", folder=tmp_path))["plants"]
+    listed = json.loads(run("plants", "--json").out)["plants"]
     assert [kind["name"] for kind in listed] == ["vessel", "mujoco", "fmu", "lazy"]
-    assert "half the force" in shadow("plants", folder=tmp_path)
+    assert "half the force" in run("plants").out
     log, demo = ROOT / "recordings" / "otter_piece.tlog", str(vessel_path("otter"))
     errors = {}
     for plant in ("vessel", "lazy", f"lazy:{demo}"):
-        words = ("replay", str(log), "-v", demo, "--plant", plant, "--no-publish", "--json")
-        result = json.loads(shadow(*words, folder=tmp_path))["replays"][0]
+        words = ("replay", log, "-v", demo, "--plant", plant, "--no-publish", "--json")
+        result = json.loads(run(*words).out)["replays"][0]
         errors[plant] = np.array(list(result["following_rmse"].values()))
         recording = Recording.open(tmp_path / "shadow-out" / "otter_piece-shadow.mcap")
         kind = recording.metadata["shadow"].get("plant")

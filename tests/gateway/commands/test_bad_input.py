@@ -184,7 +184,9 @@ def test_where_nothing_can_be_written_is_one_line(
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["replay", "init", "compare"])
+@pytest.mark.parametrize(
+    "name", ["init", *(pytest.param(n, marks=pytest.mark.slow) for n in ("replay", "compare"))]
+)
 def test_a_disk_that_fills_up_is_one_line_and_leaves_nothing(
     run: Run, tmp_path: Path, boat: Path, log: Path, name: str
 ) -> None:

@@ -119,10 +119,10 @@ WRITERS: dict[tuple[str, str], tuple[Callable[[Path], Words], Callable[[Path], l
         lambda at: hil_demo_files(at / "made"),
     ),
 }  # fmt: skip
-QUICK = [  # what ends in seconds is also run to its end
-    ("init", "out"), ("replay", "out"), ("simulate", "out"), ("compare", "pictures"),
-    ("export", "out"), ("plan", "out"), ("effects", "picture"), ("effects", "write"),
-]  # fmt: skip
+# what ends in seconds is also run to its end, one of each way to write among the fast tests
+QUICK = [("init", "out"), ("export", "out"), ("plan", "out"), ("effects", "write")]
+QUITE_QUICK = [("replay", "out"), ("simulate", "out"), ("compare", "pictures"),
+               ("effects", "picture")]  # fmt: skip
 
 
 @pytest.fixture
@@ -218,7 +218,11 @@ def test_to_ask_whether_a_place_can_be_written_leaves_nothing(tmp_path: Path) ->
         assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("which", QUICK, ids="-".join)
+@pytest.mark.parametrize(
+    "which",
+    [*QUICK, *(pytest.param(which, marks=pytest.mark.slow) for which in QUITE_QUICK)],
+    ids="-".join,
+)
 def test_what_the_command_wrote_may_be_replaced_until_somebody_edits_it(
     run: Run, place: Path, which: tuple[str, str]
 ) -> None:

@@ -237,7 +237,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_table_of_before(folder, cluster,
     assert before
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 def test_a_killed_worker_costs_nothing_and_a_lost_scheduler_keeps_what_was_done(folder):
     with local_cluster(1) as cluster:
         killed: list[int] = []

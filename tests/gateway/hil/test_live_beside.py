@@ -28,7 +28,7 @@ def wait_for_line(started: subprocess.Popen[str], text: str) -> None:
     raise AssertionError(f"{started.args}: ended without saying {text!r}")
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 def test_the_shadow_lies_where_the_boat_in_the_loop_truly_is(tmp_path: Path) -> None:
     sensors, radio = free_port(), free_port()
     out = {name: tmp_path / name for name in ("hil", "live")}

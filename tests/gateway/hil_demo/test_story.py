@@ -12,16 +12,12 @@ from gateway.offline.compare import compare_logs
 from gateway.recording.reader import Recording
 from gateway.vessel_file import load_vessel
 from sim.hil.day import Day
-from tests.gateway.command_line import SHADOW
+from tests.gateway.command_line import SHADOW, one_line
 
 FIRMWARE = os.environ.get("SHADOW_ARDUROVER", "")
 
 
-def run(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*SHADOW, "hil-demo", *map(str, words)], capture_output=True, text=True)
-
-
-def test_what_cannot_be_told_is_one_line(tmp_path):
+def test_what_cannot_be_told_is_one_line(run, tmp_path):
     (tmp_path / "calm.toml").write_text("[wind]\nspeed = 1.0\ndirection = 0.0\n")
     (tmp_path / "text").write_text("no program")
     for words, expected in (
@@ -30,16 +26,15 @@ def test_what_cannot_be_told_is_one_line(tmp_path):
         (("--script", tmp_path / "calm.toml"), "the day has no [[effects]]"),
         (("-v", "steered", "--autopilot", "/bin/true"), "has rudders"),
     ):
-        done = run("--out", tmp_path / "out", *words)
-        assert done.returncode == 2
-        assert done.stderr.count("\n") == 1
-        assert expected in done.stderr
+        done = run("hil-demo", "--out", tmp_path / "out", *words)
+        one_line(done, 2, expected)
         assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow
 def test_the_whole_story_with_the_stand_in(tmp_path):
-    done = run("--out", tmp_path)
+    words = [*SHADOW, "hil-demo", "--out", str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "that is what was hidden, thruster_imbalance (port_gain 0.75)" in done.stdout
     assert "the error of a mission that it never saw falls" in done.stdout

@@ -57,6 +57,7 @@ def test_a_restart_begins_another_track(sailed):
     assert len(loop_passages(whole, DEFAULT_TRIALS)) == 1
 
 
+@pytest.mark.slow
 def test_the_command_tells_draws_and_prints_json(sailed, tmp_path, run):
     log, (_, weak) = sailed
     words = ["compare", log, "-v", "otter", "--with-hil", weak]

@@ -191,9 +191,8 @@ def test_compare_refits_what_is_of_the_day(run, trial, folder, tmp_path, monkeyp
     assert "estimated anew" not in run(*words, "--refit", "voyage")[1]
 
 
-@pytest.mark.parametrize(
-    "most", [pytest.param(0, id="base"), pytest.param(None, marks=pytest.mark.slow, id="effects")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [pytest.param(0, id="base"), pytest.param(None, id="effects")])
 def test_numbers_that_were_guessed_may_be_far_off(most, trial, tmp_path, monkeypatch):
     """The file says so itself: nobody has to think of --prior."""
     monkeypatch.setattr("gateway.offline.trials.load_trials", lambda *_: [trial])

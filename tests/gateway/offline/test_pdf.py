@@ -52,7 +52,7 @@ def test_a_browser_that_hangs_is_not_waited_for(
         report.print_pdf(page_in(tmp_path), tmp_path / "out.pdf")
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 def test_two_pages_are_printed(tmp_path: Path) -> None:
     chromium()
     out = tmp_path / "out.pdf"

@@ -24,11 +24,11 @@ def payloads(path: Path, topic: str) -> list[bytes]:
 
 @pytest.fixture(scope="module")
 def recorded_live(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The recording of twenty seconds with a silence."""
+    """The recording of twelve seconds with a silence."""
     folder = tmp_path_factory.mktemp("live")
-    wire = played(20.0, faults=Faults(silences=(Silence(9.0, 12.0),)))
+    wire = played(12.0, faults=Faults(silences=(Silence(5.0, 8.0),)))
     with Deck(out=folder) as deck:
-        deck.hear(datagrams(wire), until_s=21.0)
+        deck.hear(datagrams(wire), until_s=13.0)
     (path,) = folder.glob("wam-v-*.mcap")
     return path
 

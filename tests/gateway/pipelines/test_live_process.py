@@ -68,7 +68,9 @@ def again(*paths: Path) -> dict[str, list[bytes]]:
     return {topic: heard.payloads[topic] for topic in COMPARED}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.alone), signal.SIGTERM]
+)
 def test_it_ends_cleanly_and_soon_and_what_ran_runs_again(
     tmp_path: Path, number: signal.Signals, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,6 +92,7 @@ def test_it_ends_cleanly_and_soon_and_what_ran_runs_again(
     assert len(live_rows["shadow"]) > 200
 
 
+@pytest.mark.alone
 def test_kill_9_loses_at_most_a_second_and_repair_makes_the_recording_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -119,6 +122,7 @@ def test_kill_9_loses_at_most_a_second_and_repair_makes_the_recording_whole(
         assert same[topic][: len(before[topic])] == before[topic]
 
 
+@pytest.mark.alone
 def test_parts_of_a_recording_that_rotates_are_whole_and_run_again_as_one(tmp_path: Path) -> None:
     with (
         program(tmp_path, config="rotate_seconds = 2.0\n") as live,
@@ -133,6 +137,7 @@ def test_parts_of_a_recording_that_rotates_are_whole_and_run_again_as_one(tmp_pa
         assert relived_rows[topic] == live_rows[topic]
 
 
+@pytest.mark.alone
 def test_a_disk_that_takes_no_more_is_an_event_and_the_shadow_runs_on(tmp_path: Path) -> None:
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (150000, 150000));"
     with (
@@ -201,6 +206,7 @@ def test_requests_are_made_again_after_a_reboot() -> None:
     sane(heard())
 
 
+@pytest.mark.alone
 def test_a_boat_is_asked_for_the_rates_of_the_configuration(tmp_path: Path) -> None:
     rates = '[links.rates]\npreset = "radio"\nRAW_IMU = 2\nSYSTEM_TIME = 0\n'
     asked = {name: hz for name, hz in RADIO_HZ.items() if hz > 0} | {"RAW_IMU": 2}
@@ -280,6 +286,7 @@ def lines(process: subprocess.Popen[str], count: int) -> list[str]:
     return [process.stdout.readline().strip() for _ in range(count)]
 
 
+@pytest.mark.alone
 def test_a_watcher_that_hangs_or_vanishes_delays_nothing_and_comes_back(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -122,6 +122,7 @@ def frames(*legs: tuple[Any, float]) -> list[TimedFrame]:
     return out
 
 
+@pytest.mark.slow
 def test_a_current_that_sets_in_is_told_and_published() -> None:
     with Deck() as deck:
         heard = deck.hear(datagrams(frames((WAMV, 40.0), (ADRIFT, 130.0)))).heard()

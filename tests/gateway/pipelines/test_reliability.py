@@ -29,6 +29,7 @@ from tests.gateway.pipelines.running import Program, boat, free_port, program, s
 from tests.gateway.pipelines.test_live_process import WATCHER
 from tests.gateway.reliability import Row, note
 
+pytestmark = pytest.mark.alone
 SETTLED_S = 4.0  # of undisturbed shadow before a fault
 Send = Callable[[bytes], Any]
 

@@ -92,6 +92,7 @@ def events(found: Heard, kind: str) -> list[tuple[float, str]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_what_failed_is_said_with_its_begin_and_end_and_the_model_is_not_blamed(name: str) -> None:
     found, told = heard()
@@ -113,12 +114,41 @@ def test_what_failed_is_said_with_its_begin_and_end_and_the_model_is_not_blamed(
     assert any(line.endswith(over) for line in told)
 
 
-def test_what_was_not_there_at_first_does_not_come_again() -> None:
-    """An EKF that needs a while after boot, and one that loses later what it had by then."""
-    late = SensorFaults(ekf_holds=(Span(0.0, 20.0), Span(40.0, 50.0)))
+LATE, LOST = Span(0.0, 10.0), Span(22.0, 29.0)
+
+
+@cache
+def heard_late() -> tuple[Heard, list[str]]:
+    """An EKF that needs a while after boot, and loses later what it had by then: 40 s."""
     with Deck() as deck:
-        found = deck.hear(datagrams(played(65.0, sensor_faults=late))).heard()
-    (_, first), (_, second) = events(found, "sensor_restored")
+        wire = played(40.0, sensor_faults=SensorFaults(ekf_holds=(LATE, LOST)))
+        return deck.hear(datagrams(wire), 40.0).heard(), deck.told
+
+
+def test_what_is_lost_is_said_at_its_begin_and_its_end_and_withheld_between() -> None:
+    """In the small: all faults, each by itself and until the model is judged, are slow."""
+    found, told = heard_late()
+    ((began, text),) = [(at, says) for at, says in events(found, "sensor_failed") if at > LATE[1]]
+    assert text.startswith(FAULTS["ekf"][0])
+    assert LOST.from_s < began < LOST.from_s + FAULTS["ekf"][1]
+    *_, (ended, over) = events(found, "sensor_restored")
+    assert LOST.to_s + SETTLE_S - 0.5 < ended < LOST.to_s + SETTLE_S + 2.0
+    assert any(line.endswith(text) for line in told)
+    assert any(line.endswith(over) for line in told)
+    rows = found.messages("health")
+    times = np.array([row["receive_time_ns"] * 1e-9 - 1.7e9 for row in rows])
+    unfit = np.array([row["unfit_s"] for row in rows])
+    inside = (times > LOST.from_s + FAULTS["ekf"][1] + 1.0) & (times < LOST.to_s)
+    assert inside.sum() >= 3
+    assert (unfit[inside] > 0.0).all()
+    assert (unfit[(times > LOST.from_s - 1.5) & (times < LOST.from_s)] == 0.0).all()
+    assert (unfit[times > LOST.to_s + SETTLE_S + 3.0] == 0.0).all()
+    judged = np.array(found.column("residual", "receive_time_ns")) * 1e-9 - 1.7e9
+    assert not ((judged > LOST.from_s + FAULTS["ekf"][1]) & (judged < LOST.to_s)).any()
+
+
+def test_what_was_not_there_at_first_does_not_come_again() -> None:
+    (_, first), (_, second) = events(heard_late()[0], "sensor_restored")
     assert first.startswith("the autopilot's EKF has its velocity and its position, after ")
     assert first.endswith("the model is judged from now on")
     assert second.startswith("the autopilot's EKF has its velocity again and its position again")
@@ -142,6 +172,7 @@ def test_only_what_the_boat_says_is_well_can_be_lost(
     assert not said & unsaid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_health_says_what_failed_and_since_when_while_it_lasts(name: str) -> None:
     rows = heard()[0].messages("health")
@@ -158,6 +189,7 @@ def test_health_says_what_failed_and_since_when_while_it_lasts(name: str) -> Non
     assert all(since in text for text in texts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_what_cannot_judge_is_withheld(name: str) -> None:
     times = np.array(heard()[0].column("residual", "receive_time_ns")) * 1e-9 - 1.7e9
@@ -166,6 +198,7 @@ def test_what_cannot_judge_is_withheld(name: str) -> None:
     assert (around(name, times) & (times > end + SETTLE_S + 3.0)).sum() > 300
 
 
+@pytest.mark.slow
 def test_without_the_checks_the_model_would_be_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         SensorMemory, "check", lambda self, given: (self, np.zeros(len(given), np.int64))
@@ -177,6 +210,7 @@ def test_without_the_checks_the_model_would_be_blamed(monkeypatch: pytest.Monkey
     assert {m["kind"] for m in found.messages("event")} & set(BLAME)
 
 
+@pytest.mark.slow
 def test_a_boat_whose_sensors_are_well_is_never_unfit() -> None:
     found, told = heard(faulty=False)
     assert not events(found, "sensor_failed")

@@ -119,6 +119,7 @@ def boat(vessel: Any, program: str) -> SimulatedBoat:
     return SimulatedBoat(vessel, SimulatedBoatSettings(rates=FAST), 0, program_of(WAMV, program, 0))
 
 
+@pytest.mark.slow
 def test_the_true_vessel_lacks_nothing_and_an_effect_is_noticed_while_it_lasts() -> None:
     clean, fouled = boat(WAMV, "steps"), boat(FOULED, "steps")
     frames = one_after_another((clean, 90.0), (fouled, 115.0), (clean, 150.0))

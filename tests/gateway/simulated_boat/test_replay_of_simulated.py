@@ -50,7 +50,10 @@ def with_others_off(name):
     )
 
 
-@pytest.mark.parametrize(("name", "axis", "at_least"), MISSED)
+@pytest.mark.parametrize(
+    ("name", "axis", "at_least"),
+    [pytest.param(*m, marks=() if m[0] == "cubic_drag" else pytest.mark.slow) for m in MISSED],
+)
 def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, name, axis, at_least):
     truth = replace(BOAT, effects=with_others_off(name))
     without, within = missing(tmp_path, truth, BOAT), missing(tmp_path, truth, truth)

@@ -86,7 +86,7 @@ def test_an_imu_ahead_of_the_origin_feels_the_turn_pull_it_forward():
     def felt(x):
         vessel = replace(WAMV, sensors=Sensors(imu=(x, 0.0)))
         settings = SimulatedBoatSettings(rates=FAST, noise=0.0, gyro_filter_hz=0.0)
-        frames = frames_of(SimulatedBoat(vessel, settings), 90.0)
+        frames = frames_of(SimulatedBoat(vessel, settings), 45.0)
         imu = messages_named(frames, "RAW_IMU")
         rate = np.array([m.zgyro for m in imu]) * 1e-3
         return rate, np.array([(m.xacc, m.yacc) for m in imu]) * 1e-3 * GRAVITY

@@ -12,7 +12,7 @@ from gateway.figures.html_report import GLOSSARY
 from gateway.vessel_file import load_vessel
 from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, ROOT, Watched, chromium, running
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.alone
 
 sync_api = pytest.importorskip("playwright.sync_api")
 WAM_V = "configs/vessels/wam-v.toml"

@@ -126,7 +126,7 @@ def at(folder, tmp_path) -> Iterator[str]:
     assert "Traceback" not in (tmp_path / "studio.log").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 def test_filtered_and_pressed_a_recording_opens_in_compare(at):
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:
@@ -145,7 +145,7 @@ def test_filtered_and_pressed_a_recording_opens_in_compare(at):
         opened.close()
 
 
-@pytest.mark.slow
+@pytest.mark.alone
 def test_axe_finds_nothing_wrong_with_a_fleet_and_a_row_is_opened_by_keyboard(at):
     sync_api = pytest.importorskip("playwright.sync_api")
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()

@@ -12,7 +12,7 @@ import pytest
 from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, Watched, chromium, running
 from tests.gateway.studio.test_serve import free_port
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.alone
 
 sync_api = pytest.importorskip("playwright.sync_api")
 NOTICED_S = 3.0

@@ -9,7 +9,7 @@ import pytest
 from tests.gateway.studio.browser import FLAGS, PATIENCE_MS, ROOT, Watched, chromium, running
 from tests.gateway.studio.test_serve import free_port
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.alone
 
 sync_api = pytest.importorskip("playwright.sync_api")
 axe_api = pytest.importorskip("axe_playwright_python.sync_playwright")
