@@ -41,7 +41,7 @@ def show_identification(
     console.print(step_response_table(found.vessel, found.step_responses))
     if found.validation:
         console.print(_validation(found))
-    console.notices(found.unconfirmed)
+    console.notices((*found.unseen_losses, *found.unconfirmed))
     console.path("written", out)
     console.path("pictures", pictures)
 

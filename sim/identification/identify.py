@@ -57,6 +57,7 @@ from sim.vessel import Vessel, with_free_curves
 HELD_OUT_EVERY = 4  # each fourth block is held out
 MIN_BLOCKS = 4
 CONFIRMED_SHARE = 0.9  # of the error of predicting zero
+WORSE, WORSE_SHARE = 1.25, 0.1  # times what a channel's error was, and of its smallest scale beside
 AT_REST_SHARE = 0.5  # of the smallest scale: a channel that moves less confirms nothing
 CHANNELS = {
     "u": ("surge", "m/s", 3, "m11, X_u and X_uu"),
@@ -95,6 +96,30 @@ class Validation:
             "on": self.name, "seconds": self.seconds, "noise_floor_nrmse": self.noise_floor_nrmse,
             "before": self.before.to_dict(), "after": self.after.to_dict(),
         }  # fmt: skip
+
+
+def unseen_losses(validation: Sequence[Validation]) -> tuple[str, ...]:
+    """A sentence for each recording on which the fit predicts no better than the vessel before,
+    and for each channel that it predicts clearly worse.
+    """
+    out = []
+    for v in validation:
+        old, new = v.before.scores.rmse, v.after.scores.rmse
+        if not v.after.nrmse < v.before.nrmse:  # of a diverged one it is no number
+            out.append(
+                f"on time that the fit did not see ({v.name}) the vessel is no better than before: "
+                f"nrmse {v.after.nrmse:.3f}, before {v.before.nrmse:.3f}; keep the file that you "
+                "had, or fit to more recordings"
+            )
+        for channel, (name, unit, column, _) in CHANNELS.items():
+            rise = new[channel] - old[channel]
+            least = WORSE_SHARE * MIN_SCALES[column - 3]
+            if new[channel] > WORSE * old[channel] and rise > least:
+                out.append(
+                    f"{name} is predicted worse on time that the fit did not see ({v.name}): "
+                    f"off by {new[channel]:.3f} {unit}, before {old[channel]:.3f}"
+                )
+    return tuple(out)
 
 
 def held_out(trial: Trial) -> tuple[NDArray[np.bool_], NDArray[np.bool_]] | None:
@@ -213,6 +238,11 @@ class Identification:
         """Channels that no validation recording confirms, a sentence each."""
         return unconfirmed_channels(self.validation)
 
+    @property
+    def unseen_losses(self) -> tuple[str, ...]:
+        """Where the fit predicts unseen time no better than the vessel before, a sentence each."""
+        return unseen_losses(self.validation)
+
     def to_pandas(self) -> Any:
         """One row per parameter: before, value, interval, whether the data determine it."""
         return data_frame([
@@ -235,7 +265,7 @@ class Identification:
             "offsets": {e.name: e.to_dict() for e in self.nuisances},
             "trade": list(self.trade), "validation": [v.to_dict() for v in self.validation],
             "cross_check": list(self.cross_check), "notices": list(self.notices),
-            "not_identifiable": list(self.unconfirmed),
+            "not_identifiable": list(self.unconfirmed), "worse": list(self.unseen_losses),
             "step_responses": self.step_responses.to_dict(),
         }  # fmt: skip
 

@@ -15,6 +15,7 @@ from gateway.offline.identify import (
     voyage_notices,
 )
 from gateway.offline.usable_time import parse_exclusions
+from gateway.terminal.identification import show_identification
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.identification.identify import Identification
 from sim.identification.intervals import Estimate
@@ -54,6 +55,21 @@ def test_json_is_strict(written):
     assert set(told["parameters"]["m11"]) >= {"value", "ci95", "unit", "before"}
     surge = told["step_responses"]["surge"]
     assert 0.0 < surge["rise"] < surge["settling_2"]
+
+
+def test_a_fit_that_is_worse_on_unseen_time_says_so_where_people_look(written, capsys):
+    found, _ = written
+    show_identification(found, None)
+    gained = " ".join(capsys.readouterr().out.split())
+    assert found.to_dict()["worse"] == []
+    assert "did not see the vessel" not in gained
+    turned = [replace(v, before=v.after, after=v.before) for v in found.validation]
+    lost = replace(found, validation=tuple(turned))
+    show_identification(lost, None)
+    assert "! on time that the fit did not see (voyage_1" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert len(lost.to_dict()["worse"]) >= 1
 
 
 @pytest.mark.parametrize(
