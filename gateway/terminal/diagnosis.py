@@ -41,7 +41,7 @@ def show_diagnosis(
     console.notices(found.notices)
     for text in diagnosis_texts(d):
         console.print(text, style="bold", markup=False)
-    console.print(f"\n{d.verdict}: {d.verdict.description}", markup=False)
+    console.print(f"\n{d.verdict}: {d.verdict.in_words(d.unexplained)}", markup=False)
     console.print(f"{d.summary}\n", markup=False)
     console.print(_ladder(d))
     moved = "re-fitted, its numbers had to move"

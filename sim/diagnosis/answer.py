@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScore, HeldOutScorer, Ranking
 from sim.diagnosis.next_experiment import Refusal, SuggestedManoeuvre
@@ -101,9 +102,10 @@ class Verdict(StrEnum):
     CONFOUNDED = "confounded"
     UNKNOWN = "unknown"
 
-    @property
-    def description(self) -> str:
-        """In words."""
+    def in_words(self, unexplained: float) -> str:
+        """What it means, beside a share of the squared error above the noise that is left."""
+        if self is Verdict.EXPLAINED and unexplained >= thresholds.MIN_UNEXPLAINED_TOLD:
+            return f"found most of what is missing, but not the last {100.0 * unexplained:.0f} %"
         return {
             Verdict.ADEQUATE: "nothing is missing that these data could tell",
             Verdict.EXPLAINED: "found what is missing",

@@ -109,7 +109,7 @@ class DiagnosePage(Page):
             self._last.visible = False
             return
         answer = diagnosis.answer
-        text = Verdict(answer["verdict"]).description
+        text = Verdict(answer["verdict"]).in_words(answer["unexplained"])
         says = "".join(f"<h2>{escape(line)}</h2>" for line in diagnosis.headlines)
         self._verdict.object = (
             f"{says}<p>{text[0].upper()}{text[1:]}.</p>"

@@ -302,6 +302,7 @@ def test_the_headline_of_a_diagnosis_is_a_sentence_and_the_identifier_is_small(s
     says = "The compass reads 7.5° too far to port (6.9–8.2°)"
     answer = {
         "verdict": "explained", "summary": "heading_offset: the error falls", "base_changed": False,
+        "unexplained": 0.02,
         "ranking": [], "ladder": [{"parameters": {}}], "depends_on": [], "next_manoeuvre": None,
         "refused": [],
     }  # fmt: skip

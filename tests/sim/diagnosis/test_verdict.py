@@ -208,3 +208,11 @@ def test_an_error_that_falls_only_on_recordings_that_were_fitted_is_told_so() ->
     assert said(0.9).endswith("which the fit did not see: 0.800 as given, 0.900 so")
     assert "did not see" not in said(0.4)
     assert "did not see" not in said(None)
+
+
+def test_what_is_left_of_an_explained_error_is_in_the_verdict() -> None:
+    assert Verdict.EXPLAINED.in_words(0.27) == (
+        "found most of what is missing, but not the last 27 %"
+    )
+    assert Verdict.EXPLAINED.in_words(0.04) == "found what is missing"
+    assert Verdict.ADEQUATE.in_words(1.0) == "nothing is missing that these data could tell"
