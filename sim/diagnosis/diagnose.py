@@ -30,6 +30,7 @@ from sim.diagnosis.next_experiment import (
     by_separation,
     refusals,
 )
+from sim.diagnosis.residual_terms import swing_period
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
     find_free_curve,
@@ -155,9 +156,12 @@ def diagnose(
                 and is_curve_above_form(curve, effects_found, ladder, floor)
             )
             verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
+    nameless = verdict is Verdict.UNKNOWN and not left and curve is None
+    period = swing_period(selection.fit) if nameless else None
+    said = summary_of(verdict, ladder, rivals, left, floor, curve, period)
     return Diagnosis(
         verdict=verdict,
-        summary="; ".join((summary_of(verdict, ladder, rivals, left, floor, curve), *notes)),
+        summary="; ".join((said, *notes)),
         base_changed=first is refitted and _base_changed(selection.base),
         effects=last.effects,
         ladder=ladder,

@@ -26,9 +26,13 @@ from sim.identification.noise import MIN_SIGMA, Noise, RunErrors, estimate_noise
 from sim.identification.runs import RunSet, errors_and_sensitivity, run_errors
 from sim.identification.search import residuals_and_jacobian, robust_weights
 from sim.identification.shooting import projected_residuals, whitened_run_set
+from sim.prediction import missing_force_only
+from sim.prediction.segments import usable_stretches
 from sim.state import Floats
 
 AXES = ("surge", "sway", "yaw")
+SEGMENT_S = 25.0  # of each spectrum that is averaged (Welch, IEEE Trans. AU 15, 1967)
+FREQUENCIES_HZ = 0.15 * 2.0 ** (np.arange(12) / 4.0)  # where a hump is looked for
 MEDIAN_OF_ABSOLUTE = 0.6745  # of a normal variable, over its standard deviation
 
 
@@ -187,3 +191,41 @@ def _axes(before: Floats, after: Floats) -> tuple[str, ...]:
     won = np.sum(was**2 - left**2, axis=0)
     helped = won > thresholds.MIN_AXIS_SHARE * max(float(won.max()), 1e-9)
     return tuple(name for name, helps in zip(AXES, helped, strict=True) if helps)
+
+
+def swing_period(fit: Fit) -> float | None:
+    """Period [s] at which the force that the best model misses in surge or sway swings most.
+
+    None where its spectrum has no hump: half an octave that holds several times the power of the
+    octaves on either side, as waves from many directions make it. A train of waves is an effect; of
+    a whole sea only this is seen.
+    """
+    spectra = [spectrum for k in range(len(fit.problem.trials)) for spectrum in _spectra(fit, k)]
+    best, period = thresholds.MIN_HUMP, None
+    for frequency, power in spectra:
+        for f in FREQUENCIES_HZ:
+            around = ((f / 4.0, f / 2.0), (2.0 * f, 4.0 * f))
+            beside = max(_mean_power(frequency, power, *band) for band in around)
+            hump = _mean_power(frequency, power, f * 2.0**-0.25, f * 2.0**0.25) / beside
+            if hump > best:  # false of NaN: a band without a frequency
+                best, period = hump, float(1.0 / f)
+    return period
+
+
+def _spectra(fit: Fit, trial: int) -> list[tuple[Floats, Floats]]:
+    """Frequency [Hz] and power of what is missing in surge and in sway on one trial."""
+    from scipy.signal import welch  # takes half a second to import
+
+    rows = fit.problem.trials[trial]
+    force, length = missing_force_only(rows, fit.model(trial))[:, :2], round(SEGMENT_S / rows.dt)
+    parts = [force[s.start : s.stop] for s in usable_stretches(rows.usable) if len(s) >= length]
+    if not parts:
+        return []
+    each = [welch(part, 1.0 / rows.dt, nperseg=length, axis=0) for part in parts]
+    power = np.average([p for _, p in each], axis=0, weights=[len(part) for part in parts])
+    return [(each[0][0], power[:, axis]) for axis in (0, 1)]
+
+
+def _mean_power(frequency: Floats, power: Floats, low: float, high: float) -> float:
+    within = (frequency >= low) & (frequency <= high)
+    return float(power[within].mean()) if within.any() else np.nan

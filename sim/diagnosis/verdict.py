@@ -244,8 +244,9 @@ def unexplained_share(ladder: Sequence[LadderStep], floor: float) -> float:
 def summary_of(
     verdict: Verdict, ladder: Sequence[LadderStep], rivals: Sequence[Sequence[RankedEffect]],
     left: Sequence[Dependence], floor: float, curve: FreeCurve | None = None,
+    period: float | None = None,
 ) -> str:  # fmt: skip
-    """The answer in one sentence."""
+    """The answer in one sentence; `period` [s]: that of what is left, where it swings."""
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
     fell = f"{_changed(first, last)} (noise {floor:.3f}){_on_others(ladder)}"
@@ -272,8 +273,12 @@ def summary_of(
             f"{'' if nearest else known}something is missing that the catalogue does not hold: "
             f"{curve.description}; with that curve {below}{nearest}"
         )
-    no_noise = "what is left is no noise, and follows nothing that was looked for"
-    rest = left[0].description if left else no_noise
+    rest = "what is left is no noise, and follows nothing that was looked for"
+    if left:
+        rest = left[0].description
+    elif period is not None:
+        rest = (f"what is left swings with a period of some {period:.1f} s, as in a sea, or under "
+                "a controller that hunts")  # fmt: skip
     return f"{known}something is missing that the catalogue does not hold: {rest}"
 
 

@@ -1,6 +1,7 @@
 """What a fit leaves: each kind of thing that no catalogue holds is named by what it hangs on."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.force_terms import rhythms
-from sim.diagnosis.residual_terms import dependences
+from sim.diagnosis.residual_terms import dependences, swing_period
 from sim.diagnosis.thresholds import MAX_PERIOD_S
 from sim.effects.effect import Effect, Scope
 from sim.model import Model
@@ -72,6 +73,24 @@ def test_a_motor_that_comes_and_goes() -> None:
     assert best.gain.nats > 100.0
     assert "surge" in best.axes
     assert best.share > 0.3
+
+
+def test_a_sea_is_seen_by_the_period_that_what_is_left_swings_with() -> None:
+    """Thirty waves of two seconds or so, of all phases, shake the hull sideways."""
+    calm, chance = sailed(seconds=SECONDS), np.random.default_rng(8)
+    rate, phase = chance.normal(np.pi, 0.3, 30), chance.uniform(0.0, 2.0 * np.pi, 30)
+    turn, sway = np.outer(calm.time, rate) + phase, np.array([0.0, 1.0, 0.0])
+    nu = calm.nu + 0.01 * np.outer(np.sin(turn).sum(axis=1), sway)
+    nu_dot = calm.nu_dot + 0.01 * np.outer((rate * np.cos(turn)).sum(axis=1), sway)
+    shaken = replace(calm, nu=nu, nu_dot=nu_dot)
+    assert swing_period(base_on(shaken)) == pytest.approx(2.0, abs=0.5)
+
+
+def test_what_does_not_swing_has_no_period() -> None:
+    """Noise, a flow that changes from place to place, and motors that stop every nine seconds."""
+    for trial in (sailed(seconds=SECONDS), voyage(water=sheared), voyage(thrust=stuttering)):
+        assert swing_period(base_on(trial)) is None
+    assert swing_period(base_on(sailed(seconds=20.0))) is None  # too short for a spectrum
 
 
 def test_several_recordings_have_maps_of_their_own() -> None:

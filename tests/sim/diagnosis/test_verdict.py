@@ -111,6 +111,9 @@ def test_the_sentence_names_what_was_found_and_what_it_may_be_taken_for() -> Non
     )
     assert summary_of(Verdict.UNKNOWN, ladder, [[]], [LEFT], 0.09).endswith("follows the heading")
     assert summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.05).endswith("that was looked for")
+    swings = summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.05, None, 1.62)
+    assert "swings with a period of some 1.6 s, as in a sea" in swings
+    assert "as in a sea" not in summary_of(Verdict.UNKNOWN, ladder, [[]], [LEFT], 0.05, None, 1.62)
     assert "no effect" in summary_of(Verdict.ADEQUATE, ladder[:2], [], [], 0.09)
 
 
