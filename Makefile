@@ -12,7 +12,7 @@ READY := $(VENV)/.ready
 # What pytest makes of the assertions of a file is kept for the next process.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo hil-demo test tests-read test-slow fuzz docs chromium check format constraints clean
+.PHONY: demo hil-demo test test-slow fuzz docs chromium check format constraints clean
 
 demo: $(READY)
 	$(RUN)/shadow demo --out out/demo
@@ -20,13 +20,16 @@ demo: $(READY)
 hil-demo: $(READY)
 	$(RUN)/shadow hil-demo --out out/hil-demo $(if $(AUTOPILOT),--autopilot $(AUTOPILOT))
 
+# Types are checked beside the tests, which one process reads before three run them.
 test: $(READY)
-	$(MAKE) --no-print-directory -j 2 check tests-read
-	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile --no-loadscope-reorder
-
-# One core reads the tests while the other checks types: three processes do not read them anew.
-tests-read: $(READY)
-	@$(RUN)/pytest -q --collect-only -m "not slow" > /dev/null || true
+	$(RUN)/ruff check .
+	$(RUN)/ruff format --check .
+	@mkdir -p out; failed=0; \
+	$(RUN)/mypy > out/mypy.txt 2>&1 & types=$$!; \
+	$(RUN)/pytest -q --collect-only -m "not slow" > /dev/null; \
+	$(RUN)/pytest -q -m "not slow" -n auto --dist loadfile --no-loadscope-reorder || failed=1; \
+	wait $$types || failed=1; \
+	cat out/mypy.txt; exit $$failed
 
 test-slow: $(READY) chromium
 	@failed=0; \

@@ -26,13 +26,13 @@ COLLECT_AFTER = 50_000  # new objects
 
 # Files that take longest, from a full run: begun first, so that none of them runs alone at the end.
 LONG = (
-    "sim/effects/test_effects", "gateway/commands/test_outputs", "sim/kernel/test_kernel",
-    "gateway/offline/test_diagnose", "sim/diagnosis/test_diagnose",
-    "gateway/commands/test_bad_input", "gateway/pipelines/test_sensor_checks",
-    "gateway/pipelines/test_live_faults",
-    "gateway/pipelines/test_reliability", "sim/diagnosis/test_recordings",
-    "gateway/simulated_boat/test_replay_of_simulated", "gateway/pipelines/test_live_process",
-    "gateway/offline/test_replay", "gateway/offline/test_add", "test_python_face",
+    "benchmarks/test_blind", "sim/kernel/test_kernel", "gateway/offline/test_replay",
+    "sim/effects/test_effects", "gateway/offline/test_diagnose",
+    "gateway/simulated_boat/test_replay_of_simulated", "sim/diagnosis/test_evidence",
+    "gateway/commands/test_bad_input", "sim/diagnosis/test_diagnose", "benchmarks/test_generator",
+    "sim/identification/test_identify", "sim/diagnosis/test_recordings",
+    "gateway/pipelines/test_live", "gateway/studio/test_serve", "sim/hil/test_boat",
+    "fuzz/test_fuzz",
 )  # fmt: skip
 
 
@@ -46,11 +46,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: places.get(item.path, len(LONG)))
 
 
+def pytest_configure() -> None:
+    gc.set_threshold(COLLECT_AFTER, 20, 20)
+
+
 def pytest_collection_finish() -> None:
     """What is imported by now stays: it is not searched for garbage."""
-    gc.collect()
     gc.freeze()
-    gc.set_threshold(COLLECT_AFTER, 20, 20)
 
 
 def pytest_unconfigure() -> None:
@@ -69,6 +71,15 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+@pytest.fixture
+def plain_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Models in plain Python: for kernels that no other test needs, seconds to compile each."""
+    from sim.model import Model
+    from tests.sim.simulated import floats_kernel_for
+
+    monkeypatch.setattr(Model.of.__func__, "__defaults__", (floats_kernel_for,))
 
 
 @pytest.fixture(scope="session")

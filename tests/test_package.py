@@ -51,6 +51,7 @@ def test_a_wheel_is_pure_python(wheel):
     assert wheel.name.endswith("-py3-none-any.whl")
 
 
+@pytest.mark.slow
 def test_it_runs_from_an_empty_folder_with_the_vessels_that_it_carries(installed, tmp_path):
     for file in run(WHERE, installed=installed, cwd=tmp_path).split():
         assert Path(file).is_relative_to(installed)

@@ -251,6 +251,7 @@ def test_more_steer_turns_to_starboard(name: str) -> None:
     assert circling.motion[-1, 2] - circling.motion[0, 2] > 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["teal", "heron"])
 @pytest.mark.parametrize("pilot", PILOTS)
 def test_every_pilot_keeps_the_boat_moving(pilot: str, name: str) -> None:

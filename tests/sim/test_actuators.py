@@ -8,6 +8,7 @@ import pytest
 from sim.actuators import STALL_SINE, angle_of, rudder_force, slipstream, thrust_of, thruster_force
 from sim.body import Body, Flow, RudderParameters, ThrusterParameters
 from sim.model import Model
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import RUDDER_BOAT, STEERED_BOAT, WAMV
 
 DT = 0.05
@@ -24,7 +25,7 @@ def flow(u, v=0.0, r=0.0):
 def turn(vessel, throttle, angle, seconds=8.0, start=(0.0,) * 6):
     """Yaw rate [rad/s] after some seconds of throttle and rudder."""
     commands = np.tile([throttle, angle], (round(seconds / DT), 1))
-    return Model.of(vessel).simulate(commands, DT, np.array(start))[0][0, -1, 5]
+    return on_floats(vessel).simulate(commands, DT, np.array(start))[0][0, -1, 5]
 
 
 def test_thrust_follows_the_curve_and_reaches_its_ends():

@@ -30,6 +30,7 @@ def test_it_plays_until_ctrl_c_and_leaves_a_whole_recording(tmp_path):
     assert recording.counts()["truth/ferry"] == pytest.approx(100, abs=2)
 
 
+@pytest.mark.alone
 def test_a_kill_loses_no_more_than_the_last_second(tmp_path):
     port = free_port()
     command = [*SHADOW, "hil", f"json:127.0.0.1:{port}", "-v", "ferry=otter", "--out", tmp_path]

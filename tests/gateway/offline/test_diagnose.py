@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,14 @@ from sim.diagnosis.residual_terms import Dependence
 from sim.effects.catalogue import named
 from sim.identification import BASE
 from tests.gateway.offline.diagnosis import FEW, found_current, refused, sailed
+from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V
+
+
+@pytest.fixture(autouse=True)
+def _evidence_compiles_nothing(monkeypatch):
+    """It takes one effect after another out of the vessel: each time a kernel of its own."""
+    monkeypatch.setattr("sim.diagnosis.evidence.Model", SimpleNamespace(of=on_floats))
 
 
 def test_the_json_is_whole_and_names_where_it_comes_from(found):

@@ -26,7 +26,6 @@ from gateway.topics import TOPICS
 from gateway.user_effects import load_effects
 from gateway.vessel_file import load_vessel, zenoh_key
 from sim.following.follower import FollowerOptions, ReferenceMode
-from sim.model import Model
 from sim.vessel import AddedEffect, Vessel
 from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat
@@ -34,7 +33,6 @@ from tests.gateway.ingest.test_dataflash import FMT_ITSELF, entry, fmt
 from tests.gateway.json_schema import validator_of
 from tests.gateway.pipelines.sailing import frames, tlog, voyage
 from tests.gateway.test_effect_files import FILE
-from tests.sim.simulated import floats_kernel_for
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
 WHOLE = RecordingSettings(topics=TopicsKept.ALL)
@@ -124,10 +122,8 @@ def test_vessel_and_configuration_travel_in_the_file(first: Path, tmp_path: Path
     assert recording.metadata["shadow"]["vessel"] == "wam-v"
 
 
-def test_a_plant_and_effects_of_ones_own_travel_too(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Model.of.__func__, "__defaults__", (floats_kernel_for,))
+@pytest.mark.usefixtures("plain_laws")
+def test_a_plant_and_effects_of_ones_own_travel_too(log: Path, tmp_path: Path) -> None:
     source = tmp_path / "line.py"
     source.write_text(FILE.replace("FACTOR", "1"))
     (effect,) = load_effects(source)
@@ -225,10 +221,8 @@ def test_a_log_that_tells_no_velocity_is_refused_and_nothing_is_left(tmp_path: P
     assert not (tmp_path / "out").exists()
 
 
-def test_a_plant_that_cannot_be_limited_is_one_line(
-    log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Model.of.__func__, "__defaults__", (floats_kernel_for,))
+@pytest.mark.usefixtures("plain_laws")
+def test_a_plant_that_cannot_be_limited_is_one_line(log: Path) -> None:
     following = replace(UNHEARD.following, follower=FollowerOptions(limits=True))
     limited = ReplayOptions(settings=replace(UNHEARD, following=following))
     with pytest.raises(BadInput, match=r"^rudder boat: "):

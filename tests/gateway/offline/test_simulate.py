@@ -41,6 +41,7 @@ def test_the_motion_is_that_of_the_vessel_under_held_commands(tmp_path: Path) ->
     assert result.follower is None
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_areas_that_a_wind_was_run_on_and_nobody_gave_are_told(tmp_path: Path) -> None:
     wind = AddedEffect(named("steady_wind"), {"speed": 6.0, "direction": 0.5})
     bare = replace(WAMV, name="bare", hull=replace(WAMV.hull, wind_area=(0.0, 0.0)))

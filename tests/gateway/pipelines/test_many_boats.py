@@ -108,6 +108,7 @@ def test_what_nobody_subscribes_to_is_not_encoded(wanted: bool) -> None:
     assert all(callable(payload) is not wanted for payload in given)
 
 
+@pytest.mark.slow
 def test_seconds_are_judged_when_nobody_waits_and_come_to_the_same() -> None:
     """Half a second late at most, in the same order, and never lost."""
     heard = datagrams(played(40.0))

@@ -92,6 +92,7 @@ def test_a_line_for_programs_has_time_level_kind_vessel_and_message(
     assert third == "for people"
 
 
+@pytest.mark.alone
 def test_a_running_gateway_logs_json_and_serves_metrics(tmp_path: Path) -> None:
     port = free_port(socket.SOCK_STREAM)
     with (

@@ -59,13 +59,13 @@ def test_each_of_several_boats_on_one_link_runs_again_from_its_own_recording(
     tmp_path: Path,
 ) -> None:
     plans = [BoatPlan(WAMV, system=1), BoatPlan(IACQUABOT, PlantChoice(vessel=WAMV), system=7)]
-    first = played(16.0, faults=Faults(silences=(Silence(9.0, 12.0),)))
-    second = played(16.0, IACQUABOT, seed=1, system_id=7, faults=Faults(loss=0.1))
-    stranger = played(16.0, seed=2, system_id=9)
+    first = played(12.0, faults=Faults(silences=(Silence(6.0, 9.0),)))
+    second = played(12.0, IACQUABOT, seed=1, system_id=7, faults=Faults(loss=0.1))
+    stranger = played(12.0, seed=2, system_id=9)
     with Deck(plans, tmp_path) as deck:
-        deck.hear(datagrams(first, second, stranger), until_s=17.0)
+        deck.hear(datagrams(first, second, stranger), until_s=13.0)
     for system, name, plan in ((1, "wam-v", plans[0]), (7, "iacquabot", plans[1])):
-        check(deck.heard(system), again(only(tmp_path, name), plan), rows=300)
+        check(deck.heard(system), again(only(tmp_path, name), plan), rows=200)
     assert sum("not followed" in says for says in deck.told) == 1
 
 

@@ -173,6 +173,7 @@ EFFECT = Effect(name="late", scope=Scope.BOAT, delay=delay, looks_like="late",
 """
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_commands_that_act_late_are_remembered(tmp_path):
     """The pulses are sent at once, the boat moves when the delay is over."""
     (tmp_path / "late.py").write_text(LATE)

@@ -45,7 +45,12 @@ def test_random_depends_on_the_seed_alone():
     assert not np.array_equal(one, other)
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=() if p.stem in ("steered", "otter") else pytest.mark.slow)
+     for p in SHIPPED],
+    ids=lambda p: p.stem,
+)  # fmt: skip
 def test_every_shipped_vessel_turns_both_ways_and_keeps_near(path):
     boat = SimulatedBoat(load_vessel(path), SimulatedBoatSettings(rates={"HEARTBEAT": 1.0}))
     state, turned = boat.start(), []

@@ -61,6 +61,7 @@ def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, na
     assert within[axis] < 0.6 * without[axis]
 
 
+@pytest.mark.usefixtures("plain_laws")
 @pytest.mark.parametrize("path", sorted(VESSELS.glob("*.toml")), ids=lambda p: p.stem)
 def test_a_first_vessel_comes_from_what_the_boat_says_of_its_outputs(tmp_path, path):
     vessel = load_vessel(path)

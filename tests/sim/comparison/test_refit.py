@@ -70,6 +70,7 @@ def test_a_vessel_of_another_day_gets_its_chance_and_a_plain_one_stays_as_it_is(
     assert len(other.to_dict()["refit"]) == 2
 
 
+@pytest.mark.slow
 def test_a_moment_is_found_though_nothing_leads_to_it(trial):
     """On the half that saw it; the other half knows no more than the gap that it fell into."""
     fault = named("thruster_fault")

@@ -79,6 +79,7 @@ def test_a_voyage_is_explained_alike_on_a_fine_and_on_a_coarse_grid() -> None:
     assert speeds[0].value == pytest.approx(np.hypot(0.2, 0.25), abs=0.02)
 
 
+@pytest.mark.slow
 def test_what_the_vessel_has_already_is_not_looked_for() -> None:
     trial = sailed("thruster_imbalance", port_gain=0.8)
     again = diagnose([trial], imbalanced().vessel, FEW)

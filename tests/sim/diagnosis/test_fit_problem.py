@@ -43,6 +43,12 @@ def test_what_has_memory_or_no_off_comes_beside_the_others(superset: SupersetMod
     assert both.theta[both.names.index("steady_current.speed")] == 0.2
 
 
+def test_what_the_vessel_has_already_is_not_looked_for(superset: SupersetModel) -> None:
+    has = AddedEffect(superset.effects[0], {"speed": 0.2, "direction": 1.0})
+    others = SupersetModel.of(WAMV.with_effects(has), EFFECTS).effects
+    assert others == superset.effects[1:]
+
+
 def test_wind_cannot_be_switched_off_as_still_air_resists_too() -> None:
     wind = next(e for e in EFFECTS if e.name == "steady_wind")
     assert neutral_values(wind) is None

@@ -117,6 +117,7 @@ def narrow(effect: str, **values: float) -> Trial:
     return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(STD**2))
 
 
+@pytest.mark.slow
 def test_what_a_recording_cannot_show_may_be_it_all_the_same() -> None:
     twin = replace(OFFSET, name="twin", shown_by=(Shown.VOLTAGE,))
     twin = replace(twin, mistaken_for=("heading_offset",))
@@ -131,6 +132,7 @@ def test_what_a_recording_cannot_show_may_be_it_all_the_same() -> None:
     assert ("twin",) in {step.effects for step in found.alternatives}
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_and_does_not_do_as_well_is_no_rival() -> None:
     trial = narrow("heading_offset", angle=0.1)
     settings = DiagnoseSettings(effects=(OFFSET, named("cg_offset"), named("battery_sag")))

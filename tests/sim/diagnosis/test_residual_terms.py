@@ -20,6 +20,7 @@ from sim.state import Pose, Water
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import DT, STD, sailed
+from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V, commands, trial_of
 
 SECONDS = 300.0
@@ -47,7 +48,7 @@ def voyage(**law: Callable[..., Any]) -> Trial:
         "stranger", Scope.BOAT, parameters=(), looks_like="", mistaken_for=(), **law
     )  # fmt: skip
     vessel = WAM_V.with_effects(AddedEffect(strange, {}))
-    _, reports = Model.of(vessel).simulate(drive, DT)
+    _, reports = on_floats(vessel).simulate(drive, DT)
     motion = reports[0, :-1] + np.random.default_rng(5).normal(0.0, STD, (len(drive), 9))
     return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(STD**2))
 

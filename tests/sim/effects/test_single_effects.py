@@ -182,7 +182,7 @@ def test_wiring_reaches_the_rudder():
     np.testing.assert_allclose(run(wired, commands)[1], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("plain", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_sag_goes_with_the_measured_voltage_and_is_none_without(plain):
     commands = np.full((100, 2), 0.6)
     sagging = with_effect(WAMV, "battery_sag", nominal=16.0)
@@ -277,7 +277,7 @@ def over_ground(reports):
     return np.stack([reports[:, 0], reports[:, 1], c * u - s * v, s * u + c * v], axis=1)
 
 
-@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("plain", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_late_receiver_shows_the_boats_own_past(plain):
     commands = excitation(WAMV, 6.0, DT)
     _, now = run(WAMV, commands, plain=plain)

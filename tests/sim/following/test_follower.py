@@ -84,6 +84,7 @@ def test_the_printed_law_leaves_its_error_standing():
     assert error[-1] > 0.9
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_ten_newtons_that_the_vessel_does_not_know_are_missing_force():
     boat = WAMV.with_effects(AddedEffect(PUSH, {"X": 6.0, "Y": -10.0, "N": 3.0}))
     commands = excitation(WAMV, 60.0, DT)
@@ -93,6 +94,7 @@ def test_ten_newtons_that_the_vessel_does_not_know_are_missing_force():
     np.testing.assert_allclose(missing, np.tile([6.0, -10.0, 3.0], (len(times), 1)), atol=1e-6)
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_the_force_that_follows_shows_the_push_as_well():
     """In steady motion τ_c is what the boat's thrusters and the push give together."""
     boat = Model.of(WAMV.with_effects(AddedEffect(PUSH, {"X": 10.0, "Y": 0.0, "N": 0.0})))

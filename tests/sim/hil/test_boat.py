@@ -134,6 +134,7 @@ def test_waves_that_would_break_are_refused():
         Sea(2.0, 2.0)
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_a_current_that_rises_carries_the_boat():
     moment = Moment(5.0, 2.0, EFFECT["steady_current"], {"speed": 0.6, "direction": np.pi / 2})
     steps = sail(Boat.of(WAMV, Day(moments=(moment,))), {}, 60.0, 0.02)
@@ -201,6 +202,7 @@ def test_what_a_moment_brings_is_nothing_before_it_and_rises_from_there(effect):
         assert seen == pytest.approx([nothing, nothing, nothing, half, full[name], full[name]])
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_a_wind_of_an_effect_does_not_push_before_its_moment():
     values = {"speed": 10.0, "direction": 0.0}  # from north: on the bow
     moment = Moment(5.0, over=5.0, effect=EFFECT["steady_wind"], values=values)
@@ -216,6 +218,7 @@ def test_the_vane_feels_the_speed_of_the_boat():
     assert speed == pytest.approx(3.0 + steps[-1][2].u)
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_commands_that_act_late_act_late():
     vessel = replace(WAMV, effects=(AddedEffect(EFFECT["command_delay"], {"delay": 0.5}),))
     speed = column(sail(Boat.of(vessel), AHEAD, 1.0), "u")
@@ -224,6 +227,7 @@ def test_commands_that_act_late_act_late():
     assert speed[-50:] == pytest.approx(at_once, abs=1e-9)
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_effects_on_sensors_are_felt_by_the_autopilot():
     off = AddedEffect(EFFECT["heading_offset"], {"angle": 0.2})
     biased = AddedEffect(EFFECT["yaw_rate_bias"], {"bias": 0.01})

@@ -66,6 +66,7 @@ def test_a_thrust_curve_of_any_form_is_found():
     assert not found["screw.curve_-50"].identifiable  # it never went astern
 
 
+@pytest.mark.slow
 def test_the_current_of_each_voyage_is_found_along_with_the_boat():
     current = AddedEffect(CURRENT, {"speed": 0.1, "direction": 0.5})
     boat = replace(RUDDER_BOAT, thrusters=LINEAR).with_effects(current)

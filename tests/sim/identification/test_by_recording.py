@@ -117,6 +117,7 @@ def test_the_vessel_holds_the_numbers_that_are_told() -> None:
     assert found.to_dict()["parameters"][0]["value"] == found.numbers[0].value
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_knots_of_a_curve_are_put_together_as_shares_of_full_thrust() -> None:
     vessel = with_free_curves(WAM_V, ["left.curve"])
     names = tuple(n for n in Model.of(vessel).names if n.startswith(f"left.{KNOT_PREFIX}"))

@@ -11,6 +11,7 @@ from sim.identification.search import start_points
 from sim.model import Model
 from sim.trial import Trial
 from tests.sim.diagnosis.sailed import sailed, with_effect
+from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V, commands, trial_of
 
 
@@ -35,7 +36,7 @@ def two_trains() -> Trial:
     drive = commands(400.0, 0.1, 2)
     vessel = with_effect(WAM_V, "wave_motion", force=40.0, omega=1.3, direction=0.5, phase=0.0)
     vessel = with_effect(vessel, "wave_motion", force=30.0, omega=2.6, direction=-1.9, phase=1.0)
-    _, reports = Model.of(vessel).simulate(drive, 0.1)
+    _, reports = on_floats(vessel).simulate(drive, 0.1)
     motion = reports[0, :-1]
     return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, 0.1, np.eye(9) * 1e-6)
 
