@@ -76,6 +76,7 @@ def test_disturbances_have_the_resultants_of_the_paper() -> None:
     assert [resultant(pushes) for pushes in TABLE_8] == says
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_a_push_counter_clockwise_from_ahead_goes_to_port() -> None:
     vessel = disturbed(wam_v().vessel, [(10.0, 90.0)])
     assert direction(90.0) == pytest.approx(-np.pi / 2)

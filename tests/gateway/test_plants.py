@@ -104,28 +104,33 @@ def test_live_boats_have_plants_of_any_kind(heavy: None, boat: Path, tmp_path: P
     ]
 
 
-def test_a_plug_ins_plant_is_driven_from_the_command_line(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "lazyplant", raising=False)
-    plants.known_plants.cache_clear()
-    try:
-        drive_the_plug_in(run, tmp_path)
-    finally:
-        plants.known_plants.cache_clear()
-
-
-def drive_the_plug_in(run: Run, tmp_path: Path) -> None:
+@pytest.fixture
+def plugged_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A package with a plant, installed in a folder."""
     (tmp_path / "lazyplant.py").write_text(PLUG_IN, encoding="utf-8")
     info = tmp_path / "lazyplant-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lazyplant\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[shadow.plants]\nlazy = lazyplant:LAZY\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "lazyplant", raising=False)
+    plants.known_plants.cache_clear()
+    yield
+    plants.known_plants.cache_clear()
+
+
+def test_a_plug_ins_plant_is_listed_and_chosen(plugged_in: None, run: Run, boat: Path) -> None:
     listed = json.loads(run("plants", "--json").out)["plants"]
     assert [kind["name"] for kind in listed] == ["vessel", "mujoco", "fmu", "lazy"]
     assert "half the force" in run("plants").out
+    assert plants.load_plant(f"lazy:{boat}").vessel == IACQUABOT
+
+
+@pytest.mark.slow
+def test_a_plug_ins_plant_is_driven_from_the_command_line(
+    plugged_in: None, run: Run, tmp_path: Path
+) -> None:
     log, demo = ROOT / "recordings" / "otter_piece.tlog", str(vessel_path("otter"))
     errors = {}
     for plant in ("vessel", "lazy", f"lazy:{demo}"):

@@ -35,6 +35,7 @@ def test_a_narrow_terminal_shows_names_and_parameters_whole(
             assert f" {word} " in shown
 
 
+@pytest.mark.slow
 def test_an_effect_of_ones_own_takes_part_in_every_command(
     run: Run, tmp_path: Path, boat: Path, log: Path
 ) -> None:

@@ -55,6 +55,7 @@ def test_a_rough_voyage_runs_again_to_the_last_bit_ticks_included(tmp_path: Path
     assert {"telemetry_silent", "telemetry_back", "reboot"} <= set(deck.heard().events())
 
 
+@pytest.mark.slow
 def test_each_of_several_boats_on_one_link_runs_again_from_its_own_recording(
     tmp_path: Path,
 ) -> None:

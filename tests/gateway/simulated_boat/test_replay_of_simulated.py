@@ -50,10 +50,8 @@ def with_others_off(name):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "axis", "at_least"),
-    [pytest.param(*m, marks=() if m[0] == "cubic_drag" else pytest.mark.slow) for m in MISSED],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "axis", "at_least"), MISSED)
 def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, name, axis, at_least):
     truth = replace(BOAT, effects=with_others_off(name))
     without, within = missing(tmp_path, truth, BOAT), missing(tmp_path, truth, truth)
@@ -62,7 +60,12 @@ def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, na
 
 
 @pytest.mark.usefixtures("plain_laws")
-@pytest.mark.parametrize("path", sorted(VESSELS.glob("*.toml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=() if p.stem in ("steered", "wam-v") else pytest.mark.slow)
+     for p in sorted(VESSELS.glob("*.toml"))],
+    ids=lambda p: p.stem,
+)  # fmt: skip
 def test_a_first_vessel_comes_from_what_the_boat_says_of_its_outputs(tmp_path, path):
     vessel = load_vessel(path)
     log = tmp_path / "simulated.tlog"

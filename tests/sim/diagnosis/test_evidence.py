@@ -39,7 +39,7 @@ OWN = Effect(
 )  # fmt: skip
 
 
-def sailed(vessel: Vessel, seconds: float = 150.0) -> Trial:
+def sailed(vessel: Vessel, seconds: float = 120.0) -> Trial:
     """What the vessel itself does, without noise; commands swing over: a jump has no instant."""
     steps = excitation(vessel, seconds, DT)
     drive = np.stack([np.convolve(c, np.full(10, 0.1), "same") for c in steps.T], axis=1)

@@ -127,7 +127,14 @@ def test_balance_of_a_simulated_motion_is_zero(effect):
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
 
-@pytest.mark.parametrize("vessel", [*SHAPES, TWIN_WITH_RUDDER], ids=lambda v: v.name)
+@pytest.mark.parametrize(
+    "vessel",
+    [
+        *(pytest.param(v, marks=() if v is STEERED_BOAT else pytest.mark.slow) for v in SHAPES),
+        TWIN_WITH_RUDDER,
+    ],
+    ids=lambda v: v.name,
+)
 def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
     model, commands, states, _ = simulated(with_every_effect(vessel), on_floats)
     reports = reports_without_past(model, commands, states)

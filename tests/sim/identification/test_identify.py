@@ -113,6 +113,7 @@ def test_each_recording_has_a_current_of_its_own():
         assert angle == pytest.approx(direction, abs=0.15)
 
 
+@pytest.mark.slow
 def test_the_lag_of_an_effect_is_fitted_along():
     lagging = WAMV.with_effects(AddedEffect(LAG, {"tau": 0.5}))
     start = off(WAMV).with_effects(AddedEffect(LAG, {"tau": 0.2}))
