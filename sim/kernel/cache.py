@@ -226,7 +226,11 @@ def kernel_for(s: Structure) -> Kernel:
 
 @lru_cache(maxsize=128)
 def plain_kernel_for(s: Structure) -> Kernel:
-    """The kernel of a structure in plain Python: on floats, or on arrays over a batch."""
+    """The kernel of a structure in plain Python: on floats, or on arrays over a batch.
+
+    No machine code of it is kept: its text alone names the file.
+    """
     text = kernel_text(s)
-    module = _load(_write(text, _fingerprint(s, text)), s, _uncompiled, _uncompiled, _never)
+    file = _write(text, fingerprint((text,), ())[:24])
+    module = _load(file, s, _uncompiled, _uncompiled, _never)
     return Kernel(module, s, False)
