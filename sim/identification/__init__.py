@@ -3,11 +3,14 @@
 Here: the settings, and numbers by the names that a model gives them, put back into a vessel.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from sim.prediction.segments import BLOCK_S
+from sim.trial import Trial
 from sim.vessel import KNOT_PREFIX, AddedEffect, Dynamics, Rudder, Thruster, Vessel, knot_key
 
 BASE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
@@ -29,6 +32,8 @@ class IdentifySettings:
     tied       short runs tied by a filter, not free ones (`sim.identification.innovations`): for
                hulls that are unstable on course
     offsets    offsets in time of commands and velocities, and rounding, are estimated along
+    fastest    |u|, |v|, |r| of the recordings [m/s, m/s, rad/s]: damping that is over before a row
+               can show it at these is held (`parameters`); None: none is
     """
 
     free: tuple[str, ...] = BASE
@@ -42,6 +47,7 @@ class IdentifySettings:
     block: float = BLOCK_S
     offsets: bool = True
     tied: bool = False
+    fastest: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -51,6 +57,12 @@ class IdentifySettings:
         for name, share in self.priors.items():
             if not share > 0.0:
                 raise ValueError(f"prior of {name}: {share} is no relative standard deviation")
+
+    def with_speeds_of(self, trials: Sequence[Trial]) -> "IdentifySettings":
+        """The same with what these trials reach, but for the fastest hundredth of their rows."""
+        speeds = np.concatenate([np.abs(t.nu[t.usable]) for t in trials])
+        u, v, r = np.quantile(speeds, 0.99, axis=0).tolist()
+        return replace(self, fastest=(u, v, r))
 
 
 PLACES = {  # key of an actuator's number -> its field, and the place in it

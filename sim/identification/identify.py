@@ -291,6 +291,7 @@ def identify(
     before = Model.of(with_free_curves(vessel, settings.free))
     if settings.method in EQUATIONS:
         return _by_equations(trials, before, settings, others, seconds)
+    settings = settings.with_speeds_of(trials)
     unknowns = unknowns_of(before, len(trials), settings)
     inputs, search = FitInputs(unknowns, trials, settings), FITS[settings.method]
     fit = search(inputs, None, progress)

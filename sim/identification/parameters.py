@@ -39,7 +39,7 @@ ASSUMED_STD = 3.0  # scales that a number of a first vessel file may be off by
 FIXED_STD = 1e-4  # scales: prior of a parameter that is held at its start
 MAX_TURN_RAD = 1.5  # that a blade or motor turns
 AXES = (("m11", "X_u", "X_uu"), ("m22", "Y_v", "Y_vv"), ("m33", "N_r", "N_rr"))
-MAX_DAMPING_RATE = 10.0  # 1/s at 1 m/s or 1 rad/s: over in half a row of 0.2 s, so no row shows it
+MAX_DAMPING_RATE = 10.0  # 1/s at the speeds of the data: over in half a row of 0.2 s
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
     "Y_vv": "N s²/m²", "N_r": "N m s", "N_rr": "N m s²", "x_g": "m", "Y_r": "N s", "N_v": "N s",
@@ -87,37 +87,37 @@ class Unknown:
 
 
 class _Axis(NamedTuple):
-    """Inertia, linear and square damping of surge, sway or yaw: columns of z, and values given."""
+    """Inertia and two numbers of damping: columns of z, values given; and the speed of the data."""
 
     columns: Sequence[int | None]
     given: Sequence[float]
+    speed: float
 
     @property
     def damping(self) -> list[int]:
         return [i for i in self.columns[1:] if i is not None]
 
     def share(self, values: Floats) -> Floats:
-        """Named values (..., n) -> what share (...) of this damping a row can show, at most 1.
-
-        A vessel that was given with faster damping keeps that.
-        """
+        """Named values (..., n) -> share (...) of the damping that rows show, or that was given."""
         pairs = zip(self.columns, self.given, strict=True)
-        now = _damping_rate(*(given if i is None else values[..., i] for i, given in pairs))
-        limit = np.maximum(MAX_DAMPING_RATE, _damping_rate(*self.given))
+        now = self._rate(*(given if i is None else values[..., i] for i, given in pairs))
+        limit = np.maximum(MAX_DAMPING_RATE, self._rate(*self.given))
         return np.minimum(1.0, limit / np.maximum(now, 1e-9))
 
-
-def _damping_rate(inertia: Floats | float, linear: Floats | float, square: Floats | float) -> Any:
-    """[1/s] at 1 m/s or 1 rad/s."""
-    return (np.abs(linear) + 2.0 * np.abs(square)) / np.abs(inertia)
+    def _rate(self, inertia: Any, linear: Any, square: Any) -> Any:
+        return (np.abs(linear) + 2.0 * np.abs(square) * self.speed) / np.abs(inertia)
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """All unknown parameters as one vector z (n,); `model` gives what is not estimated."""
+    """All unknown parameters as one vector z (n,); `model` gives what is not estimated.
+
+    fastest  see `IdentifySettings`
+    """
 
     model: Model
     each: tuple[Unknown, ...]
+    fastest: tuple[float, float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.each)
@@ -223,9 +223,14 @@ class Unknowns:
 
     @cached_property
     def _axes(self) -> list["_Axis"]:
+        if self.fastest is None:
+            return []
         known = dict(zip(self.model.names, self.model.theta.tolist(), strict=True))
         known |= {u.name: u.start for u in self.each}
-        return [_Axis([self.column(n) for n in names], [known[n] for n in names]) for names in AXES]
+        return [
+            _Axis([self.column(n) for n in names], [known[n] for n in names], speed)
+            for names, speed in zip(AXES, self.fastest, strict=True)
+        ]
 
     def _whole(self, i: int, values: Floats) -> Floats:
         """The value (...) that unknown i is a share of."""
@@ -268,7 +273,8 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
         for name in OFFSETS:
             each.append(_nuisance(name, "s", OFFSET_LIMIT_S, OFFSET_STEP_S, OFFSET_STD_S))
         each.append(_nuisance(ROUNDING, "s²", ROUNDING_LIMIT_S2, ROUNDING_STEP_S2, ROUNDING_STD_S2))
-    return Unknowns(model, _paired(sorted(each, key=lambda u: -1 if u.trial is None else u.trial)))
+    each.sort(key=lambda u: -1 if u.trial is None else u.trial)
+    return Unknowns(model, _paired(each), settings.fastest)
 
 
 def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
