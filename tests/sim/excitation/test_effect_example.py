@@ -1,20 +1,13 @@
 """What an effect does to a small boat: seen for all of the catalogue, within their bounds."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Kind
 from sim.excitation.responses import MIN_SIZE, run_example
-from tests.sim.simulated import on_floats
 
-
-@pytest.fixture(autouse=True)
-def _nothing_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The laws in plain Python: a kernel for each effect alone takes seconds to compile."""
-    monkeypatch.setattr("sim.excitation.responses.Model", SimpleNamespace(of=on_floats))
+pytestmark = pytest.mark.usefixtures("plain_laws")
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
