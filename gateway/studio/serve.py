@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
+from bokeh.server.connection import ServerConnection
+from bokeh.server.views.ws import WSHandler
 from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.routing import PathMatches, Rule
 from tornado.web import RedirectHandler, RequestHandler
@@ -243,12 +245,21 @@ def quieten_logs() -> None:
     os.environ.setdefault("BOKEH_RESOURCES", "server")
     for name in ("bokeh", "tornado.access", "panel"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    logging.getLogger("asyncio").addFilter(is_fault)
+    for name in ("asyncio", "tornado.application"):
+        logging.getLogger(name).addFilter(is_fault)
 
 
 def is_fault(record: logging.LogRecord) -> bool:
     """False for a page that was closed while something went to it: that is not logged."""
-    return not (record.exc_info and isinstance(record.exc_info[1], WebSocketClosedError))
+    error = record.exc_info[1] if record.exc_info else None
+    return not (isinstance(error, WebSocketClosedError) or _is_late_close(error))
+
+
+def _is_late_close(error: BaseException | None) -> bool:
+    """Of Bokeh: a ping found the page closed and took its session away; its close, told later,
+    asks for it."""
+    frames = [frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)] if error else []
+    return frames[-2:] == [WSHandler.on_close.__code__, ServerConnection.session.fget.__code__]
 
 
 def _run_until_stopped(server: Any) -> None:

@@ -1,6 +1,8 @@
 """The server: this machine alone, its own pages alone, and with a token where it is exposed."""
 
+import asyncio
 import logging
+import re
 import socket
 import subprocess
 import sys
@@ -10,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from bokeh.server.views.ws import WSHandler
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.ioloop import IOLoop
 from tornado.websocket import WebSocketClosedError, websocket_connect
@@ -25,6 +28,7 @@ from gateway.studio.serve import (
     StudioOptions,
     is_fault,
     origins_of,
+    quieten_logs,
     server_of,
     session_of,
 )
@@ -60,6 +64,14 @@ class Served:
             f"ws://{self.at}/{path}", headers={"Origin": origin} | headers, connect_timeout=10.0
         )
         return IOLoop.current().run_sync(lambda: websocket_connect(request), 30.0)
+
+    def open_page(self, path: str):
+        """The websocket of a page, as its scripts open it."""
+        token = re.search(rb'"token":"([^"]+)"', self.get(path).body).group(1).decode()
+        request = HTTPRequest(f"ws://{self.at}/{path}/ws", headers={"Origin": f"http://{self.at}"})
+        return IOLoop.current().run_sync(
+            lambda: websocket_connect(request, subprotocols=["bokeh", token]), 30.0
+        )
 
     def close(self) -> None:
         self.server.stop()
@@ -206,6 +218,30 @@ def test_a_page_closed_while_something_went_to_it_is_no_fault_and_anything_else_
         record = logging.LogRecord("asyncio", logging.ERROR, "", 0, "never retrieved", (),
                                    (type(error), error, None))  # fmt: skip
         assert is_fault(record) is fault
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_a_page_that_a_ping_found_closed_before_it_said_so_is_no_fault(open_server, caplog, found):
+    quieten_logs()
+    served = open_server()
+    page = served.open_page("compare")
+    run = IOLoop.current().run_sync
+    assert "ACK" in run(page.read_message, 30.0)
+    (connection,) = served.server._tornado._clients
+    told = asyncio.Event()
+
+    def on_close() -> None:
+        IOLoop.current().call_later(0.1, told.set)
+        if not found:
+            raise KeyError("a fault of its own")
+        WSHandler.on_close(connection._socket)
+
+    connection._socket.on_close = on_close
+    if found:
+        served.server._tornado.client_lost(connection)  # as its ping does
+    page.close()
+    run(told.wait, 30.0)
+    assert len([r for r in caplog.records if r.levelno >= logging.ERROR]) == (0 if found else 1)
 
 
 def plug_in(monkeypatch, entry: PageEntry) -> None:
