@@ -86,6 +86,7 @@ EXAMPLES = {
 }
 
 
+@pytest.mark.slow
 def test_a_sea_has_the_height_and_the_peak_that_were_asked_for():
     height, period = 0.2, 2.5
     sea = water.sea(height, period, 0.0, 0.0, 7.0)
@@ -173,7 +174,10 @@ def test_shares_no_code_with_what_it_tests() -> None:
             assert not {n.split(".")[0] for n in names} & {"sim", "gateway", "tests"}, file
 
 
-@pytest.mark.parametrize("name", FLEET)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=() if n in ("teal", "heron") else pytest.mark.slow) for n in FLEET],
+)
 def test_the_plain_boat_is_exactly_its_vessel_file(name: str, tmp_path: Path) -> None:
     truth = sailed(FLEET[name], 40.0)
     assert np.ptp(truth.motion[:, 3:], axis=0).min() > 0.05
@@ -206,7 +210,13 @@ def test_every_cause_has_an_example() -> None:
     assert len(UNKNOWN) >= 4
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if k % 4 else ())
+        for k, name in enumerate(EXAMPLES)
+    ],
+)
 def test_every_cause_changes_what_is_reported(
     name: str, plain_motion: dict[str, np.ndarray]
 ) -> None:

@@ -120,6 +120,7 @@ fuzzer.fuzz(fuzzer.TARGETS[0], 30.0, 1)
 """
 
 
+@pytest.mark.alone
 def test_a_hang_ends_the_process_and_leaves_its_mutant(tmp_path: Path) -> None:
     began = time.monotonic()
     done = subprocess.run(
@@ -165,6 +166,7 @@ def test_names_in_an_mcap_that_are_no_text(tmp_path: Path, opcode: Opcode) -> No
         open_log(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", [2014, 2025])
 def test_definitions_of_a_dataflash_log_that_were_damaged(year: int) -> None:
     """Each number of four bytes declared a text, and each column without its name."""

@@ -38,7 +38,10 @@ def speed_with(path):
     return model.simulate(excitation(WAMV, 10.0, 0.1), 0.1)[0][0, -1, 3]
 
 
-def test_a_users_effect_takes_part_and_an_edit_counts_at_the_next_run(tmp_path):
+@pytest.mark.parametrize("laws", ["plain", pytest.param("compiled", marks=pytest.mark.slow)])
+def test_a_users_effect_takes_part_and_an_edit_counts_at_the_next_run(tmp_path, request, laws):
+    if laws == "plain":
+        request.getfixturevalue("plain_laws")
     path = tmp_path / "line.py"
     plain = Model.of(WAMV).simulate(excitation(WAMV, 10.0, 0.1), 0.1)[0][0, -1, 3]
     path.write_text(FILE.replace("FACTOR", "1"))
@@ -50,6 +53,7 @@ def test_a_users_effect_takes_part_and_an_edit_counts_at_the_next_run(tmp_path):
     assert speed_with(path) == once
 
 
+@pytest.mark.usefixtures("plain_laws")
 def test_the_kernel_holds_the_laws_that_were_loaded_even_if_the_file_changed_since(tmp_path):
     path = tmp_path / "line.py"
     path.write_text(FILE.replace("FACTOR", "1"))

@@ -157,6 +157,7 @@ with Recorder(path, live=True, attachments=[VESSEL], metadata=METADATA) as recor
 """
 
 
+@pytest.mark.alone
 def test_a_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-c", WRITER, str(path)]

@@ -78,6 +78,7 @@ def filled(example: str, keys: Path, endpoint: str, out: Path) -> Path:
     return path
 
 
+@pytest.mark.alone
 def test_two_processes_meet_over_tls(keys: Path, endpoint: str, tmp_path: Path) -> None:
     gateway = filled("zenoh-tls.json5", keys, endpoint, tmp_path)
     watcher = filled("zenoh-tls-watch.json5", keys, endpoint, tmp_path)

@@ -63,6 +63,7 @@ def test_a_size_stands_in_the_middle_of_its_own_interval():
     assert change.now == pytest.approx(change.before * (1.0 + change.share))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wears", [0, -1])
 def test_where_nothing_changes_the_p_value_is_what_it_says(wears):
     series = [made(seed, scatter=0.03, wears=wears) for seed in range(100, 180)]

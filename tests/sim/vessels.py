@@ -1,8 +1,10 @@
 """Vessels for the tests: one of every shape, and the two of the paper (FLU turned into FRD)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
@@ -113,6 +115,17 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
     },
     "yaw_rate_bias": {"bias": 0.03},
 }
+
+
+def each_effect(effects: Sequence[Effect] = EFFECTS) -> pytest.MarkDecorator:
+    """A test for each effect: fast for the first with a law of its kind, slow for all others."""
+    seen: set[str] = set()
+    params = []
+    for effect in effects:
+        first = not effect.laws.keys() <= seen
+        seen |= effect.laws.keys()
+        params.append(pytest.param(effect, marks=() if first else pytest.mark.slow))
+    return pytest.mark.parametrize("effect", params, ids=[effect.name for effect in effects])
 
 
 def added(effect: Effect) -> AddedEffect:

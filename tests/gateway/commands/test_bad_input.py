@@ -75,7 +75,9 @@ def test_a_system_that_is_not_there_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["info", "replay", "compare"])
+@pytest.mark.parametrize(
+    "name", ["info", "replay", pytest.param("compare", marks=pytest.mark.slow)]
+)
 def test_a_log_that_is_cut_off_is_read_to_where_it_ends(
     run: Run, tmp_path: Path, boat: Path, log: Path, name: str
 ) -> None:
@@ -146,7 +148,10 @@ NEEDS_A_BOAT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NEEDS_A_BOAT)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow if n == "report" else ()) for n in NEEDS_A_BOAT],
+)
 def test_a_copters_log_is_said_to_be_one(
     run: Run, tmp_path: Path, boat: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -210,6 +215,7 @@ def hears_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.mark.alone
 def test_an_interrupted_replay_leaves_nothing(tmp_path: Path, boat: Path, log: Path) -> None:
     out = tmp_path / "out"
     words = [*SHADOW, *map(str, command("replay", log, boat, out)), "--speed", "1"]

@@ -49,6 +49,7 @@ def test_an_effect_of_ones_own_takes_part_in_every_command(
     assert run("compare", log, "-v", boat, "--effects", own).status == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_laws")
 def test_an_effect_draws_itself(run, tmp_path):
     picture = tmp_path / "lag.svg"

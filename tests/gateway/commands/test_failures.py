@@ -201,7 +201,11 @@ ODD_LOGS: dict[str, Callable[[], list[Said]]] = {
 
 
 @pytest.mark.parametrize("name", ["compare", "identify", "diagnose"])
-@pytest.mark.parametrize("kind", ODD_LOGS)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(k, marks=() if k in ("voyage", "frozen") else pytest.mark.slow)
+     for k in ODD_LOGS],
+)  # fmt: skip
 def test_after_init_every_command_ends_in_an_answer_or_one_line(
     run: Run, tmp_path: Path, kind: str, name: str
 ) -> None:

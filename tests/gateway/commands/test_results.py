@@ -21,7 +21,9 @@ from tests.gateway.command_line import Run, command, one_line, strictly
 from tests.sim.vessels import IACQUABOT
 
 
-@pytest.mark.parametrize("name", ["info", "init", "replay", "compare"])
+@pytest.mark.parametrize(
+    "name", ["info", "init", "replay", pytest.param("compare", marks=pytest.mark.slow)]
+)
 def test_json_stands_alone_on_standard_output(
     run: Run, tmp_path: Path, boat: Path, log: Path, name: str
 ) -> None:

@@ -67,6 +67,7 @@ def test_nis_is_one_per_component():
         assert rows.nis[mine].mean() == pytest.approx(components, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("attitude_hz", "position_hz"), [(50.0, 25.0), (10.0, 3.0)])
 def test_on_a_smooth_course_with_a_slow_gyro_nothing_is_claimed_too_good(attitude_hz, position_hz):
     settings = FilterSettings()

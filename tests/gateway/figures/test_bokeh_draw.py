@@ -36,7 +36,9 @@ def ratio(one: str, two: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
+@pytest.mark.parametrize(
+    "theme", [pytest.param(LIGHT, marks=pytest.mark.slow), DARK], ids=lambda theme: theme.name
+)
 def test_every_figure_of_a_comparison_is_drawn(compared, theme):
     for data in comparison_figures(*compared).values():
         drawn = BokehFigure(data, LinkedView(theme))
@@ -45,6 +47,7 @@ def test_every_figure_of_a_comparison_is_drawn(compared, theme):
             assert (figure.xaxis[0].axis_label or "") == panel.x.text
 
 
+@pytest.mark.slow
 def test_the_names_of_headings_stand_apart_in_a_picture_as_narrow_as_on_a_phone(compared):
     letter_px, width_px = 7.0, 200.0
     headings = [

@@ -105,6 +105,7 @@ def test_roles_have_colours_of_their_own_and_scales_darken():
     assert light == sorted(light, reverse=True)
 
 
+@pytest.mark.slow
 def test_the_same_data_give_the_same_bytes(compared, tmp_path):
     figure = error_shares(compared[1][0])
     for suffix in (".svg", ".png"):
@@ -115,6 +116,7 @@ def test_the_same_data_give_the_same_bytes(compared, tmp_path):
                 assert image.width > 1000
 
 
+@pytest.mark.slow
 def test_a_figure_is_whole_or_not_there(compared, tmp_path, monkeypatch):
     figure = error_shares(compared[1][0])
     with pytest.raises(BadInput, match=r"\.png or \.svg"):

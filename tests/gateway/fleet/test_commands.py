@@ -29,6 +29,7 @@ def without_the_extra(*words):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_the_program_runs_without_the_extra_and_says_what_is_missing(folder):
     assert without_the_extra("effects").returncode == 0
     assert without_the_extra("fleet", "--help").returncode == 0

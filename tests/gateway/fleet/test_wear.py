@@ -136,6 +136,7 @@ def test_the_command_tells_it_in_words_and_as_json(run, folder):
     assert "no change is clear: 1 number followed" in run("wear", folder, "--boat", "otter").out
 
 
+@pytest.mark.slow
 def test_pictures_of_every_course(run, folder, tmp_path):
     done = run("wear", folder, "--pictures", tmp_path / "drawn")
     assert done.status == 0

@@ -11,6 +11,7 @@ from tests.gateway.command_line import SHADOW, one_line
 from tests.gateway.hil.firmware import StandIn, free_port
 
 
+@pytest.mark.alone
 def test_it_plays_until_ctrl_c_and_leaves_a_whole_recording(tmp_path):
     port = free_port()
     command = [*SHADOW, "hil", f"json:127.0.0.1:{port}", "-v", "ferry=otter", "--out", tmp_path]

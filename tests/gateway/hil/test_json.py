@@ -295,6 +295,7 @@ def test_firmware_that_does_not_call_may_wait_for_a_ground_station(plan, stand_i
     assert not running.said("waits for a ground station")
 
 
+@pytest.mark.slow
 def test_it_sails_a_square_to_places(plan, stand_in):
     with looping([plan]) as running:
         firmware = stand_in(plan, rate=100)

@@ -79,6 +79,7 @@ SHOWS_BESIDE = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_no_inference_reads_the_truth():
     """Nobody but the recorder of the loop names those channels, nor the table that holds them."""
     named = set()
@@ -147,6 +148,7 @@ print(len(ready), ready == list(_lay_out.signatures), thread.failure)
 """
 
 
+@pytest.mark.slow
 def test_the_first_recording_of_an_installation_compiles_nothing_when_it_ends(tmp_path):
     """Where it did, a busy machine left it unfinished, and empty."""
     words = [sys.executable, "-c", FIRST_RUN]

@@ -84,7 +84,9 @@ def assert_agrees(log: MavlinkLog, peer: dict[str, list[Any]]) -> None:
         assert table.receive_time_ns.tolist() == stamps
 
 
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if "radio" in n else ()) for n in REAL]
+)
 def test_every_field_agrees_with_pymavlink(shared_data: Path, name: str) -> None:
     assert_agrees(open_log(shared_data / name), peer_messages(shared_data / name))
 

@@ -284,6 +284,7 @@ def test_what_holds_nothing_gets_one_clear_line(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 @RANDOM
 @given(st.data())
 def test_damaged_logs_end_in_a_log_or_in_one_line(data: st.DataObject) -> None:

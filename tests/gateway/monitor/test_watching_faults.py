@@ -157,6 +157,7 @@ def test_a_subscriber_that_asks_but_does_not_read_holds_nobody_up(endpoint: str)
         assert all(published_in_time(bus, len(MESSAGES)) for _ in range(50))
 
 
+@pytest.mark.alone
 def test_a_watcher_sees_a_gateway_killed_and_back(endpoint: str) -> None:
     with process(GATEWAY, endpoint) as gateway:
         session = wait(lambda: join_bus(endpoint, None))

@@ -12,6 +12,7 @@ from gateway.offline.trials import DEFAULT_TRIALS
 from gateway.vessel_file import load_vessel
 from sim.hil.day import Day, Moment
 
+pytestmark = pytest.mark.slow  # two missions are sailed
 MISSION = MissionTask(((20.0, 0.0), (20.0, 20.0), (0.0, 20.0)), 0.5, 1.0)
 
 
@@ -57,7 +58,6 @@ def test_a_restart_begins_another_track(sailed):
     assert len(loop_passages(whole, DEFAULT_TRIALS)) == 1
 
 
-@pytest.mark.slow
 def test_the_command_tells_draws_and_prints_json(sailed, tmp_path, run):
     log, (_, weak) = sailed
     words = ["compare", log, "-v", "otter", "--with-hil", weak]

@@ -53,6 +53,7 @@ def test_vessels_of_one_name_are_told_apart():
     assert names == ["plain (#1)", "b", "plain (#3)"]
 
 
+@pytest.mark.slow
 def test_pictures_go_into_the_folder(logs, tmp_path):
     compare_logs(["both.tlog"], [WAM_V], pictures=tmp_path / "pictures")
     assert {p.name for p in (tmp_path / "pictures").iterdir()} == {
@@ -63,6 +64,7 @@ def test_pictures_go_into_the_folder(logs, tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_log_of_an_autopilot(shared_data):
     """The same voyage as telemetry and as flash log: the same error, near the noise."""
     vessel = VESSELS / "otter.toml"

@@ -142,6 +142,7 @@ def test_nothing_to_improve_writes_no_vessel(found, tmp_path, capsys):
     assert "holds as it is" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_two_recordings_have_a_current_each_and_the_vessel_holds_that_of_the_first(
     folder, trial, tmp_path, monkeypatch
 ):
@@ -175,6 +176,7 @@ def test_the_pictures_show_the_numbers_of_the_answer(found, tmp_path):
         save_figure(figure, tmp_path / f"{name}.png")
 
 
+@pytest.mark.slow
 def test_compare_refits_what_is_of_the_day(run, trial, folder, tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.offline.compare.load_trials", lambda *_: [trial])
     other = replace(WAM_V, name="other day").with_effects(found_current())

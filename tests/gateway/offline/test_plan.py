@@ -43,7 +43,9 @@ def test_it_writes_script_tables_and_pictures(tmp_path):
             assert image.width > 1000
 
 
-@pytest.mark.parametrize("vessel", [WAMV, RUDDER_BOAT], ids=lambda v: v.name)
+@pytest.mark.parametrize(
+    "vessel", [WAMV, pytest.param(RUDDER_BOAT, marks=pytest.mark.slow)], ids=lambda v: v.name
+)
 def test_pulses_are_those_of_the_sticks_and_end_in_neutral(tmp_path, vessel):
     done = planned(tmp_path, vessel, excitation="steps")
     rows = rows_of(done.files[1])
@@ -88,7 +90,11 @@ def test_a_plan_that_leaves_the_circle_says_when_and_how_long_it_may_be(tmp_path
     assert make_plan(IACQUABOT, options, None).within_radius
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, marks=pytest.mark.slow if p.stem == "steered" else ()) for p in SHIPPED],
+    ids=lambda p: p.stem,
+)
 def test_every_shipped_vessel_has_a_plan_and_answers_to_steps(path):
     done = make_plan(load_vessel(path), PlanOptions(), None)
     assert done.step_responses.surge.settled

@@ -349,6 +349,7 @@ def test_the_shadow_of_the_otter_stays_with_it(shared_data: Path, name: str) -> 
     assert (summary.rmse[:2] < 0.3).all(), summary.rmse[:2]
 
 
+@pytest.mark.slow
 def test_the_otters_recording_reproduces_itself(shared_data: Path, tmp_path: Path) -> None:
     whole = (shared_data / "sitl" / "otter_calm.tlog").read_bytes()
     piece = tmp_path / "piece.tlog"

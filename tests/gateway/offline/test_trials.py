@@ -233,6 +233,7 @@ def boot_aligned(shared_data: Path, name: str) -> Trial:
     return trial
 
 
+@pytest.mark.slow
 def test_both_logs_of_one_run_give_the_same_velocities(shared_data: Path) -> None:
     radio, board = (boot_aligned(shared_data, f"otter_calm.{kind}") for kind in ("tlog", "BIN"))
     first_ms = open_log(shared_data / "sitl" / "otter_calm.tlog").table("LOCAL_POSITION_NED")

@@ -186,6 +186,7 @@ def test_without_a_client_nothing_is_made(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(heard.payloads["shadow"]) > 100
 
 
+@pytest.mark.alone
 def test_a_running_program_serves_beside_strangers_and_clients_that_hang(tmp_path: Path) -> None:
     port = free_port(socket.SOCK_STREAM)
     with (
@@ -241,6 +242,7 @@ def test_a_client_that_does_not_read_holds_nobody_up() -> None:
     assert ended < STOP_S + 1.0
 
 
+@pytest.mark.alone
 def test_a_port_that_is_taken_is_one_line_and_bad_input(tmp_path: Path) -> None:
     (tmp_path / "boat.toml").write_text(dump_vessel(WAMV))
     with socket.create_server(("127.0.0.1", 0)) as taken:

@@ -98,6 +98,7 @@ def test_health_tells_rates_loss_and_the_filters_honesty() -> None:
     assert np.diff(heard.column("health", "receive_time_ns")) == pytest.approx(1e9, abs=1e8)
 
 
+@pytest.mark.slow
 def test_telemetry_as_thin_as_a_radios_is_shadowed_all_the_same() -> None:
     with Deck() as deck:
         heard = deck.hear(datagrams(played(40.0, rates=THIN))).heard()
@@ -125,6 +126,7 @@ def errors_by_hand(rows: list[tuple[float, Any, Any]], horizon: float) -> Any:
     return known
 
 
+@pytest.mark.slow
 def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
     fleet, rows, errors = Fleet([BoatPlan(WAMV)], SETTINGS), [], None
     pulses = np.full(16, np.nan)
@@ -144,6 +146,7 @@ def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
         assert errors[3 * k : 3 * k + 3] == pytest.approx(errors_by_hand(rows, horizon), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_in_mode_model_the_measurement_is_only_the_beginning() -> None:
     settings = replace(SETTINGS, following=FollowingSettings(reference=ReferenceMode.MODEL))
     with Deck(settings=settings) as deck:

@@ -71,7 +71,6 @@ def off(heard: Heard, true: Any, from_s: float = 3.0) -> Any:
     return np.hypot(mine[:, 1] - there[0], mine[:, 2] - there[1])
 
 
-ALL_AT_ONCE = "all at once"  # what the fast tests play
 UNHEARD = {"telemetry_silent", "reference_model", "telemetry_back", "reference_measured"}
 # what goes wrong, how far off the shadow may be [m], which events there must be
 TROUBLES: dict[str, tuple[Faults, float, set[str]]] = {
@@ -85,7 +84,7 @@ TROUBLES: dict[str, tuple[Faults, float, set[str]]] = {
     "lost": (Faults(loss=0.3), 2.0, set()),
     "burst": (Faults(bursts=(Burst(10.0, 12.0),)), 4.0, UNHEARD),
     "nonsense": (Faults(nonsense=0.1), 2.0, set()),
-    ALL_AT_ONCE: (
+    "all at once": (
         Faults((Reboot(20.0),), (Silence(8.0, 10.0),), (Burst(13.0, 14.0),), 0.2, 0.2, 0.2, 0.03),
         8.0,
         {"reboot", *UNHEARD},
@@ -98,10 +97,8 @@ def troubled(trouble: str) -> Heard:
     return shadowed(played(SECONDS, faults=TROUBLES[trouble][0]))
 
 
-@pytest.mark.parametrize(
-    "trouble",
-    [pytest.param(t, marks=() if t == ALL_AT_ONCE else pytest.mark.slow) for t in TROUBLES],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("trouble", TROUBLES)
 def test_the_shadow_stays_near_the_boat_and_says_what_happened(trouble: str) -> None:
     faults, metres, events = TROUBLES[trouble]
     heard = troubled(trouble)
@@ -159,6 +156,7 @@ def test_a_machine_that_is_too_slow_says_how_old_its_picture_is_and_loses_nothin
     assert heard.events().index("overload") < heard.events().index("overload_over")
 
 
+@pytest.mark.slow
 def test_a_ground_station_on_the_link_is_no_boat_and_no_harm() -> None:
     with Deck() as deck:
         heard = deck.hear(datagrams(played(8.0, station=True))).heard()
@@ -214,6 +212,7 @@ def _blank(kind: Any, message: Any) -> Any:
     return message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_any_content_in_any_message_leaves_the_shadow_finite(seed: int) -> None:
     """One frame in five is forged, heartbeats that disarm and clocks that jump included."""
@@ -259,6 +258,7 @@ def full(room: int) -> Callable[[Path], Any]:
     return lambda path: Full(open_new(path), room)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [50_000, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_full_disk_is_an_event_and_the_shadow_runs_on(
     room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clean: Heard

@@ -68,9 +68,8 @@ def again(*paths: Path) -> dict[str, list[bytes]]:
     return {topic: heard.payloads[topic] for topic in COMPARED}
 
 
-@pytest.mark.parametrize(
-    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.alone), signal.SIGTERM]
-)
+@pytest.mark.alone
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_cleanly_and_soon_and_what_ran_runs_again(
     tmp_path: Path, number: signal.Signals, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -195,6 +194,7 @@ def test_else_only_heartbeats_and_requests_are_sent_under_an_id_of_our_own() -> 
     assert {m.autopilot for m in got if m.get_type() == "HEARTBEAT"} == {8}
 
 
+@pytest.mark.alone
 def test_requests_are_made_again_after_a_reboot() -> None:
     port = free_port()
     with (
@@ -221,6 +221,7 @@ def test_a_boat_is_asked_for_the_rates_of_the_configuration(tmp_path: Path) -> N
     assert answers == [f"system 1: {name} at {hz:g} Hz: accepted" for name, hz in asked.items()]
 
 
+@pytest.mark.alone
 def test_hostile_datagrams_do_no_harm() -> None:
     dice, port = random.Random(4), free_port()
     with (

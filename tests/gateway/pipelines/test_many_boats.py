@@ -57,6 +57,7 @@ def counted(boats: int) -> list[int]:
     return found
 
 
+@pytest.mark.slow
 def test_a_datagram_costs_the_same_however_many_boats_there_are() -> None:
     counted(1)  # fills caches
     alone, among_many = counted(1), counted(6)

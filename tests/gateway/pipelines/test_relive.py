@@ -45,6 +45,7 @@ def check(live: Heard, rerun: Heard, rows: int) -> None:
         assert rerun.payloads[topic] == live.payloads[topic]
 
 
+@pytest.mark.slow
 def test_a_rough_voyage_runs_again_to_the_last_bit_ticks_included(tmp_path: Path) -> None:
     with Deck(out=tmp_path) as deck:
         deck.hear(datagrams(played(30.0, faults=ROUGH)), until_s=32.0)

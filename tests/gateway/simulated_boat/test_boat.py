@@ -98,6 +98,7 @@ def test_messages_agree_with_each_other():
     assert hud.groundspeed > 0.3
 
 
+@pytest.mark.slow
 def test_the_gyro_is_delayed_by_the_autopilots_filter():
     """Yaw rate as reported lags the derivative of yaw by that of a 4 Hz low-pass: 56 ms."""
     frames = frames_of(simulated_boat(rates=FAST, noise=0.0), 100.0)
@@ -173,6 +174,7 @@ EFFECT = Effect(name="late", scope=Scope.BOAT, delay=delay, looks_like="late",
 """
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_laws")
 def test_commands_that_act_late_are_remembered(tmp_path):
     """The pulses are sent at once, the boat moves when the delay is over."""

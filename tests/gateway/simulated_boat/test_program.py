@@ -10,13 +10,17 @@ from gateway.simulated_boat import SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.hull import PROGRAMS, program_of
 from gateway.vessel_file import load_vessel
-from tests.sim.vessels import RUDDER_BOAT, SHAPES, WAMV
+from tests.sim.vessels import RUDDER_BOAT, SHAPES, STEERED_BOAT, WAMV
 
 SHIPPED = sorted((Path(__file__).resolve().parents[3] / "configs/vessels").glob("*.toml"))
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-@pytest.mark.parametrize("vessel", SHAPES, ids=lambda v: v.name)
+@pytest.mark.parametrize(
+    "vessel",
+    [pytest.param(v, marks=pytest.mark.slow if v is STEERED_BOAT else ()) for v in SHAPES],
+    ids=lambda v: v.name,
+)
 def test_commands_are_in_range_and_in_order(name, vessel):
     program = program_of(vessel, name)
     assert np.all(np.diff(program.starts) > 0.0)
@@ -45,12 +49,8 @@ def test_random_depends_on_the_seed_alone():
     assert not np.array_equal(one, other)
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(p, marks=() if p.stem in ("steered", "otter") else pytest.mark.slow)
-     for p in SHIPPED],
-    ids=lambda p: p.stem,
-)  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
 def test_every_shipped_vessel_turns_both_ways_and_keeps_near(path):
     boat = SimulatedBoat(load_vessel(path), SimulatedBoatSettings(rates={"HEARTBEAT": 1.0}))
     state, turned = boat.start(), []

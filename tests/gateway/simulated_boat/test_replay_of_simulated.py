@@ -62,7 +62,7 @@ def test_an_effect_is_missed_and_found_again_where_the_model_has_it(tmp_path, na
 @pytest.mark.usefixtures("plain_laws")
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(p, marks=() if p.stem in ("steered", "wam-v") else pytest.mark.slow)
+    [pytest.param(p, marks=() if p.stem == "steered" else pytest.mark.slow)
      for p in sorted(VESSELS.glob("*.toml"))],
     ids=lambda p: p.stem,
 )  # fmt: skip

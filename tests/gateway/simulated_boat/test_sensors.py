@@ -66,6 +66,7 @@ def test_a_hull_that_heels_feels_gravity():
     assert np.polyfit(lean[:, 1], lean[:, 3], 1)[0] == pytest.approx(GRAVITY, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_imu_feels_acceleration_and_turn():
     """Specific force is the change of velocity in the world, seen in the body."""
     rates = dict.fromkeys(("HEARTBEAT", "ATTITUDE", "LOCAL_POSITION_NED", "RAW_IMU"), 50.0)
@@ -80,6 +81,7 @@ def test_the_imu_feels_acceleration_and_turn():
     assert np.std((felt - body)[:-60], axis=0) == pytest.approx([0.0, 0.0], abs=0.02)
 
 
+@pytest.mark.slow
 def test_an_imu_ahead_of_the_origin_feels_the_turn_pull_it_forward():
     """Centripetal acceleration −r² x, tangential ṙ x."""
 

@@ -66,6 +66,7 @@ def test_a_mission_steers_towards_the_waypoint_and_ends():
     assert pilot.sticks(0.0, read_at(10.0, 9.0, 0.0)) is None
 
 
+@pytest.mark.slow
 def test_a_square_is_sailed_in_the_loop(sail):
     tracks = []
 
@@ -81,6 +82,7 @@ def test_a_square_is_sailed_in_the_loop(sail):
         assert np.hypot(*(np.array(tracks) - corner).T).min() < 2.0
 
 
+@pytest.mark.slow
 def test_its_log_is_that_of_the_boat_in_the_loop(sail, otter, tmp_path):
     """A model that is right is no further from it than noise; one that is wrong is."""
     from dataclasses import replace

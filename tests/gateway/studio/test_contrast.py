@@ -54,6 +54,7 @@ HUES = """element => ["color", "backgroundColor"].map(name => "#" + getComputedS
     .match(/\\d+/g).slice(0, 3).map(part => (+part).toString(16).padStart(2, "0")).join(""))"""
 
 
+@pytest.mark.slow
 def test_a_button_under_the_pointer_is_read():
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:

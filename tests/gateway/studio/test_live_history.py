@@ -264,6 +264,7 @@ def test_the_last_minutes_of_a_growing_recording_are_kept_with_its_parameters(tm
     assert not Recording.open(file).finished  # the gateway's own is as it was
 
 
+@pytest.mark.slow
 def test_diagnose_this_takes_the_gateways_vessel_and_its_last_minutes_and_opens_diagnose(tmp_path):
     vessel = (ROOT / "configs/vessels/demo_boat.toml").read_bytes()
     live_recording(tmp_path, "boat", 20, vessel)

@@ -76,6 +76,7 @@ def test_cancelled_work_is_gone_at_once_and_the_next_job_runs(worker):
     assert all_messages(worker)[-1].value == 2
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_reported_and_replaced(worker):
     worker.start("job", jobs.die)
     assert all_messages(worker)[-1].kind == "failed"

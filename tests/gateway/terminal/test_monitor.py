@@ -55,6 +55,7 @@ def test_once_shows_last_values_that_nobody_heard(endpoint: str) -> None:
         assert words in seen.stdout
 
 
+@pytest.mark.alone
 def test_once_as_json_is_a_line_per_vessel(endpoint: str) -> None:
     with (
         Bus("otter", settings=BusSettings(endpoint)) as bus,
@@ -109,6 +110,7 @@ def started(*words: str) -> Iterator[subprocess.Popen[bytes]]:
             running.kill()
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_lines_wait_for_the_gateway_and_end_cleanly(endpoint: str, ending: signal.Signals) -> None:
     with started("--connect", endpoint, "--json") as running:
@@ -136,6 +138,7 @@ def read_until(
     return seen
 
 
+@pytest.mark.alone
 def test_in_a_terminal_it_draws_and_leaves_the_terminal_in_order(endpoint: str) -> None:
     master, slave = pty.openpty()
     command = [sys.executable, "-c", SHADOW, "monitor", "--connect", endpoint]

@@ -49,6 +49,7 @@ def test_the_current_of_the_day_is_found_on_either_half(trial):
         assert model.vessel.dynamics == WAM_V.dynamics
 
 
+@pytest.mark.slow
 def test_what_is_judged_was_not_seen(trial):
     """Spoil one half: the numbers that the other half is judged with change, its own do not."""
     folds = TwoFolds.of(trial)
@@ -59,6 +60,7 @@ def test_what_is_judged_was_not_seen(trial):
     assert abs(before[1][speed] - after[1][speed]) > 0.02
 
 
+@pytest.mark.slow
 def test_a_vessel_of_another_day_gets_its_chance_and_a_plain_one_stays_as_it_is(trial):
     plain, other = compare_refitted(
         trial, [Model.of(WAM_V), Model.of(replace(OTHER_DAY, name="other"))]

@@ -104,6 +104,7 @@ def test_areas_are_fitted_to_a_measured_wind() -> None:
     assert wind["c_n"].value == pytest.approx(C_N, abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_calm_voyage_names_no_wind_and_assumes_nothing() -> None:
     found = diagnose([sailed()], WAM_V, ONLY_WIND)
     assert "steady_wind" not in {r.effect for r in found.refused}

@@ -13,7 +13,7 @@ from sim.state import Wrench
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
 from tests.sim.simulated import on_floats
-from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV, added, excitation
+from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV, added, each_effect, excitation
 
 DT = 0.1
 LATER = {  # events within the trial, and what is strong enough to be seen on it
@@ -67,7 +67,7 @@ def test_every_effect_of_the_catalogue_declares_what_its_evidence_is_drawn_again
     assert {d.by for d in declared if d is not None and d.variable is None} <= set(VARIABLES)
 
 
-@pytest.mark.parametrize("effect", [*EFFECTS, OWN], ids=lambda e: e.name)
+@each_effect([OWN, *EFFECTS])
 def test_what_is_missing_lies_on_the_curve_of_the_effect(effect):
     vessel = with_effect(effect)
     found = evidence([sailed(vessel)], [vessel], effect)

@@ -135,6 +135,7 @@ def off() -> Fit:
     return fit_of(failing(93.0), 95.0)
 
 
+@pytest.mark.slow
 def test_what_is_known_of_a_coefficient_does_not_follow_the_fit() -> None:
     """It begins where an earlier fit ended; what was known beforehand stays what it was."""
     wind, settings = named("steady_wind"), DiagnoseSettings().identify(WAM_V)
@@ -151,6 +152,7 @@ def test_what_is_known_of_a_coefficient_does_not_follow_the_fit() -> None:
     assert speed.start == 8.0
 
 
+@pytest.mark.slow
 def test_events_are_moments() -> None:
     trial = failing(93.0)
     assert event_names(fit_of(trial, 95.0)) == (NAME,)
@@ -158,6 +160,7 @@ def test_events_are_moments() -> None:
     assert event_names(bare) == ()
 
 
+@pytest.mark.slow
 def test_an_event_is_moved_to_where_the_data_have_it(off: Fit) -> None:
     on = with_event_moved(off, NAME)
     assert on.values("thruster_fault")["time"] == pytest.approx(93.0, abs=0.3)

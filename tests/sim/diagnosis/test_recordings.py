@@ -63,6 +63,7 @@ def test_what_recordings_agree_on_holds_on_each_that_is_left_out() -> None:
     assert step.left_out.nrmse < 1.2 * step.heldout.nrmse
 
 
+@pytest.mark.slow
 def test_what_holds_on_some_recordings_only_is_not_believed_of_the_boat() -> None:
     """Blocks of each were fitted too: on the rest of their time the offset helps all the same."""
     ranking, step = offset_on(days(*DIFFERING))
@@ -79,6 +80,7 @@ def test_what_is_not_believed_of_the_boat_is_not_named() -> None:
     assert "heading_offset" not in found.effects
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_left_out_keeps_what_is_of_its_day() -> None:
     """Its current is nobody else's: without its rows nothing else could tell it."""
     trials = [

@@ -58,6 +58,7 @@ def base_on(*trials: Trial) -> Fit:
     return fit_base(SupersetModel.of(WAM_V, ()), Model.of(WAM_V), trials, DiagnoseSettings())
 
 
+@pytest.mark.slow
 def test_water_that_flows_differently_from_place_to_place() -> None:
     best = dependences(base_on(voyage(water=sheared)))[0]
     assert best.on == "flow"
@@ -66,6 +67,7 @@ def test_water_that_flows_differently_from_place_to_place() -> None:
     assert "sway" in best.axes
 
 
+@pytest.mark.slow
 def test_a_motor_that_comes_and_goes() -> None:
     trial = voyage(thrust=stuttering)
     assert rhythms(Model.of(WAM_V), trial)[0] == pytest.approx(2.0 * np.pi / PERIOD, rel=0.01)
@@ -87,13 +89,19 @@ def test_a_sea_is_seen_by_the_period_that_what_is_left_swings_with() -> None:
     assert swing_period(base_on(shaken)) == pytest.approx(2.0, abs=0.5)
 
 
-def test_what_does_not_swing_has_no_period() -> None:
-    """Noise, a flow that changes from place to place, and motors that stop every nine seconds."""
-    for trial in (sailed(seconds=SECONDS), voyage(water=sheared), voyage(thrust=stuttering)):
+@pytest.mark.slow
+def test_what_changes_from_place_to_place_or_stops_now_and_then_has_no_period() -> None:
+    """A flow that is another elsewhere, and motors that stop every nine seconds."""
+    for trial in (voyage(water=sheared), voyage(thrust=stuttering)):
         assert swing_period(base_on(trial)) is None
+
+
+def test_noise_has_no_period() -> None:
+    assert swing_period(base_on(sailed(seconds=SECONDS))) is None
     assert swing_period(base_on(sailed(seconds=20.0))) is None  # too short for a spectrum
 
 
+@pytest.mark.slow
 def test_several_recordings_have_maps_of_their_own() -> None:
     best = dependences(base_on(voyage(water=sheared), sailed(seconds=100.0)))[0]
     assert best.on == "flow"

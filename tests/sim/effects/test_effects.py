@@ -36,6 +36,7 @@ from tests.sim.vessels import (
     TWIN_WITH_RUDDER,
     WAMV,
     added,
+    each_effect,
     every_effect,
     excitation,
     with_every_effect,
@@ -86,7 +87,7 @@ def at(value, k):
     return float(value[k])
 
 
-@every
+@each_effect()
 def test_one_law_serves_arrays_and_compiled_scalars(effect):
     count, values = 40, added(effect).values
     given = arguments(np.random.default_rng(5), count)
@@ -121,7 +122,7 @@ def sailed_bare(steered):
     return model, reports
 
 
-@every
+@each_effect()
 def test_balance_of_a_simulated_motion_is_zero(effect):
     model, commands, _, reports = sailed_with(effect.name)
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
@@ -142,7 +143,7 @@ def test_balance_is_zero_with_all_effects_at_once_on_every_shape(vessel):
     assert np.abs(missing_along(model, commands, reports)).max() < 1e-7
 
 
-@every
+@each_effect()
 def test_leaving_an_effect_out_is_seen_everywhere(effect):
     """In the simulation, in the missing force and in the prediction alike."""
     model, commands, late_reports, reports = sailed_with(effect.name)

@@ -6,11 +6,12 @@ import pytest
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Kind
 from sim.excitation.responses import MIN_SIZE, run_example
+from tests.sim.vessels import each_effect
 
 pytestmark = pytest.mark.usefixtures("plain_laws")
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+@each_effect()
 def test_every_effect_is_seen_where_the_picture_looks(effect):
     run = run_example(effect)
     assert np.isfinite(run.changed).all()

@@ -14,6 +14,7 @@ from sim.plants import PlantKind
 from sim.plants.plant import VesselPlant
 from sim.state import Wrench
 from sim.vessel import AddedEffect
+from tests.sim.simulated import on_floats
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV, excitation
 
 DT = 0.02
@@ -118,7 +119,7 @@ def test_another_vessel_tracks_the_boat():
 def under_side_force(axes):
     """Sway of the boat and of its shadow where a side force acts that no thruster explains."""
     boat = WAMV.with_effects(AddedEffect(PUSH, {"X": 0.0, "Y": 30.0, "N": 0.0}))
-    _, reports = Model.of(boat).simulate(np.full((3000, 2), 0.3), DT)
+    _, reports = on_floats(boat).simulate(np.full((3000, 2), 0.3), DT)
     follower = VesselFollower.of(Model.of(WAMV), FollowerOptions(axes=axes))
     shadows = follower.advance(follower.start(), DT * np.arange(3001), reports[0]).shadows
     return reports[0, -1], shadows[-1]

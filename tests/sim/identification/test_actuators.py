@@ -52,6 +52,7 @@ def test_the_angles_of_a_steered_motor_are_found():
     assert found["steering.angle_high"].value == pytest.approx(0.5, rel=0.04)
 
 
+@pytest.mark.slow
 def test_a_thrust_curve_of_any_form_is_found():
     def bent(c):
         return max(0.0, (c - 0.1) / 0.9) ** 0.7

@@ -37,6 +37,7 @@ def sigmas(found: ByRecording) -> np.ndarray:
     ])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say_and_few_are_named() -> None:
     random, held, named = np.random.default_rng(5), [], 0
     for _ in range(16):

@@ -95,6 +95,7 @@ def test_whitened_rows_are_independent_and_of_unit_size():
     np.testing.assert_allclose(covariance, np.eye(3 * MEANS), atol=0.12)
 
 
+@pytest.mark.slow
 def test_likelihood_tells_command_timing_from_a_noisy_gyro():
     for timing in (0.0, 1.0):
         e, noise = drawn(timing)

@@ -63,6 +63,7 @@ def test_a_fixed_mass_tells_thrust():
         assert value(found, name).value == pytest.approx(truth, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_survey_alone_leaves_hard_turns_and_full_throttle_untold():
     eta, nu, nu_dot, drive = legs(WAM_V, 300.0, 0.1)
     rng = np.random.default_rng(1)
@@ -180,6 +181,7 @@ def ends(boat: Vessel, file: Vessel, seed: int) -> None:
     assert sum(made) < MOST_STEPS
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None, derandomize=True)
 @given(FACTORS, FACTORS, st.integers(1, 100))
 def test_a_fit_of_any_hull_from_any_file_ends(boat, file, seed):
@@ -217,6 +219,7 @@ def test_a_boat_that_follows_its_helm_at_once_is_no_hull_without_inertia():
     assert unseen.after.scores.r2["r"] > 0.9  # it turns as the boat does
 
 
+@pytest.mark.slow
 def test_a_vessel_that_is_given_as_quick_as_that_stays_so():
     trial = noisy(AT_ONCE, 200.0, seed=5)
     found = identify([trial], AT_ONCE)

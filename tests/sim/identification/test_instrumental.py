@@ -48,6 +48,7 @@ def share(many):
     return error.mean(axis=0), error.std(axis=0, ddof=1) / np.sqrt(len(many))
 
 
+@pytest.mark.slow
 def test_noise_does_not_bias_where_it_biases_least_squares(fits):
     by_instruments, by_squares = fits
     bias, chance = share(by_instruments)

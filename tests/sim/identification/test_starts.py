@@ -20,7 +20,10 @@ def waves(model: Model, trial: Trial) -> list[Values]:
     return start_points(named("wave_motion"), model, [trial])
 
 
-@pytest.mark.parametrize(("omega", "direction"), [(1.2, 0.3), (2.2, 2.5), (1.7, -2.0), (3.1, 1.57)])
+@pytest.mark.parametrize(("omega", "direction"), [
+    (1.2, 0.3),
+    *(pytest.param(*w, marks=pytest.mark.slow) for w in ((2.2, 2.5), (1.7, -2.0), (3.1, 1.57))),
+])  # fmt: skip
 def test_one_train_is_found(omega: float, direction: float) -> None:
     trial = sailed(
         "wave_motion", 400.0, force=40.0, omega=omega, direction=direction, phase=0.7
@@ -41,6 +44,7 @@ def two_trains() -> Trial:
     return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, 0.1, np.eye(9) * 1e-6)
 
 
+@pytest.mark.slow
 def test_two_trains_are_two_and_not_one_twice() -> None:
     found = waves(Model.of(WAM_V), two_trains())
     assert sorted(round(w["omega"], 1) for w in found) == [1.3, 2.6]

@@ -74,6 +74,7 @@ def test_no_motor_is_turned_of_a_boat_that_only_drifted(sailed):
     assert not wiring_notices(found, WAMV)
 
 
+@pytest.mark.slow
 def test_the_effect_that_is_named_cures_it(sailed):
     vessel = plugged(swap=True)
     order = wiring_notices(wiring_of(sailed, vessel), vessel)[0].partition("order = ")[2].split()[0]

@@ -28,6 +28,7 @@ from tests.sim.vessels import (
     TWIN_WITH_RUDDER,
     WAMV,
     added,
+    each_effect,
     every_effect,
     excitation,
     with_every_effect,
@@ -37,7 +38,7 @@ EVERYTHING = with_every_effect(TWIN_WITH_RUDDER)  # the one large kernel of the 
 CAN_BE_OFF = [effect for effect in EFFECTS if neutral_values(effect) is not None]
 
 
-@pytest.mark.parametrize("effect", CAN_BE_OFF, ids=lambda e: e.name)
+@each_effect(CAN_BE_OFF)
 def test_an_effect_compiled_among_all_others_is_the_same_without_them_in_plain_python(effect):
     """The others are switched off by their numbers; those that cannot be act on both sides."""
     fast, theta = Model.of(EVERYTHING), Model.of(EVERYTHING).theta.copy()
@@ -89,6 +90,7 @@ def test_all_together_in_plain_python_equal_the_compiled_kernel(vessel):
     agree(*in_both(vessel))
 
 
+@pytest.mark.slow
 def test_a_prediction_with_all_effects_in_plain_python_equals_the_compiled_one():
     fast, slow = in_both(EVERYTHING)
     vessel = EVERYTHING
@@ -167,6 +169,7 @@ LISTED = Effect("listed", Scope.BOAT, LINEAR, "slow", force=_listed_force)
 PLAIN = Effect("plain", Scope.BOAT, LINEAR, "slow", force=_plain_force)
 
 
+@pytest.mark.slow
 def test_an_effect_with_a_state_of_its_own_runs_everywhere():
     vessel = WAMV.with_effects(added(SLOSH))
     model, commands, states, reports = simulated(vessel)

@@ -69,6 +69,7 @@ def skeg(flow, p):
 """
 
 
+@pytest.mark.slow
 def test_the_package_of_a_plug_in_is_covered_too(tmp_path, monkeypatch):
     (tmp_path / "lab").mkdir()
     files = {"__init__": "", "keel": LAW, "shapes": SHAPES_PY, "numbers": "HALF = 0.5\n"}

@@ -21,7 +21,10 @@ EFFECTS = {
 }
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize(
+    "effect",
+    [pytest.param(e, marks=pytest.mark.slow if e == "thruster_lag" else ()) for e in EFFECTS],
+)
 def test_the_model_that_made_the_data_shows_no_error(effect):
     """Sensors away from the origin, sensor effects and memory included."""
     vessel = replace(WAM_V, sensors=Sensors(antenna=(0.8, 0.3)), effects=EFFECTS[effect])

@@ -40,7 +40,9 @@ def noisy(motion, lasting, seed):
     )
 
 
-@pytest.mark.parametrize(("lasting", "horizon"), [(0.0, 10.0), (1.0, 10.0), (3.0, 2.0)])
+@pytest.mark.parametrize(("lasting", "horizon"), [
+    (0.0, 10.0), pytest.param(1.0, 10.0, marks=pytest.mark.slow), (3.0, 2.0),
+])  # fmt: skip
 def test_a_perfect_model_is_at_the_floor_and_a_wrong_one_above(lasting, horizon):
     """Errors that last longer than the horizon hardly show in it, and the floor knows."""
     trial = noisy(voyage(300.0, DT, seed=3), lasting, seed=5)

@@ -26,6 +26,7 @@ def test_nrmse_weighs_each_channel_by_its_scale():
     assert nrmse(error, np.array([0.3, 0.05, 0.02])) == pytest.approx(np.sqrt(2.0 / 3.0))
 
 
+@pytest.mark.slow
 def test_the_interval_covers_the_truth_for_correlated_errors():
     """Errors that last 5 s: intervals from samples would cover next to nothing."""
     rng = np.random.default_rng(7)
