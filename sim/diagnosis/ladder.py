@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.diagnosis import thresholds
+from sim.diagnosis.feedback import NOT_BEFORE_MOTION, acts_before_motion
 from sim.diagnosis.fit import (
     Fit,
     event_names,
@@ -67,6 +68,8 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
     seen = _sectors_where_it_counts(row, reference)
     if seen is not None and not _opposite(seen):
         return f"it was seen on headings from {in_words(seen)} alone: sail opposite headings"
+    if Shown.COMMANDS in row.effect.shown_by and not acts_before_motion(reference, row.fit):
+        return NOT_BEFORE_MOTION
     return ""
 
 

@@ -13,6 +13,12 @@ the two are correlated. The innovations of the filter over (δ, ε) are the whit
 stable predictor, on whatever hull. Gains depend on the noise and the sensitivities alone, so the
 residuals are linear in the errors. Source: Ljung, System Identification, 2nd ed. 1999, §7.2;
 Forssell and Ljung, IEEE Trans. Automatic Control 45, 2000 (unstable systems).
+
+**Colour.** A sea swings with a period, as no first-order noise does. Where the innovations v of a
+channel are not white in time an autoregression of them makes them so, with a and s as they have
+them (Yule and Walker):
+
+    w_k = ( v_k − Σ_l a_l v_{k−l} ) / s
 """
 
 from collections.abc import Sequence
@@ -22,6 +28,8 @@ from itertools import product
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
 
 from sim.identification.noise import CHI2_MEDIAN, MIN_SIGMA, Noise, RunErrors
 from sim.state import Floats, Ints
@@ -38,6 +46,9 @@ NOISE_ROUNDS = 3
 MIN_NOISE_SHARE = 0.2  # of what the covariance says: the noise is not found smaller
 MAX_TRANSITION = 50.0  # bound of ∂ velocity / ∂ start of a run
 CLIP_STD = 5.0  # standard deviations: a larger innovation counts as this in the likelihood
+COLOUR_S = 2.4  # of the past that colour is told by; twice as much tells no more
+COLOUR_RIDGE = 1e-6  # of the variance, so that any innovations have a colour
+SCALE_ROUNDS = 5  # of the standard deviation of clipped values
 
 
 def track_std(trial: Trial) -> Floats:
@@ -59,6 +70,7 @@ class Chain:
     root     (S, m, m) Cholesky factor of the innovations' covariance
     spread   (3,) of the innovations of u, v, r, robust: 1 where the noise is right
     deviance −2 log likelihood of the errors that it was made from
+    colour   (p, 3) a_1 … a_p of the innovations of u, v, r, and scale (3,) s; None where white
     """
 
     follows: Floats
@@ -70,6 +82,8 @@ class Chain:
     root: Floats
     spread: Floats
     deviance: float
+    colour: Floats | None = None
+    scale: Floats | None = None
 
     @classmethod
     def of(
@@ -118,7 +132,39 @@ class Chain:
             np.ascontiguousarray(error).reshape(K, S, 3 * n + 3), self.follows, self.count,
             _fresh(self.noise), self.noise.rho, self.state, self.moved, self.gain, self._unit, out,
         )  # fmt: skip
-        return out.reshape(K, S, n, 3)
+        white = out.reshape(K, S, n, 3)
+        if self.colour is not None and self.scale is not None:
+            white[:, self._counted] = self._left(white[:, self._counted], self.colour) / self.scale
+        return white
+
+    def coloured(self, innovations: Floats, mean_s: float) -> "Chain":
+        """The filter that makes these innovations (N, 3) of all means, so far without colour, white
+        in time.
+        """
+        rows = np.clip(innovations, -CLIP_STD, CLIP_STD)
+        lags = range(min(round(COLOUR_S / mean_s), len(rows) - 1) + 1)
+        r = np.array([(rows[k:] * rows[: len(rows) - k] * self._tied(k)).sum(axis=0) for k in lags])
+        r[0] = np.maximum(r[0] * (1.0 + COLOUR_RIDGE), 1e-12)
+        colour = np.stack([solve_toeplitz(r[:-1, c], r[1:, c]) for c in range(3)], axis=1)
+        left = self._left(innovations[None], colour)[0]
+        return replace(self, colour=colour, scale=_clipped_std(left))
+
+    def _left(self, rows: Floats, colour: Floats) -> Floats:
+        """Innovations (K, N, 3) without what those before tell of them."""
+        out = rows.copy()
+        for k, a in enumerate(colour, start=1):
+            out[:, k:] -= a * rows[:, : rows.shape[1] - k] * self._tied(k)
+        return out
+
+    @cached_property
+    def _counted(self) -> NDArray[np.bool_]:
+        """Which means of the runs there are: (S, n)."""
+        return np.arange(self.state.shape[1] // 3) < self.count[:, None]
+
+    def _tied(self, lag: int) -> NDArray[np.bool_]:
+        """Whether a mean and that `lag` before it are of runs that are tied: (N − lag, 1)."""
+        stretch = np.repeat(np.cumsum(np.append(0.0, self.follows[:-1] == 0.0)), self.count)
+        return np.asarray(stretch[lag:] == stretch[: len(stretch) - lag])[:, None]
 
     def subset(self, which: Ints, follows: Floats) -> "Chain":
         """The chain over some of its runs."""
@@ -126,6 +172,16 @@ class Chain:
             self, follows=follows, count=self.count[which], state=self.state[which],
             moved=self.moved[which], gain=self.gain[which], root=self.root[which],
         )  # fmt: skip
+
+
+def _clipped_std(rows: Floats) -> Floats:
+    """Standard deviation (3,) of rows (N, 3), none beyond `CLIP_STD` of it."""
+    if not len(rows):
+        return np.ones(3)
+    std = np.maximum(np.sqrt(np.median(rows**2, axis=0) / CHI2_MEDIAN), 1e-6)
+    for _ in range(SCALE_ROUNDS):
+        std = np.sqrt(np.mean(np.clip(rows, -CLIP_STD * std, CLIP_STD * std) ** 2, axis=0))
+    return np.asarray(np.maximum(std, 1e-6))
 
 
 def _fresh(noise: Noise) -> Floats:

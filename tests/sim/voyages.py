@@ -82,19 +82,45 @@ def legs(vessel: Vessel, seconds: float, dt: float = 0.05) -> tuple[Floats, Floa
     return _sailed(vessel, round(seconds / dt), dt, np.zeros(2), pilot)
 
 
-def _sailed(
-    vessel: Vessel, T: int, dt: float, stream: Floats, pilot: Callable[[int, Floats], Floats]
+def in_a_sea(
+    seconds: float, dt: float = 0.1, late: float = 0.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Midpoint rule on plain floats: other code, another integrator, the same equations."""
+    """Courses that an autopilot holds against thirty waves of three seconds or so, of all phases;
+    motors hear it `late` [s]; as `voyage`.
+    """
+    chance = np.random.default_rng(4)
+    rate, phase = chance.normal(2.1, 0.3, 30), chance.uniform(0.0, 2.0 * np.pi, (3, 30))
+    turn = np.arange(0.0, seconds, dt)[:, None, None] * rate + phase
+    waves = np.sin(turn).sum(axis=2) * np.array([6.0, 8.0, 12.0])
+
+    def pilot(k: int, x: Floats) -> Floats:
+        off = 1.2 * (k * dt // 25.0) - x[2]
+        turn = np.clip(0.9 * off - 0.5 * x[5], -0.5, 0.5)
+        ahead = 0.5 + 0.4 * (1.2 + 0.4 * sin(0.1 * k * dt) - x[3])
+        return np.clip([ahead + turn, ahead - turn], -0.5, 1.0)
+
+    rows = round(late / dt)
+    return _sailed(WAM_V, len(waves), dt, np.zeros(2), pilot, lambda k: waves[k], rows)
+
+
+def _sailed(
+    vessel: Vessel, T: int, dt: float, stream: Floats, pilot: Callable[[int, Floats], Floats],
+    push: Callable[[int], Floats] = lambda k: np.zeros(3), late: int = 0,
+) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
+    """Midpoint rule on plain floats: other code, another integrator, the same equations.
+
+    push  [N, N, N m] on the boat at a row; motors act as they were told `late` rows before
+    """
     d, (north, east) = vessel.dynamics, stream
 
-    def rate(x: list[float], left: float, right: float) -> list[float]:
+    def rate(x: list[float], left: float, right: float, other: Floats) -> list[float]:
         c, s = cos(x[2]), sin(x[2])
         u_c, v_c = c * north + s * east, c * east - s * north
         u, v, r = x[3] - u_c, x[4] - v_c, x[5]
-        X = left + right + d.m22 * v * r + (d.X_u + d.X_uu * abs(u)) * u
-        Y = -d.m11 * u * r + (d.Y_v + d.Y_vv * abs(v)) * v
+        X = other[0] + left + right + d.m22 * v * r + (d.X_u + d.X_uu * abs(u)) * u
+        Y = other[1] - d.m11 * u * r + (d.Y_v + d.Y_vv * abs(v)) * v
         N = 0.7 * (left - right) + (d.m11 - d.m22) * u * v + (d.N_r + d.N_rr * abs(r)) * r
+        N += other[2]
         return [
             c * x[3] - s * x[4], s * x[3] + c * x[4], r,
             X / d.m11 + r * v_c, Y / d.m22 - r * u_c, N / d.m33,
@@ -105,10 +131,11 @@ def _sailed(
     out, drive = np.empty((T, 9)), np.empty((T, 2))
     for k in range(T):
         drive[k] = pilot(k, np.array(x))
-        left, right = (float(90.0 * c if c >= 0.0 else 85.0 * c) for c in drive[k])
-        out[k] = [*x, *rate(x, left, right)[3:]]
+        acting, other = drive[max(k - late, 0)], push(k)
+        left, right = (float(90.0 * c if c >= 0.0 else 85.0 * c) for c in acting)
+        out[k] = [*x, *rate(x, left, right, other)[3:]]
         for _ in range(parts):
-            half = rate(x, left, right)
-            mid = rate([a + 0.5 * h * b for a, b in zip(x, half, strict=True)], left, right)
+            half = rate(x, left, right, other)
+            mid = rate([a + 0.5 * h * b for a, b in zip(x, half, strict=True)], left, right, other)
             x = [a + h * b for a, b in zip(x, mid, strict=True)]
     return out[:, :3], out[:, 3:6], out[:, 6:], drive

@@ -116,3 +116,29 @@ def test_runs_follow_each_other_where_no_row_lies_between() -> None:
     """The last run has none to follow it."""
     first, size = np.array([0, 8, 20, 24]), np.array([8, 10, 4, 4])
     assert follows_of(first, size).tolist() == [1.0, 0.0, 1.0, 0.0]
+
+
+def test_what_swings_is_white_once_its_colour_is_out() -> None:
+    """Innovations of a resonance, in two stretches: its two numbers are found, and its spread."""
+    S, n, mean_s = 2000, 5, 0.4
+    follows = np.ones(S)
+    follows[[S // 2, S - 1]] = 0.0
+    errors = RunErrors(np.zeros((S, n + 1, 3)), np.zeros((S, n + 1, 3, 3)), np.ones((S, n)))
+    chain = Chain.of(errors, NOISE, follows, PROCESS, mean_s)
+    new = np.random.default_rng(3).normal(0.0, 0.5, (S * n, 3))
+    swinging = new.copy()
+    for k in range(2, S * n):
+        swinging[k] += 1.2 * swinging[k - 1] - 0.9 * swinging[k - 2]
+    coloured = chain.coloured(swinging, mean_s)
+    assert coloured.colour is not None
+    assert coloured.colour[:2] == pytest.approx(np.tile([[1.2], [-0.9]], 3), abs=0.06)
+    assert coloured.colour[2:] == pytest.approx(np.zeros((4, 3)), abs=0.06)
+    assert coloured.scale == pytest.approx(0.5 * np.ones(3), rel=0.05)
+    pushed = np.random.default_rng(4).normal(size=(2, S, n + 1, 3))
+    plain, left = chain.whitened(pushed).reshape(2, -1, 3), coloured.whitened(pushed)
+    left = left.reshape(2, -1, 3) * coloured.scale
+    first = (S // 2 + 1) * n  # of the second stretch: nothing before it tells of it
+    assert left[:, first] == pytest.approx(plain[:, first])
+    assert left[:, first + 1] == pytest.approx(
+        plain[:, first + 1] - coloured.colour[0] * plain[:, first]
+    )

@@ -1,0 +1,95 @@
+"""Whether a delay or a lag is there where commands answer the motion.
+
+An autopilot in a sea steers against what the waves do: its commands tell what the boat did a moment
+before. A run of several seconds is given all of its commands, also those that answered waves within
+it, and noise of first order holds no waves: a delay or a lag that is not there explains part of
+them. Data of a closed loop are fitted without bias where each prediction is made from what was
+there before, and where the noise can be what it is (Ljung, System Identification, 2nd ed. 1999,
+§13.4). So what is told by when commands act is judged once more, one step ahead:
+
+    runs of two rows from the measured track, tied; w: innovations without their colour a, s
+    nats = log L with − log L without,     log L = Σ −½ w² − log s
+
+Each under the colour that it leaves itself (`sim.identification.innovations`), fit and colour in
+turn (generalised least squares: Clarke, IFAC Symposium on Identification, Prague 1967).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import Fit, fit_effects
+from sim.diagnosis.fit_problem import FitProblem
+from sim.identification.innovations import CLIP_STD
+from sim.identification.runs import RunSet
+from sim.state import Floats
+
+SHORTEST_ROW_S = 0.1  # of finer rows some together: they tell no more, and take longer
+NOT_BEFORE_MOTION = (
+    "commands answer the motion, as an autopilot's do in a sea: predicted from one moment to the "
+    "next it wins nothing"
+)
+
+
+def acts_before_motion(before: Fit, after: Fit) -> bool:
+    """Whether what a fit adds to another, told by when commands act, is no answer to the motion.
+
+    Where no more is left than noise nothing shakes the boat that commands could answer.
+    """
+    if max(after.noise_share) < thresholds.MAX_NOISE_SHARE:
+        return True
+    return nats_one_step(before, after) > thresholds.MIN_NATS_ONE_STEP
+
+
+def nats_one_step(before: Fit, after: Fit) -> float:
+    """Nats that a fit wins over another one step ahead, each under its own colour."""
+    problem = _one_step(after)
+    lost, won = (_log_likelihood(fit, problem).sum() for fit in (before, after))
+    return float(won - lost) / thresholds.ROWS_PER_INDEPENDENT_ROW
+
+
+def _one_step(fit: Fit) -> FitProblem:
+    """The shortest runs that there are, row by row: within a mean commands answer the motion too.
+
+    Under the noise that the fit leaves in them.
+    """
+    old = fit.problem
+    row = max(min(trial.dt for trial in old.trials), SHORTEST_ROW_S)
+    settings = replace(old.settings, horizons=(row,), average=row)
+    problem = FitProblem.of(
+        old.vessel, old.trials, fit.unknowns, fit.z, fit.noise, settings, old.tracks
+    )
+    return replace(fit, problem=problem).renewed_problem
+
+
+def _log_likelihood(fit: Fit, problem: FitProblem) -> Floats:
+    """Of each residual (N,), from where a fit ended; fit and colour in turn."""
+    now = problem
+    for _ in range(thresholds.COLOUR_ROUNDS):
+        fit = fit_effects(fit.added, fit.unknowns, now, fit.z)
+        now = _coloured(replace(fit, problem=problem))
+    residual = np.clip(replace(fit, problem=now).at(fit.z[None])[0], -CLIP_STD, CLIP_STD)
+    scale = [np.tile(scale, means) for scale, means in map(_scale_and_means, now.run_sets)]
+    return np.asarray(-0.5 * residual**2 - np.log(np.concatenate(scale)))
+
+
+def _coloured(fit: Fit) -> FitProblem:
+    """The problem of a fit under the colour of what it leaves of each trial."""
+    residual, run_sets, at = fit.at(fit.z[None])[0].reshape(-1, 3), [], 0
+    for runs in fit.problem.run_sets:
+        own = residual[at : at + int(runs.within.sum())]
+        at += len(own)
+        chain = (
+            runs.chain.coloured(own, runs.mean_s)
+            if runs.chain is not None and len(own)
+            else runs.chain
+        )
+        run_sets.append(replace(runs, chain=chain))
+    return replace(fit.problem, run_sets=tuple(run_sets))
+
+
+def _scale_and_means(runs: RunSet) -> tuple[Floats, int]:
+    """s (3,) of the colour of a trial, and how many means it has."""
+    scale = None if runs.chain is None else runs.chain.scale
+    return np.ones(3) if scale is None else scale, int(runs.within.sum())
