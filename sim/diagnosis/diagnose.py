@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, falling
+from sim.diagnosis.feedback import doubt_of_times
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
@@ -45,7 +46,7 @@ from sim.diagnosis.verdict import (
     verdict_of,
 )
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Shown
 from sim.identification import BASE, IdentifySettings
 from sim.identification.parameters import unknowns_of
 from sim.identification.shooting import FitInputs, fit_by_shooting
@@ -157,7 +158,9 @@ def diagnose(
             )
             verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
     nameless = verdict is Verdict.UNKNOWN and not left and curve is None
-    period = swing_period(selection.fit) if nameless else None
+    timed = any(Shown.COMMANDS in effect.shown_by for effect in effects_found)
+    period = swing_period(selection.fit) if nameless or timed else None
+    notes += filter(None, (doubt_of_times(effects_found, period),))
     said = summary_of(verdict, ladder, rivals, left, floor, curve, period)
     return Diagnosis(
         verdict=verdict,

@@ -1,5 +1,6 @@
 """A delay beside an autopilot that answers waves: believed only where it is there."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,17 +8,18 @@ import numpy as np
 import pytest
 
 from sim.diagnosis import feedback, ladder
-from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
-from sim.diagnosis.feedback import NOT_BEFORE_MOTION, nats_one_step
+from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
+from sim.diagnosis.feedback import NOT_BEFORE_MOTION, doubt_of_times, nats_one_step
 from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import gain
 from sim.diagnosis.ladder import doubt_of, is_worth_it
 from sim.diagnosis.thresholds import MIN_NATS_ONE_STEP
 from sim.effects.catalogue import named
+from sim.effects.effect import Shown
 from sim.model import Model
 from sim.vessel import AddedEffect
-from tests.sim.diagnosis.sailed import STD
+from tests.sim.diagnosis.sailed import STD, sailed
 from tests.sim.voyages import WAM_V, in_a_sea, trial_of
 
 DT = 0.2  # s: that of a diagnosis
@@ -61,6 +63,37 @@ def test_what_is_told_by_when_commands_act_must_win_one_step_ahead(
     monkeypatch.setattr(ladder, "gain_on_recordings", lambda before, after: None)
     doubt = doubt_of(ranked(effect, left), nothing, nothing)
     assert doubt == (NOT_BEFORE_MOTION if is_doubted else "")
+
+
+@pytest.mark.parametrize(
+    ("effects", "period", "told"),
+    [
+        (("heading_offset", "command_delay"), 2.0, "that of command_delay with more doubt"),
+        (("thruster_lag", "command_delay"), 2.0, "that of thruster_lag and command_delay"),
+        (("heading_offset",), 2.0, ""),
+        (("command_delay",), None, ""),
+    ],
+)
+def test_the_time_of_a_delay_is_doubted_in_a_sea_alone(
+    effects: tuple[str, ...], period: float | None, told: str
+) -> None:
+    doubt = doubt_of_times([named(name) for name in effects], period)
+    assert told in doubt
+    assert bool(doubt) is bool(told)
+
+
+def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an effect of timing that it found; the period of what is left is told it."""
+    cause = named("heading_offset")
+    trial = sailed(cause.name, angle=0.2)
+    settings = DiagnoseSettings(effects=(replace(cause, shown_by=(Shown.COMMANDS,)),))
+    monkeypatch.setattr("sim.diagnosis.diagnose.swing_period", lambda fit: 2.1)
+    said = diagnose([trial], WAM_V, settings)
+    assert said.effects == (cause.name,)
+    assert said.summary.endswith(
+        "take that of heading_offset with more doubt than its interval says"
+    )
+    assert "(some 2.1 s)" in said.summary
 
 
 @pytest.mark.slow
