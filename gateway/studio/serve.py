@@ -20,7 +20,6 @@ from typing import Any
 
 import panel as pn
 from bokeh.server.connection import ServerConnection
-from bokeh.server.views.ws import WSHandler
 from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.routing import PathMatches, Rule
 from tornado.web import RedirectHandler, RequestHandler
@@ -245,21 +244,22 @@ def quieten_logs() -> None:
     os.environ.setdefault("BOKEH_RESOURCES", "server")
     for name in ("bokeh", "tornado.access", "panel"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    for name in ("asyncio", "tornado.application"):
+    for name in ("asyncio", "tornado.application", "bokeh.server.protocol_handler",
+                 "bokeh.server.views.ws"):  # fmt: skip
         logging.getLogger(name).addFilter(is_fault)
 
 
 def is_fault(record: logging.LogRecord) -> bool:
     """False for a page that was closed while something went to it: that is not logged."""
     error = record.exc_info[1] if record.exc_info else None
-    return not (isinstance(error, WebSocketClosedError) or _is_late_close(error))
+    return not (isinstance(error, WebSocketClosedError) or _has_lost_its_session(error))
 
 
-def _is_late_close(error: BaseException | None) -> bool:
-    """Of Bokeh: a ping found the page closed and took its session away; its close, told later,
-    asks for it."""
+def _has_lost_its_session(error: BaseException | None) -> bool:
+    """Of Bokeh: a ping found the page closed and took its session away; the page's last messages
+    and its close, which come later, ask for it."""
     frames = [frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)] if error else []
-    return frames[-2:] == [WSHandler.on_close.__code__, ServerConnection.session.fget.__code__]
+    return frames[-1:] == [ServerConnection.session.fget.__code__]
 
 
 def _run_until_stopped(server: Any) -> None:
