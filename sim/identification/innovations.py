@@ -161,9 +161,14 @@ class Chain:
         """Which means of the runs there are: (S, n)."""
         return np.arange(self.state.shape[1] // 3) < self.count[:, None]
 
+    @cached_property
+    def _stretch(self) -> Floats:
+        """Number of the stretch of tied runs that a mean is of: (N,)."""
+        return np.repeat(np.cumsum(np.append(0.0, self.follows[:-1] == 0.0)), self.count)
+
     def _tied(self, lag: int) -> NDArray[np.bool_]:
         """Whether a mean and that `lag` before it are of runs that are tied: (N − lag, 1)."""
-        stretch = np.repeat(np.cumsum(np.append(0.0, self.follows[:-1] == 0.0)), self.count)
+        stretch = self._stretch
         return np.asarray(stretch[lag:] == stretch[: len(stretch) - lag])[:, None]
 
     def subset(self, which: Ints, follows: Floats) -> "Chain":
