@@ -7,22 +7,24 @@ much time fell into it, forgotten over minutes, and the worst is the one with th
 its share of time, as in a comparison.
 """
 
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
 from sim.comparison import COMPASS
 from sim.monitoring import SecondMeans, WindModel, air_velocity
+from sim.monitoring.causes import Law
 from sim.monitoring.consistency import Misfit
 from sim.monitoring.disturbances import (
     MIN_SCORE_BETWEEN_NATS,
     Cause,
     DisturbanceEstimate,
     DisturbanceEstimator,
-    DisturbanceFilter,
 )
+from sim.monitoring.filters import DisturbanceFilter
 from sim.state import Floats, Nu
 
 # Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
@@ -55,7 +57,7 @@ SPEEDS = (
 TURNS = ("turning to port", "going straight", "turning to starboard")
 THROTTLES = ("with thrust astern", "without thrust", "at low throttle", "at high throttle")
 REGIMES = (*HEADINGS, *SPEEDS, *TURNS, *THROTTLES)
-FIRST = np.cumsum([0, len(HEADINGS), len(SPEEDS), len(TURNS)])  # regime of each kind
+FIRST = (0, *accumulate(map(len, (HEADINGS, SPEEDS, TURNS))))  # regime of each kind
 ERROR_CHANNELS = (
     ("ahead", "m/s", 1.0),
     ("sideways", "m/s", 1.0),
@@ -105,13 +107,13 @@ def regimes_at(second: SecondMeans, ahead: float) -> list[int]:
     """Heading, speed, turn and throttle of a second, as numbers of `REGIMES`."""
     nu = second.nu
     heading = round(second.yaw / (np.pi / 4.0)) % 8
-    speed = int(np.searchsorted(SPEED_EDGES_MPS, np.hypot(nu[Nu.U], nu[Nu.V])))
-    turn = int(np.searchsorted(TURN_EDGES_RADPS, nu[Nu.R]))
+    speed = bisect_left(SPEED_EDGES_MPS, float(np.hypot(nu[Nu.U], nu[Nu.V])))
+    turn = bisect_left(TURN_EDGES_RADPS, float(nu[Nu.R]))
     throttle = 1
     if ahead > 0.0:
-        throttle = int(np.searchsorted(THRUST_EDGES, second.commanded[0] / ahead))
+        throttle = bisect_left(THRUST_EDGES, float(second.commanded[0]) / ahead)
     each = (heading, speed, turn, throttle)
-    return [int(first) + k for first, k in zip(FIRST, each, strict=True)]
+    return [first + k for first, k in zip(FIRST, each, strict=True)]
 
 
 class ModelEvent(Enum):
@@ -168,9 +170,7 @@ class Alarm:
     def _after(self, estimator: DisturbanceEstimator, second: SecondMeans) -> "Alarm | None":
         """The state after one more second; None where it holds no finite numbers."""
         estimate, balance = estimator.observe(self.estimate, second)
-        filters = (estimate.boat, estimate.water, estimate.air, *estimate.own)
-        means = [one.mean for one in filters]
-        if not all(np.isfinite(x).all() for x in (balance.system_matrix, *means)):
+        if not (estimate.finite and np.isfinite(balance.system_matrix).all()):
             return None
         misfit, errors = self.misfit.observe(second, balance, WATCHED_HORIZONS_S), self.errors
         if np.isfinite(misfit.z):
@@ -219,7 +219,7 @@ class Alarm:
         """The filter of the explanation, where there is one."""
         if self.cause in DOUBTS:
             return None
-        return next(one for kind, one in self.estimate.ranked if kind is self.cause)
+        return self.estimate.best(self.cause)
 
     def _with_report(self, time: float) -> "Alarm":
         disturbance = None if self._filter is None else self._filter.disturbance
@@ -274,7 +274,7 @@ def _cause_text(alarm: Alarm, air: WindModel) -> str:
 
 def _kind_text(kind: Cause, estimate: DisturbanceEstimate, air: WindModel) -> str:
     """One explanation with its size."""
-    best = next(one for other, one in estimate.ranked if other is kind)
+    best = estimate.best(kind)
     size = float(best.disturbance[0])
     match kind:
         case Cause.CURRENT:
@@ -298,11 +298,9 @@ def _percent(share: float) -> str:
 
 def _thrusters(estimate: DisturbanceEstimate) -> str:
     """The thruster that explains it best, and those that do so about as well."""
-    one_by_one = [
-        (one.score, name)
-        for kind, name, one in zip(estimate.kinds, estimate.names, estimate.own, strict=True)
-        if kind is Cause.THRUST
-    ]
+    each, scores = estimate.all, estimate.scores.tolist()
+    thrusters = [f for f, law in enumerate(each.laws) if law is Law.THRUST]
+    one_by_one = [(scores[f], each.names[f]) for f in thrusters]
     best = max(one_by_one)[0]
     near = [name for score, name in one_by_one if best - score < MIN_SCORE_BETWEEN_NATS]
     return f"thruster {' or '.join(near)}"

@@ -13,13 +13,13 @@ hysteresis.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
+from sim.kernel.compiled import compiled
 from sim.monitoring import Balance, SecondMeans
 from sim.prediction.free_runs import MIN_SCALES
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 # Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,
 # a model called wrong 11 to 20 s after a current sets in.
@@ -28,18 +28,16 @@ MEMORY_S = 20.0  # of the running means
 WRONG_ABOVE, RIGHT_BELOW = 3.0, 1.5  # mean of z
 COMMAND_TIMING_S = 0.2  # δ
 MAX_Z = 12.0  # a single z counts no more than this
-SUBSTEPS = 8  # of a second, for its transition
+DOUBLINGS = 3  # of the step from which the transition of a second is made …
+SUBSTEPS = 2**DOUBLINGS  # … so many of them
 # A prediction that noise alone may put so far off [m/s, m/s, rad/s] judges nothing: the model runs
 # away from any start, as a fast hull that is unstable on course does.
 MAX_FLOOR_STD = np.array([5.0, 5.0, 3.0])
 
 
-class PastSecond(NamedTuple):
-    """One second: variance (3,) of the estimate, Φ (3, 3), Q (3,)."""
-
-    variance: Floats
-    transition: Floats
-    command_variance: Floats
+# Columns of a past second: variance (3,) of the estimate, Φ (3, 3) row by row, Q (3,)
+TRANSITION, COMMANDS, COLUMNS = 3, 12, 15
+NO_PAST = np.zeros((0, COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class Misfit:
              both over the same weights, so that their roots compare
     weight   of the two sums
     wrong    after the hysteresis        since  when the level last rose above `RIGHT_BELOW` [s]
-    past     of the last seconds, oldest first
+    past     (K, 15) the last seconds, oldest first
     commanded  (3,) a second ago, None at the start
     """
 
@@ -62,27 +60,22 @@ class Misfit:
     weight: float = 0.0
     wrong: bool = False
     since: float = np.inf
-    past: tuple[PastSecond, ...] = ()
+    past: Floats = field(default_factory=lambda: NO_PAST)
     commanded: Floats | None = None
 
     def observe(self, second: SecondMeans, balance: Balance, horizons: tuple[int, ...]) -> "Misfit":
         """One more second, the balance there; errors (H, 3) came due over `horizons` (H,) [s]."""
         before = second.commanded if self.commanded is None else self.commanded
-        change = np.linalg.solve(balance.slope_nu_dot, second.commanded - before)
-        unknown = np.asarray(change * COMMAND_TIMING_S, float) ** 2
-        now = PastSecond(second.variance, transition(balance.system_matrix), unknown)
-        past = (*self.past, now)[-max(horizons) - 1 :]
-        floors = [_floor(past, second, seconds) for seconds in horizons]
-        due = [
-            (error, floor)
-            for error, floor in zip(second.errors, floors, strict=True)
-            if floor is not None and bool(np.isfinite(error).all())
-        ]
-        if not due:
+        change = np.asarray(np.linalg.solve(balance.slope_nu_dot, second.commanded - before), float)
+        past = np.empty((min(len(self.past), max(horizons)) + 1, COLUMNS))
+        past[:-1] = self.past[-max(horizons) :]
+        write_second(second.variance, balance.system_matrix, change, past[-1])
+        floors = np.empty((len(horizons), 3))
+        z, first = judge(past, second.variance, np.array(horizons), second.errors, floors)
+        if first < 0:
             return replace(self, z=np.nan, past=past, commanded=second.commanded)
-        z = float(np.mean([np.mean(error**2 / floor) for error, floor in due]))
+        error, floor = second.errors[first], floors[first]
         level = self.level + (min(z, MAX_Z) - self.level) / MEMORY_S
-        error, floor = due[0]
         since = min(self.since, second.time) if level > RIGHT_BELOW or self.wrong else np.inf
         return Misfit(
             level, z,
@@ -100,25 +93,115 @@ class Misfit:
 
     def after_gap(self) -> "Misfit":
         """The estimate jumped or fell silent: predictions under way are dropped."""
-        return replace(self, z=np.nan, past=(), commanded=None)
+        return replace(self, z=np.nan, past=NO_PAST, commanded=None)
 
 
-def _floor(past: tuple[PastSecond, ...], second: SecondMeans, seconds: int) -> Floats | None:
-    """Expected variance (3,) of the error over that horizon; None where it began too early, or
-    where the prediction judges nothing.
+@compiled
+def write_second(variance: Floats, A: Floats, change: Floats, out: Floats) -> None:
+    """A second as `Misfit.past` keeps it: variance (3,), A (3, 3), M⁻¹ Δτ (3,) -> (15,)."""
+    phi = transition(A)
+    for i in range(3):
+        out[i] = variance[i]
+        out[COMMANDS + i] = (change[i] * COMMAND_TIMING_S) ** 2
+        for j in range(3):
+            out[TRANSITION + 3 * i + j] = phi[i, j]
+
+
+@compiled
+def judge(
+    past: Floats, variance: Floats, horizons: Ints, errors: Floats, floors: Floats
+) -> tuple[float, int]:
+    """Errors (H, 3) of the predictions over `horizons` (H,) that end now, beside what they may be.
+
+    past (K, 15), the newest second last; variance (3,) of the estimate -> mean of z, NaN where none
+    counts, and the first horizon that does, else −1. floors (H, 3): the expected variances, NaN
+    where a prediction began too early, or judges nothing.
     """
+    total, count, first = 0.0, 0, -1
+    for h in range(len(horizons)):
+        counts = write_floor(past, variance, horizons[h], floors[h])
+        z = 0.0
+        for i in range(3):
+            z += errors[h, i] ** 2 / floors[h, i] / 3.0
+        if counts and np.isfinite(errors[h, 0] + errors[h, 1] + errors[h, 2]):
+            total, count, first = total + z, count + 1, h if first < 0 else first
+    return (total / count if count else np.nan), first
+
+
+@compiled
+def write_floor(past: Floats, variance: Floats, seconds: int, out: Floats) -> bool:
+    """Expected variance (3,) of the error over that horizon -> whether the prediction judges."""
+    out[0] = out[1] = out[2] = np.nan
     if len(past) <= seconds:
-        return None
-    phi, commands = np.eye(3), np.zeros(3)
-    for earlier in reversed(past[-seconds:]):
-        commands = commands + phi**2 @ earlier.command_variance
-        phi = phi @ earlier.transition
-    floor = second.variance + phi**2 @ past[-seconds - 1].variance + commands + NEGLIGIBLE**2
-    return np.asarray(floor) if bool((floor < MAX_FLOOR_STD**2).all()) else None
+        return False
+    phi, commands = identity(), np.zeros(3)
+    for k in range(len(past) - 1, len(past) - 1 - seconds, -1):
+        one = past[k]
+        for i in range(3):
+            for j in range(3):
+                commands[i] += phi[i, j] ** 2 * one[COMMANDS + j]
+        phi = product(phi, one[TRANSITION:COMMANDS].reshape(3, 3))
+    before, judges = past[len(past) - 1 - seconds], True
+    for i in range(3):
+        out[i] = variance[i] + commands[i] + NEGLIGIBLE[i] ** 2
+        for j in range(3):
+            out[i] += phi[i, j] ** 2 * before[j]
+        judges = judges and out[i] < MAX_FLOOR_STD[i] ** 2  # false of NaN
+    return judges
 
 
+@compiled
 def transition(A: Floats) -> Floats:
     """exp(A · 1 s) (3, 3), by Cayley's form of an eighth: scipy's takes milliseconds."""
-    half = 0.5 * A / SUBSTEPS
-    step = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)
-    return np.linalg.matrix_power(step, SUBSTEPS)
+    minus, phi = identity(), identity()
+    for i in range(3):
+        for j in range(3):
+            minus[i, j] -= 0.5 * A[i, j] / SUBSTEPS
+            phi[i, j] += 0.5 * A[i, j] / SUBSTEPS
+    solve(minus, phi)
+    for _ in range(DOUBLINGS):
+        phi = product(phi, phi)
+    return phi
+
+
+@compiled
+def identity() -> Floats:
+    """(3, 3)."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        out[i, i] = 1.0
+    return out
+
+
+@compiled
+def product(a: Floats, b: Floats) -> Floats:
+    """a b (3, 3): in loops, numba takes seconds to compile `@`."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                out[i, j] += a[i, k] * b[k, j]
+    return out
+
+
+@compiled
+def solve(a: Floats, b: Floats) -> None:
+    """b ← a⁻¹ b (3, 3) by Gauss with pivots, `a` is used up; not finite where it is singular."""
+    for k in range(3):
+        pivot = k
+        for i in range(k + 1, 3):
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        for j in range(3):
+            a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
+            b[k, j], b[pivot, j] = b[pivot, j], b[k, j]
+        for i in range(k + 1, 3):
+            share = a[i, k] / a[k, k]
+            for j in range(3):
+                a[i, j] -= share * a[k, j]
+                b[i, j] -= share * b[k, j]
+    for k in range(2, -1, -1):
+        for j in range(3):
+            for i in range(k + 1, 3):
+                b[k, j] -= a[k, i] * b[i, j]
+            b[k, j] /= a[k, k]

@@ -4,7 +4,7 @@
     f = B(ν − c, τ) b + F(ν) − F(ν − c) + e          the water moves: c north, east [m/s]
     f = B(ν, τ) b + w(ψ, ν; g) + e                   the air pushes: g north, east
     f = B(ν, τ) b + h(o) + e                         a thruster, the compass, the drag, anything
-                                                     (`sim.monitoring`)
+                                                     (`sim.monitoring.causes`)
 
 f is the missing force, averaged over a second, F the balance of the vessel. b are small errors of
 the boat's own model (a constant force, the scale of its thrust and of its damping, a heading
@@ -28,131 +28,33 @@ Navigation, 2001, §5.4 and §11.6 (multiple models); Joseph's form of the covar
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.monitoring import (
-    Balance,
-    OwnCause,
-    SecondMeans,
-    WindModel,
-    balance_at,
-    current_shift,
-    kalman_step,
-    own_causes,
-    world_to_body,
+from sim.monitoring import Balance, SecondMeans, WindModel, balances_at
+from sim.monitoring.causes import BOAT_ERRORS, Hull, Law
+from sim.monitoring.explanations import Explanations, explanations, hull_of
+from sim.monitoring.filters import (
+    DisturbanceFilter,
+    MeasurementModel,
+    advance_filters,
+    linearised,
 )
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 # Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,
 # a current named in half a minute to two minutes, to 0.05 m/s and 10 degrees.
-BOAT_ERRORS = 10  # components of b
-SCORE_MEMORY_S = 180.0
-SECONDS_PER_INDEPENDENT_SECOND = 1.5
-DRIFT_S = 1800.0  # in which the random walk of o reaches its prior's width
-BOAT_DRIFT_S = 20000.0  # the same of b
-SIGNIFICANT_SIGMAS = 3.0  # of o, to be called different from nothing
-CURRENT_PRIOR_MPS = 0.5  # of either component
 MIN_SCORE_NATS = 8.0  # by which an explanation must beat the boat itself …
 MIN_SCORE_BETWEEN_NATS = 5.0  # … and each other one
 MIN_SCORE_OTHER_NATS = 12.0  # by which a wandering force must beat all of them: none of these
 MIN_CALM_SECONDS = 60  # before trouble, for the boat's own errors to be known
-NOISE_MEMORY_S = 60.0  # of the variance of e
-NOISE_LIMITS = (0.1, 10.0)  # its variance over the stated one: at least, at most
 MIN_NOISE = 0.01  # of the priors of b as forces: no estimate is perfect
 MAX_SILENCE_S = 600.0  # a longer silence counts as this long
 
-
 # standard deviations of b: share of the thrust full ahead; shares; rad
 BOAT_FORCE, BOAT_SCALES, BOAT_HEADING = 0.03, (0.08, 0.08, 0.1, 0.1, 0.1), 0.03
-NONE = np.zeros(0)
-
-
-class MeasurementModel(NamedTuple):
-    """One explanation linearised at one second: B (3, 10), h (3,), ∂h/∂o (3, 0 or 2)."""
-
-    boat: Floats
-    force: Floats
-    slope: Floats
-
-
-@dataclass(frozen=True)
-class DisturbanceFilter:
-    """mean (n,), covariance (n, n), score [nats] of one explanation; prior (n,) std at the start.
-
-    innovation_ratio  (3,) the last squared innovation over its expected variance
-    walk_s            (n,) time in which the random walk of each reaches its prior's width
-    """
-
-    prior: Floats
-    mean: Floats
-    covariance: Floats
-    innovation_ratio: Floats
-    walk_s: Floats
-    score: float = 0.0
-
-    @classmethod
-    def start(
-        cls, boat: Floats, disturbance: Floats = NONE, drift_s: float = DRIFT_S
-    ) -> "DisturbanceFilter":
-        """Standard deviations of b (10,) and of o (n,), and the time of its walk [s]."""
-        prior = np.append(boat, disturbance)
-        walk = np.where(np.arange(len(prior)) < BOAT_ERRORS, BOAT_DRIFT_S, drift_s)
-        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3), walk)
-
-    def reopened(self, before: "DisturbanceFilter") -> "DisturbanceFilter":
-        """The filter as if the disturbance began now: b as before it, o as unknown as at first."""
-        mean, covariance = np.zeros(len(self.prior)), np.diag(self.prior**2)
-        mean[:BOAT_ERRORS] = before.mean[:BOAT_ERRORS]
-        covariance[:BOAT_ERRORS, :BOAT_ERRORS] = before.covariance[:BOAT_ERRORS, :BOAT_ERRORS]
-        return replace(self, mean=mean, covariance=covariance, score=0.0)
-
-    @property
-    def disturbance(self) -> Floats:
-        """o: (n,), of water and air north, east."""
-        return self.mean[BOAT_ERRORS:]
-
-    @property
-    def disturbance_covariance(self) -> Floats:
-        """Covariance of o: (n, n)."""
-        return self.covariance[BOAT_ERRORS:, BOAT_ERRORS:]
-
-    def squared_distance(self, disturbance: Floats) -> float:
-        """How far o is from another (n,), in squared standard deviations."""
-        off = self.disturbance - disturbance
-        return float(off @ np.linalg.solve(self.disturbance_covariance, off))
-
-    @property
-    def significant(self) -> bool:
-        """Whether o is clearly different from nothing."""
-        return self.squared_distance(np.zeros(len(self.disturbance))) > SIGNIFICANT_SIGMAS**2
-
-    def updated(
-        self,
-        force: Floats,
-        variance: Floats,
-        measured: MeasurementModel,
-        dt: float,
-        held: NDArray[np.bool_] | None = None,
-    ) -> "DisturbanceFilter":
-        """The filter after a missing force (3,) with its variance (3,), `dt` [s] after the last.
-
-        `held` (n,): those that only count as unknown and do not move (Schmidt's filter).
-        """
-        H = np.hstack([measured.boat, measured.slope])
-        expected = measured.boat @ self.mean[:BOAT_ERRORS] + measured.force
-        kept = np.zeros(len(self.mean), np.bool_) if held is None else held
-        mean, covariance, ratio, distance = kalman_step(
-            (self.mean, self.covariance, self.prior**2 * dt / self.walk_s),
-            (force - expected, variance, H),
-            kept,
-        )
-        nats = -0.5 * distance / SECONDS_PER_INDEPENDENT_SECOND
-        score = self.score * float(np.exp(-dt / SCORE_MEMORY_S)) + nats
-        return DisturbanceFilter(self.prior, mean, covariance, ratio, self.walk_s, score)
 
 
 class Cause(Enum):
@@ -169,8 +71,9 @@ class Cause(Enum):
     SEVERAL = "several"
 
 
-KIND_OF = {
-    "thrust": Cause.THRUST, "compass": Cause.COMPASS, "drag": Cause.DRAG, "anything": Cause.OTHER,
+CAUSE_OF = {
+    Law.CURRENT: Cause.CURRENT, Law.WIND: Cause.WIND, Law.THRUST: Cause.THRUST,
+    Law.COMPASS: Cause.COMPASS, Law.DRAG: Cause.DRAG, Law.ANYTHING: Cause.OTHER,
 }  # fmt: skip
 
 
@@ -178,43 +81,76 @@ KIND_OF = {
 class DisturbanceEstimate:
     """The explanations after `count` seconds; noise (3,): variance of e over the stated.
 
-    own      one filter for each of `DisturbanceEstimator.own`
+    means (F, N), covariances (F, N, N), ratios (F, 3), scores (F,) of all filters: the boat's own
+    errors alone, then current, wind and the causes aboard
     opened   when trouble began, and all explanations with it [s]; −inf: from the beginning
     """
 
-    boat: DisturbanceFilter
-    water: DisturbanceFilter
-    air: DisturbanceFilter
-    own: tuple[DisturbanceFilter, ...]
-    kinds: tuple[Cause, ...]  # of each of them …
-    names: tuple[str, ...]  # … and of its thruster
+    all: Explanations
+    means: Floats
+    covariances: Floats
+    ratios: Floats
+    scores: Floats
     noise: Floats
     time: float = -np.inf
     count: int = 0
     opened: float = -np.inf
 
+    def filter(self, f: int) -> DisturbanceFilter:
+        """One of them, with views into the tables."""
+        n = int(self.all.which[f, 2])
+        return DisturbanceFilter(
+            self.all.prior[f, :n], self.means[f, :n], self.covariances[f, :n, :n], self.ratios[f],
+            self.all.walk_s[f, :n], float(self.scores[f]),
+        )  # fmt: skip
+
     @property
-    def ranked(self) -> list[tuple[Cause, DisturbanceFilter]]:
-        """All explanations, the one that predicts best first."""
-        named = zip(self.kinds, self.own, strict=True)
-        both = [(Cause.CURRENT, self.water), (Cause.WIND, self.air), *named]
-        return sorted(both, key=lambda one: -one[1].score)
+    def boat(self) -> DisturbanceFilter:
+        """The boat's own errors alone."""
+        return self.filter(BOAT)
+
+    @property
+    def water(self) -> DisturbanceFilter:
+        """A current."""
+        return self.filter(WATER)
+
+    @property
+    def air(self) -> DisturbanceFilter:
+        """A wind."""
+        return self.filter(AIR)
+
+    @property
+    def finite(self) -> bool:
+        """Whether all of them hold finite numbers."""
+        return bool(np.isfinite(self.means).all())
+
+    @property
+    def named(self) -> list[tuple[float, Cause, int]]:
+        """Score, cause and number of each explanation, the one that predicts best first."""
+        scores, laws = self.scores.tolist(), self.all.laws
+        each = [(scores[f], CAUSE_OF[laws[f]], f) for f in range(WATER, len(laws))]
+        return sorted(each, key=lambda one: -one[0])
+
+    def best(self, cause: Cause) -> DisturbanceFilter:
+        """The filter of that cause which predicts best."""
+        return self.filter(next(f for _, kind, f in self.named if kind is cause))
 
     @property
     def likely(self) -> tuple[Cause, ...]:
         """Causes that explain the missing force about as well as the best; none where none does."""
-        other = max(one.score for kind, one in self.ranked if kind is Cause.OTHER)
-        named = [(kind, one) for kind, one in self.ranked if kind is not Cause.OTHER]
-        best = named[0][1].score
-        if max(best, other) - self.boat.score < MIN_SCORE_NATS:
+        every = self.named
+        other = max(score for score, kind, _ in every if kind is Cause.OTHER)
+        named = [(score, kind) for score, kind, _ in every if kind is not Cause.OTHER]
+        best = named[0][0]
+        if max(best, other) - float(self.scores[BOAT]) < MIN_SCORE_NATS:
             return ()
         if other - best >= MIN_SCORE_OTHER_NATS:
             return (Cause.OTHER,)
-        near = [kind for kind, one in named if best - one.score < MIN_SCORE_BETWEEN_NATS]
+        near = [kind for score, kind in named if best - score < MIN_SCORE_BETWEEN_NATS]
         doubt = [Cause.OTHER] if other - best >= MIN_SCORE_BETWEEN_NATS else []
         return tuple(dict.fromkeys([*near, *doubt]))
 
-    @property
+    @cached_property
     def cause(self) -> Cause:
         """What explains the missing force best, as far as these seconds tell."""
         likely = self.likely
@@ -224,20 +160,27 @@ class DisturbanceEstimate:
             return Cause.EITHER
         if len(likely) > 1:
             return Cause.SEVERAL
-        best = next(one for kind, one in self.ranked if kind is likely[0])
-        if best.significant or likely[0] is Cause.OTHER:
+        if likely[0] is Cause.OTHER or self.best(likely[0]).significant:
             return likely[0]
         return Cause.EITHER if likely[0] in (Cause.CURRENT, Cause.WIND) else Cause.SEVERAL
 
 
+BOAT, WATER, AIR = 0, 1, 2  # the first filters
+
+
 @dataclass(frozen=True)
 class DisturbanceEstimator:
-    """The vessel, its wind model, and the priors of b (10,) as standard deviations."""
+    """The vessel, its wind model, the priors of b (10,) as standard deviations; its explanations.
+
+    hull      what their laws take of the vessel
+    compass   number of the explanation that a compass error is
+    """
 
     model: Model
     air: WindModel
     prior: Floats
-    own: tuple[OwnCause, ...] = ()
+    all: Explanations
+    hull: Hull
 
     @classmethod
     def of(cls, model: Model) -> "DisturbanceEstimator":
@@ -249,102 +192,100 @@ class DisturbanceEstimator:
         scale = BOAT_SCALES  # of thrust, of turning, of damping in u, v, r
         heading = -BOAT_HEADING * vessel.dynamics.Y_v  # N s/m
         prior = np.array([*force, *scale, heading, heading * lever])
-        return cls(model, WindModel.of(vessel, thrust), prior, own_causes(model, DRIFT_S))
+        air = WindModel.of(vessel, thrust)
+        each = Explanations.of(prior, list(explanations(vessel, thrust, air.prior)))
+        return cls(model, air, prior, each, hull_of(vessel, air))
+
+    @cached_property
+    def compass(self) -> int:
+        """Number of the explanation by the compass."""
+        return self.all.laws.index(Law.COMPASS)
 
     def start(self) -> DisturbanceEstimate:
         """The state before the first second."""
-        current, wind = np.full(2, CURRENT_PRIOR_MPS), np.full(2, self.air.prior)
-        boat, water, air = (DisturbanceFilter.start(self.prior, o) for o in (NONE, current, wind))
-        own = tuple(DisturbanceFilter.start(self.prior, c.prior, c.drift_s) for c in self.own)
-        kinds = tuple(KIND_OF[cause.kind] for cause in self.own)
-        names = tuple(cause.name for cause in self.own)
-        return DisturbanceEstimate(boat, water, air, own, kinds, names, np.ones(3))
+        prior = self.all.prior
+        covariances = np.stack([np.diag(one**2) for one in prior])
+        count = len(prior)
+        return DisturbanceEstimate(
+            self.all, np.zeros_like(prior), covariances, np.ones((count, 3)), np.zeros(count),
+            np.ones(3),
+        )  # fmt: skip
 
     def reopened(self, estimate: DisturbanceEstimate, time: float) -> DisturbanceEstimate:
         """Trouble has begun: what explains it is judged by what comes from now on.
 
-        What was learnt of the boat before is kept if there was time to learn anything.
+        The boat's own errors are as they were before it, if there was time to learn anything; the
+        disturbances are as unknown as at first.
         """
-        before = estimate.boat if estimate.count >= MIN_CALM_SECONDS else self.start().boat
-        boat, water, air = (
-            one.reopened(before) for one in (estimate.boat, estimate.water, estimate.air)
-        )
-        own = tuple(one.reopened(before) for one in estimate.own)
-        return replace(estimate, boat=boat, water=water, air=air, own=own, opened=time)
+        fresh, b = self.start(), slice(BOAT_ERRORS)
+        before = estimate if estimate.count >= MIN_CALM_SECONDS else fresh
+        fresh.means[:, b] = before.means[BOAT, b]
+        fresh.covariances[:, b, b] = before.covariances[BOAT, b, b]
+        return replace(
+            estimate, means=fresh.means, covariances=fresh.covariances, scores=fresh.scores,
+            opened=time,
+        )  # fmt: skip
 
     def observe(
         self, estimate: DisturbanceEstimate, second: SecondMeans
     ) -> tuple[DisturbanceEstimate, Balance]:
         """One more second -> the estimate after it, and the balance there."""
-        current = estimate.water.disturbance
-        balance = balance_at(self.model, second, current)
+        F = self._balances(estimate, second)
         silence = max(second.time - estimate.time, 0.0)
         dt = min(silence, MAX_SILENCE_S) if estimate.count else 0.0
-        variance = self.variance(second, estimate.noise)
-        errors = self._errors(second, second.nu)
-        boat, water, air = (
-            one.updated(second.missing, variance, measured, dt)
-            for one, measured in (
-                (estimate.boat, self._boat(second)),
-                (estimate.water, self.water_model(second, balance, current)),
-                (estimate.air, self.air_model(second, estimate.air.disturbance)),
-            )
-        )
-        own = tuple(
-            one.updated(
-                second.missing,
-                variance,
-                MeasurementModel(errors, *cause.force(second, one.disturbance)),
-                dt,
-            )
-            for one, cause in zip(estimate.own, self.own, strict=True)
-        )
-        best = max((boat, water, air, *own), key=lambda one: one.score)
-        noise = noise_after(estimate.noise, best.innovation_ratio, dt)
-        after = replace(
-            estimate, boat=boat, water=water, air=air, own=own, noise=noise, time=second.time,
-            count=estimate.count + 1,
+        means, covariances = estimate.means.copy(), estimate.covariances.copy()
+        ratios, scores = np.empty_like(estimate.ratios), estimate.scores.copy()
+        noise = estimate.noise.copy()
+        advance_filters(
+            (self.all.which, self.all.prior, self.all.walk_s),
+            (means, covariances, ratios, scores),
+            (second.missing, self.variance(second, noise)),
+            _second(second), tuple(self.hull), F, dt, noise,
         )  # fmt: skip
-        return after, balance
+        after = DisturbanceEstimate(
+            self.all, means, covariances, ratios, scores, noise, second.time, estimate.count + 1,
+            estimate.opened,
+        )  # fmt: skip
+        return after, Balance.of(F)
 
-    def _boat(self, second: SecondMeans) -> MeasurementModel:
-        return MeasurementModel(self._errors(second, second.nu), np.zeros(3), np.zeros((3, 0)))
+    def _balances(self, estimate: DisturbanceEstimate, second: SecondMeans) -> Floats:
+        """Balances (10, 3) that the laws take, where the estimate stands."""
+        current = estimate.means[WATER, BOAT_ERRORS : BOAT_ERRORS + 2]
+        off = float(estimate.means[self.compass, BOAT_ERRORS])
+        return balances_at(self.model, second, current, off)
+
+    def measured(
+        self, estimate: DisturbanceEstimate, second: SecondMeans, f: int
+    ) -> MeasurementModel:
+        """Explanation f where the estimate stands."""
+        which, F = self.all.which[f], self._balances(estimate, second)
+        return self.linearised(which, estimate.filter(f).disturbance, second, F)
+
+    def linearised(
+        self, which: Ints, o: Floats, second: SecondMeans, F: Floats
+    ) -> MeasurementModel:
+        """An explanation (3,) as `Explanations.which` has it, of size o, with the balances F."""
+        force, H = np.empty(3), np.empty((3, int(which[2])))
+        law, thruster, _ = which.tolist()
+        linearised(law, thruster, o, _second(second), tuple(self.hull), F, force, H)
+        return MeasurementModel(H[:, :BOAT_ERRORS], force, H[:, BOAT_ERRORS:])
 
     def variance(self, second: SecondMeans, noise: Floats) -> Floats:
         """Variance of a missing force: (3,), the stated one times `noise` (3,)."""
         return np.asarray(noise * second.missing_std**2 + (MIN_NOISE * self.prior[:3]) ** 2)
 
-    def water_model(
-        self, second: SecondMeans, balance: Balance, current: Floats
-    ) -> MeasurementModel:
-        """F(ν) − F(ν − c), and its slope against c."""
-        turn = np.array([world_to_body(e, second.yaw) for e in np.eye(2)]).T  # (2, 2)
-        spin = second.nu[2] * np.array([[0.0, 1.0], [-1.0, 0.0]]) @ turn
-        slope = balance.slope_nu[:, :2] @ turn + balance.slope_nu_dot[:, :2] @ spin
-        through = second.nu - current_shift(current, second)[:3]
-        force = balance.still_water - balance.moving_water
-        return MeasurementModel(self._errors(second, through), force, slope)
+    def water_model(self, second: SecondMeans, F: Floats, current: Floats) -> MeasurementModel:
+        """F(ν) − F(ν − c), and its slope against c; balances F (>= 8, 3) in that current."""
+        return self.linearised(self.all.which[WATER], current, second, F)
 
     def air_model(self, second: SecondMeans, g: Floats) -> MeasurementModel:
         """w(ψ, ν; g), and its slope against g."""
-        errors = self._errors(second, second.nu)
-        return MeasurementModel(errors, *self.air.force_and_slope(g, second))
-
-    def _errors(self, second: SecondMeans, nu: Floats) -> Floats:
-        """B (3, 10): what one unit of each of the boat's own errors adds to the missing force."""
-        u, v, r = nu
-        d = self.model.vessel.dynamics
-        out = np.zeros((3, BOAT_ERRORS))
-        out[0, 0] = out[1, 1] = out[2, 2] = 1.0
-        out[0, 3], out[2, 4] = second.commanded[0], second.commanded[2]
-        out[0, 5] = (d.X_u + d.X_uu * abs(u)) * u
-        out[1, 6] = (d.Y_v + d.Y_vv * abs(v)) * v
-        out[2, 7] = (d.N_r + d.N_rr * abs(r)) * r
-        out[1, 8] = out[2, 9] = u
-        return out
+        return self.linearised(self.all.which[AIR], g, second, NO_BALANCES)
 
 
-def noise_after(noise: Floats, innovation_ratio: Floats, dt: float) -> Floats:
-    """Variance of e over the stated one (3,), after an innovation ratio (3,) and `dt` [s]."""
-    change = 1.0 + (np.minimum(innovation_ratio, 9.0) - 1.0) * min(dt / NOISE_MEMORY_S, 0.1)
-    return np.asarray(np.clip(noise * change, *NOISE_LIMITS))
+NO_BALANCES = np.zeros((0, 3))
+
+
+def _second(second: SecondMeans) -> tuple[Floats, ...]:
+    """What the laws take of a second."""
+    return second.motion, second.commanded, second.mean_commands

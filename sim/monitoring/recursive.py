@@ -31,16 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.monitoring import SecondMeans, balance_at, current_shift
-from sim.monitoring.disturbances import (
-    BOAT_ERRORS,
-    CURRENT_PRIOR_MPS,
-    MAX_SILENCE_S,
-    DisturbanceEstimator,
-    DisturbanceFilter,
-    MeasurementModel,
-    noise_after,
-)
+from sim.monitoring import SecondMeans, balances_at, current_shift
+from sim.monitoring.causes import BOAT_ERRORS
+from sim.monitoring.disturbances import MAX_SILENCE_S, DisturbanceEstimator
+from sim.monitoring.explanations import CURRENT_PRIOR_MPS
+from sim.monitoring.filters import DisturbanceFilter, MeasurementModel, noise_after
 from sim.state import Floats, Ints
 from sim.vessel import Thruster, Vessel
 
@@ -250,8 +245,8 @@ class NumberFollower:
         """The missing force as the estimates explain it, and h (3, n)."""
         around = before.filter.disturbance
         current, wind, smoothing = around[:2], around[2:4], around[4]
-        balance = balance_at(self.estimator.model, second, current)
-        water = self.estimator.water_model(second, balance, current)
+        balances = balances_at(self.estimator.model, second, current)
+        water = self.estimator.water_model(second, balances, current)
         air = self.estimator.air_model(second, wind)
         h = self._slopes(second, current)
         force = water.force + air.force + h @ (before.shares + smoothing)

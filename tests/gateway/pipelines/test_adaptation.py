@@ -20,7 +20,7 @@ from gateway.shadow.model_monitor import (
 from gateway.shadow.path import ShadowPath
 from sim.following.follower import FollowerOptions, ReferenceMode
 from sim.model import Model
-from sim.monitoring.recursive import BOAT_ERRORS
+from sim.monitoring.causes import BOAT_ERRORS
 from sim.plants import OWN_VESSEL, PlantChoice
 from sim.vessel import Vessel
 from tests.gateway.pipelines.test_lookout import path_rows

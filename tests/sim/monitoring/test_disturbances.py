@@ -10,15 +10,13 @@ from scipy.stats import multivariate_normal
 
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
-from sim.monitoring import SecondMeans, WindModel, air_velocity, balance_at
-from sim.monitoring.disturbances import (
+from sim.monitoring import SecondMeans, WindModel, air_velocity, balance_at, balances_at
+from sim.monitoring.causes import BOAT_ERRORS, Law
+from sim.monitoring.disturbances import BOAT, Cause, DisturbanceEstimate, DisturbanceEstimator
+from sim.monitoring.filters import (
     BOAT_DRIFT_S,
-    BOAT_ERRORS,
     SCORE_MEMORY_S,
     SECONDS_PER_INDEPENDENT_SECOND,
-    Cause,
-    DisturbanceEstimate,
-    DisturbanceEstimator,
     DisturbanceFilter,
     MeasurementModel,
 )
@@ -95,8 +93,7 @@ def test_what_is_wrong_with_the_boat_itself_is_named_with_its_size(
     for second in seconds(160, first=120, **wrong):
         estimate, _ = plain.observe(estimate, second)
     assert estimate.cause is cause
-    named = dict(reversed(estimate.ranked))
-    assert named[cause].disturbance[0] == pytest.approx(size, abs=near)
+    assert estimate.best(cause).disturbance[0] == pytest.approx(size, abs=near)
 
 
 def test_the_thruster_that_is_named_is_the_one_that_failed(plain: DisturbanceEstimator) -> None:
@@ -106,7 +103,8 @@ def test_the_thruster_that_is_named_is_the_one_that_failed(plain: DisturbanceEst
         estimate = plain.reopened(after(plain, seconds(120)), 120.0)
         for second in seconds(120, first=120, thrust=lost):
             estimate, _ = plain.observe(estimate, second)
-        scores = [one.score for one in estimate.own[:2]]
+        thrusters = [f for f, law in enumerate(estimate.all.laws) if law is Law.THRUST]
+        scores = [estimate.filter(f).score for f in thrusters]
         assert int(np.argmax(scores)) == side
         assert abs(scores[0] - scores[1]) > 20.0
 
@@ -120,15 +118,24 @@ def test_a_force_that_comes_and_goes_is_none_of_these(plain: DisturbanceEstimato
     assert estimate.cause is Cause.OTHER
 
 
-def test_the_slope_of_a_compass_is_that_of_its_force(plain: DisturbanceEstimator) -> None:
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.NOTHING])
+def test_the_slope_of_a_cause_is_that_of_its_force(plain: DisturbanceEstimator, law: Law) -> None:
     second = next(seconds(1))
     second = replace(second, motion=second.motion + np.array([0, 0, 1.0, 0, 0.2, 0.3, 0, 0, 0.1]))
-    (compass,) = (cause for cause in plain.own if cause.kind == "compass")
-    step, at = 1e-4, np.array([0.15])
-    differences = (compass.force(second, at + step)[0] - compass.force(second, at - step)[0]) / (
-        2.0 * step
-    )
-    assert differences == pytest.approx(compass.force(second, at)[1][:, 0], rel=0.01, abs=0.1)
+    f, start = plain.all.laws.index(law), plain.start()
+    n = len(start.filter(f).disturbance)
+    at = 0.15 * np.arange(1.0, n + 1.0) * (1.0 if law is not Law.WIND else 100.0)
+    step = 1e-4 if law is not Law.WIND else 1.0
+
+    def force(o: np.ndarray) -> MeasurementModel:
+        means = start.means.copy()
+        means[f, BOAT_ERRORS : BOAT_ERRORS + n] = o
+        return plain.measured(replace(start, means=means), second, f)
+
+    for k, e in enumerate(step * np.eye(n)):
+        differences = (force(at + e).force - force(at - e).force) / (2.0 * step)
+        assert np.abs(differences).max() > 0.0
+        assert differences == pytest.approx(force(at).slope[:, k], rel=0.01, abs=0.3)
 
 
 def test_on_one_heading_no_current_is_claimed(plain: DisturbanceEstimator) -> None:
@@ -149,11 +156,11 @@ def test_the_slope_of_a_current_is_that_of_the_balance(plain: DisturbanceEstimat
     second = replace(second, motion=second.motion + np.array([0, 0, 1.0, 0, 0.2, 0.3, 0, 0, 0.1]))
 
     def force(c: np.ndarray) -> np.ndarray:
-        return plain.water_model(second, balance_at(plain.model, second, c), c).force
+        return plain.water_model(second, balances_at(plain.model, second, c), c).force
 
     step, slope = (
         1e-4,
-        plain.water_model(second, balance_at(plain.model, second, STREAM), STREAM).slope,
+        plain.water_model(second, balances_at(plain.model, second, STREAM), STREAM).slope,
     )
     for k, e in enumerate(step * np.eye(2)):
         differences = (force(STREAM + e) - force(STREAM - e)) / (2.0 * step)
@@ -242,7 +249,8 @@ def test_an_outlier_is_a_measurement_with_as_much_more_noise_and_what_is_held_st
 
 def test_a_filter_weighs_an_outlier_less() -> None:
     start = DisturbanceFilter.start(np.ones(BOAT_ERRORS))
-    measured = DisturbanceEstimator.of(Model.of(WAM_V))._boat(next(seconds(1)))
+    plain = DisturbanceEstimator.of(Model.of(WAM_V))
+    measured = plain.measured(plain.start(), next(seconds(1)), BOAT)
     R = np.ones(3)
     small = start.updated(np.array([1.0, 0.0, 0.0]), R, measured, 1.0)
     big = start.updated(np.array([1e4, 0.0, 0.0]), R, measured, 1.0)

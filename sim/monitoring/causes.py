@@ -1,0 +1,231 @@
+"""What each cause adds to the missing force of a second, and its slope against the cause; compiled.
+
+    nothing      0
+    current      F(ν) − F(ν − c)                c of the water, north and east [m/s]
+    wind         w(ψ, ν; g)                     g of the air, north and east
+    thruster i   s τ_i                          s share of its thrust that it has too much
+    compass      F(ν) − F(R(δ) ν)               δ reported − true heading [rad]
+    drag         s (X_u + X_u|u| |u|) u         s growth of the damping ahead
+    anything     w                              a force on the hull, wandering: [N, N, N m]
+
+beside the small errors of a model that is right (`write_boat_errors`). `F` is the balance of the
+vessel, τ_i the force of thruster i as commanded (mean of the second, static curve). The last one is
+not a cause but what a named one has to beat: where it predicts better than all of them, none of
+them is it.
+
+A steady current is a frame that moves: the boat meets the water with ν − c and ν̇ − ċ, where
+c = (u_c, v_c, 0) and ċ = (r v_c, −r u_c, 0). Slopes of F are one-sided differences. Memory of
+actuators is left out of them: it adds the same thrust on both sides of each difference.
+
+With wind areas the wind load is that of `sim.wind`:
+
+    X = −½ ρ C_X A_F V u_rw,   Y = −½ ρ C_Y A_L V v_rw,   N = −ρ C_N A_L L u_rw v_rw
+
+written in g = |V_w| V_w, in which it is nearly linear. Without areas a speed cannot be told, and g
+is a force [N] that is fixed in the world.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.actuators import thrust_at, thruster_force
+from sim.body import ThrusterParameters
+from sim.kernel.compiled import compiled
+from sim.state import Floats, to_body
+from sim.wind import AIR_DENSITY, C_N, C_X, C_Y
+
+
+class Law(IntEnum):
+    """Which of the laws above."""
+
+    NOTHING = 0
+    CURRENT = 1
+    WIND = 2
+    THRUST = 3
+    COMPASS = 4
+    DRAG = 5
+    ANYTHING = 6
+
+
+# All chosen, not measured.
+DIFFERENCE_STEP = 1e-3  # m/s, rad/s and per s: of the slopes of the balance
+STEP_RAD = 1e-3  # of the slope of a compass
+WIND_STEP = 0.15  # of the prior: near g = 0 a slope on the spot would be that of a root
+
+BOAT_ERRORS = 10  # components of b, see `write_boat_errors`
+BALANCES = 8  # motions whose balance the slopes take: as reported, in the water, six steps from it
+WITH_COMPASS = BALANCES + 2  # … and turned by the compass's error, and a step more
+NOTHING, CURRENT, WIND, THRUST, COMPASS, DRAG, ANYTHING = map(int, Law)
+
+
+class Hull(NamedTuple):
+    """Numbers of a vessel that the laws take.
+
+    damping    (6,)       X_u, X_uu, Y_v, Y_vv, N_r, N_rr
+    wind       (4,)       areas in front and at the side [m²], length [m]; prior of g
+    thrusters  (T, 5)     x, y [m], azimuth [rad], thrust astern and ahead [N]
+    curves     (T, M, 2)  points of command and share of the thrust, the last one repeated
+    """
+
+    damping: Floats
+    wind: Floats
+    thrusters: Floats
+    curves: Floats
+
+
+@compiled
+def write_motions(motion: Floats, current: Floats, compass: float, out: Floats) -> None:
+    """Motion (9,) -> those whose balances are needed: (`BALANCES` or `WITH_COMPASS`, 9)."""
+    u_c, v_c = to_body(current[0], current[1], motion[2])
+    r = motion[5]
+    for k in range(len(out)):
+        for i in range(9):
+            out[k, i] = motion[i]
+        if 1 <= k < BALANCES:
+            out[k, 3] -= u_c
+            out[k, 4] -= v_c
+            out[k, 6] -= r * v_c
+            out[k, 7] += r * u_c
+        if 2 <= k < BALANCES:
+            out[k, k + 1] += DIFFERENCE_STEP
+        elif k >= BALANCES:
+            angle = compass + (k - BALANCES) * STEP_RAD
+            c, s = np.cos(angle), np.sin(angle)
+            for i in (3, 6):  # velocity, acceleration: both turn with the heading
+                out[k, i] = c * motion[i] - s * motion[i + 1]
+                out[k, i + 1] = s * motion[i] + c * motion[i + 1]
+
+
+@compiled
+def write_boat_errors(
+    u: float, v: float, r: float, commanded: Floats, hull: Hull, H: Floats
+) -> None:
+    """B (3, 10) into H (3, >= 10): what one unit of each of the boat's own errors adds.
+
+    A constant force; scales of thrust, of turning, of the damping in u, v, r; a heading offset in
+    sway and yaw.
+    """
+    d = hull.damping
+    for a in range(3):
+        for i in range(BOAT_ERRORS):
+            H[a, i] = 1.0 if i == a else 0.0
+    H[0, 3], H[2, 4] = commanded[0], commanded[2]
+    H[0, 5] = (d[0] + d[1] * abs(u)) * u
+    H[1, 6] = (d[2] + d[3] * abs(v)) * v
+    H[2, 7] = (d[4] + d[5] * abs(r)) * r
+    H[1, 8] = H[2, 9] = u
+
+
+@compiled
+def write_current_slope(motion: Floats, F: Floats, out: Floats, at: int) -> None:
+    """∂/∂c of F(ν) − F(ν − c) from the balances F (>= 8, 3) -> columns `at` and the next (3, 2)."""
+    c, s, r = np.cos(motion[2]), np.sin(motion[2]), motion[5]
+    for a in range(3):
+        by_u, by_v = F[2, a] - F[1, a], F[3, a] - F[1, a]
+        by_u_dot, by_v_dot = F[5, a] - F[1, a], F[6, a] - F[1, a]
+        ahead = (by_u - r * by_v_dot) / DIFFERENCE_STEP  # against u_c, for ċ = (r v_c, −r u_c)
+        beside = (by_v + r * by_u_dot) / DIFFERENCE_STEP
+        out[a, at] = ahead * c - beside * s
+        out[a, at + 1] = ahead * s + beside * c
+
+
+@compiled
+def wind_force(g_north: float, g_east: float, motion: Floats, wind: Floats) -> tuple[
+    float, float, float
+]:  # fmt: skip
+    """Wind load of g on a boat that moves so -> X, Y, N [N, N, N m]; `wind` as in `Hull`."""
+    front, side, length = wind[0], wind[1], wind[2]
+    if not (front > 0.0 and side > 0.0):
+        X, Y = to_body(g_north, g_east, motion[2])
+        return X, Y, 0.0
+    size = np.hypot(g_north, g_east)
+    root = np.sqrt(size) if size > 0.0 else 1.0
+    u_w, v_w = to_body(g_north / root, g_east / root, motion[2])
+    u, v = motion[3] - u_w, motion[4] - v_w
+    V = np.hypot(u, v)
+    return (
+        AIR_DENSITY * (-0.5 * C_X * front * V * u),
+        AIR_DENSITY * (-0.5 * C_Y * side * V * v),
+        AIR_DENSITY * (-C_N * side * length * u * v),
+    )
+
+
+@compiled
+def write_wind_slope(g: Floats, motion: Floats, wind: Floats, out: Floats, at: int) -> None:
+    """∂w/∂g by central differences of `WIND_STEP` of the prior -> columns `at` and the next."""
+    h = WIND_STEP * wind[3]
+    for i in range(2):
+        north, east = (h, 0.0) if i == 0 else (0.0, h)
+        above = wind_force(g[0] + north, g[1] + east, motion, wind)
+        below = wind_force(g[0] - north, g[1] - east, motion, wind)
+        for a in range(3):
+            out[a, at + i] = (above[a] - below[a]) / (2.0 * h)
+
+
+@compiled
+def share_of_thrust(command: float, curve: Floats) -> float:
+    """Points (M, 2) of a curve -> the share at a command, on the line between two of them."""
+    if command <= curve[0, 0]:
+        return curve[0, 1]
+    for k in range(1, len(curve)):
+        if command < curve[k, 0]:
+            rise = (curve[k, 1] - curve[k - 1, 1]) / (curve[k, 0] - curve[k - 1, 0])
+            return curve[k - 1, 1] + rise * (command - curve[k - 1, 0])
+    return curve[len(curve) - 1, 1]
+
+
+@compiled
+def write_thrust(i: int, command: float, hull: Hull, out: Floats, at: int) -> None:
+    """τ_i of the static curve at a command -> column `at` (3, 1)."""
+    t = hull.thrusters[i]
+    drive = ThrusterParameters(0.0, t[0], t[1], t[2], t[3], t[4], 1.0)
+    thrust = thrust_at(command, share_of_thrust(command, hull.curves[i]), drive)
+    force = thruster_force(thrust, drive.azimuth, drive)
+    for a in range(3):
+        out[a, at] = force[a]
+
+
+@compiled
+def linearise(
+    law: int, index: int, o: Floats, second: tuple[Floats, ...], hull: Hull, F: Floats,
+    force: Floats, H: Floats,
+) -> None:  # fmt: skip
+    """A cause of size o at one second -> what it adds (3,), and H = [B ∂h/∂o] (3, >= 10 + len(o)).
+
+    index   of the thruster
+    second  motion (9,), commanded (3,), mean commands (na,), as in `SecondMeans`
+    F       (10, 3) balances of the motions of `write_motions`
+    """
+    motion, commanded, commands = second
+    u, v, at = motion[3], motion[4], BOAT_ERRORS
+    if law == CURRENT:
+        u_c, v_c = to_body(o[0], o[1], motion[2])
+        u, v = u - u_c, v - v_c
+    write_boat_errors(u, v, motion[5], commanded, hull, H)
+    w = (0.0, 0.0, 0.0)
+    if law == CURRENT:
+        write_current_slope(motion, F, H, at)
+        w = (F[0, 0] - F[1, 0], F[0, 1] - F[1, 1], F[0, 2] - F[1, 2])
+    elif law == WIND:
+        write_wind_slope(o, motion, hull.wind, H, at)
+        w = wind_force(o[0], o[1], motion, hull.wind)
+    elif law == COMPASS:
+        for a in range(3):
+            H[a, at] = (F[BALANCES, a] - F[BALANCES + 1, a]) / STEP_RAD
+        turned = F[BALANCES]
+        w = (F[0, 0] - turned[0], F[0, 1] - turned[1], F[0, 2] - turned[2])
+    elif law == THRUST:
+        write_thrust(index, commands[index], hull, H, at)
+        w = (H[0, at] * o[0], H[1, at] * o[0], H[2, at] * o[0])
+    elif law == DRAG:
+        H[0, at], H[1, at], H[2, at] = H[0, 5], 0.0, 0.0
+        w = (H[0, at] * o[0], 0.0, 0.0)
+    elif law == ANYTHING:
+        for a in range(3):
+            for i in range(3):
+                H[a, at + i] = 1.0 if i == a else 0.0
+        w = (o[0], o[1], o[2])
+    for a in range(3):
+        force[a] = w[a]
