@@ -268,8 +268,10 @@ def heading_slope(i: int, x: Floats) -> float:
 def add_heading_error(x: Floats, sigma: float, covariance: Floats) -> None:
     """Adds to the covariance (9, 9) of the motion x (9,) that of a heading error of std sigma."""
     for i in range(MOTION):
-        for j in range(MOTION):
-            covariance[i, j] += sigma * sigma * heading_slope(i, x) * heading_slope(j, x)
+        slope = heading_slope(i, x)
+        if slope != 0.0:
+            for j in range(MOTION):
+                covariance[i, j] += sigma * sigma * slope * heading_slope(j, x)
 
 
 @dataclass(frozen=True)

@@ -328,13 +328,14 @@ def new_workspace() -> Workspace:
 
 @compiled
 def times_transpose(P: Floats, H: Floats, m: int, out: Floats) -> None:
-    """P (13, 13), H (2, 13) -> P Hᵀ (13, m)."""
-    for i in range(STATES):
-        for a in range(m):
-            total = 0.0
-            for j in range(STATES):
-                total += P[i, j] * H[a, j]
-            out[i, a] = total
+    """P (13, 13), H (2, 13) -> P Hᵀ (13, m). A measurement reads one to four states."""
+    for a in range(m):
+        for i in range(STATES):
+            out[i, a] = 0.0
+        for j in range(STATES):
+            if H[a, j] != 0.0:
+                for i in range(STATES):
+                    out[i, a] += P[i, j] * H[a, j]
 
 
 @compiled

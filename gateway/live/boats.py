@@ -25,7 +25,7 @@ from gateway.shadow import BLIND_S, SILENCE_S, TICK_S, FilterInputs
 from gateway.shadow.events import EventDetector, MissingForceRange
 from gateway.shadow.health import SECOND, LiveHealth
 from gateway.shadow.model_monitor import Adapt, ModelMonitor, taken_over
-from gateway.shadow.path import Freshness, ShadowPath, ShadowRows
+from gateway.shadow.path import RowMemory, ShadowPath, ShadowRows
 from gateway.shadow.sensor_checks import SensorMemory
 from gateway.shadow.topic_rows import EventRow, event_rows, topic_rows
 from gateway.vessel_file import zenoh_key
@@ -155,8 +155,7 @@ class LiveBoat:
         self._state = replace(
             self._state,
             filter=filter_state,
-            freshness=Freshness(),
-            jumped=True,
+            memory=RowMemory(published=self._state.memory.published, jumped=1.0),
             sensors=SensorMemory(),
         )
         return self.event("reboot", "warning", "the autopilot rebooted", now_ns)

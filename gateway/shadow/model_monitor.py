@@ -26,12 +26,7 @@ from gateway.shadow.sensor_checks import clock_text
 from gateway.shadow.topic_rows import EventRow
 from gateway.topics import HORIZONS_S
 from sim.model import Model
-from sim.monitoring import (
-    SecondMeans,
-    air_velocity,
-    air_velocity_covariance,
-    world_to_body,
-)
+from sim.monitoring import SecondMeans
 from sim.monitoring.alarm import WATCHED_HORIZONS_S, Alarm, ModelEvent, event_text
 from sim.monitoring.disturbances import DisturbanceEstimator
 from sim.monitoring.recursive import SIGMAS_95, NumberEstimates, NumberFollower, with_shares
@@ -244,6 +239,7 @@ class ModelMonitor(NamedTuple):
         now, rows, events = self, list[TopicRows](), list[EventRow]()
         if not len(out):
             return now, rows, events
+        seen: list[Surroundings] = []
         first, times = 0, out.time_s.tolist()
         for k, time in enumerate(times):
             step = time - (times[k - 1] if k else self.second.time)
@@ -251,9 +247,11 @@ class ModelMonitor(NamedTuple):
             began = now.second.began if now.second.parts else times[first]
             if not continuous or time - began >= SECOND_S:
                 now = now._with(out, first, k)
-                now, new_rows, new_events = now._closed(out, k, continuous)
+                now, told, new_rows, new_events = now._closed(out, k, continuous)
                 rows, events, first = rows + new_rows, events + new_events, k
-        return now._with(out, first, len(times)), rows, events
+                seen += told
+        now = now._with(out, first, len(times))
+        return now, now._topic_rows(out, seen) + rows, events
 
     def _with(self, out: ShadowRows, first: int, end: int) -> "ModelMonitor":
         """Rows first … end join the second under way."""
@@ -263,28 +261,27 @@ class ModelMonitor(NamedTuple):
 
     def _closed(
         self, out: ShadowRows, k: int, whole: bool
-    ) -> tuple["ModelMonitor", list[TopicRows], list[EventRow]]:
+    ) -> tuple["ModelMonitor", list["Surroundings"], list[TopicRows], list[EventRow]]:
         """The second ends before row k; it counts where nothing in it is missing."""
         s = self.second
         fresh = self._replace(second=Second(), known=s.errors)
         complete = not s.parts or s.complete
         if not (s.parts and whole and complete):
             alarm, adaptation = (self.alarm, self.adaptation) if complete else self._undone()
-            return (
-                fresh._replace(alarm=alarm.after_gap(), adaptation=adaptation, earlier=()),
-                [],
-                [],
-            )
+            alarm = alarm.after_gap()
+            return fresh._replace(alarm=alarm, adaptation=adaptation, earlier=()), [], [], []
         alarm, event = self.alarm.observe(self.estimator, means := s.means(self.known))
         earlier = (*self.earlier, (self.alarm, self.adaptation))[-DOUBTFUL_S:]
         fresh = fresh._replace(alarm=alarm, earlier=earlier)
         events = [] if event is None else [fresh._event_row(out, k, event, self.alarm)]
-        rows = fresh._topic_rows(out, k, means)
+        told = fresh._surroundings(k, means)  # from the first second: nothing is compiled later
+        seen = [told] if alarm.estimate.count >= FIRST_S else []
+        rows: list[TopicRows] = []
         if self.adaptation is not None:
             adaptation, followed, changed = self.adaptation.observe(out, k, means)
             fresh = fresh._replace(adaptation=adaptation)
-            rows, events = [*rows, followed], [*events, *changed]
-        return fresh, rows, events
+            rows, events = [followed], [*events, *changed]
+        return fresh, seen, rows, events
 
     def _undone(self) -> tuple[Alarm, Adaptation | None]:
         """The state before the last seconds: what failed had failed before it was noticed."""
@@ -299,28 +296,39 @@ class ModelMonitor(NamedTuple):
         text = event_text(event, self.alarm, self.estimator.air, began)
         return EventRow.at(out, k, event.value, SEVERITY[event], text)
 
-    def _topic_rows(self, out: ShadowRows, k: int, means: SecondMeans) -> list[TopicRows]:
-        """Both topics; the wind is withheld where the vessel has no areas for one."""
-        alarm, air = self.alarm, self.estimator.air
-        if alarm.estimate.count < FIRST_S:
-            return []
-        times = out.vehicle_time_ns[k : k + 1], out.receive_time_ns[k : k + 1]
-        water, wind = alarm.estimate.water, alarm.estimate.air
-        turn = np.array([world_to_body(e, -means.yaw) for e in np.eye(2)]).T  # body to world
-        slope = turn @ air.force_and_slope(wind.disturbance, means)[1][:2]
-        force = air.world_force(wind.disturbance, means)
-        force_covariance = slope @ wind.disturbance_covariance @ slope.T
+    def _surroundings(self, k: int, means: SecondMeans) -> "Surroundings":
+        """What a second that ended before row k tells of water and air."""
+        estimate = self.alarm.estimate
+        water, air = estimate.water, estimate.air
+        told = self.estimator.air.in_world(air.disturbance, air.disturbance_covariance, means)
         values = np.concatenate([
-            water.disturbance, force, std(water.disturbance_covariance), std(force_covariance),
-            [alarm.misfit.level],
+            water.disturbance, told[:2], std(water.disturbance_covariance), told[2:4],
+            [self.alarm.misfit.level], told[4:],
         ])  # fmt: skip
-        explains = {"explains": alarm.cause.value}
-        rows = [encode_rows("surroundings", *times, values[None], explains)]
-        if air.has_areas:
-            covariance = air_velocity_covariance(wind.disturbance, wind.disturbance_covariance)
-            values = np.concatenate([air_velocity(wind.disturbance), std(covariance)])
-            rows.append(encode_rows("wind", *times, values[None]))
+        return Surroundings(k, values, self.alarm.cause.value)
+
+    def _topic_rows(self, out: ShadowRows, seen: list["Surroundings"]) -> list[TopicRows]:
+        """Both topics; the wind is withheld where the vessel has no areas for one."""
+        if not seen:
+            return []
+        at, values = [one.row for one in seen], np.stack([one.values for one in seen])
+        times = out.vehicle_time_ns[at], out.receive_time_ns[at]
+        explains = {"explains": [one.explains for one in seen]}
+        rows = [encode_rows("surroundings", *times, values[:, :WIND_FROM], explains)]
+        if self.estimator.air.has_areas:
+            rows.append(encode_rows("wind", *times, values[:, WIND_FROM:]))
         return rows
+
+
+class Surroundings(NamedTuple):
+    """What one second tells: numbers of the topic `surroundings` and then of `wind` (13,)."""
+
+    row: int  # of the path, the first after that second
+    values: Floats
+    explains: str
+
+
+WIND_FROM = 9  # place of the first number of `wind`
 
 
 def taken_over(

@@ -31,9 +31,10 @@ from sim.following.follower import (
     ReferenceState,
 )
 from sim.following.stepwise import follower_for
+from sim.kernel.compiled import compiled
 from sim.model import Model
 from sim.plants import VESSEL, PlantChoice, PlantKind
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.vessel import Vessel
 
 STALE_S = 1.0  # without a measurement for this long, telemetry is not fresh …
@@ -41,34 +42,61 @@ LOST_S = 5.0  # … nor without heading, or without velocity and position, for t
 COMMANDS_KEPT_S = 15.0  # for those that act late: more than the longest delay of an effect
 CHANNELS = range(1, CHANNEL_COUNT + 1)
 USED, VALID, BROKEN = int(Flag.USED), int(Flag.VALID), int(Flag.JUMP | Flag.RESTART)
-MOTION = (MeasurementKind.VELOCITY, MeasurementKind.BODY_VELOCITY, MeasurementKind.POSITION)
+YAW, POSITION = int(MeasurementKind.YAW), int(MeasurementKind.POSITION)
+VELOCITY, BODY_VELOCITY = int(MeasurementKind.VELOCITY), int(MeasurementKind.BODY_VELOCITY)
+NO_FLAGS = np.zeros(0, np.bool_)
 
 
-class Freshness(NamedTuple):
-    """Time [s] of the last used measurement: any, of heading, of velocity or position.
+class RowMemory(NamedTuple):
+    """What is remembered to choose the rows that go out.
 
-    After a silence the first measurements are mostly of the heading alone: until all have come,
-    the estimate is still the one that ran blind.
+    Time [s] of the last used measurement: any, of heading, of velocity or position, and of the end
+    of the last silence. After it the first measurements are mostly of the heading alone: until all
+    have come, the estimate is still the one that ran blind.
     """
 
     last: float = -np.inf
     heading: float = -np.inf
     motion: float = -np.inf
-    back: float = -np.inf  # when the last silence ended
+    back: float = -np.inf
+    published: float = -np.inf  # time of the last row that went out [s]
+    jumped: float = 0.0  # 1: a discontinuity since the last row that went out
 
-    def after(self, time: float, kind: int) -> "Freshness":
-        """A measurement of that kind was used."""
-        return Freshness(
-            time,
-            time if kind == MeasurementKind.YAW else self.heading,
-            time if kind in MOTION else self.motion,
-            time if time - self.last > STALE_S else self.back,
-        )
 
-    def fresh(self, time: float) -> bool:
-        """Does the estimate at that time rest on measurements?"""
-        oldest = min(self.heading, self.motion)
-        return time - self.last <= STALE_S and oldest >= max(self.back, time - LOST_S)
+@compiled
+def choose_rows(
+    before: tuple[float, ...], events: tuple[Any, ...], min_interval_s: float,
+    out: tuple[Ints, NDArray[np.bool_], NDArray[np.bool_]],
+) -> tuple[int, float, float, float, float, float, float]:  # fmt: skip
+    """Rows that go out: valid, at the end of a message, not faster than the rate asked for.
+
+    before  a `RowMemory`
+    events  time, kind, complete and flags (K,), broken (K,), or (0,) where no row is
+    out     (K,) their numbers, whether each is fresh (its estimate rests on measurements) and
+            jumped, from the first on -> how many, and the `RowMemory` after all
+    """
+    last, heading, motion, back, published, jumped = before
+    times, kinds, complete, flags, broken = events
+    rows, fresh, leapt = out
+    count = 0
+    for k in range(len(times)):
+        time, kind = times[k], kinds[k]
+        if flags[k] & USED:
+            back = time if time - last > STALE_S else back
+            last = time
+            if kind == YAW:
+                heading = time
+            elif kind in (VELOCITY, BODY_VELOCITY, POSITION):
+                motion = time
+        if len(broken) and broken[k]:
+            jumped = 1.0
+            published = min(published, time - min_interval_s)
+        if flags[k] & VALID and complete[k] and time - published >= min_interval_s:
+            known = min(heading, motion) >= max(back, time - LOST_S)
+            rows[count], fresh[count] = k, time - last <= STALE_S and known
+            leapt[count] = jumped > 0.0
+            published, jumped, count = time, 0.0, count + 1
+    return count, last, heading, motion, back, published, jumped
 
 
 def discontinuous(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
@@ -76,12 +104,11 @@ def discontinuous(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
     return np.asarray(rows.has(Flag.JUMP) & (inputs.events.kind != MeasurementKind.YAW_RATE))
 
 
-def _broken(inputs: FilterInputs, rows: FilterRows) -> list[bool]:
+def _broken(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
     """Rows where the estimate jumped or the filter started anew; empty: none."""
     if not (rows.flags & BROKEN).any():
-        return []
-    broken: list[bool] = (discontinuous(inputs, rows) | rows.has(Flag.RESTART)).tolist()
-    return broken
+        return NO_FLAGS
+    return discontinuous(inputs, rows) | rows.has(Flag.RESTART)
 
 
 @dataclass(frozen=True)
@@ -94,9 +121,7 @@ class PathState:
     residuals: ResidualState
     command_times: Floats  # of the recent rows …
     commands: Floats  # … and what was commanded then
-    published: float = -np.inf  # time of the last row that went out [s]
-    freshness: Freshness = field(default_factory=Freshness)
-    jumped: bool = False  # a discontinuity since the last row that went out
+    memory: RowMemory = field(default_factory=RowMemory)
     sensors: SensorMemory = field(default_factory=SensorMemory)
 
 
@@ -144,16 +169,12 @@ class ShadowRows:
 
 
 class RowChoice(NamedTuple):
-    """Rows (K,) of a chunk that go out, whether each is fresh and jumped; then what `PathState`
-    remembers of it.
-    """
+    """Rows (K,) of a chunk that go out, whether each is fresh and jumped; the memory after it."""
 
     row: NDArray[np.int64]
     fresh: NDArray[np.bool_]
     jumped: NDArray[np.bool_]
-    published: float
-    freshness: Freshness
-    still_jumped: bool  # a discontinuity after the last of these rows
+    memory: RowMemory
 
     @property
     def part(self) -> NDArray[np.int64] | slice:
@@ -243,10 +264,7 @@ class ShadowPath:
         rows = estimates.with_faults(faults)
         choice = self._choose(state, inputs, rows)
         if not len(choice.row):
-            state = replace(
-                state, filter=filter_state, sensors=sensors, published=choice.published,
-                freshness=choice.freshness, jumped=choice.still_jumped,
-            )  # fmt: skip
+            state = replace(state, filter=filter_state, sensors=sensors, memory=choice.memory)
             return state, self._no_rows, rows
         fresh, jumped, chosen = choice.fresh, choice.jumped, choice.part
         times, estimate = rows.time_s[chosen], rows.motion[chosen]
@@ -266,7 +284,7 @@ class ShadowPath:
         residuals.missing[~fit] = np.nan
         state = PathState(
             filter_state, reference.state, following.state, residual_state, kept_times, kept,
-            choice.published, choice.freshness, choice.still_jumped, sensors,
+            choice.memory, sensors,
         )  # fmt: skip
         return (
             state,
@@ -293,24 +311,18 @@ class ShadowPath:
         )
 
     def _choose(self, state: PathState, inputs: FilterInputs, rows: FilterRows) -> RowChoice:
-        """Rows that go out: valid, at the end of a message, not faster than the rate asked for."""
-        published, freshness, jumped = state.published, state.freshness, state.jumped
-        kinds, complete = inputs.events.kind.tolist(), inputs.complete.tolist()
-        flags, broken = rows.flags.tolist(), _broken(inputs, rows)
-        out: list[tuple[int, bool, bool]] = []
-        for k, time in enumerate(rows.time_s.tolist()):
-            freshness = freshness.after(time, kinds[k]) if flags[k] & USED else freshness
-            if broken and broken[k]:
-                jumped = True
-                published = min(published, time - self.min_interval_s)
-            if flags[k] & VALID and complete[k] and time - published >= self.min_interval_s:
-                out.append((k, freshness.fresh(time), jumped))
-                published, jumped = time, False
-        row, fresh, leapt = zip(*out, strict=True) if out else ((), (), ())
-        return RowChoice(
-            np.array(row, np.int64), np.array(fresh, np.bool_), np.array(leapt, np.bool_),
-            published, freshness, jumped,
-        )  # fmt: skip
+        """Rows that go out, see `choose_rows`."""
+        size, broken = len(rows), _broken(inputs, rows)
+        events = rows.time_s, inputs.events.kind, inputs.complete, rows.flags, broken
+        row, fresh, jumped = (
+            np.empty(size, np.int64),
+            np.empty(size, np.bool_),
+            np.empty(size, np.bool_),
+        )
+        count, *memory = choose_rows(
+            tuple(state.memory), events, self.min_interval_s, (row, fresh, jumped)
+        )
+        return RowChoice(row[:count], fresh[:count], jumped[:count], RowMemory(*memory))
 
     def _commands_of_row(self, pulses: bytes) -> Floats:
         """Pulses of one row -> commands (1, na)."""

@@ -17,7 +17,10 @@ from sim.monitoring.causes import (
     BALANCES,
     DIFFERENCE_STEP,
     WITH_COMPASS,
+    slope_of_air,
+    velocity_of_air,
     wind_force,
+    write_air,
     write_motions,
     write_wind_slope,
 )
@@ -152,15 +155,18 @@ class WindModel:
         """g north, east (2,) -> X, Y, N (3,) [N, N, N m]."""
         return np.array(wind_force(g[0], g[1], second.motion, self.numbers))
 
-    def world_force(self, g: Floats, second: SecondMeans) -> Floats:
-        """g north, east (2,) -> the force on the boat as it lies, north, east (2,) [N]."""
-        return world_to_body(self.force(g, second)[:2], -second.yaw)
+    def in_world(self, g: Floats, covariance: Floats, second: SecondMeans) -> Floats:
+        """g (2,) with covariance (2, 2) -> (8,) north and east each: the force on the boat as it
+        lies [N], its std, the velocity of the air [m/s], its std.
+        """
+        out = np.empty(8)
+        write_air(g, covariance, second.motion, self.numbers, out)
+        return out
 
 
 def air_velocity(g: Floats) -> Floats:
     """g = |V| V (2,) -> V, velocity of the air (2,) [m/s]."""
-    size = float(np.hypot(g[0], g[1]))
-    return g / np.sqrt(size) if size > 0.0 else np.zeros(2)
+    return np.array(velocity_of_air(g[0], g[1]))
 
 
 def air_velocity_covariance(g: Floats, covariance: Floats) -> Floats:
@@ -168,6 +174,6 @@ def air_velocity_covariance(g: Floats, covariance: Floats) -> Floats:
 
     V = g / √|g| has no slope at 0: where g is not known to be larger, its spread is its size.
     """
-    size = np.sqrt(float(g @ g) + float(np.trace(covariance)))
-    slope = (np.eye(2) - 0.5 * np.outer(g, g) / size**2) / np.sqrt(size)
+    (a, b), (c, d) = slope_of_air(g, covariance)
+    slope = np.array([[a, b], [c, d]])
     return np.asarray(slope @ covariance @ slope.T)

@@ -33,7 +33,7 @@ import numpy as np
 from sim.actuators import thrust_at, thruster_force
 from sim.body import ThrusterParameters
 from sim.kernel.compiled import compiled
-from sim.state import Floats, to_body
+from sim.state import Floats, to_body, to_world
 from sim.wind import AIR_DENSITY, C_N, C_X, C_Y
 
 
@@ -132,6 +132,48 @@ def write_current_slope(motion: Floats, F: Floats, out: Floats, at: int) -> None
 
 
 @compiled
+def velocity_of_air(g_north: float, g_east: float) -> tuple[float, float]:
+    """g = |V| V -> V north, east [m/s]."""
+    size = np.hypot(g_north, g_east)
+    root = np.sqrt(size) if size > 0.0 else 1.0
+    return g_north / root, g_east / root
+
+
+@compiled
+def slope_of_air(g: Floats, covariance: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
+    """∂V/∂g (2, 2); V = g / √|g| has none at 0: where g is not known to be larger than its spread
+    (2, 2), that is its size.
+    """
+    squared = g[0] ** 2 + g[1] ** 2 + covariance[0, 0] + covariance[1, 1]
+    root, cross = squared**0.25, -0.5 * g[0] * g[1] / squared
+    ahead, beside = 1.0 - 0.5 * g[0] ** 2 / squared, 1.0 - 0.5 * g[1] ** 2 / squared
+    return (ahead / root, cross / root), (cross / root, beside / root)
+
+
+@compiled
+def spread(a: float, b: float, covariance: Floats) -> float:
+    """Standard deviation of a x + b y, x and y with that covariance (2, 2)."""
+    variance = a * a * covariance[0, 0] + b * b * covariance[1, 1]
+    return np.sqrt(max(variance + a * b * (covariance[0, 1] + covariance[1, 0]), 0.0))
+
+
+@compiled
+def write_air(g: Floats, covariance: Floats, motion: Floats, wind: Floats, out: Floats) -> None:
+    """g (2,) with covariance (2, 2) -> what `WindModel.in_world` tells of it (8,)."""
+    slope, yaw = np.empty((3, 2)), motion[2]
+    write_wind_slope(g, motion, wind, slope, 0)
+    X, Y, _ = wind_force(g[0], g[1], motion, wind)
+    out[0], out[1] = to_world(X, Y, yaw)
+    north_0, east_0 = to_world(slope[0, 0], slope[1, 0], yaw)
+    north_1, east_1 = to_world(slope[0, 1], slope[1, 1], yaw)
+    out[2], out[3] = spread(north_0, north_1, covariance), spread(east_0, east_1, covariance)
+    out[4], out[5] = velocity_of_air(g[0], g[1])
+    by_north, by_east = slope_of_air(g, covariance)
+    out[6] = spread(by_north[0], by_north[1], covariance)
+    out[7] = spread(by_east[0], by_east[1], covariance)
+
+
+@compiled
 def wind_force(g_north: float, g_east: float, motion: Floats, wind: Floats) -> tuple[
     float, float, float
 ]:  # fmt: skip
@@ -140,9 +182,8 @@ def wind_force(g_north: float, g_east: float, motion: Floats, wind: Floats) -> t
     if not (front > 0.0 and side > 0.0):
         X, Y = to_body(g_north, g_east, motion[2])
         return X, Y, 0.0
-    size = np.hypot(g_north, g_east)
-    root = np.sqrt(size) if size > 0.0 else 1.0
-    u_w, v_w = to_body(g_north / root, g_east / root, motion[2])
+    north, east = velocity_of_air(g_north, g_east)
+    u_w, v_w = to_body(north, east, motion[2])
     u, v = motion[3] - u_w, motion[4] - v_w
     V = np.hypot(u, v)
     return (
