@@ -176,7 +176,9 @@ def _message(kind: int, boot_ms: int, t: float) -> Any:
         yaw, rate = 0.1 * np.sin(t), 0.1 * np.cos(t)
         return dialect.MAVLink_attitude_message(boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, rate)
     if kind == 1:
-        return dialect.MAVLink_local_position_ned_message(boot_ms, t, 0.0, 0.0, 1.0, 0.0, 0.0)
+        # it varies: a velocity that stands still is a frozen sensor, and no model is judged by it
+        u, v = 1.0 + 0.1 * np.sin(0.5 * t), 0.1 * np.cos(0.5 * t)
+        return dialect.MAVLink_local_position_ned_message(boot_ms, t, 0.0, 0.0, u, v, 0.0)
     return dialect.MAVLink_servo_output_raw_message(boot_ms * 1000, 0, *([1550] * 8))
 
 

@@ -34,7 +34,7 @@ from gateway.ingest.mavlink.mapping import BY_SOURCE
 from gateway.ingest.mavlink.mapping import RULES as MAVLINK
 from gateway.ingest.sources import PRIORITY
 from gateway.samples import CHANNELS, Measurement, Quantity
-from gateway.shadow import MOTION, FilterInputs
+from gateway.shadow import MOTION, FilterInputs, PulseTable
 from sim.state import Floats, Ints
 
 # Chosen, not measured.
@@ -165,6 +165,7 @@ class MessageIntake:
         self._received: dict[str, dict[int, int]] = {}  # quantity -> rank of source -> last receipt
         self._order = 0  # of the message
         self._held = HeldValues()
+        self._pulses: PulseTable | None = None  # of what is held, made when it is asked for
         self._origin = OriginEstimate()
         self._white: dict[tuple[MeasurementKind, str], float] = {}
 
@@ -237,6 +238,8 @@ class MessageIntake:
 
     def _hold(self, m: Measurement) -> None:
         """The value that holds from now on."""
+        if m.quantity in (Quantity.ACTUATORS, Quantity.ARMED):
+            self._pulses = None
         match m.quantity:
             case Quantity.ACTUATORS:
                 pulses = merge_pulses(self._held.pulses, BY_SOURCE[m.source].channels, m.values)
@@ -285,20 +288,22 @@ class MessageIntake:
         count, now = len(events), self._held
         complete = np.zeros(count, np.bool_)
         complete[-1] = True
-        pulses, wind = np.empty((count, CHANNELS)), np.empty((count, 2))
-        pulses[:] = now.pulses if now.armed else NO_PULSES
+        wind = np.empty((count, 2))
         wind[:] = now.wind
+        if self._pulses is None:
+            self._pulses = PulseTable.of((now.pulses if now.armed else NO_PULSES)[np.newaxis])
         return FilterInputs(
             events,
             np.full(count, self._order, np.int64),
             complete,
             vehicle,
             receive,
-            pulses,
+            np.zeros(count, np.int64),
             np.full(count, now.voltage),
             wind,
             np.full(count, now.gps_fix),
             np.full(count, now.estimator),
+            self._pulses,
         )
 
 

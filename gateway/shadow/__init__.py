@@ -8,6 +8,7 @@ knows only what had been received by then, as it would live.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,15 +142,11 @@ def command_family(decoded: BoatSamples, choices: Mapping[str, Choice]) -> list[
 
 
 def merged_channels(family: list[Samples], pulses: list[Floats]) -> Floats:
-    """Pulses (K, 32) of each source -> those of the channels that it reports: (K, 32).
-
-    In place of those of the first: of an hour they take 200 MB.
-    """
-    merged, (begin, end) = pulses[0], family[0].channels
-    merged[:, : begin - 1] = merged[:, end:] = np.nan
-    for samples, part in zip(family[1:], pulses[1:], strict=True):
-        begin, end = samples.channels
-        merged[:, begin - 1 : end] = part[:, begin - 1 : end]
+    """Pulses (K, 32) of each source -> those of the channels that it reports: (K, 32)."""
+    merged = np.full(pulses[0].shape, np.nan)
+    for samples, part in zip(family, pulses, strict=True):
+        first, last = samples.channels
+        merged[:, first - 1 : last] = part[:, first - 1 : last]
     return merged
 
 
@@ -157,6 +154,21 @@ MOTION = ("yaw", "yaw rate", "velocity", "position")  # what the filter takes, b
 SILENCE_S = 0.25  # without motion for this long, ticks take over …
 TICK_S = 0.1
 BLIND_S = 30.0  # … for at most this long
+
+
+TABLE = "pulse_table"  # of `FilterInputs`: no column
+
+
+class PulseTable(NamedTuple):
+    """pulses (S, 32) of each servo channel [µs], NaN = none; active (S,): 1 where any has one."""
+
+    pulses: Floats
+    active: Floats
+
+    @classmethod
+    def of(cls, pulses: Floats) -> "PulseTable":
+        """Pulses (S, 32) [µs]."""
+        return cls(pulses, np.asarray(np.isfinite(pulses).any(axis=1), np.float64))
 
 
 @dataclass(frozen=True)
@@ -168,7 +180,8 @@ class FilterInputs:
     complete         (K,)      bool: the last measurement of its message
     vehicle_time_ns  (K,)
     receive_time_ns  (K,)
-    pulses           (K, 32)   latest pulse of each servo channel [µs], NaN = none or disarmed
+    pulse_row        (K,)      row of `pulse_table` that holds
+    pulse_table      `PulseTable` of all of them: of an hour, pulses row by row take 200 MB
     voltage          (K,)      latest battery voltage [V]
     wind             (K, 2)    latest velocity of the air [m/s]
     gps_fix          (K,)      latest GNSS fix type, NaN = none was reported
@@ -180,17 +193,29 @@ class FilterInputs:
     complete: NDArray[np.bool_]
     vehicle_time_ns: Ints
     receive_time_ns: Ints
-    pulses: Floats
+    pulse_row: Ints
     voltage: Floats
     wind: Floats
     gps_fix: Floats
     estimator: Floats
+    pulse_table: PulseTable
 
     def __len__(self) -> int:
         return len(self.order)
 
     def __getitem__(self, part: slice) -> "FilterInputs":
-        return FilterInputs(*(values[part] for values in vars(self).values()))
+        columns = {name: values[part] for name, values in vars(self).items() if name != TABLE}
+        return FilterInputs(**columns, pulse_table=self.pulse_table)
+
+    @property
+    def pulses(self) -> Floats:
+        """Latest pulse of each servo channel (K, 32) [µs], NaN = none or disarmed."""
+        return self.pulse_table.pulses[self.pulse_row]
+
+    @property
+    def active(self) -> Floats:
+        """Whether any channel has a pulse (K,): 1 or 0."""
+        return self.pulse_table.active[self.pulse_row]
 
 
 def filter_inputs_of(
@@ -208,17 +233,19 @@ def filter_inputs_of(
     events, order, vehicle, receive = _with_ticks(
         events, order[sequence], vehicle[sequence], receive[sequence], _arrivals(decoded.samples)
     )
+    table, pulse_row = _latest_pulses(decoded, choices, order)
     return FilterInputs(
         events,
         order,
         np.append(np.diff(order) > 0, True) | (np.diff(vehicle, append=np.iinfo(np.int64).max) > 0),
         vehicle,
         receive,
-        _latest_pulses(decoded, choices, order),
+        pulse_row,
         _latest(choices, "voltage", order, 1)[:, 0],
         _latest(choices, "wind", order, 2),
         _latest(choices, "fix", order, 1)[:, 0],
         _latest(choices, "estimator", order, 1)[:, 0],
+        table,
     )
 
 
@@ -328,11 +355,18 @@ def _by_order(samples: Samples) -> HeldSeries:
     return HeldSeries(samples.order, samples.values)
 
 
-def _latest_pulses(decoded: BoatSamples, choices: Mapping[str, Choice], order: Ints) -> Floats:
-    """Latest pulses (K, 32); none while the boat is disarmed."""
-    family = command_family(decoded, choices)
+def _latest_pulses(
+    decoded: BoatSamples, choices: Mapping[str, Choice], order: Ints
+) -> tuple[PulseTable, Ints]:
+    """Pulses, and the row (K,) of those that hold at each position in the log.
+
+    Row 0 has none: before the first message, and while the boat is disarmed.
+    """
+    none, family = np.full((1, CHANNELS), np.nan), command_family(decoded, choices)
     if not family:
-        return np.full((len(order), CHANNELS), np.nan)
-    pulses = merged_channels(family, [_by_order(samples).at(order) for samples in family])
-    pulses[_latest(choices, "armed", order, 1)[:, 0] == 0.0] = np.nan
-    return pulses
+        return PulseTable.of(none), np.zeros(len(order), np.int64)
+    changes = np.sort(np.concatenate([samples.order for samples in family]), kind="stable")
+    pulses = merged_channels(family, [_by_order(samples).at(changes) for samples in family])
+    row = np.searchsorted(changes, order, side="right")
+    row[_latest(choices, "armed", order, 1)[:, 0] == 0.0] = 0
+    return PulseTable.of(np.concatenate([none, pulses])), row

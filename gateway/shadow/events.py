@@ -233,9 +233,9 @@ class EventDetector:
                 strict=True,
             )
         ):
-            words = None
-            if found := reasons_in(bits & ~told):
-                lost |= bits & ~told & well
+            words, new = None, bits & ~told
+            if new and (found := reasons_in(new)):
+                lost |= new & well
                 since, told = time if not told else since, told | bits
                 what = _joined([WORDS[fault][0] for fault in found])
                 text = f"{what}: until that is over the model is not judged"

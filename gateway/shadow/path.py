@@ -270,7 +270,8 @@ class ShadowPath:
         times, estimate = rows.time_s[chosen], rows.motion[chosen]
         fit = fresh & (faults[chosen] == 0)
         voltage, wind = inputs.voltage[chosen], inputs.wind[chosen]
-        kept_times, kept, commands = self._acting_commands(state, times, inputs.pulses[chosen])
+        pulses = inputs.pulse_table.pulses[inputs.pulse_row[chosen]]
+        kept_times, kept, commands = self._acting_commands(state, times, pulses)
         reference = self.reference.advance(
             state.reference, times, estimate, fresh, commands, voltage, wind, jumped
         )

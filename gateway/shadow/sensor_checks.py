@@ -274,8 +274,7 @@ class SensorMemory:
 
     def check(self, inputs: FilterInputs) -> tuple["SensorMemory", Ints]:
         """K inputs in order of receipt -> the memory after them, bits of `SensorFault` (K,)."""
-        armed = np.asarray(np.isfinite(inputs.pulses).any(axis=1), np.float64)
-        return self.after(inputs.events, (inputs.gps_fix, inputs.estimator, armed))
+        return self.after(inputs.events, (inputs.gps_fix, inputs.estimator, inputs.active))
 
     def after(
         self, events: Events, held: tuple[Floats, Floats, Floats]

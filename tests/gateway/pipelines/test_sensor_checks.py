@@ -17,7 +17,7 @@ from gateway.estimation.events import Events
 from gateway.ingest.mapping import EstimatorFault
 from gateway.ingest.mavlink.mapping import ekf_status_report, estimator_status
 from gateway.samples import CHANNELS, Quantity
-from gateway.shadow import FilterInputs
+from gateway.shadow import FilterInputs, PulseTable
 from gateway.shadow.sensor_checks import (
     CONFIRMED_S,
     FROZEN_S,
@@ -232,13 +232,13 @@ def inputs(
     noise = 1e-4 * np.random.default_rng(1).standard_normal(count)
     z[0::3, 0], z[1::3, 0], z[2::3, 0] = yaw, rate, speed + noise
     ns = (time * 1e9).astype(np.int64)
-    pulses = np.full((3 * count, CHANNELS), 1600.0 if armed else np.nan)
+    pulses = PulseTable.of(np.full((1, CHANNELS), 1600.0 if armed else np.nan))
     one = np.ones(3 * count)
     return FilterInputs(
         Events(time, np.tile([int(k) for k in kinds], count), z, np.ones((3 * count, 2))),
-        np.arange(3 * count), one > 0.0, ns, ns, pulses, one, np.ones((3 * count, 2)),
-        np.repeat(np.broadcast_to(fix, count), 3) * 1.0,
-        np.repeat(np.broadcast_to(ekf, count), 3) * 1.0,
+        np.arange(3 * count), one > 0.0, ns, ns, np.zeros(3 * count, np.int64), one,
+        np.ones((3 * count, 2)), np.repeat(np.broadcast_to(fix, count), 3) * 1.0,
+        np.repeat(np.broadcast_to(ekf, count), 3) * 1.0, pulses,
     )  # fmt: skip
 
 
