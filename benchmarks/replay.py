@@ -29,6 +29,7 @@ from gateway.recording.recorder import TopicsKept
 from gateway.shadow import filter_inputs_of
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
+from gateway.shadow.model_monitor import ModelMonitor
 from gateway.shadow.path import ShadowPath
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from gateway.vessel_file import load_vessel
@@ -111,7 +112,7 @@ def stages(log: Path) -> dict[str, float]:
     with watch.stage("feed (of decode)"):
         refeed(given, options)
     path = path_of()
-    state, watchman = path.start(), EventDetector()
+    state, watchman, monitor = path.start(), EventDetector(), ModelMonitor.of(path.model)
     with watch.stage("count for health"):
         meter = LogHealth.of(given.log, given.decoded)
     for begin in range(0, len(given.feed), CHUNK):
@@ -120,6 +121,8 @@ def stages(log: Path) -> dict[str, float]:
             path.estimator.advance(state.filter, chunk.events, covariance=True)
         with watch.stage("path"):
             state, out, filtered = path.advance(state, chunk)
+        with watch.stage("hold against the model"):
+            monitor, _, _ = monitor.observe(out)
         with watch.stage("encode"):
             watchman, happened = watchman.observe(chunk, filtered, out)
             for rows in topic_rows(out, given.origin):

@@ -8,7 +8,7 @@ Live, the file has its final name from the start and is flushed each half second
 gateway loses no more and what cannot be repeated is kept. A replay can be repeated: it is written
 under another name and takes its own only when it is whole.
 
-One thread uses a recorder. Hand over blocks of twenty seconds at most, all topics in turn:
+One thread uses a recorder. Hand over blocks of ten seconds at most, all topics in turn:
 rotation, flushing and the disk guard act between calls, and chunks of a player's file should not
 overlap by more than that.
 """

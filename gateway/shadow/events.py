@@ -234,7 +234,7 @@ class EventDetector:
             )
         ):
             words, new = None, bits & ~told
-            if new and (found := reasons_in(new)):
+            if found := reasons_in(new):
                 lost |= new & well
                 since, told = time if not told else since, told | bits
                 what = _joined([WORDS[fault][0] for fault in found])

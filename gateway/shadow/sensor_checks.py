@@ -296,4 +296,4 @@ def unfit_text(bits: int, since_ns: Mapping[SensorFault, int]) -> str:
 
 def reasons_in(bits: int) -> list[SensorFault]:
     """The faults among those bits."""
-    return [fault for fault in REASONS if bits & fault]
+    return [fault for fault in REASONS if bits & fault] if bits else []

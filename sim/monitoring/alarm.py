@@ -10,6 +10,7 @@ its share of time, as in a comparison.
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -188,7 +189,7 @@ class Alarm:
         """The estimate jumped or fell silent."""
         return replace(self, misfit=self.misfit.after_gap())
 
-    @property
+    @cached_property
     def cause(self) -> Cause:
         """What explains the missing force, with its doubts on few headings."""
         cause = self.estimate.cause
@@ -198,7 +199,7 @@ class Alarm:
             return Cause.EITHER
         return cause
 
-    @property
+    @cached_property
     def few_headings(self) -> bool:
         """Whether these are too few to tell water, air and the boat itself apart."""
         return self.errors.headings <= FEW_HEADINGS
