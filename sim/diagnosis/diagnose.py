@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, falling
-from sim.diagnosis.feedback import doubt_of_times
+from sim.diagnosis.feedback import said_of_times, times_of, with_times_one_step
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
@@ -117,7 +117,7 @@ def diagnose(
     search = EffectSearch(
         superset, tuple(shown), settings.most, progress, mapper, scorer, error, tuple(unshown)
     )
-    selection = search.run(base)
+    selection, on_times = _with_times_in_a_sea(search.run(base), search)
     progress("what is left")
     fits = (selection.base, *selection.fits)
     refitted, *added = (LadderStep.of(fit, scorer).with_left_out(fit, scorer) for fit in fits)
@@ -143,7 +143,9 @@ def diagnose(
     )
     verdict = verdict_of(selection, rivals, left, beyond)
     notes = [each.description for each in last.assumed]
-    notes += filter(None, (unseen_headings(s.best, s.reference) for s in selection.steps))
+    notes += filter(
+        None, (*(unseen_headings(s.best, s.reference) for s in selection.steps), on_times)
+    )
     led = bool(selection.steps) and selection.steps[0].best is selection.first.best
     of_first = rivals[0] if led else rivals_of(selection.first, last.effects)
     names = [row.name for row in of_first]
@@ -158,9 +160,7 @@ def diagnose(
             )
             verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
     nameless = verdict is Verdict.UNKNOWN and not left and curve is None
-    timed = any(Shown.COMMANDS in effect.shown_by for effect in effects_found)
-    period = swing_period(selection.fit) if nameless or timed else None
-    notes += filter(None, (doubt_of_times(effects_found, period),))
+    period = swing_period(selection.fit) if nameless else None
     said = summary_of(verdict, ladder, rivals, left, floor, curve, period)
     return Diagnosis(
         verdict=verdict,
@@ -201,6 +201,29 @@ def fit_base(
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
     return fit_effects([], unknowns, problem, shot.z)
+
+
+def _with_times_in_a_sea(selection: Selection, search: EffectSearch) -> tuple[Selection, str]:
+    """Delays and lags as predictions one step ahead have them where what is left swings, and what
+    is to be said of them; else as they are, and nothing.
+    """
+    fit = selection.fit
+    found = [a.effect for a in fit.added]
+    timed = any(Shown.COMMANDS in effect.shown_by for effect in found)
+    period = None if is_at_floor(fit.noise_share) or not timed else swing_period(fit)
+    if period is None:
+        return selection, ""
+    if times_of(found):
+        search.progress("delays and lags, from one moment to the next")
+        close = with_times_one_step(fit)
+        if search.helps(selection.base, close):
+            fits = (
+                with_times_one_step(f) if times_of(a.effect for a in f.added) else f
+                for f in selection.fits[:-1]
+            )
+            selection = replace(selection, fits=(*fits, close))
+    told = [estimate.name for estimate in selection.fit.told]
+    return selection, said_of_times(found, told, period)
 
 
 def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[RankedEffect]:

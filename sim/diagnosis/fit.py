@@ -55,13 +55,17 @@ class PartialFits(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """Effects beside the re-fitted base: z (n,) and what is left, (N,) whitened."""
+    """Effects beside the re-fitted base: z (n,) and what is left, (N,) whitened.
+
+    told  estimates of numbers that are held, as other predictions of the same data have them
+    """
 
     added: tuple[AddedEffect, ...]
     unknowns: Unknowns
     problem: FitProblem
     z: Floats
     residual: Floats
+    told: tuple[Estimate, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -192,8 +196,10 @@ class Fit:
             problem.noise, problem.tracks,
         )  # fmt: skip
         uncertainty = uncertainty_of(self.unknowns, result, problem.settings.block)
-        trials = [trial.name for trial in problem.trials]
-        every = estimates_of(self.unknowns, self.z, uncertainty, trials)
+        trials, told = [trial.name for trial in problem.trials], {e.name: e for e in self.told}
+        every = [
+            told.get(e.name, e) for e in estimates_of(self.unknowns, self.z, uncertainty, trials)
+        ]
         base = tuple(e for e in every if "." not in e.name and e.name not in NUISANCE)
         of_effects = {}
         for a in self.added:

@@ -1,6 +1,5 @@
 """A delay beside an autopilot that answers waves: believed only where it is there."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,14 +8,19 @@ import pytest
 
 from sim.diagnosis import feedback, ladder
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
-from sim.diagnosis.feedback import NOT_BEFORE_MOTION, doubt_of_times, nats_one_step
+from sim.diagnosis.feedback import (
+    NOT_BEFORE_MOTION,
+    nats_one_step,
+    said_of_times,
+    times_of,
+    with_times_one_step,
+)
 from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import gain
 from sim.diagnosis.ladder import doubt_of, is_worth_it
 from sim.diagnosis.thresholds import MIN_NATS_ONE_STEP
 from sim.effects.catalogue import named
-from sim.effects.effect import Shown
 from sim.model import Model
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import STD, sailed
@@ -66,34 +70,48 @@ def test_what_is_told_by_when_commands_act_must_win_one_step_ahead(
 
 
 @pytest.mark.parametrize(
-    ("effects", "period", "told"),
+    ("effects", "told", "believed", "doubted"),
     [
-        (("heading_offset", "command_delay"), 2.0, "that of command_delay with more doubt"),
-        (("thruster_lag", "command_delay"), 2.0, "that of thruster_lag and command_delay"),
-        (("heading_offset",), 2.0, ""),
-        (("command_delay",), None, ""),
+        (["heading_offset", "command_delay"], ["command_delay.delay"], "command_delay", ""),
+        (["thruster_lag"], ["thruster_lag.tau"], "thruster_lag", "thruster_lag"),
+        (["thruster_lag"], [], "", "thruster_lag"),
+        (
+            ["thruster_lag", "velocity_latency"],
+            ["thruster_lag.tau"],
+            "thruster_lag",
+            "thruster_lag and velocity_latency",
+        ),
+        (["command_delay"], [], "", "command_delay"),
+        (["heading_offset"], [], "", ""),
     ],
 )
-def test_the_time_of_a_delay_is_doubted_in_a_sea_alone(
-    effects: tuple[str, ...], period: float | None, told: str
+def test_what_is_said_of_times_in_a_sea(
+    effects: list[str], told: list[str], believed: str, doubted: str
 ) -> None:
-    doubt = doubt_of_times([named(name) for name in effects], period)
-    assert told in doubt
-    assert bool(doubt) is bool(told)
+    said = said_of_times([named(name) for name in effects], told, 2.0)
+    assert (f"the time of {believed} is the one that predicts" in said) is bool(believed)
+    assert (f"take that of {doubted} with more doubt" in said) is bool(doubted)
+
+
+def in_a_sea_it_says(monkeypatch: pytest.MonkeyPatch, floor: float, period: float | None) -> str:
+    """What a diagnosis that finds a delay says, where what is left swings or does not."""
+    trial = sailed("command_delay", delay=0.4)
+    monkeypatch.setattr("sim.diagnosis.diagnose.swing_period", lambda fit: period)
+    monkeypatch.setattr("sim.diagnosis.diagnose.is_at_floor", lambda share: max(share) < floor)
+    said = diagnose([trial], WAM_V, DiagnoseSettings(effects=(named("command_delay"),)))
+    assert said.effects == ("command_delay",)
+    (found,) = said.ladder[-1].parameters["command_delay"]
+    assert found.ci95[0] < 0.4 < found.ci95[1]
+    assert found.ci95[1] - found.ci95[0] > 0.01
+    return said.summary
 
 
 def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of an effect of timing that it found; the period of what is left is told it."""
-    cause = named("heading_offset")
-    trial = sailed(cause.name, angle=0.2)
-    settings = DiagnoseSettings(effects=(replace(cause, shown_by=(Shown.COMMANDS,)),))
-    monkeypatch.setattr("sim.diagnosis.diagnose.swing_period", lambda fit: 2.1)
-    said = diagnose([trial], WAM_V, settings)
-    assert said.effects == (cause.name,)
-    assert said.summary.endswith(
-        "take that of heading_offset with more doubt than its interval says"
-    )
-    assert "(some 2.1 s)" in said.summary
+    """Where what is left is more than noise and swings, and nowhere else."""
+    assert "the time of command_delay is the one" in in_a_sea_it_says(monkeypatch, 0.0, 2.1)
+    assert "(some 2.1 s)" in in_a_sea_it_says(monkeypatch, 0.0, 2.1)
+    assert "the time of" not in in_a_sea_it_says(monkeypatch, 0.0, None)
+    assert "the time of" not in in_a_sea_it_says(monkeypatch, 10.0, 2.1)
 
 
 @pytest.mark.slow
@@ -104,3 +122,23 @@ def test_a_delay_is_told_from_an_autopilot_that_answers_waves(late: float) -> No
     over_runs = gain(before.heldout_residual, after.heldout_residual, before.problem.block)
     assert is_worth_it(over_runs)
     assert (nats_one_step(before, after) > MIN_NATS_ONE_STEP) is (late > 0.0)
+
+
+@pytest.mark.slow
+def test_the_time_of_a_delay_is_told_one_step_ahead() -> None:
+    """Runs of six seconds find one too long; its interval one step ahead holds it, is the one that
+    is told, and all else is fitted beside it.
+    """
+    _, fit = without_and_with_a_delay(0.4)
+    before, after = (f.estimates()[1]["command_delay"][0] for f in (fit, with_times_one_step(fit)))
+    assert not before.ci95[0] < 0.4 < before.ci95[1]
+    assert after.ci95[0] < 0.4 < after.ci95[1]
+    assert with_times_one_step(fit).values("command_delay")["delay"] == pytest.approx(
+        after.value, abs=1e-3
+    )
+
+
+def test_velocities_that_come_late_are_not_told_one_step_ahead() -> None:
+    """The runs that would tell it start from them."""
+    effects = [named(name) for name in ("velocity_latency", "thruster_lag", "heading_offset")]
+    assert times_of(effects) == ["thruster_lag.tau"]
