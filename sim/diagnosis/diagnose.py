@@ -13,15 +13,14 @@ from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, 
 from sim.diagnosis.feedback import said_of_times, times_of, with_times_one_step
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
 from sim.diagnosis.ladder import (
     EffectSearch,
     Selection,
-    doubt_of,
     is_at_floor,
     is_missed,
     is_worth_it,
-    unseen_headings,
 )
 from sim.diagnosis.next_experiment import (
     RecordingContent,

@@ -22,12 +22,11 @@ import numpy as np
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects
 from sim.diagnosis.fit_problem import FitProblem
-from sim.effects.effect import Effect, Shown
+from sim.effects.effect import Effect, Role, Shown
 from sim.identification.innovations import CLIP_STD
 from sim.identification.runs import RunSet
 from sim.state import Floats
 
-SURE = "command_delay"
 TIMES_OFF_S = 0.3  # largest error of lags, and of velocities that come late, in a sea
 SHORTEST_ROW_S = 0.1  # of finer rows some together: they tell no more, and take longer
 NOT_BEFORE_MOTION = (
@@ -45,7 +44,8 @@ def said_of_times(effects: Sequence[Effect], told: Sequence[str], period: float)
     """
     timed = [e for e in effects if Shown.COMMANDS in e.shown_by]
     here = [e.name for e in timed if told and set(told) & set(times_of([e]))]
-    doubted = [e.name for e in timed if e.name not in here or e.name != SURE]
+    lags = [e.name for e in timed if any(p.role is Role.TIME_CONSTANT for p in e.parameters)]
+    doubted = [e.name for e in timed if e.name not in here or e.name in lags]
     parts = []
     if here:
         parts.append(

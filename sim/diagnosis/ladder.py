@@ -1,32 +1,22 @@
 """The search for effects: one after another, as long as each is worth it on held-out time.
 
     rank → add the best → rank beside it …  then swap: choose the earlier ones again beside the
-    later;  and backward: what no longer earns its place goes, and the others are chosen again;
-    at last the final fit
+    later;  exchange: two effects for one, or one for two;  and backward: what no longer earns its
+    place goes, and the others are chosen again;  at last the final fit
 
-The first choice is made while the second effect is still missing, and may stand in for both. The
-final fit is as `shadow identify` fits: moments of events once, then starts → noise → numbers in
+The first choice is made while the second effect is still missing, and may stand in for both: a
+change of current for a wind that turned while a current ran. No swap of one effect for another
+leads from there to those two, or from a current and a steady wind to a wind that turned. The final
+fit is as `shadow identify` fits: moments of events once, then starts → noise → numbers in
 turn until they settle. While effects are compared, starts are taken from the measured motion and
 noise from a leader, the same for all; numbers with an interval deserve starts where this model has
 them, and the noise that it leaves.
-
-**Generality**: is an effect that was found true of the boat, or of these recordings only?
-
-    on recordings   each left out in turn: squared errors there, without and with the effect
-    on headings     nats won on unseen time by the sector of the heading that they were won in
-
-Blocks of one recording share its day. A compass that is turned, iron on board, a current and a hull
-that is not alike on both sides push the boat to the same side as long as it sails one way: what is
-true of the boat has to win on opposite headings too.
 """
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from sim.diagnosis import thresholds
-from sim.diagnosis.feedback import NOT_BEFORE_MOTION, acts_before_motion
 from sim.diagnosis.fit import (
     Fit,
     event_names,
@@ -36,102 +26,19 @@ from sim.diagnosis.fit import (
     with_event_moved,
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
     Gain,
     HeldOutScorer,
     RankedEffect,
     Ranking,
     gain,
-    gain_on_recordings,
-    nats_won,
     rank,
 )
 from sim.diagnosis.screening import Mapper, Progress
-from sim.effects.effect import Effect, Scope, Shown
+from sim.effects.effect import Effect
 from sim.identification.shooting import FitInputs, fit_by_shooting
-from sim.state import Eta, Floats
 from sim.vessel import AddedEffect
-
-WIDTH_DEG = 360 // thresholds.HEADING_SECTORS
-OF_HEADING = {Shown.OPPOSITE, Shown.CIRCLES}
-
-
-def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
-    """Why a ranked effect is not believed of the boat, in words; empty where it is.
-
-    `reference` is that of its ranking. What is of a day is learnt on each day anew.
-    """
-    if row.effect.scope is not Scope.BOAT:
-        return ""
-    if not _wins_on_recordings(row, reference, scorer):
-        return "it wins nothing on recordings that the fit did not see: it is not alike on all"
-    seen = _sectors_where_it_counts(row, reference)
-    if seen is not None and not _opposite(seen):
-        return f"it was seen on headings from {in_words(seen)} alone: sail opposite headings"
-    if Shown.COMMANDS in row.effect.shown_by and not acts_before_motion(reference, row.fit):
-        return NOT_BEFORE_MOTION
-    return ""
-
-
-def unseen_headings(row: RankedEffect, reference: Fit) -> str:
-    """On which headings an effect was seen, in words, where they are few; else empty."""
-    seen = _sectors_where_it_counts(row, reference)
-    if seen is None or len(seen) >= thresholds.MIN_SECTORS_FOR_CIRCLES:
-        return ""
-    return f"{row.name} was seen on headings from {in_words(seen)} alone"
-
-
-def _sectors_where_it_counts(row: RankedEffect, reference: Fit) -> list[int] | None:
-    """`seen_sectors` of what is of the boat and shown by headings; None of all else."""
-    if row.effect.scope is not Scope.BOAT or not OF_HEADING & set(row.effect.shown_by):
-        return None
-    return seen_sectors(row, reference)
-
-
-def seen_sectors(row: RankedEffect, reference: Fit) -> list[int]:
-    """Numbers of the sectors, from north, that a noticeable share of the gain was won in."""
-    before, after = reference.heldout_residual, row.fit.heldout_residual
-    sector = (_headings(row.fit) % (2.0 * np.pi) // np.radians(WIDTH_DEG)).astype(np.int64)
-    won = np.bincount(sector, nats_won(before, after), thresholds.HEADING_SECTORS)
-    least = thresholds.MIN_SEEN_SECTOR_SHARE * np.maximum(won, 0.0).sum()
-    return [int(i) for i in np.flatnonzero(won > least)]
-
-
-def in_words(sectors: list[int]) -> str:
-    """Sectors as ranges of degrees, neighbours as one; not all of them."""
-    count, parts = thresholds.HEADING_SECTORS, []
-    for begin in (i for i in sectors if (i - 1) % count not in sectors):
-        width = next(n for n in range(1, count) if (begin + n) % count not in sectors)
-        parts.append(f"{WIDTH_DEG * begin}° to {WIDTH_DEG * (begin + width) % 360}°")
-    return " and ".join(parts)
-
-
-def _wins_on_recordings(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> bool:
-    """Of fewer than `MIN_RECORDINGS` nothing is known, and nothing held against it."""
-    g = gain_on_recordings(reference, row.fit)
-    if g is None:
-        return True
-    before, after = scorer.score_recordings(reference), scorer.score_recordings(row.fit)
-    falls = before is None or after is None or after.nrmse < before.nrmse
-    return falls and g.nats > thresholds.MIN_NATS_ON_RECORDINGS
-
-
-def _opposite(sectors: list[int]) -> bool:
-    """Whether two of them lie far enough apart."""
-    count = thresholds.HEADING_SECTORS
-    apart = [min((a - b) % count, (b - a) % count) for a in sectors for b in sectors]
-    return max(apart, default=0) >= thresholds.MIN_SECTORS_APART
-
-
-def _headings(fit: Fit) -> Floats:
-    """Heading [rad] at the begin of the run of each residual (N,)."""
-    places = fit.problem.places
-    out = np.empty(len(places.begin))
-    for i, trial in enumerate(fit.problem.trials):
-        mine = places.trial == i
-        at = np.searchsorted(trial.time, places.begin[mine]).clip(max=len(trial.time) - 1)
-        out[mine] = trial.eta[at, Eta.YAW]
-    return out
 
 
 @dataclass(frozen=True)
@@ -207,23 +114,19 @@ class EffectSearch:
     unshown: tuple[Effect, ...] = ()
 
     def run(self, base: Fit) -> Selection:
-        """Greedy, then swapped, then backward."""
-        steps: list[Ranking] = []
-        fit = base
-        first, more = self.ranked(base, steps)
-        ranking = first
-        while more and len(steps) < self.most:
-            steps.append(ranking)
-            fit = ranking.best.fit
-            if len(steps) > 1:
-                steps, fit = self._swapped(steps, fit)
-            if len(steps) == self.most or not self._others(fit):
+        """Greedy, with swaps and exchanges, then backward."""
+        first, more = self.ranked(base, [])
+        steps, fit = self._grown([], base, first if more else None)
+        for _ in range(thresholds.MAX_EXCHANGES):
+            exchanged = self._exchanged(steps, fit)
+            if exchanged is None:
                 break
-            ranking, more = self.ranked(fit, steps)
+            steps, fit = exchanged
+            steps, fit = self._grown(steps, fit, self._next(steps, fit))
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
-        steps = fewer
+        steps, fit = self._simplified(fewer, fit)
         if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")
@@ -233,6 +136,24 @@ class EffectSearch:
         effects = fit.effects()
         earlier = [self._with_first(effects[:k], steps, fit) for k in range(1, len(effects))]
         return Selection(base, (*earlier, fit), tuple(steps), first)
+
+    def _grown(
+        self, steps: list[Ranking], fit: Fit, ranking: Ranking | None
+    ) -> tuple[list[Ranking], Fit]:
+        """One effect after another, beginning with the best of a ranking."""
+        while ranking is not None:
+            steps, fit = [*steps, ranking], ranking.best.fit
+            if len(steps) > 1:
+                steps, fit = self._swapped(steps, fit)
+            ranking = self._next(steps, fit)
+        return steps, fit
+
+    def _next(self, steps: list[Ranking], fit: Fit) -> Ranking | None:
+        """What should come next; None where none should, or no more may."""
+        if len(steps) >= self.most or not self._others(fit):
+            return None
+        ranking, more = self.ranked(fit, steps)
+        return ranking if more else None
 
     def _with_first(self, added: Sequence[AddedEffect], steps: Sequence[Ranking], last: Fit) -> Fit:
         """The first effects alone: as they were chosen, where they were chosen one by one."""
@@ -352,6 +273,54 @@ class EffectSearch:
             if better and self.is_believed(best, ranking.reference):
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
+
+    def _exchanged(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit] | None:
+        """Among what may change while a boat sails, water and wind: a change of one in the place of
+        two that stood in for it, or two in the place of one change; None where neither is better.
+        """
+        changes = {e.name for e in self.effects if e.contains}
+        weather = changes | {e.contains for e in self.effects if e.contains}
+        special = {e.name: e.general_of for e in self.effects if e.general_of in weather}
+        at = [i for i, s in enumerate(steps) if s.best.name in weather or s.best.name in special]
+        kept = [a for i, a in enumerate(fit.effects()) if i not in at]
+        rest = [step for i, step in enumerate(steps) if i not in at]
+        if len(at) == 2:
+            self.progress(f"one change in the place of {' and '.join(fit.names[i] for i in at)}")
+            one = self.rank(self._beside(kept, fit), among=changes)
+            if one.finalists and self.is_believed(one.best, one.reference):
+                more = self._gain_over(fit, one.best.fit)
+                if not is_missed(steps[at[1]].best.effect, more):
+                    return [*rest, one], one.best.fit
+        if len(at) == 1 and fit.names[at[0]] in special and not is_at_floor(fit.noise_share):
+            name = fit.names[at[0]]
+            if len(steps) >= self.most:
+                return None
+            self.progress(f"two effects in the place of {name}")
+            steady = self.rank(self._beside(kept, fit), among={special[name]})
+            if not steady.finalists:
+                return None
+            other = self.rank(steady.best.fit, among=weather - {name, special[name]})
+            if other.finalists and self.is_believed(other.best, other.reference):
+                more = self._gain_over(other.best.fit, fit)
+                if more.nats > 0.0 and self.helps(fit, other.best.fit):
+                    return [*rest, steady, other], other.best.fit
+        return None
+
+    def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+        """A general effect gives way to its special case where that does as well beside others."""
+        for step in list(steps) if len(steps) > 1 else []:
+            i, special = steps.index(step), step.best.effect.general_of
+            if special not in {e.name for e in self.effects} - set(fit.names):
+                continue
+            kept = [a for k, a in enumerate(fit.effects()) if k != i]
+            ranking = self.rank(self._beside(kept, fit), among={special})
+            if not ranking.finalists or not self.is_believed(ranking.best, ranking.reference):
+                continue
+            more = self._gain_over(fit, ranking.best.fit)
+            if more.t < thresholds.MIN_T_BETTER or more.log_ratio < thresholds.MIN_LOG_RATIO_BETTER:
+                self.progress(f"{special} in the place of {step.best.name}")
+                steps, fit = [*(s for s in steps if s is not step), ranking], ranking.best.fit
+        return steps, fit
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes."""

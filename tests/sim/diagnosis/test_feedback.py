@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.diagnosis import feedback, ladder
+from sim.diagnosis import feedback, generality
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.feedback import (
     NOT_BEFORE_MOTION,
@@ -17,8 +17,9 @@ from sim.diagnosis.feedback import (
 )
 from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import gain
-from sim.diagnosis.ladder import doubt_of, is_worth_it
+from sim.diagnosis.ladder import is_worth_it
 from sim.diagnosis.thresholds import MIN_NATS_ONE_STEP
 from sim.effects.catalogue import named
 from sim.model import Model
@@ -64,7 +65,7 @@ def test_what_is_told_by_when_commands_act_must_win_one_step_ahead(
 ) -> None:
     nothing: Any = None
     monkeypatch.setattr(feedback, "nats_one_step", lambda before, after: nats)
-    monkeypatch.setattr(ladder, "gain_on_recordings", lambda before, after: None)
+    monkeypatch.setattr(generality, "gain_on_recordings", lambda before, after: None)
     doubt = doubt_of(ranked(effect, left), nothing, nothing)
     assert doubt == (NOT_BEFORE_MOTION if is_doubted else "")
 

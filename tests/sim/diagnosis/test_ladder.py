@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.diagnosis import ladder
-from sim.diagnosis.heldout import Gain, RankedEffect, Ranking, select_finalists
+from sim.diagnosis.heldout import Gain, RankedEffect, Ranking, gain, select_finalists
 from sim.diagnosis.ladder import EffectSearch, helps
 from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIER
 from sim.diagnosis.verdict import rivals_of
@@ -281,3 +281,87 @@ def test_where_the_best_cannot_be_fitted_again_its_look_alikes_are_no_rivals(
     monkeypatch.setattr(ladder, "rank", lambda *_, **__: Ranking(base, others))
     search = replace(made(offset), unshown=(named("compass_deviation"),))
     assert [r.name for r in search.beside_unshown(step).finalists] == ["heading_offset"]
+
+
+class Weather(EffectSearch):
+    """Water and wind of a boat whose truth is known: what a set of effects leaves of the error."""
+
+    left: dict[frozenset[str], float]
+
+    def fit_of(self, names: tuple[str, ...]) -> Any:
+        nrmse = self.left[frozenset(names)]
+        residual = np.full(len(BLOCK), 10.0 * nrmse)
+        share = (2.0, 2.0, 2.0) if nrmse > 0.1 else (0.7, 0.7, 0.7)
+        return SimpleNamespace(
+            names=names, nrmse=nrmse, heldout_residual=residual, noise_share=share,
+            problem=SimpleNamespace(block=BLOCK), effects=lambda: names,
+        )  # fmt: skip
+
+    def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
+        rows = []
+        for name in sorted(n for n in cast(Any, among) if frozenset((*fit.names, n)) in self.left):
+            beside = self.fit_of((*fit.names, name))
+            won = gain(fit.heldout_residual, beside.heldout_residual, BLOCK)
+            rows.append(RankedEffect(named(name), beside, won, 0.5))
+        rows.sort(key=lambda r: -r.gain.ratio)
+        return Ranking(fit, tuple(rows))
+
+    def _beside(self, added: Any, like: Any) -> Any:
+        return self.fit_of(tuple(added))
+
+    def _gain_over(self, fit: Any, other: Any) -> Gain:
+        return gain(other.heldout_residual, fit.heldout_residual, BLOCK)
+
+    def is_believed(self, row: Any, reference: Any) -> bool:
+        return True
+
+
+def exchanged(found: tuple[str, ...], most: int = 4, **left: float) -> tuple[str, ...] | None:
+    """What stands after an exchange, given what each set of effects leaves ("a__b")."""
+    nothing: Any = None
+    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.05)
+    search = Weather(nothing, EFFECTS, most, lambda _: None, map, scorer, 1.0)
+    known = {frozenset(key.split("__")): value for key, value in left.items()}
+    object.__setattr__(search, "left", {frozenset(): 1.0, **known})
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
+    out = search._exchanged(steps, search.fit_of(found))
+    if out is None:
+        return None
+    rankings, fit = out
+    assert tuple(r.best.name for r in rankings) == fit.names
+    return cast(tuple[str, ...], fit.names)
+
+
+def test_one_change_takes_the_place_of_two_that_stood_in_for_it() -> None:
+    """Where it does as well: a wind that turned, for a change of current and a steady wind."""
+    two = ("current_change", "steady_wind")
+    left = {"current_change__steady_wind": 0.3, "current_change": 0.6, "steady_wind": 0.7}
+    assert exchanged(two, **left, wind_change=0.1) == ("wind_change",)
+    assert exchanged(two, **left, wind_change=0.5) is None
+
+
+def test_two_take_the_place_of_one_change_that_stood_in_for_them() -> None:
+    left = {"current_change": 0.4, "steady_current": 0.7}
+    better = {**left, "steady_current__wind_change": 0.2}
+    assert exchanged(("current_change",), **better) == ("steady_current", "wind_change")
+    worse = {**left, "steady_current__wind_change": 0.41}
+    assert exchanged(("current_change",), **worse) is None
+    assert exchanged(("current_change",), most=1, **better) is None
+
+
+def test_a_change_that_leaves_noise_alone_is_not_exchanged() -> None:
+    left = {"current_change": 0.09, "steady_current": 0.7, "steady_current__wind_change": 0.08}
+    assert exchanged(("current_change",), **left) is None
+
+
+@pytest.mark.parametrize(("steady", "stands"), [(0.21, "steady_current"), (0.4, "current_change")])
+def test_a_change_gives_way_to_a_steady_one_that_does_as_well(steady: float, stands: str) -> None:
+    nothing: Any = None
+    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.05)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, scorer, 1.0)
+    found, other = ("current_change", "hull_lift"), frozenset({"hull_lift", "steady_current"})
+    left = {frozenset({"hull_lift"}): 0.8, frozenset(found): 0.2095, other: steady}
+    object.__setattr__(search, "left", left)
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
+    steps, fit = search._simplified(steps, search.fit_of(found))
+    assert {stands, "hull_lift"} == set(fit.names)

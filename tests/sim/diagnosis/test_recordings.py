@@ -10,8 +10,8 @@ import pytest
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.generality import doubt_of, in_words, seen_sectors, unseen_headings
 from sim.diagnosis.heldout import Gain, HeldOutScorer, Ranking, gain_on_recordings, rank
-from sim.diagnosis.ladder import doubt_of, in_words, seen_sectors, unseen_headings
 from sim.effects.catalogue import named
 from sim.effects.effect import Shown
 from sim.model import Model
