@@ -156,6 +156,8 @@ def compiled_once(dispatcher: Any) -> Any:
     numba asks `compile` for every type of arguments that is new to the process. Its own lock comes
     first: a thread that has it and waits for the file would else wait for one that has the file.
     """
+    if not hasattr(dispatcher, "compile"):  # with NUMBA_DISABLE_JIT it is the function itself
+        return dispatcher
     compile_for = dispatcher.compile
 
     def compile_or_load(signature: Any) -> Any:

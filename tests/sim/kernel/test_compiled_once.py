@@ -58,3 +58,8 @@ def test_a_process_that_was_stopped_holds_up_the_others_for_a_while_only(
 
 def test_where_no_file_can_be_made_each_compiles_for_itself(tmp_path: Path) -> None:
     assert compiled_once(Dispatcher(tmp_path / "not there")).compile("x") == "machine code for x"
+
+
+def test_without_compiling_a_function_stays_as_it_is() -> None:
+    """`NUMBA_DISABLE_JIT=1` gives no dispatcher but the function: to step through it, say."""
+    assert compiled_once(abs) is abs
