@@ -226,9 +226,15 @@ def _with_times_in_a_sea(selection: Selection, search: EffectSearch) -> tuple[Se
 
 
 def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[RankedEffect]:
-    """What does as well as the effect of a step, also of what these trials cannot show."""
-    beside = (step, search.beside_unshown(step))
-    rivals = [row for ranking in beside for row in rivals_of(ranking, selection.fit.names)]
+    """What does as well as the effect of a step, also of what these trials cannot show.
+
+    Beside all the others: what did as well while those were missing may not beside them.
+    """
+    shown = rivals_of(step, selection.fit.names)
+    if shown and len(selection.steps) > 1:
+        beside_all = search.beside_others(step, selection.fit, {row.name for row in shown})
+        shown = rivals_of(beside_all, selection.fit.names)
+    rivals = [*shown, *rivals_of(search.beside_unshown(step), selection.fit.names)]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]
 
 

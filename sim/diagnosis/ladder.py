@@ -218,6 +218,15 @@ class EffectSearch:
             others = [e for e in others if e.name in among or (closer and e.more_starts)]
         return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper, closer)
 
+    def beside_others(self, step: Ranking, fit: Fit, rivals: set[str]) -> Ranking:
+        """The effect of a step and rivals of it, fitted beside all other effects of a fit."""
+        name = step.best.name
+        self.progress(f"whether {name} is told from {' and '.join(sorted(rivals))}")
+        kept = [a for a in fit.effects() if a.effect.name != name]
+        found = self.rank(self._beside(kept, fit), among={name, *rivals})
+        row = next((r for r in found.finalists if r.name == name), None)
+        return step if row is None else found.led_by(row)
+
     def beside_unshown(self, step: Ranking) -> Ranking:
         """The best of a step among those of its look-alikes that these trials cannot show.
 

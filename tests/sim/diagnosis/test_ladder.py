@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim.diagnosis import ladder
+from sim.diagnosis.diagnose import _rivals
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking, gain, select_finalists
 from sim.diagnosis.ladder import EffectSearch, helps
 from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIER
@@ -294,7 +295,8 @@ class Weather(EffectSearch):
         share = (2.0, 2.0, 2.0) if nrmse > 0.1 else (0.7, 0.7, 0.7)
         return SimpleNamespace(
             names=names, nrmse=nrmse, heldout_residual=residual, noise_share=share,
-            problem=SimpleNamespace(block=BLOCK), effects=lambda: names,
+            problem=SimpleNamespace(block=BLOCK),
+            effects=lambda: [SimpleNamespace(effect=named(name)) for name in names],
         )  # fmt: skip
 
     def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
@@ -307,7 +309,7 @@ class Weather(EffectSearch):
         return Ranking(fit, tuple(rows))
 
     def _beside(self, added: Any, like: Any) -> Any:
-        return self.fit_of(tuple(added))
+        return self.fit_of(tuple(a.effect.name for a in added))
 
     def _gain_over(self, fit: Any, other: Any) -> Gain:
         return gain(other.heldout_residual, fit.heldout_residual, BLOCK)
@@ -365,3 +367,18 @@ def test_a_change_gives_way_to_a_steady_one_that_does_as_well(steady: float, sta
     steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
     steps, fit = search._simplified(steps, search.fit_of(found))
     assert {stands, "hull_lift"} == set(fit.names)
+
+
+@pytest.mark.parametrize(("left", "rivals"), [(0.1, ["steady_wind"]), (0.3, [])])
+def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) -> None:
+    """What did as well while the others were missing is none where it does not beside them."""
+    nothing: Any = None
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing, 1.0)
+    found = ("heading_offset", "current_change")
+    known = {("heading_offset",): 0.8, found: 0.1, ("heading_offset", "steady_wind"): left}
+    object.__setattr__(search, "left", {frozenset(k): v for k, v in known.items()})
+    alike = [row(name, SOME.gain) for name in ("current_change", "steady_wind")]
+    step = Ranking(FIRST, tuple(alike))
+    assert [r.name for r in rivals_of(step, found)] == ["steady_wind"]
+    selection: Any = SimpleNamespace(steps=(step, step), fit=search.fit_of(found))
+    assert [r.name for r in _rivals(step, search, selection)] == rivals
