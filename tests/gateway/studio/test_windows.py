@@ -152,6 +152,26 @@ def test_two_windows_hold_their_own_views_and_share_the_work(browser, tmp_path):
             each.is_clean()
 
 
+def test_a_page_whose_first_connection_failed_begins_anew(browser, tmp_path):
+    """It stayed empty for ever beside a server that answered."""
+    port, refused = free_port(), []
+
+    def refuse_the_first(socket):
+        if refused:
+            socket.connect_to_server()
+        else:
+            refused.append(socket.url)
+            socket.close()
+
+    with studio(port, tmp_path, "refused"):
+        page = browser.new_page()
+        page.route_web_socket(re.compile("/ws"), refuse_the_first)
+        page.goto(f"http://127.0.0.1:{port}/compare")
+        page.get_by_text(COMPARED).first.wait_for(timeout=PATIENCE_MS)
+        page.close()
+    assert refused
+
+
 def moved(one: Watched, port: int) -> None:
     """An edit; choosing the same files again keeps it."""
     page = one.page
