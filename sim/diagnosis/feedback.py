@@ -43,20 +43,20 @@ def said_of_times(effects: Sequence[Effect], told: Sequence[str], period: float)
           that come late, which are not told so, two of four (light_and_days.md).
     """
     timed = [e for e in effects if Shown.COMMANDS in e.shown_by]
-    here = [e.name for e in timed if told and set(told) & set(times_of([e]))]
+    here = [e.name for e in timed if set(told) & set(times_of([e]))]
     lags = [e.name for e in timed if any(p.role is Role.TIME_CONSTANT for p in e.parameters)]
     doubted = [e.name for e in timed if e.name not in here or e.name in lags]
-    parts = []
+    swings, parts = f"what is left swings as in a sea (some {period:.1f} s)", []
     if here:
         parts.append(
-            f"commands answer what is left, which swings as in a sea (some {period:.1f} s): the "
-            f"time of {' and '.join(here)} is the one that predicts from one moment to the next"
+            f"{swings} and commands answer it: the time of {' and '.join(here)} is the one that "
+            "predicts from one moment to the next"
         )
     if doubted:
         parts.append(
-            f"what is left swings as in a sea (some {period:.1f} s), and there times that were "
-            f"known were found up to {TIMES_OFF_S} s wrong: take that of {' and '.join(doubted)} "
-            "with more doubt than its interval says"
+            f"{'there' if here else f'{swings}, and there'} times that were known were found up "
+            f"to {TIMES_OFF_S} s wrong: take that of {' and '.join(doubted)} with more doubt than "
+            "its interval says"
         )
     return "; ".join(parts)
 

@@ -312,9 +312,13 @@ def _special_first(rows: list[RankedEffect]) -> tuple[RankedEffect, ...]:
     """A general effect steps behind its special case where that does as well."""
     for i, row in enumerate(rows):
         special = next((r for r in rows[i + 1 :] if r.name == row.effect.general_of), None)
-        if special is not None:
-            more = row.gain_over(special)
-            if more.t < thresholds.MIN_T_BETTER or more.log_ratio < thresholds.MIN_LOG_RATIO_BETTER:
-                rows.remove(special)
-                rows.insert(i, special)
+        if special is not None and not is_better_than_special(row.gain_over(special)):
+            rows.remove(special)
+            rows.insert(i, special)
     return tuple(rows)
+
+
+def is_better_than_special(more: Gain) -> bool:
+    """Whether what a general effect is worth over its special case is more than chance."""
+    large = more.log_ratio >= thresholds.MIN_LOG_RATIO_BETTER
+    return large and more.t >= thresholds.MIN_T_BETTER

@@ -33,6 +33,7 @@ from sim.diagnosis.heldout import (
     RankedEffect,
     Ranking,
     gain,
+    is_better_than_special,
     rank,
 )
 from sim.diagnosis.screening import Mapper, Progress
@@ -222,8 +223,7 @@ class EffectSearch:
         """The effect of a step and rivals of it, fitted beside all other effects of a fit."""
         name = step.best.name
         self.progress(f"whether {name} is told from {' and '.join(sorted(rivals))}")
-        kept = [a for a in fit.effects() if a.effect.name != name]
-        found = self.rank(self._beside(kept, fit), among={name, *rivals})
+        found = self._in_place_of(fit, {fit.names.index(name)}, {name, *rivals})
         row = next((r for r in found.finalists if r.name == name), None)
         return step if row is None else found.led_by(row)
 
@@ -274,8 +274,7 @@ class EffectSearch:
         """
         promising = None if last else {row.name for step in steps for row in step.finalists}
         for i, step in enumerate(steps if last else steps[:-1]):
-            kept = [a for k, a in enumerate(fit.effects()) if k != i]
-            ranking = self.rank(self._beside(kept, fit), among=promising)
+            ranking = self._in_place_of(fit, {i}, promising)
             ranking = ranking if ranking.finalists else step
             best, old = ranking.best, step.best.name
             better = best.name != old and is_worth_it(self._gain_over(best.fit, fit))
@@ -290,43 +289,53 @@ class EffectSearch:
         changes = {e.name for e in self.effects if e.contains}
         weather = changes | {e.contains for e in self.effects if e.contains}
         special = {e.name: e.general_of for e in self.effects if e.general_of in weather}
-        at = [i for i, s in enumerate(steps) if s.best.name in weather or s.best.name in special]
-        kept = [a for i, a in enumerate(fit.effects()) if i not in at]
-        rest = [step for i, step in enumerate(steps) if i not in at]
+        at = [i for i, name in enumerate(fit.names) if name in weather or name in special]
         if len(at) == 2:
-            self.progress(f"one change in the place of {' and '.join(fit.names[i] for i in at)}")
-            one = self.rank(self._beside(kept, fit), among=changes)
-            if one.finalists and self.is_believed(one.best, one.reference):
-                more = self._gain_over(fit, one.best.fit)
-                if not is_missed(steps[at[1]].best.effect, more):
-                    return [*rest, one], one.best.fit
-        if len(at) == 1 and fit.names[at[0]] in special and not is_at_floor(fit.noise_share):
+            return self._one_for_two(steps, fit, at, changes)
+        if len(at) == 1 and len(steps) < self.most and not is_at_floor(fit.noise_share):
             name = fit.names[at[0]]
-            if len(steps) >= self.most:
-                return None
-            self.progress(f"two effects in the place of {name}")
-            steady = self.rank(self._beside(kept, fit), among={special[name]})
-            if not steady.finalists:
-                return None
-            other = self.rank(steady.best.fit, among=weather - {name, special[name]})
-            if other.finalists and self.is_believed(other.best, other.reference):
-                more = self._gain_over(other.best.fit, fit)
-                if more.nats > 0.0 and self.helps(fit, other.best.fit):
-                    return [*rest, steady, other], other.best.fit
+            if name in special:
+                return self._two_for_one(steps, fit, at[0], special[name], weather - {name})
         return None
+
+    def _one_for_two(
+        self, steps: list[Ranking], fit: Fit, at: list[int], changes: set[str]
+    ) -> tuple[list[Ranking], Fit] | None:
+        """A change in the place of the two effects `at` these steps, unless the later is missed."""
+        self.progress(f"one change in the place of {' and '.join(fit.names[i] for i in at)}")
+        one = self._in_place_of(fit, at, changes)
+        if not one.finalists or not self.is_believed(one.best, one.reference):
+            return None
+        if is_missed(steps[at[1]].best.effect, self._gain_over(fit, one.best.fit)):
+            return None
+        return [*(step for i, step in enumerate(steps) if i not in at), one], one.best.fit
+
+    def _two_for_one(
+        self, steps: list[Ranking], fit: Fit, at: int, steady: str, others: set[str]
+    ) -> tuple[list[Ranking], Fit] | None:
+        """The steady case of a change and another of water and wind in the place of the change."""
+        self.progress(f"two effects in the place of {fit.names[at]}")
+        first = self._in_place_of(fit, {at}, {steady})
+        if not first.finalists:
+            return None
+        second = self.rank(first.best.fit, among=others - {steady})
+        if not second.finalists or not self.is_believed(second.best, second.reference):
+            return None
+        both = second.best.fit
+        if self._gain_over(both, fit).nats <= 0.0 or not self.helps(fit, both):
+            return None
+        return [*(step for i, step in enumerate(steps) if i != at), first, second], both
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well beside others."""
         for step in list(steps) if len(steps) > 1 else []:
-            i, special = steps.index(step), step.best.effect.general_of
+            special = step.best.effect.general_of
             if special not in {e.name for e in self.effects} - set(fit.names):
                 continue
-            kept = [a for k, a in enumerate(fit.effects()) if k != i]
-            ranking = self.rank(self._beside(kept, fit), among={special})
+            ranking = self._in_place_of(fit, {steps.index(step)}, {special})
             if not ranking.finalists or not self.is_believed(ranking.best, ranking.reference):
                 continue
-            more = self._gain_over(fit, ranking.best.fit)
-            if more.t < thresholds.MIN_T_BETTER or more.log_ratio < thresholds.MIN_LOG_RATIO_BETTER:
+            if not is_better_than_special(self._gain_over(fit, ranking.best.fit)):
                 self.progress(f"{special} in the place of {step.best.name}")
                 steps, fit = [*(s for s in steps if s is not step), ranking], ranking.best.fit
         return steps, fit
@@ -336,7 +345,7 @@ class EffectSearch:
         while len(steps) > 1:
             added = fit.effects()
             for i, a in enumerate(added):
-                without = self._beside([b for k, b in enumerate(added) if k != i], fit)
+                without = self._without(fit, {i})
                 if not is_missed(a.effect, self._gain_over(fit, without)):
                     self.progress(f"{a.effect.name} no longer earns its place")
                     steps = [s for s in steps if s.best.name != a.effect.name]
@@ -345,6 +354,14 @@ class EffectSearch:
             else:
                 break
         return steps, fit
+
+    def _in_place_of(self, fit: Fit, at: Container[int], among: Container[str] | None) -> Ranking:
+        """What could stand where these effects of a fit stand, by place, beside the others."""
+        return self.rank(self._without(fit, at), among=among)
+
+    def _without(self, fit: Fit, at: Container[int]) -> Fit:
+        """A fit of all effects of another but those at these places."""
+        return self._beside([a for i, a in enumerate(fit.effects()) if i not in at], fit)
 
     def _beside(self, added: Sequence[AddedEffect], like: Fit) -> Fit:
         """The base with these effects, fitted under the noise that `like` leaves."""

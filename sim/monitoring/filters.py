@@ -99,12 +99,8 @@ class DisturbanceFilter:
         """
         H = np.hstack([measured.boat, measured.slope])
         expected = measured.boat @ self.mean[:BOAT_ERRORS] + measured.force
-        n, mean, covariance, ratio = (
-            len(self.mean),
-            self.mean.copy(),
-            self.covariance.copy(),
-            np.empty(3),
-        )
+        n, ratio = len(self.mean), np.empty(3)
+        mean, covariance = self.mean.copy(), self.covariance.copy()
         distance = kalman_step(
             (mean, covariance), self.prior**2 * dt / self.walk_s, (force - expected, variance, H),
             np.zeros(n, np.bool_) if held is None else held, ratio, n,
