@@ -267,8 +267,16 @@ class Page(ABC):
         template.add_panel("main", stack(self.body()))
         self.caught(self._take_vessel)
         self._look()
-        pn.state.add_periodic_callback(self._look, self.period_ms)
+        pn.state.onload(self._keep_looking)
         return template
+
+    def _keep_looking(self) -> None:
+        """From when the browser says that the page is there.
+
+        It was handed out some time before, seconds where the server is busy, and what changes
+        between the two Panel drops: figures would never be seen.
+        """
+        pn.state.add_periodic_callback(self._look, self.period_ms)
 
     def notify(self, text: str, good: bool = False) -> None:
         """A line on this page alone, until the next thing that is done here; good news fade."""

@@ -19,6 +19,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-features=LocalNetworkAccessChecks",  # a page that a test hands out may connect
 )  # fmt: skip
 PATIENCE_MS = 120_000  # a machine may be busy with other things
 EMPTY = "could not set initial ranges"  # Bokeh, of pictures that wait for their first data

@@ -5,6 +5,7 @@ import socket
 import time
 from base64 import b64decode
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 
@@ -361,7 +362,7 @@ def test_dark_pages_and_narrow_pages_fit(browser, studio, name):
         context = browser.new_context(viewport={"width": width, "height": 850}, color_scheme=scheme)
         page = Watched(context.new_page(), studio[0])
         go(page, studio, name)
-        page.page.wait_for_function(f"document.documentElement.dataset.theme === '{scheme}'")
+        themed(page, scheme)
         page.page.wait_for_timeout(3000)
         wide = page.page.evaluate("document.documentElement.scrollWidth")
         assert wide <= width + 40
@@ -379,12 +380,66 @@ def test_on_the_first_visit_with_a_dark_system_nothing_light_is_shown(browser, s
     watched, seen = Watched(context.new_page(), studio[0]), []
     watched.page.on("console", lambda message: seen.append(message.text))
     go(watched, studio, "recordings")
-    watched.page.wait_for_function("document.documentElement.dataset.theme === 'dark'")
+    themed(watched, "dark")
     watched.page.get_by_role("heading", name="What to work on").wait_for()
     assert "dark frame" in seen
     assert "light frame" not in seen
     watched.is_clean()
     context.close()
+
+
+def themed(watched: Watched, theme: str) -> None:
+    """The page stands in this theme."""
+    root = sync_api.expect(watched.page.locator("html"))
+    root.to_have_attribute("data-theme", theme, timeout=PATIENCE_MS)
+
+
+@pytest.mark.parametrize(("lost", "theme", "asked"), [(2, "dark", 3), (99, "light", 6)])
+def test_a_theme_that_the_server_was_not_told_is_told_again(browser, studio, lost, theme, asked):
+    """A first visit in dark whose cookie comes late, or never; the page was light for ever."""
+    context, made = browser.new_context(color_scheme="dark"), []
+    watched = Watched(context.new_page(), studio[0])
+
+    def page_asked(route) -> None:
+        made.append(route.request.url)
+        if len(made) > lost:
+            route.continue_()
+        else:
+            with urlopen(route.request.url) as without_cookies:
+                route.fulfill(body=without_cookies.read(), content_type="text/html")
+
+    watched.page.route(f"http://{studio[0]}/recordings", page_asked)
+    go(watched, studio, "recordings")
+    watched.until_none(lambda: len(made) < asked)
+    watched.page.wait_for_timeout(3000)
+    themed(watched, theme)
+    assert len(made) == asked
+    watched.page.get_by_role("heading", name="What to work on").wait_for()
+    watched.is_clean()
+    context.close()
+
+
+def test_a_browser_that_keeps_no_cookies_is_shown_the_page_once(browser, studio):
+    """It was asked for again and again where the system is dark."""
+    context, made = browser.new_context(color_scheme="dark"), []
+    context.add_init_script(NOTHING_KEPT)
+    watched = Watched(context.new_page(), studio[0])
+    watched.page.on(
+        "request", lambda one: made.append(one.url) if one.is_navigation_request() else None
+    )
+    go(watched, studio, "recordings")
+    watched.page.get_by_role("heading", name="What to work on").wait_for()
+    watched.page.wait_for_timeout(1000)
+    assert len(made) == 1
+    themed(watched, "light")
+    watched.is_clean()
+    context.close()
+
+
+NOTHING_KEPT = """
+Object.defineProperty(document, "cookie", {get: () => "", set: () => {}});
+Object.defineProperty(window, "sessionStorage", {get: () => { throw new Error("denied"); }});
+"""
 
 
 # Says of each frame that is drawn whether something light is to be seen on it.

@@ -152,6 +152,42 @@ def test_two_windows_hold_their_own_views_and_share_the_work(browser, tmp_path):
             each.is_clean()
 
 
+PULL = 3  # frames of a page that asks for its document
+
+
+def test_what_changes_before_a_page_says_that_it_is_there_is_shown(browser, tmp_path):
+    """A busy server hears of it late; the comparison was done in between, and its figures lost."""
+    port, held = free_port(), []
+
+    def late(socket):
+        server, sent = socket.connect_to_server(), []
+
+        def from_page(frame):
+            sent.append(frame)
+            if len(sent) > PULL and held is not None:
+                held.append((server, frame))
+            else:
+                server.send(frame)
+
+        socket.on_message(from_page)
+
+    with studio(port, tmp_path, "late"):
+        page = browser.new_page()
+        page.route_web_socket(re.compile("/ws"), late)
+        page.goto(f"http://127.0.0.1:{port}/compare?recording=voyage_2&range=40.0:70.0")
+        with window(browser, port) as one:
+            compared(one)
+            one.page.wait_for_timeout(3000)
+            page.wait_for_timeout(100)
+        waiting, held = held, None
+        assert waiting
+        for server, frame in waiting:
+            server.send(frame)
+        page.get_by_text(COMPARED).nth(1).wait_for(timeout=PATIENCE_MS)
+        page.wait_for_function(f"() => ({MARKS})().some(m => m[0][0] === 40)")
+        page.close()
+
+
 def test_a_page_whose_first_connection_failed_begins_anew(browser, tmp_path):
     """It stayed empty for ever beside a server that answered."""
     port, refused = free_port(), []
