@@ -24,6 +24,7 @@ from benchmarks.hidden.strengths import (
     RECIPES,
     SEAS,
     STRANGE,
+    UNLISTED,
     WHOLE,
     boats_for,
     strong,
@@ -117,7 +118,7 @@ def materialise_twin(case: Case, folder: Path) -> None:
     """The other voyage into a folder; with a stranger on board also one without it."""
     folder.mkdir(parents=True, exist_ok=True)
     case.twin.write(folder / TWIN, EVERY[case.boat])
-    if any(h.name in STRANGE for h in case.voyage.hidden):
+    if any(h.name in {**STRANGE, **UNLISTED} for h in case.voyage.hidden):
         replace(case.voyage, hidden=()).write(folder / COMPLETE, EVERY[case.boat])
 
 
@@ -225,6 +226,11 @@ def _sea(seed: int, number: int = 30) -> Iterator[Plan]:
         yield Plan(("sea", *beside), pilots, misjudged=i % 4 == 3)
 
 
+def _unlisted(seed: int) -> list[Plan]:
+    """Ten strangers that nothing was tuned on, each open loop and on a mission."""
+    return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in UNLISTED]
+
+
 Family = Callable[[int], Iterator[Plan] | list[Plan]]
 FAMILIES: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP),
@@ -238,6 +244,7 @@ FAMILIES: Mapping[str, Family] = {
     "light": _light,
     "day": _day,
     "sea": _sea,
+    "unlisted": _unlisted,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

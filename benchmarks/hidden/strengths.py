@@ -192,7 +192,9 @@ WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 # too stiff a hull, or stops so quickly that it hardly runs ahead while its motors pull astern: at
 # full strength who knows the effect gains less than a tenth there
 UNSEEN = {"cg_offset": ("iacquabot",), "astern_stall": ("teal", "grebe", "heron", "dory")}
-SKID_ONLY = frozenset({"actuator_wiring", "thruster_imbalance", "thruster_fault"})
+SKID_ONLY = frozenset({
+    "actuator_wiring", "thruster_imbalance", "thruster_fault", "wake_of_the_other",
+})  # fmt: skip
 STEERED_ONLY = frozenset({"steering_lag", "steering_offset"})
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "water": ("steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion"),
@@ -313,8 +315,60 @@ STRANGE: Mapping[str, Recipe] = {
 }  # fmt: skip
 
 
+def _ventilation(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"speed": b.top_speed() * _of(d, 0.5, 0.7), "share": k * _of(d, 0.35, 0.55)}
+
+
+def _turning_loss(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"share": k * _of(d, 0.5, 0.7), "rate": _of(d, 0.15, 0.3)}
+
+
+def _wake_of_the_other(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"share": k * _of(d, 0.25, 0.4)}
+
+
+def _river_mouth(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"north": _of(d, -8.0, 8.0), "east": _of(d, -8.0, 8.0), "towards": _direction(d),
+            "width": _of(d, 6.0, 12.0), "speed": k * _of(d, 0.4, 0.7)}  # fmt: skip
+
+
+def _wind_shadow(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"force": k * b.ahead * _of(d, 0.12, 0.22), "towards": _direction(d),
+            "east": _of(d, -8.0, 8.0), "width": 3.0}  # fmt: skip
+
+
+def _planing(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"speed": b.top_speed() * _of(d, 0.45, 0.65), "share": k * _of(d, 0.4, 0.6)}
+
+
+def _lopsided_turning(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"gain": k * _of(d, 0.8, 1.5)}
+
+
+def _stiff_turning(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"moment": -k * _of(d, 0.06, 0.12) * b.hull.N_r}
+
+
+def _weed(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    period = _of(d, 30.0, 60.0)
+    return {"gain": k * _of(d, 1.5, 3.0), "period": period, "holds": period * _of(d, 0.2, 0.35)}
+
+
+def _compass_lag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"lag": k * _of(d, 0.3, 0.6)}
+
+
+UNLISTED: Mapping[str, Recipe] = {  # for figures: never used to choose anything
+    recipe.__name__[1:]: recipe
+    for recipe in (
+        _ventilation, _turning_loss, _wake_of_the_other, _river_mouth, _wind_shadow, _planing,
+        _lopsided_turning, _stiff_turning, _weed, _compass_lag,
+    )
+}  # fmt: skip
+
+
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    return {**RECIPES, **CHANGES, **STRANGE, **SEAS}[name](
+    return {**RECIPES, **CHANGES, **STRANGE, **UNLISTED, **SEAS}[name](
         boat, dice, 1.0 if name in WHOLE else share, seconds
     )

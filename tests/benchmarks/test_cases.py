@@ -19,7 +19,7 @@ from benchmarks.hidden.cases import (
     materialise,
     materialise_twin,
 )
-from benchmarks.hidden.causes import KNOWN, SEAS, UNKNOWN, Hidden, causes_of
+from benchmarks.hidden.causes import KNOWN, SEAS, UNKNOWN, UNLISTED, Hidden, causes_of
 from benchmarks.hidden.strengths import CHANGES, OF_A_VOYAGE, RECIPES, STRANGE, boats_for, strong
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Scope
@@ -34,6 +34,7 @@ def reporting():
 def test_there_are_recipes_for_all_that_can_be_hidden():
     assert set(RECIPES) | set(CHANGES) == set(KNOWN)
     assert set(STRANGE) == set(UNKNOWN)
+    assert set(strengths.UNLISTED) == set(UNLISTED)
     assert set(strengths.SEAS) == set(SEAS)
 
 
@@ -63,6 +64,7 @@ def test_the_reporting_set_holds_what_was_asked_for(reporting):
     assert not any(c.voyage.hidden for c in complete)
     assert 2 * sum(c.voyage.pilot in MISSIONS for c in complete) == len(complete)
     assert {h.name for c in by_family["unknown"] for h in c.voyage.hidden} == set(UNKNOWN)
+    assert {h.name for c in by_family["unlisted"] for h in c.voyage.hidden} == set(UNLISTED)
     assert all(len(c.voyage.hidden) == 2 for c in by_family["pair"])
     assert all(c.misjudged for c in by_family["base_off"])
 
@@ -116,7 +118,7 @@ def test_what_a_diagnosis_gets_does_not_tell_what_is_hidden(tmp_path):
     assert {f.name for f in (tmp_path / "questions").iterdir()} == {LOG, VESSEL}
     materialise_twin(case, tmp_path / "answers")
     told = b"".join(file.read_bytes() for file in (tmp_path / "questions").iterdir())
-    for name in (*KNOWN, *UNKNOWN, case.family.upper()):
+    for name in (*KNOWN, *UNKNOWN, *UNLISTED, case.family.upper()):
         assert name.encode() not in told
     assert case.family not in case.name
     json.dumps(answer(case), allow_nan=False)

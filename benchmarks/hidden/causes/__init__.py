@@ -1,19 +1,20 @@
 """Everything that can be hidden: name -> a function of its parameters that gives the cause.
 
 The names are those of the catalogue where it holds the cause, so that an answer can be scored.
-`UNKNOWN` are those that no catalogue holds; of `SEAS` it holds a part.
+`UNKNOWN` and `UNLISTED` are those that no catalogue holds; of `SEAS` it holds a part.
 """
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
-from benchmarks.hidden.causes import hull, motors, sensors, unknown, water
+from benchmarks.hidden.causes import hull, motors, sensors, unknown, unlisted, water
 from benchmarks.hidden.nature import Cause
 
 KNOWN: Mapping[str, Callable[..., Cause]] = {
     **water.CAUSES, **hull.CAUSES, **motors.CAUSES, **sensors.CAUSES,
 }  # fmt: skip
 UNKNOWN: Mapping[str, Callable[..., Cause]] = unknown.CAUSES
+UNLISTED: Mapping[str, Callable[..., Cause]] = unlisted.CAUSES
 SEAS: Mapping[str, Callable[..., Cause]] = water.SEAS
 
 
@@ -26,7 +27,7 @@ class Hidden(NamedTuple):
 
 def causes_of(hidden: Iterable[Hidden]) -> list[Cause]:
     """Names and parameters -> causes; ValueError where a name or parameter does not exist."""
-    known = {**KNOWN, **UNKNOWN, **SEAS}
+    known = {**KNOWN, **UNKNOWN, **UNLISTED, **SEAS}
     for item in hidden:
         if item.name not in known:
             raise ValueError(f"nothing named {item.name!r} can be hidden: {', '.join(known)}")
