@@ -12,8 +12,8 @@ loop reads the clock; what it decides follows from datagrams and ticks, which ar
 import gc
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty
@@ -158,11 +158,12 @@ class Gateway:
     def catch_up(self) -> None:
         """Hold all rows that still wait for it against their models."""
         while self._unjudged:
-            self._judge()
+            with self._going_on():
+                self._judge()
 
     def turn(self, item: Item | None) -> None:
         """One round of the loop: an item, if one came, and what is due."""
-        try:
+        with self._going_on():
             if isinstance(item, Datagram):
                 self._datagram(item)
             elif item is not None:
@@ -172,7 +173,13 @@ class Gateway:
             self._run_due(waited_ns if len(self.inbox) else 0)
             if self._unjudged and not len(self.inbox):
                 self._judge()
-        except Exception as error:  # the outermost loop: a defect must not end the shadow
+
+    @contextmanager
+    def _going_on(self) -> Iterator[None]:
+        """Around all that the loop does: a defect is told, and does not end the shadow."""
+        try:
+            yield
+        except Exception as error:  # the outermost loop
             if self._strict:
                 raise
             self._fault(error)

@@ -25,8 +25,8 @@ from tests.sim.simulated import on_floats
 
 # what runs a diagnosis and scores it must call it; nothing of them sails
 JUDGES = {
-    "__main__.py", "run.py", "judge.py", "learned.py", "oracle.py", "twins.py", "score.py", "tables.py",
-    "visible.py", "peers.py",
+    "__main__.py", "run.py", "judge.py", "learned.py", "oracle.py", "twins.py", "score.py",
+    "tables.py", "visible.py", "peers.py",
 }  # fmt: skip
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "hidden"
 

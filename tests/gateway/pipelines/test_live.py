@@ -236,3 +236,18 @@ def test_a_defect_is_told_and_counted_but_does_not_end_the_shadow(
     assert sum("defect" in says for says in deck.told) == 1
     assert deck.heard().events().count("fault") == 1
     assert len(deck.heard().payloads["shadow"]) > before + 50
+
+
+def test_a_defect_while_the_last_rows_are_judged_is_told_and_ends_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Ctrl-C came: what is recorded is closed whatever the monitor makes of the rest."""
+    with Deck() as deck:
+        deck.hear(datagrams(played(6.0)))
+        deck.gateway._strict = False
+        (boat,) = deck.gateway.fleet.boats.values()
+        deck.gateway._unjudged = {boat.boat.system: boat}
+        monkeypatch.setattr(boat, "judge", lambda: 1 // 0)
+        deck.gateway.catch_up()
+    assert deck.gateway.faults == 1
+    assert deck.heard().events().count("fault") == 1
