@@ -1,11 +1,13 @@
 """Real boats improved step by step: which effects the software names, and what the error does.
 
-    python -m benchmarks.ladders [blueboat] [short] [otter] [--data FOLDER]
+    python -m benchmarks.ladders [blueboat] [short] [groups] [otter] [--data FOLDER]
 
 blueboat   lake runs without 232 and 234: the plain vessel is identified, the diagnosis names what
            is missing, each rung is fitted anew on the same runs and run freely over the two others
 short      three lake runs alone, as a newcomer would: identified, diagnosed, and each step of the
            ladder compared on 232 and 234
+groups     lake runs again, with four groups of three left out in turn, drawn before anything was
+           fitted; not done where nothing is asked for
 otter      ArduPilot's SITL Otter (another author's hull): the vessel file that `shadow init` gives,
            diagnosed on the first 400 s, each rung judged on the last 100
 
@@ -35,6 +37,7 @@ from sim.identification import IdentifySettings
 from sim.identification.identify import identify
 from sim.identification.wiring import rewired, wiring_of
 from sim.model import Model
+from sim.state import Floats
 from sim.trial import Trial
 from sim.vessel import Vessel
 
@@ -42,19 +45,21 @@ OTTER = blueboat.ROOT.parent / "shared" / "data" / "sitl" / "otter_calm.tlog"
 SIZE = {"length": 2.0, "beam": 1.08, "mass": 55.0, "thrust": 120.0}
 SEEN_S = 400.0
 SHORT = ("220", "224", "230")
+GROUPS, GROUPS_SEED = 4, 1
 GUESSED = 1.0  # share that numbers guessed from a boat's size may be off by
 
 
-def blueboat_ladder(folder: Path) -> None:
-    """Fit, diagnose on what was fitted, judge each rung on two runs that nothing saw."""
+def blueboat_ladder(folder: Path, left_out: Sequence[str] = blueboat.JUDGE) -> Floats:
+    """Fit, diagnose on what was fitted, judge each rung on runs that nothing saw.
+
+    RMSE (3, 3) of the last, as `blueboat.judged`, mean of those runs.
+    """
     runs = blueboat.runs_in(folder)
-    fit = [run for run in runs if run.number not in blueboat.JUDGE]
-    judges = [run for run in runs if run.number in blueboat.JUDGE]
+    fit = [run for run in runs if run.number not in left_out]
+    judges = [run for run in runs if run.number in left_out]
     plain = blueboat.fitted(fit, [], []).vessel
-    print(
-        f"\nidentified plain vessel, {len(fit)} runs; then judged on {' and '.join(blueboat.JUDGE)}"
-    )
-    _judged(plain, judges)
+    print(f"\nidentified plain vessel, {len(fit)} runs; then judged on {' and '.join(left_out)}")
+    figures = _judged(plain, judges)
     begun = time.perf_counter()
     trials = [
         trial
@@ -68,7 +73,19 @@ def blueboat_ladder(folder: Path) -> None:
     for k in range(1, len(found.effects) + 1):
         names = found.effects[:k]
         print(f"\nwith {', '.join(names)}, all fitted anew")
-        _judged(blueboat.fitted(fit, [], names).vessel, judges)
+        figures = _judged(blueboat.fitted(fit, [], names).vessel, judges)
+    return figures
+
+
+def blueboat_groups(folder: Path) -> None:
+    """Groups of three left out in turn."""
+    numbers = [file.stem[-3:] for file in sorted(folder.glob("*.csv"))]
+    drawn = np.random.default_rng(GROUPS_SEED).permutation(numbers)
+    groups = [[str(n) for n in sorted(drawn[k : k + 3])] for k in range(0, 3 * GROUPS, 3)]
+    figures = [blueboat_ladder(folder, group) for group in groups]
+    print("\nthe last of each")
+    names = ["+".join(group) for group in groups]
+    print("\n".join(blueboat.lines(list(zip(names, figures, strict=True)))))
 
 
 def short_ladder(folder: Path) -> None:
@@ -95,9 +112,10 @@ def short_ladder(folder: Path) -> None:
             print(f"{number}  {name:40} nrmse {one.nrmse:.3f} (noise {one.noise_floor_nrmse:.3f})")
 
 
-def _judged(vessel: Vessel, judges: Sequence[blueboat.Run]) -> None:
+def _judged(vessel: Vessel, judges: Sequence[blueboat.Run]) -> Floats:
     rows = [(run.number, blueboat.judged(vessel, run)) for run in judges]
-    print("\n".join(blueboat.lines(rows)))
+    print("\n".join(blueboat.lines(rows)), flush=True)
+    return np.asarray(np.mean([figures for _, figures in rows], axis=0))
 
 
 def otter_ladder(log: Path) -> None:
@@ -146,6 +164,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "short" in a.boats and folder.is_dir():
         print("\nBlueBoat, three short runs")
         short_ladder(folder)
+    if "groups" in a.boats and folder.is_dir():
+        print("\nBlueBoat, groups of three left out")
+        blueboat_groups(folder)
     if "otter" in a.boats:
         print("\nOtter in ArduPilot's simulation")
         otter_ladder(OTTER) if OTTER.is_file() else print(f"skipped: no {OTTER.name}")
