@@ -155,6 +155,16 @@ def beside_the_sea(row: Row) -> bool:
     return set(row.named) - WAVES == set(row.truth["effects"]) - {"sea"}
 
 
+def all_named(row: Row) -> bool:
+    """All that is hidden, as far as the others do not absorb it, is named, beside others or not."""
+    return row.needed <= set(row.named)
+
+
+def invented(row: Row) -> bool:
+    """Something is named that is not hidden."""
+    return not set(row.named) <= set(row.truth["effects"])
+
+
 def invented_at_sea(row: Row) -> bool:
     """Something else than what is hidden, and than waves, is named."""
     return bool(set(row.named) - WAVES - set(row.truth["effects"]))

@@ -38,7 +38,7 @@ def report(rows: Sequence[Row], heading: str) -> str:
     """Everything, as Markdown."""
     by = {
         f: [r for r in rows if r.truth["family"] == f]
-        for f in (*SINGLE, "pair", "none", "unknown", "sea")
+        for f in (*SINGLE, "pair", "none", "unknown", "unlisted", "day", "sea")
     }
     parts = [
         f"# {heading}",
@@ -93,7 +93,7 @@ def families(by: Mapping[str, Sequence[Row]]) -> str:
 
 def others(by: Mapping[str, Sequence[Row]]) -> str:
     """Pairs, nothing hidden, and what no catalogue holds."""
-    none, sea = by["none"], by["sea"]
+    none, day, sea = by["none"], by["day"], by["sea"]
     clean, off = ([r for r in none if r.truth["misjudged"] == wrong] for wrong in (False, True))
     lines = [
         ["pairs: both, and nothing else", len(by["pair"]), score.share(by["pair"], score.both)],
@@ -103,6 +103,14 @@ def others(by: Mapping[str, Sequence[Row]]) -> str:
         ["… files exact", len(clean), score.share(clean, score.alarm)],
         ["… files off by 10 %", len(off), score.share(off, score.alarm)],
         ["strangers: `unknown`", len(by["unknown"]), score.share(by["unknown"], score.recognised)],
+        [
+            "… of kinds never tuned on",
+            len(by["unlisted"]),
+            score.share(by["unlisted"], score.recognised),
+        ],
+        ["days: all causes named", len(day), score.share(day, score.all_named)],
+        ["days: something invented", len(day), score.share(day, score.invented)],
+        ["days: confounded", len(day), score.share(day, score.confounded)],
         ["seas: what is beside, waves or not", len(sea), score.share(sea, score.beside_the_sea)],
         ["seas: something invented", len(sea), score.share(sea, score.invented_at_sea)],
     ]

@@ -123,6 +123,18 @@ def test_alarms_and_strangers():
     assert not score.recognised(row(("tether",), diagnosis(verdict="adequate"), "unknown"))
 
 
+def test_of_a_day_what_matters_is_to_be_named_and_nothing_else():
+    truth = ("heading_offset", "cubic_drag", "current_change")
+    whole, part = row(truth, diagnosis(*truth), "day"), diagnosis(*truth[:2])
+    more = row(truth, diagnosis(*truth, "hull_lift"), "day")
+    less = row(truth, part, "day")
+    small = row(truth, part, "day", worth={"current_change": 1.1})
+    lost = row(truth, diagnosis(*truth, verdict="unknown"), "day")
+    days = (whole, more, less, small, lost)
+    assert [score.all_named(r) for r in days] == [True, True, False, True, False]
+    assert [score.invented(r) for r in days] == [False, True, False, False, False]
+
+
 def test_at_sea_waves_may_be_named_and_nothing_else_that_is_not_there():
     truth = ("sea", "heading_offset")
     right, named = row(truth, diagnosis("heading_offset", "wave_motion"), "sea"), "hull_lift"
