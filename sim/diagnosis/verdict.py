@@ -168,14 +168,16 @@ def verdict_of(
 def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floor: float) -> bool:
     """Whether the last step's error cannot be noise, whatever it depends on.
 
-    An effect in nature's own form may leave a few floors. Beside what is but a part of what nature
-    does (one train of waves) the error alone tells nothing.
+    An effect in nature's own form may leave a few floors, but not much of what it was to explain.
+    Beside what is but a part of nature (one train of waves) the error alone tells nothing.
     """
     last = ladder[-1].heldout.nrmse
-    floors = thresholds.MAX_FLOORS_WITH_EFFECTS if effects else thresholds.MAX_FLOORS
-    if any(e.partial for e in effects) or last <= floors * floor:
+    if any(e.partial for e in effects) or last <= thresholds.MAX_FLOORS * floor:
         return False
-    return _is_more_than_form_leaves(last, floor, effects, ladder, floor)
+    share = _share_of_base_error(last, floor, ladder, floor)
+    if not effects or last > thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
+        return share > _share_of_form(effects)
+    return share > thresholds.MAX_SHARE_LEFT
 
 
 def is_curve_above_form(
@@ -183,16 +185,20 @@ def is_curve_above_form(
 ) -> bool:
     """Whether a curve beside effects takes away more error than nature's own form leaves."""
     last, after = ladder[-1].heldout.nrmse, curve.step.heldout.nrmse
-    return _is_more_than_form_leaves(last, after, effects, ladder, floor)
+    return _share_of_base_error(last, after, ladder, floor) > _share_of_form(effects)
 
 
-def _is_more_than_form_leaves(
-    error: float, after: float, effects: Sequence[Effect], ladder: Sequence[LadderStep],
-    floor: float,
-) -> bool:  # fmt: skip
-    """Whether the squared error between two is a noticeable share of what the base alone left."""
-    share = max([thresholds.MIN_SHARE_OF_BASE_ERROR, *(e.unsteady for e in effects)])
-    return error**2 - after**2 > share * (ladder[1].heldout.nrmse ** 2 - floor**2)
+def _share_of_base_error(
+    error: float, after: float, ladder: Sequence[LadderStep], floor: float
+) -> float:
+    """Squared error between two, as a share of what the base alone left above the noise."""
+    above = ladder[1].heldout.nrmse ** 2 - floor**2
+    return (error**2 - after**2) / above if above > 0.0 else 0.0
+
+
+def _share_of_form(effects: Sequence[Effect]) -> float:
+    """The share of the base's error that nature's own form may leave."""
+    return max([thresholds.MIN_SHARE_OF_BASE_ERROR, *(e.unsteady for e in effects)])
 
 
 def is_above_stated(effects: Sequence[Effect], share: Sequence[float]) -> bool:
