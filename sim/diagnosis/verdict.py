@@ -269,10 +269,11 @@ def summary_of(
     if verdict is Verdict.CONFOUNDED:
         others = sorted({r.name for step in rivals for r in step})
         return f"{names}: {fell}; these data cannot tell it from {' or '.join(others)}"
-    known = f"{names} helps, {fell}, but " if names else ""
+    one = "s" if len(ladder[-1].effects) == 1 else ""
+    known = f"{names} help{one}, {fell}, but " if names else ""
     if curve is not None:
         below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
-        nearest = f"; nearest to it comes {names}, {fell}" if names and curve.replaces else ""
+        nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
         if curve.formula is not None:
             below += f"; as well does {curve.formula.formula.text} ({curve.formula.nrmse:.3f})"
         return (

@@ -171,6 +171,9 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     assert "as well does" not in instead
     line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
     assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
+    ladder.append(step(0.25, "hull_lift", "cg_offset"))
+    assert said("hull_lift", "cg_offset", "x").startswith("hull_lift and cg_offset help, ")
+    assert "nearest to it come hull_lift and cg_offset, the error" in said("x")
 
 
 def test_a_curve_beside_an_effect_counts_where_it_takes_away_a_noticeable_error() -> None:
