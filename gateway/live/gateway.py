@@ -327,10 +327,8 @@ class Gateway:
             bus = Bus(boat.name, model=model, status=status, settings=where, session=self._session)
             outputs.bus = self._scope.enter_context(bus)
             if bus.others:
-                text = (
-                    f"{boat.name}: another gateway publishes under that name too: subscribers get "
-                    "both; --name gives this one a name of its own"
-                )
+                text = (f"{boat.name}: another gateway publishes under that name too: subscribers "
+                        "get both; --name gives this one a name of its own")  # fmt: skip
                 self._progress(LogLine(text, "warning", "name_taken", boat.name))
         if self._foxglove is not None:
             outputs.view = self._foxglove.boat(boat.name, leading=plan is self._leading)
@@ -361,10 +359,8 @@ class Gateway:
     def _report_ignored(self, boat: Boat) -> None:
         self._ignored += 1
         if self._ignored <= MAX_LISTED:
-            self._progress(
-                f"{boat}: not followed, no vessel is given for it; --vessel {boat.system}=FILE "
-                "does that"
-            )
+            self._progress(f"{boat}: not followed, no vessel is given for it; "
+                           f"--vessel {boat.system}=FILE does that")  # fmt: skip
         elif self._ignored == MAX_LISTED + 1:
             self._progress("more boats are heard than are named here: none of them is followed")
 
