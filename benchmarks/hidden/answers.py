@@ -5,7 +5,7 @@ from typing import Any
 
 from benchmarks.hidden.boats import EVERY, Boat
 from benchmarks.hidden.cases import Case, Voyage
-from benchmarks.hidden.causes import UNKNOWN, UNLISTED, Hidden
+from benchmarks.hidden.causes import Hidden, is_strange
 
 
 def answer(case: Case) -> dict[str, Any]:
@@ -15,7 +15,7 @@ def answer(case: Case) -> dict[str, Any]:
         "name": case.name, "family": case.family, "boat": case.boat, "share": case.share,
         "misjudged": case.misjudged, "pilot": case.voyage.pilot, "rates": case.voyage.rates,
         "seconds": case.voyage.seconds, "seed": case.voyage.seed,
-        "unknown": any(h.name in {**UNKNOWN, **UNLISTED} for h in case.voyage.hidden),
+        "unknown": is_strange(case.voyage.hidden),
         "effects": [h.name for h in case.voyage.hidden],
         "values": _of(case.voyage, boat), "twin_values": _of(case.twin, boat),
         "twin_pilot": case.twin.pilot,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator as Dice
 
 from benchmarks.hidden.boats import EVERY, Boat
-from benchmarks.hidden.causes import Hidden
+from benchmarks.hidden.causes import Hidden, is_strange
 from benchmarks.hidden.strengths import (
     CHANGES,
     GROUPS,
@@ -118,7 +118,7 @@ def materialise_twin(case: Case, folder: Path) -> None:
     """The other voyage into a folder; with a stranger on board also one without it."""
     folder.mkdir(parents=True, exist_ok=True)
     case.twin.write(folder / TWIN, EVERY[case.boat])
-    if any(h.name in {**STRANGE, **UNLISTED} for h in case.voyage.hidden):
+    if is_strange(case.voyage.hidden):
         replace(case.voyage, hidden=()).write(folder / COMPLETE, EVERY[case.boat])
 
 
@@ -227,7 +227,7 @@ def _sea(seed: int, number: int = 30) -> Iterator[Plan]:
 
 
 def _unlisted(seed: int) -> list[Plan]:
-    """Ten strangers that nothing was tuned on, each open loop and on a mission."""
+    """Ten more kinds of strangers, each open loop and on a mission."""
     return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in UNLISTED]
 
 

@@ -1,6 +1,6 @@
 """Strangers: what the curve that a diagnosis learned is worth on another voyage.
 
-    python -m benchmarks.hidden.learned DIR/NAME… after `python -m benchmarks.hidden --out DIR`
+    python -m benchmarks.hidden.learned --out DIR     of `python -m benchmarks.hidden --out DIR`
 
 Of each answer that holds a curve the vessel with it, as `shadow add` writes it, is held against the
 other voyage, every second block of it for what belongs to the day. Beside it stands the vessel as
@@ -9,18 +9,18 @@ voyage without the stranger, which is what a model leaves that holds the true la
 """
 
 import argparse
-import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from benchmarks.hidden.boats import EVERY
-from benchmarks.hidden.cases import VESSEL, Case, cases
+from benchmarks.hidden.cases import SEEDS, VESSEL, Case, cases
 from benchmarks.hidden.judge import improved
 from benchmarks.hidden.oracle import halves, nrmse
-from benchmarks.hidden.run import read_json, result_of, twin_of
+from benchmarks.hidden.run import read_json, result_of, twin_of, write_json
 from benchmarks.hidden.twins import on_another_day
 from gateway.offline.add import add_effects
 from gateway.offline.trials import load_trials
@@ -30,7 +30,7 @@ from gateway.vessel_file import load_vessel
 def main(arguments: Sequence[str] | None = None) -> int:
     """A line for each case that was diagnosed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hidden.learned")
-    parser.add_argument("--set", default="reporting")
+    parser.add_argument("--set", choices=SEEDS, default="reporting")
     parser.add_argument("--family", default="unlisted")
     parser.add_argument("--out", type=Path, required=True, help="folder of the blind test")
     a = parser.parse_args(arguments)
@@ -50,24 +50,24 @@ def row_of(case: Case, out: Path) -> str:
         return f"| {case.name} | {hidden} | failed | | | | | |"
     found = result["diagnosis"]
     said = f"`{found['verdict']}` {', '.join(found['effects'])}"
-    errors = errors_of(case, found, out)
-    ratio = f"{errors[2] / errors[3]:.2f}" if len(errors) == 4 else ""
-    numbers = [f"{e:.3f}" for e in errors[:2]]
-    numbers += (
-        [f"{e:.3f}" for e in errors[2:]] if len(errors) == 4 else ["no curve", f"{errors[2]:.3f}"]
-    )
-    return f"| {case.name} | {hidden} | {said} | {' | '.join(numbers)} | {ratio} |"
+    *others, known = errors_of(case, found, out)
+    cells = [f"{error:.3f}" for error in others]
+    ratio = f"{others[2] / known:.2f}" if found["curve"] is not None else ""
+    cells += [] if ratio else ["no curve"]
+    return f"| {case.name} | {hidden} | {said} | {' | '.join(cells)} | {known:.3f} | {ratio} |"
 
 
-def errors_of(case: Case, found: dict, out: Path) -> list[float]:  # type: ignore[type-arg]
-    """Errors on the other voyage: as given, with the effects, [with the curve too], known."""
+def errors_of(case: Case, found: Mapping[str, Any], out: Path) -> list[float]:
+    """Errors on the other voyage: as given, with the effects, with the curve too if there is one,
+    and last *known*.
+    """
     file = out / "questions" / case.name / VESSEL
     plain = load_vessel(file)
     vessels = [plain, improved(plain, found)]
     with TemporaryDirectory() as folder:
         if found["curve"] is not None:
             diagnosis, better = Path(folder) / "diagnosis.json", Path(folder) / "better.toml"
-            diagnosis.write_text(json.dumps(found), encoding="utf-8")
+            write_json(diagnosis, found)
             add_effects(found["curve"]["effects"], file, diagnosis, better)
             vessels.append(load_vessel(better))
         without = Path(folder) / "without.tlog"

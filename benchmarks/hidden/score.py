@@ -132,7 +132,7 @@ def with_confounded(row: Row) -> bool:
 
 def both(row: Row) -> bool:
     """All that is hidden, as far as the others do not absorb it, is named, and nothing else."""
-    return row.needed <= set(row.named) <= set(row.truth["effects"])
+    return all_named(row) and not invented(row)
 
 
 def some(row: Row) -> bool:

@@ -358,7 +358,7 @@ def _compass_lag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     return {"lag": k * _of(d, 0.3, 0.6)}
 
 
-UNLISTED: Mapping[str, Recipe] = {  # for figures: never used to choose anything
+UNLISTED: Mapping[str, Recipe] = {
     recipe.__name__[1:]: recipe
     for recipe in (
         _ventilation, _turning_loss, _wake_of_the_other, _river_mouth, _wind_shadow, _planing,

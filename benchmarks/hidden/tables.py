@@ -104,7 +104,7 @@ def others(by: Mapping[str, Sequence[Row]]) -> str:
         ["… files off by 10 %", len(off), score.share(off, score.alarm)],
         ["strangers: `unknown`", len(by["unknown"]), score.share(by["unknown"], score.recognised)],
         [
-            "… of kinds never tuned on",
+            "… ten more kinds",
             len(by["unlisted"]),
             score.share(by["unlisted"], score.recognised),
         ],

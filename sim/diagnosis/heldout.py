@@ -320,5 +320,5 @@ def _special_first(rows: list[RankedEffect]) -> tuple[RankedEffect, ...]:
 
 def is_better_than_special(more: Gain) -> bool:
     """Whether what a general effect is worth over its special case is more than chance."""
-    large = more.log_ratio >= thresholds.MIN_LOG_RATIO_BETTER
-    return large and more.t >= thresholds.MIN_T_BETTER
+    small = more.log_ratio < thresholds.MIN_LOG_RATIO_BETTER
+    return not (small or more.t < thresholds.MIN_T_BETTER)

@@ -295,7 +295,9 @@ class EffectSearch:
         if len(at) == 1 and len(steps) < self.most and not is_at_floor(fit.noise_share):
             name = fit.names[at[0]]
             if name in special:
-                return self._two_for_one(steps, fit, at[0], special[name], weather - {name})
+                steady = special[name]
+                others = weather - {name, steady}
+                return self._two_for_one(steps, fit, at[0], steady, others)
         return None
 
     def _one_for_two(
@@ -313,12 +315,12 @@ class EffectSearch:
     def _two_for_one(
         self, steps: list[Ranking], fit: Fit, at: int, steady: str, others: set[str]
     ) -> tuple[list[Ranking], Fit] | None:
-        """The steady case of a change and another of water and wind in the place of the change."""
+        """The steady case of a change, and one of the others beside it, in the change's place."""
         self.progress(f"two effects in the place of {fit.names[at]}")
         first = self._in_place_of(fit, {at}, {steady})
         if not first.finalists:
             return None
-        second = self.rank(first.best.fit, among=others - {steady})
+        second = self.rank(first.best.fit, among=others)
         if not second.finalists or not self.is_believed(second.best, second.reference):
             return None
         both = second.best.fit

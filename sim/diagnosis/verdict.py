@@ -174,10 +174,10 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
     last = ladder[-1].heldout.nrmse
     if any(e.partial for e in effects) or last <= thresholds.MAX_FLOORS * floor:
         return False
-    share = _share_of_base_error(last, floor, ladder, floor)
-    if not effects or last > thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
-        return share > _share_of_form(effects)
-    return share > thresholds.MAX_SHARE_LEFT
+    share = _share_of_form(effects)
+    if effects and last <= thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
+        share = max(share, thresholds.MAX_SHARE_LEFT)
+    return _is_more_than(share, last, floor, ladder, floor)
 
 
 def is_curve_above_form(
@@ -185,15 +185,16 @@ def is_curve_above_form(
 ) -> bool:
     """Whether a curve beside effects takes away more error than nature's own form leaves."""
     last, after = ladder[-1].heldout.nrmse, curve.step.heldout.nrmse
-    return _share_of_base_error(last, after, ladder, floor) > _share_of_form(effects)
+    return _is_more_than(_share_of_form(effects), last, after, ladder, floor)
 
 
-def _share_of_base_error(
-    error: float, after: float, ladder: Sequence[LadderStep], floor: float
-) -> float:
-    """Squared error between two, as a share of what the base alone left above the noise."""
-    above = ladder[1].heldout.nrmse ** 2 - floor**2
-    return (error**2 - after**2) / above if above > 0.0 else 0.0
+def _is_more_than(
+    share: float, error: float, after: float, ladder: Sequence[LadderStep], floor: float
+) -> bool:
+    """Whether the squared error between two is more than a share of what the base alone left above
+    the noise.
+    """
+    return error**2 - after**2 > share * (ladder[1].heldout.nrmse ** 2 - floor**2)
 
 
 def _share_of_form(effects: Sequence[Effect]) -> float:

@@ -25,6 +25,11 @@ class Hidden(NamedTuple):
     values: Mapping[str, float]
 
 
+def is_strange(hidden: Iterable[Hidden]) -> bool:
+    """Whether something is hidden that no catalogue holds, not even a part of it."""
+    return any(h.name in UNKNOWN or h.name in UNLISTED for h in hidden)
+
+
 def causes_of(hidden: Iterable[Hidden]) -> list[Cause]:
     """Names and parameters -> causes; ValueError where a name or parameter does not exist."""
     known = {**KNOWN, **UNKNOWN, **UNLISTED, **SEAS}

@@ -1,4 +1,7 @@
-"""Ten more causes that no catalogue holds: nothing was tuned on any of them."""
+"""Ten more causes that no catalogue holds, for figures.
+
+Nothing was tuned on any before they were first reported on; since then `MAX_SHARE_LEFT`, on two.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
