@@ -5,7 +5,7 @@ Three sets that share no seed: `tuning` to build with, `reporting` for the figur
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -30,6 +30,7 @@ from benchmarks.hidden.strengths import (
     strong,
 )
 from benchmarks.hidden.talk import RATES
+from benchmarks.hidden.unheard import UNHEARD
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 
@@ -226,9 +227,9 @@ def _sea(seed: int, number: int = 30) -> Iterator[Plan]:
         yield Plan(("sea", *beside), pilots, misjudged=i % 4 == 3)
 
 
-def _unlisted(seed: int) -> list[Plan]:
-    """Ten more kinds of strangers, each open loop and on a mission."""
-    return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in UNLISTED]
+def _once_each(names: Iterable[str]) -> list[Plan]:
+    """More kinds of strangers, each open loop and on a mission."""
+    return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in names]
 
 
 Family = Callable[[int], Iterator[Plan] | list[Plan]]
@@ -244,7 +245,8 @@ FAMILIES: Mapping[str, Family] = {
     "light": _light,
     "day": _day,
     "sea": _sea,
-    "unlisted": _unlisted,
+    "unlisted": lambda seed: _once_each(UNLISTED),
+    "unheard": lambda seed: _once_each(UNHEARD),
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

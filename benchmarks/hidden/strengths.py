@@ -6,108 +6,95 @@ directions are thrown. Sizes follow the boat: forces its thrust, lengths its own
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from numpy.random import Generator as Dice
 
 from benchmarks.hidden.boats import BOATS, FLEET, STEERED, Boat
-
-Values = dict[str, float]
-Recipe = Callable[[Boat, Dice, float, float], Values]
-
-
-def _of(dice: Dice, low: float, high: float) -> float:
-    return float(dice.uniform(low, high))
-
-
-def _side(dice: Dice) -> float:
-    return float(dice.choice([-1.0, 1.0]))
-
-
-def _direction(dice: Dice) -> float:
-    return _of(dice, -math.pi, math.pi)
+from benchmarks.hidden.dice import Recipe, Values, bearing, of, side
+from benchmarks.hidden.unheard import UNHEARD
 
 
 def _middle(dice: Dice, seconds: float) -> float:
-    return seconds * _of(dice, 0.35, 0.6)
+    return seconds * of(dice, 0.35, 0.6)
 
 
 def _steady_current(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"speed": k * _of(d, 0.2, 0.4), "direction": _direction(d)}
+    return {"speed": k * of(d, 0.2, 0.4), "direction": bearing(d)}
 
 
 def _varying_current(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    period = seconds * _of(d, 0.25, 0.7)
-    return {"speed": k * _of(d, 0.25, 0.4), "direction": _direction(d),
-            "period": period, "phase": _direction(d)}  # fmt: skip
+    period = seconds * of(d, 0.25, 0.7)
+    return {"speed": k * of(d, 0.25, 0.4), "direction": bearing(d),
+            "period": period, "phase": bearing(d)}  # fmt: skip
 
 
 def _steady_wind(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"speed": math.sqrt(k) * _of(d, 8.0, 12.0), "direction": _direction(d)}
+    return {"speed": math.sqrt(k) * of(d, 8.0, 12.0), "direction": bearing(d)}
 
 
 def _inertial_force(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"force": k * b.ahead * _of(d, 0.1, 0.2), "direction": _direction(d)}
+    return {"force": k * b.ahead * of(d, 0.1, 0.2), "direction": bearing(d)}
 
 
 def _wave_motion(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"force": k * b.ahead * _of(d, 0.35, 0.6), "omega": _of(d, 1.2, 2.2),
-            "direction": _direction(d), "phase": _direction(d)}  # fmt: skip
+    return {"force": k * b.ahead * of(d, 0.35, 0.6), "omega": of(d, 1.2, 2.2),
+            "direction": bearing(d), "phase": bearing(d)}  # fmt: skip
 
 
 def _cubic_drag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"X_uuu": -k * _of(d, 0.6, 1.0) * b.ahead / b.top_speed() ** 3}
+    return {"X_uuu": -k * of(d, 0.6, 1.0) * b.ahead / b.top_speed() ** 3}
 
 
 def _drag_growth(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"rate": k * _of(d, 0.8, 1.6) / seconds}
+    return {"rate": k * of(d, 0.8, 1.6) / seconds}
 
 
 def _payload_change(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"factor": 1.0 + k * _of(d, 0.4, 0.7), "time": _middle(d, seconds)}
+    return {"factor": 1.0 + k * of(d, 0.4, 0.7), "time": _middle(d, seconds)}
 
 
 def _cg_offset(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     most = 0.5 * math.sqrt(b.hull.m22 * b.hull.m33) / b.hull.mass  # the inertia stays positive
-    return {"x_g": k * _side(d) * min(_of(d, 0.12, 0.2) * b.hull.length, most)}
+    return {"x_g": k * side(d) * min(of(d, 0.12, 0.2) * b.hull.length, most)}
 
 
 def _cross_damping(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     size = k * math.sqrt(b.hull.Y_v * b.hull.N_r)
-    return {"Y_r": size * _side(d) * _of(d, 0.3, 0.6), "N_v": size * _side(d) * _of(d, 0.3, 0.6)}
+    return {"Y_r": size * side(d) * of(d, 0.3, 0.6), "N_v": size * side(d) * of(d, 0.3, 0.6)}
 
 
 def _hull_lift(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     size = k * math.sqrt(b.hull.Y_v * b.hull.N_r)
     return {
-        "Y_uv": k * b.hull.Y_v * _of(d, 0.5, 1.0), "Y_ur": size * _side(d) * _of(d, 0.2, 0.4),
-        "N_uv": size * _side(d) * _of(d, 0.2, 0.4), "N_ur": k * b.hull.N_r * _of(d, 0.3, 0.6),
+        "Y_uv": k * b.hull.Y_v * of(d, 0.5, 1.0), "Y_ur": size * side(d) * of(d, 0.2, 0.4),
+        "N_uv": size * side(d) * of(d, 0.2, 0.4), "N_ur": k * b.hull.N_r * of(d, 0.3, 0.6),
     }  # fmt: skip
 
 
 def _towed_load(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    drag = k * _of(d, 0.4, 0.8) * b.ahead / b.top_speed() ** 2
-    return {"drag": drag, "x": -_of(d, 0.5, 0.9) * b.hull.length}
+    drag = k * of(d, 0.4, 0.8) * b.ahead / b.top_speed() ** 2
+    return {"drag": drag, "x": -of(d, 0.5, 0.9) * b.hull.length}
 
 
 def _thruster_lag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"tau": k * _of(d, 0.4, 0.8)}
+    return {"tau": k * of(d, 0.4, 0.8)}
 
 
 def _command_delay(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"delay": k * _of(d, 0.3, 0.5)}
+    return {"delay": k * of(d, 0.3, 0.5)}
 
 
 def _thruster_misalignment(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"angle": k * _side(d) * _of(d, 0.08, 0.16)}
+    return {"angle": k * side(d) * of(d, 0.08, 0.16)}
 
 
 def _thruster_deadband(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"width": k * _of(d, 0.2, 0.35)}
+    return {"width": k * of(d, 0.2, 0.35)}
 
 
 def _thrust_curve(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"exponent": (1.0 + k * _of(d, 0.4, 0.7)) ** _side(d)}
+    return {"exponent": (1.0 + k * of(d, 0.4, 0.7)) ** side(d)}
 
 
 def _actuator_wiring(b: Boat, d: Dice, k: float, seconds: float) -> Values:
@@ -115,58 +102,58 @@ def _actuator_wiring(b: Boat, d: Dice, k: float, seconds: float) -> Values:
 
 
 def _thruster_imbalance(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"port_gain": 1.0 + k * _side(d) * _of(d, 0.12, 0.25)}
+    return {"port_gain": 1.0 + k * side(d) * of(d, 0.12, 0.25)}
 
 
 def _reverse_loss(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"factor": 1.0 - k * _of(d, 0.35, 0.6)}
+    return {"factor": 1.0 - k * of(d, 0.35, 0.6)}
 
 
 def _thruster_fault(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     channel = float(d.choice([m.channel for m in b.motors]))
-    return {"channel": channel, "gain": 1.0 - k * _of(d, 0.35, 0.6), "time": _middle(d, seconds)}
+    return {"channel": channel, "gain": 1.0 - k * of(d, 0.35, 0.6), "time": _middle(d, seconds)}
 
 
 def _battery_sag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"nominal": _of(d, 15.5, 16.5), "tired": 1.0 + k * _of(d, 2.0, 3.5)}
+    return {"nominal": of(d, 15.5, 16.5), "tired": 1.0 + k * of(d, 2.0, 3.5)}
 
 
 def _advance_loss(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"per_mps": k * _of(d, 0.25, 0.4)}
+    return {"per_mps": k * of(d, 0.25, 0.4)}
 
 
 def _astern_stall(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"per_mps": k * _of(d, 0.8, 1.5), "above": _of(d, 0.0, 0.2)}
+    return {"per_mps": k * of(d, 0.8, 1.5), "above": of(d, 0.0, 0.2)}
 
 
 def _steering_lag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"tau": k * _of(d, 0.5, 1.0)}
+    return {"tau": k * of(d, 0.5, 1.0)}
 
 
 def _steering_offset(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"angle": k * _side(d) * _of(d, 0.06, 0.12)}
+    return {"angle": k * side(d) * of(d, 0.06, 0.12)}
 
 
 def _heading_offset(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"angle": k * _side(d) * _of(d, 0.08, 0.16)}
+    return {"angle": k * side(d) * of(d, 0.08, 0.16)}
 
 
 def _compass_deviation(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    size, at = k * _of(d, 0.12, 0.2), _direction(d)
+    size, at = k * of(d, 0.12, 0.2), bearing(d)
     return {"b": size * math.cos(at), "c": size * math.sin(at)}
 
 
 def _antenna_offset(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    size, at = k * _of(d, 0.3, 0.5) * b.hull.length, _direction(d)
+    size, at = k * of(d, 0.3, 0.5) * b.hull.length, bearing(d)
     return {"x": size * math.cos(at), "y": 0.5 * size * math.sin(at)}
 
 
 def _velocity_latency(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"delay": k * _of(d, 0.3, 0.6)}
+    return {"delay": k * of(d, 0.3, 0.6)}
 
 
 def _yaw_rate_bias(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"bias": k * _side(d) * _of(d, 0.03, 0.06)}
+    return {"bias": k * side(d) * of(d, 0.03, 0.06)}
 
 
 RECIPES: Mapping[str, Recipe] = {
@@ -211,8 +198,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 def _current_change(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     """Off by 0.2 m/s and more, whatever the two are."""
-    speed, direction = _of(d, 0.0, 0.35), _direction(d)
-    step, towards = k * _of(d, 0.2, 0.4), _direction(d)
+    speed, direction = of(d, 0.0, 0.35), bearing(d)
+    step, towards = k * of(d, 0.2, 0.4), bearing(d)
     north = speed * math.cos(direction) + step * math.cos(towards)
     east = speed * math.sin(direction) + step * math.sin(towards)
     return {"speed": speed, "direction": direction, "later_speed": math.hypot(north, east),
@@ -221,16 +208,16 @@ def _current_change(b: Boat, d: Dice, k: float, seconds: float) -> Values:
 
 def _wind_change(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     """It rises, falls asleep, or turns by a quarter and more."""
-    speed, direction = math.sqrt(k) * _of(d, 8.0, 12.0), _direction(d)
-    calm = _of(d, 0.0, 3.0)
-    turn = direction + _side(d) * _of(d, 0.5, 1.0) * math.pi
+    speed, direction = math.sqrt(k) * of(d, 8.0, 12.0), bearing(d)
+    calm = of(d, 0.0, 3.0)
+    turn = direction + side(d) * of(d, 0.5, 1.0) * math.pi
     first, then = [(calm, speed), (speed, calm), (speed, speed)][int(d.integers(3))]
     return {"speed": first, "direction": direction, "later_speed": then,
             "later_direction": turn, "time": _moment(d, seconds)}  # fmt: skip
 
 
 def _moment(dice: Dice, seconds: float) -> float:
-    return seconds * _of(dice, 0.25, 0.75)
+    return seconds * of(dice, 0.25, 0.75)
 
 
 # days that change; the recipes above stay in the order that numbers their cases
@@ -246,10 +233,10 @@ LASTING = ("heading_offset", "reverse_loss", "towed_load", "cubic_drag", "compas
 
 def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     """Steep for its length, as wind seas on lakes are; lengths from the boat's to three of it."""
-    period = math.sqrt(2.0 * math.pi * b.hull.length * _of(d, 1.2, 3.0) / 9.81)
-    height = k * _of(d, 0.02, 0.04) * 9.81 * period**2 / (2.0 * math.pi)
-    return {"height": height, "period": period, "direction": _direction(d),
-            "spread": _of(d, 0.2, 0.6), "seed": float(d.integers(1_000_000))}  # fmt: skip
+    period = math.sqrt(2.0 * math.pi * b.hull.length * of(d, 1.2, 3.0) / 9.81)
+    height = k * of(d, 0.02, 0.04) * 9.81 * period**2 / (2.0 * math.pi)
+    return {"height": height, "period": period, "direction": bearing(d),
+            "spread": of(d, 0.2, 0.6), "seed": float(d.integers(1_000_000))}  # fmt: skip
 
 
 SEAS: Mapping[str, Recipe] = {"sea": _sea}  # no effect of the catalogue: partly waves, else noise
@@ -272,38 +259,38 @@ def boats_for(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _shoal(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    place = {"north": _of(d, -12.0, 12.0), "east": _of(d, -12.0, 12.0)}
-    return {**place, "radius": _of(d, 15.0, 25.0), "gain": k * _of(d, 2.0, 3.5)}
+    place = {"north": of(d, -12.0, 12.0), "east": of(d, -12.0, 12.0)}
+    return {**place, "radius": of(d, 15.0, 25.0), "gain": k * of(d, 2.0, 3.5)}
 
 
 def _tether(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"north": _of(d, -4.0, 4.0), "east": _of(d, -4.0, 4.0),
-            "slack": _of(d, 8.0, 15.0), "stiffness": k * b.ahead * _of(d, 0.02, 0.05)}  # fmt: skip
+    return {"north": of(d, -4.0, 4.0), "east": of(d, -4.0, 4.0),
+            "slack": of(d, 8.0, 15.0), "stiffness": k * b.ahead * of(d, 0.02, 0.05)}  # fmt: skip
 
 
 def _shear_current(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"gradient": k * _side(d) * _of(d, 0.012, 0.02), "north": _of(d, -5.0, 5.0)}
+    return {"gradient": k * side(d) * of(d, 0.012, 0.02), "north": of(d, -5.0, 5.0)}
 
 
 def _propeller_walk(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"share": k * _side(d) * _of(d, 0.12, 0.2)}
+    return {"share": k * side(d) * of(d, 0.12, 0.2)}
 
 
 def _stuttering_motor(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     channel = float(d.choice([m.channel for m in b.motors]))
-    period = _of(d, 6.0, 11.0)
-    return {"channel": channel, "period": period, "hold": k * period * _of(d, 0.2, 0.35)}
+    period = of(d, 6.0, 11.0)
+    return {"channel": channel, "period": period, "hold": k * period * of(d, 0.2, 0.35)}
 
 
 def _bent_skeg(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    size = k * _of(d, 0.15, 0.3) * b.ahead / b.top_speed() ** 2
-    return {"Y_uu": size * _side(d), "x": -_of(d, 0.35, 0.5) * b.hull.length}
+    size = k * of(d, 0.15, 0.3) * b.ahead / b.top_speed() ** 2
+    return {"Y_uu": size * side(d), "x": -of(d, 0.35, 0.5) * b.hull.length}
 
 
 def _resistance_hump(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     top = b.top_speed()
-    return {"height": k * b.ahead * _of(d, 0.2, 0.35), "speed": top * _of(d, 0.45, 0.65),
-            "width": top * _of(d, 0.08, 0.15)}  # fmt: skip
+    return {"height": k * b.ahead * of(d, 0.2, 0.35), "speed": top * of(d, 0.45, 0.65),
+            "width": top * of(d, 0.08, 0.15)}  # fmt: skip
 
 
 STRANGE: Mapping[str, Recipe] = {
@@ -316,46 +303,46 @@ STRANGE: Mapping[str, Recipe] = {
 
 
 def _ventilation(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"speed": b.top_speed() * _of(d, 0.5, 0.7), "share": k * _of(d, 0.35, 0.55)}
+    return {"speed": b.top_speed() * of(d, 0.5, 0.7), "share": k * of(d, 0.35, 0.55)}
 
 
 def _turning_loss(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"share": k * _of(d, 0.5, 0.7), "rate": _of(d, 0.15, 0.3)}
+    return {"share": k * of(d, 0.5, 0.7), "rate": of(d, 0.15, 0.3)}
 
 
 def _wake_of_the_other(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"share": k * _of(d, 0.25, 0.4)}
+    return {"share": k * of(d, 0.25, 0.4)}
 
 
 def _river_mouth(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"north": _of(d, -8.0, 8.0), "east": _of(d, -8.0, 8.0), "towards": _direction(d),
-            "width": _of(d, 6.0, 12.0), "speed": k * _of(d, 0.4, 0.7)}  # fmt: skip
+    return {"north": of(d, -8.0, 8.0), "east": of(d, -8.0, 8.0), "towards": bearing(d),
+            "width": of(d, 6.0, 12.0), "speed": k * of(d, 0.4, 0.7)}  # fmt: skip
 
 
 def _wind_shadow(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"force": k * b.ahead * _of(d, 0.12, 0.22), "towards": _direction(d),
-            "east": _of(d, -8.0, 8.0), "width": 3.0}  # fmt: skip
+    return {"force": k * b.ahead * of(d, 0.12, 0.22), "towards": bearing(d),
+            "east": of(d, -8.0, 8.0), "width": 3.0}  # fmt: skip
 
 
 def _planing(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"speed": b.top_speed() * _of(d, 0.45, 0.65), "share": k * _of(d, 0.4, 0.6)}
+    return {"speed": b.top_speed() * of(d, 0.45, 0.65), "share": k * of(d, 0.4, 0.6)}
 
 
 def _lopsided_turning(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"gain": k * _of(d, 0.8, 1.5)}
+    return {"gain": k * of(d, 0.8, 1.5)}
 
 
 def _stiff_turning(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"moment": -k * _of(d, 0.06, 0.12) * b.hull.N_r}
+    return {"moment": -k * of(d, 0.06, 0.12) * b.hull.N_r}
 
 
 def _weed(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    period = _of(d, 30.0, 60.0)
-    return {"gain": k * _of(d, 1.5, 3.0), "period": period, "holds": period * _of(d, 0.2, 0.35)}
+    period = of(d, 30.0, 60.0)
+    return {"gain": k * of(d, 1.5, 3.0), "period": period, "holds": period * of(d, 0.2, 0.35)}
 
 
 def _compass_lag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"lag": k * _of(d, 0.3, 0.6)}
+    return {"lag": k * of(d, 0.3, 0.6)}
 
 
 UNLISTED: Mapping[str, Recipe] = {
@@ -369,6 +356,6 @@ UNLISTED: Mapping[str, Recipe] = {
 
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    return {**RECIPES, **CHANGES, **STRANGE, **UNLISTED, **SEAS}[name](
+    return {**RECIPES, **CHANGES, **STRANGE, **UNLISTED, **UNHEARD, **SEAS}[name](
         boat, dice, 1.0 if name in WHOLE else share, seconds
     )

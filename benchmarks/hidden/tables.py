@@ -38,7 +38,7 @@ def report(rows: Sequence[Row], heading: str) -> str:
     """Everything, as Markdown."""
     by = {
         f: [r for r in rows if r.truth["family"] == f]
-        for f in (*SINGLE, "pair", "none", "unknown", "unlisted", "day", "sea")
+        for f in (*SINGLE, "pair", "none", "unknown", "unlisted", "unheard", "day", "sea")
     }
     parts = [
         f"# {heading}",
@@ -103,11 +103,10 @@ def others(by: Mapping[str, Sequence[Row]]) -> str:
         ["… files exact", len(clean), score.share(clean, score.alarm)],
         ["… files off by 10 %", len(off), score.share(off, score.alarm)],
         ["strangers: `unknown`", len(by["unknown"]), score.share(by["unknown"], score.recognised)],
-        [
-            "… ten more kinds",
-            len(by["unlisted"]),
-            score.share(by["unlisted"], score.recognised),
-        ],
+        *(
+            [f"… {name}", len(by[family]), score.share(by[family], score.recognised)]
+            for family, name in (("unlisted", "ten more kinds"), ("unheard", "ten again"))
+        ),
         ["days: all causes named", len(day), score.share(day, score.all_named)],
         ["days: something invented", len(day), score.share(day, score.invented)],
         ["days: confounded", len(day), score.share(day, score.confounded)],

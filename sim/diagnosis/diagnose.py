@@ -150,8 +150,9 @@ def diagnose(
     names = [row.name for row in of_first]
     curve = None
     more = max(noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
-    if verdict is Verdict.UNKNOWN or more:
-        curve = find_free_curve(vessel, selection, scorer, error, progress, mapper)
+    more = more or verdict is Verdict.UNKNOWN
+    if more or selection.fits:
+        curve = find_free_curve(vessel, selection, scorer, error, progress, mapper, beside=more)
         if curve and verdict is not Verdict.UNKNOWN:
             beyond_form = curve.replaces or (
                 is_more_than_form(curve.gain, selection, above)

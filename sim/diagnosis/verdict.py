@@ -62,22 +62,26 @@ class FreeCurve:
 def find_free_curve(
     vessel: Vessel, selection: Selection, scorer: HeldOutScorer, given: float,
     progress: Progress = lambda _: None, mapper: Mapper = map,
-    forms: Sequence[Effect] = FREE_FORMS,
+    forms: Sequence[Effect] = FREE_FORMS, beside: bool = True,
 ) -> FreeCurve | None:  # fmt: skip
     """The curve that predicts unseen time best, noticeably better than what was found without it.
 
-    None where none does. `given`: error on unseen time of the vessel as it was given.
+    One that does without any effect comes before one beside them that is hardly better. None where
+    none is. `given`: error on unseen time of the vessel as it was given; `beside`: also beside the
+    effects that were found, not only in their place.
     """
     before = min(scorer.score_fit(selection.fit).nrmse, given)
     found: list[FreeCurve] = []
-    for fit in (selection.fit, selection.base) if selection.fits else (selection.base,):
+    for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
         progress("looking for a curve of one variable")
         curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms)
         if curve is not None:
             found.append(curve)
     if not found:
         return None
-    best = min(found, key=lambda curve: curve.step.heldout.nrmse)
+    least = min(curve.step.heldout.nrmse for curve in found)
+    enough = thresholds.MAX_FORMULA_RATIO * least
+    best = next(curve for curve in found if curve.step.heldout.nrmse <= enough)
     progress("looking for a short formula")
     return replace(best, formula=_short_formula(best, scorer))
 

@@ -111,7 +111,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     ranges = {by: extent[name] for by, name in zip((AHEAD, SIDEWAYS, TURNING), "uvr", strict=True)}
     ranges |= {HEADING: (0.0, 2.0 * math.pi)}
     pairs = [(by, acts) for by in ranges for acts in (SURGE, SWAY, YAW)]
-    pairs += [(AHEAD, THRUST)]
+    pairs += [(by, THRUST) for by in (AHEAD, SIDEWAYS, TURNING)]
     if vessel.thrusters:
         ranges |= {MOTOR: (low, 1.0)}
         pairs += [(MOTOR, acts) for acts in (SURGE, SWAY, YAW, THRUST)]

@@ -93,6 +93,16 @@ EXAMPLES = {
     "stiff_turning": {"moment": 1.0},
     "weed": {"gain": 2.0, "period": 9.0, "holds": 3.0},
     "compass_lag": {"lag": 0.4},
+    "thrust_gap": {"low": 0.1, "high": 0.6},
+    "keel_stall": {"speed": 0.05, "share": 0.7},
+    "turning_drag": {"X_rr": 60.0},
+    "leeway_drag": {"X_vv": 300.0},
+    "warming_up": {"share": 0.4, "seconds": 60.0},
+    "eddy": {"north": 4.0, "east": 2.0, "radius": 8.0, "speed": 0.4},
+    "squalls": {"force": 10.0, "towards": 2.0, "period": 9.0, "lasts": 3.0},
+    "crossed_wash": {"share": 0.2, "x": -0.5},
+    "gyro_gain": {"gain": 0.15},
+    "log_gain": {"gain": 0.15},
 }
 
 

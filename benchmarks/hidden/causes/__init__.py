@@ -7,14 +7,14 @@ The names are those of the catalogue where it holds the cause, so that an answer
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
-from benchmarks.hidden.causes import hull, motors, sensors, unknown, unlisted, water
+from benchmarks.hidden.causes import hull, motors, sensors, unheard, unknown, unlisted, water
 from benchmarks.hidden.nature import Cause
 
 KNOWN: Mapping[str, Callable[..., Cause]] = {
     **water.CAUSES, **hull.CAUSES, **motors.CAUSES, **sensors.CAUSES,
 }  # fmt: skip
 UNKNOWN: Mapping[str, Callable[..., Cause]] = unknown.CAUSES
-UNLISTED: Mapping[str, Callable[..., Cause]] = unlisted.CAUSES
+UNLISTED: Mapping[str, Callable[..., Cause]] = {**unlisted.CAUSES, **unheard.CAUSES}
 SEAS: Mapping[str, Callable[..., Cause]] = water.SEAS
 
 
