@@ -23,12 +23,16 @@ def sailed(
     effect: str | None = None, seconds: float = 200.0, seed: int = 1, **values: float
 ) -> Trial:
     """What the WAM-V with an effect reports."""
-    drive = commands(seconds, DT, seed)
-    vessel = with_effect(WAM_V, effect, **values) if effect else WAM_V
+    return sailed_with(with_effect(WAM_V, effect, **values) if effect else WAM_V, seconds, seed)
+
+
+def sailed_with(vessel: Vessel, seconds: float = 200.0, seed: int = 1, noise: float = 1.0) -> Trial:
+    """What a vessel reports; `noise`: times the usual standard deviation."""
+    drive, std = commands(seconds, DT, seed), noise * STD
     _, reports = on_floats(vessel).simulate(drive, DT)
-    motion: Floats = reports[0, :-1] + np.random.default_rng(seed).normal(0.0, STD, (len(drive), 9))
+    motion: Floats = reports[0, :-1] + np.random.default_rng(seed).normal(0.0, std, (len(drive), 9))
     return trial_of(
-        motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(STD**2)
+        motion[:, :3], motion[:, 3:6], motion[:, 6:], drive, DT, np.diag(std**2)
     )  # fmt: skip
 
 

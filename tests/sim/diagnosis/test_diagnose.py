@@ -3,15 +3,18 @@
 import json
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
+from sim.body import Flow, ThrusterParameters
 from sim.diagnosis.answer import Diagnosis, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError
-from tests.sim.diagnosis.sailed import STD, sailed
+from sim.vessel import AddedEffect
+from tests.sim.diagnosis.sailed import STD, sailed, sailed_with
 from tests.sim.voyages import WAM_V, trial_of, voyage
 
 FEW = DiagnoseSettings(
@@ -110,6 +113,31 @@ def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_named() -> Non
     assert "a moment to starboard" in found.summary
     assert "the speed sideways" in found.summary
     assert diagnose([trial], WAM_V, FEW).verdict is Verdict.ADEQUATE
+
+
+def test_effects_at_the_noise_give_way_to_a_curve_that_explains_more() -> None:
+    """Propellers draw air above 1.2 m/s: two effects come near, noise hides what they leave."""
+
+    def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
+        gone = 0.5 + 0.5 * np.tanh((flow.u - 1.2) / 0.1)
+        return F * (1.0 - p.per_mps * gone * (F > 0.0))
+
+    air = replace(named("advance_loss"), name="ventilation", thrust=thrust)
+    few = DiagnoseSettings(effects=(named("cubic_drag"), named("advance_loss")), most=2)
+    boat = WAM_V.with_effects(AddedEffect(air, {"per_mps": 0.2}))
+    found = diagnose([sailed_with(boat, noise=2.6)], WAM_V, few)
+    assert found.effects == ("advance_loss", "cubic_drag")
+    assert max(found.noise_share) < 1.0
+    assert found.ladder[-1].heldout.nrmse < 1.2 * found.noise_floor
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned",)
+    assert found.curve.heldout.nrmse < 0.95 * found.ladder[-1].heldout.nrmse
+    assert found.formula is not None
+    assert found.formula.formula.form == "step"
+    assert found.formula.formula.numbers["x0"] == pytest.approx(1.2, abs=0.05)
+    assert found.formula.formula.numbers["c"] == pytest.approx(-0.2, abs=0.05)
+    assert "nearest to it come advance_loss and cubic_drag" in found.summary
 
 
 def test_too_little_time_is_said() -> None:

@@ -7,9 +7,12 @@ from typing import Any
 
 import pytest
 
+from sim.diagnosis import verdict
 from sim.diagnosis.answer import LadderStep, Verdict, falling
 from sim.diagnosis.heldout import Gain, HeldOutScore
 from sim.diagnosis.verdict import (
+    FreeCurve,
+    find_free_curve,
     is_above_noise,
     is_above_stated,
     is_curve_above_form,
@@ -174,6 +177,32 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     ladder.append(step(0.25, "hull_lift", "cg_offset"))
     assert said("hull_lift", "cg_offset", "x").startswith("hull_lift and cg_offset help, ")
     assert "nearest to it come hull_lift and cg_offset, the error" in said("x")
+
+
+def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    errors = {"base": 0.203, "effects": 0.2}
+    chosen: Any = SimpleNamespace(fit="effects", fits=("effects",), base="base")
+    scorer: Any = SimpleNamespace(score_fit=lambda fit: SimpleNamespace(nrmse=0.3))
+
+    def curve(vessel: Any, fit: Any, *_: Any) -> FreeCurve:
+        effects = ("x",) if fit == "base" else ("hull_lift", "x")
+        none: Any = None
+        return FreeCurve(step(errors[fit], *effects), none, fit)
+
+    monkeypatch.setattr(verdict, "_fitted", curve)
+    monkeypatch.setattr(verdict, "_short_formula", lambda *_: None)
+
+    def found(**how: bool) -> tuple[str, ...]:
+        best = find_free_curve(WAM_V, chosen, scorer, 0.5, **how)
+        assert best is not None
+        return best.step.effects
+
+    assert found() == ("x",)
+    errors["effects"] = 0.19
+    assert found() == ("hull_lift", "x")
+    assert found(beside=False) == ("x",)
 
 
 def test_a_curve_beside_an_effect_counts_where_it_takes_away_a_noticeable_error() -> None:

@@ -5,7 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.effects.learned import EFFECT, HEADING, KNOTS, MOTOR, SWAY, THRUST, YAW, in_words, table
+from sim.effects.learned import (
+    EFFECT,
+    HEADING,
+    KNOTS,
+    MOTOR,
+    SWAY,
+    THRUST,
+    TURNING,
+    YAW,
+    in_words,
+    table,
+)
 
 SHARES = {f"f{k}": 0.1 * (-1) ** k * k for k in range(KNOTS)}
 BASE = {**EFFECT.example, **SHARES}
@@ -39,6 +50,11 @@ def test_a_heading_has_no_end() -> None:
         ({"acts": SWAY, "x": -0.44}, ("force to starboard -0.44 m from the origin",), "moment"),
         ({"acts": YAW}, ("moment", "half the hull's length", "-30 N at 1 m/s"), "origin"),
         ({"acts": THRUST}, ("share of the thrust", "-30 % at 1 m/s"), " N "),
+        (
+            {"by": TURNING, "acts": THRUST, "high": np.pi / 3},
+            ("share of the thrust that changes with the yaw rate", "-30 % at 30 °/s"),
+            " N ",
+        ),
         ({"by": HEADING, "high": 2.0 * np.pi}, ("with the heading", "-30 N at 180 °"), "m/s"),
         ({"by": MOTOR, "high": 1.0}, ("thrust of each motor", "-30 N at 50 %"), "m/s"),
     ],
