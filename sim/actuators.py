@@ -43,9 +43,15 @@ def thrust_at(command: float, share: float, drive: ThrusterParameters) -> float:
 
 
 @jitable
-def thruster_force(thrust: float, azimuth: float, drive: ThrusterParameters) -> Wrench:
-    """Thrust [N] at an azimuth [rad] -> X, Y, N [N, N, N m]."""
-    forward, starboard = thrust * np.cos(azimuth), thrust * np.sin(azimuth)
+def axis_of(azimuth: float) -> tuple[float, float]:
+    """Azimuth [rad] -> components of a unit thrust ahead and to starboard."""
+    return np.cos(azimuth), np.sin(azimuth)
+
+
+@jitable
+def thruster_force(thrust: float, axis: tuple[float, float], drive: ThrusterParameters) -> Wrench:
+    """Thrust [N] along an axis (`axis_of`) -> X, Y, N [N, N, N m]."""
+    forward, starboard = thrust * axis[0], thrust * axis[1]
     return Wrench(forward, starboard, drive.x * starboard - drive.y * forward)
 
 

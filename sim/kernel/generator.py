@@ -9,9 +9,9 @@ in their files, with the imports that those files have.
 """
 
 import ast
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 from sim.body import Body, RudderParameters, ThrusterParameters
@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.actuators import (
-    angle_of, ramp, rudder_force, slipstream, thrust_at, thrust_of, thruster_force,
+    angle_of, axis_of, ramp, rudder_force, slipstream, thrust_at, thrust_of, thruster_force,
 )
 from sim.balance import (
     acceleration_through, balance_residual, base_inertia, kinematics, relative_velocity, solve,
@@ -118,6 +118,18 @@ class Structure(NamedTuple):
         unless = f"{name} if off_{effect}(p.e{effect}) else " if self.is_off(effect) else ""
         return f"{name} = {unless}{to}"
 
+    def after_all(self, place: str, name: str, law: Callable[[int], str]) -> list[str]:
+        """Lines that give `name` its value after each effect that acts there: `law` of its number.
+
+        Of neighbours that can be switched off none is asked where all are.
+        """
+        out = []
+        for switched, some in groupby(self.acting(place), lambda e: bool(self.is_off(e))):
+            own = [self.applied(e, name, law(e)) for e in some]
+            together = switched and len(own) > 1
+            out += [f"if not idle_{place}(p):", *(f"    {x}" for x in own)] if together else own
+        return out
+
     def memory(self, effect: int, place: str, actuator: int) -> int:
         """Position in the state of that memory."""
         return 6 + self.memories.index((effect, place, actuator))
@@ -154,9 +166,16 @@ def _unpack(s: Structure) -> str:
 
 
 def _switches(s: Structure) -> str:
-    """`off_E`: whether effect E does nothing, by its numbers."""
+    """`off_E`: whether effect E does nothing, by its numbers; `is_linear`: a thrust without bend.
+
+    What is passed over costs more than the question.
+    """
     tests = {e: s.is_off(e) for e in range(len(s.effects))}
-    made = (_function(f"off_{e}(p)", [f"return {test}"]) for e, test in tests.items() if test)
+    made = [_function(f"off_{e}(p)", [f"return {test}"]) for e, test in tests.items() if test]
+    for place in ("water", "thrust", "force"):
+        each = [f"off_{e}(p.e{e})" for e in s.acting(place) if tests[e]]
+        made.append(_function(f"idle_{place}(p)", ["return " + (" and ".join(each) or "True")]))
+    made.append(_function("is_linear(p)", ["return p.exponent == 1.0"]))
     return "".join(made).replace("@jit", "@branch")
 
 
@@ -176,10 +195,8 @@ def _state(s: Structure) -> str:
 def _surroundings(s: Structure) -> str:
     """`water_at` and `flow_at`: how the boat moves through water and world."""
     lines = ["water = Water(0.0, 0.0, 0.0, 0.0)"]
-    lines += [
-        s.applied(e, "water", f"add_water(water, water_{e}(time, pose, p.e{e}))")
-        for e in s.acting("water")
-    ]
+    law = "add_water(water, water_{0}(time, pose, p.e{0}))"
+    lines += s.after_all("water", "water", law.format)
     return _function("water_at(time, pose, p)", [*lines, "return water"]) + _function(
         "flow_at(x, time, inputs, water, p)",
         [
@@ -214,9 +231,9 @@ def _static_actuation(s: Structure) -> str:
         lines += [
             s.applied(e, f"c{i}", f"command_{e}(c{i}, p.t{i}, p.e{e})") for e in s.acting("command")
         ]
-        table = s.tables[i] if s.tables else -1
+        table, bent = s.tables[i] if s.tables else -1, f"thrust_of(c{i}, p.t{i})"
         lines.append(
-            f"F{i} = thrust_of(c{i}, p.t{i})"
+            f"F{i} = thrust_at(c{i}, c{i}, p.t{i}) if is_linear(p.t{i}) else {bent}"
             if table < 0
             else f"F{i} = thrust_at(c{i}, {_share(f'c{i}', f'p.k{table}', s.knots[table])}, p.t{i})"
         )
@@ -240,19 +257,18 @@ def _actuator_wrench(s: Structure) -> str:
             turned[motor] = f" - d{i}"
     for i in range(s.thrusters):
         lines.append(f"F{i} = inputs.actuation[{i}]")
-        lines += [
-            s.applied(e, f"F{i}", f"thrust_{e}(F{i}, p.t{i}, flow, p.e{e})")
-            for e in s.acting("thrust")
-        ]
+        law = f"thrust_{{0}}(F{i}, p.t{i}, flow, p.e{{0}})"
+        lines += s.after_all("thrust", f"F{i}", law.format)
         for e in s.acting("thrust_rate"):
             at = s.memory(e, "thrust_rate", i)
             commanded[at] = f"F{i}_{e}"
             lines += [f"F{i}_{e} = F{i}", f"F{i} = x[{at}]"]
         lines.append(f"a{i} = p.t{i}.azimuth{turned.get(i, '')}")
-        lines += [
-            s.applied(e, f"a{i}", f"turn_{e}(a{i}, p.t{i}, flow, p.e{e})") for e in s.acting("turn")
-        ]
-        lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, a{i}, p.t{i}))")
+        lines.append(f"axis{i} = axis_of(a{i})")  # the same all along a run that nothing turns
+        for e in s.acting("turn"):
+            lines.append(s.applied(e, f"a{i}", f"turn_{e}(a{i}, p.t{i}, flow, p.e{e})"))
+            lines.append(s.applied(e, f"axis{i}", f"axis_of(a{i})"))
+        lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, axis{i}, p.t{i}))")
         beside = [f"reaction_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("reaction")]
         lines += [f"tau = add_wrench(tau, {own})" for own in beside]
     for i, (motor, wash) in enumerate(s.rudders):
@@ -293,9 +309,12 @@ def _dynamics(s: Structure) -> str:
         "M = base_inertia(p.body)",
         *(s.applied(e, "M", f"inertia_{e}(M, flow, p.e{e})") for e in s.acting("inertia")),
     ]
-    for e in s.acting("force"):
+
+    def force(e: int) -> str:
         own = f", x[{s.memory(e, 'rate', 0)}]" if s.effects[e].rate else ""
-        balance.append(s.applied(e, "tau", f"add_wrench(tau, force_{e}(flow{own}, p.e{e}))"))
+        return f"add_wrench(tau, force_{e}(flow{own}, p.e{e}))"
+
+    balance += s.after_all("force", "tau", force)
     balance += [
         "rel_dot = acceleration_through(water, pose, nu, Velocity(u_dot, v_dot, r_dot))",
         "return M, balance_residual(M, p.body, relative_velocity(flow), rel_dot, tau)",

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.actuators import thrust_at, thruster_force
+from sim.actuators import axis_of, thrust_at, thruster_force
 from sim.body import ThrusterParameters
 from sim.kernel.compiled import compiled
 from sim.state import Floats, to_body, to_world
@@ -223,7 +223,7 @@ def write_thrust(i: int, command: float, hull: Hull, out: Floats, at: int) -> No
     t = hull.thrusters[i]
     drive = ThrusterParameters(0.0, t[0], t[1], t[2], t[3], t[4], 1.0)
     thrust = thrust_at(command, share_of_thrust(command, hull.curves[i]), drive)
-    force = thruster_force(thrust, drive.azimuth, drive)
+    force = thruster_force(thrust, axis_of(drive.azimuth), drive)
     for a in range(3):
         out[a, at] = force[a]
 

@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.actuators import STALL_SINE, angle_of, rudder_force, slipstream, thrust_of, thruster_force
+from sim.actuators import (
+    STALL_SINE,
+    angle_of,
+    axis_of,
+    rudder_force,
+    slipstream,
+    thrust_at,
+    thrust_of,
+    thruster_force,
+)
 from sim.body import Body, Flow, RudderParameters, ThrusterParameters
 from sim.model import Model
 from tests.sim.simulated import on_floats
@@ -33,10 +42,17 @@ def test_thrust_follows_the_curve_and_reaches_its_ends():
     np.testing.assert_allclose(thrust_of(c, DRIVE), [-50.0, -12.5, 0.0, 22.5, 90.0])
 
 
+def test_a_thrust_without_bend_is_the_same_without_a_power():
+    c, straight = np.linspace(-1.0, 1.0, 41), DRIVE._replace(exponent=1.0)
+    np.testing.assert_array_equal(thrust_at(c, c, straight), thrust_of(c, straight))
+
+
 def test_a_thruster_pushes_along_its_azimuth_and_turns_by_its_arm():
-    X, Y, N = thruster_force(10.0, np.pi / 2, DRIVE)
+    X, Y, N = thruster_force(10.0, axis_of(np.pi / 2), DRIVE)
     np.testing.assert_allclose([X, Y, N], [0.0, 10.0, -7.0], atol=1e-12)
-    assert pytest.approx(-4.0) == thruster_force(10.0, 0.0, DRIVE).N  # starboard motor: to port
+    assert (
+        pytest.approx(-4.0) == thruster_force(10.0, axis_of(0.0), DRIVE).N
+    )  # starboard motor: to port
 
 
 def test_more_thrust_to_port_turns_to_starboard():
