@@ -53,7 +53,7 @@ OMEGA_STEP = 0.04  # rad/s of the first grid
 DIRECTIONS = 96  # of the first grid
 CANDIDATES = 8  # the best points of the first grid are followed
 TRAINS = 2  # the second in what the first leaves: side lobes of a strong one are no train
-OFFSETS = np.arange(-3, 4)  # steps to either side of a point that is refined
+OFFSETS = np.arange(-3.0, 4.0)  # steps to either side of a point that is refined
 
 
 def force(flow: Flow, p: Any) -> Wrench:
@@ -97,28 +97,44 @@ class _Samples:
         return replace(self, force=self.force - push[:, None] * unit)
 
     def power(self, omega: Floats, direction: Floats, window: float) -> Floats:
-        """Σ over windows of |A|²: (...)."""
-        number = (self.time // window).astype(np.int64)
-        each = np.empty(omega.size)
-        _powers(self.time, self.place, self.force, number, omega.ravel(), direction.ravel(), each)
-        return each.reshape(omega.shape)
+        """Σ over windows of |A|² at frequencies (M,), evenly apart, and directions (D,): (D, M)."""
+        number, out = (self.time // window).astype(np.int64), np.empty((len(direction), len(omega)))
+        _powers(self.time, self.place, self.force, number, omega, direction, out)
+        return out
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _powers(time, place, force, window, omega, direction, out):  # type: ignore[no-untyped-def]
-    """Samples (T,), (T, 2), (T, 2) in windows by number (T,) -> Σ |A|² at (M,) points, in `out`."""
-    for m in range(len(omega)):
-        c, s, w = np.cos(direction[m]), np.sin(direction[m]), omega[m]
-        k, total, real, imaginary = w * w / GRAVITY, 0.0, 0.0, 0.0
-        for t in range(len(time)):
-            turn = w * time[t] - k * (c * place[t, 0] + s * place[t, 1])
+    """Samples (T,), (T, 2), (T, 2) in windows by number (T,) -> Σ |A|² on a grid, in `out` (D, M).
+
+    The phase is of second order in ω: from one frequency to the next e^{−i phase} is turned on by a
+    step that is itself turned on by one number.
+    """
+    d, size = omega[1] - omega[0] if len(omega) > 1 else 0.0, len(time)
+    wave, step, bend = np.empty((size, 2)), np.empty((size, 2)), np.empty((size, 2))
+    for n in range(len(direction)):
+        c, s, w = np.cos(direction[n]), np.sin(direction[n]), omega[0]
+        for t in range(size):
+            along = (c * place[t, 0] + s * place[t, 1]) / GRAVITY
             push = c * force[t, 0] + s * force[t, 1]
-            real += push * np.cos(turn)
-            imaginary -= push * np.sin(turn)
-            if t + 1 == len(time) or window[t + 1] != window[t]:
-                total += real * real + imaginary * imaginary
-                real = imaginary = 0.0
-        out[m] = total
+            turn, first = w * time[t] - w * w * along, d * time[t] - (2.0 * w + d) * d * along
+            second = -2.0 * d * d * along
+            wave[t, 0], wave[t, 1] = push * np.cos(turn), -push * np.sin(turn)
+            step[t, 0], step[t, 1] = np.cos(first), -np.sin(first)
+            bend[t, 0], bend[t, 1] = np.cos(second), -np.sin(second)
+        for m in range(len(omega)):
+            total, real, imaginary = 0.0, 0.0, 0.0
+            for t in range(size):
+                a, b, p, q = wave[t, 0], wave[t, 1], step[t, 0], step[t, 1]
+                real += a
+                imaginary += b
+                wave[t, 0], wave[t, 1] = a * p - b * q, a * q + b * p
+                step[t, 0] = p * bend[t, 0] - q * bend[t, 1]
+                step[t, 1] = p * bend[t, 1] + q * bend[t, 0]
+                if t + 1 == size or window[t + 1] != window[t]:
+                    total += real * real + imaginary * imaginary
+                    real = imaginary = 0.0
+            out[n, m] = total
 
 
 def strongest_trains(vessel: object, residual: Callable[[], ResidualForce]) -> list[Values]:
@@ -155,8 +171,8 @@ def _coarse_peaks(
     """The best points of the whole grid: omega [rad/s], direction [rad]."""
     highest = min(MAX_OMEGA, 0.7 * np.pi / float(np.median(np.diff(samples.time))))
     omega = np.arange(MIN_OMEGA, highest, d_omega)
-    theta = d_theta * np.arange(DIRECTIONS)
-    power = np.stack([samples.power(omega, np.full(len(omega), t), window) for t in theta])
+    theta = np.asarray(d_theta * np.arange(DIRECTIONS), np.float64)
+    power = samples.power(omega, theta, window)
     best = np.argsort(power, axis=None)[::-1][:CANDIDATES]
     at_theta, at_omega = np.unravel_index(best, power.shape)
     return [(float(omega[j]), float(theta[i])) for i, j in zip(at_theta, at_omega, strict=True)]
@@ -166,9 +182,10 @@ def _refined(
     samples: _Samples, point: tuple[float, float], window: float, d_omega: float, d_theta: float
 ) -> tuple[float, float]:
     """The best point of a finer grid around one."""
-    omega, theta = np.meshgrid(point[0] + d_omega * OFFSETS, point[1] + d_theta * OFFSETS)
-    best = np.unravel_index(np.argmax(samples.power(omega, theta, window)), omega.shape)
-    return float(omega[best]), float(theta[best])
+    omega = np.asarray(point[0] + d_omega * OFFSETS, np.float64)
+    theta = np.asarray(point[1] + d_theta * OFFSETS, np.float64)
+    at_theta, at_omega = divmod(int(np.argmax(samples.power(omega, theta, window))), len(omega))
+    return float(omega[at_omega]), float(theta[at_theta])
 
 
 def in_words(p: FittedValues) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 from sim.effects.catalogue import named
 from sim.effects.effect import Values
+from sim.effects.wave_motion import _Samples
 from sim.identification.search import start_points
 from sim.model import Model
 from sim.trial import Trial
@@ -32,6 +33,18 @@ def test_one_train_is_found(omega: float, direction: float) -> None:
     assert first["omega"] == pytest.approx(omega, abs=0.01)
     assert remainder(first["direction"] - direction, 2.0 * pi) == pytest.approx(0.0, abs=0.04)
     assert first["force"] == pytest.approx(40.0, rel=0.4)  # a filter rounds accelerations
+
+
+def test_the_power_of_a_grid_is_that_of_each_of_its_points() -> None:
+    """From one frequency to the next the phase goes on: written out beside it, window by window."""
+    draw = np.random.default_rng(2)
+    time, window = 0.4 * np.arange(600.0), 50.0
+    samples = _Samples(time, draw.normal(size=(600, 2)).cumsum(axis=0), draw.normal(size=(600, 2)))
+    omega, direction = np.arange(0.8, 6.0, 0.04), np.array([0.3, 2.0, -1.1])
+    filtered = samples.filtered(*np.meshgrid(omega, direction))
+    sums = np.stack([filtered[..., time // window == k].sum(axis=-1) for k in range(5)])
+    expected = np.sum(np.abs(sums) ** 2, axis=0)
+    np.testing.assert_allclose(samples.power(omega, direction, window), expected, rtol=1e-9)
 
 
 def two_trains() -> Trial:
