@@ -93,31 +93,12 @@ class Chain:
 
         process  (3,) standard deviation of w after one second
         """
-        S, n = errors.within.shape
-        count = errors.within.sum(axis=1).astype(np.int64)
-        phi = np.nan_to_num(np.clip(errors.phi, -MAX_TRANSITION, MAX_TRANSITION))
-        moved = np.concatenate([phi[:, n], -phi[np.arange(S), np.maximum(count - 1, 0)]], axis=1)
-        fresh = _fresh(noise)
-        timing = np.zeros((0, 0, 0))
-        if errors.timing_covariance is not None and noise.command_timing > 0.0:
-            timing = np.nan_to_num(errors.timing_covariance)
-        start = np.diag(np.concatenate([(START_SIGMAS * noise.sigma) ** 2, noise.sigma**2]))
-        state, gain = np.zeros((S, 3 * n, 6)), np.zeros((S, 6, 3 * n))
-        root = np.broadcast_to(np.eye(3 * n), (S, 3 * n, 3 * n)).copy()
-        white = np.zeros((S, 3 * n))
-        size = _riccati(
-            np.ascontiguousarray(errors.error).reshape(S, 3 * n + 3), phi, count, follows, moved,
-            fresh, noise.rho, process**2 * mean_s, timing, noise.command_timing**2, start,
-            state, gain, root, white,
+        recursion = _Recursion.of(errors, follows)
+        spread, deviance = recursion.run(noise, process, mean_s)
+        return cls(
+            follows, recursion.count, noise, recursion.state, recursion.moved, recursion.gain,
+            recursion.root, spread, deviance,
         )  # fmt: skip
-        counted = white.reshape(S, n, 3)[errors.within > 0]
-        spread = np.ones(3)
-        if len(counted):
-            spread = np.sqrt(np.median(counted**2, axis=0) / CHI2_MEDIAN)
-        determinant = size + 2.0 * float(count.sum()) * np.log(fresh).sum()
-        deviance = float(np.sum(np.clip(counted, -CLIP_STD, CLIP_STD) ** 2) + determinant)
-        spread = np.maximum(spread, 1e-3)
-        return cls(follows, count, noise, state, moved, gain, root, spread, deviance)
 
     @cached_property
     def _unit(self) -> Floats:
@@ -179,6 +160,60 @@ class Chain:
         )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class _Recursion:
+    """Errors as the filter's recursion reads them, whatever the noise, and what it fills.
+
+    error (S, m + 3), phi (S, n + 1, 3, 3), timing (S, m + 3, m + 3) or empty; of the run after run
+    it leaves `state`, `gain` and `root` (see `Chain`), which the next one overwrites.
+    """
+
+    error: Floats
+    phi: Floats
+    within: Floats
+    count: Ints
+    follows: Floats
+    moved: Floats
+    timing: Floats
+    state: Floats
+    gain: Floats
+    root: Floats
+
+    @classmethod
+    def of(cls, errors: RunErrors, follows: Floats) -> "_Recursion":
+        """From errors (S, n + 1, 3) with the gap last, and their sensitivities (S, n + 1, 3, 3)."""
+        S, n = errors.within.shape
+        count = errors.within.sum(axis=1).astype(np.int64)
+        phi = np.nan_to_num(np.clip(errors.phi, -MAX_TRANSITION, MAX_TRANSITION))
+        moved = np.concatenate([phi[:, n], -phi[np.arange(S), np.maximum(count - 1, 0)]], axis=1)
+        timing = np.zeros((0, 0, 0))
+        if errors.timing_covariance is not None:
+            timing = np.nan_to_num(errors.timing_covariance)
+        root = np.broadcast_to(np.eye(3 * n), (S, 3 * n, 3 * n)).copy()
+        return cls(
+            np.ascontiguousarray(errors.error).reshape(S, 3 * n + 3), phi, errors.within, count,
+            follows, moved, timing, np.zeros((S, 3 * n, 6)), np.zeros((S, 6, 3 * n)), root,
+        )  # fmt: skip
+
+    def run(self, noise: Noise, process: Floats, mean_s: float) -> tuple[Floats, float]:
+        """Spread (3,) and deviance of the innovations under a noise (see `Chain.of`)."""
+        S, n = self.within.shape
+        fresh, white = _fresh(noise), np.zeros((S, 3 * n))
+        start = np.diag(np.concatenate([(START_SIGMAS * noise.sigma) ** 2, noise.sigma**2]))
+        size = _riccati(
+            self.error, self.phi, self.count, self.follows, self.moved, fresh, noise.rho,
+            process**2 * mean_s, self.timing[: None if noise.command_timing > 0.0 else 0],
+            noise.command_timing**2, start, self.state, self.gain, self.root, white,
+        )  # fmt: skip
+        counted = white.reshape(S, n, 3)[self.within > 0]
+        spread = np.ones(3)
+        if len(counted):
+            spread = np.sqrt(np.median(counted**2, axis=0) / CHI2_MEDIAN)
+        determinant = size + 2.0 * float(self.count.sum()) * np.log(fresh).sum()
+        deviance = float(np.sum(np.clip(counted, -CLIP_STD, CLIP_STD) ** 2) + determinant)
+        return np.maximum(spread, 1e-3), deviance
+
+
 def _clipped_std(rows: Floats) -> Floats:
     """Standard deviation (3,) of rows (N, 3), none beyond `CLIP_STD` of it."""
     if not len(rows):
@@ -198,30 +233,36 @@ def chain_of(
     errors: RunErrors, noise: Noise, follows: Floats, stated: Floats, mean_s: float
 ) -> Chain:
     """The filter under a noise; what no model knows is as large, beside it, as `PROCESS_STD`."""
-    return Chain.of(errors, noise, follows, PROCESS_STD * noise.sigma / stated, mean_s)
+    return Chain.of(errors, noise, follows, _process_std(noise, stated), mean_s)
+
+
+def _process_std(noise: Noise, stated: Floats) -> Floats:
+    return np.asarray(PROCESS_STD * noise.sigma / stated)
 
 
 def estimate_chain_noise(
     errors: RunErrors, follows: Floats, stated: Floats, mean_s: float,
     timings: Sequence[float] = COMMAND_TIMINGS,
-) -> Noise:  # fmt: skip
-    """The noise under which the innovations are most likely, of one spread in each channel.
+) -> tuple[Noise, float]:  # fmt: skip
+    """The noise under which the innovations are most likely, of one spread in each channel, and
+    −2 log of that likelihood.
 
     timings  multiples of a message interval that are tried for command timing
     """
-    best: tuple[float, Noise] | None = None
+    best: tuple[Noise, float] | None = None
+    recursion = _Recursion.of(errors, follows)
     timings = timings if errors.timing_covariance is not None else (0.0,)
     for tau, timing in product(CORRELATION_TIMES_S, timings):
         noise = Noise(stated, np.full(3, np.exp(-mean_s / tau)), timing)
         for _ in range(NOISE_ROUNDS):
-            spread = chain_of(errors, noise, follows, stated, mean_s).spread
+            spread, _ = recursion.run(noise, _process_std(noise, stated), mean_s)
             sigma = np.maximum(noise.sigma * spread, MIN_NOISE_SHARE * stated)
             noise = noise._replace(sigma=sigma)
-        deviance = chain_of(errors, noise, follows, stated, mean_s).deviance
-        if best is None or deviance < best[0]:
-            best = deviance, noise
+        _, deviance = recursion.run(noise, _process_std(noise, stated), mean_s)
+        if best is None or deviance < best[1]:
+            best = noise, deviance
     assert best is not None
-    return best[1]
+    return best
 
 
 def follows_of(first: Ints, size: Ints) -> Floats:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from sim.identification.innovations import (
     Chain,
-    chain_of,
     estimate_chain_noise,
     follows_of,
     track_std,
@@ -209,7 +208,7 @@ class RunSet:
         """The noise under which errors of these runs are most likely."""
         if self.follows is None:
             return estimate_noise(errors, self.mean_s, self.noise)
-        return estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s)
+        return estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s)[0]
 
     def deviance_of(self, errors: RunErrors) -> float:
         """−2 log likelihood of errors of these runs under the noise that they show, but for a
@@ -218,8 +217,7 @@ class RunSet:
         if self.follows is None:
             return restricted_deviance(errors, self.noise_of(errors))
         held = (self.noise.command_timing,)
-        noise = estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s, held)
-        return chain_of(errors, noise, self.follows, self.track_std, self.mean_s).deviance
+        return estimate_chain_noise(errors, self.follows, self.track_std, self.mean_s, held)[1]
 
     @property
     def track_std(self) -> Floats:
@@ -230,6 +228,11 @@ class RunSet:
     def scales(self) -> Floats:
         """Of the trial's u, v, r: (3,)."""
         return scales_of(self.source.trial)
+
+    @cached_property
+    def counted(self) -> Ints:
+        """Places of the means that count, run after run, among all S n of them."""
+        return np.flatnonzero(self.within)
 
     @cached_property
     def inputs(self) -> InputTable:

@@ -188,8 +188,8 @@ def projected_residuals(run_set: RunSet, error: Floats) -> Floats:
     Of tied runs, errors and gaps (K, S, n + 1, 3) -> whitened innovations (K, N).
     """
     if run_set.chain is not None:
-        innovations = run_set.chain.whitened(error)
-        return innovations[:, run_set.within > 0].reshape(len(error), -1)
+        innovations = run_set.chain.whitened(error).reshape(len(error), -1, 3)
+        return innovations.take(run_set.counted, axis=1).reshape(len(error), -1)
     white = whitened(error, run_set.noise) * run_set.within[..., None]
     w = apply_whitener(white, run_set.whitener)
     along = np.einsum("sncl,ksnc->ksl", run_set.basis, w, optimize=True)

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from sim.identification.innovations import START_SIGMAS, Chain, follows_of
+from sim.identification.innovations import (
+    START_SIGMAS,
+    Chain,
+    chain_of,
+    estimate_chain_noise,
+    follows_of,
+)
 from sim.identification.noise import Noise, RunErrors
 from sim.state import Floats
 
@@ -85,6 +91,13 @@ def test_innovations_are_the_likelihood_of_all_errors(timing: float) -> None:
     assert np.sum(white**2) == pytest.approx(left @ np.linalg.solve(C, left), rel=1e-6)
     clipped = np.sum(np.clip(white, -5.0, 5.0) ** 2)
     assert chain.deviance - clipped == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-6)
+
+
+def test_the_likelihood_of_the_noise_found_is_that_of_its_filter() -> None:
+    """The recursion runs over the same arrays for each noise that is tried: nothing is left in."""
+    e = runs(True)
+    noise, deviance = estimate_chain_noise(e, FOLLOWS, NOISE.sigma, MEAN_S)
+    assert chain_of(e, noise, FOLLOWS, NOISE.sigma, MEAN_S).deviance == deviance
 
 
 def test_innovations_are_linear_in_the_errors() -> None:
