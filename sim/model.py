@@ -35,6 +35,7 @@ FASTER, FASTER_BY = 1.2, 0.1  # … no run becomes faster than all starts by thi
 RUNAWAY_SPEED = 1e3  # m/s, rad/s: of what is no number any more
 SHORTEST_STEP_S = 1e-3  # of runs that did
 SETTLED = 1e-3  # of a speed: shorter steps that change the fastest by less are short enough
+HULL = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
 
@@ -86,12 +87,8 @@ class Model:
         thetas = np.atleast_2d(self.theta if theta is None else theta)
         batch = max(len(table), len(start), len(thetas))
         steps = table.shape[1]
-        runs = Runs(
-            table=np.arange(batch) % len(table),
-            start=np.zeros(batch, np.int64),
-            steps=np.full(batch, steps),
-            delay=np.zeros(batch),
-        )
+        number, none = np.arange(batch), np.zeros(batch, np.int64)
+        runs = Runs(number % len(table), none, np.full(batch, steps), np.zeros(batch))
         inputs = InputTable.of(table, dt, voltage, wind, start_time)
         return self.run(np.resize(start, (batch, start.shape[1])), runs, inputs, theta=thetas)
 
@@ -111,12 +108,13 @@ class Model:
         needed = self.steps_in(inputs.dt, thetas, first)
         horizon = int(runs.steps.max()) + 1
         states, reports = self._rolled(start, runs, inputs, thetas, needed, horizon)
-        origin, again, reached = runs.origin, np.arange(len(x0)), _fastest(states, runs.steps)
-        settled = np.zeros(len(x0), np.bool_)
+        reached, limit = _fastest(states, runs.steps), FASTER * first + FASTER_BY
+        if not np.any(reached > limit):
+            return states, reports
+        origin, again, settled = runs.origin, np.arange(len(x0)), np.zeros(len(x0), np.bool_)
 
         def too_fast(rows: Ints) -> Ints:
-            faster = np.any(reached[rows] > FASTER * first + FASTER_BY, axis=1)
-            return np.asarray(rows[faster & ~settled[rows]])
+            return np.asarray(rows[np.any(reached[rows] > limit, axis=1) & ~settled[rows]])
 
         while len(fast := too_fast(again)):
             stable = self.max_step(thetas, reached[again].max(axis=0), SHORTEST_STEP_S)
@@ -182,14 +180,17 @@ class Model:
 
     def _fastest_rate(self, rows: Floats, nu: Floats) -> float:
         """The fastest rate [1/s] of the hull, over theta (K, P) and velocities (B, 3)."""
-        p = SimpleNamespace(**dict(zip(self.names, rows.T, strict=True)))
+        m11, m22, m33, X_u, X_uu, Y_v, Y_vv, N_r, N_rr = rows[:, self._hull].T
         u, v, r = np.abs(np.atleast_2d(nu)).max(axis=0)
-        damping = np.maximum.reduce([
-            -(p.X_u + 2.0 * p.X_uu * u) / p.m11, -(p.Y_v + 2.0 * p.Y_vv * v) / p.m22,
-            -(p.N_r + 2.0 * p.N_rr * r) / p.m33,
-        ])  # fmt: skip
-        munk = u * np.sqrt(np.abs((p.m22 - p.m11) * p.m11 / (p.m22 * p.m33)))
-        return float(np.max(damping + munk, initial=1e-9))
+        damped = np.maximum(-(X_u + 2.0 * X_uu * u) / m11, -(Y_v + 2.0 * Y_vv * v) / m22)
+        damped = np.maximum(damped, -(N_r + 2.0 * N_rr * r) / m33)
+        munk = u * np.sqrt(np.abs((m22 - m11) * m11 / (m22 * m33)))
+        return float(np.max(damped + munk, initial=1e-9))
+
+    @cached_property
+    def _hull(self) -> list[int]:
+        """Columns of theta with the inertia and the damping of the hull."""
+        return [self.names.index(name) for name in HULL]
 
     def missing_force(
         self, motion: Floats, times: Floats, held: Floats, commands: Floats, *,

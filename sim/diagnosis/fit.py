@@ -235,7 +235,7 @@ def unknowns_for(
     unknowns = unknowns_of(model, trials, replace(settings, free=(*settings.free, *free)))
     pairs = ((a.effect.name, p) for a in added for p in a.effect.parameters if p.prior)
     known = {f"{name}.{p.name}": p.start for name, p in pairs}
-    each = (replace(u, start=known.get(u.name, u.start)) for u in unknowns.each)
+    each = (replace(u, start=known[u.name]) if u.name in known else u for u in unknowns.each)
     return replace(unknowns, each=tuple(_bounded(u) for u in each))
 
 

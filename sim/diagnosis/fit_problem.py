@@ -74,12 +74,24 @@ class SupersetModel:
         """A model of the vessel with these effects, the others switched off."""
         names = {e.name for e in self.effects}
         own = [a for a in added if a.effect.name not in names]
-        model = Model.of(self.model.vessel.with_effects(*own)) if own else self.model
+        model = self._beside(own) if own else self.model
         theta = model.theta.copy()
         for a in added:
             for key, value in a.values.items():
                 theta[model.names.index(f"{a.effect.name}.{key}")] = value
         return replace(model, theta=theta)
+
+    def _beside(self, own: Sequence[AddedEffect]) -> Model:
+        """A model that holds these effects too, of whatever numbers; composed once for a set."""
+        vessel, names = self.model.vessel.with_effects(*own), tuple(a.effect.name for a in own)
+        if names not in self._composed:
+            self._composed[names] = Model.of(vessel)
+        return replace(self._composed[names], vessel=vessel)
+
+    @cached_property
+    def _composed(self) -> dict[tuple[str, ...], Model]:
+        """Models with other effects beside all that can be switched off, by their names."""
+        return {}
 
 
 def _is_measured(effect: Effect, trials: Sequence[Trial]) -> bool:

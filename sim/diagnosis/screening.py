@@ -33,7 +33,7 @@ from sim.identification.search import (
 )
 from sim.identification.shooting import jacobian_of, residuals_and_slopes, residuals_of
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.vessel import AddedEffect
 
 Progress = Callable[[str], None]  # is given what is being done, in words
@@ -44,6 +44,7 @@ Mapper = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]  # maps 
 class ScreeningResult:
     """One effect at the best start found: z (n,) of its unknowns, and the cost there.
 
+    place     column (n,) of each unknown in the reference's z, −1 of what that does not hold
     deviance  −2 log likelihood under the noise that it leaves itself; known once it is the best
     residual  at z, on the rows that it was screened on last; None where it was moved since
     """
@@ -52,6 +53,7 @@ class ScreeningResult:
     unknowns: Unknowns
     z: Floats
     cost: float
+    place: Ints
     deviance: float = np.inf
     residual: Floats | None = None
 
@@ -235,17 +237,18 @@ class _Screening:
         added = AddedEffect(effect, dict(start))
         trials, settings = len(self.problem.trials), self.problem.settings
         unknowns = unknowns_for(self.superset, [*self.reference.added, added], trials, settings)
-        return ScreeningResult(added, unknowns, start_values(unknowns, self.reference), np.inf)
+        z = start_values(unknowns, self.reference)
+        known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
+        place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
+        return ScreeningResult(added, unknowns, z, np.inf, place)
 
     def _step(self, r: ScreeningResult) -> ScreeningResult | None:
         """The best of a few Levenberg–Marquardt steps; None where the model is lost."""
         unknowns, z = r.unknowns, np.clip(r.z, *r.unknowns.bounds)
-        known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
-        place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
-        own, shared = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
+        own, shared = np.flatnonzero(r.place < 0), np.flatnonzero(r.place >= 0)
         run_sets = self.problem.run_sets_for(unknowns, z)
         residual, J = residuals_and_slopes(unknowns, run_sets, z, own, known=r.residual)
-        J[:, shared] = self.jacobian[:, place[shared]]
+        J[:, shared] = self.jacobian[:, r.place[shared]]
         if not np.isfinite(J).all():
             return None
         weight = robust_weights(residual, thresholds.ROBUST_SIGMAS)

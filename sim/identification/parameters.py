@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
 from sim.identification import AREAS, IdentifySettings
+from sim.identification.fast_damping import AXES, Axis
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import KNOT_PREFIX, next_knot
@@ -38,8 +38,6 @@ EFFECT_STEP = 0.05  # scales, of differences of an effect's parameters
 ASSUMED_STD = 3.0  # scales that a number of a first vessel file may be off by
 FIXED_STD = 1e-4  # scales: prior of a parameter that is held at its start
 MAX_TURN_RAD = 1.5  # that a blade or motor turns
-AXES = (("m11", "X_u", "X_uu"), ("m22", "Y_v", "Y_vv"), ("m33", "N_r", "N_rr"))
-MAX_DAMPING_RATE = 10.0  # 1/s at the speeds of the data: over in half a row of 0.2 s
 UNITS = {
     "m11": "kg", "m22": "kg", "m33": "kg m²", "X_u": "N s/m", "X_uu": "N s²/m²", "Y_v": "N s/m",
     "Y_vv": "N s²/m²", "N_r": "N m s", "N_rr": "N m s²", "x_g": "m", "Y_r": "N s", "N_v": "N s",
@@ -86,28 +84,6 @@ class Unknown:
         return self.prior / ASSUMED_STD if self.assumed else self.prior
 
 
-class _Axis(NamedTuple):
-    """Inertia and two numbers of damping: columns of z, values given; and the speed of the data."""
-
-    columns: Sequence[int | None]
-    given: Sequence[float]
-    speed: float
-
-    @property
-    def damping(self) -> list[int]:
-        return [i for i in self.columns[1:] if i is not None]
-
-    def share(self, values: Floats) -> Floats:
-        """Named values (..., n) -> share (...) of the damping that rows show, or that was given."""
-        pairs = zip(self.columns, self.given, strict=True)
-        now = self._rate(*(given if i is None else values[..., i] for i, given in pairs))
-        limit = np.maximum(MAX_DAMPING_RATE, self._rate(*self.given))
-        return np.minimum(1.0, limit / np.maximum(now, 1e-9))
-
-    def _rate(self, inertia: Any, linear: Any, square: Any) -> Any:
-        return (np.abs(linear) + 2.0 * np.abs(square) * self.speed) / np.abs(inertia)
-
-
 @dataclass(frozen=True)
 class Unknowns:
     """All unknown parameters as one vector z (n,); `model` gives what is not estimated.
@@ -131,16 +107,26 @@ class Unknowns:
         """Columns of z that act on a trial."""
         return [i for i, u in enumerate(self.each) if u.trial in (None, trial)]
 
-    @property
+    @cached_property
     def start(self) -> Floats:
         """z (n,) of the vessel as it is."""
-        return self.from_named(np.array([u.start for u in self.each]))
+        return _held(self.from_named(np.array([u.start for u in self.each])))
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
         """Limits (n,), (n,) of z."""
         lower = np.array([u.lower if u.polar is None else -u.upper for u in self.each])
-        return lower, np.array([u.upper for u in self.each])
+        return _held(lower), _held(np.array([u.upper for u in self.each]))
+
+    @cached_property
+    def prior(self) -> Floats:
+        """Standard deviation (n,) of what is known beforehand."""
+        return _held(np.array([u.prior for u in self.each]))
+
+    @cached_property
+    def step(self) -> Floats:
+        """Step (n,) of differences."""
+        return _held(np.array([u.step for u in self.each]))
 
     def to_named(self, z: Floats) -> Floats:
         """z (..., n) -> values of the named parameters (..., n).
@@ -158,7 +144,7 @@ class Unknowns:
 
     def _unlimited(self, z: Floats) -> Floats:
         out = np.array(z, dtype=float)
-        for i in self._pairs():
+        for i in self._pairs:
             out[..., i] = np.hypot(z[..., i], z[..., i + 1])
             out[..., i + 1] = np.arctan2(z[..., i + 1], z[..., i])
         for i in self._shares:
@@ -168,7 +154,7 @@ class Unknowns:
     def from_named(self, values: Floats) -> Floats:
         """Values of the named parameters (n,) -> z (n,)."""
         z = np.array(values, dtype=float)
-        for i in self._pairs():
+        for i in self._pairs:
             z[i] = values[i] * np.cos(values[i + 1])
             z[i + 1] = values[i] * np.sin(values[i + 1])
         for i in self._shares:
@@ -214,7 +200,7 @@ class Unknowns:
 
     def prior_residuals(self, z: Floats) -> Floats:
         """z (..., n) -> residuals of the priors (..., n); zero where nothing is known."""
-        return (z - self.start) / np.array([u.prior for u in self.each])
+        return (z - self.start) / self.prior
 
     def faster_than_rows(self, z: Floats) -> set[str]:
         """Names of damping that is held at z (n,), because it is over before a row can show it."""
@@ -222,13 +208,13 @@ class Unknowns:
         return {self.each[i].name for axis in held for i in axis.damping}
 
     @cached_property
-    def _axes(self) -> list["_Axis"]:
+    def _axes(self) -> list[Axis]:
         if self.fastest is None:
             return []
         known = dict(zip(self.model.names, self.model.theta.tolist(), strict=True))
         known |= {u.name: u.start for u in self.each}
         return [
-            _Axis([self.column(n) for n in names], [known[n] for n in names], speed)
+            Axis([self.column(n) for n in names], [known[n] for n in names], speed)
             for names, speed in zip(AXES, self.fastest, strict=True)
         ]
 
@@ -247,17 +233,25 @@ class Unknowns:
         shares = [i for i, u in enumerate(self.each) if u.share_of is not None]
         return sorted(shares, key=lambda i: -abs(int(self.each[i].name.rpartition(KNOT_PREFIX)[2])))
 
+    @cached_property
     def _pairs(self) -> list[int]:
         return [i for i, u in enumerate(self.each) if u.polar == 0]
+
+
+def _held(values: Floats) -> Floats:
+    """The same array, that nobody can write to."""
+    values.setflags(write=False)
+    return values
 
 
 def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknowns:
     """The parameters that settings ask for; UnknownNameError where the vessel has no such one."""
     effects = _effect_parameters(model)
+    values = dict(zip(model.names, model.theta.tolist(), strict=True))
     each: list[Unknown] = []
     for name in _chosen(model, settings):
         scope, parameter = effects.get(name, (Scope.BOAT, None))
-        start = float(model.theta[model.names.index(name)])
+        start = values[name]
         if parameter is not None:
             one = _effect_unknown(name, start, parameter)
         elif name.rpartition(".")[2].startswith(KNOT_PREFIX):
@@ -267,8 +261,8 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
         prior = settings.priors.get(name)
         if prior is not None:
             one = replace(one, prior=prior * max(abs(start), 1e-9), assumed=False)
-        where = range(trials) if scope is Scope.VOYAGE else [None]
-        each += [replace(one, trial=trial) for trial in where]
+        own = scope is Scope.VOYAGE
+        each += [replace(one, trial=trial) for trial in range(trials)] if own else [one]
     if settings.offsets:
         for name in OFFSETS:
             each.append(_nuisance(name, "s", OFFSET_LIMIT_S, OFFSET_STEP_S, OFFSET_STD_S))
@@ -284,13 +278,15 @@ def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
     those of all curves.
     """
     named = {f"{t.name}.exponent" for t in model.vessel.thrusters}  # a file has it by a name
-    known = [n for n in model.names if n not in named]
+    known = dict.fromkeys(n for n in model.names if n not in named)
 
     def matching(asked: str) -> list[str]:
+        if asked in known:
+            return [asked]
         prefix = asked[:-1] if asked.endswith(".*") else None
         if asked.endswith(".curve"):
             prefix = asked + "_"
-        names = [n for n in known if n == asked or (prefix and n.startswith(prefix))]
+        names = [n for n in known if prefix and n.startswith(prefix)]
         if asked == "curve":
             names = [n for n in known if n.rpartition(".")[2].startswith(KNOT_PREFIX)]
         if not names:
@@ -309,14 +305,17 @@ def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
 
 def _effect_parameters(model: Model) -> dict[str, tuple[Scope, Parameter]]:
     """Names of the effects' parameters -> scope and limits; twins are marked `#2` in names."""
+    known = {
+        (added.effect.name, p.name): (added.effect.scope, p)
+        for added in model.vessel.effects
+        for p in added.effect.parameters
+    }
     out = {}
     for name in model.names:
         label, _, key = name.partition(".")
-        for added in model.vessel.effects:
-            if added.effect.name == label.partition("#")[0]:
-                for p in added.effect.parameters:
-                    if p.name == key:
-                        out[name] = added.effect.scope, p
+        found = known.get((label.partition("#")[0], key))
+        if found is not None:
+            out[name] = found
     return out
 
 

@@ -61,7 +61,7 @@ def search(
 
     `jacobian` gives ∂ residuals / ∂ z (N, n) at z (n,).
     """
-    known = np.array([1.0 / u.prior for u in unknowns.each])
+    known = 1.0 / unknowns.prior
     has_prior = known > 0.0
     lower, upper = unknowns.bounds
 
@@ -110,7 +110,7 @@ def damped_steps(
     share of the whole step holds back with it all that they do. Source: Marquardt, J. SIAM 11,
     1963.
     """
-    known = np.array([u.prior for u in unknowns.each]) ** -2.0
+    known = unknowns.prior**-2.0
     H = jacobian.T @ (weight[:, None] * jacobian) + np.diag(known)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     s = jacobian.T @ (weight * residual) + known * (z - unknowns.start)
@@ -124,8 +124,7 @@ def moved_by_steps(
 ) -> tuple[Floats, Floats]:
     """z (n,), then with some of its numbers moved within bounds: (k + 1, n), and the steps (k,)."""
     _, upper = unknowns.bounds
-    step = np.array([u.step for u in unknowns.each])
-    step = np.where(z + step > upper, -step, step)[columns]
+    step = np.where(z + unknowns.step > upper, -unknowns.step, unknowns.step)[columns]
     moved = np.tile(z, (len(columns) + 1, 1))
     moved[np.arange(len(columns)) + 1, columns] += step
     return moved, step

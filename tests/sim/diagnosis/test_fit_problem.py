@@ -43,6 +43,18 @@ def test_what_has_memory_or_no_off_comes_beside_the_others(superset: SupersetMod
     assert both.theta[both.names.index("steady_current.speed")] == 0.2
 
 
+def test_a_model_with_memory_is_composed_once_and_has_each_time_its_own_numbers(
+    superset: SupersetModel,
+) -> None:
+    lag = next(e for e in EFFECTS if e.name == "thruster_lag")
+    one, other = (superset.with_added([AddedEffect(lag, {"tau": tau})]) for tau in (0.3, 0.8))
+    for model, tau in ((one, 0.3), (other, 0.8)):
+        assert model.theta[model.names.index("thruster_lag.tau")] == tau
+        assert model.vessel.effects[-1].values == {"tau": tau}
+    assert one.kernel is other.kernel
+    assert len(superset._composed) == 1
+
+
 def test_what_the_vessel_has_already_is_not_looked_for(superset: SupersetModel) -> None:
     has = AddedEffect(superset.effects[0], {"speed": 0.2, "direction": 1.0})
     others = SupersetModel.of(WAMV.with_effects(has), EFFECTS).effects

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from sim.effects.steady_current import EFFECT as CURRENT
 from sim.effects.thruster_lag import EFFECT as LAG
 from sim.identification import BASE, IdentifySettings
+from sim.identification.fast_damping import MAX_DAMPING_RATE
 from sim.identification.identify import identify
-from sim.identification.parameters import MAX_DAMPING_RATE, UnknownNameError
+from sim.identification.parameters import UnknownNameError
 from sim.model import Model
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel

@@ -1,0 +1,41 @@
+"""Damping that is over before a row of the data can show it.
+
+    rate = (|D| + 2 |D₂| U) / m,     share = min(1, limit / rate)
+
+D, D₂ linear and quadratic damping along one axis, m its inertia, U the speed of the data. From a
+certain rate on a row says no more than "as fast as it can tell": a fit holds damping there, by its
+share of what a hull without inertia would have.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sim.state import Floats
+
+# Chosen, not measured:
+AXES = (("m11", "X_u", "X_uu"), ("m22", "Y_v", "Y_vv"), ("m33", "N_r", "N_rr"))
+MAX_DAMPING_RATE = 10.0  # 1/s at the speeds of the data: over in half a row of 0.2 s
+
+
+class Axis(NamedTuple):
+    """Inertia and two numbers of damping: columns of z, values given; and the speed of the data."""
+
+    columns: Sequence[int | None]
+    given: Sequence[float]
+    speed: float
+
+    @property
+    def damping(self) -> list[int]:
+        return [i for i in self.columns[1:] if i is not None]
+
+    def share(self, values: Floats) -> Floats:
+        """Named values (..., n) -> share (...) of the damping that rows show, or that was given."""
+        pairs = zip(self.columns, self.given, strict=True)
+        now = self._rate(*(given if i is None else values[..., i] for i, given in pairs))
+        limit = np.maximum(MAX_DAMPING_RATE, self._rate(*self.given))
+        return np.minimum(1.0, limit / np.maximum(now, 1e-9))
+
+    def _rate(self, inertia: Any, linear: Any, square: Any) -> Any:
+        return (np.abs(linear) + 2.0 * np.abs(square) * self.speed) / np.abs(inertia)
