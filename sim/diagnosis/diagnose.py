@@ -33,6 +33,7 @@ from sim.diagnosis.next_experiment import (
 from sim.diagnosis.residual_terms import swing_period
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
+    does_without_effects,
     find_free_curve,
     is_above_noise,
     is_above_stated,
@@ -154,10 +155,10 @@ def diagnose(
     if more or selection.fits:
         curve = find_free_curve(vessel, selection, scorer, error, progress, mapper, beside=more)
         if curve and verdict is not Verdict.UNKNOWN:
-            beyond_form = curve.replaces or (
-                is_more_than_form(curve.gain, selection, above)
-                and is_curve_above_form(curve, effects_found, ladder, floor)
-            )
+            beyond_form = does_without_effects(curve, ladder)
+            if not curve.replaces:
+                beyond_form = is_more_than_form(curve.gain, selection, above)
+                beyond_form &= is_curve_above_form(curve, effects_found, ladder, floor)
             verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
     nameless = verdict is Verdict.UNKNOWN and not left and curve is None
     period = swing_period(selection.fit) if nameless else None

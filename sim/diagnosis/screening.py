@@ -66,6 +66,7 @@ class ScreeningResult:
 def screen(
     superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
     progress: Progress = lambda _: None, mapper: Mapper = map, closer: bool = False,
+    rival: Fit | None = None,
 ) -> list[ScreeningResult]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
 
@@ -78,7 +79,8 @@ def screen(
     reference moved the base far, the search begins from the base as it was given too: what stands
     in for the missing effect keeps it from its place. `mapper` may be that of a pool of threads:
     the kernels leave the interpreter free. `closer`: effects that declare further starts are fitted
-    whole from each of them, on few rows.
+    whole from each of them, on few rows. `rival`: another fit; an effect with many starts, of which
+    none comes near what that explains of few rows, is left out.
     """
     given = with_given_base(reference.unknowns, reference.z)
     references = [reference] if given is None else [reference, replace(reference, z=given)]
@@ -101,8 +103,11 @@ def screen(
             starts = [effect.measured.values]
         for fine, coarse in pairs:
             begins = [fine.at(effect, start) for start in starts]
-            many = len(starts) > thresholds.MANY_STARTS
-            found.append(fine.best(coarse.few(begins) if many else begins))
+            if len(starts) > thresholds.MANY_STARTS:
+                begins = coarse.few(begins)
+                if rival is not None and not any(r.cost < coarse.cost_of(rival) for r in begins):
+                    continue
+            found.append(fine.best(begins))
         if closer and effect.more_starts is not None and not measured:
             length = max(float(t.time[-1]) for t in reference.problem.trials)
             found.append(_closer(effect, effect.more_starts(length), *pairs[0]))
@@ -227,6 +232,13 @@ class _Screening:
                 left = [r for r in map(self._step, left) if r is not None]
             left = sorted(left, key=lambda r: r.cost)[:most]
         return [replace(r, residual=None) for r in left]  # they go on to other rows
+
+    def cost_of(self, fit: Fit) -> float:
+        """What another fit leaves of these rows, as the starts are judged."""
+        run_sets = self.problem.run_sets_for(fit.unknowns, fit.z)
+        left = residuals_of(fit.unknowns, run_sets, fit.z[None])
+        cost = robust_cost(fit.unknowns, fit.z[None], left, thresholds.ROBUST_SIGMAS)
+        return float(cost[0])
 
     def with_deviance(self, r: ScreeningResult) -> ScreeningResult:
         """The same, judged under its own noise."""

@@ -74,7 +74,8 @@ def find_free_curve(
     found: list[FreeCurve] = []
     for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
         progress("looking for a curve of one variable")
-        curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms)
+        rival = selection.fit if fit is selection.base else None
+        curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms, rival)
         if curve is not None:
             found.append(curve)
     if not found:
@@ -119,15 +120,18 @@ def _short_formula(curve: FreeCurve, scorer: HeldOutScorer) -> ScoredFormula | N
 
 def _fitted(
     vessel: Vessel, fit: Fit, scorer: HeldOutScorer, before: float, progress: Progress,
-    mapper: Mapper, forms: Sequence[Effect],
+    mapper: Mapper, forms: Sequence[Effect], rival: Fit | None,
 ) -> FreeCurve | None:  # fmt: skip
-    """The best curve beside a fit's effects, in a kernel that holds no other effects."""
+    """The best curve beside a fit's effects, in a kernel that holds no other effects; one that
+    comes nowhere near a `rival` is not fitted.
+    """
     present = {a.effect.name for a in (*vessel.effects, *fit.added)}
     others = [form for form in forms if form.name not in present]
     if not others:
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
-    for row in rank(superset, fit.model(), others, fit, progress, mapper).finalists:
+    found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
+    for row in found.finalists:
         if is_worth_it(row.gain) and helps(scorer, fit, row.fit, before):
             return FreeCurve(LadderStep.of(row.fit, scorer), row.gain, row.fit)
     return None
@@ -182,6 +186,12 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
     if effects and last <= thresholds.MAX_FLOORS_WITH_EFFECTS * floor:
         share = max(share, thresholds.MAX_SHARE_LEFT)
     return _is_more_than(share, last, floor, ladder, floor)
+
+
+def does_without_effects(curve: FreeCurve, ladder: Sequence[LadderStep]) -> bool:
+    """Whether a curve alone predicts clearly better than all effects of the last step."""
+    most = thresholds.MAX_IN_PLACE_RATIO * ladder[-1].heldout.nrmse
+    return curve.replaces and curve.step.heldout.nrmse < most
 
 
 def is_curve_above_form(

@@ -10,7 +10,10 @@ import pytest
 
 from sim.body import Flow, ThrusterParameters
 from sim.diagnosis.answer import Diagnosis, Verdict
-from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.heldout import rank
+from sim.diagnosis.verdict import FREE_FORMS
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError
 from sim.vessel import AddedEffect
@@ -138,6 +141,17 @@ def test_effects_at_the_noise_give_way_to_a_curve_that_explains_more() -> None:
     assert found.formula.formula.numbers["x0"] == pytest.approx(1.2, abs=0.05)
     assert found.formula.formula.numbers["c"] == pytest.approx(-0.2, abs=0.05)
     assert "nearest to it come advance_loss and cubic_drag" in found.summary
+
+
+@pytest.mark.slow
+def test_a_curve_that_comes_nowhere_near_what_was_found_is_not_fitted() -> None:
+    trial, cause = sailed("thruster_imbalance", port_gain=0.8), named("thruster_imbalance")
+    superset, bare = (SupersetModel.of(WAM_V, effects) for effects in ([cause], []))
+    base = fit_base(bare, bare.model, [trial], FEW)
+    right = rank(superset, base.model(), [cause], base).best.fit
+    assert rank(bare, base.model(), FREE_FORMS, base).finalists
+    assert rank(bare, base.model(), FREE_FORMS, base, rival=base).finalists
+    assert not rank(bare, base.model(), FREE_FORMS, base, rival=right).finalists
 
 
 def test_too_little_time_is_said() -> None:

@@ -12,6 +12,7 @@ from sim.diagnosis.answer import LadderStep, Verdict, falling
 from sim.diagnosis.heldout import Gain, HeldOutScore
 from sim.diagnosis.verdict import (
     FreeCurve,
+    does_without_effects,
     find_free_curve,
     is_above_noise,
     is_above_stated,
@@ -203,6 +204,18 @@ def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
     errors["effects"] = 0.19
     assert found() == ("hull_lift", "x")
     assert found(beside=False) == ("x",)
+
+
+def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
+    ladder, none = [step(0.5), step(0.4), step(0.3, "hull_lift")], SimpleNamespace()
+    made: Any = none
+
+    def does(after: float, *effects: str) -> bool:
+        return does_without_effects(FreeCurve(step(after, *effects), made, made), ladder)
+
+    assert does(0.28, "x")
+    assert not does(0.295, "x")  # the right effect in nature's own form
+    assert not does(0.2, "hull_lift", "x")
 
 
 def test_a_curve_beside_an_effect_counts_where_it_takes_away_a_noticeable_error() -> None:
