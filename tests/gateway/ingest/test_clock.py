@@ -137,6 +137,21 @@ def test_step_of_the_receipt_clock_does_not_touch_vehicle_time(step: float) -> N
     assert untimed == pytest.approx(45.0, abs=0.2)
 
 
+@pytest.mark.parametrize(("late_s", "steps"), [(9.9, 0), (10.1, 1)])
+def test_a_receipt_clock_ten_seconds_ahead_for_long_has_been_set(late_s: float, steps: int) -> None:
+    link = Link()
+    link.run(10.0, 0.0, 20.0)
+    link.run(30.0, 20.0 + late_s, 10.0)
+    assert link.clock.report().receive_steps == steps
+
+
+def test_the_spread_of_delays_is_told_in_seconds() -> None:
+    link = Link()
+    for k in range(100):
+        link.say(10.0 + 0.1 * k, 0.1 * k + (0.3 if k % 2 else 0.0))
+    assert link.clock.report().spread_s == pytest.approx(0.3, abs=1e-6)
+
+
 def test_one_damaged_counter_is_unplaced_and_opens_nothing() -> None:
     link = Link()
     link.run(100.0, 0.0, 10.0)

@@ -8,7 +8,7 @@ import pytest
 
 from sim.diagnosis.evidence import VARIABLES, Evidence, evidence
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -89,6 +89,15 @@ def test_a_false_effect_is_not_borne_out():
     found = evidence([plain], [vessel], current)
     assert found is not None
     assert np.abs(found.mean).max() < 0.1 * np.abs(found.curve).max()
+
+
+def test_a_force_of_one_direction_is_the_same_on_every_heading_along_it():
+    force = next(e for e in EFFECTS if e.name == "inertial_force")
+    force = replace(force, evidence=EvidenceAxis(ForceAxis.ALONG, "heading"))
+    vessel = WAMV.with_effects(AddedEffect(force, {"force": 20.0, "direction": 1.0}))
+    found = evidence([sailed(vessel)], [vessel], force)
+    assert found is not None
+    np.testing.assert_allclose(found.curve, 20.0, rtol=1e-6)
 
 
 def test_time_that_is_not_usable_says_nothing():

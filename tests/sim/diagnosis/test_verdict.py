@@ -18,6 +18,7 @@ from sim.diagnosis.verdict import (
     is_above_stated,
     is_curve_above_form,
     is_more_than_form,
+    rivals_of,
     summary_of,
     unexplained_share,
     verdict_of,
@@ -130,6 +131,30 @@ def test_a_base_that_fitted_predicts_no_better_is_not_told_as_better() -> None:
     assert "0.200 as given, no better with the base re-fitted" in said
     said = summary_of(Verdict.ADEQUATE, [step(0.2), step(0.1)], [], [], 0.19)
     assert "0.200 as given, 0.100 with the base re-fitted" in said
+
+
+def test_a_rival_does_nearly_as_well_and_no_block_tells_it_apart() -> None:
+    def row(name: str, log_ratio: float, t_of_best: float = 0.0, general_of: str = "") -> Any:
+        gain = Gain(2.0, log_ratio, 5.0, 100.0, 0.0)
+        over = SimpleNamespace(t=t_of_best)
+        return SimpleNamespace(
+            name=name, gain=gain, effect=SimpleNamespace(general_of=general_of), over=over
+        )  # fmt: skip
+
+    def among(best: Any, *others: Any) -> list[str]:
+        best.gain_over = lambda other: other.over
+        ranking: Any = SimpleNamespace(finalists=(best, *others), best=best)
+        return [r.name for r in rivals_of(ranking, ("found",))]
+
+    best = row("best", 0.5)
+    assert among(best, row("near", 0.4), row("far", 0.3)) == ["near"]
+    assert among(best, row("told apart", 0.4, 3.5), row("not", 0.4, 2.5)) == ["not"]
+    assert among(best, row("found", 0.4), row("general", 0.4, general_of="best")) == []
+    assert among(best, *(row(name, 0.45) for name in "abcd")) == ["a", "b"]
+    best.gain = gained(1.0, t=0.5)._replace(log_ratio=0.5)  # no more than chance
+    assert among(best, row("near", 0.4)) == []
+    nobody: Any = SimpleNamespace(finalists=())
+    assert rivals_of(nobody) == []
 
 
 def test_no_step_of_the_ladder_raises_the_error() -> None:

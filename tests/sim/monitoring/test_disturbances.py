@@ -196,6 +196,21 @@ def test_the_wind_is_that_of_the_catalogue() -> None:
     assert air.force(g, second) == pytest.approx(lacks[0] - lacks[1], rel=1e-9)
 
 
+@pytest.mark.parametrize("turned", [0.0, 2.1])
+def test_what_is_told_of_a_wind_spreads_as_winds_do_that_are_drawn(turned: float) -> None:
+    """Its stated standard deviations against those of the force and the velocity of many draws."""
+    air, second = WindModel.of(WINDY, 180.0), next(seconds(1))
+    motion = second.motion.copy()
+    motion[2] += turned
+    second = replace(second, motion=motion)
+    g, covariance = np.array([-60.0, 35.0]), np.array([[9.0, -4.0], [-4.0, 25.0]])
+    told = air.in_world(g, covariance, second)
+    draws = np.random.default_rng(3).multivariate_normal(g, covariance, 4000)
+    each = np.array([air.in_world(draw, covariance, second) for draw in draws])
+    np.testing.assert_allclose(told[[0, 1, 4, 5]], each[:, [0, 1, 4, 5]].mean(axis=0), rtol=0.03)
+    np.testing.assert_allclose(told[[2, 3, 6, 7]], each[:, [0, 1, 4, 5]].std(axis=0), rtol=0.08)
+
+
 def test_a_filter_moves_as_kalmans_equations_and_scores_what_it_foresaw() -> None:
     """Against the information form, which shares no line with the gain and Joseph's form."""
     rng = np.random.default_rng(3)
