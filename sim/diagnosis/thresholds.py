@@ -99,7 +99,7 @@ MAX_FORM_SHARE_PARTIAL = 1.0  # of a part: one frequency of a whole group of wav
 MAX_NOISE_SHARE = 1.0
 MAX_NOISE_SHARE_ALONE = 1.5  # of surge and sway, where no effect was found
 MAX_NOISE_SHARE_WITH_EFFECTS = 2.5  # where some were: nature's own form leaves up to 1.7
-# Error of a curve over that of the effects in whose place it stands. Of the true effect, on 37
+# Error of a curve over that of the effects in whose place it stands. Of the true effect, on 45
 # tuning voyages: 0.985 and more. Of what stood in for strangers and left no more than noise: 0.957
 # and less on four, more on two.
 MAX_IN_PLACE_RATIO = 0.97
