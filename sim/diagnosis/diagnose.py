@@ -152,7 +152,8 @@ def diagnose(
     curve = None
     more = max(noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
     more = more or verdict is Verdict.UNKNOWN
-    if more or selection.fits:
+    unquestioned = last.heldout.nrmse <= thresholds.MAX_FLOORS_UNQUESTIONED * floor
+    if more or (selection.fits and not unquestioned):
         curve = find_free_curve(vessel, selection, scorer, error, progress, mapper, beside=more)
         if curve and verdict is not Verdict.UNKNOWN:
             beyond_form = does_without_effects(curve, ladder)

@@ -144,6 +144,25 @@ def test_effects_at_the_noise_give_way_to_a_curve_that_explains_more() -> None:
 
 
 @pytest.mark.slow
+def test_no_curve_is_tried_where_effects_leave_much_less_than_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    trial, asked = sailed("thruster_imbalance", port_gain=0.8), []
+    monkeypatch.setattr(
+        f"{diagnose.__module__}.find_free_curve", lambda *_, **how: asked.append(how)
+    )
+    one = DiagnoseSettings(effects=(named("thruster_imbalance"),), most=1)
+    for times, tried in ((1.0, [{"beside": False}]), (1.5, [])):
+        asked.clear()
+        stated = replace(trial, covariance=times**2 * trial.covariance)
+        found = diagnose([stated], WAM_V, one)
+        assert found.verdict is Verdict.EXPLAINED
+        share = found.ladder[-1].heldout.nrmse / found.noise_floor
+        assert (share > 0.9) == (times == 1.0)
+        assert asked == tried
+
+
+@pytest.mark.slow
 def test_a_curve_that_comes_nowhere_near_what_was_found_is_not_fitted() -> None:
     trial, cause = sailed("thruster_imbalance", port_gain=0.8), named("thruster_imbalance")
     superset, bare = (SupersetModel.of(WAM_V, effects) for effects in ([cause], []))
