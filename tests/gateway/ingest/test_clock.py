@@ -207,6 +207,8 @@ def test_duplicates_are_told_within_their_stream_only() -> None:
     link.run(10.1, 0.2, 1.0)
     assert link.say(10.5, 1.3)[1] is StampStatus.DUPLICATE
     assert link.clock.report().duplicates == 2
+    assert link.say(10.55, 1.4)[1] is StampStatus.LATE  # between two that came
+    assert (link.clock.report().late, link.clock.report().duplicates) == (1, 2)
 
 
 def test_untimed_message_shares_the_delay_of_its_neighbours() -> None:

@@ -9,6 +9,7 @@ import pytest
 from sim.diagnosis.evidence import VARIABLES, Evidence, evidence
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.model import Model
 from sim.state import Wrench
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -81,6 +82,17 @@ def test_what_is_missing_lies_on_the_curve_of_the_effect(effect):
     assert np.all((found.start <= found.at + 1e-9) & (found.at <= found.end + 1e-9))
 
 
+def test_the_helm_is_the_rudder_or_port_less_starboard():
+    def helm(vessel: Vessel, *commands: float) -> float:
+        trial, model = sailed(vessel, 10.0), Model.of(vessel)
+        pwm = np.tile(1500.0 + 400.0 * np.array(commands), (len(trial), 1))
+        return float(VARIABLES["helm"](replace(trial, pwm=pwm), model)[5])
+
+    assert helm(WAMV, 0.8, 0.2) == pytest.approx(0.3)
+    assert helm(WAMV, 0.2, 0.2) == pytest.approx(0.0)
+    assert helm(RUDDER_BOAT, 0.8, 0.5) == pytest.approx(0.5)
+
+
 def test_a_false_effect_is_not_borne_out():
     """A current that is not there: its curve goes where nothing is missing."""
     plain = sailed(WAMV)
@@ -133,6 +145,9 @@ def test_only_a_curve_that_points_away_from_the_points_contradicts_them():
         mean_, curve_ = mean * one, curve * one
         return Evidence("any", 0, "surge", x, x + 1, x, mean_, mean_ - half, mean_ + half, curve_)
 
+    assert points(5.0, 4.0, 1.0).explained_share == pytest.approx(0.96)
+    assert points(5.0, -1.0, 1.0).explained_share == 0.0
+    assert points(0.0, 0.0, 1.0).explained_share == 0.0
     assert points(5.0, -1.0, 1.0).contradicts
     assert not points(5.0, 1.0, 1.0).contradicts
     assert not points(0.5, -1.0, 1.0).contradicts

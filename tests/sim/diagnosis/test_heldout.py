@@ -1,8 +1,11 @@
 """What a gain is, and how sure."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 
-from sim.diagnosis.heldout import gain, probabilities
+from sim.diagnosis.heldout import CATALOGUE, gain, probabilities, select_finalists
 
 BLOCK = np.repeat(np.arange(20), 30)
 
@@ -71,3 +74,25 @@ def test_errors_of_exactly_nothing_are_worth_nothing() -> None:
     assert gain(nothing, nothing, BLOCK) == (1.0, 0.0, 0.0, 0.0, 0.0)
     for g in (gain(noise(1), nothing, BLOCK), gain(nothing, noise(1), BLOCK)):
         assert np.isfinite(g).all()
+
+
+def test_the_few_that_are_fitted_whole() -> None:
+    """Those with a tenth of the best one's promise, three at least, and what must be among them."""
+
+    def names(*promises: float, special: str = "", own: str = "") -> list[str]:
+        results: Any = [
+            SimpleNamespace(
+                name=own if own and k == len(promises) - 1 else sorted(CATALOGUE)[k],
+                deviance=1000.0 - promise,
+                added=SimpleNamespace(effect=SimpleNamespace(general_of=special if k == 0 else "")),
+            )
+            for k, promise in enumerate(promises)
+        ]
+        return [r.name for r in select_finalists(results)]
+
+    a, b, c, d, e, f = sorted(CATALOGUE)[:6]
+    assert names(100.0, 50.0, 30.0, 20.0, 2.0, 0.0) == [a, b, c, d]
+    assert names(100.0, 1.0, 0.5, 0.2, 0.0) == [a, b, c]
+    assert names(*(100.0 - k for k in range(8)), 0.0) == [a, b, c, d, e, f]
+    assert names(100.0, 50.0, 30.0, 1.0, 0.5, 0.0, special=e) == [a, b, c, e]
+    assert names(100.0, 50.0, 30.0, 1.0, 0.0, own="mine") == [a, b, c, "mine"]

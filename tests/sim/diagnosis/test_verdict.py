@@ -24,6 +24,7 @@ from sim.diagnosis.verdict import (
     verdict_of,
 )
 from sim.effects.catalogue import named
+from sim.vessel import AddedEffect
 from tests.sim.voyages import WAM_V
 
 
@@ -229,6 +230,15 @@ def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
     errors["effects"] = 0.19
     assert found() == ("hull_lift", "x")
     assert found(beside=False) == ("x",)
+
+
+def test_a_curve_is_told_by_the_last_effect_of_its_vessel() -> None:
+    learned, none = named("learned"), SimpleNamespace()
+    made: Any = none
+    offset = AddedEffect(named("heading_offset"), {"angle": 0.1})
+    vessel = WAM_V.with_effects(offset, AddedEffect(learned, dict(learned.example)))
+    curve = FreeCurve(replace(step(0.2, "heading_offset", "learned"), vessel=vessel), made, made)
+    assert curve.description.startswith("a force ahead with the speed ahead: ")
 
 
 def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
