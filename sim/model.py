@@ -18,6 +18,7 @@ from sim.kernel.compiled import compiled
 from sim.kernel.generator import Structure
 from sim.state import Floats, Ints
 from sim.vessel import (
+    BASE,
     AddedEffect,
     Vessel,
     curve_exponent,
@@ -35,7 +36,6 @@ FASTER, FASTER_BY = 1.2, 0.1  # … no run becomes faster than all starts by thi
 RUNAWAY_SPEED = 1e3  # m/s, rad/s: of what is no number any more
 SHORTEST_STEP_S = 1e-3  # of runs that did
 SETTLED = 1e-3  # of a speed: shorter steps that change the fastest by less are short enough
-HULL = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
 
@@ -190,7 +190,7 @@ class Model:
     @cached_property
     def _hull(self) -> list[int]:
         """Columns of theta with the inertia and the damping of the hull."""
-        return [self.names.index(name) for name in HULL]
+        return [self.names.index(name) for name in BASE]
 
     def missing_force(
         self, motion: Floats, times: Floats, held: Floats, commands: Floats, *,

@@ -174,6 +174,9 @@ class Dynamics:
     N_ur: float = 0.0
 
 
+BASE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")  # every hull has them
+
+
 @dataclass(frozen=True)
 class Servo:
     """Pulse widths [µs] of an output channel (1-based): lowest, neutral, highest."""

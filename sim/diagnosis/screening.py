@@ -105,7 +105,8 @@ def screen(
             begins = [fine.at(effect, start) for start in starts]
             if len(starts) > thresholds.MANY_STARTS:
                 begins = coarse.few(begins)
-                if rival is not None and not any(r.cost < coarse.cost_of(rival) for r in begins):
+                least = min((r.cost for r in begins), default=np.inf)
+                if rival is not None and least >= coarse.cost_of(rival):
                     continue
             found.append(fine.best(begins))
         if closer and effect.more_starts is not None and not measured:

@@ -11,9 +11,9 @@ import numpy as np
 
 from sim.prediction.segments import BLOCK_S
 from sim.trial import Trial
+from sim.vessel import BASE as BASE
 from sim.vessel import KNOT_PREFIX, AddedEffect, Dynamics, Rudder, Thruster, Vessel, knot_key
 
-BASE = ("m11", "m22", "m33", "X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 METHODS = ("shooting", "simulation", "instrumental", "regression")
 
 
