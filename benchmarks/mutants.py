@@ -51,17 +51,20 @@ class Target(NamedTuple):
 
 ESTIMATION = "tests/gateway/estimation"
 DIAGNOSIS = "tests/sim/diagnosis"
+EFFECTS = "tests/sim/effects"
 TARGETS = {
-    "balance": Target(("sim/balance.py",), ("tests/sim/test_balance.py",), compiled=True),
+    "balance": Target(("sim/balance.py",), ("tests/sim/test_balance.py",)),
     "effects": Target(
         ("sim/effects/*.py",),
-        ("tests/sim/effects/test_laws.py", "tests/sim/effects/test_single_effects.py"),
-        compiled=True,
+        (f"{EFFECTS}/test_learned.py", f"{EFFECTS}/test_learned_formula.py",
+         f"{EFFECTS}/test_single_effects.py", f"{EFFECTS}/test_laws.py",
+         f"{EFFECTS}/test_effects.py"),
     ),
     "estimation": Target(
         ("gateway/estimation/events.py", "gateway/estimation/filter.py",
          "gateway/estimation/model.py"),
-        (f"{ESTIMATION}/test_estimator.py", f"{ESTIMATION}/test_events.py"),
+        (f"{ESTIMATION}/test_events.py", f"{ESTIMATION}/test_oracle.py",
+         f"{ESTIMATION}/test_estimator.py"),
     ),
     "clock": Target(("gateway/ingest/clock.py",), ("tests/gateway/ingest/test_clock.py",)),
     "diagnosis": Target(

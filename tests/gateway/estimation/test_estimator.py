@@ -1,6 +1,8 @@
 """What the filter does with chunks, late events, outliers, discontinuities and silence."""
 
 import dataclasses
+import itertools
+from functools import cache
 
 import numpy as np
 import pytest
@@ -32,7 +34,7 @@ def shifted(events, kind, after, by):
 
 
 def test_cutting_into_chunks_changes_no_bit():
-    _, events = voyage()
+    _, events = voyage(seconds=6.0)
     whole = run(events, covariance=True)
     state, done, parts = ESTIMATOR.start(), 0, []
     for size in np.random.default_rng(1).integers(1, 40, 10_000):
@@ -55,14 +57,14 @@ def test_a_state_is_a_value():
 
 
 def test_late_events_end_where_ordered_ones_do():
-    _, events = voyage()
+    _, events = voyage(seconds=6.0)
     times = events.time_s
     delay = np.random.default_rng(2).exponential(0.05, len(events)).clip(0, 0.5)
     delay[:10] = delay[-10:] = 0.0
     delay[-1] = 10.0
     late = run(events[np.argsort(times + delay, kind="stable")], covariance=True)
     ordered = run(events, covariance=True)
-    assert late.has(Flag.LATE).sum() > 500
+    assert late.has(Flag.LATE).sum() > 150
     assert not late.has(Flag.REFUSED).any()
     assert late.time_s[-1] == ordered.time_s[-1]
     np.testing.assert_allclose(late.motion[-1], ordered.motion[-1], rtol=0, atol=1e-9)
@@ -100,32 +102,44 @@ def test_not_valid_before_yaw_and_velocity_or_position():
     assert run(events[:200]).has(Flag.VALID)[10:].all()
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30])
+@cache
+def clean():
+    """A shorter voyage, and what the filter makes of it."""
+    _, events = voyage(seconds=6.0)
+    return events, run(events)
+
+
 @pytest.mark.parametrize("kind", list(MeasurementKind)[1:])
-def test_no_number_is_gated(kind, value):
-    _, events = voyage()
-    for head in (0, 1000):  # as the first word of all, and on the way
-        bad = make_events(kind, events.time_s[head : head + 1], np.full((1, 2), value), 0.1)
-        rows = run(join([events[:head], bad, events[head:]]))
-        clean = run(events)
-        assert rows.flags[head] & ~Flag.VALID == Flag.GATED
-        np.testing.assert_array_equal(rows.motion[-1], clean.motion[-1])
+def test_no_number_is_gated(kind):
+    """As the first words of all, and on the way; as many in a row as would be a discontinuity."""
+    events, rows_without = clean()
+    values = np.tile([np.nan, np.inf, -np.inf, 1e30], 3)
+    heads, parts, bad = (0, 300, len(events)), [], []
+    for head, end in itertools.pairwise(heads):
+        time = np.full(len(values), events.time_s[head])
+        wild = make_events(kind, time, np.stack([values, values], axis=1), 0.1)
+        bad.extend(range(sum(map(len, parts)), sum(map(len, parts)) + len(values)))
+        parts += [wild, events[head:end]]
+    rows = run(join(parts))
+    assert set(rows.flags[bad] & ~Flag.VALID) == {Flag.GATED}
+    assert not rows.has(Flag.JUMP).any()
+    np.testing.assert_array_equal(rows.motion[-1], rows_without.motion[-1])
 
 
 @pytest.mark.parametrize("std", [np.nan, 0.0, -1.0])
 def test_a_reading_without_uncertainty_is_gated(std):
     _, events = voyage()
     bad = make_events(MeasurementKind.YAW, np.array([0.0]), np.array([0.3]), std)
-    assert run(join([bad, events])).flags[0] == Flag.GATED
+    assert run(join([bad, events[:9]])).flags[0] == Flag.GATED
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf])
 def test_no_time_is_refused(time):
-    _, events = voyage()
+    events, rows_without = clean()
     bad = make_events(MeasurementKind.YAW, np.array([time]), np.array([0.3]), 0.1)
     rows = run(join([events[:500], bad, events[500:]]))
     assert rows.has(Flag.REFUSED).sum() == 1
-    np.testing.assert_array_equal(rows.motion[-1], run(events).motion[-1])
+    np.testing.assert_array_equal(rows.motion[-1], rows_without.motion[-1])
 
 
 @pytest.mark.parametrize(
@@ -193,11 +207,11 @@ def test_in_an_outage_uncertainty_grows_and_stays_true():
 
 @pytest.mark.parametrize("step", [61.0, -61.0])
 def test_after_a_long_gap_or_a_step_of_the_clock_the_filter_starts_afresh(step):
-    _, events = voyage()
+    events, rows_without = clean()
     moved = dataclasses.replace(events, time_s=events.time_s + events.time_s[-1] + step)
     rows = run(join([events, moved]))
     assert np.flatnonzero(rows.has(Flag.RESTART)).tolist() == [len(events)]
-    np.testing.assert_allclose(rows.motion[-1], run(events).motion[-1], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(rows.motion[-1], rows_without.motion[-1], rtol=0, atol=1e-9)
 
 
 def test_a_clock_that_stays_back_is_believed_in_the_end():
@@ -211,7 +225,7 @@ def test_a_clock_that_stays_back_is_believed_in_the_end():
 
 
 def test_yaw_runs_on_through_half_a_turn():
-    time = np.arange(0.0, 40.0, 0.02)
+    time = np.arange(0.0, 16.0, 0.02)
     yaw = 0.5 * time
     wrapped = (yaw + np.pi) % (2 * np.pi) - np.pi
     events = join(

@@ -113,6 +113,31 @@ def test_reboot_after_a_month_is_no_wrap() -> None:
     assert (report.reboots, report.wraps) == (1, 0)
 
 
+def test_a_reboot_is_confirmed_by_messages_however_far_apart() -> None:
+    """Receipt and the new boot time run on together: the second message shows the same jump."""
+    link = Link()
+    link.run(600.0, 0.0, 10.0)
+    assert link.say(20.0, 40.0)[1] is StampStatus.UNPLACED
+    assert link.say(23.0, 43.0)[1] is StampStatus.FRESH
+    assert link.clock.report().reboots == 1
+
+
+def test_two_wild_counters_that_do_not_agree_confirm_nothing() -> None:
+    link = Link()
+    link.run(600.0, 0.0, 10.0)
+    for boot, receipt in ((20.0, 10.0), (80.0, 11.5), (30.0, 13.0)):
+        assert link.say(boot, receipt)[1] is StampStatus.UNPLACED
+    assert link.say(613.1, 13.1)[1] is StampStatus.FRESH
+    assert link.clock.report().reboots == 0
+
+
+def test_a_counter_of_nothing_is_no_boot_time_and_one_of_a_microsecond_is() -> None:
+    for counter_us, sessions in ((0, 0), (1, 1)):
+        clock = BoatClock(streams=1)
+        clock.stamp(0, US, counter_us, START)
+        assert clock.report().sessions == sessions
+
+
 def test_time_goes_on_when_the_receipt_clock_steps_back_over_a_reboot() -> None:
     link = Link()
     link.run(600.0, 1000.0, 10.0)

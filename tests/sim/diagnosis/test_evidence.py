@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from sim.diagnosis.evidence import VARIABLES, Evidence, evidence
+from sim.diagnosis.evidence import VARIABLES, Evidence, evidence, evidence_of, rivals
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.model import Model
@@ -155,3 +156,31 @@ def test_only_a_curve_that_points_away_from_the_points_contradicts_them():
     # Four points, a whisker of two standard errors: three of the mean of all are at 20 / 3.
     assert points(5.0, -1.0, 6.6).contradicts
     assert not points(5.0, -1.0, 6.7).contradicts
+
+
+def test_a_curve_that_no_effect_explains_has_evidence_of_its_own(monkeypatch):
+    """Each effect found is shown on the last step, the curve on its own; nothing where no time is
+    left to show it.
+    """
+    monkeypatch.setattr(
+        "sim.diagnosis.evidence.evidence_on",
+        lambda step, effect, _: None if effect == "too short" else (step.name, effect),
+    )
+    last = SimpleNamespace(name="last", effects=("hull_lift", "too short"))
+    curve = SimpleNamespace(name="curve", effects=("hull_lift", "learned"))
+    steps = (SimpleNamespace(name="first", effects=()), last)
+    found: Any = SimpleNamespace(ladder=steps, curve=curve)
+    assert evidence_of(found, []) == [("last", "hull_lift"), ("curve", "learned")]
+    found.curve = None
+    assert evidence_of(found, []) == [("last", "hull_lift")]
+
+
+def test_rivals_are_what_ties_with_the_first_or_stands_beside_a_later_effect():
+    def step(*effects: str) -> Any:
+        return SimpleNamespace(effects=effects)
+
+    ranking = [SimpleNamespace(effect=n, confounded_with=c) for n, c in (("a", ("b",)), ("b", "a"))]
+    ranking.append(SimpleNamespace(effect="far", confounded_with=()))
+    steps = [step("b"), step("far"), step("a", "c"), step("a", "d")]
+    found: Any = SimpleNamespace(ranking=ranking, alternatives=steps, effects=("a", "d"))
+    assert rivals(found) == [steps[0], steps[2]]

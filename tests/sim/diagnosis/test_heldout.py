@@ -4,8 +4,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
-from sim.diagnosis.heldout import CATALOGUE, gain, probabilities, select_finalists
+from sim.diagnosis.heldout import (
+    CATALOGUE,
+    HeldOutScorer,
+    gain,
+    probabilities,
+    select_finalists,
+)
+from sim.prediction.free_runs import Ruler
+from sim.prediction.segments import CompareSettings, Segments
 
 BLOCK = np.repeat(np.arange(20), 30)
 
@@ -96,3 +105,65 @@ def test_the_few_that_are_fitted_whole() -> None:
     assert names(*(100.0 - k for k in range(8)), 0.0) == [a, b, c, d, e, f]
     assert names(100.0, 50.0, 30.0, 1.0, 0.5, 0.0, special=e) == [a, b, c, e]
     assert names(100.0, 50.0, 30.0, 1.0, 0.0, own="mine") == [a, b, c, "mine"]
+
+
+class MadeModel(SimpleNamespace):
+    """Predicts with the error that its one number says, in all velocities [scales]."""
+
+
+def made_predict(trial: Any, model: Any, ruler: Any) -> Any:
+    """One row of each segment."""
+    count = len(ruler.segments.rows)
+    error = np.full((count, 6), model.theta[0])
+    return SimpleNamespace(predicted_rows=lambda: (np.arange(count), ruler.segments.rows, error))
+
+
+def scorer_of(*block: list[int]) -> HeldOutScorer:
+    """Of trials with one segment a row, in these blocks."""
+    rulers = [
+        Ruler(
+            CompareSettings(), Segments(np.arange(len(b)), np.ones(len(b), np.int64), 1), 0.0,
+            np.ones(3), np.zeros((len(b), 2, 6)), np.array(b),
+        )
+        for b in block
+    ]  # fmt: skip
+    trials: Any = tuple(SimpleNamespace(time=0.1 * np.arange(len(b))) for b in block)
+    return HeldOutScorer(trials, tuple(rulers))
+
+
+def test_each_block_is_predicted_by_the_fit_that_did_not_see_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Four fits, wrong by 1, 2, 3 and 4 wherever they are asked: each answers for its fold only."""
+    monkeypatch.setattr("sim.diagnosis.heldout.predict", made_predict)
+    monkeypatch.setattr(
+        "sim.diagnosis.heldout.replace", lambda model, theta: MadeModel(theta=theta)
+    )
+    fold = np.array([0, 1, 1, 2, 3, 3])
+    z = np.array([[1.0], [2.0], [3.0], [4.0]])
+    fit: Any = SimpleNamespace(
+        unknowns=SimpleNamespace(model=None, theta=lambda z, _: z),
+        fold_fits=SimpleNamespace(z=z), recording_fits=SimpleNamespace(z=z),
+        problem=SimpleNamespace(fold_at=lambda _, time: fold[: len(time)]),
+    )  # fmt: skip
+    scorer = scorer_of([0, 0, 1, 1, 2, 2])
+    assert scorer.score_fit(fit).nrmse ** 2 == pytest.approx((1 + 4 + 4 + 9 + 16 + 16) / 6)
+    half = scorer.score_fit(fit, lambda theta: 0.5 * theta)
+    assert half.nrmse == pytest.approx(0.5 * scorer.score_fit(fit).nrmse)
+    whole: Any = MadeModel(theta=[3.0])
+    assert scorer.score_model(whole).nrmse == pytest.approx(3.0)  # not fitted: all time counts
+    assert scorer.score_recordings(fit) is None
+    left_out = scorer_of([0], [0, 1], [0]).score_recordings(fit)
+    assert left_out is not None
+    assert left_out.nrmse**2 == pytest.approx((1 + 2 * 4 + 9) / 4)
+
+
+def test_blocks_of_two_recordings_are_told_apart_and_one_block_has_no_interval(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sim.diagnosis.heldout.predict", made_predict)
+    model: Any = MadeModel(theta=[3.0])
+    assert scorer_of([5, 5, 5]).score_model(model).ci95 is None
+    assert scorer_of([5], [5]).score_model(model).ci95 == pytest.approx((3.0, 3.0))
+    too_short = HeldOutScorer(scorer_of([5], [5]).trials, (None, scorer_of([5]).rulers[0]))
+    assert too_short.score_model(model).ci95 is None

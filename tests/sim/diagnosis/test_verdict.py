@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim.diagnosis import verdict
@@ -24,6 +25,7 @@ from sim.diagnosis.verdict import (
     verdict_of,
 )
 from sim.effects.catalogue import named
+from sim.effects.effect import Formula
 from sim.vessel import AddedEffect
 from tests.sim.voyages import WAM_V
 
@@ -239,6 +241,37 @@ def test_a_curve_is_told_by_the_last_effect_of_its_vessel() -> None:
     vessel = WAM_V.with_effects(offset, AddedEffect(learned, dict(learned.example)))
     curve = FreeCurve(replace(step(0.2, "heading_offset", "learned"), vessel=vessel), made, made)
     assert curve.description.startswith("a force ahead with the speed ahead: ")
+
+
+def test_a_formula_goes_through_the_curve_as_surely_as_each_knot_is_known() -> None:
+    """A knot's standard deviation is a quarter of its interval; the shortest law that predicts as
+    well is told, each held-out fit with its own.
+    """
+    told: list[dict[str, float]] = []
+    scored: list[list[float]] = []
+
+    def formulas(_: Any, values: Any, std: Any) -> list[Formula]:
+        told.append(dict(std))
+        made = {key: 10.0 * x for key, x in values.items()}
+        return [Formula(name, name, {}, made) for name in ("short", "long", "longer")]
+
+    def score_fit(_: Any, changed: Any) -> HeldOutScore:
+        scored.append(list(changed(np.array([7.0, 1.0, 2.0]))))
+        return HeldOutScore({1: 0.3, 2: 0.205}.get(len(scored), 0.1), None)
+
+    effect = SimpleNamespace(name="learned", formulas=formulas)
+    added = SimpleNamespace(effect=effect, values={"f0": 1.0, "f1": 2.0})
+    vessel: Any = SimpleNamespace(effects=(added,))
+    known: Any = SimpleNamespace(name="learned.f0", ci95=(0.6, 1.4))
+    last = replace(step(0.2, "learned"), vessel=vessel, parameters={"learned": (known,)})
+    model = SimpleNamespace(names=["m11", "learned.f0", "learned.f1"])
+    made: Any = SimpleNamespace(unknowns=SimpleNamespace(model=model))
+    scorer: Any = SimpleNamespace(score_fit=score_fit)
+    found = verdict._short_formula(FreeCurve(last, made, made), scorer)
+    assert told[0] == pytest.approx({"f0": 0.2, "f1": 0.0})
+    assert found is not None
+    assert (found.formula.form, found.nrmse) == ("long", 0.205)
+    assert scored == [[7.0, 10.0, 20.0]] * 2
 
 
 def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
