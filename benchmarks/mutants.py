@@ -56,15 +56,16 @@ TARGETS = {
     "balance": Target(("sim/balance.py",), ("tests/sim/test_balance.py",)),
     "effects": Target(
         ("sim/effects/*.py",),
-        (f"{EFFECTS}/test_learned.py", f"{EFFECTS}/test_learned_formula.py",
+        (f"{EFFECTS}/test_laws_by_hand.py", f"{EFFECTS}/test_learned.py",
+         f"{EFFECTS}/test_learned_formula.py", "tests/gateway/figures/test_effect_sentences.py",
          f"{EFFECTS}/test_single_effects.py", f"{EFFECTS}/test_laws.py",
          f"{EFFECTS}/test_effects.py"),
     ),
     "estimation": Target(
         ("gateway/estimation/events.py", "gateway/estimation/filter.py",
          "gateway/estimation/model.py"),
-        (f"{ESTIMATION}/test_events.py", f"{ESTIMATION}/test_oracle.py",
-         f"{ESTIMATION}/test_estimator.py"),
+        (f"{ESTIMATION}/test_gates.py", f"{ESTIMATION}/test_events.py",
+         f"{ESTIMATION}/test_oracle.py", f"{ESTIMATION}/test_estimator.py"),
     ),
     "clock": Target(("gateway/ingest/clock.py",), ("tests/gateway/ingest/test_clock.py",)),
     "diagnosis": Target(

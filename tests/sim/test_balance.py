@@ -7,10 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.balance import coriolis_force, damping_force, inertia_force, solve
-from sim.body import Body
+from sim.balance import (
+    acceleration_through,
+    balance_residual,
+    base_inertia,
+    coriolis_force,
+    damping_force,
+    inertia_force,
+    kinematics,
+    relative_velocity,
+    solve,
+    velocity_through,
+)
+from sim.body import Body, Flow
 from sim.model import Model
-from sim.state import Inertia, Velocity, Wrench
+from sim.state import Inertia, Pose, Velocity, Water, Wrench
 from sim.vessel import Dynamics, Vessel
 from tests.sim.vessels import IACQUABOT, SHAPES, SLENDER, WAMV, excitation
 
@@ -50,6 +61,50 @@ def test_fossens_matrices_give_the_same_forces(M, nu):
     c = np.array([[0, 0, -p[1]], [0, 0, p[0]], [p[1], -p[0], 0]])
     np.testing.assert_allclose(inertia_force(M, nu), p, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(coriolis_force(M, nu), c @ nu, rtol=1e-12, atol=1e-9)
+
+
+@pytest.mark.parametrize("yaw", [-2.0, 0.3, 1.5])
+def test_the_boat_goes_over_ground_as_its_heading_turns_its_velocity(yaw):
+    c, s = np.cos(yaw), np.sin(yaw)
+    J = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    nu = Velocity(1.2, -0.4, 0.3)
+    np.testing.assert_allclose(kinematics(Pose(5.0, 7.0, yaw), nu), J @ nu, rtol=1e-12)
+    water = Water(0.5, -0.2, 0.0, 0.0)
+    through = J.T @ (J @ nu - [0.5, -0.2, 0.0])  # the current turns nothing
+    np.testing.assert_allclose(velocity_through(water, Pose(5.0, 7.0, yaw), nu), through)
+
+
+def test_the_acceleration_through_the_water_is_the_rate_of_the_velocity_through_it():
+    """On a course that turns, in a current that grows: by differences of a hundredth second."""
+    yaw, r, r_dot, h = 0.7, 0.4, -0.3, 1e-2
+    nu, nu_dot = Velocity(1.5, -0.3, r), Velocity(0.2, 0.6, r_dot)
+
+    def through(t):
+        pose = Pose(0.0, 0.0, yaw + r * t + 0.5 * r_dot * t * t)
+        water = Water(0.4 + 0.05 * t, -0.3 + 0.08 * t, 0.05, 0.08)
+        moving = Velocity(*(x + dx * t for x, dx in zip(nu, nu_dot, strict=True)))
+        return np.array(velocity_through(water, pose, moving))
+
+    at = acceleration_through(Water(0.4, -0.3, 0.05, 0.08), Pose(0.0, 0.0, yaw), nu, nu_dot)
+    np.testing.assert_allclose(at, (through(h) - through(-h)) / (2.0 * h), atol=2e-5)
+
+
+def test_the_balance_is_what_moves_the_boat_less_what_pushes_it():
+    """M a + C(v) v + D(v) v - tau with the matrices of a boat whose weight lies ahead, by hand."""
+    numbers = dict.fromkeys(Body._fields, 0.0)
+    given = {"m11": 50.0, "m22": 80.0, "m33": 30.0, "mass": 40.0, "x_g": 0.25}
+    body = Body(**(numbers | given | {"X_u": -6.0, "Y_v": -20.0, "N_r": -9.0, "N_v": 3.0}))
+    M = base_inertia(body)
+    assert M == Inertia(50.0, 0.0, 0.0, 80.0, 10.0, 30.0)
+    matrix = np.array([[50.0, 0.0, 0.0], [0.0, 80.0, 10.0], [0.0, 10.0, 30.0]])
+    v, a, tau = np.array([2.0, -1.0, 0.5]), np.array([0.3, 0.2, -0.4]), np.array([7.0, -5.0, 3.0])
+    p = matrix @ v
+    c = np.array([[0.0, 0.0, -p[1]], [0.0, 0.0, p[0]], [p[1], -p[0], 0.0]])
+    d = np.array([[6.0, 0.0, 0.0], [0.0, 20.0, 0.0], [0.0, -3.0, 9.0]])
+    left = balance_residual(M, body, Velocity(*v), Velocity(*a), Wrench(*tau))
+    np.testing.assert_allclose(left, matrix @ a + c @ v + d @ v - tau, rtol=1e-12)
+    flow = Flow(*(0.0,) * (len(Flow._fields) - 1), body)._replace(u=2.0, v=-1.0, r=0.5)
+    assert relative_velocity(flow) == Velocity(2.0, -1.0, 0.5)
 
 
 @given(velocities)

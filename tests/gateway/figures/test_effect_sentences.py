@@ -7,6 +7,7 @@ import pytest
 
 from gateway.figures.words import headline
 from sim.effects.catalogue import EFFECTS
+from sim.effects.words import FittedValues
 from tests.sim.vessels import added
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
@@ -91,3 +92,73 @@ def test_wiring_is_told_by_outputs():
     )
     both = said("actuator_wiring", order=21.0, reversed=12.0)
     assert "exchanged and actuator 1 and 2 run the wrong way round" in both
+
+
+SENTENCES = (
+    ("advance_loss", {"per_mps": 0.12}, "lose 12 % of their thrust with each m/s ahead"),
+    ("astern_stall", {"per_mps": 0.25, "above": 0.5}, "lose 25 % of their thrust with each"),
+    ("battery_sag", {"nominal": 14.8}, "it is full at 15 V"),
+    ("cg_offset", {"x_g": -0.21}, "the centre of gravity lies 0.21 m aft of the middle"),
+    ("command_delay", {"delay": 0.34}, "commands act 0.34 s late"),
+    ("compass_deviation", {"b": 0.03, "c": -0.04}, "by up to 2.9° on some headings"),
+    ("cross_damping", {"Y_r": -14.0}, "14 N to port at 1 rad/s to starboard"),
+    ("cubic_drag", {"X_uuu": -3.5}, "3.5 N more at 1 m/s"),
+    ("drag_growth", {"rate": 0.0005}, "drag grows by 3.0 % a minute"),
+    ("inertial_force", {"force": 9.0, "direction": 0.5 * math.pi},
+     "9.0 N pushes towards 90° (east)"),
+    ("reverse_loss", {"factor": 0.75}, "astern the motors push 25 % weaker than modelled"),
+    ("steady_wind", {"speed": 7.5, "direction": 0.75 * math.pi},
+     "7.5 m/s blows from 135° (south-east)"),
+    ("steering_lag", {"tau": 0.3}, "the steering follows its command 0.30 s late"),
+    ("steering_offset", {"angle": 0.1}, "stands 5.7° to starboard"),
+    ("thrust_curve", {"exponent": 2.0}, "half throttle works like 25 % throttle"),
+    ("thruster_deadband", {"width": 0.08}, "do not answer the first 8.0 % of throttle"),
+    ("thruster_fault", {"thruster": 2.0, "gain": 0.4, "time": 60.0},
+     "thruster 2 gives 40 % of its thrust from 60 s on"),
+    ("thruster_imbalance", {"port_gain": 1.12}, "the port motor pushes 12 % harder than modelled"),
+    ("thruster_lag", {"tau": 1.25}, "thrust follows the throttle 1.2 s late"),
+    ("thruster_misalignment", {"angle": -0.1}, "the motors point 5.7° to port"),
+    ("towed_load", {"drag": 20.0, "x": -1.5}, "1.5 m aft of the middle, with 20 N at 1 m/s"),
+    ("varying_current", {"speed": 0.3, "direction": math.pi, "period": 600.0},
+     "up to 0.30 m/s swings to and fro along 180° (south) every 600 s"),
+    ("velocity_latency", {"delay": 0.12}, "positions and speeds are 0.12 s old"),
+    ("wave_motion", {"omega": 2.0, "force": 6.0, "direction": 0.0},
+     "a period of 3.1 s push with 6.0 N towards 0° (north)"),
+    ("yaw_rate_bias", {"bias": 0.01}, "the gyro reads 0.57 °/s too fast to starboard"),
+    ("payload_change", {"factor": 1.4, "time": 90.0}, "the boat is 40 % heavier from 90 s on"),
+    ("current_change", {"speed": 0.2, "direction": 0.0, "later_speed": 0.4, "time": 50.0,
+                        "later_direction": math.pi},
+     "until 50 s a current of 0.20 m/s sets towards 0° (north), from then on one of 0.40 m/s "
+     "towards 180° (south)"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values", "words"), SENTENCES)
+def test_numbers_are_told_in_units_of_people_and_from_what_was_modelled(name, values, words):
+    assert words.lower() in said(name, **values).lower()
+
+
+def test_only_an_interval_on_one_side_of_the_middle_tells_how_thrust_begins():
+    once, gently = ((0.6, 0.9), "give at once"), ((0.1, 0.4), "begin gently")
+    for ends, told in (once, gently, ((0.1, 0.9), "")):
+        text = said("thruster_deadband", {"jump": ends}, width=0.1, jump=0.5)
+        assert told in text
+        assert ("beyond" in text) == bool(told)
+
+
+def test_a_moment_is_told_by_the_clock_where_one_was_set():
+    p = FittedValues({"time": 338.4}, start_time_ns=1_700_000_000 * 10**9)  # 22:13:20 UTC
+    assert p.moment("time") == "338 s, 22:18:58 UTC,"
+    assert FittedValues({"time": 338.4}, start_time_ns=86_400 * 10**9).moment("time") == "338 s"
+    assert FittedValues({"time": 7000.0}, start_time_ns=1_700_000_000 * 10**9).moment("time") == (
+        "7000 s, 00:10:00 UTC,"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [(0.0, "0.0 m"), (0.00312, "0.003 m"), (0.0312, "0.031 m"), (0.312, "0.31 m"), (3.12, "3.1 m"),
+     (31.2, "31 m"), (3120.0, "3120 m"), (-0.312, "0.31 m")],
+)  # fmt: skip
+def test_a_size_has_two_digits_and_no_more_than_three_places(value, told):
+    assert FittedValues({"x": value}).size("x", "m") == told

@@ -9,7 +9,7 @@ import pytest
 
 from sim.body import Body, Flow
 from sim.effects.catalogue import EFFECTS, mistaken_for, named
-from sim.effects.effect import Need
+from sim.effects.effect import Kind, Need, Parameter, circular_parameter
 from sim.model import Model
 from sim.state import Pose
 from sim.vessel import AddedEffect
@@ -22,6 +22,12 @@ TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
 OTHER_SIDE = {"thruster_fault": {"thruster": 2.0}, "actuator_wiring": {"reversed": 1.0}}
 ONE_SIDED = ("thruster_imbalance",)  # knows port only
+COARSE = ("thruster_deadband.jump",)  # a shape between two, which hardly anything tells
+every_parameter = pytest.mark.parametrize(
+    ("name", "parameter"),
+    [(f"{e.name}.{p.name}", p) for e in EFFECTS for p in e.parameters if p.kind is not Kind.CHOICE],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
 
 
 def home(effect):
@@ -74,6 +80,41 @@ def test_at_its_neutral_values_an_effect_does_nothing(effect):
 def test_only_these_have_no_neutral_values():
     without = {e.name for e in EFFECTS if all(p.neutral is None for p in e.parameters)}
     assert without == {"steady_wind", "wind_change", "battery_sag", "thruster_lag", "steering_lag"}
+
+
+@every_parameter
+def test_what_may_have_either_sign_is_looked_for_on_both_sides_alike(name, parameter):
+    """Limits as far to port as to starboard, and a start between them where nothing is known."""
+    p = parameter
+    if p.lower < 0.0 < p.upper and not p.prior:
+        assert p.lower == -p.upper
+        assert p.start == 0.0 or p.neutral is None
+    assert p.lower < 0.0 or not p.sided
+
+
+@every_parameter
+def test_a_step_that_matters_is_small_beside_what_may_be_and_leaps_over_nothing(name, parameter):
+    """`scale`, by which a search goes and which tells a change: from the start it does not pass
+    where the effect does nothing, and within the limits there is room for many.
+    """
+    p = parameter
+    room = 2.0 * np.pi if p.kind is Kind.CIRCLE else p.upper - p.lower
+    assert 0.0 < p.scale <= room / (5.0 if name in COARSE else 9.99)
+    if p.neutral is not None:
+        assert p.lower <= p.neutral <= p.upper
+        assert p.start == p.neutral or abs(p.start - p.neutral) >= p.scale
+    assert p.prior == 0.0 or p.scale <= p.prior  # what is known is known more coarsely
+    assert p.default is None or p.lower <= p.default <= p.upper
+
+
+def test_a_parameter_that_says_nothing_changes_by_a_tenth_of_its_range_and_starts_within():
+    assert Parameter("x", "m", lower=-1.0, upper=3.0, start=0.0).scale == pytest.approx(0.4)
+    for start in (-1.1, 3.1):
+        with pytest.raises(ValueError, match="is outside"):
+            Parameter("x", "m", lower=-1.0, upper=3.0, start=start)
+    around = circular_parameter("direction", "towards")
+    assert around.upper - around.lower > 4.0 * np.pi  # a search may go round and stop at no bound
+    assert around.kind is Kind.CIRCLE
 
 
 @pytest.mark.parametrize("name", TAKE_ENERGY)

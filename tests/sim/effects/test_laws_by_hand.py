@@ -1,0 +1,246 @@
+"""Each law at one point, against numbers worked out by hand from the equation of its file."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
+from sim.effects.catalogue import named
+from sim.effects.effect import ResidualForce
+from sim.effects.wave_motion import GRAVITY, _coarse_peaks, _refined, _Samples
+from sim.state import Inertia, Pose
+
+BODY = Body(**(dict.fromkeys(Body._fields, 0.0) | {
+    "length": 5.0, "mass": 100.0, "area_front": 2.0, "area_side": 4.0, "X_u": -10.0, "X_uu": -20.0,
+}))  # fmt: skip
+DRIVE = ThrusterParameters(0.0, -1.0, -0.7, 0.0, -80.0, 90.0, 1.0)  # number, x, y, azimuth, …
+BLADE = RudderParameters(0.0, -1.0, 0.0, -0.6, 0.6, 0.02, 1.5)
+HALF_PI = 0.5 * np.pi
+
+
+def flow(**values: float) -> Flow:
+    """Without a measured wind; zeros elsewhere."""
+    return Flow(*(0.0,) * (len(Flow._fields) - 1), BODY)._replace(**values)
+
+
+def law(name: str, place: str) -> Any:
+    return named(name).laws[place]
+
+
+def p(**values: float) -> Any:
+    return SimpleNamespace(**values)
+
+
+FORCES = (
+    # 3 (-2)³
+    ("cubic_drag", {"X_uuu": -3.0}, flow(u=-2.0), (24.0, 0.0, 0.0)),
+    # 0.01 · 50 (−10 − 20 · 2) 2, and nothing before the first sample
+    ("drag_growth", {"rate": 0.01}, flow(u=2.0, time=50.0), (-50.0, 0.0, 0.0)),
+    ("drag_growth", {"rate": 0.01}, flow(u=-2.0, time=50.0), (50.0, 0.0, 0.0)),
+    ("drag_growth", {"rate": 0.01}, flow(u=2.0, time=-50.0), (0.0, 0.0, 0.0)),
+    # −2 · 5 (3, −5 + (−2)(−0.5)), 2 m astern
+    ("towed_load", {"drag": 2.0, "x": -2.0}, flow(u=3.0, v=-5.0, r=-0.5), (-30.0, 40.0, -80.0)),
+    ("cross_damping", {"Y_r": 3.0, "N_v": -7.0}, flow(u=9.0, v=2.0, r=0.5), (0.0, 1.5, -14.0)),
+    # 2 (3 · 5 + 7 · 0.5), 2 (11 · 5 + 13 · 0.5)
+    ("hull_lift", {"Y_uv": 3.0, "Y_ur": 7.0, "N_uv": 11.0, "N_ur": 13.0}, flow(u=2.0, v=5.0, r=0.5),
+     (0.0, 37.0, 123.0)),
+    # towards east, on a heading to the north and one to the east
+    ("inertial_force", {"force": 8.0, "direction": HALF_PI}, flow(), (0.0, 8.0, 0.0)),
+    ("inertial_force", {"force": 8.0, "direction": HALF_PI}, flow(yaw=HALF_PI), (8.0, 0.0, 0.0)),
+    # two metres along, k = 4 / 9.81: sin(2 · 1 − k · 2 + 0.1); the way across does not count
+    ("wave_motion", {"force": 6.0, "omega": 2.0, "direction": 0.0, "phase": 0.1},
+     flow(time=1.0, north=2.0, east=50.0), (6.0 * np.sin(2.1 - 8.0 / 9.81), 0.0, 0.0)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values", "at", "expected"), FORCES)
+def test_a_force_is_what_its_equation_gives(
+    name: str, values: dict[str, float], at: Flow, expected: tuple[float, float, float]
+) -> None:
+    np.testing.assert_allclose(law(name, "force")(at, p(**values)), expected, atol=1e-9)
+
+
+def test_the_wind_of_two_is_that_which_blows_then() -> None:
+    """Before its moment as the first, from then on as the second; a measured one counts instead."""
+    both = p(speed=6.0, direction=0.4, later_speed=9.0, later_direction=2.5, time=30.0,
+             c_x=0.6, c_n=0.1)  # fmt: skip
+    moving: dict[str, float] = {"u_ground": 1.0, "v_ground": -0.3, "yaw": 0.8}
+    for time, speed, direction in ((29.9, 6.0, 0.4), (30.0, 9.0, 2.5)):
+        alone = p(speed=speed, direction=direction, c_x=0.6, c_n=0.1)
+        at = flow(**moving, time=time)
+        steady = law("steady_wind", "force")(at, alone)
+        np.testing.assert_allclose(law("wind_change", "force")(at, both), steady, rtol=1e-12)
+        # the same air, told as it moves: towards where the wind does not come from
+        north, east = -speed * np.cos(direction), -speed * np.sin(direction)
+        known = flow(**moving, time=time, wind_known=1.0, wind_north=north, wind_east=east)
+        for name in ("steady_wind", "wind_change"):
+            np.testing.assert_allclose(law(name, "force")(known, both), steady, rtol=1e-9)
+
+
+def test_the_water_moves_towards_its_direction_as_fast_as_it_is_said() -> None:
+    pose = Pose(3.0, 4.0, 1.0)
+    steady = law("steady_current", "water")(0.0, pose, p(speed=0.5, direction=HALF_PI))
+    np.testing.assert_allclose(steady, (0.0, 0.5, 0.0, 0.0), atol=1e-12)
+    change = p(speed=0.5, direction=0.3, later_speed=0.8, later_direction=-2.0, time=60.0)
+    for time, speed, direction in ((59.9, 0.5, 0.3), (60.0, 0.8, -2.0)):
+        water = law("current_change", "water")(time, pose, change)
+        expected = (speed * np.cos(direction), speed * np.sin(direction), 0.0, 0.0)
+        np.testing.assert_allclose(water, expected, atol=1e-12)
+    tide = p(speed=0.5, period=100.0, phase=HALF_PI, direction=0.3)
+    for time, part, rate in ((0.0, 1.0, 0.0), (25.0, 0.0, -1.0), (50.0, -1.0, 0.0)):
+        water = law("varying_current", "water")(time, pose, tide)
+        fast, grows = 0.5 * part, 0.5 * rate * 2.0 * np.pi / 100.0
+        c, s = np.cos(0.3), np.sin(0.3)
+        np.testing.assert_allclose(water, (fast * c, fast * s, grows * c, grows * s), atol=1e-12)
+
+
+THRUSTS = (
+    ("reverse_loss", {"factor": 0.7}, DRIVE, flow(), ((50.0, 50.0), (-50.0, -35.0))),
+    ("thruster_imbalance", {"port_gain": 0.7}, DRIVE, flow(), ((50.0, 35.0), (-50.0, -35.0))),
+    ("thruster_imbalance", {"port_gain": 0.7}, DRIVE._replace(y=0.7), flow(), ((50.0, 50.0),)),
+    ("thruster_fault", {"thruster": 1.0, "gain": 0.2, "time": 9.0}, DRIVE, flow(time=9.0),
+     ((50.0, 10.0),)),
+    ("thruster_fault", {"thruster": 1.0, "gain": 0.2, "time": 9.0}, DRIVE, flow(time=8.9),
+     ((50.0, 50.0),)),
+    ("thruster_fault", {"thruster": 1.0, "gain": 0.2, "time": 9.0}, DRIVE._replace(number=1.0),
+     flow(time=9.0), ((50.0, 50.0),)),
+    # (12 / 16)²
+    ("battery_sag", {"nominal": 16.0}, DRIVE, flow(voltage=12.0), ((64.0, 36.0), (-64.0, -36.0))),
+    # along the shaft: 0.6 · 2 + 0.8 · 1 = 2 m/s; a quarter each, above 0.5 m/s
+    ("advance_loss", {"per_mps": 0.25}, DRIVE._replace(azimuth=np.arctan2(0.8, 0.6)),
+     flow(u=2.0, v=1.0), ((50.0, 25.0), (-50.0, -50.0))),
+    ("astern_stall", {"per_mps": 0.25, "above": 0.5}, DRIVE._replace(azimuth=np.arctan2(0.8, 0.6)),
+     flow(u=2.0, v=1.0), ((50.0, 50.0), (-40.0, -25.0))),
+    ("astern_stall", {"per_mps": 0.25, "above": 0.5}, DRIVE, flow(u=9.0), ((-40.0, 0.0),)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values", "drive", "at", "pairs"), THRUSTS)
+def test_a_thrust_becomes_what_its_equation_gives(
+    name: str, values: dict[str, float], drive: ThrusterParameters, at: Flow,
+    pairs: tuple[tuple[float, float], ...],
+) -> None:  # fmt: skip
+    for given, left in pairs:
+        assert law(name, "thrust")(given, drive, at, p(**values)) == pytest.approx(left)
+
+
+def test_commands_angles_and_lags_are_what_their_equations_give() -> None:
+    curve, band = law("thrust_curve", "command"), law("thruster_deadband", "command")
+    assert curve(-0.5, DRIVE, p(exponent=2.0)) == pytest.approx(-0.25)
+    assert [band(c, DRIVE, p(width=0.2, jump=0.0)) for c in (0.6, -0.6, 0.2, 1.0)] == pytest.approx(
+        [0.5, -0.5, 0.0, 1.0]
+    )
+    assert band(0.21, DRIVE, p(width=0.2, jump=1.0)) == pytest.approx(0.5 * 0.21)  # half started
+    assert band(-0.6, DRIVE, p(width=0.2, jump=0.5)) == pytest.approx(-0.5 * (0.6 + 0.5))
+    assert law("thruster_misalignment", "turn")(0.3, DRIVE, flow(), p(angle=0.1)) == 0.4
+    assert law("steering_offset", "angle")(0.3, BLADE, p(angle=-0.1)) == pytest.approx(0.2)
+    assert law("steering_lag", "angle_rate")(0.3, 0.1, BLADE, p(tau=0.5)) == pytest.approx(0.4)
+    assert law("thruster_lag", "thrust_rate")(90.0, 60.0, DRIVE, p(tau=0.5)) == pytest.approx(60.0)
+    assert law("command_delay", "delay")(p(delay=0.7)) == 0.7
+    assert law("velocity_latency", "latency")(p(delay=0.7)) == 0.7
+
+
+def test_the_mass_is_where_it_is_and_as_much_as_there_is() -> None:
+    M = Inertia(10.0, 1.0, 2.0, 20.0, 3.0, 30.0)
+    aft = law("cg_offset", "inertia")(M, flow(), p(x_g=-0.25))
+    assert aft == Inertia(10.0, 1.0, 2.0, 20.0, 3.0 - 25.0, 30.0)
+    load = p(factor=2.0, time=9.0)
+    assert law("payload_change", "inertia")(M, flow(time=8.9), load) == M
+    assert law("payload_change", "inertia")(M, flow(time=9.0), load) == Inertia(
+        *(2.0 * m for m in M)
+    )
+
+
+REPORT = Report(10.0, 20.0, HALF_PI, 3.0, -1.0, 0.5, 0.2, 0.4, 0.1)  # on a heading to the east
+
+
+def test_a_sensor_reports_what_its_equation_gives() -> None:
+    antenna = law("antenna_offset", "observe")(REPORT, p(x=0.6, y=0.2))
+    np.testing.assert_allclose(antenna, (
+        10.0 - 0.2, 20.0 + 0.6, HALF_PI, 3.0 - 0.5 * 0.2, -1.0 + 0.5 * 0.6, 0.5,
+        0.2 - 0.1 * 0.2, 0.4 + 0.1 * 0.6, 0.1,
+    ))  # fmt: skip
+    quarter = law("heading_offset", "observe")(REPORT, p(angle=HALF_PI))  # north said to be east
+    np.testing.assert_allclose(
+        quarter, (10.0, 20.0, np.pi, -1.0, -3.0, 0.5, 0.4, -0.2, 0.1), atol=1e-12
+    )
+    gyro = law("yaw_rate_bias", "observe")(REPORT, p(bias=0.05))
+    np.testing.assert_allclose(gyro, REPORT._replace(r=0.55))
+    # On that heading d = b, and changes by −c r.
+    d, rate = 0.3, 0.2 * -0.5
+    deviates = law("compass_deviation", "observe")(REPORT, p(b=0.3, c=0.2))
+    u, v = 3.0 * np.cos(d) - np.sin(d), -3.0 * np.sin(d) - np.cos(d)
+    u_dot, v_dot = 0.2 * np.cos(d) + 0.4 * np.sin(d), -0.2 * np.sin(d) + 0.4 * np.cos(d)
+    np.testing.assert_allclose(deviates, (
+        10.0, 20.0, HALF_PI + d, u, v, 0.5, u_dot + rate * v, v_dot - rate * u, 0.1,
+    ))  # fmt: skip
+
+
+# -- the search for waves --
+
+
+def samples() -> _Samples:
+    """A minute and a half of one train and noise, seen from a boat that wanders."""
+    rng, time = np.random.default_rng(2), 0.4 * np.arange(220)
+    place = np.cumsum(rng.normal(0.05, 0.2, (len(time), 2)), axis=0)
+    unit = np.array([np.cos(2.0), np.sin(2.0)])
+    push = 3.0 * np.sin(1.7 * time - 1.7**2 / GRAVITY * (place @ unit) + 0.3)
+    return _Samples(time, place, push[:, None] * unit + rng.normal(0.0, 0.5, place.shape))
+
+
+def test_the_power_of_a_grid_is_that_of_its_points_one_by_one() -> None:
+    """Phases that go on from one frequency to the next, against each point by itself."""
+    some = samples()
+    omega, direction = 0.9 + 0.3 * np.arange(4), np.array([0.2, 2.0, 5.0])
+    window = (some.time // 30.0).astype(int)
+    expected = np.empty((3, 4))
+    for i, theta in enumerate(direction):
+        for j, w in enumerate(omega):
+            each = some.filtered(np.array([w]), np.array([theta]))[0]
+            expected[i, j] = sum(abs(each[window == k].sum()) ** 2 for k in range(3))
+    np.testing.assert_allclose(some.power(omega, direction, 30.0), expected, rtol=1e-9)
+    alone = some.power(omega[2:3], direction, 30.0)  # of one frequency there is no next
+    np.testing.assert_allclose(alone, expected[:, 2:3], rtol=1e-9)
+
+
+def test_a_train_that_is_taken_away_leaves_what_was_there_besides() -> None:
+    some = samples()
+    train = {"force": 3.0, "omega": 1.7, "direction": 2.0, "phase": 0.3}
+    left = some.without(train).force
+    assert left.std(axis=0) == pytest.approx(0.5, abs=0.05)
+    assert some.force.std() > 1.0
+
+
+def test_a_point_is_refined_to_the_peak_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    some, window = samples(), 90.0
+    monkeypatch.setattr("sim.effects.wave_motion.MIN_OMEGA", 1.5)
+    monkeypatch.setattr("sim.effects.wave_motion.MAX_OMEGA", 1.95)
+    peaks = _coarse_peaks(some, window, 0.1, 2.0 * np.pi / 96.0)
+    assert len(peaks) == 8
+    best = max(some.power(np.array([w]), np.array([t]), window)[0, 0] for w, t in peaks)
+    (at,) = some.power(np.array([peaks[0][0]]), np.array([peaks[0][1]]), window)[0]
+    assert at == pytest.approx(best)  # the best point comes first
+    omega, theta = _refined(some, (1.66, 1.9), window, 0.01, 0.04)
+    assert omega == pytest.approx(1.7, abs=0.02)
+    assert theta == pytest.approx(2.0, abs=0.1)
+
+
+def test_only_so_many_samples_are_searched_as_waves_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of ten a second each fourth; the second train is looked for in what the first leaves."""
+    seen: list[Any] = []
+    found = {"force": 2.0, "omega": 1.7, "direction": 0.0, "phase": 0.0}
+
+    def strongest(given: Any) -> dict[str, float]:
+        seen.append(given)
+        return found
+
+    monkeypatch.setattr("sim.effects.wave_motion._strongest", strongest)
+    time = 0.1 * np.arange(101)
+    rows = ResidualForce(time, np.zeros((101, 2)), np.ones((101, 2)))
+    search = named("wave_motion").search
+    assert search is not None
+    assert search(None, lambda: rows) == [found, found]
+    np.testing.assert_allclose(seen[0].time, time[::4])
+    np.testing.assert_allclose(seen[1].force[:, 0], 1.0 - 2.0 * np.sin(1.7 * time[::4]))
