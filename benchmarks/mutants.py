@@ -52,6 +52,7 @@ class Target(NamedTuple):
 ESTIMATION = "tests/gateway/estimation"
 DIAGNOSIS = "tests/sim/diagnosis"
 EFFECTS = "tests/sim/effects"
+MONITORING = "tests/sim/monitoring"
 TARGETS = {
     "balance": Target(("sim/balance.py",), ("tests/sim/test_balance.py",)),
     "effects": Target(
@@ -76,7 +77,7 @@ TARGETS = {
     "disturbances": Target(
         ("sim/monitoring/disturbances.py", "sim/monitoring/causes.py",
          "sim/monitoring/filters.py", "sim/monitoring/kalman.py"),
-        ("tests/sim/monitoring/test_disturbances.py",),
+        (f"{MONITORING}/test_causes.py", f"{MONITORING}/test_disturbances.py"),
     ),
 }  # fmt: skip
 

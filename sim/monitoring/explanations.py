@@ -89,5 +89,5 @@ def hull_of(vessel: Vessel, air: WindModel) -> Hull:
         np.array([d.X_u, d.X_uu, d.Y_v, d.Y_vv, d.N_r, d.N_rr]),
         air.numbers,
         np.array(thrusters, float).reshape(-1, 5),
-        np.array(points, float).reshape(-1, longest, 2),
+        np.array(points, float).reshape(len(points), longest, 2),
     )

@@ -250,3 +250,25 @@ def test_a_prediction_in_one_go_is_that_in_as_many_steps_as_are_linear():
     whole = run(start, ticks(np.array([2.0])))
     np.testing.assert_allclose(whole.motion[-1], steps.motion[-1], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(whole.covariance[-1], steps.covariance[-1], rtol=1e-9, atol=1e-12)
+
+
+def test_what_was_not_used_has_no_components_and_what_waits_or_is_no_number_no_distance():
+    rows = run(
+        one(VELOCITY, 0.0, 0.0, 0.0), at_rest(1.0), one(YAW, 0.9, np.nan),
+        one(POSITION, 0.9, 9.0, 9e9), one(YAW, 0.9, 2.0, std=0.01),
+        one(YAW, -9.0, 0.4), ticks(np.array([1.0])),
+        one(YAW, 1.0, 0.402, std=0.01), one(VELOCITY, 1.0, 0.1, 0.0),
+    )  # fmt: skip
+    last = slice(-7, None)
+    refused, gated, used = Flag.REFUSED, Flag.GATED, Flag.USED
+    assert flags(rows)[last] == [gated, gated, gated, refused, Flag(0), used, used]
+    assert (flags(rows)[0], rows.used[0], rows.nis[0]) == (Flag.WAITING, 0, 0.0)
+    assert rows.used[last].tolist() == [0, 0, 0, 0, 0, 1, 2]
+    known = rows.nis[last] > 0.0
+    assert known.tolist() == [False, False, True, False, False, True, True]
+
+
+def test_of_the_first_heading_nothing_is_an_error_and_it_is_within_half_a_turn():
+    rows = run(one(YAW, 0.0, 5.0, std=0.01))
+    assert rows.motion[0, State.YAW] == pytest.approx(5.0 - 2.0 * np.pi)
+    assert (rows.nis[0], rows.used[0]) == (0.0, 1)

@@ -22,7 +22,7 @@ TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
 OTHER_SIDE = {"thruster_fault": {"thruster": 2.0}, "actuator_wiring": {"reversed": 1.0}}
 ONE_SIDED = ("thruster_imbalance",)  # knows port only
-COARSE = ("thruster_deadband.jump",)  # a shape between two, which hardly anything tells
+HARDLY_TOLD = ("thruster_deadband.jump",)  # a shape between two, which hardly anything tells
 every_parameter = pytest.mark.parametrize(
     ("name", "parameter"),
     [(f"{e.name}.{p.name}", p) for e in EFFECTS for p in e.parameters if p.kind is not Kind.CHOICE],
@@ -99,12 +99,14 @@ def test_a_step_that_matters_is_small_beside_what_may_be_and_leaps_over_nothing(
     """
     p = parameter
     room = 2.0 * np.pi if p.kind is Kind.CIRCLE else p.upper - p.lower
-    assert 0.0 < p.scale <= room / (5.0 if name in COARSE else 9.99)
+    assert 0.0 < p.scale <= room / (5.0 if name in HARDLY_TOLD else 9.99)
     if p.neutral is not None:
         assert p.lower <= p.neutral <= p.upper
         assert p.start == p.neutral or abs(p.start - p.neutral) >= p.scale
     assert p.prior == 0.0 or p.scale <= p.prior  # what is known is known more coarsely
     assert p.default is None or p.lower <= p.default <= p.upper
+    assert all(p.lower <= start <= p.upper for start in p.starts)
+    assert list(p.starts) == sorted(set(p.starts))
 
 
 def test_a_parameter_that_says_nothing_changes_by_a_tenth_of_its_range_and_starts_within():

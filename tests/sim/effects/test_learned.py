@@ -1,22 +1,31 @@
 """The table that takes any shape: its values between the knots, and what it is told as."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sim.effects.learned import (
+    AHEAD,
     EFFECT,
     HEADING,
     KNOTS,
     MOTOR,
+    SIDEWAYS,
+    SURGE,
     SWAY,
     THRUST,
     TURNING,
     YAW,
+    force,
     in_words,
+    reaction,
     table,
+    tables,
+    thrust,
 )
+from tests.sim.vessels import WAMV
 
 SHARES = {f"f{k}": 0.1 * (-1) ** k * k for k in range(KNOTS)}
 BASE = {**EFFECT.example, **SHARES}
@@ -64,3 +73,53 @@ def test_it_is_told_in_the_units_of_its_variable(values, parts, never) -> None:
     for part in parts:
         assert part in said
     assert never not in said
+
+
+def test_the_first_knot_is_where_the_table_begins() -> None:
+    x = np.linspace(-2.0, 3.0, 101)
+    knots = np.linspace(-0.8, 1.6, KNOTS)
+    np.testing.assert_allclose(
+        at(x, low=-0.8, high=1.6), np.interp(x, knots, list(SHARES.values())), atol=1e-12
+    )
+
+
+FLOW = SimpleNamespace(u=0.25, v=0.5, r=0.75, yaw=1.0, body=SimpleNamespace(length=5.0))
+LINE = {f"f{k}": 0.125 * k for k in range(KNOTS)} | {"low": 0.0, "high": 2.0}  # y = x / 2
+DRIVE = SimpleNamespace(ahead=80.0)
+
+
+@pytest.mark.parametrize(
+    ("by", "y"), [(AHEAD, 0.125), (SIDEWAYS, 0.25), (TURNING, 0.375), (HEADING, 0.5), (MOTOR, 0.0)]
+)
+def test_a_table_reads_one_variable_of_the_motion_and_pushes_along_one_axis(by, y) -> None:
+    """A hundred newtons for a value of one, a moment at half the hull's length."""
+    pushes = {SURGE: (1, 0, 0), SWAY: (0, 1, -0.4), YAW: (0, 0, 2.5), THRUST: (0, 0, 0)}
+    for acts, push in pushes.items():
+        p = SimpleNamespace(**{**EFFECT.example, **LINE, "by": by, "acts": acts, "x": -0.4})
+        np.testing.assert_allclose(force(FLOW, p), 100.0 * y * np.array(push), atol=1e-12)
+        motor = 0.25 if by == MOTOR else 0.0  # 40 of 80 N
+        np.testing.assert_allclose(
+            reaction(40.0, DRIVE, FLOW, p), 100.0 * motor * np.array(push), atol=1e-12
+        )
+        share = (y or 0.25) if acts == THRUST else 0.0
+        assert thrust(40.0, DRIVE, FLOW, p) == pytest.approx(40.0 * (1.0 + share))
+
+
+def test_what_could_be_filled_is_every_pair_over_the_range_that_was_sailed() -> None:
+    extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
+    found = list(tables(WAMV, extent))
+    pairs = [(t["by"], t["acts"]) for t in found]
+    hull, motions = (SURGE, SWAY, YAW), (AHEAD, SIDEWAYS, TURNING)
+    expected = {(by, acts) for by in (*motions, HEADING, MOTOR) for acts in hull}
+    assert set(pairs) == expected | {(by, THRUST) for by in (*motions, MOTOR)}
+    assert len(pairs) == len(set(pairs))
+    ranges = {t["by"]: (t["low"], t["high"]) for t in found}
+    assert ranges == {
+        AHEAD: (-0.5, 2.0), SIDEWAYS: (-0.3, 0.4), TURNING: (-0.2, 0.1),
+        HEADING: (0.0, 2.0 * np.pi), MOTOR: (-85.0 / 90.0, 1.0),
+    }  # fmt: skip
+    for t in found:
+        assert (t["full"], t["x"], {t[f"f{k}"] for k in range(KNOTS)}) == (180.0, 0.0, {0.0})
+    drifting = list(tables(replace(WAMV, thrusters=()), extent))
+    assert MOTOR not in {t["by"] for t in drifting}
+    assert {t["full"] for t in drifting} == {1.0}

@@ -1,0 +1,296 @@
+"""What a cause adds, by hand; and from scores to a name: the rules, one by one."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.model import Model
+from sim.monitoring import SecondMeans, causes
+from sim.monitoring.causes import BALANCES, BOAT_ERRORS, DIFFERENCE_STEP, WITH_COMPASS, Hull, Law
+from sim.monitoring.disturbances import BOAT, Cause, DisturbanceEstimate, DisturbanceEstimator
+from sim.monitoring.explanations import hull_of
+from sim.monitoring.filters import noise_after
+from sim.state import Floats
+from sim.wind import AIR_DENSITY
+from tests.sim.monitoring.live_seconds import seconds
+from tests.sim.voyages import WAM_V
+
+HALF_PI = 0.5 * np.pi
+BARE = np.array([0.0, 0.0, 5.0, 50.0])  # of the wind: no areas
+AREAS = np.array([0.8, 1.6, 5.0, 144.0])
+CURVE = np.array([[-1.0, -1.0], [-0.1, 0.0], [0.1, 0.0], [1.0, 1.0], [1.0, 1.0]])
+HULL = Hull(
+    np.array([-10.0, -20.0, -30.0, -40.0, -50.0, -60.0]), BARE,
+    np.array([[-1.0, -0.7, 0.0, -80.0, 90.0], [-1.0, 0.7, HALF_PI, -80.0, 90.0]]),
+    np.array([CURVE, CURVE]),
+)  # fmt: skip
+
+
+def in_python(function: Any) -> Any:
+    """The function as it is written, where it would be compiled for this test alone."""
+    return getattr(function, "py_func", function)
+
+
+@pytest.fixture(scope="module")
+def plain() -> DisturbanceEstimator:
+    return DisturbanceEstimator.of(Model.of(WAM_V))
+
+
+# -- what a cause adds --
+
+
+def test_the_boats_own_errors_are_a_force_scales_and_a_heading() -> None:
+    H = np.full((3, BOAT_ERRORS + 2), 9.0)
+    in_python(causes.write_boat_errors)(2.0, -1.0, 0.5, np.array([70.0, 3.0, -8.0]), HULL, H)
+    expected = [
+        [1, 0, 0, 70.0, 0, (-10 - 20 * 2.0) * 2.0, 0, 0, 0, 0],
+        [0, 1, 0, 0, 0, 0, (-30 - 40 * 1.0) * -1.0, 0, 2.0, 0],
+        [0, 0, 1, 0, -8.0, 0, 0, (-50 - 60 * 0.5) * 0.5, 0, 2.0],
+    ]
+    np.testing.assert_allclose(H[:, :BOAT_ERRORS], expected)
+    assert (H[:, BOAT_ERRORS:] == 9.0).all()  # of the cause
+
+
+def test_motions_in_water_that_moves_and_a_step_from_it_and_under_a_compass_that_is_off() -> None:
+    """East-going water on a heading to the east comes from astern; the boat turns in it."""
+    motion = np.array([5.0, 6.0, HALF_PI, 2.0, -1.0, 0.5, 0.1, 0.2, 0.3])
+    out = np.empty((WITH_COMPASS, 9))
+    in_python(causes.write_motions)(motion, np.array([0.0, 0.4]), HALF_PI, out)
+    np.testing.assert_allclose(out[0], motion)
+    wet = motion - [0, 0, 0, 0.4, 0.0, 0.0, 0.0, -0.5 * 0.4, 0.0]
+    np.testing.assert_allclose(out[1], wet, atol=1e-12)
+    np.testing.assert_allclose(
+        out[2:BALANCES] - wet, DIFFERENCE_STEP * np.eye(9)[3:], atol=1e-12
+    )  # u, v, r and their rates
+    quarter = np.array([5.0, 6.0, HALF_PI, 1.0, 2.0, 0.5, -0.2, 0.1, 0.3])
+    np.testing.assert_allclose(out[BALANCES], quarter, atol=1e-12)
+    turn = np.array([0, 0, 0, -2.0, 1.0, 0, -0.1, -0.2, 0])  # ∂/∂ of the angle
+    np.testing.assert_allclose(out[-1] - quarter, causes.STEP_RAD * turn, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("command", "share"),
+    [(-1.5, -1.0), (-1.0, -1.0), (-0.55, -0.5), (0.0, 0.0), (0.1, 0.0), (0.55, 0.5), (1.0, 1.0),
+     (1.5, 1.0)],
+)  # fmt: skip
+def test_a_share_of_thrust_lies_on_the_line_between_two_points(
+    command: float, share: float
+) -> None:
+    assert in_python(causes.share_of_thrust)(command, CURVE) == pytest.approx(share)
+
+
+def test_a_thruster_pushes_along_its_azimuth_where_it_sits(plain: DisturbanceEstimator) -> None:
+    """Too much of the port one at 0.4 of its thrust pushes ahead and to starboard."""
+    second = replace(next(seconds(1)), mean_commands=np.array([0.4, 0.0]))
+    which = plain.all.which[plain.all.laws.index(Law.THRUST)]
+    found = plain.linearised(which, np.array([0.5]), second, np.zeros((WITH_COMPASS, 3)))
+    np.testing.assert_allclose(found.slope[:, 0], [36.0, 0.0, 0.7 * 36.0])
+    np.testing.assert_allclose(found.force, 0.5 * found.slope[:, 0])
+    astern = replace(second, mean_commands=np.array([-0.4, 0.0]))
+    found = plain.linearised(which, np.array([0.5]), astern, np.zeros((WITH_COMPASS, 3)))
+    np.testing.assert_allclose(found.slope[:, 0], [-34.0, 0.0, 0.7 * -34.0])
+
+
+def test_air_pushes_as_its_areas_say_and_without_them_as_a_force_in_the_world() -> None:
+    force = in_python(causes.wind_force)
+    motion = np.array([0.0, 0.0, HALF_PI, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # to the east at 1 m/s
+    np.testing.assert_allclose(force(7.0, 9.0, motion, BARE), (9.0, -7.0, 0.0), atol=1e-9)
+    for areas in (AREAS * [0.0, 1.0, 1.0, 1.0], AREAS * [1.0, 0.0, 1.0, 1.0]):
+        np.testing.assert_allclose(force(7.0, 9.0, motion, areas), (9.0, -7.0, 0.0), atol=1e-9)
+    # 3 m/s to the north, 5 m/s to the east: g = |V| V; through the air u = −4, v = 3
+    g = np.hypot(3.0, 5.0) * np.array([3.0, 5.0])
+    expected = -AIR_DENSITY * np.array(
+        [0.5 * 0.7 * 0.8 * 5.0 * -4.0, 0.5 * 0.825 * 1.6 * 5.0 * 3.0, 0.125 * 1.6 * 5.0 * -12.0]
+    )
+    np.testing.assert_allclose(force(*g, motion, AREAS), expected, rtol=1e-9)
+
+
+def test_no_air_has_no_velocity_and_more_of_it_the_root() -> None:
+    velocity = in_python(causes.velocity_of_air)
+    assert velocity(0.0, 0.0) == (0.0, 0.0)
+    np.testing.assert_allclose(velocity(0.0, -25.0), (0.0, -5.0))
+
+
+# -- priors, noise, silence --
+
+
+def test_what_a_boat_may_be_off_by_follows_its_size(plain: DisturbanceEstimator) -> None:
+    """WAM-V: 180 N ahead, half its beam 1.15 m, 36.4 N s/m of sway damping."""
+    lever = 0.5 * WAM_V.hull.beam
+    expected = [5.4, 5.4, 5.4 * lever, 0.08, 0.08, 0.1, 0.1, 0.1, 1.092, 1.092 * lever]
+    np.testing.assert_allclose(plain.prior, expected)
+    start = plain.start()
+    widths = {Law.CURRENT: [0.5, 0.5], Law.WIND: [54.0, 54.0], Law.THRUST: [0.6],
+              Law.COMPASS: [0.25], Law.DRAG: [0.8], Law.ANYTHING: [45.0, 45.0, 45.0 * lever],
+              Law.NOTHING: []}  # fmt: skip
+    for f, law in enumerate(plain.all.laws):
+        one = start.filter(f)
+        np.testing.assert_allclose(one.covariance, np.diag([*np.square(expected + widths[law])]))
+        assert not one.mean.any()
+    drifting: Any = SimpleNamespace(vessel=replace(WAM_V, thrusters=()))
+    still = DisturbanceEstimator.of(drifting)
+    assert still.prior[0] == pytest.approx(0.03 * 0.5 * WAM_V.hull.mass)
+
+
+def test_what_a_hull_is_goes_into_the_laws(plain: DisturbanceEstimator) -> None:
+    hull = hull_of(WAM_V, plain.air)
+    np.testing.assert_allclose(hull.damping, [-26.6, -35.9, -36.4, -27.4, -99.2, -10.6])
+    np.testing.assert_allclose(hull.thrusters[1], [-0.7, 0.7, 0.0, -85.0, 90.0])
+
+
+def test_noise_follows_what_is_left_within_limits() -> None:
+    """A tenth of what a second is off by, at most; what is alike changes nothing."""
+    one = np.ones(3)
+    np.testing.assert_allclose(noise_after(one, np.array([1.0, 3.0, 0.0]), 6.0), [1.0, 1.2, 0.9])
+    np.testing.assert_allclose(noise_after(one, np.array([1.0, 3.0, 0.0]), 3.0), [1.0, 1.1, 0.95])
+    np.testing.assert_allclose(noise_after(one, np.array([9.0, 99.0, 3.0]), 60.0), [1.8, 1.8, 1.2])
+    low, high = noise_after(0.1 * one, np.zeros(3), 6.0), noise_after(9.9 * one, 9.0 * one, 6.0)
+    np.testing.assert_allclose((low, high), (0.1 * one, 10.0 * one))
+    assert (one == 1.0).all()
+
+
+def test_a_missing_force_is_known_as_stated_and_no_estimate_is_perfect(
+    plain: DisturbanceEstimator,
+) -> None:
+    second = replace(next(seconds(1)), missing_std=np.array([4.0, 0.0, 1.0]))
+    variance = plain.variance(second, np.array([2.0, 1.0, 0.5]))
+    np.testing.assert_allclose(variance, np.array([32.0, 0.0, 0.5]) + (0.01 * plain.prior[:3]) ** 2)
+
+
+def test_a_silence_widens_what_was_known_and_not_for_ever(plain: DisturbanceEstimator) -> None:
+    first, second = seconds(2)
+    estimate, _ = plain.observe(plain.start(), first)
+    assert (estimate.count, estimate.time, estimate.opened) == (1, 0.0, -np.inf)
+
+    def spread(time: float) -> float:
+        after, _ = plain.observe(estimate, replace(second, time=time))
+        assert (after.count, after.time) == (2, time)
+        return float(np.trace(after.water.disturbance_covariance))
+
+    assert spread(0.0) == spread(-5.0)  # a clock that went back
+    assert spread(0.0) < spread(300.0) < spread(600.0)
+    assert spread(600.0) == spread(9000.0)
+    again, _ = plain.observe(plain.start(), replace(first, time=9000.0))  # no silence before it
+    np.testing.assert_array_equal(again.covariances, estimate.covariances)
+
+
+@pytest.mark.parametrize(("count", "kept"), [(59, False), (60, True)])
+def test_trouble_begins_with_the_boat_as_a_minute_has_shown_it(
+    plain: DisturbanceEstimator, count: int, kept: bool
+) -> None:
+    before = plain.start()
+    before.means[:] = 0.3
+    before.covariances[:] *= 0.5
+    before = replace(before, count=count, scores=np.arange(8.0), noise=np.full(3, 2.0))
+    after, fresh = plain.reopened(before, 77.0), plain.start()
+    assert (after.opened, after.count) == (77.0, count)
+    assert not after.scores.any()
+    assert (after.noise == 2.0).all()
+    for f in range(len(plain.all.laws)):
+        now, known = after.filter(f), before.boat if kept else fresh.boat
+        np.testing.assert_array_equal(now.mean[:BOAT_ERRORS], known.mean)
+        np.testing.assert_array_equal(now.covariance[:BOAT_ERRORS, :BOAT_ERRORS], known.covariance)
+        assert not now.disturbance.any()
+        np.testing.assert_array_equal(
+            now.disturbance_covariance, fresh.filter(f).disturbance_covariance
+        )
+
+
+# -- from scores to a name --
+
+
+def scored(plain: DisturbanceEstimator, clear: bool = True, **nats: float) -> DisturbanceEstimate:
+    """Scores over the boat's own −10 by law; clear: each disturbance ten deviations from none."""
+    start = plain.start()
+    scores = np.array([-10.0 + nats.get(law.name.lower(), 0.0) for law in plain.all.laws])
+    means = start.means.copy()
+    if clear:
+        means[:, BOAT_ERRORS:] = 10.0 * plain.all.prior[:, BOAT_ERRORS:]
+    return replace(start, scores=scores, means=means)
+
+
+def test_an_explanation_has_to_beat_the_boat_itself(plain: DisturbanceEstimator) -> None:
+    assert scored(plain, drag=8.0).cause is Cause.DRAG
+    assert scored(plain, drag=7.9).cause is Cause.NOTHING
+    assert scored(plain, drag=7.9).likely == ()
+
+
+def test_of_two_that_do_alike_both_are_told(plain: DisturbanceEstimator) -> None:
+    assert scored(plain, drag=20.0, compass=15.1).likely == (Cause.DRAG, Cause.COMPASS)
+    assert scored(plain, drag=20.0, compass=15.1).cause is Cause.SEVERAL
+    assert scored(plain, drag=20.0, compass=15.0).cause is Cause.DRAG
+    assert scored(plain, current=20.0, wind=18.0).cause is Cause.EITHER
+    assert scored(plain, thrust=20.0).likely == (Cause.THRUST,)  # two thrusters are one cause
+
+
+def test_a_force_that_wanders_has_to_beat_all_by_far(plain: DisturbanceEstimator) -> None:
+    assert scored(plain, drag=20.0, anything=32.0).cause is Cause.OTHER
+    assert scored(plain, drag=20.0, anything=31.9).likely == (Cause.DRAG, Cause.OTHER)
+    assert scored(plain, drag=20.0, anything=25.0).cause is Cause.SEVERAL
+    assert scored(plain, drag=20.0, anything=24.9).cause is Cause.DRAG
+    assert scored(plain, anything=9.0).likely[-1] is Cause.OTHER  # no name, yet not nothing
+    assert scored(plain, anything=13.0).cause is Cause.OTHER
+
+
+@pytest.mark.parametrize(
+    ("law", "unclear"),
+    [("current", Cause.EITHER), ("wind", Cause.EITHER), ("drag", Cause.SEVERAL)],
+)
+def test_what_may_as_well_be_nothing_is_not_named(
+    plain: DisturbanceEstimator, law: str, unclear: Cause
+) -> None:
+    assert scored(plain, clear=False, **{law: 30.0}).cause is unclear
+    assert scored(plain, **{law: 30.0}).cause is Cause(law)
+
+
+def test_clear_is_more_than_three_deviations_from_nothing(plain: DisturbanceEstimator) -> None:
+    estimate = plain.start()
+    f = plain.all.laws.index(Law.DRAG)
+    for times, clear in ((2.9, False), (3.1, True), (-3.1, True)):
+        estimate.means[f, BOAT_ERRORS] = times * plain.all.prior[f, BOAT_ERRORS]
+        assert estimate.filter(f).significant is clear
+        assert estimate.filter(f).squared_distance(np.zeros(1)) == pytest.approx(times**2)
+
+
+def test_the_filter_of_a_cause_is_the_one_that_predicts_best(plain: DisturbanceEstimator) -> None:
+    estimate = scored(plain, current=3.0)
+    port, starboard = (f for f, law in enumerate(plain.all.laws) if law is Law.THRUST)
+    estimate.scores[starboard] = 5.0
+    assert [f for _, kind, f in estimate.named if kind is Cause.THRUST] == [starboard, port]
+    assert estimate.best(Cause.THRUST).score == 5.0
+    assert estimate.named[0][1] is Cause.THRUST
+    assert BOAT not in {f for _, _, f in estimate.named}
+    assert estimate.finite
+    estimate.means[0, 0] = np.nan
+    assert not estimate.finite
+
+
+def test_a_second_is_predicted_by_all_and_the_best_of_them_tells_the_noise(
+    plain: DisturbanceEstimator,
+) -> None:
+    """Each filter against its own step; the noise follows what the best of them left."""
+    voyage: list[SecondMeans] = list(seconds(5, drag=3.0))
+    estimate = plain.start()
+    for k, second in enumerate(voyage):
+        dt = 1.0 if k else 0.0
+        variance: Floats = plain.variance(second, estimate.noise)
+        one_by_one = [
+            estimate.filter(f).updated(
+                second.missing, variance, plain.measured(estimate, second, f), dt
+            )
+            for f in range(len(plain.all.laws))
+        ]
+        after, _ = plain.observe(estimate, second)
+        for f, expected in enumerate(one_by_one):
+            got = after.filter(f)
+            np.testing.assert_allclose(got.mean, expected.mean, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(got.covariance, expected.covariance, rtol=1e-9, atol=1e-12)
+            assert got.score == pytest.approx(expected.score)
+        best = max(one_by_one, key=lambda one: one.score)
+        np.testing.assert_allclose(
+            after.noise, noise_after(estimate.noise, best.innovation_ratio, dt)
+        )
+        estimate = after
