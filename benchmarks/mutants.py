@@ -4,10 +4,11 @@
 
 In a copy of the sources one operator, comparison, sign, number or condition is changed at a time,
 drawn by `seed` from all places in `TARGETS` (each subsystem gets the same share). The test files
-that stand beside the module are run, uncompiled where they do not go through kernels; tests that
-fail or take long so are left out, which can only make survivors. A mutant that all of them pass has
-survived. Not every survivor is a gap: some are equivalent (a bound that nothing reaches, a number
-that was chosen for a picture); the list names each with its line, to be judged by a person.
+that stand beside the module are run, uncompiled, up to the first that fails; tests that fail or
+take long so where nothing is wrong are left out, which can only make survivors. A mutant that all
+of them pass has survived. Not every survivor is a gap: some are equivalent (a bound that nothing
+reaches, a number that was chosen for a picture); the list names each with its line, to be judged by
+a person.
 """
 
 import argparse
@@ -39,14 +40,10 @@ COPIED = ("sim", "gateway", "tests", "configs", "recordings", "pyproject.toml")
 
 
 class Target(NamedTuple):
-    """Files of one subsystem, and the test files that stand beside them.
-
-    compiled  they are tested through kernels, which only the compiler makes: minutes a mutant
-    """
+    """Files of one subsystem, and the test files that stand beside them, the fastest first."""
 
     files: tuple[str, ...]
     tests: tuple[str, ...]
-    compiled: bool = False
 
 
 ESTIMATION = "tests/gateway/estimation"
@@ -59,7 +56,7 @@ TARGETS = {
         ("sim/effects/*.py",),
         (f"{EFFECTS}/test_laws_by_hand.py", f"{EFFECTS}/test_learned.py",
          f"{EFFECTS}/test_learned_formula.py", "tests/gateway/figures/test_effect_sentences.py",
-         f"{EFFECTS}/test_single_effects.py", f"{EFFECTS}/test_laws.py",
+         f"{EFFECTS}/test_laws.py", f"{EFFECTS}/test_single_effects.py",
          f"{EFFECTS}/test_effects.py"),
     ),
     "estimation": Target(
@@ -190,18 +187,17 @@ def preload() -> None:
         importlib.import_module(name)
 
 
-def run_tests(
-    folder: Path, tests: Sequence[str], compiled: bool, report: Path | None = None
-) -> bool:
+def run_tests(folder: Path, tests: Sequence[str], report: Path | None = None) -> bool:
     """Whether all these tests pass there, in a child; those unfit to judge go to `report`.
 
-    The child is forked from this process, which has loaded the large libraries once.
+    The child is forked from this process, which has loaded the large libraries once. Nothing is
+    compiled: laws, kernels and loops run as the Python that they are written in.
     """
     child = os.fork()
     if child == 0:
         status = 70
         try:
-            importlib.import_module("numba").config.DISABLE_JIT = 0 if compiled else 1
+            importlib.import_module("numba").config.DISABLE_JIT = 1
             os.chdir(folder)
             sys.path.insert(0, str(folder))
             with open(os.devnull, "w") as nowhere:  # noqa: PTH123
@@ -209,15 +205,14 @@ def run_tests(
                 os.dup2(nowhere.fileno(), 2)
             watcher = Watcher()
             words = ["-q", "-n", "0", "-m", "not slow", "-p", "no:cacheprovider", *tests]
-            if not compiled:  # numpy warns where compiled code gives a NaN
-                words += ["-W", "ignore::RuntimeWarning"]
+            words += ["-W", "ignore::RuntimeWarning"]  # numpy warns where compiled code gives a NaN
             plugins = [watcher] if report is not None else []
             status = int(pytest.main(words if report else ["-x", *words], plugins=plugins))
             if report is not None:
                 report.write_text("\n".join(sorted(set(watcher.unfit))))
         finally:
             os._exit(status)
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + (PATIENCE_S if report is None else 5.0 * PATIENCE_S)
     while time.monotonic() < end:
         done, state = os.waitpid(child, os.WNOHANG)
         if done:
@@ -231,7 +226,7 @@ def run_tests(
 def fit_tests(folder: Path, target: Target) -> list[str]:
     """The tests without those that fail or take long where nothing is wrong, as words of pytest."""
     report = folder / "unfit.txt"
-    run_tests(folder, target.tests, target.compiled, report)
+    run_tests(folder, target.tests, report)
     if not report.exists():
         return []
     unfit = [name for name in report.read_text().split("\n") if name]
@@ -258,13 +253,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words = {name: fit_tests(folder, TARGETS[name]) for name in names}
         for name, chosen in words.items():
             left_out = sum(word.startswith("--deselect") for word in chosen)
-            sound = bool(chosen) and run_tests(folder, chosen, TARGETS[name].compiled)
+            sound = bool(chosen) and run_tests(folder, chosen)
             print(f"{name}: {left_out} tests left out{'' if sound else ': UNFIT'}", flush=True)
             words[name] = chosen if sound else []
         for name, mutant in sample_of(given.sample, given.seed, [n for n in names if words[n]]):
             whole, start = (folder / mutant.file).read_text("utf-8"), time.monotonic()
             (folder / mutant.file).write_text(mutant.text, "utf-8")
-            survived = run_tests(folder, words[name], TARGETS[name].compiled)
+            survived = run_tests(folder, words[name])
             (folder / mutant.file).write_text(whole, "utf-8")
             counts[name][0] += survived
             counts[name][1] += 1

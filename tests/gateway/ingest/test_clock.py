@@ -170,6 +170,16 @@ def test_a_receipt_clock_ten_seconds_ahead_for_long_has_been_set(late_s: float, 
     assert link.clock.report().receive_steps == steps
 
 
+@pytest.mark.parametrize(("seconds", "steps"), [(4.5, 0), (5.5, 1)])
+def test_a_link_that_was_stuck_for_a_moment_has_set_no_clock(seconds: float, steps: int) -> None:
+    """Messages that come twenty seconds late: for five seconds of boot time they are only late."""
+    link = Link()
+    link.run(10.0, 0.0, 20.0)
+    link.run(30.0, 40.0, seconds)
+    link.run(30.0 + seconds, 40.0 + seconds - (0.0 if steps else 20.0), 10.0)
+    assert link.clock.report().receive_steps == steps
+
+
 def test_the_spread_of_delays_is_told_in_seconds() -> None:
     link = Link()
     for k in range(100):
@@ -242,6 +252,17 @@ def test_untimed_message_shares_the_delay_of_its_neighbours() -> None:
     link.say(15.0, 8.0)  # three seconds late
     vehicle, _ = link.say(0.0, 8.01, NONE, stream=1)
     assert vehicle == pytest.approx(5.01, abs=1e-6)
+
+
+@pytest.mark.parametrize(("after", "time"), [(0.9, 5.9), (1.1, 9.1)])
+def test_a_neighbour_speaks_for_a_second_then_the_best_delay_does(
+    after: float, time: float
+) -> None:
+    link = Link()
+    link.run(10.0, 0.0, 5.0)
+    link.say(15.0, 8.0)  # three seconds late
+    vehicle, _ = link.say(0.0, 8.0 + after, NONE, stream=1)
+    assert vehicle == pytest.approx(time, abs=1e-6)
 
 
 def test_sample_time_of_a_receiver_that_lost_its_fix_moves_nothing() -> None:

@@ -10,7 +10,6 @@ import pytest
 from sim.diagnosis.evidence import VARIABLES, Evidence, evidence, evidence_of, rivals
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
-from sim.model import Model
 from sim.state import Wrench
 from sim.trial import Trial
 from sim.vessel import AddedEffect, Vessel
@@ -83,15 +82,42 @@ def test_what_is_missing_lies_on_the_curve_of_the_effect(effect):
     assert np.all((found.start <= found.at + 1e-9) & (found.at <= found.end + 1e-9))
 
 
-def test_the_helm_is_the_rudder_or_port_less_starboard():
-    def helm(vessel: Vessel, *commands: float) -> float:
-        trial, model = sailed(vessel, 10.0), Model.of(vessel)
-        pwm = np.tile(1500.0 + 400.0 * np.array(commands), (len(trial), 1))
-        return float(VARIABLES["helm"](replace(trial, pwm=pwm), model)[5])
+def commanded(name: str, vessel: Vessel, *commands: float) -> float:
+    """A variable of the evidence where these commands are held."""
+    trial = sailed(vessel, 10.0)
+    pwm = np.tile(1500.0 + 400.0 * np.array(commands), (len(trial), 1))
+    return float(VARIABLES[name](replace(trial, pwm=pwm), on_floats(vessel))[5])
 
-    assert helm(WAMV, 0.8, 0.2) == pytest.approx(0.3)
-    assert helm(WAMV, 0.2, 0.2) == pytest.approx(0.0)
-    assert helm(RUDDER_BOAT, 0.8, 0.5) == pytest.approx(0.5)
+
+def test_the_helm_is_the_rudder_or_port_less_starboard():
+    assert commanded("helm", WAMV, 0.8, 0.2) == pytest.approx(0.3)
+    assert commanded("helm", WAMV, 0.2, 0.2) == pytest.approx(0.0)
+    assert commanded("helm", RUDDER_BOAT, 0.8, 0.5) == pytest.approx(0.5)
+
+
+def test_the_throttle_is_that_of_the_motors_and_astern_the_hardest_of_them():
+    """A rudder that is laid to port is no motor that goes astern."""
+    assert commanded("throttle", WAMV, 0.8, -0.2) == pytest.approx(0.3)
+    assert commanded("throttle", RUDDER_BOAT, 0.8, -0.5) == pytest.approx(0.8)
+    assert commanded("astern", WAMV, 0.8, -0.2) == pytest.approx(-0.2)
+    assert commanded("astern", RUDDER_BOAT, -0.1, -0.5) == pytest.approx(-0.1)
+    assert np.isnan(commanded("astern", RUDDER_BOAT, 0.8, -0.5))
+
+
+def test_a_change_is_taken_over_the_half_second_before_and_an_acceleration_around_a_row():
+    trial, model = sailed(WAMV, 10.0), on_floats(WAMV)
+    drive = np.where(np.arange(len(trial)) < 50, 0.2, 0.7)[:, None]  # DT is a tenth of a second
+    stepped = replace(trial, pwm=1500.0 + 400.0 * np.tile(drive, 2))
+    change = VARIABLES["throttle_change"](stepped, model)
+    expected = np.where((np.arange(len(trial)) >= 50) & (np.arange(len(trial)) < 55), 1.0, 0.0)
+    np.testing.assert_allclose(change, expected, atol=1e-9)
+    rates = np.zeros((len(trial), 3))
+    rates[50, 0] = 3.0
+    around = VARIABLES["acceleration"](replace(trial, nu_dot=rates), model)
+    assert around.sum() == pytest.approx(3.0)
+    near = np.flatnonzero(around)
+    assert (len(near), np.abs(near - 50).max()) == (10, 5)  # a second
+    np.testing.assert_allclose(around[near], 0.3)
 
 
 def test_a_false_effect_is_not_borne_out():

@@ -1,5 +1,6 @@
 """Each law at one point, against numbers worked out by hand from the equation of its file."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,8 @@ from sim.effects.catalogue import named
 from sim.effects.effect import ResidualForce
 from sim.effects.wave_motion import GRAVITY, _coarse_peaks, _refined, _Samples
 from sim.state import Inertia, Pose
+from sim.vessel import Vessel
+from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
 
 BODY = Body(**(dict.fromkeys(Body._fields, 0.0) | {
     "length": 5.0, "mass": 100.0, "area_front": 2.0, "area_side": 4.0, "X_u": -10.0, "X_uu": -20.0,
@@ -244,3 +247,81 @@ def test_only_so_many_samples_are_searched_as_waves_need(monkeypatch: pytest.Mon
     assert search(None, lambda: rows) == [found, found]
     np.testing.assert_allclose(seen[0].time, time[::4])
     np.testing.assert_allclose(seen[1].force[:, 0], 1.0 - 2.0 * np.sin(1.7 * time[::4]))
+
+
+# -- where searches begin --
+
+
+@pytest.mark.parametrize(
+    ("vessel", "orders", "turned"),
+    [
+        (WAMV, (0.0, 21.0), (0.0, 1.0, 2.0, 12.0)),
+        (IACQUABOT, (0.0, 2143.0), (0.0, 1.0, 2.0, 3.0, 4.0, 1234.0)),
+        (RUDDER_BOAT, (0.0,), (0.0, 1.0, 2.0)),  # one motor has no other side; its rudder may turn
+    ],
+    ids=lambda one: getattr(one, "name", None),
+)
+def test_wirings_are_plugs_of_both_sides_exchanged_and_motors_the_wrong_way_round(
+    vessel: Vessel, orders: tuple[float, ...], turned: tuple[float, ...]
+) -> None:
+    search = named("actuator_wiring").search
+    assert search is not None
+    found = [(p["order"], p["reversed"]) for p in search(vessel, ResidualForce)]
+    assert sorted(found) == sorted((o, r) for o in orders for r in turned if o or r)
+
+
+def test_a_wind_is_looked_for_from_each_quarter_and_its_change_all_along() -> None:
+    quarters = [0.0, HALF_PI, np.pi, 1.5 * np.pi]
+    time = np.linspace(0.0, 100.0, 11)
+    change, steady = named("wind_change"), named("steady_wind")
+    assert change.search is not None
+    assert change.more_starts is not None
+    assert steady.more_starts is not None
+    found = change.search(WAMV, lambda: ResidualForce(time, np.zeros((11, 2)), np.zeros((11, 2))))
+    assert sorted((p["direction"], p["time"]) for p in found) == [
+        (d, t) for d in quarters for t in (20.0, 40.0, 60.0, 80.0)
+    ]
+    assert all(p["later_direction"] == p["direction"] for p in found)
+    assert {(p["speed"], p["later_speed"]) for p in found} == {(5.0, 5.0)}
+    more = change.more_starts(100.0)
+    assert {(p["speed"], p["later_speed"]) for p in more} == {
+        (1.0, 10.0),
+        (10.0, 1.0),
+        (10.0, 10.0),
+    }
+    assert {(p["direction"], p["later_direction"]) for p in more} == {(d, d) for d in quarters}
+    assert {p["time"] for p in more} == {20.0, 40.0, 60.0, 80.0}
+    assert len(more) == 3 * 4 * 4
+    assert [(p["speed"], p["direction"]) for p in steady.more_starts(100.0)] == [
+        (speed, d) for speed in (1.0, 10.0) for d in quarters
+    ]
+
+
+def test_a_wind_on_assumed_areas_is_worth_a_range_of_speeds() -> None:
+    """Areas of half to twice, and the coefficients beside them: 2.8 from end to end."""
+    bare = replace(WAMV, hull=replace(WAMV.hull, wind_area=(0.0, 0.0)))
+    front, side = bare.hull.areas
+    values = {"speed": 8.0, "direction": -HALF_PI, "c_x": 0.6, "c_n": 0.1}
+    told = named("steady_wind").assumption
+    assert told is not None
+    found = told(bare, values, {"speed": (7.0, 9.0)})
+    assert found is not None
+    factor = np.sqrt(2.0 * 1.4)
+    assert found.ci95["speed"] == pytest.approx((7.0 / factor, 9.0 * factor))
+    assert found.numbers["force_ahead_N"] == pytest.approx(0.5 * 1.225 * 64.0 * 0.6 * front)
+    assert found.numbers["force_abeam_N"] == pytest.approx(0.5 * 1.225 * 64.0 * 0.825 * side)
+    assert found.numbers["from_deg"] == pytest.approx(270.0)
+    none = told(bare, values, {"speed": (-1.0, 9.0)})
+    assert none is not None
+    assert none.ci95["speed"][0] == 0.0
+    both = named("wind_change").assumption
+    assert both is not None
+    later = {**values, "later_speed": 4.0, "later_direction": 0.0, "time": 50.0}
+    change = both(bare, later, {"later_speed": (3.0, 5.0)})
+    assert change is not None
+    assert change.ci95["later_speed"] == pytest.approx((3.0 / factor, 5.0 * factor))
+    assert change.numbers["force_abeam_N"] == pytest.approx(found.numbers["force_abeam_N"])
+    assert change.numbers["later_force_abeam_N"] == pytest.approx(
+        0.25 * found.numbers["force_abeam_N"]
+    )
+    assert both(WAMV, later, {}) is None

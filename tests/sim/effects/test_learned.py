@@ -52,6 +52,14 @@ def test_a_heading_has_no_end() -> None:
     assert at(np.array(-1e-9)) == SHARES["f0"]
 
 
+def test_a_heading_may_begin_anywhere_on_the_circle() -> None:
+    around = {"by": HEADING, "low": -np.pi, "high": np.pi}
+    knots, x = np.linspace(-np.pi, np.pi, KNOTS), np.linspace(-9.0, 9.0, 60)
+    shares = [*list(SHARES.values())[:-1], SHARES["f0"]]
+    expected = np.interp((x + np.pi) % (2.0 * np.pi) - np.pi, knots, shares)
+    np.testing.assert_allclose(at(x, **around), expected, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("values", "parts", "never"),
     [

@@ -54,6 +54,25 @@ def test_the_boats_own_errors_are_a_force_scales_and_a_heading() -> None:
     assert (H[:, BOAT_ERRORS:] == 9.0).all()  # of the cause
 
 
+def test_a_boats_own_damping_goes_with_the_velocity_through_the_water(
+    plain: DisturbanceEstimator,
+) -> None:
+    """On a heading to the east, in water that goes east at 0.5 and south at 0.25 m/s."""
+    motion = np.array([0.0, 0.0, HALF_PI, 2.0, 0.75, 0.5, 0.0, 0.0, 0.0])
+    second = replace(next(seconds(1)), motion=motion)
+    still, moving = np.zeros((WITH_COMPASS, 3)), np.array([-0.25, 0.5])
+    over, through = (
+        plain.linearised(plain.all.which[f], o, second, still).boat
+        for f, o in ((0, np.zeros(0)), (1, moving))
+    )
+    for boat, u, v in ((over, 2.0, 0.75), (through, 1.5, 0.5)):
+        expected = np.zeros((3, BOAT_ERRORS))
+        in_python(causes.write_boat_errors)(
+            u, v, 0.5, second.commanded, hull_of(WAM_V, plain.air), expected
+        )
+        np.testing.assert_allclose(boat, expected, rtol=1e-9)
+
+
 def test_motions_in_water_that_moves_and_a_step_from_it_and_under_a_compass_that_is_off() -> None:
     """East-going water on a heading to the east comes from astern; the boat turns in it."""
     motion = np.array([5.0, 6.0, HALF_PI, 2.0, -1.0, 0.5, 0.1, 0.2, 0.3])
