@@ -93,6 +93,16 @@ def test_narrow_counter_wraps_every_71_minutes_and_follows_the_wide_one() -> Non
     assert (link.clock.report().wraps, link.clock.report().reboots) == (3, 0)
 
 
+def test_turns_of_a_counter_from_before_it_was_seen_are_no_wraps() -> None:
+    link, wrap = Link(), 2**32 * 1e-6
+    link.run(2.5 * wrap, 0.0, 5.0)
+    for seconds in (5.0, 6.0):
+        vehicle, verdict = link.say(2.5 * wrap + seconds, seconds, US32, stream=1)
+        assert vehicle == pytest.approx(seconds, abs=1e-6)
+        assert verdict is StampStatus.FRESH
+    assert link.clock.report().wraps == 0
+
+
 def test_reboot_opens_a_session_and_time_goes_on() -> None:
     link = Link()
     link.run(600.0, 0.0, 10.0)

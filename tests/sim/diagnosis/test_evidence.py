@@ -193,7 +193,7 @@ def test_a_curve_that_no_effect_explains_has_evidence_of_its_own(monkeypatch):
         lambda step, effect, _: None if effect == "too short" else (step.name, effect),
     )
     last = SimpleNamespace(name="last", effects=("hull_lift", "too short"))
-    curve = SimpleNamespace(name="curve", effects=("hull_lift", "learned"))
+    curve = SimpleNamespace(name="curve", effects=("hull_lift", "cg_offset", "learned"))
     steps = (SimpleNamespace(name="first", effects=()), last)
     found: Any = SimpleNamespace(ladder=steps, curve=curve)
     assert evidence_of(found, []) == [("last", "hull_lift"), ("curve", "learned")]
@@ -207,6 +207,6 @@ def test_rivals_are_what_ties_with_the_first_or_stands_beside_a_later_effect():
 
     ranking = [SimpleNamespace(effect=n, confounded_with=c) for n, c in (("a", ("b",)), ("b", "a"))]
     ranking.append(SimpleNamespace(effect="far", confounded_with=()))
-    steps = [step("b"), step("far"), step("a", "c"), step("a", "d")]
+    steps = [step("b"), step("far"), step("a", "e", "c"), step("a", "d")]
     found: Any = SimpleNamespace(ranking=ranking, alternatives=steps, effects=("a", "d"))
     assert rivals(found) == [steps[0], steps[2]]

@@ -8,9 +8,11 @@ import pytest
 
 from sim.diagnosis.heldout import (
     CATALOGUE,
+    FIRST_IMPRESSION,
     HeldOutScorer,
     gain,
     probabilities,
+    rank,
     select_finalists,
 )
 from sim.prediction.free_runs import Ruler
@@ -167,3 +169,44 @@ def test_blocks_of_two_recordings_are_told_apart_and_one_block_has_no_interval(
     assert scorer_of([5], [5]).score_model(model).ci95 == pytest.approx((3.0, 3.0))
     too_short = HeldOutScorer(scorer_of([5], [5]).trials, (None, scorer_of([5]).rulers[0]))
     assert too_short.score_model(model).ci95 is None
+
+
+def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Fitted anew under the noise that the best leaves, until the best is the one that gave it."""
+    asked: list[Any] = []
+    leaders: list[Any] = []
+    said: list[str] = []
+    results = [SimpleNamespace(name=name) for name in ("a", "b", "c", "d")]
+    best = {"a": "b", "b": "c", "c": "c"}
+
+    def screen(*given: Any) -> Any:
+        asked.append(given)
+        return results
+
+    def ranked(reference: Any, found: Any, leader: Any, mapper: Any) -> Any:
+        leaders.append(leader.name)
+        name = best[leader.name]
+        return SimpleNamespace(best=SimpleNamespace(name=name, fit=SimpleNamespace(name=name)))
+
+    monkeypatch.setattr("sim.diagnosis.heldout.screen", screen)
+    monkeypatch.setattr("sim.diagnosis.heldout.select_finalists", lambda found: found[:3])
+    monkeypatch.setattr("sim.diagnosis.heldout._rank_finalists", ranked)
+    monkeypatch.setattr("sim.diagnosis.heldout.thresholds.MAX_NOISE_ROUNDS", 3)
+    nothing: Any = None
+    reference: Any = SimpleNamespace(names=())
+    assert rank(nothing, nothing, [], reference, said.append).best.name == "c"
+    assert leaders == ["a", "b", "c"]
+    assert said[0] == f"{FIRST_IMPRESSION}: most like a, then b or c, if anything is missing"
+    assert said[1:] == ["fitting a, b, c"] * 3
+    assert asked[0][6:] == (False, None)  # no closer look unless asked for, and no rival
+    best["a"] = "a"
+    leaders.clear()
+    rank(nothing, nothing, [], reference, said.append)
+    assert leaders == ["a"]
+    best["a"], best["b"] = "b", "a"  # to and fro: a few rounds are enough
+    rank(nothing, nothing, [], reference)
+    assert leaders == ["a", "a", "b", "a"]
+    results.clear()
+    assert rank(nothing, nothing, [], reference).finalists == ()
