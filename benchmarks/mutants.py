@@ -36,6 +36,7 @@ LOADED = (
     "numpy", "numba", "scipy.optimize", "scipy.signal", "scipy.linalg", "msgspec", "orjson",
     "pydantic", "pymavlink", "matplotlib", "filterpy.kalman",
 )  # fmt: skip
+HOUSE = "tests/test_architecture.py::test_values_are_frozen"  # a rule of all subsystems
 COPIED = ("sim", "gateway", "tests", "configs", "recordings", "pyproject.toml")
 
 
@@ -226,11 +227,12 @@ def run_tests(folder: Path, tests: Sequence[str], report: Path | None = None) ->
 def fit_tests(folder: Path, target: Target) -> list[str]:
     """The tests without those that fail or take long where nothing is wrong, as words of pytest."""
     report = folder / "unfit.txt"
-    run_tests(folder, target.tests, report)
+    tests = (HOUSE, *target.tests)
+    run_tests(folder, tests, report)
     if not report.exists():
         return []
     unfit = [name for name in report.read_text().split("\n") if name]
-    return [*target.tests, *(f"--deselect={name}" for name in unfit)]
+    return [*tests, *(f"--deselect={name}" for name in unfit)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

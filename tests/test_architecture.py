@@ -57,6 +57,22 @@ def test_sim_knows_nothing_of_the_world(path):
     assert not used, f"sim/{name} calls {', '.join(sorted(used))}"
 
 
+VALUES = [*SIM, *sorted((ROOT / "gateway" / "estimation").rglob("*.py"))]
+
+
+def test_values_are_frozen():
+    """Of the model, the diagnosis and the filter: a step returns a new state."""
+    loose = [
+        f"{path.relative_to(ROOT)}: {node.name}"
+        for path in VALUES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+        for decorator in map(ast.unparse, node.decorator_list)
+        if decorator.startswith("dataclass") and "frozen=True" not in decorator
+    ]
+    assert loose == []
+
+
 def test_effect_py_uses_pure_paths_only():
     tree = ast.parse((ROOT / "sim/effects/effect.py").read_text(encoding="utf-8"))
     taken = {

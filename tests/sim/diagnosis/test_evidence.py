@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.diagnosis.evidence import VARIABLES, Evidence, evidence, evidence_of, rivals
+from sim.diagnosis.evidence import VARIABLES, Evidence, _mean, evidence, evidence_of, rivals
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
@@ -210,3 +210,18 @@ def test_rivals_are_what_ties_with_the_first_or_stands_beside_a_later_effect():
     steps = [step("b"), step("far"), step("a", "e", "c"), step("a", "d")]
     found: Any = SimpleNamespace(ranking=ranking, alternatives=steps, effects=("a", "d"))
     assert rivals(found) == [steps[0], steps[2]]
+
+
+def test_a_whisker_is_twice_the_error_of_blocks_and_no_less_than_rows_of_a_second_tell():
+    block = np.repeat([4.0, 9.0], 10)
+    mean, half = _mean(np.repeat([1.0, 3.0], 10), block, 0.1)  # blocks a deviation of one apart
+    assert (mean, half) == pytest.approx((2.0, 2.0))
+    mean, half = _mean(np.tile([1.0, 3.0], 10), block, 0.1)  # blocks alike; two seconds of rows
+    assert (mean, half) == pytest.approx((2.0, 2.0 * 0.5**0.5))
+    mean, half = _mean(np.tile([1.0, 3.0], 10), np.zeros(20), 0.01)  # less than a second of them
+    assert (mean, half) == pytest.approx((2.0, 2.0))
+    block = np.repeat([1.0, 2.0, 3.0], [10, 20, 30])
+    mean, half = _mean(block, block, 1.0)
+    assert mean == pytest.approx(140.0 / 60.0)
+    weighed = (np.array([10, 20, 30]) / 60.0 * (np.array([1.0, 2.0, 3.0]) - mean)) ** 2
+    assert half == pytest.approx(2.0 * np.sqrt(1.5 * weighed.sum()))
