@@ -31,6 +31,7 @@ from benchmarks.hidden.strengths import (
 )
 from benchmarks.hidden.talk import RATES
 from benchmarks.hidden.unheard import UNHEARD
+from benchmarks.hidden.unnamed import UNNAMED
 from benchmarks.hidden.vessel_toml import vessel_toml
 from benchmarks.hidden.voyage import write_voyage
 
@@ -247,6 +248,7 @@ FAMILIES: Mapping[str, Family] = {
     "sea": _sea,
     "unlisted": lambda seed: _once_each(UNLISTED),
     "unheard": lambda seed: _once_each(UNHEARD),
+    "unnamed": lambda seed: _once_each(UNNAMED),
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

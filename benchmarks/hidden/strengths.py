@@ -13,6 +13,7 @@ from numpy.random import Generator as Dice
 from benchmarks.hidden.boats import BOATS, FLEET, STEERED, Boat
 from benchmarks.hidden.dice import Recipe, Values, bearing, of, side
 from benchmarks.hidden.unheard import UNHEARD
+from benchmarks.hidden.unnamed import UNNAMED
 
 
 def _middle(dice: Dice, seconds: float) -> float:
@@ -172,7 +173,7 @@ RECIPES: Mapping[str, Recipe] = {
 OF_A_VOYAGE = frozenset({
     "steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion",
     "drag_growth", "payload_change", "towed_load", "thruster_fault", "yaw_rate_bias",
-    "current_change", "wind_change",
+    "current_change", "wind_change", "learned_map", "learned_history",
 })  # fmt: skip
 WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 
@@ -356,6 +357,6 @@ UNLISTED: Mapping[str, Recipe] = {
 
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    return {**RECIPES, **CHANGES, **STRANGE, **UNLISTED, **UNHEARD, **SEAS}[name](
+    return {**RECIPES, **CHANGES, **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **SEAS}[name](
         boat, dice, 1.0 if name in WHOLE else share, seconds
     )

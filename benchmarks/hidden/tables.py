@@ -16,6 +16,7 @@ COLUMNS = (
     "cases", "top-1", "exact", "top-3", "confounded", "with", "absorbed", "failed",
     "before", "after", "oracle", "within", "error", "covered", "width",
 )  # fmt: skip
+STRANGERS = {"unlisted": "ten more kinds", "unheard": "ten again", "unnamed": "a third ten"}
 COUNTS, PLAIN = ("cases", "failed"), ("before", "after", "oracle", "width")
 GOALS: Mapping[str, tuple[str, float, bool]] = {  # what, figure, whether more is better
     "excitation top-1": ("strict top-1 on excitations", 0.90, True),
@@ -38,7 +39,7 @@ def report(rows: Sequence[Row], heading: str) -> str:
     """Everything, as Markdown."""
     by = {
         f: [r for r in rows if r.truth["family"] == f]
-        for f in (*SINGLE, "pair", "none", "unknown", "unlisted", "unheard", "day", "sea")
+        for f in (*SINGLE, "pair", "none", "unknown", *STRANGERS, "day", "sea")
     }
     parts = [
         f"# {heading}",
@@ -105,7 +106,7 @@ def others(by: Mapping[str, Sequence[Row]]) -> str:
         ["strangers: `unknown`", len(by["unknown"]), score.share(by["unknown"], score.recognised)],
         *(
             [f"… {name}", len(by[family]), score.share(by[family], score.recognised)]
-            for family, name in (("unlisted", "ten more kinds"), ("unheard", "ten again"))
+            for family, name in STRANGERS.items()
         ),
         ["days: all causes named", len(day), score.share(day, score.all_named)],
         ["days: something invented", len(day), score.share(day, score.invented)],

@@ -22,6 +22,7 @@ from benchmarks.hidden.cases import (
 from benchmarks.hidden.causes import KNOWN, SEAS, UNKNOWN, UNLISTED, Hidden, causes_of
 from benchmarks.hidden.strengths import CHANGES, OF_A_VOYAGE, RECIPES, STRANGE, boats_for, strong
 from benchmarks.hidden.unheard import UNHEARD
+from benchmarks.hidden.unnamed import UNNAMED
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Scope
 from sim.vessel import AddedEffect
@@ -35,7 +36,7 @@ def reporting():
 def test_there_are_recipes_for_all_that_can_be_hidden():
     assert set(RECIPES) | set(CHANGES) == set(KNOWN)
     assert set(STRANGE) == set(UNKNOWN)
-    assert set(strengths.UNLISTED) | set(UNHEARD) == set(UNLISTED)
+    assert set(strengths.UNLISTED) | set(UNHEARD) | set(UNNAMED) == set(UNLISTED)
     assert set(strengths.SEAS) == set(SEAS)
 
 
@@ -65,7 +66,7 @@ def test_the_reporting_set_holds_what_was_asked_for(reporting):
     assert not any(c.voyage.hidden for c in complete)
     assert 2 * sum(c.voyage.pilot in MISSIONS for c in complete) == len(complete)
     assert {h.name for c in by_family["unknown"] for h in c.voyage.hidden} == set(UNKNOWN)
-    strangers = [*by_family["unlisted"], *by_family["unheard"]]
+    strangers = [c for f in ("unlisted", "unheard", "unnamed") for c in by_family[f]]
     assert {h.name for c in strangers for h in c.voyage.hidden} == set(UNLISTED)
     assert all(len(c.voyage.hidden) == 2 for c in by_family["pair"])
     assert all(c.misjudged for c in by_family["base_off"])

@@ -7,14 +7,25 @@ The names are those of the catalogue where it holds the cause, so that an answer
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
-from benchmarks.hidden.causes import hull, motors, sensors, unheard, unknown, unlisted, water
+from benchmarks.hidden.causes import (
+    hull,
+    motors,
+    sensors,
+    unheard,
+    unknown,
+    unlisted,
+    unnamed,
+    water,
+)
 from benchmarks.hidden.nature import Cause
 
 KNOWN: Mapping[str, Callable[..., Cause]] = {
     **water.CAUSES, **hull.CAUSES, **motors.CAUSES, **sensors.CAUSES,
 }  # fmt: skip
 UNKNOWN: Mapping[str, Callable[..., Cause]] = unknown.CAUSES
-UNLISTED: Mapping[str, Callable[..., Cause]] = {**unlisted.CAUSES, **unheard.CAUSES}
+UNLISTED: Mapping[str, Callable[..., Cause]] = {
+    **unlisted.CAUSES, **unheard.CAUSES, **unnamed.CAUSES,
+}  # fmt: skip
 SEAS: Mapping[str, Callable[..., Cause]] = water.SEAS
 
 
