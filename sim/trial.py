@@ -72,6 +72,7 @@ class Trial:
     sources: Mapping[str, str] = field(default_factory=dict)
     rates_hz: Mapping[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = ()  # what was wrong with the recording, one sentence each
+    contradictions: tuple[str, ...] = ()  # of these, sensors that do not tell of one motion
 
     @property
     def dt(self) -> float:

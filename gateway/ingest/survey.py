@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gateway.ingest.agreement import contradictions
 from gateway.ingest.clock import ClockReport
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, boats_of, choose_boat, not_a_boat
 from gateway.ingest.mapping import Actuator, OutputFunction, actuators
@@ -286,7 +287,11 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
         tuple(outputs),
         len(parameters),
         _limits(boat, choices, _ever_armed(choices)),
-        (*swap_notices(log, choices, outputs), *repaired.notices),
+        (
+            *swap_notices(log, choices, outputs),
+            *contradictions(repaired.choices),
+            *repaired.notices,
+        ),
     )
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from gateway.estimation import FilterSettings, WhiteNoise
+from gateway.ingest.agreement import over_ground, rate_agreement
 from gateway.ingest.log import BoatSamples
 from gateway.ingest.mapping import Origin, to_local
 from gateway.ingest.sources import (
@@ -131,6 +132,7 @@ MADE_FROM = {"velocity": "positions", "yaw rate": "headings"}  # a rate -> what 
 UNUSED = "accelerations are not used: motion follows from positions, headings and rates"
 # smallest errors of a column [rad, m]: below them its values are a simulation's
 LEAST_YAW_RAD, LEAST_POSITION_M = 0.001, 0.003
+SLOW_S, OTHER_UNIT = 10.0, 0.3  # stretches that no window smooths; a scale that none explains
 
 
 @dataclass(frozen=True)
@@ -228,14 +230,22 @@ def _smoothings(choices: Mapping[str, Choice]) -> dict[str, Smoothing]:
     if "velocity" in choices and "position" in choices:
         velocity, place = choices["velocity"].samples, choices["position"].samples
         when = velocity.seconds(start)
-        over_ground = _over_ground(velocity, np.interp(when, at, heading))
-        out["velocity"] = _if_ascending(place.seconds(start), _metres(place), when, over_ground)
+        moves = velocity.values
+        if velocity.quantity is Quantity.BODY_VELOCITY:
+            moves = over_ground(moves, np.interp(when, at, heading))
+        out["velocity"] = _if_ascending(place.seconds(start), _metres(place), when, moves)
     return out
 
 
 def _if_ascending(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoothing:
-    """A table whose clock runs backwards shows no smoothing."""
+    """A table whose clock runs backwards shows no smoothing, nor does a rate of another unit.
+
+    A rate of a few per cent of what the values say is not one that a window took so much from.
+    """
     if np.any(np.diff(time) <= 0.0) or np.any(np.diff(rate_time) <= 0.0):
+        return NOT_SMOOTHED
+    slow = rate_agreement(time, x, rate_time, rate, SLOW_S, 0.0)
+    if slow is not None and slow.contradicts and abs(slow.scale - 1.0) > OTHER_UNIT:
         return NOT_SMOOTHED
     return smoothing(time, x, rate_time, rate)
 
@@ -245,15 +255,6 @@ def _metres(place: Samples) -> Floats:
     if place.quantity is not Quantity.GLOBAL_POSITION:
         return place.values
     return to_local(place.values, Origin(*map(float, place.values[0])))
-
-
-def _over_ground(velocity: Samples, yaw: Floats) -> Floats:
-    """Velocities (K, 2) towards north, east [m/s]."""
-    if velocity.quantity is not Quantity.BODY_VELOCITY:
-        return velocity.values
-    c, s = np.cos(yaw), np.sin(yaw)
-    u, v = velocity.values.T
-    return np.stack([c * u - s * v, s * u + c * v], axis=1)
 
 
 def _about_accelerations(

@@ -16,6 +16,7 @@ from gateway.errors import BadInput, numerical_errors
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion, smooth
+from gateway.ingest.agreement import contradictions
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import Origin
 from gateway.ingest.open import open_log
@@ -165,6 +166,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         parameters,
         settings,
         table.notices,
+        contradictions(table.choices),
     )
 
 
@@ -191,6 +193,7 @@ class TrialSource:
     parameters: Mapping[str, float]
     settings: FilterSettings
     notices: tuple[str, ...]
+    contradictions: tuple[str, ...] = ()
 
     def spans(self) -> list[tuple[float, float]]:
         """Stretches [s] in which heading and velocity are known without a long silence."""
@@ -255,7 +258,8 @@ class TrialSource:
             origin_deg=self.origin,
             sources={name: choice.source for name, choice in self.choices.items()},
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
-            notices=self.notices,
+            notices=(*self.contradictions, *self.notices),
+            contradictions=self.contradictions,
         )
 
     def _commands(self, edges: Floats) -> tuple[tuple[int, ...], Floats]:

@@ -1,0 +1,142 @@
+"""Sensors that contradict one another are told with size and sign; those that agree are not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.ingest.agreement import RateAgreement, contradictions, over_ground, rate_agreement
+from gateway.ingest.sources import Choice
+from gateway.offline.trials import load_trials
+from gateway.samples import Quantity, Samples
+from sim.state import Floats
+from tests.gateway.ingest.made_table import Traps, written
+
+RATE_HZ, SECONDS = 20.0, 300.0
+T = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
+YAW = 2.0 * np.sin(2.0 * np.pi * T / 37.0) + T / 20.0  # rad: to both sides, and all around
+YAW_RATE = np.gradient(YAW, T)
+SPEED = 1.0 + 0.5 * np.sin(2.0 * np.pi * T / 61.0)
+VELOCITY = np.stack([SPEED * np.cos(YAW), SPEED * np.sin(YAW)], axis=1)
+PLACE = np.cumsum(VELOCITY, axis=0) / RATE_HZ
+rng = np.random.default_rng(8)
+
+
+def choice(name: str, values: Floats, quantity: Quantity, time: Floats = T) -> Choice:
+    """A source of one quantity as a log gives it."""
+    at = np.round(time * 1e9).astype(np.int64) + 10**9
+    columns = values.reshape(len(time), -1)
+    samples = Samples(quantity, name.upper(), np.arange(len(at)), at, at, columns)
+    return Choice(name, samples, RATE_HZ, 0.1, "preferred")
+
+
+def said(
+    yaw: Floats = YAW, yaw_rate: Floats = YAW_RATE, velocity: Floats = VELOCITY,
+    place: Floats = PLACE, body: bool = False,
+) -> tuple[str, ...]:  # fmt: skip
+    """What is told of these sensors, each with a little noise."""
+    wrapped = np.angle(np.exp(1j * (yaw + rng.normal(0.0, 0.01, len(T)))))
+    kind = Quantity.BODY_VELOCITY if body else Quantity.VELOCITY
+    return contradictions({
+        "yaw": choice("yaw", wrapped, Quantity.YAW),
+        "yaw rate": choice("yaw rate", yaw_rate + rng.normal(0.0, 0.01, len(T)), Quantity.YAW_RATE),
+        "velocity": choice("velocity", velocity + rng.normal(0.0, 0.03, (len(T), 2)), kind),
+        "position": choice("position", place + rng.normal(0.0, 0.3, (len(T), 2)),
+                           Quantity.POSITION),
+    })  # fmt: skip
+
+
+def test_sensors_that_agree_contradict_nothing() -> None:
+    assert said() == ()
+    ahead = np.stack([SPEED, np.zeros_like(SPEED)], axis=1)
+    np.testing.assert_allclose(over_ground(ahead, YAW), VELOCITY)
+    assert said(velocity=ahead, body=True) == ()
+
+
+def test_what_the_catalogue_holds_is_no_contradiction() -> None:
+    assert said(yaw_rate=YAW_RATE + 0.05) == ()  # a gyro's bias
+    assert said(yaw=YAW + 0.2 * np.sin(YAW) - 0.1 * np.cos(YAW)) == ()  # iron near the compass
+    assert said(yaw=YAW + 0.3) == ()  # a compass that is mounted askew
+
+
+@pytest.mark.parametrize("scale", [0.88, 1.15])
+def test_a_scale_is_told_with_its_size(scale: float) -> None:
+    (turn,) = said(yaw_rate=scale * YAW_RATE)
+    assert turn.startswith(f"yaw rate (YAW RATE) is {scale:.2f}")
+    assert "times the turn of the heading (YAW): one of the two has a wrong scale" in turn
+    (move,) = said(velocity=scale * VELOCITY)
+    assert "times the change of position (POSITION)" in move
+    found = rate_agreement(T, PLACE, T, scale * VELOCITY, 4.0, 1.5)
+    assert found is not None
+    assert found.scale == pytest.approx(scale, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "mistake"),
+    [
+        ({"yaw_rate": np.degrees(YAW_RATE)}, "degrees taken for radians?"),
+        ({"velocity": 1.9438 * VELOCITY}, "knots taken for m/s?"),
+        ({"velocity": VELOCITY / 3.6}, "m/s taken for km/h?"),
+        ({"yaw_rate": -YAW_RATE}, "the sign of one of the two is turned round"),
+    ],
+)
+def test_the_usual_mistakes_are_named(change: dict[str, Floats], mistake: str) -> None:
+    (text,) = said(**change)
+    assert text.endswith(mistake)
+
+
+def test_a_compass_that_lags_is_told_with_its_time() -> None:
+    late = np.interp(T - 0.4, T, YAW)
+    (text,) = said(yaw=late)
+    late_s = float(text.removeprefix("yaw (YAW) comes ").split()[0])
+    assert late_s == pytest.approx(0.4, abs=0.02)
+    assert text.endswith("s after yaw rate (YAW RATE)")
+    assert said(yaw=np.interp(T - 0.1, T, YAW)) == ()  # a gyro's filter does that
+    (early,) = said(yaw_rate=np.interp(T - 0.4, T, YAW_RATE))
+    assert "s before yaw rate" in early
+
+
+def test_a_heading_that_is_set_anew_now_and_then_is_no_scale() -> None:
+    jumps = 0.4 * (T > 100.0) - 0.6 * (T > 200.0)
+    assert said(yaw=YAW + jumps) == ()
+
+
+def test_where_little_moves_nothing_is_told() -> None:
+    still = np.zeros_like(T)
+    assert rate_agreement(T, still[:, None], T, still[:, None], 2.0, 0.1, True) is None
+    moored = rng.normal(0.0, 0.3, (len(T), 2))
+    assert said(still, still, 0.0 * VELOCITY, moored) == ()
+    once = np.where((T > 50.0) & (T < 60.0), 0.3, 0.0)  # one turn tells too little
+    turned = np.cumsum(once) / RATE_HZ
+    assert rate_agreement(T, turned[:, None], T, 0.8 * once[:, None], 2.0, 0.1, True) is None
+
+
+def test_a_silence_of_one_sensor_is_no_contradiction() -> None:
+    silent = (T > 80.0) & (T < 140.0)
+    found = rate_agreement(
+        T[~silent], YAW[~silent, None], T, YAW_RATE[:, None], 2.0, 0.1, True
+    )  # fmt: skip
+    assert found is not None
+    assert found.scale == pytest.approx(1.0, abs=0.01)
+    assert rate_agreement(T[::20], YAW[::20, None], T, YAW_RATE[:, None], 2.0, 0.1) is None
+
+
+def test_what_is_not_sure_is_not_told() -> None:
+    sure = RateAgreement(0.9, 0.01, 0.0, 0.01)
+    assert sure.contradicts
+    assert not sure._replace(scale_std=0.03).contradicts
+    assert not sure._replace(scale=0.95).contradicts
+    assert sure._replace(late_s=-0.3).is_late
+    assert not sure._replace(late_s=-0.3, late_std=0.1).is_late
+
+
+def test_a_trial_holds_what_its_sensors_contradict(tmp_path: Path) -> None:
+    path, _ = written(tmp_path, Traps())
+    (honest,) = load_trials(path)
+    assert honest.contradictions == ()
+    mapping = path.with_suffix(".toml")
+    text = mapping.read_text(encoding="utf-8")
+    mapping.write_text(text.replace("rad/s", "deg/s"), encoding="utf-8")
+    (wrong,) = load_trials(path)
+    assert "radians taken for degrees?" in wrong.contradictions[0]
+    assert wrong.notices[0] == wrong.contradictions[0]
