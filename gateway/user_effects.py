@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 from gateway.errors import BadInput, ShadowError
 from gateway.files import recall, remember, state_folder, write_whole
 from sim.effects.catalogue import EFFECTS, mistaken_for
-from sim.effects.effect import Effect, Formula, Values
+from sim.effects.effect import Effect, Values
+from sim.effects.tables import Formula
 
 
 @lru_cache(maxsize=1)

@@ -24,15 +24,19 @@ from gateway.figures import (
     SeriesRole,
 )
 from gateway.figures.comparison import bars_with_intervals
+from gateway.figures.motion import map_panel, track_line
 from gateway.figures.words import diagnosis_texts
-from sim.diagnosis.answer import Diagnosis, LadderStep
+from sim.diagnosis.answer import Diagnosis, LadderStep, fitted_values
 from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals
 from sim.effects.effect import Kind, Parameter
+from sim.effects.tables import MapField
+from sim.state import Eta, Floats
 from sim.trial import Trial
 
 UNSEEN_ERROR = Axis("error on unseen time, nrmse (0 is perfect)")
 MINUTES = 1.0 / 60.0
 FLOOR = "noise floor: what a perfect model would show"
+ARROW, HEAD = 0.8, 0.2  # the longest arrow over the spacing of the map, its head over its length
 FORCES = (*MISSING_FORCES, Axis("missing force along it", "N"))
 
 
@@ -77,9 +81,52 @@ def diagnosis_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str
     course = timeline(diagnosis, trials)
     if course is not None:
         figures["timeline"] = course
-    for found in (*evidence_of(diagnosis, trials), *evidence_of_rivals(diagnosis, trials)):
-        figures[f"evidence {found.effect}"] = evidence_figure(found)
+    proofs = {r.effect: evidence_figure(r) for r in evidence_of_rivals(diagnosis, trials)}
+    for effect, figure in {**evidence_figures(diagnosis, trials), **proofs}.items():
+        figures[f"evidence {effect}"] = figure
     return figures
+
+
+def evidence_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str, FigureData]:
+    """Of each effect that was found, and of the curve beside or in the place of them, by name."""
+    out = {found.effect: evidence_figure(found) for found in evidence_of(diagnosis, trials)}
+    steps = [diagnosis.ladder[-1], *([diagnosis.curve] if diagnosis.curve else [])]
+    for step in steps:
+        for added in step.vessel.effects:
+            if added.effect.name in step.effects and added.effect.over_map is not None:
+                field = added.effect.over_map(fitted_values(step, added.effect.name))
+                out[added.effect.name] = _map_figure(added.effect.name, field, trials[0])
+    return out
+
+
+def _map_figure(effect: str, field: MapField, trial: Trial) -> FigureData:
+    """Arrows at the places of a field that the boat came near, over its track.
+
+    What is known no better than the longest arrow that is sure is not drawn.
+    """
+    track = np.where(trial.usable[:, None], trial.eta, np.nan)
+    place = np.stack([field.north, field.east], axis=1)
+    apart = np.max([np.diff(np.unique(x)).max(initial=0.0) for x in (field.north, field.east)])
+    sailed = trial.eta[trial.usable, : Eta.YAW]
+    near = np.min(np.linalg.norm(place[:, None] - sailed, axis=2), axis=1) <= apart
+    near &= field.half <= float(field.least[near].max(initial=0.0))
+    longest = max(float(field.size[near].max(initial=0.0)), 1e-9)
+    ahead = np.stack([field.to_north, field.to_east], axis=1)[near] * ARROW * apart / longest
+    arrows = _arrows(place[near], ahead)
+    marks = (
+        track_line(track, SeriesRole.CONTEXT, "where the boat was"),
+        Line(arrows[:, 1], arrows[:, 0], SeriesRole.MODEL,
+             f"what {effect} supplies, at most {longest:.2g} {field.unit}"),
+    )  # fmt: skip
+    return FigureData(f"Evidence for {effect}", (map_panel(marks, ""),))
+
+
+def _arrows(tail: Floats, ahead: Floats) -> Floats:
+    """Tails (n, 2) and lengths north and east (n, 2) -> one line (6n, 2), NaN between arrows."""
+    tip, aside = tail + ahead, 0.6 * HEAD * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    left, right = (tip - HEAD * ahead + side for side in (aside, -aside))
+    end = np.full_like(tail, np.nan)
+    return np.stack([tail, tip, left, right, tip, end], axis=1).reshape(-1, 2)
 
 
 def timeline(diagnosis: Diagnosis, trials: Sequence[Trial]) -> FigureData | None:

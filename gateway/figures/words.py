@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from gateway.figures import probability_text
 from sim.comparison.compare import Judgement, judge
-from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
+from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values
 from sim.diagnosis.evidence import rivals
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
@@ -56,13 +56,11 @@ def cause_text(step: LadderStep, effect: str, start_time_ns: int = 0) -> str:
     with which the effect does nothing, that is said.
     """
     added = next(a for a in step.vessel.effects if a.effect.name == effect)
-    intervals: dict[str, tuple[float, float]] = {}
-    for e in step.parameters.get(effect, ()):
-        intervals.setdefault(e.name.rpartition(".")[2], e.ci95)
-    text = headline(added.effect, added.values, intervals, start_time_ns)
+    found = fitted_values(step, effect, start_time_ns)
+    text = headline(added.effect, added.values, found.ci95, start_time_ns)
     return (
         f"{text}; but these data allow that there is none"
-        if _may_be_none(added.effect, intervals)
+        if _may_be_none(added.effect, found.ci95)
         else text
     )
 

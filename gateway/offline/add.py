@@ -15,7 +15,8 @@ from gateway.toml_file import explain
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file, revised, vessel_tables
 from gateway.vessel_tables import AREAS_KEY, Provenance, VesselFile
-from sim.effects.effect import Effect, Formula
+from sim.effects.effect import Effect
+from sim.effects.tables import Formula
 from sim.identification import AREAS, updated_vessel
 from sim.vessel import AddedEffect, Vessel
 

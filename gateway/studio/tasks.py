@@ -14,7 +14,7 @@ import numpy as np
 from gateway.errors import BadInput, ShadowError
 from gateway.figures import FigureData
 from gateway.figures.comparison import error_correlations, error_strips, missing_force_by_regime
-from gateway.figures.diagnosis import LadderBar, evidence_figure, ranking
+from gateway.figures.diagnosis import LadderBar, evidence_figure, evidence_figures, ranking
 from gateway.figures.motion import (
     commands_over_time,
     free_runs_on_rows,
@@ -55,7 +55,7 @@ from gateway.vessel_file import load_vessel
 from sim.comparison import Bin, Regime, bin_of, regimes_of
 from sim.comparison.compare import Comparison
 from sim.diagnosis.answer import LadderStep
-from sim.diagnosis.evidence import evidence_of, evidence_on, rivals
+from sim.diagnosis.evidence import evidence_on, rivals
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.prediction.free_runs import DivergedError, Ruler, predict
@@ -256,7 +256,7 @@ def diagnose_task(
         floor=d.noise_floor,
         steps=steps,
         ranking=ranking(d) if d.ranking else None,
-        evidence={one.effect: evidence_figure(one) for one in evidence_of(d, found.trials)},
+        evidence=evidence_figures(d, found.trials),
         looks={effect.name: effect.looks_like for effect in (*known_effects(), *effects)},
         separations=tuple(s.description for s in found.separations.values()),
         alternatives=alternatives,

@@ -15,7 +15,9 @@ from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScore, HeldOutScorer, Ranking
 from sim.diagnosis.next_experiment import Refusal, SuggestedManoeuvre
 from sim.diagnosis.residual_terms import Dependence
-from sim.effects.effect import Assumption, Formula
+from sim.effects.effect import Assumption
+from sim.effects.tables import Formula
+from sim.effects.words import FittedValues
 from sim.identification.intervals import Estimate
 from sim.state import Floats
 from sim.trial import data_frame
@@ -165,6 +167,18 @@ class LadderStep:
         return out
 
 
+def fitted_values(step: LadderStep, effect: str, start_time_ns: int = 0) -> FittedValues:
+    """Numbers of one effect of a step with their intervals: of several recordings the first's.
+
+    start_time_ns  UTC of the first sample, for moments by the clock; 0: not known
+    """
+    added = next(a for a in step.vessel.effects if a.effect.name == effect)
+    intervals: dict[str, tuple[float, float]] = {}
+    for e in step.parameters.get(effect, ()):
+        intervals.setdefault(e.name.rpartition(".")[2], e.ci95)
+    return FittedValues(added.values, intervals, start_time_ns)
+
+
 def falling(steps: Sequence[LadderStep]) -> tuple[LadderStep, ...]:
     """The ladder without those effects' steps, but the last, that do not lower the error.
 
@@ -247,7 +261,7 @@ class Diagnosis:
                    ranking alone beside the base, and the rivals of later steps beside the earlier
     noise_share    standard deviation of what is left in u, v, r over that of the measured
                    velocities as the recordings state it
-    curve          where something unknown is missing: the vessel with the curve of one variable
+    curve          where something unknown is missing: the vessel with the curve, map or history
                    that predicts unseen time best; None where none does
     formula        a short law that does as well as the curve; None where none does
     start_time_ns  UTC of the first sample; 0: not known, or of several recordings

@@ -33,6 +33,7 @@ from sim.diagnosis.next_experiment import (
 from sim.diagnosis.residual_terms import swing_period
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
+    FreeCurve,
     does_without_effects,
     find_free_curve,
     is_above_noise,
@@ -141,7 +142,8 @@ def diagnose(
     beyond = is_above_noise(effects_found, ladder, floor) or is_above_stated(
         effects_found, noise_share
     )
-    verdict = verdict_of(selection, rivals, left, beyond)
+    contradictions = tuple(dict.fromkeys(said for t in trials for said in t.contradictions))
+    verdict = verdict_of(selection, rivals, left, beyond or bool(contradictions))
     notes = [each.description for each in last.assumed]
     notes += filter(
         None, (*(unseen_headings(s.best, s.reference) for s in selection.steps), on_times)
@@ -150,20 +152,11 @@ def diagnose(
     of_first = rivals[0] if led else rivals_of(selection.first, last.effects)
     names = [row.name for row in of_first]
     curve = None
-    more = max(noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
-    more = more or verdict is Verdict.UNKNOWN
-    unquestioned = last.heldout.nrmse <= thresholds.MAX_FLOORS_UNQUESTIONED * floor
-    if more or (selection.fits and not unquestioned):
-        curve = find_free_curve(vessel, selection, scorer, error, progress, mapper, beside=more)
-        if curve and verdict is not Verdict.UNKNOWN:
-            beyond_form = does_without_effects(curve, ladder)
-            if not curve.replaces:
-                beyond_form = is_more_than_form(curve.gain, selection, above)
-                beyond_form &= is_curve_above_form(curve, effects_found, ladder, floor)
-            verdict, curve = (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
-    nameless = verdict is Verdict.UNKNOWN and not left and curve is None
+    if not contradictions:  # else a curve would be one of the sensors' errors
+        verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder)
+    nameless = verdict is Verdict.UNKNOWN and not (left or contradictions) and curve is None
     period = swing_period(selection.fit) if nameless else None
-    said = summary_of(verdict, ladder, rivals, left, floor, curve, period)
+    said = summary_of(verdict, ladder, rivals, left, floor, curve, period, contradictions)
     return Diagnosis(
         verdict=verdict,
         summary="; ".join((said, *notes)),
@@ -187,6 +180,37 @@ def diagnose(
         formula=curve.formula if curve else None,
         start_time_ns=trials[0].start_time_ns if len(trials) == 1 else 0,
     )
+
+
+def _held_against_a_curve(
+    verdict: Verdict, vessel: Vessel, search: EffectSearch, selection: Selection,
+    ladder: Sequence[LadderStep],
+) -> tuple[Verdict, FreeCurve | None]:  # fmt: skip
+    """The verdict, and the curve of what the catalogue does not hold; else as it was, and None.
+
+    Where more than noise is left a curve is tried beside the effects that were found, and wherever
+    there is more than hardly anything in their place.
+    """
+    left, floor = ladder[-1].heldout.nrmse, search.scorer.noise_floor
+    predicted = bool(selection.fits) and left <= floor
+    more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
+    more = more or verdict is Verdict.UNKNOWN
+    questioned = left > thresholds.MAX_FLOORS_UNQUESTIONED * floor
+    if not (more or (selection.fits and questioned)):
+        return verdict, None
+    curve = find_free_curve(
+        vessel, selection, search.scorer, search.given, search.progress, search.mapper, beside=more
+    )
+    if curve is None or verdict is Verdict.UNKNOWN:
+        return verdict, curve
+    if curve.replaces:
+        beyond_form = does_without_effects(curve, ladder)
+    else:
+        effects = [a.effect for a in selection.fit.added]
+        above = left > thresholds.MAX_FLOORS * floor
+        beyond_form = is_more_than_form(curve.gain, selection, above)
+        beyond_form &= is_curve_above_form(curve, effects, ladder, floor)
+    return (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
 
 
 def fit_base(

@@ -275,10 +275,13 @@ def rivals(diagnosis: Diagnosis) -> list[LadderStep]:
 
 
 def evidence_on(step: LadderStep, effect: str, trials: Sequence[Trial]) -> Evidence | None:
-    """For one effect of a step's vessel; None where there is too little time to show it."""
-    vessels = [_vessel_on(step, trial, trials[0]) for trial in trials]
+    """For one effect of a step's vessel; None where there is too little time to show it, and for
+    one that is a map: nothing that it supplies depends on one variable.
+    """
     added = next(a.effect for a in step.vessel.effects if a.effect.name == effect)
-    return evidence(trials, vessels, added)
+    if added.over_map is not None:
+        return None
+    return evidence(trials, [_vessel_on(step, trial, trials[0]) for trial in trials], added)
 
 
 def _vessel_on(step: LadderStep, trial: Trial, first: Trial) -> Vessel:

@@ -1,7 +1,7 @@
 """From what was found to one of four answers, and the sentence that gives it.
 
-**A free curve**: what no effect explains as a curve of one variable, fitted, and judged on unseen
-time like an effect.
+**A free curve**: what no effect explains as a curve of one variable, a map or a time history,
+fitted, and judged on unseen time like an effect.
 
 An effect that declares `tables` has no law: each of its empty tables is a force, or a share of the
 thrust, over one variable. The table that a few steps of the search fill best is fitted whole, with
@@ -17,7 +17,7 @@ import numpy as np
 
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
-from sim.diagnosis.answer import LadderStep, ScoredFormula, Verdict
+from sim.diagnosis.answer import LadderStep, ScoredFormula, Verdict, fitted_values
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import Gain, HeldOutScorer, RankedEffect, Ranking, rank
@@ -26,7 +26,6 @@ from sim.diagnosis.residual_terms import Dependence, dependences
 from sim.diagnosis.screening import Mapper, Progress
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
-from sim.effects.words import FittedValues
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -37,12 +36,14 @@ FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
 class FreeCurve:
     """The vessel with a curve, what the curve is worth, and whether it stands beside effects.
 
+    as_well   other kinds of curves that do as well: a survey takes its time from place to place
     formula   a short law that does as well; None where none of the library does
     """
 
     step: LadderStep
     gain: Gain
     fit: Fit
+    as_well: tuple[Effect, ...] = ()
     formula: ScoredFormula | None = None
 
     @property
@@ -56,7 +57,7 @@ class FreeCurve:
         added = self.step.vessel.effects[-1]
         if added.effect.in_words is None:
             return added.effect.name
-        return added.effect.in_words(FittedValues(added.values))
+        return added.effect.in_words(fitted_values(self.step, added.effect.name))
 
 
 def find_free_curve(
@@ -73,7 +74,7 @@ def find_free_curve(
     before = min(scorer.score_fit(selection.fit).nrmse, given)
     found: list[FreeCurve] = []
     for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
-        progress("looking for a curve of one variable")
+        progress("looking for a curve, a map or a time history")
         rival = selection.fit if fit is selection.base else None
         curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms, rival)
         if curve is not None:
@@ -131,10 +132,14 @@ def _fitted(
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
     found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
-    for row in found.finalists:
-        if is_worth_it(row.gain) and helps(scorer, fit, row.fit, before):
-            return FreeCurve(LadderStep.of(row.fit, scorer), row.gain, row.fit)
-    return None
+    rows = [r for r in found.finalists if is_worth_it(r.gain) and helps(scorer, fit, r.fit, before)]
+    if not rows:
+        return None
+    best, *rest = rows
+    step = LadderStep.of(best.fit, scorer)
+    enough = thresholds.MAX_FORMULA_RATIO * step.heldout.nrmse
+    as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
+    return FreeCurve(step, best.gain, best.fit, as_well)
 
 
 TIME = "time"  # of `force_terms.GROUPS`
@@ -164,7 +169,7 @@ def verdict_of(
 ) -> Verdict:  # fmt: skip
     """One of four: what is left counts most, then whether anything was found.
 
-    `above_noise`: the error that is left cannot be noise.
+    `above_noise`: the error that is left cannot be noise, or sensors contradict one another.
     """
     if left or above_noise:
         return Verdict.UNKNOWN
@@ -265,9 +270,12 @@ def unexplained_share(ladder: Sequence[LadderStep], floor: float) -> float:
 def summary_of(
     verdict: Verdict, ladder: Sequence[LadderStep], rivals: Sequence[Sequence[RankedEffect]],
     left: Sequence[Dependence], floor: float, curve: FreeCurve | None = None,
-    period: float | None = None,
+    period: float | None = None, contradictions: Sequence[str] = (),
 ) -> str:  # fmt: skip
-    """The answer in one sentence; `period` [s]: that of what is left, where it swings."""
+    """The answer in one sentence; `period` [s]: that of what is left, where it swings.
+
+    `contradictions`: of sensors; what a model of the boat leaves may be theirs.
+    """
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
     fell = f"{_changed(first, last)} (noise {floor:.3f}){_on_others(ladder)}"
@@ -289,6 +297,9 @@ def summary_of(
     if curve is not None:
         below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
+        if curve.as_well:
+            kinds = " or ".join(effect.looks_like for effect in curve.as_well)
+            below += f"; as well does a curve that {kinds}"
         if curve.formula is not None:
             below += f"; as well does {curve.formula.formula.text} ({curve.formula.nrmse:.3f})"
         return (
@@ -296,7 +307,10 @@ def summary_of(
             f"{curve.description}; with that curve {below}{nearest}"
         )
     rest = "what is left is no noise, and follows nothing that was looked for"
-    if left:
+    if contradictions:
+        rest = (f"the sensors contradict one another ({'; '.join(contradictions)}): that comes "
+                "before any effect")  # fmt: skip
+    elif left:
         rest = left[0].description
     elif period is not None:
         rest = (f"what is left swings with a period of some {period:.1f} s, as in a sea, or under "

@@ -37,6 +37,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim.effects.tables import Formula, MapField
 from sim.effects.words import FittedValues
 from sim.state import Floats
 
@@ -226,21 +227,6 @@ class Assumption(NamedTuple):
     numbers: Mapping[str, float]
 
 
-class Formula(NamedTuple):
-    """A short law that may stand for a table.
-
-    form     its name among those that `sim.effects.learned_formula` holds
-    text     the equation with its numbers
-    numbers  by name, SI
-    values   the table as the formula has it
-    """
-
-    form: str
-    text: str
-    numbers: Mapping[str, float]
-    values: "Values"
-
-
 class Measured(NamedTuple):
     """An effect whose cause may be measured: its own parameters do not count there.
 
@@ -296,8 +282,10 @@ class Effect:
     more_starts   (length of the longest recording [s]) -> starts, each of which is fitted whole
                   where a first look leaves much unexplained: from where a force that goes with a
                   square was found no small step may lead to the best
-    tables        (vessel, extent of u, v, r) -> empty tables, where the effect has no law but takes
+    tables        (vessel, extent of u, v, r [m/s, rad/s], north, east [m] and time [s]) -> empty
+                  tables, where the effect has no law but takes
                   any shape: no hypothesis of a search, fitted where none of them explains the data
+    over_map      (fitted values) -> what it supplies at places of the map, where it is one
     in_words      (fitted values) -> what was found, in a sentence (`sim.effects.words`)
     formulas      (vessel, values, standard deviations) -> short laws that may stand for a table
     formula_source  (name, values, formula) -> the Python file of an effect with that law
@@ -326,6 +314,7 @@ class Effect:
     search: Callable[[Any, Callable[[], ResidualForce]], Sequence[Values]] | None = None
     more_starts: Callable[[float], Sequence[Values]] | None = None
     tables: Callable[[Any, Mapping[str, tuple[float, float]]], Sequence[Values]] | None = None
+    over_map: Callable[[FittedValues], MapField] | None = None
     in_words: Callable[[FittedValues], str] | None = None
     formulas: Callable[[Any, Values, Values], Sequence[Formula]] | None = None
     formula_source: Callable[[str, Values, Formula], str] | None = None

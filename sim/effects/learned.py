@@ -38,6 +38,7 @@ from sim.effects.learned_formula import (
     formula_source,
     formulas,
 )
+from sim.effects.tables import along, between_nine
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
@@ -50,19 +51,8 @@ def table(x: float, p: Any) -> float:
     around = p.by == HEADING
     turns = np.floor((x - p.low) / span)
     x = x - around * turns * span  # a heading has no end
-    s = np.minimum(np.maximum((x - p.low) / span, 0.0), 1.0) * (KNOTS - 1.0)
-    last = p.f8 + around * (p.f0 - p.f8)
-    return (
-        p.f0 * np.maximum(1.0 - np.abs(s), 0.0)
-        + p.f1 * np.maximum(1.0 - np.abs(s - 1.0), 0.0)
-        + p.f2 * np.maximum(1.0 - np.abs(s - 2.0), 0.0)
-        + p.f3 * np.maximum(1.0 - np.abs(s - 3.0), 0.0)
-        + p.f4 * np.maximum(1.0 - np.abs(s - 4.0), 0.0)
-        + p.f5 * np.maximum(1.0 - np.abs(s - 5.0), 0.0)
-        + p.f6 * np.maximum(1.0 - np.abs(s - 6.0), 0.0)
-        + p.f7 * np.maximum(1.0 - np.abs(s - 7.0), 0.0)
-        + last * np.maximum(1.0 - np.abs(s - 8.0), 0.0)
-    )
+    share, last = along(x, p.low, p.high), p.f8 + around * (p.f0 - p.f8)
+    return between_nine(share, p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, last)
 
 
 @jitable

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.effects.effect import Formula, Values
+from sim.effects.effect import Values
+from sim.effects.tables import Formula
 from sim.state import Floats
 
 KNOTS = 9

@@ -64,8 +64,13 @@ class FittedValues:
 
     def towards(self, name: str) -> str:
         """A direction [rad from north] in degrees and as a point of the compass."""
-        angle = degrees(self.values[name]) % 360.0
-        return f"{angle:.0f}° ({COMPASS[round(angle / 45.0) % 8]})"
+        return towards(self.values[name])
+
+
+def towards(direction: float) -> str:
+    """A direction [rad from north] in degrees and as a point of the compass."""
+    angle = degrees(direction) % 360.0
+    return f"{angle:.0f}° ({COMPASS[round(angle / 45.0) % 8]})"
 
 
 def _alike(low: float, high: float, decimals: int) -> bool:

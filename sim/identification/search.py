@@ -170,6 +170,10 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
         nu = np.concatenate([trial.nu[trial.usable] for trial in trials])
         low, high = nu.min(axis=0), nu.max(axis=0)
         extent = {n: (float(low[i]), float(high[i])) for i, n in enumerate("uvr")}
+        place = np.concatenate([trial.eta[trial.usable, : Eta.YAW] for trial in trials])
+        for i, n in enumerate(("north", "east")):
+            extent[n] = (float(place[:, i].min()), float(place[:, i].max()))
+        extent["time"] = (0.0, max(float(trial.time[-1]) for trial in trials))
         return list(effect.tables(model.vessel, extent))
     longest = max(float(t.time[-1]) for t in trials)
     directions = {p.direction for p in effect.parameters}

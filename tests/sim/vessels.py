@@ -96,6 +96,28 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "x": 0.0,
         **{f"f{k}": -0.1 * k for k in range(9)},
     },
+    "learned_history": {
+        "acts": 1.0,
+        "until": 12.0,
+        "full": 100.0,
+        "x": 0.0,
+        **{f"{c}{k}": 0.05 * k - 0.2 * (c == "g") for c in "fg" for k in range(9)},
+    },
+    "learned_map": {
+        "acts": 1.0,
+        "south": -3.0,
+        "north": 6.0,
+        "west": -5.0,
+        "east": 4.0,
+        "full": 100.0,
+        "x": 0.0,
+        **{
+            f"{c}{i}{j}": 0.1 * i - 0.15 * j * (c == "e")
+            for c in "ne"
+            for i in range(4)
+            for j in range(4)
+        },
+    },
     "payload_change": {"factor": 1.4, "time": 4.01},
     "steady_current": {"speed": 0.3, "direction": 1.2},
     "steering_offset": {"angle": 0.1},

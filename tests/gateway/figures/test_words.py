@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from gateway.figures import Line
-from gateway.figures.diagnosis import timeline
+from gateway.figures.diagnosis import _map_figure, timeline
 from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
 from sim.effects.catalogue import EFFECTS
+from sim.effects.tables import MapField
 from sim.vessel import AddedEffect
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
@@ -185,3 +186,24 @@ def test_nothing_was_chosen_and_that_is_said_of_the_others_too():
     d = rejected(alone=0.5)
     d.effects, d.ladder = (), d.ladder[:2]
     assert "not enough to be sure of it" in why_not_texts(d, ())["cg_offset"]
+
+
+def test_a_map_draws_what_is_known_where_the_boat_was() -> None:
+    north, east = (x.ravel() for x in np.meshgrid([0.0, 10.0, 20.0], [0.0, 10.0], indexing="ij"))
+    flows = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    half = np.array([0.05, 0.05, 0.05, 0.05, 0.05, 0.9])
+    field = MapField(north, east, flows, np.zeros(6), half, "m/s")
+    eta = np.stack([np.linspace(0.0, 20.0, 51), np.zeros(51), np.zeros(51)], axis=1)
+    trial: Any = SimpleNamespace(eta=eta, usable=np.ones(51, bool))
+    (panel,) = _map_figure("eddy", field, trial).panels
+    track, arrows = panel.marks
+    assert isinstance(track, Line)
+    assert isinstance(arrows, Line)
+    assert arrows.label == "what eddy supplies, at most 0.4 m/s"
+    tails, tips = arrows.y[::6], arrows.y[1::6]
+    np.testing.assert_allclose(tails, north[:5])  # of the last one hardly anything is known
+    np.testing.assert_allclose(tips - tails, 8.0 * flows[:5] / 0.4)
+    assert np.isnan(arrows.y[5::6]).all()
+    far: Any = SimpleNamespace(eta=eta - [500.0, 0.0, 0.0], usable=np.ones(51, bool))
+    (panel,) = _map_figure("eddy", field, far).panels
+    assert len(panel.marks[1].x) == 0  # type: ignore[union-attr]

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,10 @@ from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import rank
 from sim.diagnosis.verdict import FREE_FORMS
+from sim.effects import learned_history, learned_map
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError
+from sim.state import Pose, Water
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import STD, sailed, sailed_with
 from tests.sim.voyages import WAM_V, trial_of, voyage
@@ -46,6 +49,15 @@ def test_a_complete_model_is_adequate() -> None:
     assert [step.base for step in found.ladder] == ["plain", "kept"]  # there is nothing to fit
     assert found.vessel == WAM_V
     assert "no better with the base re-fitted" in found.summary
+
+
+def test_a_model_is_not_called_complete_on_sensors_that_contradict_one_another() -> None:
+    scale = "yaw rate (ATTITUDE) is 0.88 ± 0.01 times the turn of the heading (ATTITUDE)"
+    found = diagnose([replace(sailed(), contradictions=(scale,))], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert f"the sensors contradict one another ({scale}): that comes before" in found.summary
+    assert found.curve is None
+    assert "contradict" not in complete().summary
 
 
 def test_what_is_missing_is_named_and_the_error_falls() -> None:
@@ -141,6 +153,46 @@ def test_effects_at_the_noise_give_way_to_a_curve_that_explains_more() -> None:
     assert found.formula.formula.numbers["x0"] == pytest.approx(1.2, abs=0.05)
     assert found.formula.formula.numbers["c"] == pytest.approx(-0.2, abs=0.05)
     assert "nearest to it come advance_loss and cubic_drag" in found.summary
+
+
+@pytest.mark.slow
+def test_water_that_differs_from_place_to_place_is_told_as_a_map() -> None:
+    """It runs to the east, the faster the further north: no current of the catalogue can."""
+
+    def water(time: float, pose: Pose, p: Any) -> Water:
+        return Water(0.0, p.speed * np.tanh(0.03 * pose.north), 0.0, 0.0)
+
+    shear = replace(named("steady_current"), name="shear", water=water)
+    boat = WAM_V.with_effects(AddedEffect(shear, {"speed": 0.5, "direction": 0.0}))
+    trial = sailed_with(boat)
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_map",)
+    assert found.curve.heldout.nrmse < 0.5 * found.ladder[-1].heldout.nrmse
+    filled = found.curve.vessel.effects[-1].values
+    now = learned_map.water(0.0, Pose(*trial.eta[trial.usable].T), SimpleNamespace(**filled))
+    true = 0.5 * np.tanh(0.03 * trial.eta[trial.usable, 0])
+    assert np.abs(now.east - true).mean() < 0.05
+    assert np.abs(now.north).mean() < 0.05
+    assert "water that flows differently from place to place" in found.summary
+
+
+@pytest.mark.slow
+def test_motors_that_warm_up_are_told_as_a_time_history() -> None:
+    def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
+        return F * (1.0 - p.per_mps * np.exp(-flow.time / 50.0))
+
+    cold = replace(named("advance_loss"), name="cold", thrust=thrust)
+    boat = WAM_V.with_effects(AddedEffect(cold, {"per_mps": 0.5}))
+    found = diagnose([sailed_with(boat)], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_history",)
+    filled = found.curve.vessel.effects[-1].values
+    assert filled["acts"] == learned_history.THRUST
+    assert filled["f0"] - filled["f8"] == pytest.approx(-0.5, abs=0.12)
+    assert "a share of the thrust that changes with the time" in found.summary
 
 
 @pytest.mark.slow

@@ -25,7 +25,8 @@ from sim.diagnosis.verdict import (
     verdict_of,
 )
 from sim.effects.catalogue import named
-from sim.effects.effect import Formula
+from sim.effects.effect import Effect
+from sim.effects.tables import Formula
 from sim.vessel import AddedEffect
 from tests.sim.voyages import WAM_V
 
@@ -125,6 +126,8 @@ def test_the_sentence_names_what_was_found_and_what_it_may_be_taken_for() -> Non
     swings = summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.05, None, 1.62)
     assert "swings with a period of some 1.6 s, as in a sea" in swings
     assert "as in a sea" not in summary_of(Verdict.UNKNOWN, ladder, [[]], [LEFT], 0.05, None, 1.62)
+    odd = summary_of(Verdict.UNKNOWN, ladder, [[]], [LEFT], 0.05, None, None, ("a lag",))
+    assert odd.endswith("contradict one another (a lag): that comes before any effect")
     assert "no effect" in summary_of(Verdict.ADEQUATE, ladder[:2], [], [], 0.09)
 
 
@@ -185,10 +188,10 @@ def test_more_than_the_stated_noise_in_surge_or_sway_is_no_noise() -> None:
 def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     ladder = [step(0.5), step(0.4), step(0.3, "hull_lift")]
 
-    def said(*effects: str, formula: Any = None) -> str:
+    def said(*effects: str, formula: Any = None, as_well: tuple[Effect, ...] = ()) -> str:
         below: Any = SimpleNamespace(
             step=step(0.2, *effects), replaces=len(effects) == 1, description="a force",
-            formula=formula,
+            formula=formula, as_well=as_well,
         )  # fmt: skip
         return summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.1, below)
 
@@ -203,6 +206,9 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     assert "as well does" not in instead
     line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
     assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
+    also = said("x", as_well=(named("learned_history"), named("learned_map")))
+    assert "as well does a curve that changes as time goes by" in also
+    assert "or differs from place to place" in also
     ladder.append(step(0.25, "hull_lift", "cg_offset"))
     assert said("hull_lift", "cg_offset", "x").startswith("hull_lift and cg_offset help, ")
     assert "nearest to it come hull_lift and cg_offset, the error" in said("x")

@@ -8,7 +8,6 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.user_effects import load_effects, write_effect_formula
-from sim.effects.effect import Formula
 from sim.effects.learned import EFFECT
 from sim.effects.learned_formula import (
     AHEAD,
@@ -24,6 +23,7 @@ from sim.effects.learned_formula import (
     fitted_forms,
     formulas,
 )
+from sim.effects.tables import Formula
 from tests.sim.vessels import WAMV
 
 X = np.linspace(-0.4, 2.0, KNOTS)

@@ -1,0 +1,162 @@
+"""Learned map: what differs from place to place, as a table over the map that measurements filled.
+
+    V(N, E) = bilinear between 4 × 4 knots, `south` to `north`, `west` to `east`; else constant
+    acts 1 (water)   the water flows at V
+    acts 2 (push)    X, Y = F V turned to the heading, N = x_F Y
+
+n00 … n33 and e00 … e33 are the parts of V to the north and to the east at the knots, row by row
+from the south and in a row from the west: m/s, or shares of the scale F [N], `full`; x_F [m] the
+place `x` where a push acts; N, E [m] the position in the coordinates of the recording. Valid for:
+the places where the boat was, on that day; changes over a few hull lengths and more (water that
+flows past is not accelerated by them here). A table explains nothing: a jet in a river's mouth, an
+eddy, a shoal's tide race, the lee of a mole look like this. Source: Ljung, System Identification,
+2nd ed. 1999, §5.4 (basis functions with local support).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sim.body import Flow
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Values
+from sim.effects.tables import MapField, along, weighted, weights_of_four
+from sim.effects.words import FittedValues, towards
+from sim.jit import jitable
+from sim.state import Pose, Water, Wrench, to_body
+
+SIDE = 4
+WATER, PUSH = 1.0, 2.0
+SHARE_OF_THRUST = 0.4  # of all motors' thrust ahead: the scale of a push
+TO_NORTH, TO_EAST = ([f"{c}{i}{j}" for i in range(SIDE) for j in range(SIDE)] for c in "ne")
+UNITS = {WATER: "m/s", PUSH: "N"}
+
+
+@jitable
+def to_north(north: float, east: float, p: Any) -> float:
+    """The part of V to the north."""
+    w = weights_of_four(along(east, p.west, p.east))
+    return weighted(
+        weights_of_four(along(north, p.south, p.north)),
+        weighted(w, p.n00, p.n01, p.n02, p.n03),
+        weighted(w, p.n10, p.n11, p.n12, p.n13),
+        weighted(w, p.n20, p.n21, p.n22, p.n23),
+        weighted(w, p.n30, p.n31, p.n32, p.n33),
+    )
+
+
+@jitable
+def to_east(north: float, east: float, p: Any) -> float:
+    """The part of V to the east."""
+    w = weights_of_four(along(east, p.west, p.east))
+    return weighted(
+        weights_of_four(along(north, p.south, p.north)),
+        weighted(w, p.e00, p.e01, p.e02, p.e03),
+        weighted(w, p.e10, p.e11, p.e12, p.e13),
+        weighted(w, p.e20, p.e21, p.e22, p.e23),
+        weighted(w, p.e30, p.e31, p.e32, p.e33),
+    )
+
+
+def water(time: float, pose: Pose, p: Any) -> Water:
+    """Place -> velocity of the water [m/s]; no acceleration."""
+    flows = 1.0 * (p.acts == WATER)
+    n, e = pose.north, pose.east
+    return Water(flows * to_north(n, e, p), flows * to_east(n, e, p), 0.0, 0.0)
+
+
+def force(flow: Flow, p: Any) -> Wrench:
+    """Place and heading -> X, Y, N [N, N, N m]."""
+    push = (p.acts == PUSH) * p.full
+    n, e = flow.north, flow.east
+    X, Y = to_body(push * to_north(n, e, p), push * to_east(n, e, p), flow.yaw)
+    return Wrench(X, Y, p.x * Y)
+
+
+def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
+    """Empty maps of water and of a push over the places that were sailed."""
+    full = SHARE_OF_THRUST * float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
+    (south, north), (west, east) = extent["north"], extent["east"]
+    return [
+        {"acts": acts, "south": south, "north": north, "west": west, "east": east, "full": full,
+         "x": 0.0, **dict.fromkeys((*TO_NORTH, *TO_EAST), 0.0)}
+        for acts in (WATER, PUSH)
+    ]  # fmt: skip
+
+
+def over_map(p: FittedValues) -> MapField:
+    """The map at its knots."""
+    scale = 1.0 if p["acts"] == WATER else p["full"]
+    half = np.zeros(SIDE * SIDE)
+    for keys in (TO_NORTH, TO_EAST):
+        ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in keys])
+        half = np.maximum(half, 0.5 * scale * (ends[:, 1] - ends[:, 0]))
+    north, east = np.meshgrid(
+        np.linspace(p["south"], p["north"], SIDE), np.linspace(p["west"], p["east"], SIDE),
+        indexing="ij",
+    )  # fmt: skip
+    to_n, to_e = (scale * np.array([p[key] for key in keys]) for keys in (TO_NORTH, TO_EAST))
+    return MapField(north.ravel(), east.ravel(), to_n, to_e, half, UNITS[p["acts"]])
+
+
+def in_words(p: FittedValues) -> str:
+    """Where it is surely strongest, and where it surely differs most from there."""
+    field = over_map(p)
+    strongest = int(np.argmax(field.least))
+    away = np.hypot(field.to_north - field.to_north[strongest],
+                    field.to_east - field.to_east[strongest])  # fmt: skip
+    other = int(np.argmax(away - field.half))
+    what = "water that flows" if p["acts"] == WATER else "a push over the ground that acts"
+    return f"{what} differently from place to place: {_at(field, strongest)}, {_at(field, other)}"
+
+
+def _at(field: MapField, knot: int) -> str:
+    """What a knot says, and where it is."""
+    n, e = float(field.to_north[knot]), float(field.to_east[knot])
+    return (
+        f"{math.hypot(n, e):.2g} {field.unit} towards {towards(math.atan2(e, n))} around "
+        f"N {field.north[knot]:.0f} m, E {field.east[knot]:.0f} m"
+    )
+
+
+EFFECT = Effect(
+    name="learned_map",
+    scope=Scope.VOYAGE,
+    water=water,
+    force=force,
+    parameters=(
+        Parameter(
+            "acts", "1", lower=1.0, upper=2.0, start=1.0, kind=Kind.CHOICE,
+            description="1 water, 2 a push",
+        ),
+        *(
+            Parameter(
+                key, "m", lower=-1e6, upper=1e6, start=0.0, kind=Kind.FIXED,
+                description=f"of the map, its {key}ern edge",
+            )
+            for key in ("south", "north", "west", "east")
+        ),
+        Parameter(
+            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
+            description="push of a value of one",
+        ),
+        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
+        *(
+            Parameter(
+                key, "m/s or 1", lower=-3.0, upper=3.0, start=0.0, scale=0.1, neutral=0.0,
+                prior=0.5,  # keeps knots at nothing where the boat hardly was
+            )
+            for key in (*TO_NORTH, *TO_EAST)
+        ),
+    ),
+    looks_like="differs from place to place, by no law of the catalogue",
+    tables=tables,
+    over_map=over_map,
+    in_words=in_words,
+    example={
+        "acts": 1.0, "south": -20.0, "north": 40.0, "west": -30.0, "east": 30.0, "full": 100.0,
+        "x": 0.0, **{key: 0.1 * (k % SIDE) for k, key in enumerate(TO_NORTH)},
+        **{key: 0.05 * (k // SIDE) for k, key in enumerate(TO_EAST)},
+    },
+)  # fmt: skip

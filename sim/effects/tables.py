@@ -1,0 +1,98 @@
+"""Tables in the place of laws: interpolation between knots, and what a table can be shown as.
+
+A law works on floats and compiles: each knot is a number of its own, and there are no loops.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.jit import jitable
+from sim.state import Floats
+
+
+class Formula(NamedTuple):
+    """A short law that may stand for a table.
+
+    form     its name among those that `sim.effects.learned_formula` holds
+    text     the equation with its numbers
+    numbers  by name, SI
+    values   the table as the formula has it
+    """
+
+    form: str
+    text: str
+    numbers: Mapping[str, float]
+    values: Mapping[str, float]
+
+
+class MapField(NamedTuple):
+    """What an effect supplies over the map: places (n,) [m], parts to north and east (n,), unit.
+
+    half  half the length of the 95 % interval of either part (n,); 0 where none is known
+    """
+
+    north: Floats
+    east: Floats
+    to_north: Floats
+    to_east: Floats
+    half: Floats
+    unit: str
+
+    @property
+    def size(self) -> Floats:
+        """Of the whole (n,)."""
+        return np.hypot(self.to_north, self.to_east)
+
+    @property
+    def least(self) -> Floats:
+        """The size that is sure (n,): a corner where the boat hardly was has none."""
+        return np.maximum(self.size - self.half, 0.0)
+
+
+Weights = tuple[float, float, float, float]
+
+
+@jitable
+def along(x: float, low: float, high: float) -> float:
+    """How far x is from `low` to `high`: 0 … 1, no further beyond the two."""
+    return np.minimum(np.maximum((x - low) / np.maximum(high - low, 1e-9), 0.0), 1.0)
+
+
+@jitable
+def between_nine(
+    share: float, f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float,
+    f7: float, f8: float,
+) -> float:  # fmt: skip
+    """The value at a share (0 … 1) of the way from the first of nine knots to the last."""
+    s = share * 8.0
+    return (
+        f0 * np.maximum(1.0 - np.abs(s), 0.0)
+        + f1 * np.maximum(1.0 - np.abs(s - 1.0), 0.0)
+        + f2 * np.maximum(1.0 - np.abs(s - 2.0), 0.0)
+        + f3 * np.maximum(1.0 - np.abs(s - 3.0), 0.0)
+        + f4 * np.maximum(1.0 - np.abs(s - 4.0), 0.0)
+        + f5 * np.maximum(1.0 - np.abs(s - 5.0), 0.0)
+        + f6 * np.maximum(1.0 - np.abs(s - 6.0), 0.0)
+        + f7 * np.maximum(1.0 - np.abs(s - 7.0), 0.0)
+        + f8 * np.maximum(1.0 - np.abs(s - 8.0), 0.0)
+    )
+
+
+@jitable
+def weights_of_four(share: float) -> Weights:
+    """How much each of four knots counts at a share (0 … 1) of the way."""
+    s = share * 3.0
+    return (
+        np.maximum(1.0 - s, 0.0),
+        np.maximum(1.0 - np.abs(s - 1.0), 0.0),
+        np.maximum(1.0 - np.abs(s - 2.0), 0.0),
+        np.maximum(s - 2.0, 0.0),
+    )
+
+
+@jitable
+def weighted(w: Weights, a: float, b: float, c: float, d: float) -> float:
+    """The value between four knots."""
+    return w[0] * a + w[1] * b + w[2] * c + w[3] * d

@@ -1,0 +1,128 @@
+"""Tables over the map and over time: values between the knots, where they act, what they say."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+from sim.body import Flow
+from sim.effects import learned_history, learned_map
+from sim.effects.words import FittedValues
+from sim.state import Pose
+from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV
+
+rng = np.random.default_rng(5)
+MAP = {
+    **VALUES["learned_map"],
+    **{key: float(rng.normal()) for key in (*learned_map.TO_NORTH, *learned_map.TO_EAST)},
+}
+HISTORY = {
+    **VALUES["learned_history"],
+    **{key: float(rng.normal()) for key in (*learned_history.FIRST, *learned_history.SECOND)},
+}
+
+
+def flow(**values: Any) -> Flow:
+    return Flow(**{**dict.fromkeys(Flow._fields, 0.0), **values})
+
+
+def test_a_map_is_bilinear_between_its_knots_and_constant_beyond_them() -> None:
+    north, east = rng.uniform(-6.0, 9.0, 200), rng.uniform(-9.0, 8.0, 200)
+    now = learned_map.water(0.0, Pose(north, east, 0.0), SimpleNamespace(**MAP))
+    knots = np.linspace(-3.0, 6.0, 4), np.linspace(-5.0, 4.0, 4)
+    inside = np.stack([np.clip(north, -3.0, 6.0), np.clip(east, -5.0, 4.0)], axis=1)
+    for keys, part in ((learned_map.TO_NORTH, now.north), (learned_map.TO_EAST, now.east)):
+        table = np.array([MAP[key] for key in keys]).reshape(4, 4)
+        np.testing.assert_allclose(part, RegularGridInterpolator(knots, table)(inside), atol=1e-12)
+
+
+def test_a_history_is_linear_between_its_knots_and_constant_beyond_them() -> None:
+    time, knots = np.linspace(-3.0, 20.0, 200), np.linspace(0.0, 12.0, 9)
+    now = learned_history.water(time, Pose(0.0, 0.0, 0.0), SimpleNamespace(**HISTORY))
+    for keys, part in ((learned_history.FIRST, now.north), (learned_history.SECOND, now.east)):
+        np.testing.assert_allclose(part, np.interp(time, knots, [HISTORY[k] for k in keys]))
+
+
+@pytest.mark.parametrize(("effect", "values"), [(learned_map, MAP), (learned_history, HISTORY)])
+def test_a_push_is_that_of_the_world_on_a_hull_that_turned(effect: Any, values: Any) -> None:
+    place = {"north": 1.0, "east": 2.0, "time": 5.0}
+    water = effect.water(5.0, Pose(1.0, 2.0, 0.0), SimpleNamespace(**values))
+    p = SimpleNamespace(**{**values, "acts": 2.0, "x": 0.5})
+    still = effect.water(5.0, Pose(1.0, 2.0, 0.0), p)
+    assert (still.north, still.east) == (0.0, 0.0)
+    ahead, turned = (effect.force(flow(yaw=yaw, **place), p) for yaw in (0.0, 0.5 * np.pi))
+    assert (ahead.X, ahead.Y) == pytest.approx((100.0 * water.north, 100.0 * water.east))
+    assert (turned.X, turned.Y) == pytest.approx((100.0 * water.east, -100.0 * water.north))
+    assert ahead.N == pytest.approx(0.5 * ahead.Y)
+    none = effect.force(flow(**place), SimpleNamespace(**values))
+    assert (none.X, none.Y, none.N) == (0.0, 0.0, 0.0)
+
+
+def test_a_history_of_the_thrust_changes_thrust_alone() -> None:
+    p = SimpleNamespace(**{**HISTORY, "acts": 3.0})
+    share = HISTORY["f4"]
+    drive: Any = None
+    assert learned_history.thrust(50.0, drive, flow(time=6.0), p) == pytest.approx(
+        50.0 * (1.0 + share)
+    )
+    water = learned_history.water(6.0, Pose(0.0, 0.0, 0.0), p)
+    assert (water.north, water.east) == (0.0, 0.0)
+    assert learned_history.thrust(50.0, drive, flow(time=6.0), SimpleNamespace(**HISTORY)) == 50.0
+
+
+def test_empty_tables_span_what_was_sailed() -> None:
+    extent = {"north": (-4.0, 9.0), "east": (1.0, 7.0), "time": (0.0, 300.0)}
+    maps = learned_map.tables(WAMV, extent)
+    assert {m["acts"] for m in maps} == {1.0, 2.0}
+    corners = ("south", "north", "west", "east")
+    assert all([m[key] for key in corners] == [-4.0, 9.0, 1.0, 7.0] for m in maps)
+    assert all(m[key] == 0.0 for m in maps for key in learned_map.TO_EAST)
+    histories = learned_history.tables(RUDDER_BOAT, extent)
+    assert {h["acts"] for h in histories} == {1.0, 2.0, 3.0}
+    assert all(h["until"] == 300.0 and h["f8"] == 0.0 for h in histories)
+    full = sum(t.thrust[1] for t in RUDDER_BOAT.thrusters)
+    assert histories[0]["full"] == pytest.approx(0.4 * full)
+
+
+def test_a_map_says_where_it_is_strongest_and_where_it_differs_most() -> None:
+    none = dict.fromkeys((*learned_map.TO_NORTH, *learned_map.TO_EAST), 0.0)
+    values = {**MAP, **none, "e30": 0.42, "e03": -0.1}
+    said = learned_map.in_words(FittedValues(values))
+    assert said == (
+        "water that flows differently from place to place: 0.42 m/s towards 90° (east) around "
+        "N 6 m, E -5 m, 0.1 m/s towards 270° (west) around N -3 m, E 4 m"
+    )
+    push = learned_map.in_words(FittedValues({**values, "acts": 2.0}))
+    assert push.startswith("a push over the ground that acts differently from place to place: 42 N")
+    field = learned_map.over_map(FittedValues({**values, "acts": 2.0}))
+    assert (field.unit, field.to_east.max()) == ("N", pytest.approx(42.0))
+    assert (field.north[12], field.east[12]) == (6.0, -5.0)  # e30
+
+
+def test_a_corner_where_the_boat_hardly_was_is_not_told() -> None:
+    none = dict.fromkeys((*learned_map.TO_NORTH, *learned_map.TO_EAST), 0.0)
+    values = {**MAP, **none, "e33": 2.3, "e11": 0.5, "n22": -0.3}
+    ci95 = dict.fromkeys(none, (-0.05, 0.05)) | {
+        "e33": (0.1, 4.5), "e11": (0.45, 0.55), "n22": (-0.35, -0.25), "e03": (-2.0, 2.0),
+    }  # fmt: skip
+    said = learned_map.in_words(FittedValues(values, ci95))
+    assert "place to place: 0.5 m/s towards 90° (east) around N 0 m, E -2 m, 0.3 m/s" in said
+    field = learned_map.over_map(FittedValues(values, ci95))
+    assert field.half[15] == pytest.approx(2.2)
+    assert field.least[5] == pytest.approx(0.45)
+    assert field.least[0] == 0.0
+
+
+def test_a_history_is_told_at_every_second_knot() -> None:
+    none = dict.fromkeys((*learned_history.FIRST, *learned_history.SECOND), 0.0)
+    values = {**HISTORY, **none, "until": 400.0, "f0": -0.4, "f2": -0.2, "g8": 0.3}
+    thrust = learned_history.in_words(FittedValues({**values, "acts": 3.0}))
+    assert thrust == (
+        "a share of the thrust that changes with the time: -40 % at 0 s, -20 % at 100 s, "
+        "+0 % at 200 s, +0 % at 300 s, +0 % at 400 s"
+    )
+    water = learned_history.in_words(FittedValues(values))
+    assert water.startswith("water that flows differently as time goes by: 0.4 m/s towards 180°")
+    assert water.endswith("0.3 m/s towards 90° (east) at 400 s")
