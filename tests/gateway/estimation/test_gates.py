@@ -238,6 +238,10 @@ def test_a_timeline_is_cut_at_gaps_and_has_no_step_too_long_to_be_linear():
     np.testing.assert_array_equal(first.time[first.grid == 1], [0.2])
     assert (first.kind[first.grid != NO_GRID] == MeasurementKind.TICK).all()
     assert first.time[first.kind == YAW].tolist() == [0.0, 0.05, 0.35, 1.3]
+    exact = next(
+        timelines(make_events(YAW, np.array([0.0, 0.3]), np.zeros(2), 0.1), grid[:0], settings)
+    )
+    np.testing.assert_allclose(exact.time, [0.0, 0.1, 0.2, 0.3])  # as long as it may be, no more
     # 0.35 to 1.0 s takes seven steps, as even as they can be
     between = first.time[(first.time > 0.35) & (first.time < 1.0)]
     np.testing.assert_allclose(between, 0.35 + 0.65 / 7.0 * np.arange(1, 7))

@@ -256,6 +256,18 @@ def test_duplicates_are_told_within_their_stream_only() -> None:
     assert (link.clock.report().late, link.clock.report().duplicates) == (1, 2)
 
 
+@pytest.mark.parametrize(
+    ("back", "status"),
+    [(1, StampStatus.DUPLICATE), (32, StampStatus.DUPLICATE), (33, StampStatus.LATE)],
+)
+def test_a_duplicate_of_any_of_the_last_thirty_two_is_told(back: int, status: StampStatus) -> None:
+    for count in (40, 41):
+        link = Link()
+        for k in range(count):
+            link.say(10.0 + 0.1 * k, 0.1 * k)
+        assert link.say(10.0 + 0.1 * (count - back), 0.1 * count)[1] is status
+
+
 def test_untimed_message_shares_the_delay_of_its_neighbours() -> None:
     link = Link()
     link.run(10.0, 0.0, 5.0)

@@ -121,6 +121,16 @@ def test_a_change_is_taken_over_the_half_second_before_and_an_acceleration_aroun
     np.testing.assert_allclose(around[near], 0.3)
 
 
+def test_bins_hold_the_whole_voyage_as_much_of_it_each():
+    current = next(e for e in EFFECTS if e.name == "current_change")
+    vessel = with_effect(current)
+    found = evidence([sailed(vessel)], [vessel], current)
+    assert found is not None
+    assert found.by == "time"
+    np.testing.assert_allclose(found.start, np.linspace(0.0, 119.9, 11)[:-1], atol=0.06)
+    np.testing.assert_allclose(found.end, np.linspace(0.0, 119.9, 11)[1:], atol=0.06)
+
+
 def test_a_false_effect_is_not_borne_out():
     """A current that is not there: its curve goes where nothing is missing."""
     plain = sailed(WAMV)
