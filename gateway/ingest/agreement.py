@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gateway.ingest.mapping import Origin, to_local
-from gateway.ingest.sources import Choice
+from gateway.ingest.sources import Choice, uniform_grid
 from gateway.samples import Quantity, Samples
 from sim.state import Floats
 
@@ -71,8 +71,8 @@ def rate_agreement(
     `heading`: x is one of a compass [rad].
     """
     step = max(float(np.median(np.diff(time))), float(np.median(np.diff(rate_time))))
-    begin = np.arange(max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - stretch_s,
-                      0.5 * stretch_s)  # fmt: skip
+    first, last = max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - stretch_s
+    begin = uniform_grid(float(first), float(last), 0.5 * stretch_s)
     if step > GAP_S or len(begin) < FEWEST_BLOCKS:
         return None
     end = begin + stretch_s
@@ -89,6 +89,9 @@ def rate_agreement(
         own = (np.full(len(was), stretch_s), np.sin(now) - np.sin(was), np.cos(now) - np.cos(was))
         X = np.column_stack([X, *own])
     y = moved.ravel()
+    with np.errstate(over="ignore", invalid="ignore"):
+        if not np.isfinite(np.sum(X**2) + np.sum(y**2)):
+            return None  # damaged values
     moves = np.abs(y) > least
     if len(np.unique(block[moves])) < FEWEST_BLOCKS or np.sqrt(np.mean(y**2)) < least:
         return None

@@ -121,6 +121,21 @@ def test_a_silence_of_one_sensor_is_no_contradiction() -> None:
     assert rate_agreement(T[::20], YAW[::20, None], T, YAW_RATE[:, None], 2.0, 0.1) is None
 
 
+def test_damaged_values_and_times_are_no_contradiction() -> None:
+    wild = PLACE.copy()
+    wild[320] = 1e300
+    assert rate_agreement(T, wild, T, VELOCITY, 4.0, 1.5) is None
+    late = T.copy()
+    late[-1] = 1e9
+    assert rate_agreement(late, PLACE, late, VELOCITY, 4.0, 1.5) is None
+    lost = PLACE.copy()
+    lost[300] = np.nan
+    assert said(place=lost, velocity=np.where(T[:, None] == 7.0, np.inf, VELOCITY)) == ()
+    once = {"yaw": choice("yaw", YAW[:1], Quantity.YAW, T[:1])}
+    assert contradictions(once) == ()
+    assert contradictions({}) == ()
+
+
 def test_what_is_not_sure_is_not_told() -> None:
     sure = RateAgreement(0.9, 0.01, 0.0, 0.01)
     assert sure.contradicts
