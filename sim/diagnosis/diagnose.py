@@ -13,6 +13,7 @@ from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, 
 from sim.diagnosis.feedback import said_of_times, times_of, with_times_one_step
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.free_curve import FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
 from sim.diagnosis.ladder import (
@@ -33,9 +34,7 @@ from sim.diagnosis.next_experiment import (
 from sim.diagnosis.residual_terms import swing_period
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
-    FreeCurve,
     does_without_effects,
-    find_free_curve,
     is_above_noise,
     is_above_stated,
     is_curve_above_form,

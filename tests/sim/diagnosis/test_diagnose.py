@@ -13,8 +13,8 @@ from sim.body import Flow, ThrusterParameters
 from sim.diagnosis.answer import Diagnosis, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.free_curve import FREE_FORMS
 from sim.diagnosis.heldout import rank
-from sim.diagnosis.verdict import FREE_FORMS
 from sim.effects import learned_history, learned_map
 from sim.effects.catalogue import named
 from sim.prediction.segments import NoUsableTimeError

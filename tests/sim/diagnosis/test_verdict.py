@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.diagnosis import verdict
+from sim.diagnosis import free_curve
 from sim.diagnosis.answer import LadderStep, Verdict, falling
+from sim.diagnosis.free_curve import FreeCurve, find_free_curve
 from sim.diagnosis.heldout import Gain, HeldOutScore
 from sim.diagnosis.verdict import (
-    FreeCurve,
     does_without_effects,
-    find_free_curve,
     is_above_noise,
     is_above_stated,
     is_curve_above_form,
@@ -226,8 +225,8 @@ def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
         none: Any = None
         return FreeCurve(step(errors[fit], *effects), none, fit)
 
-    monkeypatch.setattr(verdict, "_fitted", curve)
-    monkeypatch.setattr(verdict, "_short_formula", lambda *_: None)
+    monkeypatch.setattr(free_curve, "_fitted", curve)
+    monkeypatch.setattr(free_curve, "_short_formula", lambda *_: None)
 
     def found(**how: bool) -> tuple[str, ...]:
         best = find_free_curve(WAM_V, chosen, scorer, 0.5, **how)
@@ -273,7 +272,7 @@ def test_a_formula_goes_through_the_curve_as_surely_as_each_knot_is_known() -> N
     model = SimpleNamespace(names=["m11", "learned.f0", "learned.f1"])
     made: Any = SimpleNamespace(unknowns=SimpleNamespace(model=model))
     scorer: Any = SimpleNamespace(score_fit=score_fit)
-    found = verdict._short_formula(FreeCurve(last, made, made), scorer)
+    found = free_curve._short_formula(FreeCurve(last, made, made), scorer)
     assert told[0] == pytest.approx({"f0": 0.2, "f1": 0.0})
     assert found is not None
     assert (found.formula.form, found.nrmse) == ("long", 0.205)

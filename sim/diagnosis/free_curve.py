@@ -1,0 +1,138 @@
+"""A free curve: what no effect explains as a curve of one variable, a map or a time history.
+
+An effect that declares `tables` has no law: each of its empty tables is a force, a share of the
+thrust, or water that flows, over one variable, the map or the time. The table that a few steps of
+the search fill best is fitted whole, with all other numbers, and judged on unseen time like an
+effect: beside the effects that were found, for what they leave; and in their place, for an effect
+that only lies near takes the form of another cause as far as its law can.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.answer import LadderStep, ScoredFormula, fitted_values
+from sim.diagnosis.fit import Fit
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.heldout import Gain, HeldOutScorer, rank
+from sim.diagnosis.ladder import Selection, helps, is_worth_it
+from sim.diagnosis.screening import Mapper, Progress
+from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Effect
+from sim.state import Floats
+from sim.vessel import Vessel
+
+FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
+
+
+@dataclass(frozen=True)
+class FreeCurve:
+    """The vessel with a curve, what the curve is worth, and whether it stands beside effects.
+
+    as_well   other kinds of curves that do as well: a survey takes its time from place to place
+    formula   a short law that does as well; None where none of the library does
+    """
+
+    step: LadderStep
+    gain: Gain
+    fit: Fit
+    as_well: tuple[Effect, ...] = ()
+    formula: ScoredFormula | None = None
+
+    @property
+    def replaces(self) -> bool:
+        """Whether the curve does without any effect."""
+        return len(self.step.effects) == 1
+
+    @property
+    def description(self) -> str:
+        """The curve in words."""
+        added = self.step.vessel.effects[-1]
+        if added.effect.in_words is None:
+            return added.effect.name
+        return added.effect.in_words(fitted_values(self.step, added.effect.name))
+
+
+def find_free_curve(
+    vessel: Vessel, selection: Selection, scorer: HeldOutScorer, given: float,
+    progress: Progress = lambda _: None, mapper: Mapper = map,
+    forms: Sequence[Effect] = FREE_FORMS, beside: bool = True,
+) -> FreeCurve | None:  # fmt: skip
+    """The curve that predicts unseen time best, noticeably better than what was found without it.
+
+    One that does without any effect comes before one beside them that is hardly better. None where
+    none is. `given`: error on unseen time of the vessel as it was given; `beside`: also beside the
+    effects that were found, not only in their place.
+    """
+    before = min(scorer.score_fit(selection.fit).nrmse, given)
+    found: list[FreeCurve] = []
+    for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
+        progress("looking for a curve, a map or a time history")
+        rival = selection.fit if fit is selection.base else None
+        curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms, rival)
+        if curve is not None:
+            found.append(curve)
+    if not found:
+        return None
+    least = min(curve.step.heldout.nrmse for curve in found)
+    enough = thresholds.MAX_FORMULA_RATIO * least
+    best = next(curve for curve in found if curve.step.heldout.nrmse <= enough)
+    progress("looking for a short formula")
+    return replace(best, formula=_short_formula(best, scorer))
+
+
+def _short_formula(curve: FreeCurve, scorer: HeldOutScorer) -> ScoredFormula | None:
+    """The shortest of those that predict unseen time as well as the curve; each of the held-out
+    fits has its own, through its own table.
+    """
+    vessel = curve.step.vessel
+    effect, values = vessel.effects[-1].effect, vessel.effects[-1].values
+    formulas = effect.formulas
+    if formulas is None:
+        return None
+    sure = {e.name.rpartition(".")[2]: 0.25 * (e.ci95[1] - e.ci95[0])
+            for e in curve.step.parameters[effect.name]}  # fmt: skip
+    std = {key: sure.get(key, 0.0) for key in values}
+    names = curve.fit.unknowns.model.names
+    place = {key: names.index(f"{effect.name}.{key}") for key in values}
+
+    def through(theta: Floats, form: str) -> Floats:
+        """The parameters of a fit with its table replaced by a form through its knots."""
+        own, out = {key: float(theta[i]) for key, i in place.items()}, np.array(theta)
+        made = next(f for f in formulas(vessel, own, std) if f.form == form)
+        for key, i in place.items():
+            out[i] = made.values[key]
+        return out
+
+    most = thresholds.MAX_FORMULA_RATIO * curve.step.heldout.nrmse
+    for formula in formulas(vessel, values, std):
+        error = scorer.score_fit(curve.fit, partial(through, form=formula.form)).nrmse
+        if error <= most:
+            return ScoredFormula(formula, error)
+    return None
+
+
+def _fitted(
+    vessel: Vessel, fit: Fit, scorer: HeldOutScorer, before: float, progress: Progress,
+    mapper: Mapper, forms: Sequence[Effect], rival: Fit | None,
+) -> FreeCurve | None:  # fmt: skip
+    """The best curve beside a fit's effects, in a kernel that holds no other effects; one that
+    comes nowhere near a `rival` is not fitted.
+    """
+    present = {a.effect.name for a in (*vessel.effects, *fit.added)}
+    others = [form for form in forms if form.name not in present]
+    if not others:
+        return None
+    superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
+    found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
+    rows = [r for r in found.finalists if is_worth_it(r.gain) and helps(scorer, fit, r.fit, before)]
+    if not rows:
+        return None
+    best, *rest = rows
+    step = LadderStep.of(best.fit, scorer)
+    enough = thresholds.MAX_FORMULA_RATIO * step.heldout.nrmse
+    as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
+    return FreeCurve(step, best.gain, best.fit, as_well)
