@@ -133,6 +133,17 @@ def test_no_air_has_no_velocity_and_more_of_it_the_root() -> None:
     np.testing.assert_allclose(velocity(0.0, -25.0), (0.0, -5.0))
 
 
+def test_the_slope_of_air_is_that_of_a_root_and_of_its_spread_where_there_is_none() -> None:
+    slope = in_python(causes.slope_of_air)
+    g, nothing = np.array([3.0, -4.0]), np.zeros((2, 2))
+    rows = np.array(slope(g, nothing))
+    for k, step in enumerate(1e-5 * np.eye(2)):
+        above, below = (in_python(causes.velocity_of_air)(*(g + s)) for s in (step, -step))
+        np.testing.assert_allclose(rows[:, k], np.subtract(above, below) / 2e-5, rtol=1e-6)
+    wide = np.array([[9.0, 2.0], [2.0, 16.0]])  # a size of √(9 + 16)
+    np.testing.assert_allclose(slope(np.zeros(2), wide), np.eye(2) / np.sqrt(5.0), atol=1e-12)
+
+
 # -- priors, noise, silence --
 
 
