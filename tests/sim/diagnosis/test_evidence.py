@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.diagnosis.evidence import VARIABLES, Evidence, _mean, evidence, evidence_of, rivals
+from sim.diagnosis.evidence import VARIABLES, Evidence, _edges, _mean, evidence, evidence_of, rivals
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope
 from sim.state import Wrench
@@ -236,3 +236,8 @@ def test_a_whisker_is_twice_the_error_of_blocks_and_no_less_than_rows_of_a_secon
     assert mean == pytest.approx(140.0 / 60.0)
     weighed = (np.array([10, 20, 30]) / 60.0 * (np.array([1.0, 2.0, 3.0]) - mean)) ** 2
     assert half == pytest.approx(2.0 * np.sqrt(1.5 * weighed.sum()))
+
+
+def test_a_variable_that_is_held_has_one_bin_and_a_heading_those_of_the_whole_circle():
+    np.testing.assert_allclose(_edges(np.full(9, 2.0), "surge"), [1.5, 2.5])
+    np.testing.assert_allclose(_edges(np.full(9, 2.0), "heading"), np.linspace(0, 2 * np.pi, 11))
