@@ -68,7 +68,8 @@ TARGETS = {
     ),
     "clock": Target(("gateway/ingest/clock.py",), ("tests/gateway/ingest/test_clock.py",)),
     "diagnosis": Target(
-        ("sim/diagnosis/verdict.py", "sim/diagnosis/heldout.py", "sim/diagnosis/evidence.py"),
+        ("sim/diagnosis/verdict.py", "sim/diagnosis/free_curve.py", "sim/diagnosis/heldout.py",
+         "sim/diagnosis/evidence.py"),
         (f"{DIAGNOSIS}/test_verdict.py", f"{DIAGNOSIS}/test_heldout.py",
          f"{DIAGNOSIS}/test_evidence.py"),
     ),

@@ -13,7 +13,7 @@ from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, 
 from sim.diagnosis.feedback import said_of_times, times_of, with_times_one_step
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.free_curve import FreeCurve, find_free_curve
+from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
 from sim.diagnosis.ladder import (
@@ -152,7 +152,9 @@ def diagnose(
     names = [row.name for row in of_first]
     curve = None
     if not contradictions:  # else a curve would be one of the sensors' errors
-        verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder)
+        short_of = {r.effect for r in refusals(FREE_FORMS, content, vessel)}
+        forms = [form for form in FREE_FORMS if form.name not in short_of]
+        verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder, forms)
     nameless = verdict is Verdict.UNKNOWN and not (left or contradictions) and curve is None
     period = swing_period(selection.fit) if nameless else None
     said = summary_of(verdict, ladder, rivals, left, floor, curve, period, contradictions)
@@ -183,7 +185,7 @@ def diagnose(
 
 def _held_against_a_curve(
     verdict: Verdict, vessel: Vessel, search: EffectSearch, selection: Selection,
-    ladder: Sequence[LadderStep],
+    ladder: Sequence[LadderStep], forms: Sequence[Effect],
 ) -> tuple[Verdict, FreeCurve | None]:  # fmt: skip
     """The verdict, and the curve of what the catalogue does not hold; else as it was, and None.
 
@@ -198,8 +200,9 @@ def _held_against_a_curve(
     if not (more or (selection.fits and questioned)):
         return verdict, None
     curve = find_free_curve(
-        vessel, selection, search.scorer, search.given, search.progress, search.mapper, beside=more
-    )
+        vessel, selection, search.scorer, search.given, search.progress, search.mapper, forms,
+        beside=more,
+    )  # fmt: skip
     if curve is None or verdict is Verdict.UNKNOWN:
         return verdict, curve
     if curve.replaces:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Values
+from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown, Values
 from sim.effects.tables import MapField, along, weighted, weights_of_four
 from sim.effects.words import FittedValues, towards
 from sim.jit import jitable
@@ -151,6 +151,7 @@ EFFECT = Effect(
         ),
     ),
     looks_like="differs from place to place, by no law of the catalogue",
+    shown_by=(Shown.CHANGE,),
     tables=tables,
     over_map=over_map,
     in_words=in_words,

@@ -178,6 +178,19 @@ def test_water_that_differs_from_place_to_place_is_told_as_a_map() -> None:
     assert "water that flows differently from place to place" in found.summary
 
 
+def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What changes from place to place, or as time goes by, needs minutes."""
+    asked: list[list[str]] = []
+    monkeypatch.setattr(
+        f"{diagnose.__module__}.find_free_curve",
+        lambda *given, **_: asked.append([form.name for form in given[6]]),
+    )
+    few = DiagnoseSettings(effects=(named("cubic_drag"),), most=0)
+    for seconds in (100.0, 200.0):
+        diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
+    assert asked == [["learned"], ["learned", "learned_map", "learned_history"]]
+
+
 @pytest.mark.slow
 def test_motors_that_warm_up_are_told_as_a_time_history() -> None:
     def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
