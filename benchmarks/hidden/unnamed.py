@@ -25,7 +25,7 @@ def _overheating(b: Boat, d: Dice, k: float, seconds: float) -> Values:
 
 
 def _bank(b: Boat, d: Dice, k: float, seconds: float) -> Values:
-    return {"suction": k * b.ahead * of(d, 0.3, 0.5) / (0.5 * b.top_speed()) ** 2,
+    return {"suction": k * b.ahead * of(d, 0.15, 0.25), "speed": 0.5 * b.top_speed(),
             "north": of(d, 5.0, 12.0), "width": of(d, 6.0, 12.0)}  # fmt: skip
 
 

@@ -53,6 +53,7 @@ class DiagnosisResult:
 
     prior         share by which the base numbers were allowed to be off
     effect_files  with effects of one's own that were tried too
+    flags         of the command line that the recordings were read with, each after a space
     """
 
     diagnosis: Diagnosis
@@ -63,6 +64,7 @@ class DiagnosisResult:
     notices: tuple[str, ...] = ()
     prior: float = DiagnoseSettings.prior
     effect_files: tuple[str, ...] = ()
+    flags: str = ""
 
     @property
     def at_limit(self) -> list[str]:
@@ -73,6 +75,11 @@ class DiagnosisResult:
             e.name for e in numbers
             if e.name in BASE and e.before and abs(e.value - e.before) >= far * abs(e.before)
         ]  # fmt: skip
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether sensors contradict one another: no effect of one's own mends that."""
+        return any(trial.contradictions for trial in self.trials)
 
     @property
     def found_beside(self) -> list[str]:
@@ -130,37 +137,37 @@ class DiagnosisResult:
         """Command lines to go on with, the likeliest first."""
         vessel, logs = quote(self.vessel_file), " ".join(map(quote, self.logs))
         better = quote(out or f"{Path(self.vessel_file).stem}-better.toml")
+        source = quote(saved or "diagnosis.json")
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
         own = "".join(f" --effects {quote(file)}" for file in self.effect_files)
-        found, steps = self.diagnosis.effects, []
+        again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
+        found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, []
+        if saved is None and (curve is not None or (found and not out)):
+            steps.append(f"{again} --save diagnosis.json")
         if found and not out:
-            if saved is None:
-                steps.append(f"shadow diagnose {logs} --vessel {vessel}{own} --save diagnosis.json")
-            source = quote(saved or "diagnosis.json")
             steps.append(f"shadow add {' '.join(found)} --vessel {vessel} --from {source} "
                          f"--out {better}{own}")  # fmt: skip
         if found:
             refit = " --refit voyage" if self.voyage_effects else ""
             both = f"--vessel {vessel} --vessel {better}"
-            steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{own}")
+            steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{own}")
         elif self.diagnosis.base_changed and not out:
-            steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}")
-        if self.diagnosis.curve is not None:
-            names, source = " ".join(self.diagnosis.curve.effects), quote(saved or "diagnosis.json")
+            steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
+        if curve is not None:
+            names = " ".join(curve.effects)
             steps.append(
                 f"shadow add {names} --vessel {vessel} --from {source} --out {better}{own}"
             )
-        if self.diagnosis.curve is not None and self.diagnosis.formula is not None:
-            curve = self.diagnosis.curve.effects[-1]
-            steps.append(f"shadow effects {curve} --write own.py --from {source}")
-            steps.append(f"shadow diagnose {logs} --vessel {vessel}{own} --effects own.py")
-        elif self.diagnosis.verdict is Verdict.UNKNOWN:
+        if curve is not None and self.diagnosis.formula is not None:
+            steps.append(f"shadow effects {curve.effects[-1]} --write own.py --from {source}")
+            steps.append(f"{again} --effects own.py")
+        elif self.diagnosis.verdict is Verdict.UNKNOWN and not self.contradicted:
             on = next((d.on for d in self.diagnosis.depends_on), "")
             steps.append(f"shadow effects {pattern_for(on)} --write own.py")
-            steps.append(f"shadow diagnose {logs} --vessel {vessel}{own} --effects own.py")
+            steps.append(f"{again} --effects own.py")
         return [*dict.fromkeys(plan), *steps]
 
 
@@ -230,8 +237,9 @@ def diagnose_logs(
     )
     notices = (*([notice] if guessed else []), *notices_of(trials, boat))
     return DiagnosisResult(
-        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices, settings.prior
-    )
+        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices, settings.prior,
+        flags=options.flags,
+    )  # fmt: skip
 
 
 def diagnose_trials(

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -80,6 +81,13 @@ class TrialOptions:
         unknown = set(self.keep) - set(usable_time.REASONS)
         if unknown:
             raise BadInput(f"cannot keep {sorted(unknown)}: expected some of {usable_time.REASONS}")
+
+    @property
+    def flags(self) -> str:
+        """Of the command line, each after a space: what says whose data of a log, and how."""
+        mapping = "" if self.mapping is None else f" --mapping {quote(str(self.mapping))}"
+        system = "" if self.system is None else f" --system {self.system}"
+        return f"{mapping}{system}{' --anyway' if self.anyway else ''}"
 
 
 DEFAULT_TRIALS = TrialOptions()

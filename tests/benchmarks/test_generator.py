@@ -106,7 +106,7 @@ EXAMPLES = {
     "tide": {"before": -0.2, "after": 0.3, "towards": 1.0, "turns": 10.0, "within": 4.0},
     "funnel": {"force": 10.0, "towards": 2.0, "north": 4.0, "east": 2.0, "radius": 8.0},
     "overheating": {"share": 0.4, "after": 10.0, "within": 4.0},
-    "bank": {"suction": 10.0, "north": 5.0, "width": 8.0},
+    "bank": {"suction": 10.0, "speed": 0.5, "north": 5.0, "width": 8.0},
     "compass_tilt": {"per_g": 4.0},
     "bottom_line": {"force": 10.0},
     "thrust_cap": {"share": 0.4},

@@ -49,11 +49,14 @@ def overheating(share: float, after: float, within: float) -> Cause:
     return Cause(thrust=thrust)
 
 
-def bank(suction: float, north: float, width: float) -> Cause:
-    """A quay wall north of `north` [m] draws a boat that passes: suction u² [N], fading south."""
+def bank(suction: float, speed: float, north: float, width: float) -> Cause:
+    """A quay wall at `north` [m] draws a boat that passes, up to `suction` [N], half of it at a
+    speed [m/s], fading to the south.
+    """
 
     def push(s: Scene, thrusts: Sequence[float]) -> Push:
-        pull = suction * s.u**2 * math.exp(min(s.north - north, 0.0) / width)
+        moves = s.u**2 / (s.u**2 + speed**2)
+        pull = suction * moves * math.exp(min(s.north - north, 0.0) / width)
         X, Y = s.in_body(pull, 0.0)
         return Push(X, Y, 0.0)
 

@@ -11,7 +11,12 @@ import pytest
 from gateway.figures import Dots, Level, Line
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figure
-from gateway.offline.diagnose import DiagnosisResult, diagnose_logs, save_diagnosis
+from gateway.offline.diagnose import (
+    DIAGNOSIS_TRIALS,
+    DiagnosisResult,
+    diagnose_logs,
+    save_diagnosis,
+)
 from gateway.terminal.diagnosis import show_diagnosis
 from gateway.vessel_file import dump_vessel, load_vessel
 from sim.diagnosis.answer import Verdict
@@ -239,6 +244,37 @@ def test_the_next_commands_name_the_effects_of_ones_own(found):
     assert lines
     assert all("--effects 'my keel.py'" in line for line in lines)
     assert not any("--effects" in line for line in found.next_steps("d.json", None))
+
+
+def test_the_next_commands_read_the_recordings_as_they_were_read(found):
+    options = replace(DIAGNOSIS_TRIALS, mapping=Path("my map.toml"), system=3, anyway=True)
+    told = replace(found, flags=options.flags)
+    lines = told.next_steps(None, None)
+    read = [line for line in lines if line.startswith(("shadow diagnose", "shadow compare"))]
+    assert len(read) > 1
+    assert all(" --mapping 'my map.toml' --system 3 --anyway" in line for line in read)
+    assert not any("--mapping" in line for line in lines if line not in read)
+    assert DIAGNOSIS_TRIALS.flags == ""
+
+
+def test_a_curve_is_added_from_an_answer_that_was_kept(found):
+    """Also where no effect was found beside it."""
+    alone = replace(found.diagnosis, verdict=Verdict.UNKNOWN, ladder=found.diagnosis.ladder[:2],
+                    effects=(), curve=found.diagnosis.ladder[-1])  # fmt: skip
+    told = replace(found, diagnosis=alone)
+    lines = told.next_steps(None, None)
+    kept = next(i for i, line in enumerate(lines) if line.endswith("--save diagnosis.json"))
+    used = next(i for i, line in enumerate(lines) if "--from diagnosis.json" in line)
+    assert kept < used
+    assert not any("--save" in line for line in told.next_steps("d.json", None))
+
+
+def test_no_effect_is_begun_where_sensors_contradict_one_another(found):
+    trials = tuple(replace(t, contradictions=("a lag",)) for t in found.trials)
+    answer = replace(found.diagnosis, verdict=Verdict.UNKNOWN)
+    assert any("--write" in line for line in replace(found, diagnosis=answer).next_steps("d", None))
+    odd = replace(found, diagnosis=answer, trials=trials)
+    assert not any("--write" in line for line in odd.next_steps("d", None))
 
 
 def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
