@@ -83,17 +83,16 @@ def rate_agreement(
         for t, y in ((time, x), (rate_time, _integrals(rate_time, rate)), (rate_time, rate))
     )
     block = np.repeat(np.floor(begin / BLOCK_S).astype(np.int64), x.shape[1])
-    X = np.stack([turned.ravel(), -change.ravel()], axis=1)
-    if heading:
-        was, now = (_at(time, x[:, 0], at) for at in (begin, end))
-        own = (np.full(len(was), stretch_s), np.sin(now) - np.sin(was), np.cos(now) - np.cos(was))
-        X = np.column_stack([X, *own])
-    y = moved.ravel()
+    X, y = np.stack([turned.ravel(), -change.ravel()], axis=1), moved.ravel()
+    own = _of_a_compass(time, x[:, 0], begin, end) if heading else np.zeros((len(y), 0))
+    X = np.hstack([X, own])
     with np.errstate(over="ignore", invalid="ignore"):
         if not np.isfinite(np.sum(X**2) + np.sum(y**2)):
             return None  # damaged values
-    moves = np.abs(y) > least
-    if len(np.unique(block[moves])) < FEWEST_BLOCKS or np.sqrt(np.mean(y**2)) < least:
+    # a boat that circles steadily tells no scale from a bias
+    seen = y - own @ np.linalg.lstsq(own, y, rcond=None)[0] if heading else y
+    often = len(np.unique(block[np.abs(seen) > least])) >= FEWEST_BLOCKS
+    if not often or np.sqrt(np.mean(seen**2)) < least:
         return None
     kept = np.ones(len(y), bool)
     for _ in range(2):
@@ -103,13 +102,20 @@ def rate_agreement(
     X, left, block = X[kept], (y - X @ b)[kept], block[kept]
     H = np.linalg.pinv(X.T @ X)
     sums = np.stack([X[block == k].T @ left[block == k] for k in np.unique(block)])
-    std = np.sqrt(np.diag(H @ (sums.T @ sums) @ H))
+    std = np.sqrt(np.maximum(np.diag(H @ (sums.T @ sums) @ H), 0.0))
     if b[0] == 0.0 or not np.isfinite(std).all():
         return None
     # y = g ∫ rate: the rate's scale is 1 / g
     return RateAgreement(
         float(1.0 / b[0]), float(std[0] / b[0] ** 2), float(b[1]), float(std[1])
     )  # fmt: skip
+
+
+def _of_a_compass(time: Floats, heading: Floats, begin: Floats, end: Floats) -> Floats:
+    """What a gyro's bias and a compass's deviation add to each stretch (M, 3)."""
+    was, now = (_at(time, heading, at) for at in (begin, end))
+    turned = np.sin(now) - np.sin(was), np.cos(now) - np.cos(was)
+    return np.stack([end - begin, *turned], axis=1)
 
 
 def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:

@@ -111,6 +111,17 @@ def test_where_little_moves_nothing_is_told() -> None:
     assert rate_agreement(T, turned[:, None], T, 0.8 * once[:, None], 2.0, 0.1, True) is None
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.8])
+def test_a_steady_circle_tells_no_scale_from_a_bias(scale: float) -> None:
+    """What the gyro varies by there is its noise: that would be a scale of many times one."""
+    rate = np.full_like(T, 0.3)
+    assert said(yaw=0.3 * T, yaw_rate=scale * rate) == ()
+    assert rate_agreement(T, 0.3 * T[:, None], T, rate[:, None], 2.0, 0.1, True) is None
+    slow = 0.3 + 0.01 * np.sin(2.0 * np.pi * T / 20.0)
+    found = np.cumsum(slow) / RATE_HZ
+    assert said(yaw=found, yaw_rate=scale * slow) == ()
+
+
 def test_a_silence_of_one_sensor_is_no_contradiction() -> None:
     silent = (T > 80.0) & (T < 140.0)
     found = rate_agreement(
