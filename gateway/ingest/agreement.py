@@ -20,7 +20,7 @@ import numpy as np
 from gateway.ingest.mapping import Origin, to_local
 from gateway.ingest.sources import Choice, uniform_grid
 from gateway.samples import Quantity, Samples
-from sim.state import Floats
+from sim.state import Floats, Ints
 
 # Chosen, not measured; what logs of other people show stands in the tests.
 TURN_S, MOVE_S = 2.0, 4.0  # stretches of a heading, of a position
@@ -30,6 +30,7 @@ FEWEST_BLOCKS = 4  # in which the boat turned or moved
 LEAST_TURN_RAD, LEAST_MOVE_M = 0.1, 1.5  # in a stretch, root mean square, for anything to be seen
 OUTLIER = 6.0  # medians of a stretch's error
 SURE = 5.0  # standard deviations
+HUGE = 1e6  # rad or m in a stretch, in whatever unit: no boat
 SCALE_OFF, LATE_S = 0.06, 0.2  # that are told
 UNITS = {  # rate over what the values say -> the usual mistake
     57.296: "degrees taken for radians", 1.0 / 57.296: "radians taken for degrees",
@@ -73,27 +74,38 @@ def rate_agreement(
     step = max(float(np.median(np.diff(time))), float(np.median(np.diff(rate_time))))
     first, last = max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - stretch_s
     begin = uniform_grid(float(first), float(last), 0.5 * stretch_s)
+    whole = _unbroken(time, begin, begin + stretch_s)
+    begin = begin[whole & _unbroken(rate_time, begin, begin + stretch_s)]
     if step > GAP_S or len(begin) < FEWEST_BLOCKS:
         return None
     end = begin + stretch_s
-    whole = _unbroken(time, begin, end) & _unbroken(rate_time, begin, end)
-    begin, end = begin[whole], end[whole]
     moved, turned, change = (
         np.stack([_at(t, y[:, i], end) - _at(t, y[:, i], begin) for i in range(x.shape[1])], axis=1)
         for t, y in ((time, x), (rate_time, _integrals(rate_time, rate)), (rate_time, rate))
     )
     block = np.repeat(np.floor(begin / BLOCK_S).astype(np.int64), x.shape[1])
-    X, y = np.stack([turned.ravel(), -change.ravel()], axis=1), moved.ravel()
-    own = _of_a_compass(time, x[:, 0], begin, end) if heading else np.zeros((len(y), 0))
-    X = np.hstack([X, own])
-    with np.errstate(over="ignore", invalid="ignore"):
-        if not np.isfinite(np.sum(X**2) + np.sum(y**2)):
-            return None  # damaged values
-    # a boat that circles steadily tells no scale from a bias
-    seen = y - own @ np.linalg.lstsq(own, y, rcond=None)[0] if heading else y
+    X, y, seen = np.stack([turned.ravel(), -change.ravel()], axis=1), moved.ravel(), moved.ravel()
+    if not max(float(np.abs(X).max()), float(np.abs(y).max())) < HUGE:
+        return None  # damaged values
+    if heading:  # a boat that circles steadily tells no scale from a bias
+        own = _of_a_compass(time, x[:, 0], begin, end)
+        seen = y - own @ np.linalg.lstsq(own, y, rcond=None)[0]
+        X = np.hstack([X, own])
     often = len(np.unique(block[np.abs(seen) > least])) >= FEWEST_BLOCKS
     if not often or np.sqrt(np.mean(seen**2)) < least:
         return None
+    (g, late, *_), (g_std, late_std, *_) = _trimmed_fit(X, y, block)
+    if g == 0.0:
+        return None
+    # y = g ∫ rate: the rate's scale is 1 / g
+    return RateAgreement(1.0 / g, g_std / g**2, late, late_std)
+
+
+def _trimmed_fit(X: Floats, y: Floats, block: Ints) -> tuple[list[float], list[float]]:
+    """Numbers b (m,) of y (N,) ≈ X (N, m) b and their standard deviations, by clusters (N,).
+
+    Rows that the first fit leaves far off are left out of the second.
+    """
     kept = np.ones(len(y), bool)
     for _ in range(2):
         b = np.linalg.lstsq(X[kept], y[kept], rcond=None)[0]
@@ -102,13 +114,8 @@ def rate_agreement(
     X, left, block = X[kept], (y - X @ b)[kept], block[kept]
     H = np.linalg.pinv(X.T @ X)
     sums = np.stack([X[block == k].T @ left[block == k] for k in np.unique(block)])
-    std = np.sqrt(np.maximum(np.diag(H @ (sums.T @ sums) @ H), 0.0))
-    if b[0] == 0.0 or not np.isfinite(std).all():
-        return None
-    # y = g ∫ rate: the rate's scale is 1 / g
-    return RateAgreement(
-        float(1.0 / b[0]), float(std[0] / b[0] ** 2), float(b[1]), float(std[1])
-    )  # fmt: skip
+    variance = np.diag(H @ (sums.T @ sums) @ H)
+    return b.tolist(), np.sqrt(np.maximum(variance, 0.0)).tolist()
 
 
 def _of_a_compass(time: Floats, heading: Floats, begin: Floats, end: Floats) -> Floats:

@@ -136,6 +136,9 @@ def test_damaged_values_and_times_are_no_contradiction() -> None:
     wild = PLACE.copy()
     wild[320] = 1e300
     assert rate_agreement(T, wild, T, VELOCITY, 4.0, 1.5) is None
+    fast = VELOCITY.copy()
+    fast[320] = 1e300
+    assert rate_agreement(T, PLACE, T, fast, 4.0, 1.5) is None
     late = T.copy()
     late[-1] = 1e9
     assert rate_agreement(late, PLACE, late, VELOCITY, 4.0, 1.5) is None
