@@ -1,15 +1,17 @@
 """Whether two sensors tell of one motion: a rate against the values that it is the rate of.
 
-    x(t + T) − x(t) = g ∫ rate dt − τ (rate(t + T) − rate(t)) + e
-    of a heading also  + b T + d (sin x(t + T) − sin x(t)) + h (cos x(t + T) − cos x(t))
+    x(t + T) − x(t) = g (∫ rate dt − τ (rate(t + T) − rate(t))) + e
+    of a heading also  + b T + Σ_k d_k (sin kψ(t + T) − sin kψ(t)) + h_k (cos …),  k = 1, 2
+    of a place also    + (R(ψ(t + T)) − R(ψ(t))) arm + q ∫ rate, turned by 90°, dt
 
 Least squares over stretches of T: g is 1 where the two agree, and the values come τ [s] after the
-rate; b is the gyro's bias, d and h the compass's deviation, which are effects of the catalogue and
-contradict nothing. No model of the boat is needed: a gyro whose scale is off, knots taken for m/s,
-a rate whose sign is turned round or a compass that lags would else be looked for in the boat.
-Stretches that are off by several times the usual are left out once (an autopilot sets its
-heading anew); standard deviations are those of the sums over blocks of time (White, Econometrica
-48, 1980, by clusters).
+rate; b is the gyro's bias, d and h the compass's deviation, `arm` where the antenna sits, q a frame
+that is askew: none of these is a contradiction. Where the boat's turns do not tell a bias or a
+deviation from a scale, usual ones widen σ instead. No model of the boat is needed: a gyro whose
+scale is off, knots taken for m/s, a rate whose sign is turned round or a compass that lags would
+else be looked for in the boat. Stretches that are off by several times the usual are left out (an
+autopilot sets its heading anew); standard deviations are those of the sums over blocks of time
+(White, Econometrica 48, 1980, by clusters).
 """
 
 from collections.abc import Mapping
@@ -30,6 +32,11 @@ FEWEST_BLOCKS = 4  # in which the boat turned or moved
 LEAST_TURN_RAD, LEAST_MOVE_M = 0.1, 1.5  # in a stretch, root mean square, for anything to be seen
 OUTLIER = 6.0  # medians of a stretch's error
 SURE = 5.0  # standard deviations
+SPIKE = 5.0  # 95 % quantiles of what the rates add up to
+OFF_SHARE = 0.5  # of a stretch's own turn or way: less is no outlier
+BIAS_RADPS = 0.03  # of a gyro, usual, and of a compass, once and twice around
+DEVIATION_RAD = (0.08, 0.08, 0.025, 0.025)
+LATE_ROUNDS, NEAR_LATE_S = 3, 0.05
 HUGE = 1e6  # rad or m in a stretch, in whatever unit: no boat
 SCALE_OFF, LATE_S = 0.06, 0.2  # that are told
 UNITS = {  # rate over what the values say -> the usual mistake
@@ -38,7 +45,8 @@ UNITS = {  # rate over what the values say -> the usual mistake
     3.6: "km/h taken for m/s", 1.0 / 3.6: "m/s taken for km/h",
     100.0: "cm/s taken for m/s", 0.01: "m/s taken for cm/s", 2.2369: "mph taken for m/s",
 }  # fmt: skip
-NEAR_UNIT = 0.06
+NEAR_UNIT = 0.03
+LEAST_UPRIGHT = 0.8  # the cosine of a gyro that lies over
 
 
 class RateAgreement(NamedTuple):
@@ -51,9 +59,12 @@ class RateAgreement(NamedTuple):
 
     @property
     def contradicts(self) -> bool:
-        """Whether the scale is surely off by more than a sensor's own error."""
+        """Whether the scale is surely off by more than a sensor's own error.
+
+        Its inverse was fitted: a scale of nearly nothing is as unsure as one of many times.
+        """
         off = abs(self.scale - 1.0)
-        return off > SCALE_OFF and off > SURE * self.scale_std
+        return off > SCALE_OFF and off * min(1.0, abs(self.scale)) > SURE * self.scale_std
 
     @property
     def is_late(self) -> bool:
@@ -62,15 +73,43 @@ class RateAgreement(NamedTuple):
         return late > LATE_S and late > SURE * self.late_std
 
 
+class Turns(NamedTuple):
+    """Headings (K,) [rad, unwrapped] at times (K,) [s], and whether the values are these.
+
+    Else the values are places: of an antenna that may sit elsewhere than what the rate is of.
+    """
+
+    time: Floats
+    heading: Floats
+    are_values: bool
+
+
 def rate_agreement(
     time: Floats, x: Floats, rate_time: Floats, rate: Floats, stretch_s: float, least: float,
-    heading: bool = False,
+    turns: Turns | None = None,
 ) -> RateAgreement | None:  # fmt: skip
     """Values (K, n) at (K,), their rates (L, n) at (L,) [s], ascending -> how the two agree.
 
     None where too little moved, by less than `least` in a stretch, or the two seldom overlap.
-    `heading`: x is one of a compass [rad].
     """
+    late, out = 0.0, None
+    for _ in range(LATE_ROUNDS):  # the slope of a lateness holds for short ones
+        found = _agreement(time, x, rate_time + late, rate, stretch_s, least, turns)
+        if found is None or abs(late + found.late_s) > stretch_s:
+            return None
+        late += found.late_s
+        out = found._replace(late_s=late)
+        if abs(found.late_s) < NEAR_LATE_S:
+            break
+    return out
+
+
+@np.errstate(all="ignore")
+def _agreement(
+    time: Floats, x: Floats, rate_time: Floats, rate: Floats, stretch_s: float, least: float,
+    turns: Turns | None,
+) -> RateAgreement | None:  # fmt: skip
+    """One step from the rate's own times."""
     step = max(float(np.median(np.diff(time))), float(np.median(np.diff(rate_time))))
     first, last = max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - stretch_s
     begin = uniform_grid(float(first), float(last), 0.5 * stretch_s)
@@ -84,45 +123,72 @@ def rate_agreement(
         for t, y in ((time, x), (rate_time, _integrals(rate_time, rate)), (rate_time, rate))
     )
     block = np.repeat(np.floor(begin / BLOCK_S).astype(np.int64), x.shape[1])
-    X, y, seen = np.stack([turned.ravel(), -change.ravel()], axis=1), moved.ravel(), moved.ravel()
+    X, y = np.stack([turned.ravel(), -change.ravel()], axis=1), moved.ravel()
     if not max(float(np.abs(X).max()), float(np.abs(y).max())) < HUGE:
         return None  # damaged values
-    if heading:  # a boat that circles steadily tells no scale from a bias
-        own = _of_a_compass(time, x[:, 0], begin, end)
-        seen = y - own @ np.linalg.lstsq(own, y, rcond=None)[0]
-        X = np.hstack([X, own])
-    often = len(np.unique(block[np.abs(seen) > least])) >= FEWEST_BLOCKS
-    if not often or np.sqrt(np.mean(seen**2)) < least:
+    if not _is_seen(y, least, block):
         return None
-    (g, late, *_), (g_std, late_std, *_) = _trimmed_fit(X, y, block)
-    if g == 0.0:
+    unseen = np.zeros((len(y), 0))
+    if turns is not None and turns.are_values:
+        own = _of_a_compass(turns, begin, end)
+        # all around, and not at one rate: bias and deviation are seen beside the scale
+        if _is_seen(y - own @ np.linalg.lstsq(own, y, rcond=None)[0], least, block):
+            X = np.hstack([X, own])
+        else:
+            unseen = own * np.array([BIAS_RADPS, *DEVIATION_RAD])
+    elif turns is not None:
+        askew = np.stack([-turned[:, 1], turned[:, 0]], axis=1).ravel()
+        X = np.column_stack([X, askew, _of_an_arm(turns, begin, end)])
+    b, std = _trimmed_fit(X, y, block, unseen, least)
+    g = b[0] if turns is None or turns.are_values else np.copysign(np.hypot(b[0], b[2]), b[0])
+    if g == 0.0 or not np.isfinite([g, *std]).all():
         return None
-    # y = g ∫ rate: the rate's scale is 1 / g
-    return RateAgreement(1.0 / g, g_std / g**2, late, late_std)
+    # y = g (∫ rate − τ change): the rate's scale is 1 / g
+    late, late_std = b[1] / g, std[1] / abs(g)
+    return RateAgreement(float(1.0 / g), float(std[0] / g**2), float(late), float(late_std))
 
 
-def _trimmed_fit(X: Floats, y: Floats, block: Ints) -> tuple[list[float], list[float]]:
+def _is_seen(y: Floats, least: float, block: Ints) -> bool:
+    """Whether stretches (M,) show more than `least`, in enough blocks."""
+    often = len(np.unique(block[np.abs(y) > least])) >= FEWEST_BLOCKS
+    return often and float(np.sqrt(np.mean(y**2))) >= least
+
+
+def _trimmed_fit(
+    X: Floats, y: Floats, block: Ints, unseen: Floats, least: float
+) -> tuple[Floats, Floats]:
     """Numbers b (m,) of y (N,) ≈ X (N, m) b and their standard deviations, by clusters (N,).
 
-    Rows that the first fit leaves far off are left out of the second.
+    Left out are rates of a spike, which would be their own scale, and what the fit before leaves
+    far off. `unseen` (N, q): what a usual bias and deviation add, which these stretches cannot
+    tell from a scale.
     """
-    kept = np.ones(len(y), bool)
-    for _ in range(2):
+    size = np.abs(X[:, 0])
+    kept = size <= SPIKE * np.quantile(size[np.abs(y) > least], 0.95)
+    for _ in range(3):
         b = np.linalg.lstsq(X[kept], y[kept], rcond=None)[0]
         off = np.abs(y - X @ b)
-        kept = off <= OUTLIER * max(float(np.median(off)), 1e-9)
+        usual = max(float(np.median(off[kept])), 1e-9)
+        kept = off <= OUTLIER * usual + OFF_SHARE * np.abs(y)
     X, left, block = X[kept], (y - X @ b)[kept], block[kept]
     H = np.linalg.pinv(X.T @ X)
     sums = np.stack([X[block == k].T @ left[block == k] for k in np.unique(block)])
-    variance = np.diag(H @ (sums.T @ sums) @ H)
-    return b.tolist(), np.sqrt(np.maximum(variance, 0.0)).tolist()
+    variance = np.diag(H @ (sums.T @ sums) @ H) + np.sum((H @ X.T @ unseen[kept]) ** 2, axis=1)
+    return b, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _of_a_compass(time: Floats, heading: Floats, begin: Floats, end: Floats) -> Floats:
-    """What a gyro's bias and a compass's deviation add to each stretch (M, 3)."""
-    was, now = (_at(time, heading, at) for at in (begin, end))
-    turned = np.sin(now) - np.sin(was), np.cos(now) - np.cos(was)
-    return np.stack([end - begin, *turned], axis=1)
+def _of_a_compass(turns: Turns, begin: Floats, end: Floats) -> Floats:
+    """What a gyro's bias and a compass's deviation, hard and soft iron, add to a stretch (M, 5)."""
+    was, now = (_at(turns.time, turns.heading, at) for at in (begin, end))
+    around = [f(k * now) - f(k * was) for k in (1.0, 2.0) for f in (np.sin, np.cos)]
+    return np.stack([end - begin, *around], axis=1)
+
+
+def _of_an_arm(turns: Turns, begin: Floats, end: Floats) -> Floats:
+    """What a metre ahead and one to starboard add to each stretch, north and east (2 M, 2)."""
+    was, now = (_at(turns.time, turns.heading, at) for at in (begin, end))
+    c, s = np.cos(now) - np.cos(was), np.sin(now) - np.sin(was)
+    return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1).reshape(-1, 2)
 
 
 def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
@@ -138,7 +204,9 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
     if "yaw rate" in choices:
         when, rate = _ascending(choices["yaw rate"].samples, start)
         if len(when) > 1:
-            found = rate_agreement(at, turned, when, rate[:, :1], TURN_S, LEAST_TURN_RAD, True)
+            found = rate_agreement(
+                at, turned, when, rate[:, :1], TURN_S, LEAST_TURN_RAD, Turns(at, turned[:, 0], True)
+            )
             out += _told(found, choices["yaw rate"], choices["yaw"], "the turn of the heading")
     if "velocity" in choices and "position" in choices:
         when, velocity = _ascending(choices["velocity"].samples, start)
@@ -147,8 +215,10 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
             if choices["velocity"].samples.quantity is Quantity.BODY_VELOCITY:
                 velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
             if choices["position"].samples.quantity is Quantity.GLOBAL_POSITION:
-                place = to_local(place, Origin(*map(float, place[0])))
-            found = rate_agreement(then, place, when, velocity, MOVE_S, LEAST_MOVE_M)
+                place = to_local(place, Origin(*map(float, np.median(place, axis=0))))
+            found = rate_agreement(
+                then, place, when, velocity, MOVE_S, LEAST_MOVE_M, Turns(at, turned[:, 0], False)
+            )
             out += _told(found, choices["velocity"], choices["position"], "the change of position")
     return tuple(out)
 
@@ -167,10 +237,13 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
     out = []
     if found.contradicts:
         size = abs(found.scale)
-        mistakes = [m for factor, m in UNITS.items() if abs(size / factor - 1.0) < NEAR_UNIT]
-        wrong = f"{mistakes[0]}?" if mistakes else "one of the two has a wrong scale"
-        if abs(size - 1.0) <= SCALE_OFF:
-            wrong = "the sign of one of the two is turned round"
+        mistakes = [f"{m}?" for factor, m in UNITS.items() if abs(size / factor - 1.0) < NEAR_UNIT]
+        if found.scale < 0.0:
+            mistakes = ["the sign of one of the two is turned round", *mistakes]
+        elif rate.name == "yaw rate" and LEAST_UPRIGHT < size < 1.0:
+            over = np.degrees(np.arccos(size))
+            mistakes = [f"a wrong scale, or a gyro that lies over by {over:.0f}°"]
+        wrong = ", ".join(mistakes) or "one of the two has a wrong scale"
         out.append(
             f"{rate.name} ({rate.source}) is {found.scale:.3g} ± {2.0 * found.scale_std:.1g} times "
             f"{change} ({values.source}): {wrong}"

@@ -5,7 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.ingest.agreement import RateAgreement, contradictions, over_ground, rate_agreement
+from gateway.ingest.agreement import (
+    RateAgreement,
+    Turns,
+    contradictions,
+    over_ground,
+    rate_agreement,
+)
 from gateway.ingest.sources import Choice
 from gateway.offline.trials import load_trials
 from gateway.samples import Quantity, Samples
@@ -63,7 +69,9 @@ def test_what_the_catalogue_holds_is_no_contradiction() -> None:
 def test_a_scale_is_told_with_its_size(scale: float) -> None:
     (turn,) = said(yaw_rate=scale * YAW_RATE)
     assert turn.startswith(f"yaw rate (YAW RATE) is {scale:.2f}")
-    assert "times the turn of the heading (YAW): one of the two has a wrong scale" in turn
+    lies = "a wrong scale, or a gyro that lies over by 28°"
+    wrong = lies if scale < 1.0 else "one of the two has a wrong scale"
+    assert f"times the turn of the heading (YAW): {wrong}" in turn
     (move,) = said(velocity=scale * VELOCITY)
     assert "times the change of position (POSITION)" in move
     found = rate_agreement(T, PLACE, T, scale * VELOCITY, 4.0, 1.5)
@@ -103,29 +111,94 @@ def test_a_heading_that_is_set_anew_now_and_then_is_no_scale() -> None:
 
 def test_where_little_moves_nothing_is_told() -> None:
     still = np.zeros_like(T)
-    assert rate_agreement(T, still[:, None], T, still[:, None], 2.0, 0.1, True) is None
+    of_still = Turns(T, still, True)
+    assert rate_agreement(T, still[:, None], T, still[:, None], 2.0, 0.1, of_still) is None
     moored = rng.normal(0.0, 0.3, (len(T), 2))
     assert said(still, still, 0.0 * VELOCITY, moored) == ()
     once = np.where((T > 50.0) & (T < 60.0), 0.3, 0.0)  # one turn tells too little
     turned = np.cumsum(once) / RATE_HZ
-    assert rate_agreement(T, turned[:, None], T, 0.8 * once[:, None], 2.0, 0.1, True) is None
+    of_once = Turns(T, turned, True)
+    assert rate_agreement(T, turned[:, None], T, 0.8 * once[:, None], 2.0, 0.1, of_once) is None
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.8])
+@pytest.mark.parametrize("scale", [1.0, 0.9])
 def test_a_steady_circle_tells_no_scale_from_a_bias(scale: float) -> None:
     """What the gyro varies by there is its noise: that would be a scale of many times one."""
     rate = np.full_like(T, 0.3)
     assert said(yaw=0.3 * T, yaw_rate=scale * rate) == ()
-    assert rate_agreement(T, 0.3 * T[:, None], T, rate[:, None], 2.0, 0.1, True) is None
     slow = 0.3 + 0.01 * np.sin(2.0 * np.pi * T / 20.0)
-    found = np.cumsum(slow) / RATE_HZ
-    assert said(yaw=found, yaw_rate=scale * slow) == ()
+    assert said(yaw=np.cumsum(slow) / RATE_HZ, yaw_rate=scale * slow) == ()
+    (sign,) = said(yaw=0.3 * T, yaw_rate=-rate)  # no bias does that
+    assert sign.endswith("the sign of one of the two is turned round")
+
+
+def lawnmower(seconds: float = 600.0) -> Floats:
+    """Headings of a boat that sails legs of 20 s and turns by 180°, to either side in turn."""
+    time = np.arange(0.0, seconds, 1.0 / RATE_HZ)
+    turning = time % 26.0 > 20.0
+    side = np.where(time // 26.0 % 2 == 0, 1.0, -1.0)
+    return np.asarray(np.cumsum(turning * side * np.pi / 6.0) / RATE_HZ)
+
+
+@pytest.mark.parametrize("soft", [0.05, 0.1])
+def test_iron_on_board_is_no_scale_where_the_same_half_circle_is_turned_again(soft: float) -> None:
+    yaw = lawnmower()
+    time = np.arange(len(yaw)) / RATE_HZ
+    off = yaw + soft * np.sin(2.0 * yaw + 0.3) + rng.normal(0.0, 0.01, len(yaw))
+    rate = np.gradient(yaw, time) + rng.normal(0.0, 0.01, len(yaw))
+    sensors = {
+        "yaw": choice("yaw", np.angle(np.exp(1j * off)), Quantity.YAW, time),
+        "yaw rate": choice("yaw rate", rate, Quantity.YAW_RATE, time),
+    }
+    assert contradictions(sensors) == ()
+    sensors["yaw rate"] = choice("yaw rate", np.degrees(rate), Quantity.YAW_RATE, time)
+    assert contradictions(sensors)[0].endswith("degrees taken for radians?")
+
+
+def test_an_antenna_elsewhere_is_no_lateness_and_no_scale() -> None:
+    for x, y in ((0.8, 0.0), (0.0, 0.5)):
+        c, s = np.cos(YAW), np.sin(YAW)
+        arm = np.stack([x * c - y * s, x * s + y * c], axis=1)
+        assert said(place=PLACE + arm) == ()
+
+
+def test_a_compass_mounted_askew_is_no_scale_of_a_speed_on_board() -> None:
+    ahead = np.stack([SPEED, np.zeros_like(SPEED)], axis=1)
+    assert said(yaw=YAW + 0.4, velocity=ahead, body=True) == ()
+    (knots,) = said(yaw=YAW + 0.4, velocity=1.9438 * ahead, body=True)
+    assert knots.endswith("knots taken for m/s?")
+
+
+def test_a_boat_at_anchor_and_spikes_are_no_scale() -> None:
+    wander = rng.normal(0.0, 0.3, (len(T), 2)).cumsum(axis=0) * 0.05
+    assert said(velocity=0.0 * VELOCITY, place=wander) == ()
+    spike = YAW_RATE.copy()
+    spike[700] = 1000.0
+    assert said(yaw_rate=spike) == ()
+
+
+def test_a_position_that_comes_far_too_late_is_late_and_no_scale() -> None:
+    late = np.stack([np.interp(T - 1.5, T, PLACE[:, i]) for i in (0, 1)], axis=1)
+    (text,) = said(place=late)
+    assert text.startswith("position (POSITION) comes 1.")
+    assert "times" not in text
+
+
+def test_the_first_fix_of_a_log_may_be_anywhere() -> None:
+    degrees = np.stack([52.0 + PLACE[:, 0] / 111_120.0, 11.0 + PLACE[:, 1] / 68_400.0], axis=1)
+    degrees[0] = 0.0
+    sensors = {
+        "yaw": choice("yaw", YAW, Quantity.YAW),
+        "velocity": choice("velocity", VELOCITY, Quantity.VELOCITY),
+        "position": choice("position", degrees, Quantity.GLOBAL_POSITION),
+    }
+    assert contradictions(sensors) == ()
 
 
 def test_a_silence_of_one_sensor_is_no_contradiction() -> None:
     silent = (T > 80.0) & (T < 140.0)
     found = rate_agreement(
-        T[~silent], YAW[~silent, None], T, YAW_RATE[:, None], 2.0, 0.1, True
+        T[~silent], YAW[~silent, None], T, YAW_RATE[:, None], 2.0, 0.1, Turns(T, YAW, True)
     )  # fmt: skip
     assert found is not None
     assert found.scale == pytest.approx(1.0, abs=0.01)
