@@ -129,7 +129,16 @@ def _effects_of(file: Path, raw: bytes) -> tuple[Effect, ...]:
 
 
 def write_effect_copy(like: Effect, file: Path) -> None:
-    """Write the source of an effect under another name, as a pattern for an effect of one's own."""
+    """Write the source of an effect under another name, as a pattern for an effect of one's own.
+
+    BadInput for a table, which only a diagnosis fills.
+    """
+    if like.tables is not None:
+        raise BadInput(
+            f"{like.name}: a table that a diagnosis fills is no pattern for a law: --from "
+            "diagnosis.json begins with the formula found for it, if there is one; else begin with "
+            "an effect that has a law (shadow effects)"
+        )
     _write_effect(like.source_code.replace(f'name="{like.name}"', f'name="{file.stem}"'), file)
 
 
@@ -138,6 +147,8 @@ def write_effect_formula(like: Effect, table: Values, formula: Formula, file: Pa
 
     BadInput where the effect holds no table, or the library no such form.
     """
+    if like.formula_source is None and like.tables is not None:
+        raise BadInput(f"{like.name}: no formula stands for this table: begin with another effect")
     if like.formula_source is None:
         raise BadInput(f"{like.name}: has a law of its own: leave out --from")
     try:

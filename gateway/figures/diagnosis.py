@@ -95,7 +95,8 @@ def evidence_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str,
         for added in step.vessel.effects:
             if added.effect.name in step.effects and added.effect.over_map is not None:
                 field = added.effect.over_map(fitted_values(step, added.effect.name))
-                out[added.effect.name] = _map_figure(added.effect.name, field, trials[0])
+                trial = next(t for t in trials if t.usable.any())
+                out[added.effect.name] = _map_figure(added.effect.name, field, trial)
     return out
 
 
@@ -109,16 +110,17 @@ def _map_figure(effect: str, field: MapField, trial: Trial) -> FigureData:
     apart = np.max([np.diff(np.unique(x)).max(initial=0.0) for x in (field.north, field.east)])
     sailed = trial.eta[trial.usable, : Eta.YAW]
     near = np.min(np.linalg.norm(place[:, None] - sailed, axis=2), axis=1) <= apart
-    near &= field.half <= float(field.least[near].max(initial=0.0))
-    longest = max(float(field.size[near].max(initial=0.0)), 1e-9)
-    ahead = np.stack([field.to_north, field.to_east], axis=1)[near] * ARROW * apart / longest
-    arrows = _arrows(place[near], ahead)
-    marks = (
-        track_line(track, SeriesRole.CONTEXT, "where the boat was"),
-        Line(arrows[:, 1], arrows[:, 0], SeriesRole.MODEL,
-             f"what {effect} supplies, at most {longest:.2g} {field.unit}"),
-    )  # fmt: skip
-    return FigureData(f"Evidence for {effect}", (map_panel(marks, ""),))
+    sure = near & (field.half <= float(field.least[near].max(initial=0.0)))
+    longest = float(field.size[sure].max(initial=0.0))
+    marks = [track_line(track, SeriesRole.CONTEXT, "where the boat was")]
+    if longest > 0.0:
+        ahead = np.stack([field.to_north, field.to_east], axis=1)[sure] * ARROW * apart / longest
+        arrows = _arrows(place[sure], ahead)
+        label = f"what {effect} supplies, at most {longest:.2g} {field.unit}"
+        marks.append(Line(arrows[:, 1], arrows[:, 0], SeriesRole.MODEL, label))
+    caption = "" if longest > 0.0 else "nowhere is it known well enough for an arrow"
+    panel = map_panel(tuple(marks), "")
+    return FigureData(f"Evidence for {effect}", (panel,), caption=caption)
 
 
 def _arrows(tail: Floats, ahead: Floats) -> Floats:

@@ -41,6 +41,7 @@ from sim.trial import Trial
 
 LANES = ("armed", "mode", "events")
 ERROR = Axis("velocity error", "nrmse scales")
+MOST_NUMBERS = 6  # of an effect, in a legend
 
 
 class MotionSeries(NamedTuple):
@@ -272,9 +273,10 @@ def effect_example_figure(example: EffectExample, looks_like: str = "") -> Figur
 
 
 def effect_with_values(example: EffectExample) -> str:
-    """The effect with its numbers: `NAME (PARAMETER 0.8)`."""
-    values = ", ".join(f"{name} {value:.3g}" for name, value in example.values.items())
-    return f"{example.effect} ({values})"
+    """The effect with its numbers: `NAME (PARAMETER 0.8)`; of a table the first ones."""
+    each = [f"{name} {value:.3g}" for name, value in example.values.items()]
+    more = ["…"] if len(each) > MOST_NUMBERS else []
+    return f"{example.effect} ({', '.join([*each[:MOST_NUMBERS], *more])})"
 
 
 CHANGE = Axis("against the vessel file before", "%")

@@ -144,6 +144,8 @@ class DiagnosisResult:
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
         own = "".join(f" --effects {quote(file)}" for file in self.effect_files)
         again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
+        if self.contradicted:  # what a fit makes of such sensors is no boat's
+            return [f"shadow info {quote(log)}{self.flags}" for log in self.logs]
         found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, []
         if saved is None and (curve is not None or (found and not out)):
             steps.append(f"{again} --save diagnosis.json")
@@ -158,13 +160,14 @@ class DiagnosisResult:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
         if curve is not None:
             names = " ".join(curve.effects)
+            with_curve = quote(f"{Path(self.vessel_file).stem}-curve.toml")
             steps.append(
-                f"shadow add {names} --vessel {vessel} --from {source} --out {better}{own}"
+                f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
             )
         if curve is not None and self.diagnosis.formula is not None:
             steps.append(f"shadow effects {curve.effects[-1]} --write own.py --from {source}")
             steps.append(f"{again} --effects own.py")
-        elif self.diagnosis.verdict is Verdict.UNKNOWN and not self.contradicted:
+        elif self.diagnosis.verdict is Verdict.UNKNOWN:
             on = next((d.on for d in self.diagnosis.depends_on), "")
             steps.append(f"shadow effects {pattern_for(on)} --write own.py")
             steps.append(f"{again} --effects own.py")

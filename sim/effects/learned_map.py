@@ -108,7 +108,10 @@ def in_words(p: FittedValues) -> str:
                     field.to_east - field.to_east[strongest])  # fmt: skip
     other = int(np.argmax(away - field.half))
     what = "water that flows" if p["acts"] == WATER else "a push over the ground that acts"
-    return f"{what} differently from place to place: {_at(field, strongest)}, {_at(field, other)}"
+    if field.least[strongest] <= 0.0:
+        return f"{what} differently from place to place: nowhere surely"
+    told = f"{what} differently from place to place: {_at(field, strongest)}"
+    return told if away[other] <= field.half[other] else f"{told}, {_at(field, other)}"
 
 
 def _at(field: MapField, knot: int) -> str:

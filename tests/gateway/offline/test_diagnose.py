@@ -267,14 +267,18 @@ def test_a_curve_is_added_from_an_answer_that_was_kept(found):
     used = next(i for i, line in enumerate(lines) if "--from diagnosis.json" in line)
     assert kept < used
     assert not any("--save" in line for line in told.next_steps("d.json", None))
+    both = replace(found, diagnosis=replace(found.diagnosis, curve=found.diagnosis.ladder[-1]))
+    written = [line.split("--out ")[1].split()[0] for line in both.next_steps("d.json", None)
+               if line.startswith("shadow add")]  # fmt: skip
+    assert len(written) == len(set(written)) == 2
 
 
 def test_no_effect_is_begun_where_sensors_contradict_one_another(found):
     trials = tuple(replace(t, contradictions=("a lag",)) for t in found.trials)
     answer = replace(found.diagnosis, verdict=Verdict.UNKNOWN)
     assert any("--write" in line for line in replace(found, diagnosis=answer).next_steps("d", None))
-    odd = replace(found, diagnosis=answer, trials=trials)
-    assert not any("--write" in line for line in odd.next_steps("d", None))
+    odd = replace(found, diagnosis=answer, trials=trials, logs=("a log.tlog",), flags=" --anyway")
+    assert odd.next_steps("d", None) == ["shadow info 'a log.tlog' --anyway"]
 
 
 def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):

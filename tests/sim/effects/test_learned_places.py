@@ -115,6 +115,15 @@ def test_a_corner_where_the_boat_hardly_was_is_not_told() -> None:
     assert field.least[0] == 0.0
 
 
+def test_a_map_that_is_alike_everywhere_or_known_nowhere_says_so() -> None:
+    alike = {**MAP, **dict.fromkeys(learned_map.TO_NORTH, 0.3),
+             **dict.fromkeys(learned_map.TO_EAST, 0.0)}  # fmt: skip
+    said = learned_map.in_words(FittedValues(alike))
+    assert said.count("m/s") == 1
+    wide = dict.fromkeys((*learned_map.TO_NORTH, *learned_map.TO_EAST), (-5.0, 5.0))
+    assert learned_map.in_words(FittedValues(alike, wide)).endswith("to place: nowhere surely")
+
+
 def test_a_history_is_told_at_every_second_knot() -> None:
     none = dict.fromkeys((*learned_history.FIRST, *learned_history.SECOND), 0.0)
     values = {**HISTORY, **none, "until": 400.0, "f0": -0.4, "f2": -0.2, "g8": 0.3}
