@@ -38,7 +38,7 @@ BIAS_RADPS = 0.03  # of a gyro, usual, and of a compass, once and twice around
 DEVIATION_RAD = (0.08, 0.08, 0.025, 0.025)
 LATE_ROUNDS, NEAR_LATE_S = 3, 0.05
 HUGE = 1e6  # rad or m in a stretch, in whatever unit: no boat
-SCALE_OFF, LATE_S = 0.06, 0.2  # that are told
+SCALE_OFF, LATE_S = 0.06, 0.25  # that are told
 UNITS = {  # rate over what the values say -> the usual mistake
     57.296: "degrees taken for radians", 1.0 / 57.296: "radians taken for degrees",
     1.9438: "knots taken for m/s", 0.5144: "m/s taken for knots",
