@@ -46,7 +46,7 @@ from sim.diagnosis.verdict import (
     verdict_of,
 )
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect, Shown
+from sim.effects.effect import Effect, Scope, Shown
 from sim.identification import BASE, IdentifySettings
 from sim.identification.parameters import unknowns_of
 from sim.identification.shooting import FitInputs, fit_by_shooting
@@ -153,7 +153,11 @@ def diagnose(
     curve = None
     if not contradictions:  # else a curve would be one of the sensors' errors
         short_of = {r.effect for r in refusals(FREE_FORMS, content, vessel)}
-        forms = [form for form in FREE_FORMS if form.name not in short_of]
+        of_a_day = len(trials) <= thresholds.MAX_RECORDINGS_OF_TABLES
+        forms = [
+            form for form in FREE_FORMS
+            if form.name not in short_of and (of_a_day or form.scope is Scope.BOAT)
+        ]  # fmt: skip
         verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder, forms)
     nameless = verdict is Verdict.UNKNOWN and not (left or contradictions) and curve is None
     period = swing_period(selection.fit) if nameless else None

@@ -106,6 +106,9 @@ MAX_IN_PLACE_RATIO = 0.97
 # Noise floors: effects that leave less have nothing left to be told from. The four left 0.98 to
 # 1.28, the true effect on three in four of the 45 voyages less than this.
 MAX_FLOORS_UNQUESTIONED = 0.9
+# Each recording has its own map or history, of 20 to 30 numbers: of more recordings the fits take
+# minutes. Chosen, not measured.
+MAX_RECORDINGS_OF_TABLES = 3
 MAX_FORMULA_RATIO = 1.03  # of a formula's error to its curve's: it does as well
 MAX_FLOORS = 1.45  # noise floors: a complete model leaves less
 # Noise floors that an effect of the right kind leaves at most, whatever nature's form: up to 3.5

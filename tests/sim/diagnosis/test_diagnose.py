@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sim.body import Flow, ThrusterParameters
+from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
@@ -189,6 +190,9 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
     assert asked == [["learned"], ["learned", "learned_map", "learned_history"]]
+    monkeypatch.setattr(thresholds, "MAX_RECORDINGS_OF_TABLES", 0)
+    diagnose([sailed("cross_damping", 200.0, Y_r=0.0, N_v=250.0)], WAM_V, few)
+    assert asked[2] == ["learned"]  # of many recordings each would have its own
 
 
 @pytest.mark.slow
