@@ -79,8 +79,8 @@ def screen(
     reference moved the base far, the search begins from the base as it was given too: what stands
     in for the missing effect keeps it from its place. `mapper` may be that of a pool of threads:
     the kernels leave the interpreter free. `closer`: effects that declare further starts are fitted
-    whole from each of them, on few rows. `rival`: another fit; an effect with many starts, of which
-    none comes near what that explains of few rows, is left out.
+    whole from each of them, on few rows. `rival`: another fit; an effect of whose starts none comes
+    near what that explains of few rows is left out.
     """
     given = with_given_base(reference.unknowns, reference.z)
     references = [reference] if given is None else [reference, replace(reference, z=given)]
@@ -103,7 +103,7 @@ def screen(
             starts = [effect.measured.values]
         for fine, coarse in pairs:
             begins = [fine.at(effect, start) for start in starts]
-            if len(starts) > thresholds.MANY_STARTS:
+            if len(starts) > thresholds.MANY_STARTS or rival is not None:
                 begins = coarse.few(begins)
                 least = min((r.cost for r in begins), default=np.inf)
                 if rival is not None and least >= coarse.cost_of(rival):
