@@ -12,7 +12,6 @@ that warm up, a wind that rises and falls, a tide look like this. Source: Ljung,
 Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,14 +28,22 @@ from sim.effects.effect import (
     Shown,
     Values,
 )
-from sim.effects.tables import along, between_nine
-from sim.effects.words import FittedValues, towards
+from sim.effects.learned_formula import KNOTS
+from sim.effects.tables import (
+    NAMES,
+    PUSH,
+    UNITS,
+    WATER,
+    along,
+    between_nine,
+    push_scale,
+    vector_text,
+)
+from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Pose, Water, Wrench, to_body
 
-KNOTS = 9
-WATER, PUSH, THRUST = 1.0, 2.0, 3.0
-SHARE_OF_THRUST = 0.4  # of all motors' thrust ahead: the scale of a push
+THRUST = 3.0
 FIRST, SECOND = ([f"{c}{k}" for k in range(KNOTS)] for c in "fg")
 
 
@@ -74,7 +81,7 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
     """Empty histories of water, of a push and of the thrust over the time that was sailed."""
-    full = SHARE_OF_THRUST * float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
+    full = push_scale(vessel)
     acts = (WATER, PUSH, THRUST) if vessel.thrusters else (WATER, PUSH)
     return [
         {"acts": a, "until": extent["time"][1], "full": full, "x": 0.0,
@@ -90,11 +97,10 @@ def in_words(p: FittedValues) -> str:
         what = "a share of the thrust that changes with the time"
         told = [f"{100.0 * p[key]:+.0f} %" for key in FIRST]
     else:
-        scale, unit = (1.0, "m/s") if p["acts"] == WATER else (p["full"], "N")
-        what = "water that flows" if p["acts"] == WATER else "a push over the ground that acts"
-        what += " differently as time goes by"
+        scale = 1.0 if p["acts"] == WATER else p["full"]
+        what = f"{NAMES[p['acts']]} differently as time goes by"
         told = [
-            f"{scale * math.hypot(p[n], p[e]):.2g} {unit} towards {towards(math.atan2(p[e], p[n]))}"
+            vector_text(scale * p[n], scale * p[e], UNITS[p["acts"]])
             for n, e in zip(FIRST, SECOND, strict=True)
         ]
     points = ", ".join(f"{y} at {t:.0f} s" for t, y in list(zip(times, told, strict=True))[::2])

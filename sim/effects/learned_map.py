@@ -13,7 +13,6 @@ eddy, a shoal's tide race, the lee of a mole look like this. Source: Ljung, Syst
 2nd ed. 1999, §5.4 (basis functions with local support).
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,16 +20,24 @@ import numpy as np
 
 from sim.body import Flow
 from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown, Values
-from sim.effects.tables import MapField, along, weighted, weights_of_four
-from sim.effects.words import FittedValues, towards
+from sim.effects.tables import (
+    NAMES,
+    PUSH,
+    UNITS,
+    WATER,
+    MapField,
+    along,
+    push_scale,
+    vector_text,
+    weighted,
+    weights_of_four,
+)
+from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Pose, Water, Wrench, to_body
 
 SIDE = 4
-WATER, PUSH = 1.0, 2.0
-SHARE_OF_THRUST = 0.4  # of all motors' thrust ahead: the scale of a push
 TO_NORTH, TO_EAST = ([f"{c}{i}{j}" for i in range(SIDE) for j in range(SIDE)] for c in "ne")
-UNITS = {WATER: "m/s", PUSH: "N"}
 
 
 @jitable
@@ -76,7 +83,7 @@ def force(flow: Flow, p: Any) -> Wrench:
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
     """Empty maps of water and of a push over the places that were sailed."""
-    full = SHARE_OF_THRUST * float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
+    full = push_scale(vessel)
     (south, north), (west, east) = extent["north"], extent["east"]
     return [
         {"acts": acts, "south": south, "north": north, "west": west, "east": east, "full": full,
@@ -107,20 +114,17 @@ def in_words(p: FittedValues) -> str:
     away = np.hypot(field.to_north - field.to_north[strongest],
                     field.to_east - field.to_east[strongest])  # fmt: skip
     other = int(np.argmax(away - field.half))
-    what = "water that flows" if p["acts"] == WATER else "a push over the ground that acts"
+    what = f"{NAMES[p['acts']]} differently from place to place"
     if field.least[strongest] <= 0.0:
-        return f"{what} differently from place to place: nowhere surely"
-    told = f"{what} differently from place to place: {_at(field, strongest)}"
+        return f"{what}: nowhere surely"
+    told = f"{what}: {_at(field, strongest)}"
     return told if away[other] <= field.half[other] else f"{told}, {_at(field, other)}"
 
 
 def _at(field: MapField, knot: int) -> str:
     """What a knot says, and where it is."""
-    n, e = float(field.to_north[knot]), float(field.to_east[knot])
-    return (
-        f"{math.hypot(n, e):.2g} {field.unit} towards {towards(math.atan2(e, n))} around "
-        f"N {field.north[knot]:.0f} m, E {field.east[knot]:.0f} m"
-    )
+    vector = vector_text(float(field.to_north[knot]), float(field.to_east[knot]), field.unit)
+    return f"{vector} around N {field.north[knot]:.0f} m, E {field.east[knot]:.0f} m"
 
 
 EFFECT = Effect(

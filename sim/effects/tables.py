@@ -3,13 +3,31 @@
 A law works on floats and compiles: each knot is a number of its own, and there are no loops.
 """
 
+import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim.effects.words import towards
 from sim.jit import jitable
 from sim.state import Floats
+
+# what a table over the map or the time acts on: its code, its unit, and how it is told
+WATER, PUSH = 1.0, 2.0
+UNITS = {WATER: "m/s", PUSH: "N"}
+NAMES = {WATER: "water that flows", PUSH: "a push over the ground that acts"}
+SHARE_OF_THRUST = 0.4  # of all motors' thrust ahead: the scale of a push
+
+
+def push_scale(vessel: Any) -> float:
+    """Force [N] of a value of one."""
+    return SHARE_OF_THRUST * float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
+
+
+def vector_text(north: float, east: float, unit: str) -> str:
+    """Size and direction of what has these parts: "0.4 m/s towards 90° (east)"."""
+    return f"{math.hypot(north, east):.2g} {unit} towards {towards(math.atan2(east, north))}"
 
 
 class Formula(NamedTuple):
