@@ -228,7 +228,7 @@ def diagnose(
     )
     from gateway.terminal import status_line
     from gateway.terminal.diagnosis import show_diagnosis
-    from sim.diagnosis.heldout import FIRST_IMPRESSION
+    from sim.diagnosis.screening import FIRST_IMPRESSION
 
     if prior is not None and not 0.0 < prior <= 10.0:
         raise BadInput(f"--prior {prior:g}: expected a share of the numbers, as 0.15")

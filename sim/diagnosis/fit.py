@@ -278,11 +278,19 @@ def fit_effects(
     """The best z from a start, by least squares with bounds."""
     run_sets = problem.run_sets_for(unknowns, z)
     residuals = partial(residuals_of, unknowns, run_sets)
-    jacobian = partial(jacobian_of, unknowns, run_sets)
+    slopes: dict[bytes, Floats] = {}  # the last alone: those where the search ends
+
+    def jacobian(z: Floats) -> Floats:
+        slopes.clear()
+        return slopes.setdefault(z.tobytes(), jacobian_of(unknowns, run_sets, z))
+
     limits = SearchLimits(thresholds.ROBUST_SIGMAS, thresholds.MAX_EVALUATIONS)
     found = search(residuals, jacobian, unknowns, z, limits)
-    left = found.fun[: len(problem.block)]
-    return Fit(tuple(added), unknowns, problem, np.asarray(found.x), left)
+    left, z = found.fun[: len(problem.block)], np.asarray(found.x)
+    fit = Fit(tuple(added), unknowns, problem, z, left)
+    if z.tobytes() in slopes:
+        fit.__dict__["jacobian"] = slopes[z.tobytes()]  # as `cached_property` keeps it
+    return fit
 
 
 def event_names(fit: Fit) -> tuple[str, ...]:

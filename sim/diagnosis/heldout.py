@@ -35,8 +35,7 @@ import numpy as np
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects, with_given_base
 from sim.diagnosis.fit_problem import SupersetModel
-from sim.diagnosis.screening import Mapper, Progress, ScreeningResult, screen
-from sim.effects.catalogue import EFFECTS
+from sim.diagnosis.screening import Mapper, Progress, ScreeningResult, most_promising, screen
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.prediction.free_runs import Ruler, nrmse_interval, predict, scaled_squares
@@ -198,10 +197,6 @@ def probabilities(blocks: Floats, seed: int = 1) -> Floats:
     return np.asarray((weight / weight.sum(axis=1, keepdims=True)).mean(axis=0))
 
 
-CATALOGUE = frozenset(effect.name for effect in EFFECTS)
-FIRST_IMPRESSION = "first impression"  # begins the line of progress that is worth keeping
-
-
 @dataclass(frozen=True)
 class RankedEffect:
     """One effect beside the reference: fitted, and its gain on held-out time."""
@@ -253,31 +248,21 @@ def rank(
         return Ranking(reference, ())
     results = select_finalists(results)
     name = results[0].name
-    if not reference.names and len(results) > 1:
-        others = " or ".join(r.name for r in results[1:3])
-        progress(f"{FIRST_IMPRESSION}: most like {name}, then {others}, if anything is missing")
     leader: ScreeningResult | Fit = results[0]
     for _ in range(thresholds.MAX_NOISE_ROUNDS):
         progress(f"fitting {', '.join(r.name for r in results)}")
         ranking = _rank_finalists(reference, results, leader, mapper)
-        if ranking.best.name == name:
+        if ranking.best.name == name or ranking.best.gain.nats < thresholds.MIN_NATS_OF_A_LEADER:
             break
         name, leader = ranking.best.name, ranking.best.fit
     return ranking
 
 
 def select_finalists(results: Sequence[ScreeningResult]) -> list[ScreeningResult]:
-    """Those worth a whole fit: with a share of the best one's promise, and a few more.
-
-    Fitted whatever they promise: an effect that is not of the catalogue, for somebody asks for it,
-    and the special case of a general form, which comes first if it does as well.
-    """
-    deviance, few = [r.deviance for r in results], results[: thresholds.MAX_FINALISTS]
-    least = max(deviance) - thresholds.MIN_PROMISE * (max(deviance) - deviance[0])
-    chosen = [r for i, r in enumerate(few) if i < thresholds.MIN_FINALISTS or r.deviance < least]
-    special = {r.added.effect.general_of for r in chosen}
-    wanted = [r for r in results if r.name in special or r.name not in CATALOGUE]
-    return [*chosen, *(r for r in wanted if r not in chosen)]
+    """Those worth a whole fit."""
+    return most_promising(
+        results, thresholds.MIN_FINALISTS, thresholds.MAX_FINALISTS, thresholds.MIN_PROMISE
+    )
 
 
 def _rank_finalists(

@@ -39,13 +39,19 @@ COARSE_STEPS = 2  # there from each start, and again from the best of them
 # From the best start. A hull that is unstable on course bends every way to a varying current: of 21
 # starts those that lead there take six steps and more.
 MAX_SCREENING_STEPS = 12
+LOOK_STEPS = 2  # from the best start of every effect, before it is known which promise most
+PROMISED_MOMENTS = 2  # of an event, of those tried: what their slopes promise tells the others off
+MIN_FOLLOWED = 8  # effects that are followed as far as steps lead, at least …
+MIN_PROMISE_FOLLOWED = 0.05  # … and what promises such a share of the best one's decrease
+SETTLED_DECREASE = 0.01  # of the cost by the last step: what still falls more is followed too
 MIN_COST_DECREASE = 1e-4  # of the cost, for another step
 MOMENT_RESOLUTION_S = 1.0  # to which the screening closes in on an event
 MAX_CLOSER_FITS = 4  # of further starts: the best on few rows go on to all that are screened
 MAX_FINALISTS = 6  # effects that are fitted whole, at most …
 MIN_FINALISTS = 3  # … and at least
 MIN_PROMISE = 0.1  # of the best one's decrease of the cost, to be fitted beyond `MIN_FINALISTS`
-MAX_NOISE_ROUNDS = 2  # noise and finalists in turn, as long as another one leads
+MAX_NOISE_ROUNDS = 2  # noise and finalists in turn, as long as another one leads …
+MIN_NATS_OF_A_LEADER = 3.0  # … and is worth anything: of what is not, the noise is the same
 
 # --- Gains on held-out time (heldout.py) ---
 # Errors of neighbouring rows are more alike than the whitening says. The stated probabilities are

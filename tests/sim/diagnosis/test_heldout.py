@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from sim.diagnosis.heldout import (
-    CATALOGUE,
-    FIRST_IMPRESSION,
     HeldOutScorer,
     gain,
     probabilities,
     rank,
     select_finalists,
 )
+from sim.diagnosis.screening import CATALOGUE
 from sim.prediction.free_runs import Ruler
 from sim.prediction.segments import CompareSettings, Segments
 
@@ -180,6 +179,7 @@ def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
     said: list[str] = []
     results = [SimpleNamespace(name=name) for name in ("a", "b", "c", "d")]
     best = {"a": "b", "b": "c", "c": "c"}
+    nats = 50.0
 
     def screen(*given: Any) -> Any:
         asked.append(given)
@@ -188,7 +188,8 @@ def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
     def ranked(reference: Any, found: Any, leader: Any, mapper: Any) -> Any:
         leaders.append(leader.name)
         name = best[leader.name]
-        return SimpleNamespace(best=SimpleNamespace(name=name, fit=SimpleNamespace(name=name)))
+        fit, worth = SimpleNamespace(name=name), SimpleNamespace(nats=nats)
+        return SimpleNamespace(best=SimpleNamespace(name=name, fit=fit, gain=worth))
 
     monkeypatch.setattr("sim.diagnosis.heldout.screen", screen)
     monkeypatch.setattr("sim.diagnosis.heldout.select_finalists", lambda found: found[:3])
@@ -198,8 +199,7 @@ def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
     reference: Any = SimpleNamespace(names=())
     assert rank(nothing, nothing, [], reference, said.append).best.name == "c"
     assert leaders == ["a", "b", "c"]
-    assert said[0] == f"{FIRST_IMPRESSION}: most like a, then b or c, if anything is missing"
-    assert said[1:] == ["fitting a, b, c"] * 3
+    assert said == ["fitting a, b, c"] * 3
     assert asked[0][6:] == (False, None)  # no closer look unless asked for, and no rival
     best["a"] = "a"
     leaders.clear()
@@ -208,5 +208,9 @@ def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
     best["a"], best["b"] = "b", "a"  # to and fro: a few rounds are enough
     rank(nothing, nothing, [], reference)
     assert leaders == ["a", "a", "b", "a"]
+    leaders.clear()
+    nats = 1.0  # what is worth nothing gives no other noise
+    rank(nothing, nothing, [], reference)
+    assert leaders == ["a"]
     results.clear()
     assert rank(nothing, nothing, [], reference).finalists == ()

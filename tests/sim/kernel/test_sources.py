@@ -1,7 +1,10 @@
 """The fingerprint of a kernel covers every source that its machine code comes from."""
 
+import ast
 import importlib
 import sys
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
@@ -101,3 +104,32 @@ def test_imports_of_every_form_are_followed():
     assert compiled.sources_of("no.such.module") == set()
     with pytest.raises(ImportError, match="no source of sim"):
         compiled.source_text("sim.nothing")
+
+
+def test_no_import_of_any_source_is_missed_where_imports_alone_are_read():
+    """What is read is compared with the whole source, for every module of the project."""
+
+    def imports(tree: ast.Module) -> set[str]:
+        kinds = (ast.Import, ast.ImportFrom)
+        return {ast.dump(node) for node in ast.walk(tree) if isinstance(node, kinds)}
+
+    for package in ("sim", "gateway"):
+        folder = Path(str(find_spec(package).submodule_search_locations[0]))
+        for file in folder.rglob("*.py"):
+            text = file.read_text(encoding="utf-8")
+            assert imports(compiled._parsed_imports(text)) >= imports(ast.parse(text)), file
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import sim.body; import sim.state",
+        "if True: import sim.body\nimport sim.state",
+        "from sim import (\n    body,  # the hull (rigid)\n    state,\n)",
+        "from sim import body, \\\n    state",
+        "from sim import body, state  # both",
+        '"""Of old:\nfrom sim import (body body)\n"""\nimport sim.body\nimport sim.state',
+    ],
+)
+def test_imports_written_otherwise_are_read_too(text: str):
+    assert {"sim.body", "sim.state"} <= compiled.dependencies(text)

@@ -1,0 +1,81 @@
+"""Which effects are followed, and what a first look tells."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from sim.diagnosis import screening
+from sim.diagnosis.screening import CATALOGUE, FIRST_IMPRESSION, first_impression
+
+NAMES = sorted(CATALOGUE)
+BEFORE = 1000.0
+
+
+def looked(name: str, promise: float, cost: float = 1.0) -> Any:
+    return SimpleNamespace(name=name, deviance=BEFORE - promise, cost=cost)
+
+
+def begun(name: str, cost: float = 1.0, settled: bool = True) -> Any:
+    return SimpleNamespace(result=looked(name, 0.0, cost), settled=settled)
+
+
+def followed(results: list[Any], every: dict[str, list[Any]]) -> list[str]:
+    """The names, in the order of the catalogue, one for each start that is followed."""
+    some = screening._followed(results, every, BEFORE)
+    return [each.result.name for begun in some for each in begun]
+
+
+@pytest.fixture(autouse=True)
+def _two_at_least(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim.diagnosis.screening.thresholds.MIN_FOLLOWED", 2)
+    monkeypatch.setattr("sim.diagnosis.screening.thresholds.MIN_PROMISE_FOLLOWED", 0.1)
+
+
+def test_the_most_promising_are_followed() -> None:
+    """A share of what the best one promises, and so many in any case; the others are settled."""
+    a, b, c, d = NAMES[:4]
+    every = {name: [begun(name)] for name in (a, b, c, d)}
+    results = [looked(a, 100.0), looked(b, 20.0), looked(c, 11.0), looked(d, 9.0)]
+    assert followed(results, every) == [a, b, c]
+    results = [looked(a, 100.0), looked(b, 2.0), looked(c, 1.0), looked(d, -1e6)]
+    assert followed(results, every) == [a, b]
+
+
+def test_what_still_falls_is_followed_whatever_it_promises() -> None:
+    """A lag begins far above the error of the boat without one, and comes down step by step."""
+    a, b, c = NAMES[:3]
+    every = {a: [begun(a)], b: [begun(b)], c: [begun(c, settled=False)]}
+    results = [looked(a, 100.0), looked(b, 50.0), looked(c, -900.0)]
+    assert followed(results, every) == [a, b, c]
+
+
+def test_of_two_bases_the_better_is_followed_and_the_other_while_it_falls() -> None:
+    a, b, c = NAMES[:3]
+    results = [looked(a, 100.0, 1.0), looked(b, 50.0, 3.0), looked(c, 1.0, 5.0)]
+    every = {
+        a: [begun(a, 1.0), begun(a, 2.0)],
+        b: [begun(b, 3.0), begun(b, 9.0, settled=False)],
+        c: [begun(c, 5.0), begun(c, 6.0)],
+    }
+    some = screening._followed(results, every, BEFORE)
+    assert [[each.result.cost for each in of_one] for of_one in some] == [[1.0], [3.0, 9.0]]
+
+
+def test_ones_own_effect_is_followed_for_somebody_asks_for_it() -> None:
+    a, b = NAMES[:2]
+    every = {a: [begun(a)], b: [begun(b)], "keel": [begun("keel")]}
+    results = [looked(a, 100.0), looked(b, 50.0), looked("keel", -5.0)]
+    assert followed(results, every) == [a, b, "keel"]
+
+
+def test_nothing_looked_at_leaves_nothing_to_follow() -> None:
+    assert screening._followed([], {}, BEFORE) == []
+
+
+def test_a_first_impression_names_three_at_most() -> None:
+    results = [looked(name, 0.0) for name in ("a", "b", "c", "d")]
+    said = f"{FIRST_IMPRESSION}: most like a"
+    assert first_impression(results) == f"{said}, then b or c, if anything is missing"
+    assert first_impression(results[:2]) == f"{said}, then b, if anything is missing"
+    assert first_impression(results[:1]) == f"{said}, if anything is missing"
