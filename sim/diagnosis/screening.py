@@ -142,7 +142,8 @@ def screen(
 def _followed(
     looked: Sequence[ScreeningResult], every: Mapping[str, Sequence["_Begun"]], before: float
 ) -> list[list["_Begun"]]:
-    """Of what was begun, per effect, all that is not settled, and the best of what promises most.
+    """Of what was begun, per effect, what promises most, and the best where it is not settled; the
+    other too, while it promises less than the best has.
 
     looked   the best of each effect, the most promising first; before: deviance without any
     """
@@ -151,12 +152,13 @@ def _followed(
     promising = {
         r.name for i, r in enumerate(looked) if i < thresholds.MIN_FOLLOWED or promise[i] > enough
     }
-    ahead = {r.name: r.cost for r in looked if r.name in promising or r.name not in CATALOGUE}
-    some = (
-        [each for each in begun if not each.settled or each.result.cost == ahead.get(name)]
-        for name, begun in every.items()
-    )
-    return [begun for begun in some if begun]
+    followed = []
+    for name, begun in every.items():
+        best = min(begun, key=lambda each: each.result.cost)
+        wanted = name in promising or name not in CATALOGUE or not best.is_settled
+        others = [each for each in begun if each is not best and each.promised < best.result.cost]
+        followed.append([*([best] if wanted else ()), *others])
+    return [some for some in followed if some]
 
 
 def first_impression(results: Sequence[ScreeningResult]) -> str:
@@ -196,7 +198,7 @@ def _closer(
     if not np.isfinite(best.cost):
         return None
     best = best if moment is None else fine.fitted(fine._closed_in(best, moment))
-    return _Begun(fine, best, True)
+    return _Begun(fine, best, best.cost)
 
 
 def _from_general(
@@ -240,12 +242,14 @@ class _Screening:
         tried = [r for r in map(self._step, begins) if r is not None]
         if not tried:
             return None
-        r, last = min(tried, key=_cost), np.inf
+        r, last, promised = min(tried, key=_cost), np.inf, np.inf
         for _ in range(thresholds.LOOK_STEPS):
-            if r.cost > last * (1.0 - thresholds.SETTLED_DECREASE):
+            slopes = self._slopes(r)
+            if slopes is None or r.cost > last * (1.0 - thresholds.SETTLED_DECREASE):
                 break
-            last, r = r.cost, self._step(r) or r
-        return _Begun(self, r, r.cost > last * (1.0 - thresholds.SETTLED_DECREASE))
+            last, promised, r = r.cost, slopes.promised, self._best_step(slopes)
+        settled = r.cost > last * (1.0 - thresholds.SETTLED_DECREASE)
+        return _Begun(self, r, r.cost if settled else promised)
 
     def to_the_end(self, r: ScreeningResult) -> ScreeningResult:
         """As many steps as lead on; an event is closed in on."""
@@ -388,11 +392,18 @@ class _Slopes(NamedTuple):
 
 
 class _Begun(NamedTuple):
-    """An effect after a few steps, on which rows and base; settled: the last brought little."""
+    """An effect after a few steps, on which rows and base, and the cost that slopes still promise:
+    what it has where the last step brought little.
+    """
 
     screening: _Screening
     result: ScreeningResult
-    settled: bool
+    promised: float
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether no less is promised."""
+        return self.promised >= self.result.cost
 
 
 def _cost(r: ScreeningResult) -> float:

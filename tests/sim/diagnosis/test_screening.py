@@ -1,7 +1,7 @@
 """Which effects are followed, and what a first look tells."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -16,8 +16,10 @@ def looked(name: str, promise: float, cost: float = 1.0) -> Any:
     return SimpleNamespace(name=name, deviance=BEFORE - promise, cost=cost)
 
 
-def begun(name: str, cost: float = 1.0, settled: bool = True) -> Any:
-    return SimpleNamespace(result=looked(name, 0.0, cost), settled=settled)
+def begun(name: str, cost: float = 1.0, promised: float | None = None) -> Any:
+    return screening._Begun(
+        cast(Any, None), looked(name, 0.0, cost), cost if promised is None else promised
+    )
 
 
 def followed(results: list[Any], every: dict[str, list[Any]]) -> list[str]:
@@ -45,21 +47,25 @@ def test_the_most_promising_are_followed() -> None:
 def test_what_still_falls_is_followed_whatever_it_promises() -> None:
     """A lag begins far above the error of the boat without one, and comes down step by step."""
     a, b, c = NAMES[:3]
-    every = {a: [begun(a)], b: [begun(b)], c: [begun(c, settled=False)]}
-    results = [looked(a, 100.0), looked(b, 50.0), looked(c, -900.0)]
+    every = {a: [begun(a)], b: [begun(b)], c: [begun(c, 9.0, promised=8.0)]}
+    results = [looked(a, 100.0), looked(b, 50.0), looked(c, -900.0, 9.0)]
     assert followed(results, every) == [a, b, c]
 
 
-def test_of_two_bases_the_better_is_followed_and_the_other_while_it_falls() -> None:
-    a, b, c = NAMES[:3]
-    results = [looked(a, 100.0, 1.0), looked(b, 50.0, 3.0), looked(c, 1.0, 5.0)]
+def test_of_two_bases_the_better_is_followed_and_the_other_while_it_promises_more() -> None:
+    a, b, c, d = NAMES[:4]
+    results = [
+        looked(name, promise) for name, promise in ((a, 100.0), (b, 50.0), (c, 1.0), (d, 0.0))
+    ]
     every = {
         a: [begun(a, 1.0), begun(a, 2.0)],
-        b: [begun(b, 3.0), begun(b, 9.0, settled=False)],
-        c: [begun(c, 5.0), begun(c, 6.0)],
+        b: [begun(b, 3.0), begun(b, 9.0, promised=2.0)],
+        c: [begun(c, 5.0), begun(c, 6.0, promised=5.5)],
+        d: [begun(d, 7.0), begun(d, 8.0, promised=6.0)],
     }
     some = screening._followed(results, every, BEFORE)
-    assert [[each.result.cost for each in of_one] for of_one in some] == [[1.0], [3.0, 9.0]]
+    costs = [[each.result.cost for each in of_one] for of_one in some]
+    assert costs == [[1.0], [3.0, 9.0], [8.0]]
 
 
 def test_ones_own_effect_is_followed_for_somebody_asks_for_it() -> None:
