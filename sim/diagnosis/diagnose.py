@@ -193,27 +193,24 @@ def _held_against_a_curve(
 ) -> tuple[Verdict, FreeCurve | None]:  # fmt: skip
     """The verdict, and the curve of what the catalogue does not hold; else as it was, and None.
 
-    Where more than noise is left a curve is tried beside the effects that were found, and wherever
-    there is more than hardly anything in their place.
+    A curve is tried in the place of all that was found, be it nothing; and where more than noise is
+    left beside it.
     """
     left, floor = ladder[-1].heldout.nrmse, search.scorer.noise_floor
     predicted = bool(selection.fits) and left <= floor
     more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
     more = more or verdict is Verdict.UNKNOWN
-    questioned = left > thresholds.MAX_FLOORS_UNQUESTIONED * floor
-    if not (more or (selection.fits and questioned)):
-        return verdict, None
     curve = find_free_curve(
         vessel, selection, search.scorer, search.given, search.progress, search.mapper, forms,
         beside=more,
     )  # fmt: skip
     if curve is None or verdict is Verdict.UNKNOWN:
         return verdict, curve
+    above = left > thresholds.MAX_FLOORS * floor
     if curve.replaces:
-        beyond_form = does_without_effects(curve, ladder)
+        beyond_form = does_without_effects(curve, selection, ladder, above)
     else:
         effects = [a.effect for a in selection.fit.added]
-        above = left > thresholds.MAX_FLOORS * floor
         beyond_form = is_more_than_form(curve.gain, selection, above)
         beyond_form &= is_curve_above_form(curve, effects, ladder, floor)
     return (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)

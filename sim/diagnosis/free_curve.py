@@ -4,7 +4,8 @@ An effect that declares `tables` has no law: each of its empty tables is a force
 thrust, or water that flows, over one variable, the map or the time. The table that a few steps of
 the search fill best is fitted whole, with all other numbers, and judged on unseen time like an
 effect: beside the effects that were found, for what they leave; and in their place, for an effect
-that only lies near takes the form of another cause as far as its law can.
+that only lies near takes the form of another cause as far as its law can. At the noise free runs
+hardly tell such a one from its cause, but from one moment to the next the two part.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, ScoredFormula, fitted_values
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
-from sim.diagnosis.heldout import Gain, HeldOutScorer, rank
+from sim.diagnosis.heldout import Gain, HeldOutScorer, gain_under, rank
 from sim.diagnosis.ladder import Selection, helps, is_worth_it
 from sim.diagnosis.screening import Mapper, Progress
 from sim.effects.catalogue import EFFECTS
@@ -32,6 +33,7 @@ FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
 class FreeCurve:
     """The vessel with a curve, what the curve is worth, and whether it stands beside effects.
 
+    over      what it is worth from one moment to the next over the effects in whose place it stands
     as_well   other kinds of curves that do as well: a survey takes its time from place to place
     formula   a short law that does as well; None where none of the library does
     """
@@ -39,6 +41,7 @@ class FreeCurve:
     step: LadderStep
     gain: Gain
     fit: Fit
+    over: Gain | None = None
     as_well: tuple[Effect, ...] = ()
     formula: ScoredFormula | None = None
 
@@ -128,11 +131,26 @@ def _fitted(
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
     found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
-    rows = [r for r in found.finalists if is_worth_it(r.gain) and helps(scorer, fit, r.fit, before)]
+    over = {
+        r.name: gain_under(rival.renewed_problem, rival, r.fit) if rival else None
+        for r in found.finalists
+    }
+    rows = [
+        r for r in found.finalists
+        if is_worth_it(r.gain)
+        and (helps(scorer, fit, r.fit, before) or _is_better(over[r.name], scorer, r.fit, before))
+    ]  # fmt: skip
     if not rows:
         return None
     best, *rest = rows
     step = LadderStep.of(best.fit, scorer)
     enough = thresholds.MAX_FORMULA_RATIO * step.heldout.nrmse
     as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
-    return FreeCurve(step, best.gain, best.fit, as_well)
+    return FreeCurve(step, best.gain, best.fit, over[best.name], as_well)
+
+
+def _is_better(over: Gain | None, scorer: HeldOutScorer, curve: Fit, before: float) -> bool:
+    """Whether a curve is worth much from one moment to the next, and no worse in free runs."""
+    if over is None or over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
+        return False
+    return is_worth_it(over) and scorer.score_fit(curve).nrmse <= before

@@ -34,7 +34,7 @@ import numpy as np
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects, with_given_base
-from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.screening import Mapper, Progress, ScreeningResult, most_promising, screen
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -87,6 +87,12 @@ def gain(before: Floats, after: Floats, block: Ints) -> Gain:
     up, down = float(np.maximum(won, 0.0).sum()), float(np.maximum(-won, 0.0).sum())
     ratio = max(float(a.sum()), 1e-300) / max(float(b.sum()), 1e-300)
     return Gain(ratio, float(log.mean()), t, up - down, down / max(up, 1e-9))
+
+
+def gain_under(problem: FitProblem, before: Fit, after: Fit) -> Gain:
+    """What a fit is worth over another, both fitted anew under the noise of one problem."""
+    a, b = (fit_effects(f.added, f.unknowns, problem, f.z) for f in (before, after))
+    return gain(a.heldout_residual, b.heldout_residual, problem.block)
 
 
 def gain_on_recordings(before: Fit, after: Fit) -> Gain | None:

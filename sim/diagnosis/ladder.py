@@ -32,7 +32,7 @@ from sim.diagnosis.heldout import (
     HeldOutScorer,
     RankedEffect,
     Ranking,
-    gain,
+    gain_under,
     is_better_than_special,
     rank,
 )
@@ -373,11 +373,7 @@ class EffectSearch:
 
     def _gain_over(self, fit: Fit, other: Fit) -> Gain:
         """What one fit is worth over another, under the noise that the first leaves."""
-        problem = fit.renewed_problem
-        before, after = (
-            fit_effects(f.added, f.unknowns, problem, f.z).heldout_residual for f in (other, fit)
-        )
-        return gain(before, after, problem.block)
+        return gain_under(fit.renewed_problem, other, fit)
 
 
 def final_fit(fit: Fit) -> Fit:

@@ -83,8 +83,8 @@ def screen(
     reference moved the base far, the search begins from the base as it was given too: what stands
     in for the missing effect keeps it from its place. `mapper` may be that of a pool of threads:
     the kernels leave the interpreter free. `closer`: effects that declare further starts are fitted
-    whole from each of them, on few rows. `rival`: another fit; an effect that does not come near
-    what that explains of few rows is left out.
+    whole from each of them, on few rows. `rival`: another fit; an effect that does not explain
+    these rows better than that, by as much as would be told of what is left, is left out.
     """
     given = with_given_base(reference.unknowns, reference.z)
     references = [reference] if given is None else [reference, replace(reference, z=given)]
@@ -136,7 +136,8 @@ def screen(
         again = _from_general(main, special, general) if special else None
         if again is not None and again.cost < results[again.name].cost:
             results[again.name] = again
-    return sorted(mapper(main.with_deviance, results.values()), key=_deviance)
+    judged = sorted(mapper(main.with_deviance, results.values()), key=_deviance)
+    return judged if rival is None else [r for r in judged if main.is_better_than(rival, r)]
 
 
 def _followed(
@@ -318,6 +319,13 @@ class _Screening:
         left = residuals_of(fit.unknowns, run_sets, fit.z[None])
         cost = robust_cost(fit.unknowns, fit.z[None], left, thresholds.ROBUST_SIGMAS)
         return float(cost[0])
+
+    def is_better_than(self, rival: Fit, r: ScreeningResult) -> bool:
+        """Whether a result is worth as much over another fit as what is left has to be."""
+        own = self.problem.deviance(rival.unknowns, rival.z) - r.deviance
+        thinned = len(self.reference.problem.block) / len(self.problem.block)
+        nats = 0.5 * own * thinned / thresholds.ROWS_PER_INDEPENDENT_ROW
+        return nats > thresholds.MIN_RESIDUAL_NATS
 
     @property
     def deviance(self) -> float:

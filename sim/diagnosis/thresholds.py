@@ -109,9 +109,7 @@ MAX_NOISE_SHARE_WITH_EFFECTS = 2.5  # where some were: nature's own form leaves 
 # tuning voyages: 0.985 and more. Of what stood in for strangers and left no more than noise: 0.957
 # and less on four, more on two.
 MAX_IN_PLACE_RATIO = 0.97
-# Noise floors: effects that leave less have nothing left to be told from. The four left 0.98 to
-# 1.28, the true effect on three in four of the 45 voyages less than this.
-MAX_FLOORS_UNQUESTIONED = 0.9
+MIN_LOG_RATIO_IN_PLACE = 0.08  # the same from one moment to the next, of squared errors
 # Each recording has its own map or history, of 20 to 30 numbers: of more recordings the fits take
 # minutes. Chosen, not measured.
 MAX_RECORDINGS_OF_TABLES = 3

@@ -64,10 +64,21 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
     return _is_more_than(share, last, floor, ladder, floor)
 
 
-def does_without_effects(curve: FreeCurve, ladder: Sequence[LadderStep]) -> bool:
-    """Whether a curve alone predicts clearly better than all effects of the last step."""
+def does_without_effects(
+    curve: FreeCurve, selection: Selection, ladder: Sequence[LadderStep], above_noise: bool
+) -> bool:
+    """Whether a curve alone predicts clearly better than all effects of the last step.
+
+    In free runs, or from one moment to the next by more than their form leaves.
+    """
+    if not curve.replaces:
+        return False
     most = thresholds.MAX_IN_PLACE_RATIO * ladder[-1].heldout.nrmse
-    return curve.replaces and curve.step.heldout.nrmse < most
+    if selection.fits and curve.step.heldout.nrmse < most:
+        return True
+    if curve.over is None or curve.over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
+        return False
+    return is_more_than_form(curve.over, selection, above_noise)
 
 
 def is_curve_above_form(
@@ -168,6 +179,9 @@ def summary_of(
     if curve is not None:
         below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
+        if curve.over is not None and (less := round(100.0 * (1.0 - 1.0 / curve.over.ratio))) > 0:
+            below += f"; from one moment to the next it leaves {less} % less of the squared error"
+            below += f" than {names}" if names else " than the boat without it"
         if curve.as_well:
             kinds = " or ".join(effect.looks_like for effect in curve.as_well)
             below += f"; as well does a curve that {kinds}"

@@ -213,22 +213,21 @@ def test_motors_that_warm_up_are_told_as_a_time_history() -> None:
 
 
 @pytest.mark.slow
-def test_no_curve_is_tried_where_effects_leave_much_less_than_noise(
+def test_what_was_found_is_held_against_a_curve_whatever_it_leaves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """At the noise free runs hardly tell a cause from one that lies near, so all are asked."""
     trial, asked = sailed("thruster_imbalance", port_gain=0.8), []
     monkeypatch.setattr(
         f"{diagnose.__module__}.find_free_curve", lambda *_, **how: asked.append(how)
     )
     one = DiagnoseSettings(effects=(named("thruster_imbalance"),), most=1)
-    for times, tried in ((1.0, [{"beside": False}]), (1.5, [])):
+    for times in (1.0, 1.5):
         asked.clear()
         stated = replace(trial, covariance=times**2 * trial.covariance)
         found = diagnose([stated], WAM_V, one)
         assert found.verdict is Verdict.EXPLAINED
-        share = found.ladder[-1].heldout.nrmse / found.noise_floor
-        assert (share > 0.9) == (times == 1.0)
-        assert asked == tried
+        assert asked == [{"beside": False}]
 
 
 @pytest.mark.slow

@@ -187,10 +187,12 @@ def test_more_than_the_stated_noise_in_surge_or_sway_is_no_noise() -> None:
 def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     ladder = [step(0.5), step(0.4), step(0.3, "hull_lift")]
 
-    def said(*effects: str, formula: Any = None, as_well: tuple[Effect, ...] = ()) -> str:
+    def said(
+        *effects: str, formula: Any = None, as_well: tuple[Effect, ...] = (), over: Any = None
+    ) -> str:
         below: Any = SimpleNamespace(
             step=step(0.2, *effects), replaces=len(effects) == 1, description="a force",
-            formula=formula, as_well=as_well,
+            formula=formula, as_well=as_well, over=over,
         )  # fmt: skip
         return summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.1, below)
 
@@ -203,6 +205,10 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
         in instead
     )
     assert "as well does" not in instead
+    assert "moment" not in instead
+    closer = said("x", over=gained(100.0))  # Gain.ratio 1.2
+    assert "(noise 0.100); from one moment to the next it leaves 17 % less of the squared" in closer
+    assert "moment" not in said("x", over=gained(100.0)._replace(ratio=1.0))
     line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
     assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
     also = said("x", as_well=(named("learned_history"), named("learned_map")))
@@ -282,13 +288,26 @@ def test_a_formula_goes_through_the_curve_as_surely_as_each_knot_is_known() -> N
 def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
     ladder, none = [step(0.5), step(0.4), step(0.3, "hull_lift")], SimpleNamespace()
     made: Any = none
+    won = SimpleNamespace(best=SimpleNamespace(gain=gained(1000.0)))
+    hull_lift = SimpleNamespace(added=[SimpleNamespace(effect=named("hull_lift"))])
+    lift: Any = SimpleNamespace(fits=(made,), steps=(won,), fit=hull_lift)
+    nothing: Any = SimpleNamespace(fits=(), steps=(), fit=SimpleNamespace(added=[]))
 
-    def does(after: float, *effects: str) -> bool:
-        return does_without_effects(FreeCurve(step(after, *effects), made, made), ladder)
+    def does(after: float, *effects: str, over: Gain | None = None, found: Any = lift) -> bool:
+        curve = FreeCurve(step(after, *effects), made, made, over)
+        return does_without_effects(curve, found, ladder, above_noise=False)
 
     assert does(0.28, "x")
     assert not does(0.295, "x")  # the right effect in nature's own form
     assert not does(0.2, "hull_lift", "x")
+    assert does(0.295, "x", over=gained(70.0))  # told from one moment to the next
+    assert not does(0.295, "x", over=gained(50.0))  # of a thousand: the form
+    assert not does(0.295, "x", over=gained(70.0, t=1.0)._replace(lost=0.6))
+    assert not does(0.2, "hull_lift", "x", over=gained(70.0))
+    small = gained(70.0)._replace(log_ratio=0.05)  # a drag that grows a little otherwise
+    assert not does(0.295, "x", over=small)
+    assert not does(0.28, "x", found=nothing)  # gusts have a history, too
+    assert does(0.295, "x", over=gained(30.0), found=nothing)
 
 
 def test_a_curve_beside_an_effect_counts_where_it_takes_away_a_noticeable_error() -> None:
@@ -340,3 +359,34 @@ def test_what_is_left_of_an_explained_error_is_in_the_verdict() -> None:
     )
     assert Verdict.EXPLAINED.in_words(0.04) == "found what is missing"
     assert Verdict.ADEQUATE.in_words(1.0) == "nothing is missing that these data could tell"
+
+
+@pytest.mark.parametrize(
+    ("over", "after", "taken"),
+    [
+        (gained(70.0), 0.3, True),
+        (gained(70.0), 0.31, False),  # free runs become worse
+        (gained(70.0)._replace(log_ratio=0.05), 0.3, False),
+        (gained(10.0, lost=0.5, t=1.0), 0.3, False),
+        (gained(10.0, lost=0.5, t=1.0), 0.25, True),  # free runs tell
+    ],
+)
+def test_a_curve_is_taken_where_free_runs_or_single_moments_tell(
+    monkeypatch: pytest.MonkeyPatch, over: Gain, after: float, taken: bool
+) -> None:
+    rival: Any = SimpleNamespace(renewed_problem=None)
+    base: Any = SimpleNamespace(added=(), noise_share=(9.0, 9.0, 9.0), model=lambda: None)
+    curve = SimpleNamespace(nrmse=after)
+    errors = {id(base): 0.4, id(curve): after}
+    scorer: Any = SimpleNamespace(
+        score_fit=lambda fit: SimpleNamespace(nrmse=errors[id(fit)]), noise_floor=0.1
+    )
+    row = SimpleNamespace(name="learned", effect=named("learned"), fit=curve, gain=gained(500.0))
+    monkeypatch.setattr(free_curve, "rank", lambda *_, **how: SimpleNamespace(finalists=(row,)))
+    monkeypatch.setattr(free_curve, "gain_under", lambda *_: over)
+    monkeypatch.setattr(free_curve.SupersetModel, "of", lambda *_: None)
+    monkeypatch.setattr(free_curve.LadderStep, "of", lambda *_: step(after, "learned"))
+    forms = [named("learned")]
+    found = free_curve._fitted(WAM_V, base, scorer, 0.3, print, map, forms, rival)
+    assert (found is not None) == taken
+    assert found is None or found.over == over
