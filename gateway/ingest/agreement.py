@@ -214,13 +214,19 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
         if len(when) > 1 and len(then) > 1:
             if choices["velocity"].samples.quantity is Quantity.BODY_VELOCITY:
                 velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
-            if choices["position"].samples.quantity is Quantity.GLOBAL_POSITION:
-                place = to_local(place, Origin(*map(float, np.median(place, axis=0))))
+            place = metres(place, choices["position"].samples.quantity)
             found = rate_agreement(
                 then, place, when, velocity, MOVE_S, LEAST_MOVE_M, Turns(at, turned[:, 0], False)
             )
             out += _told(found, choices["velocity"], choices["position"], "the change of position")
     return tuple(out)
+
+
+def metres(place: Floats, quantity: Quantity) -> Floats:
+    """Positions (K, 2), local or global -> [m] from where most of them lie: a first fix may err."""
+    if quantity is not Quantity.GLOBAL_POSITION:
+        return place
+    return to_local(place, Origin(*map(float, np.median(place, axis=0))))
 
 
 def over_ground(velocity: Floats, yaw: Floats) -> Floats:

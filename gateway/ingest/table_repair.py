@@ -23,9 +23,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from gateway.estimation import FilterSettings, WhiteNoise
-from gateway.ingest.agreement import over_ground, rate_agreement
+from gateway.ingest.agreement import metres, over_ground, rate_agreement
 from gateway.ingest.log import BoatSamples
-from gateway.ingest.mapping import Origin, to_local
 from gateway.ingest.sources import (
     NOT_SMOOTHED,
     Choice,
@@ -185,7 +184,7 @@ def settings_for(
     if "position" not in choices or "velocity" in choices:
         return settings
     place = choices["position"]
-    path = _metres(place.samples)
+    path = metres(place.samples.values, place.samples.quantity)
     white = estimated_white_std(path, LEAST_POSITION_M)
     wander = 2.0 * settings.position_error_m**2 / (max(place.rate_hz, 0.1) * white**2)
     hard = acceleration_std(place.samples.seconds(start_ns), path)
@@ -233,7 +232,9 @@ def _smoothings(choices: Mapping[str, Choice]) -> dict[str, Smoothing]:
         moves = velocity.values
         if velocity.quantity is Quantity.BODY_VELOCITY:
             moves = over_ground(moves, np.interp(when, at, heading))
-        out["velocity"] = _if_ascending(place.seconds(start), _metres(place), when, moves)
+        out["velocity"] = _if_ascending(
+            place.seconds(start), metres(place.values, place.quantity), when, moves
+        )
     return out
 
 
@@ -248,13 +249,6 @@ def _if_ascending(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> S
     if slow is not None and slow.contradicts and abs(slow.scale - 1.0) > OTHER_UNIT:
         return NOT_SMOOTHED
     return smoothing(time, x, rate_time, rate)
-
-
-def _metres(place: Samples) -> Floats:
-    """Positions (K, 2) [m]."""
-    if place.quantity is not Quantity.GLOBAL_POSITION:
-        return place.values
-    return to_local(place.values, Origin(*map(float, place.values[0])))
 
 
 def _about_accelerations(

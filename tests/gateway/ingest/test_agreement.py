@@ -9,6 +9,7 @@ from gateway.ingest.agreement import (
     RateAgreement,
     Turns,
     contradictions,
+    metres,
     over_ground,
     rate_agreement,
 )
@@ -242,3 +243,12 @@ def test_a_trial_holds_what_its_sensors_contradict(tmp_path: Path) -> None:
     (wrong,) = load_trials(path)
     assert "radians taken for degrees?" in wrong.contradictions[0]
     assert wrong.notices[0] == wrong.contradictions[0]
+
+
+def test_positions_are_metres_about_where_most_of_them_lie() -> None:
+    """A first fix on the equator would stretch the boat's way east to twice its length."""
+    fixes = np.array([[0.0, 0.0], *([60.0, 10.0 + 1e-5 * k] for k in range(9))])
+    local = metres(fixes, Quantity.GLOBAL_POSITION)
+    a_step = 1e-5 * np.radians(6378137.0) * np.cos(np.radians(60.0))
+    assert np.diff(local[1:, 1]) == pytest.approx(a_step, rel=0.01)
+    assert np.array_equal(metres(fixes, Quantity.POSITION), fixes)
