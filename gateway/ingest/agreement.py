@@ -39,6 +39,7 @@ DEVIATION_RAD = (0.08, 0.08, 0.025, 0.025)
 LATE_ROUNDS, NEAR_LATE_S = 3, 0.05
 HUGE = 1e6  # rad or m in a stretch, in whatever unit: no boat
 SCALE_OFF, LATE_S = 0.06, 0.25  # that are told
+NEAR = 0.25  # of a scale: values that are off by more may be of another axis
 UNITS = {  # rate over what the values say -> the usual mistake
     57.296: "degrees taken for radians", 1.0 / 57.296: "radians taken for degrees",
     1.9438: "knots taken for m/s", 0.5144: "m/s taken for knots",
@@ -65,6 +66,17 @@ class RateAgreement(NamedTuple):
         """
         off = abs(self.scale - 1.0)
         return off > SCALE_OFF and off * min(1.0, abs(self.scale)) > SURE * self.scale_std
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the scale is that of one motion at all, if not quite."""
+        return abs(self.scale - 1.0) < NEAR
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the scale is surely that of one motion."""
+        off = abs(abs(self.scale) - 1.0)
+        return off < SCALE_OFF and SURE * self.scale_std < NEAR
 
     @property
     def is_late(self) -> bool:
@@ -215,9 +227,18 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
             if choices["velocity"].samples.quantity is Quantity.BODY_VELOCITY:
                 velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
             place = metres(place, choices["position"].samples.quantity)
-            found = rate_agreement(
-                then, place, when, velocity, MOVE_S, LEAST_MOVE_M, Turns(at, turned[:, 0], False)
+            turns = Turns(at, turned[:, 0], False)
+            found, mirrored = (
+                rate_agreement(then, each, when, velocity, MOVE_S, LEAST_MOVE_M, turns)
+                for each in (place, place[:, ::-1])
             )
+            if mirrored is not None and mirrored.agrees and not (found and found.is_near):
+                out.append(
+                    f"velocity ({choices['velocity'].source}) and position "
+                    f"({choices['position'].source}) are mirror images: north and east of one are "
+                    "exchanged, or the sign of one of them is turned round"
+                )
+                found = None
             out += _told(found, choices["velocity"], choices["position"], "the change of position")
     return tuple(out)
 

@@ -252,3 +252,26 @@ def test_positions_are_metres_about_where_most_of_them_lie() -> None:
     a_step = 1e-5 * np.radians(6378137.0) * np.cos(np.radians(60.0))
     assert np.diff(local[1:, 1]) == pytest.approx(a_step, rel=0.01)
     assert np.array_equal(metres(fixes, Quantity.POSITION), fixes)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"velocity": VELOCITY[:, ::-1]},
+        {"place": PLACE[:, ::-1]},
+        {"velocity": VELOCITY * [1.0, -1.0]},
+        {"velocity": VELOCITY * [-1.0, 1.0]},
+    ],
+)
+def test_north_and_east_exchanged_are_told(change: dict[str, Floats]) -> None:
+    (one,) = said(**change)
+    assert "mirror images: north and east of one are exchanged" in one
+
+
+def test_what_may_be_a_mirror_image_and_need_not_is_not_told() -> None:
+    """Straight to the north-east nothing tells the two apart; both turned round is a sign."""
+    ahead = np.stack([SPEED, SPEED], axis=1)
+    way = np.cumsum(ahead, axis=0) / RATE_HZ
+    assert said(velocity=ahead, place=way) == ()
+    (one,) = said(velocity=-VELOCITY)
+    assert "mirror" not in one
