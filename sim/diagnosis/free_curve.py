@@ -33,7 +33,9 @@ FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
 class FreeCurve:
     """The vessel with a curve, what the curve is worth, and whether it stands beside effects.
 
-    over      what it is worth from one moment to the next over the effects in whose place it stands
+    over      what it is worth from one moment to the next in the place of effects: those found, or
+              else the best of the ranking
+    against   their names
     as_well   other kinds of curves that do as well: a survey takes its time from place to place
     formula   a short law that does as well; None where none of the library does
     """
@@ -42,6 +44,7 @@ class FreeCurve:
     gain: Gain
     fit: Fit
     over: Gain | None = None
+    against: tuple[str, ...] = ()
     as_well: tuple[Effect, ...] = ()
     formula: ScoredFormula | None = None
 
@@ -74,7 +77,7 @@ def find_free_curve(
     found: list[FreeCurve] = []
     for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
         progress("looking for a curve, a map or a time history")
-        rival = selection.fit if fit is selection.base else None
+        rival = _best_of_catalogue(selection) if fit is selection.base else None
         curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms, rival)
         if curve is not None:
             found.append(curve)
@@ -85,6 +88,16 @@ def find_free_curve(
     best = next(curve for curve in found if curve.step.heldout.nrmse <= enough)
     progress("looking for a short formula")
     return replace(best, formula=_short_formula(best, scorer))
+
+
+def _best_of_catalogue(selection: Selection) -> Fit:
+    """What a curve in the place of all effects is held against: what was found, or else the first
+    of the ranking if it is worth anything, though it may help no free run.
+    """
+    if selection.fits:
+        return selection.fit
+    first = next(iter(selection.first.finalists), None)
+    return first.fit if first is not None and first.gain.nats > 0.0 else selection.base
 
 
 def _short_formula(curve: FreeCurve, scorer: HeldOutScorer) -> ScoredFormula | None:
@@ -146,7 +159,8 @@ def _fitted(
     step = LadderStep.of(best.fit, scorer)
     enough = thresholds.MAX_FORMULA_RATIO * step.heldout.nrmse
     as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
-    return FreeCurve(step, best.gain, best.fit, over[best.name], as_well)
+    against = rival.names if rival else ()
+    return FreeCurve(step, best.gain, best.fit, over[best.name], against, as_well)
 
 
 def _is_better(over: Gain | None, scorer: HeldOutScorer, curve: Fit, before: float) -> bool:

@@ -181,7 +181,7 @@ def summary_of(
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
         if curve.over is not None and (less := round(100.0 * (1.0 - 1.0 / curve.over.ratio))) > 0:
             below += f"; from one moment to the next it leaves {less} % less of the squared error"
-            below += f" than {names}" if names else " than the boat without it"
+            below += f" than {' and '.join(curve.against) or 'the boat without it'}"
         if curve.as_well:
             kinds = " or ".join(effect.looks_like for effect in curve.as_well)
             below += f"; as well does a curve that {kinds}"

@@ -192,7 +192,7 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     ) -> str:
         below: Any = SimpleNamespace(
             step=step(0.2, *effects), replaces=len(effects) == 1, description="a force",
-            formula=formula, as_well=as_well, over=over,
+            formula=formula, as_well=as_well, over=over, against=("hull_lift",),
         )  # fmt: skip
         return summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.1, below)
 
@@ -207,7 +207,8 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     assert "as well does" not in instead
     assert "moment" not in instead
     closer = said("x", over=gained(100.0))  # Gain.ratio 1.2
-    assert "(noise 0.100); from one moment to the next it leaves 17 % less of the squared" in closer
+    assert "(noise 0.100); from one moment to the next it leaves 17 % less of the" in closer
+    assert "squared error than hull_lift" in closer
     assert "moment" not in said("x", over=gained(100.0)._replace(ratio=1.0))
     line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
     assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
@@ -374,7 +375,7 @@ def test_what_is_left_of_an_explained_error_is_in_the_verdict() -> None:
 def test_a_curve_is_taken_where_free_runs_or_single_moments_tell(
     monkeypatch: pytest.MonkeyPatch, over: Gain, after: float, taken: bool
 ) -> None:
-    rival: Any = SimpleNamespace(renewed_problem=None)
+    rival: Any = SimpleNamespace(renewed_problem=None, names=("hull_lift",))
     base: Any = SimpleNamespace(added=(), noise_share=(9.0, 9.0, 9.0), model=lambda: None)
     curve = SimpleNamespace(nrmse=after)
     errors = {id(base): 0.4, id(curve): after}
@@ -389,4 +390,20 @@ def test_a_curve_is_taken_where_free_runs_or_single_moments_tell(
     forms = [named("learned")]
     found = free_curve._fitted(WAM_V, base, scorer, 0.3, print, map, forms, rival)
     assert (found is not None) == taken
-    assert found is None or found.over == over
+    assert found is None or (found.over, found.against) == (over, ("hull_lift",))
+
+
+def test_a_curve_is_held_against_the_best_of_the_catalogue_though_it_helps_no_free_run() -> None:
+    """Motors that lose thrust astern, on a voyage that hardly goes astern, are no new effect."""
+    base, first, fit = (SimpleNamespace(names=(name,)) for name in ("base", "first", "fit"))
+
+    def rival(gain: Gain | None, *fits: Any) -> Any:
+        row = SimpleNamespace(effect=named("reverse_loss"), gain=gain, fit=first)
+        ranking = SimpleNamespace(finalists=(row,) if gain else ())
+        made: Any = SimpleNamespace(base=base, fits=fits, first=ranking, fit=[base, *fits][-1])
+        return free_curve._best_of_catalogue(made)
+
+    assert rival(gained(30.0)) is first
+    assert rival(gained(-1.0)) is base
+    assert rival(None) is base
+    assert rival(gained(30.0), fit) is fit
