@@ -109,9 +109,9 @@ def screen(
         for fine, coarse in pairs:
             begins = [fine.at(effect, start) for start in starts]
             if len(starts) > thresholds.MANY_STARTS or rival is not None:
-                begins = coarse.few(begins)
-                least = min((r.cost for r in begins), default=np.inf)
-                if rival is not None and least >= coarse.cost_of(rival):
+                enough = np.inf if rival is None else coarse.cost_of(rival)
+                begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * enough)
+                if min((r.cost for r in begins), default=np.inf) >= enough:
                     continue
             found.append(fine.begun(begins))
         if closer and effect.more_starts is not None and not measured:
@@ -297,12 +297,12 @@ class _Screening:
             return replace(r, cost=np.inf)
         return replace(r, z=fit.z, cost=fit.cost, residual=None, deviance=np.inf)
 
-    def few(self, begins: Sequence[ScreeningResult]) -> list[ScreeningResult]:
+    def few(self, begins: Sequence[ScreeningResult], most: float = np.inf) -> list[ScreeningResult]:
         """Where those lead that lead furthest: slopes at all, two steps from every second, two
-        more from every fourth.
+        more from every fourth; none from where the slopes promise a cost beyond `most`.
         """
         half, quarter = (max(len(begins) // n, thresholds.MANY_STARTS) for n in (2, 4))
-        left = self._stepped(self._promised(begins, half), thresholds.COARSE_STEPS - 1)
+        left = self._stepped(self._promised(begins, half, most), thresholds.COARSE_STEPS - 1)
         left = self._stepped(left[:quarter], thresholds.COARSE_STEPS)
         # they go on to other rows
         return [replace(r, residual=None) for r in left[: thresholds.MANY_STARTS // 2]]
@@ -348,9 +348,11 @@ class _Screening:
         place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
         return ScreeningResult(added, unknowns, z, np.inf, place)
 
-    def _promised(self, begins: Iterable[ScreeningResult], most: int) -> list[ScreeningResult]:
-        """One step from those for which the slopes promise the least cost."""
-        known = [slopes for slopes in map(self._slopes, begins) if slopes is not None]
+    def _promised(
+        self, begins: Iterable[ScreeningResult], most: int, below: float = np.inf
+    ) -> list[ScreeningResult]:
+        """One step from those for which the slopes promise the least cost, `below` some."""
+        known = [s for s in map(self._slopes, begins) if s is not None and s.promised < below]
         chosen = sorted(known, key=lambda slopes: slopes.promised)[:most]
         return [r for r in map(self._best_step, chosen) if r is not None]
 

@@ -46,6 +46,7 @@ MIN_PROMISE_FOLLOWED = 0.05  # … and what promises such a share of the best on
 SETTLED_DECREASE = 0.01  # of the cost by the last step: what still falls more is followed too
 MIN_COST_DECREASE = 1e-4  # of the cost, for another step
 MOMENT_RESOLUTION_S = 1.0  # to which the screening closes in on an event
+MAX_PROMISED_COST = 1.5  # of what a rival leaves of few rows, for a start to be followed at all
 MAX_CLOSER_FITS = 4  # of further starts: the best on few rows go on to all that are screened
 MAX_FINALISTS = 6  # effects that are fitted whole, at most …
 MIN_FINALISTS = 3  # … and at least
