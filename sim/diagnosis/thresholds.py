@@ -110,7 +110,9 @@ MAX_NOISE_SHARE_WITH_EFFECTS = 2.5  # where some were: nature's own form leaves 
 # tuning voyages: 0.985 and more. Of what stood in for strangers and left no more than noise: 0.957
 # and less on four, more on two.
 MAX_IN_PLACE_RATIO = 0.97
-MIN_LOG_RATIO_IN_PLACE = 0.08  # the same from one moment to the next, of squared errors
+# The same from one moment to the next, the log of squared errors: the true effect lost 0.005 and
+# more (a cubic drag won 0.043), strangers won 0.13 and more (light_and_days.md).
+MIN_LOG_RATIO_IN_PLACE = 0.08
 # Each recording has its own map or history, of 20 to 30 numbers: of more recordings the fits take
 # minutes. Chosen, not measured.
 MAX_RECORDINGS_OF_TABLES = 3
