@@ -35,7 +35,8 @@ import numpy as np
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects, with_given_base
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.screening import Mapper, Progress, ScreeningResult, most_promising, screen
+from sim.diagnosis.screening import Mapper, Progress, most_promising, screen
+from sim.diagnosis.screening_steps import ScreeningResult
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.prediction.free_runs import Ruler, nrmse_interval, predict, scaled_squares

@@ -7,6 +7,7 @@ import pytest
 
 from sim.diagnosis import screening
 from sim.diagnosis.screening import CATALOGUE, FIRST_IMPRESSION, first_impression
+from sim.diagnosis.screening_steps import Begun, Screening
 
 NAMES = sorted(CATALOGUE)
 BEFORE = 1000.0
@@ -17,9 +18,7 @@ def looked(name: str, promise: float, cost: float = 1.0) -> Any:
 
 
 def begun(name: str, cost: float = 1.0, promised: float | None = None) -> Any:
-    return screening._Begun(
-        cast(Any, None), looked(name, 0.0, cost), cost if promised is None else promised
-    )
+    return Begun(cast(Any, None), looked(name, 0.0, cost), cost if promised is None else promised)
 
 
 def followed(results: list[Any], every: dict[str, list[Any]]) -> list[str]:
@@ -85,3 +84,27 @@ def test_a_first_impression_names_three_at_most() -> None:
     assert first_impression(results) == f"{said}, then b or c, if anything is missing"
     assert first_impression(results[:2]) == f"{said}, then b, if anything is missing"
     assert first_impression(results[:1]) == f"{said}, if anything is missing"
+
+
+@pytest.mark.parametrize(
+    ("costs", "promises", "settled", "promised"),
+    [
+        ([100.0, 50.0, 49.9], [60.0, 49.0], True, 49.9),  # the last step brought little
+        ([100.0, 50.0, 40.0], [60.0, 30.0], False, 30.0),
+        ([100.0, 50.0, 40.0], [60.0, 45.0], False, 39.6),  # it fell below what was promised
+        ([100.0, 99.9], [60.0], True, 99.9),
+    ],
+)
+def test_what_fell_by_its_last_step_is_not_settled(
+    costs: list[float], promises: list[float], settled: bool, promised: float
+) -> None:
+    """Slopes may promise less than a step brings: a lag comes down from far above."""
+    steps: Any = [SimpleNamespace(cost=cost) for cost in costs]
+    slopes = iter(SimpleNamespace(promised=p, to=k + 1) for k, p in enumerate(promises))
+    made: Any = SimpleNamespace(
+        _step=lambda r: r, _slopes=lambda r: next(slopes), _best_step=lambda s: steps[s.to]
+    )
+    begun = Screening.begun(made, steps[:1])
+    assert begun is not None
+    assert begun.is_settled == settled
+    assert begun.promised == pytest.approx(promised)

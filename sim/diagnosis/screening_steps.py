@@ -1,0 +1,256 @@
+"""Steps of the screening: one effect beside a reference, on few rows, from where it may begin.
+
+A damped Gauss–Newton step moves the effect's own numbers together with those of the reference,
+whose slopes are worked out once. Starts, and moments of an event, are told apart by what their
+slopes promise before any step is tried.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for, with_event_at
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.effects.effect import Effect, Kind, Values
+from sim.identification.parameters import Unknowns
+from sim.identification.search import (
+    MOMENT_STARTS,
+    damped_steps,
+    robust_cost,
+    robust_weights,
+)
+from sim.identification.shooting import jacobian_of, residuals_and_slopes, residuals_of
+from sim.state import Floats, Ints
+from sim.vessel import AddedEffect
+
+
+@dataclass(frozen=True)
+class ScreeningResult:
+    """One effect at the best start found: z (n,) of its unknowns, and the cost there.
+
+    place     column (n,) of each unknown in the reference's z, −1 of what that does not hold
+    deviance  −2 log likelihood under the noise that it leaves itself; known once it is the best
+    residual  at z, on the rows that it was screened on last; None where it was moved since
+    """
+
+    added: AddedEffect
+    unknowns: Unknowns
+    z: Floats
+    cost: float
+    place: Ints
+    deviance: float = np.inf
+    residual: Floats | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.added.effect.name
+
+
+def least_cost(r: ScreeningResult) -> float:
+    """Key of the order in which starts of one effect are preferred."""
+    return r.cost
+
+
+@dataclass(frozen=True)
+class Screening:
+    """The reference on few rows, with its slopes there."""
+
+    superset: SupersetModel
+    reference: Fit
+    problem: FitProblem
+    jacobian: Floats
+
+    @classmethod
+    def of(cls, superset: SupersetModel, reference: Fit, problem: FitProblem) -> "Screening":
+        unknowns, z = reference.unknowns, reference.z
+        jacobian = jacobian_of(unknowns, problem.run_sets_for(unknowns, z), z)
+        return cls(superset, reference, problem, jacobian)
+
+    def begun(self, begins: Sequence[ScreeningResult]) -> "Begun | None":
+        """From every beginning one step, from the best a few; None where the model is lost."""
+        tried = [r for r in map(self._step, begins) if r is not None]
+        if not tried:
+            return None
+        r, settled, promised = min(tried, key=least_cost), False, np.inf
+        for _ in range(thresholds.LOOK_STEPS):
+            slopes = None if settled else self._slopes(r)
+            if slopes is None:
+                break
+            less, promised = r.cost * (1.0 - thresholds.SETTLED_DECREASE), slopes.promised
+            r = self._best_step(slopes)
+            settled = r.cost > less
+        # what fell so much falls on, whatever slopes promise
+        further = r.cost * (1.0 - thresholds.SETTLED_DECREASE)
+        return Begun(self, r, r.cost if settled else min(promised, further))
+
+    def to_the_end(self, r: ScreeningResult) -> ScreeningResult:
+        """As many steps as lead on; an event is closed in on."""
+        for _ in range(thresholds.MAX_SCREENING_STEPS):
+            further = self._step(r)
+            if further is None or further.cost >= r.cost * (1.0 - thresholds.MIN_COST_DECREASE):
+                break
+            r = further
+        moment = moment_of(r.added.effect)
+        return r if moment is None else self.closed_in(r, moment)
+
+    def closed_in(self, best: ScreeningResult, moment: str) -> ScreeningResult:
+        """The moment of an event by bisection: no slope leads to it.
+
+        First all along the recording again: few rows may have none around the moment itself.
+        """
+        longest = max(float(t.time[-1]) for t in self.problem.trials)
+        every = np.linspace(0.0, longest, 2 * MOMENT_STARTS + 3)[1:-1]
+        best = self._best_moment(best, moment, every)
+        apart = 0.25 * longest / (MOMENT_STARTS + 1)
+        while apart > thresholds.MOMENT_RESOLUTION_S:
+            now = best.added.values[moment]
+            best = self._best_moment(best, moment, (now - apart, now + apart))
+            apart *= 0.5
+        return best
+
+    def _best_moment(
+        self, best: ScreeningResult, moment: str, times: Iterable[float]
+    ) -> ScreeningResult:
+        """One step from those of the moments that promise most; the best if none leads down."""
+        moved = []
+        for time in map(float, times):
+            added = AddedEffect(best.added.effect, {**best.added.values, moment: time})
+            unknowns = with_event_at(best.unknowns, f"{best.name}.{moment}", time)
+            moved.append(replace(best, added=added, unknowns=unknowns, residual=None))
+        return min([best, *self._promised(moved, thresholds.PROMISED_MOMENTS)], key=least_cost)
+
+    def fitted(self, r: ScreeningResult) -> ScreeningResult:
+        """Everything fitted from there, with slopes of its own at each step."""
+        added = (*self.reference.added, r.added)
+        try:
+            fit = fit_effects(added, r.unknowns, self.problem, np.clip(r.z, *r.unknowns.bounds))
+        except (ValueError, np.linalg.LinAlgError):  # the model is lost at this start
+            return replace(r, cost=np.inf)
+        return replace(r, z=fit.z, cost=fit.cost, residual=None, deviance=np.inf)
+
+    def few(self, begins: Sequence[ScreeningResult], most: float = np.inf) -> list[ScreeningResult]:
+        """Where those lead that lead furthest: slopes at all, two steps from every second, two
+        more from every fourth; none from where the slopes promise a cost beyond `most`.
+        """
+        half, quarter = (max(len(begins) // n, thresholds.MANY_STARTS) for n in (2, 4))
+        left = self._stepped(self._promised(begins, half, most), thresholds.COARSE_STEPS - 1)
+        left = self._stepped(left[:quarter], thresholds.COARSE_STEPS)
+        # they go on to other rows
+        return [replace(r, residual=None) for r in left[: thresholds.MANY_STARTS // 2]]
+
+    def _stepped(self, results: Iterable[ScreeningResult], steps: int) -> list[ScreeningResult]:
+        """So many steps from each, the least cost first."""
+        for _ in range(steps):
+            results = [r for r in map(self._step, results) if r is not None]
+        return sorted(results, key=least_cost)
+
+    def cost_of(self, fit: Fit) -> float:
+        """What another fit leaves of these rows, as the starts are judged."""
+        run_sets = self.problem.run_sets_for(fit.unknowns, fit.z)
+        left = residuals_of(fit.unknowns, run_sets, fit.z[None])
+        cost = robust_cost(fit.unknowns, fit.z[None], left, thresholds.ROBUST_SIGMAS)
+        return float(cost[0])
+
+    def is_better_than(self, rival: Fit, r: ScreeningResult) -> bool:
+        """Whether a result is worth as much over another fit as what is left has to be."""
+        own = self.problem.deviance(rival.unknowns, rival.z) - r.deviance
+        thinned = len(self.reference.problem.block) / len(self.problem.block)
+        nats = 0.5 * own * thinned / thresholds.ROWS_PER_INDEPENDENT_ROW
+        return nats > thresholds.MIN_RESIDUAL_NATS
+
+    @property
+    def deviance(self) -> float:
+        """That of the reference."""
+        return self.problem.deviance(self.reference.unknowns, self.reference.z)
+
+    def with_deviance(self, r: ScreeningResult) -> ScreeningResult:
+        """The same, judged under its own noise."""
+        if np.isfinite(r.deviance):
+            return r
+        return replace(r, deviance=self.problem.deviance(r.unknowns, r.z))
+
+    def at(self, effect: Effect, start: Values) -> ScreeningResult:
+        """A start, before the first step."""
+        added = AddedEffect(effect, dict(start))
+        trials, settings = len(self.problem.trials), self.problem.settings
+        unknowns = unknowns_for(self.superset, [*self.reference.added, added], trials, settings)
+        z = start_values(unknowns, self.reference)
+        known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
+        place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
+        return ScreeningResult(added, unknowns, z, np.inf, place)
+
+    def _promised(
+        self, begins: Iterable[ScreeningResult], most: int, below: float = np.inf
+    ) -> list[ScreeningResult]:
+        """One step from those for which the slopes promise the least cost, `below` some."""
+        known = [s for s in map(self._slopes, begins) if s is not None and s.promised < below]
+        chosen = sorted(known, key=lambda slopes: slopes.promised)[:most]
+        return [r for r in map(self._best_step, chosen) if r is not None]
+
+    def _step(self, r: ScreeningResult) -> ScreeningResult | None:
+        """The best of a few Levenberg–Marquardt steps; None where the model is lost."""
+        slopes = self._slopes(r)
+        return None if slopes is None else self._best_step(slopes)
+
+    def _slopes(self, r: ScreeningResult) -> "Slopes | None":
+        """Residuals and slopes at a result, and where they lead; None where the model is lost."""
+        unknowns, z = r.unknowns, np.clip(r.z, *r.unknowns.bounds)
+        own, shared = np.flatnonzero(r.place < 0), np.flatnonzero(r.place >= 0)
+        run_sets = self.problem.run_sets_for(unknowns, z)
+        residual, J = residuals_and_slopes(unknowns, run_sets, z, own, known=r.residual)
+        J[:, shared] = self.jacobian[:, r.place[shared]]
+        if not np.isfinite(J).all():
+            return None
+        weight = robust_weights(residual, thresholds.ROBUST_SIGMAS)
+        tried = np.clip(z + damped_steps(unknowns, z, residual, J, weight), *unknowns.bounds)
+        after = residual + (tried - z) @ J.T
+        promised = robust_cost(unknowns, tried, after, thresholds.ROBUST_SIGMAS)
+        here = replace(r, z=z, residual=residual, deviance=np.inf)
+        return Slopes(here, residual, tried, float(promised.min()))
+
+    def _best_step(self, slopes: "Slopes") -> ScreeningResult:
+        """The best of the steps; where it stands if none leads down."""
+        r, tried = slopes.here, slopes.tried
+        unknowns, bend = r.unknowns, thresholds.ROBUST_SIGMAS
+        left = residuals_of(unknowns, self.problem.run_sets_for(unknowns, r.z), tried)
+        costs = robust_cost(unknowns, tried, left, bend)
+        k = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
+        here = float(robust_cost(unknowns, r.z, slopes.residual, bend))
+        if here <= costs[k]:
+            return replace(r, cost=here)
+        return replace(r, z=tried[k], cost=float(costs[k]), residual=left[k])
+
+
+class Slopes(NamedTuple):
+    """A result with its residuals (N,), numbers (K, n) that its slopes lead to, the least cost that
+    they promise there.
+    """
+
+    here: ScreeningResult
+    residual: Floats
+    tried: Floats
+    promised: float
+
+
+class Begun(NamedTuple):
+    """An effect after a few steps, on which rows and base, and the cost that slopes still promise:
+    what it has where the last step brought little.
+    """
+
+    screening: Screening
+    result: ScreeningResult
+    promised: float
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether no less is promised."""
+        return self.promised >= self.result.cost
+
+
+def moment_of(effect: Effect) -> str | None:
+    """The parameter that is the moment of an event; None where there is none."""
+    return next((p.name for p in effect.parameters if p.kind is Kind.MOMENT), None)
