@@ -228,11 +228,12 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
                 velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
             place = metres(place, choices["position"].samples.quantity)
             turns = Turns(at, turned[:, 0], False)
-            found, mirrored = (
-                rate_agreement(then, each, when, velocity, MOVE_S, LEAST_MOVE_M, turns)
-                for each in (place, place[:, ::-1])
-            )
-            if mirrored is not None and mirrored.agrees and not (found and found.is_near):
+            stretches = (MOVE_S, LEAST_MOVE_M, turns)
+            found = rate_agreement(then, place, when, velocity, *stretches)
+            mirrored = None
+            if found is None or not found.is_near:
+                mirrored = rate_agreement(then, place[:, ::-1], when, velocity, *stretches)
+            if mirrored is not None and mirrored.agrees:
                 out.append(
                     f"velocity ({choices['velocity'].source}) and position "
                     f"({choices['position'].source}) are mirror images: north and east of one are "

@@ -66,6 +66,7 @@ def screen(
         for like in references
     ]
     main = pairs[0][0]
+    most_left = [np.inf if rival is None else coarse.cost_of(rival) for _, coarse in pairs]
 
     def begun(effect: Effect) -> list[Begun]:
         progress(effect.name)
@@ -73,10 +74,9 @@ def screen(
         measured = effect.measured is not None and effect.name in superset.measured
         if effect.measured is not None and measured:
             starts = [effect.measured.values]
-        for fine, coarse in pairs:
+        for (fine, coarse), enough in zip(pairs, most_left, strict=True):
             begins = [fine.at(effect, start) for start in starts]
             if len(starts) > thresholds.MANY_STARTS or rival is not None:
-                enough = np.inf if rival is None else coarse.cost_of(rival)
                 begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * enough)
                 if min((r.cost for r in begins), default=np.inf) >= enough:
                     continue
@@ -94,7 +94,7 @@ def screen(
     looked = sorted(mapper(main.with_deviance, least), key=_deviance)
     if looked and not reference.names and rival is None:
         progress(first_impression(looked))
-    followed = _followed(looked, every, main.deviance)
+    followed = _followed(looked, every, main.deviance_of(reference))
     results = {r.name: r for r in looked}
     for r in mapper(to_the_end, followed):
         results[r.name] = min(results[r.name], r, key=least_cost)
@@ -104,7 +104,10 @@ def screen(
         if again is not None and again.cost < results[again.name].cost:
             results[again.name] = again
     judged = sorted(mapper(main.with_deviance, results.values()), key=_deviance)
-    return judged if rival is None else [r for r in judged if main.is_better_than(rival, r)]
+    if rival is None:
+        return judged
+    before = main.deviance_of(rival)
+    return [r for r in judged if main.is_better(r, before)]
 
 
 def _followed(

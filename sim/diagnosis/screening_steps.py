@@ -155,17 +155,15 @@ class Screening:
         cost = robust_cost(fit.unknowns, fit.z[None], left, thresholds.ROBUST_SIGMAS)
         return float(cost[0])
 
-    def is_better_than(self, rival: Fit, r: ScreeningResult) -> bool:
-        """Whether a result is worth as much over another fit as what is left has to be."""
-        own = self.problem.deviance(rival.unknowns, rival.z) - r.deviance
-        thinned = len(self.reference.problem.block) / len(self.problem.block)
-        nats = 0.5 * own * thinned / thresholds.ROWS_PER_INDEPENDENT_ROW
-        return nats > thresholds.MIN_RESIDUAL_NATS
+    def deviance_of(self, fit: Fit) -> float:
+        """Of another fit, or the reference, under the noise that it leaves of these rows."""
+        return self.problem.deviance(fit.unknowns, fit.z)
 
-    @property
-    def deviance(self) -> float:
-        """That of the reference."""
-        return self.problem.deviance(self.reference.unknowns, self.reference.z)
+    def is_better(self, r: ScreeningResult, before: float) -> bool:
+        """Whether a result is worth as much over a deviance as what is left has to be."""
+        thinned = len(self.reference.problem.block) / len(self.problem.block)
+        nats = 0.5 * (before - r.deviance) * thinned / thresholds.ROWS_PER_INDEPENDENT_ROW
+        return nats > thresholds.MIN_RESIDUAL_NATS
 
     def with_deviance(self, r: ScreeningResult) -> ScreeningResult:
         """The same, judged under its own noise."""
