@@ -171,13 +171,15 @@ def _thruster(a: Actuator, name: str, size: BoatSize) -> Thruster:
     else:
         position = (-0.4 * size.length, 0.4 * size.beam * _SIDES[a.kind])
     thrust = (-round(ASTERN * size.thrust, 1), size.thrust)
-    return Thruster(name, Servo(a.channel, a.pwm, a.reversed), position, thrust)
+    forward, starboard = (round(metres, 3) for metres in position)
+    return Thruster(name, Servo(a.channel, a.pwm, a.reversed), (forward, starboard), thrust)
 
 
 def _rudder(a: Actuator, name: str, behind: str, size: BoatSize) -> Rudder:
     area = round(0.02 * size.length * 0.2 * size.length, 4)  # a small share of the lateral plane
     return Rudder(
-        name, Servo(a.channel, a.pwm, a.reversed), (-0.5 * size.length, 0.0), (-0.6, 0.6),
+        name, Servo(a.channel, a.pwm, a.reversed), (-round(0.5 * size.length, 3), 0.0),
+        (-0.6, 0.6),
         area=max(area, 0.002), wash=behind,
     )  # fmt: skip
 
@@ -206,6 +208,12 @@ def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
         marks[f"{key}.position"] = Provenance(says="assumed from its function: measure it")
         if "thrust" not in given:
             marks[f"{key}.thrust"] = Provenance(says="assumed: take it from the motor's data sheet")
+        marks[f"{key}.pwm"] = Provenance(says="from the log's parameters")
+    for rudder in vessel.rudders:
+        key = f"rudders.{rudder.name}"
+        for number in ("position", "angle", "area"):
+            marks[f"{key}.{number}"] = Provenance(says="assumed: measure it")
+        marks[f"{key}.wash"] = Provenance(says="assumed: the thruster ahead of the blade, if any")
         marks[f"{key}.pwm"] = Provenance(says="from the log's parameters")
     return marks
 

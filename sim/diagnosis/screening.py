@@ -68,32 +68,51 @@ def screen(
     main = pairs[0][0]
     most_left = [np.inf if rival is None else coarse.cost_of(rival) for _, coarse in pairs]
 
+    starts: dict[str, list[Values]] = {}
+
+    def begun_on(pair: int, effect: Effect) -> Begun | None:
+        """From its starts on one of the bases; None where none leads further than the rival."""
+        fine, coarse = pairs[pair]
+        begins = [fine.at(effect, start) for start in starts[effect.name]]
+        if len(begins) > thresholds.MANY_STARTS or rival is not None:
+            begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * most_left[pair])
+            if min((r.cost for r in begins), default=np.inf) >= most_left[pair]:
+                return None
+        return fine.begun(begins)
+
     def begun(effect: Effect) -> list[Begun]:
         progress(effect.name)
-        starts, found = start_points(effect, model, reference.problem.trials), []
+        starts[effect.name] = start_points(effect, model, reference.problem.trials)
         measured = effect.measured is not None and effect.name in superset.measured
         if effect.measured is not None and measured:
-            starts = [effect.measured.values]
-        for (fine, coarse), enough in zip(pairs, most_left, strict=True):
-            begins = [fine.at(effect, start) for start in starts]
-            if len(starts) > thresholds.MANY_STARTS or rival is not None:
-                begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * enough)
-                if min((r.cost for r in begins), default=np.inf) >= enough:
-                    continue
-            found.append(fine.begun(begins))
+            starts[effect.name] = [effect.measured.values]
+        found = [begun_on(0, effect)]
         if closer and effect.more_starts is not None and not measured:
             length = max(float(t.time[-1]) for t in reference.problem.trials)
             found.append(_closer(effect, effect.more_starts(length), *pairs[0]))
         return [each for each in found if each is not None]
 
+    def from_given(effect: Effect) -> Begun | None:
+        return begun_on(1, effect) if len(pairs) > 1 else None
+
     def to_the_end(begun: Sequence[Begun]) -> ScreeningResult:
         return min((each.screening.to_the_end(each.result) for each in begun), key=least_cost)
 
-    every = {each[0].result.name: each for each in mapper(begun, effects) if each}
-    least = [min((each.result for each in some), key=least_cost) for some in every.values()]
-    looked = sorted(mapper(main.with_deviance, least), key=_deviance)
-    if looked and not reference.names and rival is None:
-        progress(first_impression(looked))
+    def looked_at(every: Iterable[Sequence[Begun]]) -> list[ScreeningResult]:
+        least = [min((each.result for each in some), key=least_cost) for some in every if some]
+        return sorted(mapper(main.with_deviance, least), key=_deviance)
+
+    tried = list(effects)
+    first = list(mapper(begun, tried))
+    if not reference.names and rival is None and any(first):
+        # the search from the other base goes on while this is read
+        progress(first_impression(looked_at(first)))
+    both = [
+        [*some, *([also] if also else ())]
+        for some, also in zip(first, mapper(from_given, tried), strict=True)
+    ]
+    every = {some[0].result.name: some for some in both if some}
+    looked = looked_at(every.values())
     followed = _followed(looked, every, main.deviance_of(reference))
     results = {r.name: r for r in looked}
     for r in mapper(to_the_end, followed):

@@ -55,6 +55,15 @@ def test_what_is_a_guess_is_marked(tmp_path: Path) -> None:
     assert "dynamics.m11" in given.provenance
 
 
+def test_what_is_guessed_of_a_rudder_is_marked(tmp_path: Path) -> None:
+    made = init_vessel(
+        log(tmp_path, servo(1, 26.0) | servo(3, 70.0)), tmp_path / "a.toml", None, SIZE
+    )
+    for number in ("position", "angle", "area", "wash"):
+        assert "assumed" in made.provenance[f"rudders.rudder.{number}"].says
+    assert made.provenance["rudders.rudder.pwm"].says == "from the log's parameters"
+
+
 def test_a_boat_that_steers_gets_a_rudder_behind_its_motor(tmp_path: Path) -> None:
     out = tmp_path / "boat.toml"
     init_vessel(log(tmp_path, servo(1, 26.0) | servo(3, 70.0)), out, None, SIZE)
