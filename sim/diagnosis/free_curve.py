@@ -1,7 +1,7 @@
-"""A free curve: what no effect explains as a curve of one variable, a map or a time history.
+"""A free curve: what no effect explains as a curve of one variable or two, a map or a history.
 
 An effect that declares `tables` has no law: each of its empty tables is a force, a share of the
-thrust, or water that flows, over one variable, the map or the time. The table that a few steps of
+thrust, or water that flows, over one variable, two, the map or the time. The table that a few steps of
 the search fill best is fitted whole, with all other numbers, and judged on unseen time like an
 effect: beside the effects that were found, for what they leave; and in their place, for an effect
 that only lies near takes the form of another cause as far as its law can. At the noise free runs
@@ -76,7 +76,7 @@ def find_free_curve(
     before = min(scorer.score_fit(selection.fit).nrmse, given)
     found: list[FreeCurve] = []
     for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
-        progress("looking for a curve, a map or a time history")
+        progress("looking for a curve, a pair, a map or a time history")
         rival = _best_of_catalogue(selection) if fit is selection.base else None
         curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms, rival)
         if curve is not None:

@@ -118,6 +118,17 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
             for j in range(4)
         },
     },
+    "learned_pair": {
+        "by": 1.0,
+        "acts": 4.0,
+        "a_low": 0.0,
+        "a_high": 2.0,
+        "b_low": -1.0,
+        "b_high": 1.0,
+        "full": 100.0,
+        "x": 0.0,
+        **{f"h{i}{j}": -0.1 - 0.08 * i + 0.05 * j for i in range(4) for j in range(4)},
+    },
     "payload_change": {"factor": 1.4, "time": 4.01},
     "steady_current": {"speed": 0.3, "direction": 1.2},
     "steering_offset": {"angle": 0.1},
