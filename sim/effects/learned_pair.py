@@ -1,4 +1,4 @@
-"""Learned pair: a cause without a law that takes two variables, as a table that measurements filled.
+"""Learned pair: a cause without a law that takes two variables, as a table filled by measurements.
 
     y(a, b) = bilinear between 4 × 4 knots, `a_low` to `a_high`, `b_low` to `b_high`; else constant
     acts 1 (surge)   X = y F          acts 2 (sway)   Y = y F, N = x_F Y
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from sim.body import Flow, ThrusterParameters
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
+from sim.effects.effect import Effect, EvidenceAxis, Kind, Parameter, Scope, Values
 from sim.effects.learned import evidence_axis as axis_of_table
 from sim.effects.learned import wrench
 from sim.effects.learned_formula import (
