@@ -23,6 +23,7 @@ from sim.diagnosis.ladder import (
     is_missed,
     is_worth_it,
 )
+from sim.diagnosis.limits import strained
 from sim.diagnosis.next_experiment import (
     RecordingContent,
     Refusal,
@@ -142,7 +143,9 @@ def diagnose(
         effects_found, noise_share
     )
     contradictions = tuple(dict.fromkeys(said for t in trials for said in t.contradictions))
-    verdict = verdict_of(selection, rivals, left, beyond or bool(contradictions))
+    beyond_belief = strained(last)
+    no_noise = beyond or bool(contradictions) or bool(beyond_belief)
+    verdict = verdict_of(selection, rivals, left, no_noise)
     notes = [each.description for each in last.assumed]
     notes += filter(
         None, (*(unseen_headings(s.best, s.reference) for s in selection.steps), on_times)
@@ -159,9 +162,14 @@ def diagnose(
             if form.name not in short_of and (of_a_day or form.scope is Scope.BOAT)
         ]  # fmt: skip
         verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder, forms)
-    nameless = verdict is Verdict.UNKNOWN and not (left or contradictions) and curve is None
+    told = left or contradictions or beyond_belief
+    nameless = verdict is Verdict.UNKNOWN and not told and curve is None
     period = swing_period(selection.fit) if nameless else None
-    said = summary_of(verdict, ladder, rivals, left, floor, curve, period, contradictions)
+    said = summary_of(
+        verdict, ladder, rivals, left, floor, curve, period, contradictions, beyond_belief
+    )
+    if curve is not None:  # the sentence has the curve in its place
+        notes += beyond_belief
     return Diagnosis(
         verdict=verdict,
         summary="; ".join((said, *notes)),

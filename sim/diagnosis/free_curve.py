@@ -2,10 +2,10 @@
 
 An effect that declares `tables` has no law: each of its empty tables is a force, a share of the
 thrust, or water that flows, over one variable, two, the map or the time. The table that a few
-steps of the search fill best is fitted whole, with all other numbers, and judged on unseen time like an
-effect: beside the effects that were found, for what they leave; and in their place, for an effect
-that only lies near takes the form of another cause as far as its law can. At the noise free runs
-hardly tell such a one from its cause, but from one moment to the next the two part.
+steps of the search fill best is fitted whole, with all other numbers, and judged on unseen time
+like an effect: beside the effects that were found, for what they leave; and in their place, for an
+effect that only lies near takes the form of another cause as far as its law can. At the noise free
+runs hardly tell such a one from its cause, but from one moment to the next the two part.
 """
 
 from collections.abc import Sequence

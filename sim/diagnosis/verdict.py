@@ -152,11 +152,12 @@ def unexplained_share(ladder: Sequence[LadderStep], floor: float) -> float:
 def summary_of(
     verdict: Verdict, ladder: Sequence[LadderStep], rivals: Sequence[Sequence[RankedEffect]],
     left: Sequence[Dependence], floor: float, curve: FreeCurve | None = None,
-    period: float | None = None, contradictions: Sequence[str] = (),
+    period: float | None = None, contradictions: Sequence[str] = (), strained: Sequence[str] = (),
 ) -> str:  # fmt: skip
     """The answer in one sentence; `period` [s]: that of what is left, where it swings.
 
-    `contradictions`: of sensors; what a model of the boat leaves may be theirs.
+    `contradictions`: of sensors; what a model of the boat leaves may be theirs. `strained`: numbers
+    of what was found that no boat has.
     """
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
@@ -195,6 +196,8 @@ def summary_of(
     if contradictions:
         rest = (f"the sensors contradict one another ({'; '.join(contradictions)}): that comes "
                 "before any effect")  # fmt: skip
+    elif strained:
+        rest = f"{' and '.join(strained)}, so {names} must stand for something else"
     elif left:
         rest = left[0].description
     elif period is not None:

@@ -7,6 +7,7 @@ Source: Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigati
 2013, ch. 14 (lever arms).
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 from sim.body import Report
@@ -31,6 +32,12 @@ def observe(report: Report, p: Any) -> Report:
     )
 
 
+def within(vessel: Any) -> Mapping[str, tuple[float, float]]:
+    """Over the hull [m]."""
+    x, y = 0.5 * vessel.hull.length, 0.5 * vessel.hull.beam
+    return {"x": (-x, x), "y": (-y, y)}
+
+
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
     along, across = p.side("x", " ahead", " aft"), p.side("y", " to starboard", " to port")
@@ -52,5 +59,6 @@ EFFECT = Effect(
     "spots on the track that swing around the boat",
     mistaken_for=("cross_damping", "cg_offset"),
     evidence=EvidenceAxis(ForceAxis.SWAY, "turn_rate"),
+    within=within,
     in_words=in_words,
 )

@@ -292,6 +292,7 @@ class Effect:
     example       values that show it, if no number can be made stronger step by step
     measured      what stands in a recording where the cause itself was measured
     assumption    (vessel, values, intervals by parameter) -> what had to be assumed for them
+    within        (vessel) -> what numbers can be on that hull, where that is less than their limits
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
     """
@@ -321,6 +322,7 @@ class Effect:
     example: Values | None = field(default=None, compare=False)
     measured: Measured | None = field(default=None, compare=False)
     assumption: Callable[[Any, Values, Intervals], Assumption | None] | None = None
+    within: Callable[[Any], Intervals] | None = None
     pattern_for: tuple[str, ...] = ()
     wiring: Law | None = None
     command: Law | None = None

@@ -3,14 +3,15 @@
     y(x) = linear between nine knots x_k = low + k (high − low) / 8, constant beyond them
     acts 1 (surge)   X = y F          acts 2 (sway)   Y = y F, N = x_F Y
     acts 3 (yaw)     N = y F L / 2    acts 4 (thrust) F_i → F_i (1 + y)
+    acts 5 (angle)   δ → δ + y
 
 f0 … f8 are y at the knots; F [N] the scale `full`; x_F [m] the place `x` where a push acts; L [m]
 the hull's length; F_i [N] the thrust of motor i. The variable x is, by `by`: 1 speed ahead through
 the water [m/s], 2 speed sideways [m/s], 3 yaw rate [rad/s], 4 heading [rad] from `low` all around,
-5 the thrust of a motor as a share of its full thrust ahead; then each motor has a force of its own.
-Valid for: the range between `low` and `high` that was sailed; a table explains nothing, and holds
-no further than its data. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions
-with local support).
+5 the thrust of a motor as a share of its full thrust ahead (then each motor has a force of its
+own), 6 the angle δ [rad] commanded of a rudder or steered motor. Valid for: the range between `low`
+and `high` that was sailed; a table explains nothing, and holds no further than its data. Source:
+Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
 """
 
 import math
@@ -19,15 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from sim.body import Flow, ThrusterParameters
+from sim.body import Flow, RudderParameters, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
 from sim.effects.learned_formula import (
     AHEAD,
+    ANGLE,
     DRAWN_AGAINST,
     HEADING,
     KNOTS,
     MOTOR,
     NAMES,
+    RUDDER,
     SIDEWAYS,
     SURGE,
     SWAY,
@@ -94,6 +97,11 @@ def reaction(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> Wrench:
     return wrench(y, flow.body.length, p)
 
 
+def angle(δ: float, blade: RudderParameters, p: Any) -> float:
+    """Angle -> angle [rad]."""
+    return δ + (p.acts == ANGLE) * table(δ, p)
+
+
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
     """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r."""
     full = float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
@@ -105,6 +113,10 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     if vessel.thrusters:
         ranges |= {MOTOR: (low, 1.0)}
         pairs += [(MOTOR, acts) for acts in (SURGE, SWAY, YAW, THRUST)]
+    if vessel.rudders:
+        ranges |= {RUDDER: (min(r.angle[0] for r in vessel.rudders),
+                            max(r.angle[1] for r in vessel.rudders))}  # fmt: skip
+        pairs += [(RUDDER, ANGLE)]
     return [
         {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full,
          "x": 0.0, **{f"f{k}": 0.0 for k in range(KNOTS)}}
@@ -114,7 +126,9 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
 
 def evidence_axis(values: Values) -> EvidenceAxis:
     """The missing force of the table's axis over the table's variable."""
-    axis = {SWAY: ForceAxis.SWAY, YAW: ForceAxis.YAW}.get(values["acts"], ForceAxis.SURGE)
+    axis = {SWAY: ForceAxis.SWAY, YAW: ForceAxis.YAW, ANGLE: ForceAxis.YAW}.get(
+        values["acts"], ForceAxis.SURGE
+    )
     return EvidenceAxis(axis, DRAWN_AGAINST[values["by"]])
 
 
@@ -126,6 +140,11 @@ def in_words(values: FittedValues) -> str:
     shares = [values[f"f{k}"] for k in range(KNOTS)]
     if acts == THRUST:
         what, told = "a share of the thrust that changes", [f"{100.0 * y:+.0f} %" for y in shares]
+    elif acts == ANGLE:
+        what, told = (
+            "an angle of the steering that differs",
+            [f"{math.degrees(y):+.1f}°" for y in shares],
+        )
     else:
         at = f" {values['x']:+.2f} m from the origin" if acts == SWAY else ""
         turn = "a moment to starboard, as a force at half the hull's length,"
@@ -143,14 +162,16 @@ EFFECT = Effect(
     force=force,
     thrust=thrust,
     reaction=reaction,
+    angle=angle,
     parameters=(
         Parameter(
-            "by", "1", lower=1.0, upper=5.0, start=1.0, kind=Kind.CHOICE,
-            description="1 speed ahead, 2 sideways, 3 yaw rate, 4 heading, 5 a motor's thrust",
+            "by", "1", lower=1.0, upper=6.0, start=1.0, kind=Kind.CHOICE,
+            description="1 speed ahead, 2 sideways, 3 yaw rate, 4 heading, 5 a motor's thrust, "
+            "6 the angle commanded",
         ),
         Parameter(
-            "acts", "1", lower=1.0, upper=4.0, start=1.0, kind=Kind.CHOICE,
-            description="1 surge, 2 sway, 3 yaw, 4 share of the thrust",
+            "acts", "1", lower=1.0, upper=5.0, start=1.0, kind=Kind.CHOICE,
+            description="1 surge, 2 sway, 3 yaw, 4 share of the thrust, 5 angle of the steering",
         ),
         Parameter(
             "low", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=-1.0, kind=Kind.FIXED,

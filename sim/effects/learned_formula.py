@@ -21,18 +21,20 @@ from sim.effects.tables import Formula
 from sim.state import Floats
 
 KNOTS = 9
-SURGE, SWAY, YAW, THRUST = 1.0, 2.0, 3.0, 4.0
-AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR = 1.0, 2.0, 3.0, 4.0, 5.0
+SURGE, SWAY, YAW, THRUST, ANGLE = 1.0, 2.0, 3.0, 4.0, 5.0
+AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR, RUDDER = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 
 NAMES = {AHEAD: "speed ahead", SIDEWAYS: "speed sideways", TURNING: "yaw rate",
-         HEADING: "heading", MOTOR: "thrust of each motor"}  # fmt: skip
+         HEADING: "heading", MOTOR: "thrust of each motor",
+         RUDDER: "angle that is commanded"}  # fmt: skip
 # what a knot is told in: unit, and how many of it make one of the table's
 UNITS = {AHEAD: ("m/s", 1.0), SIDEWAYS: ("m/s", 1.0), TURNING: ("°/s", math.pi / 180.0),
-         HEADING: ("°", math.pi / 180.0), MOTOR: ("%", 0.01)}  # fmt: skip
+         HEADING: ("°", math.pi / 180.0), MOTOR: ("%", 0.01),
+         RUDDER: ("°", math.pi / 180.0)}  # fmt: skip
 
 
 DRAWN_AGAINST = {AHEAD: "surge", SIDEWAYS: "sway", TURNING: "turn_rate", HEADING: "heading",
-                 MOTOR: "throttle"}  # fmt: skip
+                 MOTOR: "throttle", RUDDER: "helm"}  # fmt: skip
 
 
 GRID = 15  # places of a step or a bump over the range that was sailed
@@ -154,12 +156,15 @@ def _filled(form: Form, x: Floats, y: Floats, weight: Floats, beside: Sequence[F
     return best
 
 
-SYMBOLS = {AHEAD: "u", SIDEWAYS: "v", TURNING: "r", HEADING: "ψ", MOTOR: "s"}
-PYTHON = {AHEAD: "flow.u", SIDEWAYS: "flow.v", TURNING: "flow.r", HEADING: "flow.yaw"}
+SYMBOLS = {AHEAD: "u", SIDEWAYS: "v", TURNING: "r", HEADING: "ψ", MOTOR: "s",
+           RUDDER: "δ"}  # fmt: skip
+PYTHON = {AHEAD: "flow.u", SIDEWAYS: "flow.v", TURNING: "flow.r", HEADING: "flow.yaw",
+          RUDDER: "δ"}  # fmt: skip
 MEANING = {AHEAD: "u [m/s] ahead through the water", SIDEWAYS: "v [m/s] to starboard through the "
            "water", TURNING: "r [rad/s]", HEADING: "ψ [rad] the heading",
-           MOTOR: "s the thrust of a motor over its full thrust ahead"}  # fmt: skip
-AXES = {SURGE: "X", SWAY: "Y", YAW: "N", THRUST: "F_i → F_i (1 + y), y"}
+           MOTOR: "s the thrust of a motor over its full thrust ahead",
+           RUDDER: "δ [rad] the angle of each rudder as commanded"}  # fmt: skip
+AXES = {SURGE: "X", SWAY: "Y", YAW: "N", THRUST: "F_i → F_i (1 + y), y", ANGLE: "δ → δ + y, y"}
 OWN_DRAG = {(AHEAD, SURGE), (SIDEWAYS, SWAY), (TURNING, YAW)}  # what the base's drag can take on
 LIMIT = 10.0  # times what was found: how far a size may go
 
@@ -176,7 +181,7 @@ def formulas(vessel: Any, values: Values, std: Mapping[str, float]) -> list[Form
 
 def _formula(filled: FilledForm, vessel: Any, values: Values) -> Formula:
     acts = values["acts"]
-    size = {SURGE: 1.0, SWAY: 1.0, YAW: 0.5 * vessel.hull.length, THRUST: 0.0}[acts]
+    size = {SURGE: 1.0, SWAY: 1.0, YAW: 0.5 * vessel.hull.length}.get(acts, 0.0)
     scale = size * values["full"] if size else 1.0
     sizes = filled.form.sizes
     numbers = {k: v * scale if k in sizes else v for k, v in filled.values.items()}
@@ -212,22 +217,31 @@ def formula_source(name: str, values: Values, formula: Formula) -> str:
     return SOURCE.format(
         title=name.replace("_", " ").capitalize(), name=name, text=text,
         meaning=MEANING[by], law=_law(form.python, by, acts), numbers=numbers,
-        place="thrust" if acts == THRUST else "reaction" if by == MOTOR else "force",
-        drive="from sim.body import Flow, ThrusterParameters\n" if _of_motor(by, acts)
-        else "from sim.body import Flow\n",
-        wrench="" if acts == THRUST else "from sim.state import Wrench\n",
+        place=_place(by, acts), drive=f"from sim.body import {_body(by, acts)}\n",
+        wrench="" if acts in {THRUST, ANGLE} else "from sim.state import Wrench\n",
     )  # fmt: skip
 
 
-def _of_motor(by: float, acts: float) -> bool:
-    return by == MOTOR or acts == THRUST
+def _place(by: float, acts: float) -> str:
+    """The place of the law in an effect."""
+    return {THRUST: "thrust", ANGLE: "angle"}.get(acts, "reaction" if by == MOTOR else "force")
+
+
+def _body(by: float, acts: float) -> str:
+    """What the law takes of `sim.body`."""
+    if acts == ANGLE:
+        return "RudderParameters"
+    return "Flow, ThrusterParameters" if by == MOTOR or acts == THRUST else "Flow"
 
 
 def _law(python: str, by: float, acts: float) -> str:
     """The function: its arguments, the variable, what it returns."""
     share = "F / np.maximum(drive.ahead, 1e-9)"
     x = share if by == MOTOR else PYTHON[by]
-    if acts == THRUST:
+    if acts == ANGLE:
+        head = "def angle(δ: float, blade: RudderParameters, p: Any) -> float:"
+        says, give = "Angle -> angle [rad].", f"δ + {python}"
+    elif acts == THRUST:
         head = "def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:"
         says, give = "Thrust, motion -> thrust [N].", f"F * (1.0 + {python})"
     else:

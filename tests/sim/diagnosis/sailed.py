@@ -26,9 +26,15 @@ def sailed(
     return sailed_with(with_effect(WAM_V, effect, **values) if effect else WAM_V, seconds, seed)
 
 
-def sailed_with(vessel: Vessel, seconds: float = 200.0, seed: int = 1, noise: float = 1.0) -> Trial:
-    """What a vessel reports; `noise`: times the usual standard deviation."""
-    drive, std = commands(seconds, DT, seed), noise * STD
+def sailed_with(
+    vessel: Vessel, seconds: float = 200.0, seed: int = 1, noise: float = 1.0,
+    drive: Floats | None = None,
+) -> Trial:  # fmt: skip
+    """What a vessel reports; `noise`: times the usual standard deviation; `drive` (T, 2): other
+    commands than those of two motors.
+    """
+    drive = commands(seconds, DT, seed) if drive is None else drive
+    std = noise * STD
     _, reports = on_floats(vessel).simulate(drive, DT)
     motion: Floats = reports[0, :-1] + np.random.default_rng(seed).normal(0.0, std, (len(drive), 9))
     return trial_of(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.body import Flow, ThrusterParameters
+from sim.body import Flow, RudderParameters, ThrusterParameters
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
@@ -18,10 +18,13 @@ from sim.diagnosis.free_curve import FREE_FORMS
 from sim.diagnosis.heldout import rank
 from sim.effects import learned_history, learned_map
 from sim.effects.catalogue import named
+from sim.effects.effect import Parameter
+from sim.effects.learned_formula import ANGLE, RUDDER
 from sim.prediction.segments import NoUsableTimeError
-from sim.state import Pose, Water
+from sim.state import Floats, Pose, Water
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import STD, sailed, sailed_with
+from tests.sim.vessels import RUDDER_BOAT
 from tests.sim.voyages import WAM_V, trial_of, voyage
 
 FEW = DiagnoseSettings(
@@ -154,6 +157,49 @@ def test_effects_at_the_noise_give_way_to_a_curve_that_explains_more() -> None:
     assert found.formula.formula.numbers["x0"] == pytest.approx(1.2, abs=0.05)
     assert found.formula.formula.numbers["c"] == pytest.approx(-0.2, abs=0.05)
     assert "nearest to it come advance_loss and cubic_drag" in found.summary
+
+
+def steered(seconds: float = 200.0, seed: int = 3) -> Floats:
+    """Throttle ahead, helm to both sides: (T, 2)."""
+    rng, parts, dt = np.random.default_rng(seed), [], 0.1
+    while sum(len(part) for part in parts) < seconds / dt:
+        held = (rng.uniform(0.3, 0.9), rng.uniform(-1.0, 1.0))
+        parts.append(np.tile(held, (int(rng.uniform(3.0, 8.0) / dt), 1)))
+    return np.concatenate(parts)[: int(seconds / dt)]
+
+
+@pytest.mark.slow
+def test_a_linkage_that_gives_less_angle_is_told_as_a_curve_over_the_angle() -> None:
+    """A third beyond 0.2 rad: the catalogue's steering is off, or late, and has no such shape."""
+
+    def angle(δ: float, blade: RudderParameters, p: Any) -> float:
+        inner = np.minimum(np.maximum(δ, -p.angle), p.angle)
+        return inner + (δ - inner) / 3.0
+
+    linkage = replace(named("steering_offset"), name="linkage", angle=angle)
+    boat = RUDDER_BOAT.with_effects(AddedEffect(linkage, {"angle": 0.2}))
+    few = replace(FEW, effects=(named("steering_offset"), named("hull_lift")))
+    found = diagnose([sailed_with(boat, drive=steered())], RUDDER_BOAT, few)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    filled = found.curve.vessel.effects[-1].values
+    assert (filled["by"], filled["acts"]) == (RUDDER, ANGLE)
+    ends = filled["f8"] - filled["f0"]
+    assert ends == pytest.approx(-2.0 * (0.6 - 0.2) * 2.0 / 3.0, rel=0.2)
+    assert "an angle of the steering that differs with the angle" in found.summary
+
+
+@pytest.mark.slow
+def test_what_only_fits_at_its_limit_is_no_finding() -> None:
+    """A boat that is five times as heavy from one moment on: no payload may be more than three."""
+    heavier = Parameter("factor", "-", lower=0.3, upper=9.0, start=1.0, scale=0.05, neutral=1.0)
+    payload = named("payload_change")
+    load = replace(payload, name="ballast", parameters=(heavier, *payload.parameters[1:]))
+    boat = WAM_V.with_effects(AddedEffect(load, {"factor": 5.0, "time": 100.0}))
+    found = diagnose([sailed_with(boat)], WAM_V, replace(FEW, effects=(payload,), most=1))
+    assert found.effects == ("payload_change",)
+    assert found.verdict is Verdict.UNKNOWN
+    assert "factor of payload_change stands at its limit, 3" in found.summary
 
 
 @pytest.mark.slow

@@ -8,16 +8,19 @@ import pytest
 
 from sim.effects.learned import (
     AHEAD,
+    ANGLE,
     EFFECT,
     HEADING,
     KNOTS,
     MOTOR,
+    RUDDER,
     SIDEWAYS,
     SURGE,
     SWAY,
     THRUST,
     TURNING,
     YAW,
+    angle,
     force,
     in_words,
     reaction,
@@ -25,7 +28,7 @@ from sim.effects.learned import (
     tables,
     thrust,
 )
-from tests.sim.vessels import WAMV
+from tests.sim.vessels import RUDDER_BOAT, WAMV
 
 SHARES = {f"f{k}": 0.1 * (-1) ** k * k for k in range(KNOTS)}
 BASE = {**EFFECT.example, **SHARES}
@@ -74,6 +77,11 @@ def test_a_heading_may_begin_anywhere_on_the_circle() -> None:
         ),
         ({"by": HEADING, "high": 2.0 * np.pi}, ("with the heading", "-30 N at 180 °"), "m/s"),
         ({"by": MOTOR, "high": 1.0}, ("thrust of each motor", "-30 N at 50 %"), "m/s"),
+        (
+            {"by": RUDDER, "acts": ANGLE, "low": -np.pi / 3, "high": np.pi / 3},
+            ("angle of the steering that differs with the angle", "-17.2° at 0 °"),
+            " N ",
+        ),
     ],
 )
 def test_it_is_told_in_the_units_of_its_variable(values, parts, never) -> None:
@@ -111,6 +119,24 @@ def test_a_table_reads_one_variable_of_the_motion_and_pushes_along_one_axis(by, 
         )
         share = (y or 0.25) if acts == THRUST else 0.0
         assert thrust(40.0, DRIVE, FLOW, p) == pytest.approx(40.0 * (1.0 + share))
+
+
+def test_an_angle_of_the_steering_is_another_than_commanded_and_nothing_else() -> None:
+    p = SimpleNamespace(**{**EFFECT.example, **LINE, "by": RUDDER, "acts": ANGLE})
+    assert [angle(δ, DRIVE, p) for δ in (-1.0, 0.0, 0.5)] == pytest.approx([-1.0, 0.0, 0.75])
+    assert force(FLOW, p) == (0.0, 0.0, 0.0)
+    assert reaction(40.0, DRIVE, FLOW, p) == (0.0, 0.0, 0.0)
+    assert thrust(40.0, DRIVE, FLOW, p) == 40.0
+    p.acts = THRUST
+    assert angle(0.5, DRIVE, p) == 0.5
+
+
+def test_only_what_steers_has_an_angle_to_fill() -> None:
+    extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
+    (of_angle,) = (t for t in tables(RUDDER_BOAT, extent) if t["acts"] == ANGLE)
+    most = max(rudder.angle[1] for rudder in RUDDER_BOAT.rudders)
+    assert (of_angle["by"], of_angle["high"]) == (RUDDER, most)
+    assert of_angle["low"] < 0.0
 
 
 def test_what_could_be_filled_is_every_pair_over_the_range_that_was_sailed() -> None:

@@ -11,10 +11,12 @@ from gateway.user_effects import load_effects, write_effect_formula
 from sim.effects.learned import EFFECT
 from sim.effects.learned_formula import (
     AHEAD,
+    ANGLE,
     FORMS,
     HEADING,
     KNOTS,
     MOTOR,
+    RUDDER,
     SURGE,
     SWAY,
     THRUST,
@@ -114,6 +116,20 @@ def test_the_file_of_a_formula_does_what_its_table_says(by, acts, tmp_path: Path
             size = max(np.abs(said).max(), 1e-3)
             if not own_drag(by, acts):  # there the table holds what the base takes on as well
                 np.testing.assert_allclose(said, told, atol=2e-2 * size, err_msg=formula.text)
+
+
+def test_the_file_of_a_formula_turns_the_rudder_as_its_table_says(tmp_path: Path):
+    table = {**EMPTY, "by": RUDDER, "acts": ANGLE, "low": -0.6, "high": 0.6}
+    at = np.linspace(-0.6, 0.6, KNOTS)
+    table |= {f"f{k}": float(-0.3 * x) for k, x in enumerate(at)}
+    weaker = next(f for f in formulas(WAMV, table, STD) if f.form == "linear")
+    assert weaker.text.startswith("δ → δ + y, y = c δ, c = -0.3")
+    file = tmp_path / "linkage.py"
+    write_effect_formula(EFFECT, table, weaker, file)
+    (own,) = load_effects(file)
+    assert set(own.laws) == {"angle"}
+    p = SimpleNamespace(**{q.name: q.start for q in own.parameters})
+    assert own.laws["angle"](0.5, None, p) == pytest.approx(0.35)
 
 
 def own_drag(by, acts):
