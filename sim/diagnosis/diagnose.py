@@ -23,7 +23,7 @@ from sim.diagnosis.ladder import (
     is_missed,
     is_worth_it,
 )
-from sim.diagnosis.limits import strained
+from sim.diagnosis.limits import strain_of
 from sim.diagnosis.next_experiment import (
     RecordingContent,
     Refusal,
@@ -143,7 +143,10 @@ def diagnose(
         effects_found, noise_share
     )
     contradictions = tuple(dict.fromkeys(said for t in trials for said in t.contradictions))
-    beyond_belief = strained(last)
+    beyond_belief = [
+        strain for added in last.vessel.effects
+        if added.effect.name in last.effects and (strain := strain_of(added, last.vessel))
+    ]  # fmt: skip
     no_noise = beyond or bool(contradictions) or bool(beyond_belief)
     verdict = verdict_of(selection, rivals, left, no_noise)
     notes = [each.description for each in last.assumed]
@@ -273,6 +276,7 @@ def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[R
         beside_all = search.beside_others(step, selection.fit, {row.name for row in shown})
         shown = rivals_of(beside_all, selection.fit.names)
     rivals = [*shown, *rivals_of(search.beside_unshown(step), selection.fit.names)]
+    rivals = [r for r in rivals if not strain_of(r.found, r.fit.problem.vessel)]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]
 
 

@@ -1,6 +1,7 @@
 """Whether an effect that was found is true of the boat, or of these recordings only.
 
     on recordings   each left out in turn: squared errors there, without and with the effect
+    its numbers     none that no boat has
     on headings     nats won on unseen time by the sector of the heading that they were won in
 
 Blocks of one recording share its day. A compass that is turned, iron on board, a current and a hull
@@ -14,6 +15,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.feedback import NOT_BEFORE_MOTION, acts_before_motion
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain_on_recordings, nats_won
+from sim.diagnosis.limits import strain_of
 from sim.effects.effect import Scope, Shown
 from sim.state import Eta, Floats
 
@@ -26,6 +28,9 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
 
     `reference` is that of its ranking. What is of a day is learnt on each day anew.
     """
+    strain = strain_of(row.found, row.fit.problem.vessel)
+    if strain:
+        return f"{strain}: it stands in for something else"
     if row.effect.scope is not Scope.BOAT:
         return ""
     if not _wins_on_recordings(row, reference, scorer):

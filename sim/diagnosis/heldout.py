@@ -43,6 +43,7 @@ from sim.prediction.free_runs import Ruler, nrmse_interval, predict, scaled_squa
 from sim.prediction.segments import CompareSettings, NoUsableTimeError
 from sim.state import Floats, Ints
 from sim.trial import Trial
+from sim.vessel import AddedEffect
 
 
 class Gain(NamedTuple):
@@ -217,6 +218,11 @@ class RankedEffect:
     def name(self) -> str:
         """Of the effect."""
         return self.effect.name
+
+    @property
+    def found(self) -> AddedEffect:
+        """With its numbers, as on the first trial."""
+        return AddedEffect(self.effect, self.fit.values(self.name))
 
     def gain_over(self, other: "RankedEffect") -> Gain:
         """What this one is worth over another of the same ranking."""

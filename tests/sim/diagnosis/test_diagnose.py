@@ -197,9 +197,10 @@ def test_what_only_fits_at_its_limit_is_no_finding() -> None:
     load = replace(payload, name="ballast", parameters=(heavier, *payload.parameters[1:]))
     boat = WAM_V.with_effects(AddedEffect(load, {"factor": 5.0, "time": 100.0}))
     found = diagnose([sailed_with(boat)], WAM_V, replace(FEW, effects=(payload,), most=1))
-    assert found.effects == ("payload_change",)
+    assert found.effects == ()
     assert found.verdict is Verdict.UNKNOWN
-    assert "factor of payload_change stands at its limit, 3" in found.summary
+    (reason,) = (r.reason for r in found.refused if r.effect == "payload_change")
+    assert reason.startswith("factor of payload_change stands at its limit, 3: it stands in for")
 
 
 @pytest.mark.slow

@@ -47,7 +47,10 @@ def without_and_with_a_delay(late: float) -> tuple[Fit, Fit]:
 
 def ranked(effect: str, left: float) -> Any:
     """A row of a ranking whose fit leaves so much of the yaw rate, over its noise."""
-    return SimpleNamespace(effect=named(effect), fit=SimpleNamespace(noise_share=(0.7, 0.7, left)))
+    law, problem = named(effect), SimpleNamespace(vessel=WAM_V)
+    found = AddedEffect(law, {p.name: p.start for p in law.parameters})
+    fit = SimpleNamespace(noise_share=(0.7, 0.7, left), problem=problem)
+    return SimpleNamespace(effect=law, found=found, fit=fit)
 
 
 @pytest.mark.parametrize(

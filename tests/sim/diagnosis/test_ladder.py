@@ -16,6 +16,7 @@ from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIE
 from sim.diagnosis.verdict import rivals_of
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
+from tests.sim.voyages import WAM_V
 
 HIDDEN = "steering_lag"  # worth most, and yet no prediction is better with it
 FIRST: Any = SimpleNamespace(names=(), added=(), nrmse=0.5)
@@ -25,9 +26,16 @@ BLOCK = np.repeat(np.arange(8), 10)
 def row(name: str, gain: Gain, left: float = 1.0, nrmse: float = 0.495) -> RankedEffect:
     """One of a ranking; `left` of the residual on unseen time, with that error there."""
     residual = np.full(len(BLOCK), left)
-    problem = SimpleNamespace(block=BLOCK)
-    fit: Any = SimpleNamespace(name=name, problem=problem, heldout_residual=residual, nrmse=nrmse)
+    problem = SimpleNamespace(block=BLOCK, vessel=WAM_V)
+    fit: Any = SimpleNamespace(
+        name=name, problem=problem, heldout_residual=residual, nrmse=nrmse, values=starts
+    )
     return RankedEffect(named(name), fit, gain, 0.5)
+
+
+def starts(effect: str) -> dict[str, float]:
+    """The numbers of an effect as no fit has moved them yet."""
+    return {p.name: p.start for p in named(effect).parameters}
 
 
 class Made(EffectSearch):
@@ -295,7 +303,8 @@ class Weather(EffectSearch):
         share = (2.0, 2.0, 2.0) if nrmse > 0.1 else (0.7, 0.7, 0.7)
         return SimpleNamespace(
             names=names, nrmse=nrmse, heldout_residual=residual, noise_share=share,
-            problem=SimpleNamespace(block=BLOCK),
+            problem=SimpleNamespace(block=BLOCK, vessel=WAM_V),
+            values=starts,
             effects=lambda: [SimpleNamespace(effect=named(name)) for name in names],
         )  # fmt: skip
 
@@ -382,3 +391,16 @@ def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) 
     assert [r.name for r in rivals_of(step, found)] == ["steady_wind"]
     selection: Any = SimpleNamespace(steps=(step, step), fit=search.fit_of(found))
     assert [r.name for r in _rivals(step, search, selection)] == rivals
+
+
+def test_what_only_does_as_well_at_its_limit_is_no_rival() -> None:
+    nothing: Any = None
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing, 1.0)
+    ends = {"heading_offset": {"angle": 0.8}}
+    fit: Any = SimpleNamespace(names=("thruster_imbalance",))
+    for of_rival, told in ((starts, ["heading_offset"]), (lambda name: ends[name], [])):
+        best, rival = row("thruster_imbalance", SOME.gain), row("heading_offset", SOME.gain)
+        rival.fit.values = of_rival
+        step = Ranking(FIRST, (best, rival))
+        selection: Any = SimpleNamespace(steps=(step,), fit=fit)
+        assert [r.name for r in _rivals(step, search, selection)] == told

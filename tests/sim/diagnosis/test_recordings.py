@@ -16,6 +16,7 @@ from sim.effects.catalogue import named
 from sim.effects.effect import Shown
 from sim.model import Model
 from sim.trial import Trial
+from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import DT, STD, sailed, with_effect
 from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V, trial_of
@@ -148,12 +149,14 @@ def seen_on(won: dict[float, float], effect: str = "heading_offset") -> tuple[An
     heading = np.radians(list(won))
     trial = SimpleNamespace(time=np.arange(len(won)), eta=np.outer(heading, [0.0, 0.0, 1.0]))
     places = SimpleNamespace(begin=trial.time, trial=np.zeros(len(won), int))
-    problem = SimpleNamespace(trials=(trial,), places=places)
+    problem = SimpleNamespace(trials=(trial,), places=places, vessel=WAM_V)
     nats = np.array(list(won.values()))
     before = np.sqrt(6.0 + 6.0 * np.maximum(nats, 0.0))
     after = np.sqrt(6.0 + 6.0 * np.maximum(-nats, 0.0))
     fit = SimpleNamespace(problem=problem, heldout_residual=after)
-    row = SimpleNamespace(effect=named(effect), name=effect, fit=fit)
+    law = named(effect)
+    found = AddedEffect(law, {p.name: p.start for p in law.parameters})
+    row = SimpleNamespace(effect=law, name=effect, fit=fit, found=found)
     return row, SimpleNamespace(problem=problem, heldout_residual=before)
 
 
