@@ -1,8 +1,8 @@
 """Whether an effect only fits with numbers that no boat has: then it stands in for something else.
 
 An effect that is not the cause takes the cause's form as far as its law can. Where that ends at the
-limit of a number (a boat three times as heavy from one moment on), or beyond the hull (an antenna
-over the water beside it), what was found is a shape, and no finding.
+limit of a number (a boat three times as heavy from one moment on), or far beyond the hull (an
+antenna over the water), what was found is a shape, and no finding.
 """
 
 from sim.effects.effect import Kind, Parameter

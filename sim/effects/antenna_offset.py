@@ -33,9 +33,9 @@ def observe(report: Report, p: Any) -> Report:
 
 
 def within(vessel: Any) -> Mapping[str, tuple[float, float]]:
-    """Over the hull [m]."""
-    x, y = 0.5 * vessel.hull.length, 0.5 * vessel.hull.beam
-    return {"x": (-x, x), "y": (-y, y)}
+    """No further out than the ends of the hull [m], on an outrigger too."""
+    far = 0.5 * vessel.hull.length
+    return {"x": (-far, far), "y": (-far, far)}
 
 
 def in_words(p: FittedValues) -> str:

@@ -36,13 +36,13 @@ def test_only_what_could_be_more_stands_at_a_limit(
     assert strain(effect, **{number: value}) == told
 
 
-def test_an_antenna_is_on_board() -> None:
-    hull = WAM_V.hull
-    assert strain("antenna_offset", x=-0.5 * hull.length, y=0.4 * hull.beam) == ""
-    assert strain("antenna_offset", x=0.0, y=0.6 * hull.beam) == ""  # as far as one can tell
-    beside = strain("antenna_offset", x=0.0, y=-0.7 * hull.beam)
-    assert beside == "y of antenna_offset is -1.61 m, and the hull ends at -1.15 m"
-    assert "hull ends at 2.45 m" in strain("antenna_offset", x=0.8 * hull.length)
+def test_an_antenna_is_no_further_out_than_the_hull_is_long() -> None:
+    half = 0.5 * WAM_V.hull.length
+    assert strain("antenna_offset", x=-half, y=0.9 * half) == ""  # an outrigger
+    assert strain("antenna_offset", x=0.0, y=1.2 * half) == ""  # as far as one can tell
+    beside = strain("antenna_offset", x=0.0, y=-1.3 * half)
+    assert beside == "y of antenna_offset is -3.19 m, and the hull ends at -2.45 m"
+    assert "hull ends at 2.45 m" in strain("antenna_offset", x=1.3 * half)
 
 
 def test_the_sentence_says_what_is_beyond_belief() -> None:
