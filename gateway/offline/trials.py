@@ -16,7 +16,7 @@ import numpy as np
 from gateway.errors import BadInput, numerical_errors
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
-from gateway.estimation.smoother import SmoothedMotion, smooth
+from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import contradictions
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import Origin
@@ -24,6 +24,7 @@ from gateway.ingest.open import open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
+from gateway.offline.rate_bias import smooth_with_bias
 from gateway.offline.usable_time import Bools, compass_jumped, frozen
 from gateway.shadow import (
     HeldInputs,
@@ -241,7 +242,7 @@ class TrialSource:
         events = self.events[inside]
         if options.measured_hz is not None:
             events = events.thinned(options.measured_hz)
-        motion = smooth(events, grid, self.settings)
+        motion = smooth_with_bias(events, grid, self.settings)
         edges = np.append(grid, grid[-1] + dt)
         channels, pwm = self._commands(edges)
         reasons = self._reasons(motion, grid, pwm, channels) | {

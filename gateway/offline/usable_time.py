@@ -310,9 +310,7 @@ def _contradicted(
 
 def _tracks(events: Events) -> tuple[Track, Track, Track, Track]:
     """Heading without jumps at ±π, turn rate, velocity over ground (N, E), position (N, E)."""
-    heading = _track(events, MeasurementKind.YAW, 1)
-    heading = heading._replace(values=np.unwrap(heading.values, axis=0))
-    turn = _track(events, MeasurementKind.YAW_RATE, 1)
+    heading, turn = heading_and_turn(events)
     velocity = _track(events, MeasurementKind.VELOCITY, 2)
     body = _track(events, MeasurementKind.BODY_VELOCITY, 2)
     if len(body.time) and len(heading.time):
@@ -321,6 +319,13 @@ def _tracks(events: Events) -> tuple[Track, Track, Track, Track]:
         north, east = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
         velocity = body._replace(values=np.stack([north, east], axis=1))
     return heading, turn, velocity, _track(events, MeasurementKind.POSITION, 2)
+
+
+def heading_and_turn(events: Events) -> tuple[Track, Track]:
+    """Heading without jumps at ±π [rad], turn rate [rad/s]."""
+    heading = _track(events, MeasurementKind.YAW, 1)
+    heading = heading._replace(values=np.unwrap(heading.values, axis=0))
+    return heading, _track(events, MeasurementKind.YAW_RATE, 1)
 
 
 def _track(events: Events, kind: MeasurementKind, width: int) -> Track:

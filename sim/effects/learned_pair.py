@@ -153,7 +153,8 @@ def in_words(values: FittedValues) -> str:
     what = f"{what} with the {NAMES[a]} and the {NAMES[b]}"
     strongest = int(np.argmax(np.abs(y) - half))
     if abs(y[strongest]) <= half[strongest]:
-        return f"{what}: nowhere surely"
+        best = int(np.argmax(np.abs(y) / np.maximum(half, 1e-12)))
+        return f"{what}: {_at(values, y, best)}, though no single knot is sure"
     other = int(np.argmax(np.abs(y - y[strongest]) - half))
     told = [_at(values, y, strongest)]
     if abs(y[other] - y[strongest]) > half[other]:

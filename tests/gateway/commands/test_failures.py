@@ -73,7 +73,10 @@ def test_a_recording_that_cannot_be_smoothed_or_read_is_named(
     monkeypatch: pytest.MonkeyPatch,
     name: str,
 ) -> None:
-    target = {"info": "gateway.ingest.survey.survey", "compare": "gateway.offline.trials.smooth"}
+    target = {
+        "info": "gateway.ingest.survey.survey",
+        "compare": "gateway.offline.trials.smooth_with_bias",
+    }
     monkeypatch.setattr(target[name], failing(np.linalg.LinAlgError("Singular matrix")))
     words = [name, log] + (["--vessel", boat] if name == "compare" else [])
     one_line(run(*words), 1, str(log), "Singular matrix")

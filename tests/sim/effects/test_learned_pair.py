@@ -122,7 +122,9 @@ def test_a_pair_says_where_it_is_strongest_and_where_it_differs_most() -> None:
 
 def test_what_is_not_known_is_not_told() -> None:
     wide = dict.fromkeys(learned_pair.KEYS, (-3.0, 3.0))
-    assert learned_pair.in_words(FittedValues(PAIR, wide)).endswith("nowhere surely")
+    few = {**EMPTY, "h22": -1.1, "h11": 0.4}
+    said = learned_pair.in_words(FittedValues(few, wide))
+    assert said.endswith(": -110 % at 1.33 m/s and 33.3 %, though no single knot is sure")
     one = {**EMPTY, "h11": -0.4, "h33": 1.9}
     ends = {"h11": (-0.45, -0.35), "h33": (-2.0, 5.8)}
     said = learned_pair.in_words(FittedValues(one, ends))
