@@ -131,12 +131,21 @@ class EffectSearch:
         if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")
-        last = final_fit(fit)
-        if not self.helps(last, fit):  # a hull far from the model may run away from it
-            fit = last
+        fit = self.settled(base, fit)
         effects = fit.effects()
         earlier = [self._with_first(effects[:k], steps, fit) for k in range(1, len(effects))]
         return Selection(base, (*earlier, fit), tuple(steps), first)
+
+    def settled(self, base: Fit, fit: Fit) -> Fit:
+        """The same effects with their last numbers, under the noise that these leave.
+
+        A hull far from the model may run away with them: then as they were. But free runs of one
+        that is unstable on course judge poorly where no more than noise is left from one moment to
+        the next.
+        """
+        last = final_fit(fit)
+        is_whole = is_at_floor(last.noise_share) and self.helps(base, last)
+        return last if is_whole or not self.helps(last, fit) else fit
 
     def _grown(
         self, steps: list[Ranking], fit: Fit, ranking: Ranking | None

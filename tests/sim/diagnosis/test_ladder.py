@@ -16,26 +16,10 @@ from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIE
 from sim.diagnosis.verdict import rivals_of
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
+from tests.sim.diagnosis.rankings import BLOCK, FIRST, SOME, row, starts
 from tests.sim.voyages import WAM_V
 
 HIDDEN = "steering_lag"  # worth most, and yet no prediction is better with it
-FIRST: Any = SimpleNamespace(names=(), added=(), nrmse=0.5)
-BLOCK = np.repeat(np.arange(8), 10)
-
-
-def row(name: str, gain: Gain, left: float = 1.0, nrmse: float = 0.495) -> RankedEffect:
-    """One of a ranking; `left` of the residual on unseen time, with that error there."""
-    residual = np.full(len(BLOCK), left)
-    problem = SimpleNamespace(block=BLOCK, vessel=WAM_V)
-    fit: Any = SimpleNamespace(
-        name=name, problem=problem, heldout_residual=residual, nrmse=nrmse, values=starts
-    )
-    return RankedEffect(named(name), fit, gain, 0.5)
-
-
-def starts(effect: str) -> dict[str, float]:
-    """The numbers of an effect as no fit has moved them yet."""
-    return {p.name: p.start for p in named(effect).parameters}
 
 
 class Made(EffectSearch):
@@ -76,7 +60,6 @@ def names(ranking: Ranking) -> list[str]:
 
 
 MUCH = row(HIDDEN, Gain(2.0, 0.5, 5.7, 700.0, 0.0))
-SOME = row("heading_offset", Gain(1.1, 0.075, 4.1, 104.0, 0.06))
 LITTLE = row("cg_offset", Gain(1.01, 0.005, 1.2, 15.0, 0.5))
 
 
@@ -220,8 +203,9 @@ def found(*names: str) -> Any:
     """A fit with these effects."""
     added = tuple(SimpleNamespace(effect=named(name)) for name in names)
     return SimpleNamespace(
-        names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names)
-    )
+        names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names),
+        noise_share=(2.0, 2.0, 2.0),
+    )  # fmt: skip
 
 
 class Scripted(EffectSearch):
@@ -391,16 +375,3 @@ def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) 
     assert [r.name for r in rivals_of(step, found)] == ["steady_wind"]
     selection: Any = SimpleNamespace(steps=(step, step), fit=search.fit_of(found))
     assert [r.name for r in _rivals(step, search, selection)] == rivals
-
-
-def test_what_only_does_as_well_at_its_limit_is_no_rival() -> None:
-    nothing: Any = None
-    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing, 1.0)
-    ends = {"heading_offset": {"angle": 0.8}}
-    fit: Any = SimpleNamespace(names=("thruster_imbalance",))
-    for of_rival, told in ((starts, ["heading_offset"]), (lambda name: ends[name], [])):
-        best, rival = row("thruster_imbalance", SOME.gain), row("heading_offset", SOME.gain)
-        rival.fit.values = of_rival
-        step = Ranking(FIRST, (best, rival))
-        selection: Any = SimpleNamespace(steps=(step,), fit=fit)
-        assert [r.name for r in _rivals(step, search, selection)] == told

@@ -1,13 +1,19 @@
 """Numbers that no boat has: where an effect stands for something else, and where it does not."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from sim.diagnosis.answer import LadderStep, Verdict
-from sim.diagnosis.heldout import HeldOutScore
+from sim.diagnosis.diagnose import _rivals
+from sim.diagnosis.heldout import HeldOutScore, Ranking
+from sim.diagnosis.ladder import EffectSearch
 from sim.diagnosis.limits import strain_of
 from sim.diagnosis.verdict import summary_of
-from sim.effects.catalogue import named
+from sim.effects.catalogue import EFFECTS, named
 from sim.vessel import AddedEffect
+from tests.sim.diagnosis.rankings import FIRST, SOME, row, starts
 from tests.sim.voyages import WAM_V
 
 
@@ -55,3 +61,16 @@ def test_the_sentence_says_what_is_beyond_belief() -> None:
         "something is missing that the catalogue does not hold: factor of payload_change stands at "
         "its limit, 3, so payload_change must stand for something else"
     )
+
+
+def test_what_only_does_as_well_at_its_limit_is_no_rival() -> None:
+    nothing: Any = None
+    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, nothing, 1.0)
+    ends = {"heading_offset": {"angle": 0.8}}
+    fit: Any = SimpleNamespace(names=("thruster_imbalance",))
+    for of_rival, told in ((starts, ["heading_offset"]), (lambda name: ends[name], [])):
+        best, rival = row("thruster_imbalance", SOME.gain), row("heading_offset", SOME.gain)
+        rival.fit.values = of_rival
+        step = Ranking(FIRST, (best, rival))
+        selection: Any = SimpleNamespace(steps=(step,), fit=fit)
+        assert [r.name for r in _rivals(step, search, selection)] == told
