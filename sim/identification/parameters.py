@@ -36,6 +36,7 @@ ROUNDING_STD_S2, ROUNDING_LIMIT_S2, ROUNDING_STEP_S2 = 0.001, 0.004, 1e-4
 BASE_STEP = 1e-5  # scales, of differences: a coarse step would pass curvature off for information
 EFFECT_STEP = 0.05  # scales, of differences of an effect's parameters
 ASSUMED_STD = 3.0  # scales that a number of a first vessel file may be off by
+SMALLEST = 1e-9  # of a number that a prior is a share of
 FIXED_STD = 1e-4  # scales: prior of a parameter that is held at its start
 MAX_TURN_RAD = 1.5  # that a blade or motor turns
 UNITS = {
@@ -260,7 +261,7 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
             one = _base(model, name, start)
         prior = settings.priors.get(name)
         if prior is not None:
-            one = replace(one, prior=prior * max(abs(start), 1e-9), assumed=False)
+            one = replace(one, prior=prior * max(abs(start), SMALLEST), assumed=False)
         own = scope is Scope.VOYAGE
         each += [replace(one, trial=trial) for trial in range(trials)] if own else [one]
     if settings.offsets:
