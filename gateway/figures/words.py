@@ -2,12 +2,41 @@
 
 from collections.abc import Collection, Iterable, Mapping
 
+import numpy as np
+
 from gateway.figures import probability_text
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values
 from sim.diagnosis.evidence import rivals
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
+from sim.identification import BASE
+
+MOST_MOVED = 4  # base numbers that are told beside the verdict
+# inertia and damping that all change by one factor: forces that changed by its inverse
+MIN_ALIKE, ALIKE, INERTIA = 4, 1.25, {"m11", "m22", "m33"}
+
+
+def moved_numbers(step: LadderStep) -> str:
+    """Base numbers whose interval no longer holds what the file gave, the furthest first, and
+    whether all changed alike; empty where none left it.
+    """
+    far = [
+        (e.value / e.before - 1.0, e)
+        for e in step.base_parameters
+        if e.name in BASE and e.before and not e.ci95[0] <= e.before <= e.ci95[1]
+    ]
+    far.sort(key=lambda each: -abs(each[0]))
+    told = [
+        f"{e.name} {e.before:.4g} → {e.value:.4g} {e.unit} ({100.0 * share:+.0f} %)"
+        for share, e in far[:MOST_MOVED]
+    ]
+    factors = [1.0 + share for share, e in far]
+    alike = len(far) >= MIN_ALIKE and min(factors) > 0.0 and max(factors) < ALIKE * min(factors)
+    if alike and any(e.name in INERTIA for _, e in far):
+        percent = 100.0 / float(np.median(factors))
+        told.append(f"all alike, as if the motors gave {percent:.0f} % of what the file says")
+    return ", ".join(told)
 
 
 def judgement_text(error: float, floor: float) -> str:

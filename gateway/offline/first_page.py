@@ -10,7 +10,7 @@ from gateway.figures import VELOCITIES, FigureData, Line, Panel, SeriesRole
 from gateway.figures.html_report import FirstPage, ReportFigure
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, with_earlier_model
-from gateway.figures.words import diagnosis_texts, judgement_text
+from gateway.figures.words import diagnosis_texts, judgement_text, moved_numbers
 from gateway.offline.compare import TrialComparison
 from gateway.offline.diagnose import DiagnosisResult
 from gateway.offline.trials import date_of
@@ -134,7 +134,10 @@ def _actions(found: Sequence[TrialComparison], answer: DiagnosisResult | None) -
         out.append("Use the better vessel file at the end of this report, and compare it with a "
                    "recording of another day.")  # fmt: skip
     elif answer.improves:
-        out.append("Use the vessel file at the end of this report: its plain numbers had to move.")
+        numbers = moved_numbers(d.ladder[-1])
+        moved = f" ({numbers})" if numbers else ""
+        out.append("Use the vessel file at the end of this report: its plain numbers had to move"
+                   f"{moved}.")  # fmt: skip
     if answer.voyage_effects:
         out.append("What belongs to this day (current, wind, load) is to be found anew on others.")
     manoeuvre = d.next_manoeuvre or next((s.description for s in answer.separations.values()), None)

@@ -1,0 +1,47 @@
+"""What is said of base numbers that had to move: which, how far, and whether all of them alike."""
+
+import pytest
+
+from gateway.figures.words import moved_numbers
+from sim.diagnosis.answer import LadderStep
+from sim.diagnosis.heldout import HeldOutScore
+from sim.identification.intervals import Estimate
+from tests.sim.voyages import WAM_V
+
+ALIKE = {"m11": 1.4, "m22": 1.38, "X_uu": 1.45, "N_r": 1.5}
+SENTENCE = "all alike, as if the motors gave"
+
+
+def moved(half: float = 0.05, **factors: float) -> str:
+    """Numbers of a hundred that changed by these factors; `half` of each 95 % interval."""
+    numbers = tuple(
+        Estimate(name, "kg", 100.0, 100.0 * f, (100.0 * (f - half), 100.0 * (f + half)), True)
+        for name, f in factors.items()
+    )
+    return moved_numbers(LadderStep((), "refitted", HeldOutScore(0.2, None), numbers, {}, WAM_V))
+
+
+def test_only_what_left_its_interval_is_told_the_furthest_first() -> None:
+    assert moved(m11=1.04, X_u=0.97) == ""
+    assert moved(m11=1.1, X_u=0.8, rounding=9.0) == (
+        "X_u 100 → 80 kg (-20 %), m11 100 → 110 kg (+10 %)"
+    )
+    assert moved(**ALIKE, Y_v=3.0).count("→") == 4
+
+
+def test_all_alike_are_as_if_the_motors_gave_less() -> None:
+    assert moved(**ALIKE).endswith(f"{SENTENCE} 70 % of what the file says")
+    assert moved(m33=0.8, X_u=0.82, Y_v=0.78, N_r=0.8).endswith("125 % of what the file says")
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"m22": 0.7},  # one went the other way
+        {"N_r": 2.0},  # one much further
+        {"m11": 1.0, "m22": 1.0},  # damping alone: a hull that is fouled
+    ],
+)
+def test_what_differs_is_not_called_alike(other: dict[str, float]) -> None:
+    assert SENTENCE not in moved(**(ALIKE | other))
+    assert SENTENCE not in moved(half=0.6, **ALIKE)  # nothing is known to have moved
