@@ -18,7 +18,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, ScoredFormula, fitted_values
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
-from sim.diagnosis.heldout import Gain, HeldOutScorer, gain_under, rank
+from sim.diagnosis.heldout import Gain, HeldOutScorer, RankedEffect, gain_under, rank
 from sim.diagnosis.ladder import Selection, helps, is_worth_it
 from sim.diagnosis.screening import Mapper, Progress
 from sim.effects.catalogue import EFFECTS
@@ -27,6 +27,7 @@ from sim.state import Floats
 from sim.vessel import Vessel
 
 FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
+SIMPLER = {"learned_pair": "learned"}  # the same over one variable less
 
 
 @dataclass(frozen=True)
@@ -155,12 +156,26 @@ def _fitted(
     ]  # fmt: skip
     if not rows:
         return None
-    best, *rest = rows
+    best, *rest = _simplest_first(rows)
     step = LadderStep.of(best.fit, scorer)
     enough = thresholds.MAX_FORMULA_RATIO * step.heldout.nrmse
     as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
     against = rival.names if rival else ()
     return FreeCurve(step, best.gain, best.fit, over[best.name], against, as_well)
+
+
+def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:
+    """A curve over one variable before one over two that is not clearly better: it carries over to
+    other voyages further, and a short law may do as well.
+    """
+    best, *rest = rows
+    simpler = next((r for r in rest if r.name == SIMPLER.get(best.name)), None)
+    if simpler is None:
+        return list(rows)
+    over = best.gain_over(simpler)
+    if over.log_ratio >= thresholds.MIN_LOG_RATIO_IN_PLACE and is_worth_it(over):
+        return list(rows)
+    return [simpler, *(r for r in rows if r is not simpler)]
 
 
 def _is_better(over: Gain | None, scorer: HeldOutScorer, curve: Fit, before: float) -> bool:

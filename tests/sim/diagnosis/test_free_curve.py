@@ -1,0 +1,23 @@
+"""Which of the curves that are worth it is taken: the simplest that is nearly as good."""
+
+import pytest
+
+from sim.diagnosis.free_curve import _simplest_first
+from tests.sim.diagnosis.rankings import SOME, row
+
+HISTORY, ONE = row("learned_history", SOME.gain, left=0.95), row("learned", SOME.gain, left=1.0)
+
+
+@pytest.mark.parametrize(("left", "first"), [(0.97, "learned"), (0.8, "learned_pair")])
+def test_two_variables_have_to_be_clearly_better_than_one(left: float, first: str) -> None:
+    """Squared errors of 6 and of 36 % less."""
+    pair = row("learned_pair", SOME.gain, left=left)
+    chosen = _simplest_first([pair, HISTORY, ONE])
+    assert chosen[0].name == first
+    assert {r.name for r in chosen} == {"learned_pair", "learned_history", "learned"}
+
+
+def test_other_kinds_keep_their_order() -> None:
+    pair = row("learned_pair", SOME.gain, left=0.97)
+    assert _simplest_first([HISTORY, pair, ONE]) == [HISTORY, pair, ONE]
+    assert _simplest_first([pair, HISTORY]) == [pair, HISTORY]
