@@ -5,7 +5,7 @@
 An estimate that takes the rate's bias b for a turn leans its heading over, and with it the speed
 sideways, by some multiple of b. So a bias that is plain is taken out of the measured rate before
 the two are combined, and put back into the rate that comes out: what the gyro said stays as it was
-said, for the effect `yaw_rate_bias` to explain, and nothing else bends with it.
+said, for an effect of the catalogue to explain, and nothing else bends with it.
 """
 
 from dataclasses import replace

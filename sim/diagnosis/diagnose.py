@@ -249,7 +249,7 @@ def room_for_small_damping(
             quadratic: abs(getattr(dynamics, quadratic)) * speed,
         }
         whole = sum(parts.values())
-        for name, part in parts.items():
+        for name, part in parts.items() if speed > 0.0 else ():
             if part < thresholds.NEGLIGIBLE_DAMPING * whole:
                 start = max(abs(getattr(dynamics, name)), SMALLEST)
                 share = thresholds.ROOM_FOR_DAMPING * whole

@@ -27,7 +27,6 @@ from sim.state import Floats
 from sim.vessel import Vessel
 
 FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
-SIMPLER = {"learned_pair": "learned"}  # the same over one variable less
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:
     other voyages further, and a short law may do as well.
     """
     best, *rest = rows
-    simpler = next((r for r in rest if r.name == SIMPLER.get(best.name)), None)
+    simpler = next((r for r in rest if r.name == best.effect.contains), None)
     if simpler is None:
         return list(rows)
     over = best.gain_over(simpler)

@@ -211,6 +211,7 @@ EFFECT = Effect(
         ),
     ),
     looks_like="follows two variables together, by no law of the catalogue",
+    contains="learned",
     evidence=evidence_axis,
     tables=tables,
     in_words=in_words,

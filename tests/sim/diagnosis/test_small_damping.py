@@ -17,6 +17,7 @@ FASTEST = (2.0, 0.5, 0.5)
 def test_numbers_beside_one_another_have_their_own_share_only() -> None:
     assert room_for_small_damping(D, FASTEST) == {}
     assert room_for_small_damping(D, None) == {}
+    assert room_for_small_damping(replace(D, X_u=-2e-10), (0.0, 0.0, 0.0)) == {}  # at rest
 
 
 def test_what_is_next_to_nothing_has_a_tenth_of_the_axis() -> None:
