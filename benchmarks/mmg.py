@@ -20,6 +20,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -264,6 +265,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("out/mmg"))
     parser.add_argument("--seed", type=int, default=0)
     a = parser.parse_args(arguments)
+    if find_spec("shipmmg") is None:
+        parser.error("it needs another author's ship: pip install shipmmg")
     a.out.mkdir(parents=True, exist_ok=True)
     boat = boat_of(a.length)
     first, plain, fitted = (a.out / n for n in ("first.tlog", "plain.toml", "fitted.toml"))
