@@ -24,6 +24,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 from benchmarks.hidden.boats import NINE, Boat, Hull
@@ -31,8 +32,8 @@ from benchmarks.hidden.link import recorded
 from benchmarks.hidden.nature import Cause, Nature
 from benchmarks.hidden.outputs import Motor, Rudder
 from benchmarks.hidden.pilots import TICK
-from benchmarks.hidden.sail import EPILOGUE, PRELUDE, Truth
-from benchmarks.hidden.sensors import Sensors, estimate_error
+from benchmarks.hidden.sail import EPILOGUE, PRELUDE, Truth, ticks_of
+from benchmarks.hidden.sensors import GRAVITY, Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
 from benchmarks.hidden.vessel_toml import vessel_toml
@@ -144,20 +145,21 @@ def turns_at(made_of: dict[str, float], speed: float) -> float:
         K_T = of["k_0"] + of["k_1"] * J + of["k_2"] * J**2
         return (1.0 - of["t_P"]) * RHO * K_T * n**2 * of["D_p"] ** 4 - needed
 
-    low, high = 0.1, 1e3
-    while high - low > 1e-9 * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if missing(middle) < 0.0 else (low, middle)
-    return high
+    return float(brentq(missing, 0.1, 1e3))
+
+
+def top_speed(length: float) -> float:
+    """At full throttle, ahead [m/s]."""
+    return TOP_FROUDE * math.sqrt(GRAVITY * length)
 
 
 def commands(seed: int, seconds: float, slowness: float) -> Floats:
     """Throttle and helm, shares of their most: (K, 2). Steps of many lengths, helm both ways.
 
-    A step lasts 4 to 25 of the times in which a hull of 1 m moves on by its own length.
+    A step lasts 4 to 25 times `slowness` [s], in which the hull moves on by its own length.
     """
     dice = np.random.default_rng([seed, 0x33])
-    n = round((PRELUDE + seconds + EPILOGUE) / TICK)
+    n = ticks_of(seconds)
     sent = np.zeros((n, 2))
     for column, low, high in ((0, 0.25, 1.0), (1, -1.0, 1.0)):
         k = round(PRELUDE / TICK)
@@ -175,7 +177,7 @@ def commands(seed: int, seconds: float, slowness: float) -> Floats:
 def boat_of(length: float) -> Boat:
     """What its owner knows of it: size, outputs, the propeller's pull at a standstill."""
     of = ship(length)
-    top = turns_at(of, TOP_FROUDE * math.sqrt(9.81 * length))
+    top = turns_at(of, top_speed(length))
     pull = (1.0 - of["t_P"]) * RHO * of["k_0"] * top**2 * of["D_p"] ** 4
     mass = of["m"]
     hull = Hull(  # the last nine as `shadow init` guesses them; what sails is not made of them
@@ -194,12 +196,12 @@ def write(path: Path, length: float, trouble: Trouble, seed: int, seconds: float
     from shipmmg.mmg_3dof import simulate  # not part of this project
 
     boat, of = boat_of(length), ship(length)
-    sent = commands(seed, seconds, length / (TOP_FROUDE * math.sqrt(9.81 * length)))
+    sent = commands(seed, seconds, length / top_speed(length))
     pulses = np.array(
         [[o.pulse(c) for o, c in zip(boat.outputs, row, strict=True)] for row in sent]
     )
     took = (pulses - 1500) / 400.0
-    top = turns_at(of, TOP_FROUDE * math.sqrt(9.81 * length))
+    top = turns_at(of, top_speed(length))
     for name in ("k_0", "k_1", "k_2"):
         of[name] *= trouble.propeller
     of["R_0_dash"] *= trouble.drag
@@ -222,7 +224,6 @@ def write(path: Path, length: float, trouble: Trouble, seed: int, seconds: float
         north + drift_north * time_s, east + drift_east * time_s, yaw_s,
         c * u - s * v + drift_north, s * u + c * v + drift_east, r,
     ))  # fmt: skip
-    # where the ship's midship moves, its centre of gravity does not: autopilots sit there
     armed = (time_s >= 0.0) & (time_s < seconds)
     still = np.column_stack((np.full(len(sent), 12.6), np.zeros(len(sent))))
     truth = Truth(time_s, motion, pulses, still[:, 0], still[:, 1], armed)

@@ -49,13 +49,12 @@ from sim.diagnosis.verdict import (
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Shown
 from sim.identification import BASE, IdentifySettings
-from sim.identification.fast_damping import AXES
-from sim.identification.parameters import SMALLEST, unknowns_of
+from sim.identification.parameters import unknowns_of
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
 from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
-from sim.vessel import Dynamics, Vessel
+from sim.vessel import Vessel
 
 
 @dataclass(frozen=True)
@@ -75,19 +74,14 @@ class DiagnoseSettings:
     effects: tuple[Effect, ...] = field(default=EFFECTS)
     plan: bool = False
 
-    def identify(self, vessel: Vessel, trials: Sequence[Trial] = ()) -> IdentifySettings:
+    def identify(self, vessel: Vessel) -> IdentifySettings:
         """How the base is fitted along: near what was given, where that is a number at all.
 
         Runs are tied by a filter: free ones leave the track of a hull that is unstable on course
         whatever the model, and on other hulls they name no more effects (benchmarks/hidden).
         """
         given = {n: self.prior for n in BASE if getattr(vessel.dynamics, n) != 0.0}
-        how = IdentifySettings(horizons=self.horizons, priors=given, tied=True)
-        if not trials:
-            return how
-        how = how.with_speeds_of(trials)
-        room = room_for_small_damping(vessel.dynamics, how.fastest)
-        return replace(how, priors={n: share * room.get(n, 1.0) for n, share in given.items()})
+        return IdentifySettings(horizons=self.horizons, priors=given, tied=True)
 
 
 def diagnose(
@@ -233,30 +227,6 @@ def _held_against_a_curve(
     return (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
 
 
-def room_for_small_damping(
-    dynamics: Dynamics, fastest: tuple[float, float, float] | None
-) -> dict[str, float]:
-    """Damping that is next to nothing beside the other of its axis -> how many times its own share
-    it may be off.
-
-    A fit that finds all damping linear leaves the quadratic one near zero, or the other way round:
-    a share of that would hold it there. `fastest`: speeds u, v, r [m/s, m/s, rad/s].
-    """
-    room = {}
-    for (_, linear, quadratic), speed in zip(AXES, fastest or (), strict=False):
-        parts = {
-            linear: abs(getattr(dynamics, linear)),
-            quadratic: abs(getattr(dynamics, quadratic)) * speed,
-        }
-        whole = sum(parts.values())
-        for name, part in parts.items() if speed > 0.0 else ():
-            if part < thresholds.NEGLIGIBLE_DAMPING * whole:
-                start = max(abs(getattr(dynamics, name)), SMALLEST)
-                share = thresholds.ROOM_FOR_DAMPING * whole
-                room[name] = share / (speed if name == quadratic else 1.0) / start
-    return room
-
-
 def fit_base(
     superset: SupersetModel, plain: Model, trials: Sequence[Trial], settings: DiagnoseSettings
 ) -> Fit:
@@ -264,9 +234,9 @@ def fit_base(
 
     Parameters of effects that the vessel has already are fitted along.
     """
-    vessel, how = plain.vessel, settings.identify(plain.vessel, trials)
+    vessel, how = plain.vessel, settings.identify(plain.vessel)
     own = [f"{a.effect.name}.{key}" for a in vessel.effects for key in a.effect.fit_parameters]
-    how = replace(how, free=(*how.free, *own))
+    how = replace(how, free=(*how.free, *own)).with_speeds_of(trials)
     shot = fit_by_shooting(FitInputs(unknowns_of(plain, len(trials), how), trials, how))
     unknowns = unknowns_for(superset, [], len(trials), how)
     problem = FitProblem.of(vessel, trials, unknowns, shot.z, shot.noise, how)
@@ -306,7 +276,6 @@ def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[R
         beside_all = search.beside_others(step, selection.fit, {row.name for row in shown})
         shown = rivals_of(beside_all, selection.fit.names)
     rivals = [*shown, *rivals_of(search.beside_unshown(step), selection.fit.names)]
-    rivals = [r for r in rivals if not strain_of(r.found, r.fit.problem.vessel)]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]
 
 

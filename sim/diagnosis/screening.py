@@ -8,6 +8,7 @@ that decides comes later, for the few that promise most.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,25 +59,26 @@ def screen(
     # of a stiff hull fewer rows, for the same work
     stiffness = max(like.problem.stiffness(like.unknowns, like.z) for like in references)
     share = max(1.0 / stiffness, thresholds.MIN_SCREENED_SHARE)
-    pairs = [
-        [
+
+    def screened(like: Fit) -> tuple[Screening, Screening, float]:
+        """On the rows that decide, on fewer, and what a rival leaves of these."""
+        fine, coarse = (
             Screening.of(superset, like, like.problem.thinned(round(share * rows)))
             for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
-        ]
-        for like in references
-    ]
-    main = pairs[0][0]
-    most_left = [np.inf if rival is None else coarse.cost_of(rival) for _, coarse in pairs]
+        )
+        return fine, coarse, np.inf if rival is None else coarse.cost_of(rival)
 
+    bases = [screened(reference)]
+    main = bases[0][0]
     starts: dict[str, list[Values]] = {}
 
-    def begun_on(pair: int, effect: Effect) -> Begun | None:
+    def begun_on(base: int, effect: Effect) -> Begun | None:
         """From its starts on one of the bases; None where none leads further than the rival."""
-        fine, coarse = pairs[pair]
+        fine, coarse, enough = bases[base]
         begins = [fine.at(effect, start) for start in starts[effect.name]]
         if len(begins) > thresholds.MANY_STARTS or rival is not None:
-            begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * most_left[pair])
-            if min((r.cost for r in begins), default=np.inf) >= most_left[pair]:
+            begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * enough)
+            if min((r.cost for r in begins), default=np.inf) >= enough:
                 return None
         return fine.begun(begins)
 
@@ -86,33 +88,34 @@ def screen(
         measured = effect.measured is not None and effect.name in superset.measured
         if effect.measured is not None and measured:
             starts[effect.name] = [effect.measured.values]
-        found = [begun_on(0, effect)]
+        on_main = [begun_on(0, effect)]
         if closer and effect.more_starts is not None and not measured:
             length = max(float(t.time[-1]) for t in reference.problem.trials)
-            found.append(_closer(effect, effect.more_starts(length), *pairs[0]))
-        return [each for each in found if each is not None]
-
-    def from_given(effect: Effect) -> Begun | None:
-        return begun_on(1, effect) if len(pairs) > 1 else None
+            on_main.append(_closer(effect, effect.more_starts(length), *bases[0][:2]))
+        return [each for each in on_main if each is not None]
 
     def to_the_end(begun: Sequence[Begun]) -> ScreeningResult:
         return min((each.screening.to_the_end(each.result) for each in begun), key=least_cost)
 
-    def looked_at(every: Iterable[Sequence[Begun]]) -> list[ScreeningResult]:
-        least = [min((each.result for each in some), key=least_cost) for some in every if some]
-        return sorted(mapper(main.with_deviance, least), key=_deviance)
+    def best_judged(some: Sequence[Begun]) -> list[Begun]:
+        """The best of an effect first, with its deviance."""
+        if not some:
+            return []
+        first, *others = sorted(some, key=lambda each: each.result.cost)
+        return [first._replace(result=main.with_deviance(first.result)), *others]
 
     tried = list(effects)
-    first = list(mapper(begun, tried))
-    if not reference.names and rival is None and any(first):
+    found = list(mapper(begun, tried))
+    if not reference.names and rival is None and any(found):
         # the search from the other base goes on while this is read
-        progress(first_impression(looked_at(first)))
-    both = [
-        [*some, *([also] if also else ())]
-        for some, also in zip(first, mapper(from_given, tried), strict=True)
-    ]
-    every = {some[0].result.name: some for some in both if some}
-    looked = looked_at(every.values())
+        found = list(mapper(best_judged, found))
+        progress(first_impression(sorted((s[0].result for s in found if s), key=_deviance)))
+    if given is not None:
+        bases.append(screened(replace(reference, z=given)))
+        also = mapper(partial(begun_on, 1), tried)
+        found = [[*some, *([r] if r else [])] for some, r in zip(found, also, strict=True)]
+    every = {some[0].result.name: some for some in mapper(best_judged, found) if some}
+    looked = sorted((some[0].result for some in every.values()), key=_deviance)
     followed = _followed(looked, every, main.deviance_of(reference))
     results = {r.name: r for r in looked}
     for r in mapper(to_the_end, followed):

@@ -25,10 +25,6 @@ MIN_MEASURED_SHARE = 0.9  # of the usable rows with a wind: what it acts on is f
 ROBUST_SIGMAS = 4.0  # whitened residual from which on one counts less (pseudo-Huber)
 MAX_EVALUATIONS = 6  # of residuals in the fit that decides
 MAX_BASE_SIGMAS = 3.0  # that a number of the base may move, in its prior's standard deviations
-# Of the damping of an axis at the speeds that were sailed. Fits leave one of its numbers at zero
-# where the data do not tell them apart: what is less than this has the room of … Chosen.
-NEGLIGIBLE_DAMPING = 0.01
-ROOM_FOR_DAMPING = 0.1  # … so much
 RESTART_SIGMAS = 1.0  # a base number that moved further: effects are also fitted from as given
 FOLDS = 4  # of the held-out test: every fourth block in turn
 SCREENED_ROWS = 2500  # means that the screening compares …

@@ -132,28 +132,34 @@ def evidence_axis(values: Values) -> EvidenceAxis:
     return EvidenceAxis(axis, DRAWN_AGAINST[values["by"]])
 
 
+def acts_in_words(values: FittedValues) -> str:
+    """What a table is of, before what it goes with."""
+    at = f" {values['x']:+.2f} m from the origin" if values["acts"] == SWAY else ""
+    return {
+        SURGE: "a force ahead",
+        SWAY: f"a force to starboard{at}",
+        YAW: "a moment to starboard, as a force at half the hull's length,",
+        THRUST: "a share of the thrust that changes",
+        ANGLE: "an angle of the steering that differs",
+    }[values["acts"]]
+
+
 def in_words(values: FittedValues) -> str:
-    """Force or share at every second knot."""
+    """Force, share or angle at every second knot."""
     by, acts = values["by"], values["acts"]
     unit, size = UNITS[by]
     places = np.linspace(values["low"], values["high"], KNOTS)
     shares = [values[f"f{k}"] for k in range(KNOTS)]
     if acts == THRUST:
-        what, told = "a share of the thrust that changes", [f"{100.0 * y:+.0f} %" for y in shares]
+        told = [f"{100.0 * y:+.0f} %" for y in shares]
     elif acts == ANGLE:
-        what, told = (
-            "an angle of the steering that differs",
-            [f"{math.degrees(y):+.1f}°" for y in shares],
-        )
+        told = [f"{math.degrees(y):+.1f}°" for y in shares]
     else:
-        at = f" {values['x']:+.2f} m from the origin" if acts == SWAY else ""
-        turn = "a moment to starboard, as a force at half the hull's length,"
-        what = {SURGE: "a force ahead", SWAY: f"a force to starboard{at}", YAW: turn}[acts]
         told = [f"{y * values['full']:+.3g} N" for y in shares]
     points = ", ".join(
         f"{y} at {x / size:.3g} {unit}" for x, y in list(zip(places, told, strict=True))[::2]
     )
-    return f"{what} with the {NAMES[by]}: {points}"
+    return f"{acts_in_words(values)} with the {NAMES[by]}: {points}"
 
 
 EFFECT = Effect(

@@ -27,9 +27,9 @@ from sim.effects.tables import (
     WATER,
     MapField,
     along,
+    between_sixteen,
     push_scale,
     vector_text,
-    weighted,
     weights_of_four,
 )
 from sim.effects.words import FittedValues
@@ -43,27 +43,23 @@ TO_NORTH, TO_EAST = ([f"{c}{i}{j}" for i in range(SIDE) for j in range(SIDE)] fo
 @jitable
 def to_north(north: float, east: float, p: Any) -> float:
     """The part of V to the north."""
-    w = weights_of_four(along(east, p.west, p.east))
-    return weighted(
+    return between_sixteen(
         weights_of_four(along(north, p.south, p.north)),
-        weighted(w, p.n00, p.n01, p.n02, p.n03),
-        weighted(w, p.n10, p.n11, p.n12, p.n13),
-        weighted(w, p.n20, p.n21, p.n22, p.n23),
-        weighted(w, p.n30, p.n31, p.n32, p.n33),
-    )
+        weights_of_four(along(east, p.west, p.east)),
+        p.n00, p.n01, p.n02, p.n03, p.n10, p.n11, p.n12, p.n13,
+        p.n20, p.n21, p.n22, p.n23, p.n30, p.n31, p.n32, p.n33,
+    )  # fmt: skip
 
 
 @jitable
 def to_east(north: float, east: float, p: Any) -> float:
     """The part of V to the east."""
-    w = weights_of_four(along(east, p.west, p.east))
-    return weighted(
+    return between_sixteen(
         weights_of_four(along(north, p.south, p.north)),
-        weighted(w, p.e00, p.e01, p.e02, p.e03),
-        weighted(w, p.e10, p.e11, p.e12, p.e13),
-        weighted(w, p.e20, p.e21, p.e22, p.e23),
-        weighted(w, p.e30, p.e31, p.e32, p.e33),
-    )
+        weights_of_four(along(east, p.west, p.east)),
+        p.e00, p.e01, p.e02, p.e03, p.e10, p.e11, p.e12, p.e13,
+        p.e20, p.e21, p.e22, p.e23, p.e30, p.e31, p.e32, p.e33,
+    )  # fmt: skip
 
 
 def water(time: float, pose: Pose, p: Any) -> Water:

@@ -22,8 +22,8 @@ import numpy as np
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, Kind, Parameter, Scope, Values
+from sim.effects.learned import acts_in_words, wrench
 from sim.effects.learned import evidence_axis as axis_of_table
-from sim.effects.learned import wrench
 from sim.effects.learned_formula import (
     AHEAD,
     HEADING,
@@ -37,7 +37,7 @@ from sim.effects.learned_formula import (
     UNITS,
     YAW,
 )
-from sim.effects.tables import along, weighted, weights_of_four
+from sim.effects.tables import along, between_sixteen, weights_of_four
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
@@ -71,13 +71,11 @@ def table(a: float, b: float, p: Any) -> float:
     # of the last quarter of a heading's way, from the last knot back to the first
     back = around * np.maximum(4.0 * share - 3.0, 0.0)
     w = (w[0] + back, w[1], w[2], w[3] - back)
-    return weighted(
-        weights_of_four(along(a, p.a_low, p.a_high)),
-        weighted(w, p.h00, p.h01, p.h02, p.h03),
-        weighted(w, p.h10, p.h11, p.h12, p.h13),
-        weighted(w, p.h20, p.h21, p.h22, p.h23),
-        weighted(w, p.h30, p.h31, p.h32, p.h33),
-    )
+    return between_sixteen(
+        weights_of_four(along(a, p.a_low, p.a_high)), w,
+        p.h00, p.h01, p.h02, p.h03, p.h10, p.h11, p.h12, p.h13,
+        p.h20, p.h21, p.h22, p.h23, p.h30, p.h31, p.h32, p.h33,
+    )  # fmt: skip
 
 
 @jitable
@@ -142,15 +140,7 @@ def in_words(values: FittedValues) -> str:
     ends = np.array([values.ci95.get(key, (f, f)) for key, f in zip(KEYS, y, strict=True)])
     half = 0.5 * (ends[:, 1] - ends[:, 0])
     a, b = PAIRS[values["by"]]
-    if values["acts"] == THRUST:
-        what = "a share of the thrust that changes"
-    else:
-        at = f" {values['x']:+.2f} m from the origin" if values["acts"] == SWAY else ""
-        turn = "a moment to starboard, as a force at half the hull's length,"
-        what = {SURGE: "a force ahead", SWAY: f"a force to starboard{at}", YAW: turn}[
-            values["acts"]
-        ]
-    what = f"{what} with the {NAMES[a]} and the {NAMES[b]}"
+    what = f"{acts_in_words(values)} with the {NAMES[a]} and the {NAMES[b]}"
     strongest = int(np.argmax(np.abs(y) - half))
     if abs(y[strongest]) <= half[strongest]:
         best = int(np.argmax(np.abs(y) / np.maximum(half, 1e-12)))

@@ -114,3 +114,19 @@ def weights_of_four(share: float) -> Weights:
 def weighted(w: Weights, a: float, b: float, c: float, d: float) -> float:
     """The value between four knots."""
     return w[0] * a + w[1] * b + w[2] * c + w[3] * d
+
+
+@jitable
+def between_sixteen(
+    a: Weights, b: Weights, h00: float, h01: float, h02: float, h03: float, h10: float, h11: float,
+    h12: float, h13: float, h20: float, h21: float, h22: float, h23: float, h30: float, h31: float,
+    h32: float, h33: float,
+) -> float:  # fmt: skip
+    """The value between 4 × 4 knots, by how much each row (a) and each in a row (b) counts."""
+    return weighted(
+        a,
+        weighted(b, h00, h01, h02, h03),
+        weighted(b, h10, h11, h12, h13),
+        weighted(b, h20, h21, h22, h23),
+        weighted(b, h30, h31, h32, h33),
+    )

@@ -1,4 +1,4 @@
-"""Damping that is over before a row of the data can show it.
+"""Damping that is over before a row of the data can show it, or next to nothing beside the other.
 
     rate = (|D| + 2 |D₂| U) / m,     share = min(1, limit / rate)
 
@@ -7,7 +7,7 @@ certain rate on a row says no more than "as fast as it can tell": a fit holds da
 share of what a hull without inertia would have.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,10 @@ from sim.state import Floats
 
 # Chosen, not measured:
 AXES = (("m11", "X_u", "X_uu"), ("m22", "Y_v", "Y_vv"), ("m33", "N_r", "N_rr"))
+# Of the damping of an axis at the speeds that were sailed. Fits leave one of its numbers at zero
+# where the data do not tell them apart: what is less than this counts as … Chosen.
+NEGLIGIBLE_DAMPING = 0.01
+SIZE_OF_DAMPING = 0.1  # … so much
 MAX_DAMPING_RATE = 10.0  # 1/s at the speeds of the data: over in half a row of 0.2 s
 
 
@@ -39,3 +43,24 @@ class Axis(NamedTuple):
 
     def _rate(self, inertia: Any, linear: Any, square: Any) -> Any:
         return (np.abs(linear) + 2.0 * np.abs(square) * self.speed) / np.abs(inertia)
+
+
+def sizes_of_small_damping(
+    values: Mapping[str, float], fastest: tuple[float, float, float] | None
+) -> dict[str, float]:
+    """Damping that is next to nothing beside the other of its axis -> what a prior is a share of.
+
+    A fit that finds all damping linear leaves the quadratic one near zero, or the other way round:
+    a share of that would hold it there. `fastest`: see `IdentifySettings`.
+    """
+    sizes = {}
+    for (_, linear, quadratic), speed in zip(AXES, fastest or (), strict=False):
+        if speed <= 0.0:
+            continue
+        per_unit = {linear: 1.0, quadratic: speed}
+        parts = {name: abs(values[name]) * per for name, per in per_unit.items()}
+        whole = sum(parts.values())
+        for name, part in parts.items():
+            if part < NEGLIGIBLE_DAMPING * whole:
+                sizes[name] = SIZE_OF_DAMPING * whole / per_unit[name]
+    return sizes

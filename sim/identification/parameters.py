@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
 from sim.identification import AREAS, IdentifySettings
-from sim.identification.fast_damping import AXES, Axis
+from sim.identification.fast_damping import AXES, Axis, sizes_of_small_damping
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import KNOT_PREFIX, next_knot
@@ -249,6 +249,8 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
     """The parameters that settings ask for; UnknownNameError where the vessel has no such one."""
     effects = _effect_parameters(model)
     values = dict(zip(model.names, model.theta.tolist(), strict=True))
+    sizes = {name: max(abs(value), SMALLEST) for name, value in values.items()}
+    sizes |= sizes_of_small_damping(values, settings.fastest)
     each: list[Unknown] = []
     for name in _chosen(model, settings):
         scope, parameter = effects.get(name, (Scope.BOAT, None))
@@ -261,7 +263,7 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
             one = _base(model, name, start)
         prior = settings.priors.get(name)
         if prior is not None:
-            one = replace(one, prior=prior * max(abs(start), SMALLEST), assumed=False)
+            one = replace(one, prior=prior * sizes[name], assumed=False)
         own = scope is Scope.VOYAGE
         each += [replace(one, trial=trial) for trial in range(trials)] if own else [one]
     if settings.offsets:
