@@ -48,13 +48,15 @@ def screen(
     degrees is as good as a receiver whose sway errs by as much).
 
     `model` is the vessel as the reference has it: waves are looked for in what it lacks. Where the
-    reference moved the base far, the search begins from the base as it was given too: what stands
-    in for the missing effect keeps it from its place. `mapper` may be that of a pool of threads:
-    the kernels leave the interpreter free. `closer`: effects that declare further starts are fitted
-    whole from each of them, on few rows. `rival`: another fit; an effect that does not explain
-    these rows better than that, by as much as would be told of what is left, is left out.
+    reference moved the base far, the first search, and one `closer`, begins from the base as it was
+    given too: what stands in for the missing effect keeps it from its place. `mapper` may be that
+    of a pool of threads: the kernels leave the interpreter free. `closer`: effects that declare
+    further starts are fitted whole from each of them, on few rows. `rival`: another fit; an effect
+    that does not explain these rows better than that, by as much as would be told of what is left,
+    is left out.
     """
-    given = with_given_base(reference.unknowns, reference.z)
+    both = closer or not reference.names
+    given = with_given_base(reference.unknowns, reference.z) if both else None
     references = [reference] if given is None else [reference, replace(reference, z=given)]
     # of a stiff hull fewer rows, for the same work
     stiffness = max(like.problem.stiffness(like.unknowns, like.z) for like in references)
