@@ -3,13 +3,14 @@
     y(x) = linear between nine knots x_k = low + k (high − low) / 8, constant beyond them
     acts 1 (surge)   X = y F          acts 2 (sway)   Y = y F, N = x_F Y
     acts 3 (yaw)     N = y F L / 2    acts 4 (thrust) F_i → F_i (1 + y)
-    acts 5 (angle)   δ → δ + y
+    acts 5 (angle)   δ → δ + y        acts 6 (outward) Y = ±y F_i, N = x_F Y
 
 f0 … f8 are y at the knots; F [N] the scale `full`; x_F [m] the place `x` where a push acts; L [m]
 the hull's length; F_i [N] the thrust of motor i. The variable x is, by `by`: 1 speed ahead through
 the water [m/s], 2 speed sideways [m/s], 3 yaw rate [rad/s], 4 heading [rad] from `low` all around,
 5 the thrust of a motor as a share of its full thrust ahead (then each motor has a force of its
-own), 6 the angle δ [rad] commanded of a rudder or steered motor. Valid for: the range between `low`
+own), 6 the angle δ [rad] commanded of a rudder or steered motor. What goes outward is mirrored: +
+of a motor to starboard, − of one to port, 0 amidships. Valid for: the range between `low`
 and `high` that was sailed; a table explains nothing, and holds no further than its data. Source:
 Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
 """
@@ -30,6 +31,7 @@ from sim.effects.learned_formula import (
     KNOTS,
     MOTOR,
     NAMES,
+    OUTWARD,
     RUDDER,
     SIDEWAYS,
     SURGE,
@@ -94,7 +96,9 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 def reaction(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> Wrench:
     """Thrust of one motor -> what comes with it on the hull [N, N, N m]."""
     y = (p.by == MOTOR) * table(F / np.maximum(drive.ahead, 1e-9), p)
-    return wrench(y, flow.body.length, p)
+    X, Y, N = wrench(y, flow.body.length, p)
+    outward = (p.acts == OUTWARD) * np.sign(drive.y) * y * F
+    return Wrench(X, Y + outward, N + p.x * outward)
 
 
 def angle(δ: float, blade: RudderParameters, p: Any) -> float:
@@ -106,6 +110,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r."""
     full = float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
     low = min((t.thrust[0] / t.thrust[1] for t in vessel.thrusters), default=-1.0)
+    stern = min((t.position[0] for t in vessel.thrusters), default=0.0)
     ranges = {by: extent[name] for by, name in zip((AHEAD, SIDEWAYS, TURNING), "uvr", strict=True)}
     ranges |= {HEADING: (0.0, 2.0 * math.pi)}
     pairs = [(by, acts) for by in ranges for acts in (SURGE, SWAY, YAW)]
@@ -113,31 +118,35 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     if vessel.thrusters:
         ranges |= {MOTOR: (low, 1.0)}
         pairs += [(MOTOR, acts) for acts in (SURGE, SWAY, YAW, THRUST)]
+        if len({math.copysign(1.0, t.position[1]) for t in vessel.thrusters if t.position[1]}) > 1:
+            pairs += [(MOTOR, OUTWARD)]
     if vessel.rudders:
         ranges |= {RUDDER: (min(r.angle[0] for r in vessel.rudders),
                             max(r.angle[1] for r in vessel.rudders))}  # fmt: skip
         pairs += [(RUDDER, ANGLE)]
     return [
         {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full,
-         "x": 0.0, **{f"f{k}": 0.0 for k in range(KNOTS)}}
+         "x": stern if acts == OUTWARD else 0.0, **{f"f{k}": 0.0 for k in range(KNOTS)}}
         for by, acts in pairs
     ]  # fmt: skip
 
 
 def evidence_axis(values: Values) -> EvidenceAxis:
     """The missing force of the table's axis over the table's variable."""
-    axis = {SWAY: ForceAxis.SWAY, YAW: ForceAxis.YAW, ANGLE: ForceAxis.YAW}.get(
-        values["acts"], ForceAxis.SURGE
-    )
+    axis = {
+        SWAY: ForceAxis.SWAY, OUTWARD: ForceAxis.SWAY, YAW: ForceAxis.YAW, ANGLE: ForceAxis.YAW,
+    }.get(values["acts"], ForceAxis.SURGE)  # fmt: skip
     return EvidenceAxis(axis, DRAWN_AGAINST[values["by"]])
 
 
 def acts_in_words(values: FittedValues) -> str:
     """What a table is of, before what it goes with."""
-    at = f" {values['x']:+.2f} m from the origin" if values["acts"] == SWAY else ""
+    pushed = values["acts"] in {SWAY, OUTWARD}
+    at = f" {values['x']:+.2f} m from the origin" if pushed else ""
     return {
         SURGE: "a force ahead",
         SWAY: f"a force to starboard{at}",
+        OUTWARD: f"a share of the thrust as a force outward{at}, to port of a motor on that side,",
         YAW: "a moment to starboard, as a force at half the hull's length,",
         THRUST: "a share of the thrust that changes",
         ANGLE: "an angle of the steering that differs",
@@ -150,7 +159,7 @@ def in_words(values: FittedValues) -> str:
     unit, size = UNITS[by]
     places = np.linspace(values["low"], values["high"], KNOTS)
     shares = [values[f"f{k}"] for k in range(KNOTS)]
-    if acts == THRUST:
+    if acts in {THRUST, OUTWARD}:
         told = [f"{100.0 * y:+.0f} %" for y in shares]
     elif acts == ANGLE:
         told = [f"{math.degrees(y):+.1f}°" for y in shares]
@@ -176,8 +185,9 @@ EFFECT = Effect(
             "6 the angle commanded",
         ),
         Parameter(
-            "acts", "1", lower=1.0, upper=5.0, start=1.0, kind=Kind.CHOICE,
-            description="1 surge, 2 sway, 3 yaw, 4 share of the thrust, 5 angle of the steering",
+            "acts", "1", lower=1.0, upper=6.0, start=1.0, kind=Kind.CHOICE,
+            description="1 surge, 2 sway, 3 yaw, 4 share of the thrust, 5 angle of the steering, "
+            "6 outward",
         ),
         Parameter(
             "low", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=-1.0, kind=Kind.FIXED,

@@ -21,7 +21,8 @@ from sim.effects.tables import Formula
 from sim.state import Floats
 
 KNOTS = 9
-SURGE, SWAY, YAW, THRUST, ANGLE = 1.0, 2.0, 3.0, 4.0, 5.0
+SURGE, SWAY, YAW, THRUST, ANGLE, OUTWARD = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+PUSHES = {SWAY, OUTWARD}  # at a place of their own
 AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR, RUDDER = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 
 NAMES = {AHEAD: "speed ahead", SIDEWAYS: "speed sideways", TURNING: "yaw rate",
@@ -159,12 +160,13 @@ def _filled(form: Form, x: Floats, y: Floats, weight: Floats, beside: Sequence[F
 SYMBOLS = {AHEAD: "u", SIDEWAYS: "v", TURNING: "r", HEADING: "ψ", MOTOR: "s",
            RUDDER: "δ"}  # fmt: skip
 PYTHON = {AHEAD: "flow.u", SIDEWAYS: "flow.v", TURNING: "flow.r", HEADING: "flow.yaw",
-          RUDDER: "δ"}  # fmt: skip
+          MOTOR: "F / np.maximum(drive.ahead, 1e-9)", RUDDER: "δ"}  # fmt: skip
 MEANING = {AHEAD: "u [m/s] ahead through the water", SIDEWAYS: "v [m/s] to starboard through the "
            "water", TURNING: "r [rad/s]", HEADING: "ψ [rad] the heading",
            MOTOR: "s the thrust of a motor over its full thrust ahead",
            RUDDER: "δ [rad] the angle of each rudder as commanded"}  # fmt: skip
-AXES = {SURGE: "X", SWAY: "Y", YAW: "N", THRUST: "F_i → F_i (1 + y), y", ANGLE: "δ → δ + y, y"}
+AXES = {SURGE: "X", SWAY: "Y", YAW: "N", THRUST: "F_i → F_i (1 + y), y", ANGLE: "δ → δ + y, y",
+        OUTWARD: "Y = ±y F_i (+ of a motor to starboard), y"}  # fmt: skip
 OWN_DRAG = {(AHEAD, SURGE), (SIDEWAYS, SWAY), (TURNING, YAW)}  # what the base's drag can take on
 LIMIT = 10.0  # times what was found: how far a size may go
 
@@ -185,7 +187,7 @@ def _formula(filled: FilledForm, vessel: Any, values: Values) -> Formula:
     scale = size * values["full"] if size else 1.0
     sizes = filled.form.sizes
     numbers = {k: v * scale if k in sizes else v for k, v in filled.values.items()}
-    if acts == SWAY:
+    if acts in PUSHES:
         numbers["x"] = values["x"]
     knots = {f"f{k}": float(np.clip(y, -2.0, 2.0)) for k, y in enumerate(filled.y)}
     text = _text(filled.form, values, numbers)
@@ -198,7 +200,7 @@ def _text(found: Form, values: Values, numbers: Mapping[str, float]) -> str:
     form = found.text.replace("x0", "\0").replace("exp", "\1").replace("x", SYMBOLS[by])
     form = form.replace("\0", f"{SYMBOLS[by]}0").replace("\1", "exp")
     told = {f"{SYMBOLS[by]}0" if k == "x0" else k: v for k, v in numbers.items() if k != "x"}
-    at = f", N = {numbers['x']:+.2f} Y" if acts == SWAY else ""
+    at = f", N = {numbers['x']:+.2f} Y" if acts in PUSHES else ""
     return f"{AXES[acts]} = {form}{at}, " + ", ".join(f"{k} = {v:.4g}" for k, v in told.items())
 
 
@@ -209,7 +211,11 @@ def formula_source(name: str, values: Values, formula: Formula) -> str:
     a program but its numbers.
     """
     form, by, acts = named_form(formula.form), values["by"], values["acts"]
-    needed = {*form.sizes, *(("x0", "w") if form.placed else ()), *(("x",) if acts == SWAY else ())}
+    needed = {
+        *form.sizes,
+        *(("x0", "w") if form.placed else ()),
+        *(("x",) if acts in PUSHES else ()),
+    }
     if set(formula.numbers) != needed:
         raise KeyError(f"{formula.form} has the numbers {', '.join(sorted(needed))}")
     text = _text(form, values, formula.numbers)
@@ -236,8 +242,9 @@ def _body(by: float, acts: float) -> str:
 
 def _law(python: str, by: float, acts: float) -> str:
     """The function: its arguments, the variable, what it returns."""
-    share = "F / np.maximum(drive.ahead, 1e-9)"
-    x = share if by == MOTOR else PYTHON[by]
+    x = PYTHON[by]
+    if acts == OUTWARD:
+        x += "\n    outward = np.sign(drive.y) * F"
     if acts == ANGLE:
         head = "def angle(δ: float, blade: RudderParameters, p: Any) -> float:"
         says, give = "Angle -> angle [rad].", f"δ + {python}"
@@ -254,6 +261,7 @@ def _law(python: str, by: float, acts: float) -> str:
         give = {
             SURGE: f"Wrench({python}, 0.0, 0.0)",
             SWAY: f"Wrench(0.0, {python}, p.x * ({python}))",
+            OUTWARD: f"Wrench(0.0, outward * ({python}), p.x * outward * ({python}))",
             YAW: f"Wrench(0.0, 0.0, {python})",
         }[acts]
     return f'{head}\n    """{says}"""\n    x = {x}\n    return {give}'

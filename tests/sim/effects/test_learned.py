@@ -13,6 +13,7 @@ from sim.effects.learned import (
     HEADING,
     KNOTS,
     MOTOR,
+    OUTWARD,
     RUDDER,
     SIDEWAYS,
     SURGE,
@@ -78,6 +79,11 @@ def test_a_heading_may_begin_anywhere_on_the_circle() -> None:
         ({"by": HEADING, "high": 2.0 * np.pi}, ("with the heading", "-30 N at 180 °"), "m/s"),
         ({"by": MOTOR, "high": 1.0}, ("thrust of each motor", "-30 N at 50 %"), "m/s"),
         (
+            {"by": MOTOR, "acts": OUTWARD, "high": 1.0, "x": -0.8},
+            ("share of the thrust as a force outward -0.80 m from the origin", "-30 % at 50 %"),
+            " N ",
+        ),
+        (
             {"by": RUDDER, "acts": ANGLE, "low": -np.pi / 3, "high": np.pi / 3},
             ("angle of the steering that differs with the angle", "-17.2° at 0 °"),
             " N ",
@@ -101,7 +107,7 @@ def test_the_first_knot_is_where_the_table_begins() -> None:
 
 FLOW = SimpleNamespace(u=0.25, v=0.5, r=0.75, yaw=1.0, body=SimpleNamespace(length=5.0))
 LINE = {f"f{k}": 0.125 * k for k in range(KNOTS)} | {"low": 0.0, "high": 2.0}  # y = x / 2
-DRIVE = SimpleNamespace(ahead=80.0)
+DRIVE = SimpleNamespace(ahead=80.0, y=-0.3)
 
 
 @pytest.mark.parametrize(
@@ -131,6 +137,25 @@ def test_an_angle_of_the_steering_is_another_than_commanded_and_nothing_else() -
     assert angle(0.5, DRIVE, p) == 0.5
 
 
+def test_a_share_of_the_thrust_goes_outward_on_either_side_and_nowhere_amidships() -> None:
+    p = SimpleNamespace(**{**EFFECT.example, **LINE, "by": MOTOR, "acts": OUTWARD, "x": -0.4})
+    for y, sign in ((0.3, 1.0), (-0.3, -1.0), (0.0, 0.0)):
+        drive = SimpleNamespace(ahead=80.0, y=y)
+        # half of the thrust ahead: a quarter of it goes outward
+        assert reaction(40.0, drive, FLOW, p) == pytest.approx((0.0, 10.0 * sign, -4.0 * sign))
+        assert thrust(40.0, drive, FLOW, p) == 40.0
+    assert force(FLOW, p) == (0.0, 0.0, 0.0)
+
+
+def test_only_motors_on_both_sides_push_outward() -> None:
+    extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
+    port, starboard = WAMV.thrusters
+    (outward,) = (t for t in tables(WAMV, extent) if t["acts"] == OUTWARD)
+    assert (outward["by"], outward["x"]) == (MOTOR, port.position[0])
+    one_side = replace(WAMV, thrusters=(port, replace(starboard, position=port.position)))
+    assert OUTWARD not in {t["acts"] for t in tables(one_side, extent)}
+
+
 def test_only_what_steers_has_an_angle_to_fill() -> None:
     extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
     (of_angle,) = (t for t in tables(RUDDER_BOAT, extent) if t["acts"] == ANGLE)
@@ -145,7 +170,7 @@ def test_what_could_be_filled_is_every_pair_over_the_range_that_was_sailed() -> 
     pairs = [(t["by"], t["acts"]) for t in found]
     hull, motions = (SURGE, SWAY, YAW), (AHEAD, SIDEWAYS, TURNING)
     expected = {(by, acts) for by in (*motions, HEADING, MOTOR) for acts in hull}
-    assert set(pairs) == expected | {(by, THRUST) for by in (*motions, MOTOR)}
+    assert set(pairs) == expected | {(by, THRUST) for by in (*motions, MOTOR)} | {(MOTOR, OUTWARD)}
     assert len(pairs) == len(set(pairs))
     ranges = {t["by"]: (t["low"], t["high"]) for t in found}
     assert ranges == {
@@ -153,7 +178,8 @@ def test_what_could_be_filled_is_every_pair_over_the_range_that_was_sailed() -> 
         HEADING: (0.0, 2.0 * np.pi), MOTOR: (-85.0 / 90.0, 1.0),
     }  # fmt: skip
     for t in found:
-        assert (t["full"], t["x"], {t[f"f{k}"] for k in range(KNOTS)}) == (180.0, 0.0, {0.0})
+        place = WAMV.thrusters[0].position[0] if t["acts"] == OUTWARD else 0.0
+        assert (t["full"], t["x"], {t[f"f{k}"] for k in range(KNOTS)}) == (180.0, place, {0.0})
     drifting = list(tables(replace(WAMV, thrusters=()), extent))
     assert MOTOR not in {t["by"] for t in drifting}
     assert {t["full"] for t in drifting} == {1.0}

@@ -1,5 +1,6 @@
 """A learned table as a short law: the form that made it is found, and its file says the same."""
 
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from sim.effects.learned_formula import (
     HEADING,
     KNOTS,
     MOTOR,
+    OUTWARD,
     RUDDER,
     SURGE,
     SWAY,
@@ -91,8 +93,10 @@ def flow_at(by, x):
     return SimpleNamespace(**(motion | ({name: x} if name else {})), body=body)
 
 
-@pytest.mark.parametrize("by", [AHEAD, TURNING, HEADING, MOTOR])
-@pytest.mark.parametrize("acts", [SURGE, SWAY, YAW, THRUST])
+@pytest.mark.parametrize(
+    ("by", "acts"),
+    [(MOTOR, OUTWARD), *product((AHEAD, TURNING, HEADING, MOTOR), (SURGE, SWAY, YAW, THRUST))],
+)
 def test_the_file_of_a_formula_does_what_its_table_says(by, acts, tmp_path: Path):
     high = 2.0 * np.pi if by == HEADING else 2.0
     table = {**EMPTY, "by": by, "acts": acts, "low": 0.0, "high": high, "x": -0.3}
@@ -106,7 +110,7 @@ def test_the_file_of_a_formula_does_what_its_table_says(by, acts, tmp_path: Path
         assert formula.text.split(",")[0] in own.looks_like
         p = SimpleNamespace(**{q.name: q.start for q in own.parameters})
         filled = SimpleNamespace(**formula.values)
-        drive = SimpleNamespace(ahead=50.0)
+        drive = SimpleNamespace(ahead=50.0, y=-0.4)
         (place,) = own.laws
         for x in at:
             F = 50.0 * x if by == MOTOR else 20.0
