@@ -110,16 +110,17 @@ def diagnose(
     progress("re-fitting the base")
     superset = SupersetModel.of(vessel, shown, trials)
     base = fit_base(superset, plain, trials, settings)
-    scorer = HeldOutScorer.of(trials, plain)
+    search = EffectSearch(
+        superset, tuple(shown), settings.most, progress, mapper,
+        HeldOutScorer.of(trials, plain), tuple(unshown),
+    )  # fmt: skip
+    selection, on_times = _with_times_in_a_sea(search.run(base), search)
+    progress("what is left")
+    scorer = search.scorer.shared_with(selection.fit)
+    search = replace(search, scorer=scorer)
     given = LadderStep((), "plain", scorer.score_model(plain), (), {}, vessel)
     if len(trials) >= thresholds.MIN_RECORDINGS:
         given = replace(given, left_out=given.heldout)
-    error = given.heldout.nrmse
-    search = EffectSearch(
-        superset, tuple(shown), settings.most, progress, mapper, scorer, error, tuple(unshown)
-    )
-    selection, on_times = _with_times_in_a_sea(search.run(base), search)
-    progress("what is left")
     fits = (selection.base, *selection.fits)
     refitted, *added = (LadderStep.of(fit, scorer).with_left_out(fit, scorer) for fit in fits)
     first = refitted if _predicts_better(refitted, given) else replace(given, base="kept")
@@ -212,14 +213,13 @@ def _held_against_a_curve(
     more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
     more = more or verdict is Verdict.UNKNOWN
     curve = find_free_curve(
-        vessel, selection, search.scorer, search.given, search.progress, search.mapper, forms,
-        beside=more,
+        vessel, selection, search.scorer, search.progress, search.mapper, forms, beside=more,
     )  # fmt: skip
     if curve is None or verdict is Verdict.UNKNOWN:
         return verdict, curve
     above = left > thresholds.MAX_FLOORS * floor
     if curve.replaces:
-        beyond_form = does_without_effects(curve, selection, ladder, above)
+        beyond_form = does_without_effects(curve, selection, ladder, floor, above)
     else:
         effects = [a.effect for a in selection.fit.added]
         beyond_form = is_more_than_form(curve.gain, selection, above)

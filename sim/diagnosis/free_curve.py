@@ -63,22 +63,20 @@ class FreeCurve:
 
 
 def find_free_curve(
-    vessel: Vessel, selection: Selection, scorer: HeldOutScorer, given: float,
+    vessel: Vessel, selection: Selection, scorer: HeldOutScorer,
     progress: Progress = lambda _: None, mapper: Mapper = map,
     forms: Sequence[Effect] = FREE_FORMS, beside: bool = True,
 ) -> FreeCurve | None:  # fmt: skip
     """The curve that predicts unseen time best, noticeably better than what was found without it.
 
     One that does without any effect comes before one beside them that is hardly better. None where
-    none is. `given`: error on unseen time of the vessel as it was given; `beside`: also beside the
-    effects that were found, not only in their place.
+    none is. `beside`: also beside the effects that were found, not only in their place.
     """
-    before = min(scorer.score_fit(selection.fit).nrmse, given)
     found: list[FreeCurve] = []
     for fit in (selection.base, selection.fit) if selection.fits and beside else (selection.base,):
         progress("looking for a curve, a pair, a map or a time history")
         rival = _best_of_catalogue(selection) if fit is selection.base else None
-        curve = _fitted(vessel, fit, scorer, before, progress, mapper, forms, rival)
+        curve = _fitted(vessel, fit, scorer, selection.fit, progress, mapper, forms, rival)
         if curve is not None:
             found.append(curve)
     if not found:
@@ -132,11 +130,11 @@ def _short_formula(curve: FreeCurve, scorer: HeldOutScorer) -> ScoredFormula | N
 
 
 def _fitted(
-    vessel: Vessel, fit: Fit, scorer: HeldOutScorer, before: float, progress: Progress,
+    vessel: Vessel, fit: Fit, scorer: HeldOutScorer, last: Fit, progress: Progress,
     mapper: Mapper, forms: Sequence[Effect], rival: Fit | None,
 ) -> FreeCurve | None:  # fmt: skip
     """The best curve beside a fit's effects, in a kernel that holds no other effects; one that
-    comes nowhere near a `rival` is not fitted.
+    comes nowhere near a `rival` is not fitted. It has to help beyond the `last` fit too.
     """
     present = {a.effect.name for a in (*vessel.effects, *fit.added)}
     others = [form for form in forms if form.name not in present]
@@ -144,6 +142,7 @@ def _fitted(
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
     found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
+    before = min(scorer.given, scorer.score_fit(last).nrmse)
     over = {
         r.name: gain_under(rival.renewed_problem, rival, r.fit) if rival else None
         for r in found.finalists
@@ -151,7 +150,7 @@ def _fitted(
     rows = [
         r for r in found.finalists
         if is_worth_it(r.gain)
-        and (helps(scorer, fit, r.fit, before) or _is_better(over[r.name], scorer, r.fit, before))
+        and (helps(scorer, [fit, last], r.fit) or _is_better(over[r.name], scorer, r.fit, before))
     ]  # fmt: skip
     if not rows:
         return None

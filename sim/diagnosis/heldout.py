@@ -4,8 +4,10 @@ Each fourth block is held out in turn, 5 s to either side of it with it. The fit
 one damped Gauss–Newton step from the fit with them; the model then really runs over the blocks. A
 gain is a ratio of squared errors per block: thousands of samples make everything significant, so
 what counts is how large it is, and how alike from block to block. Beside it stands the error that
-`compare` prints: free runs of 10 s under the ruler of the vessel as it was given, the same for
-every step of a ladder, each block predicted with the numbers of the fit that did not see it.
+`compare` prints: free runs of 10 s under one ruler for every step of a ladder, each block predicted
+with the numbers of the fit that did not see it. As in `compare` it is the ruler of the vessel that
+predicts best by its own, as given or fitted: by that of a hull that holds its course the true model
+of one that does not seems to err far above the noise.
 
 How probable each explanation is: stacking of held-out blocks, drawn again and again.
 
@@ -120,18 +122,45 @@ class HeldOutScore:
 
 @dataclass(frozen=True)
 class HeldOutScorer:
-    """The rulers of all trials, from the vessel as it was given; None of a trial too short."""
+    """The rulers of all trials; None of a trial too short.
+
+    first  the vessel as it was given
+    error  nrmse, by these rulers, of the vessel whose they are
+    """
 
     trials: tuple[Trial, ...]
     rulers: tuple[Ruler | None, ...]
+    first: Model
+    error: float
 
     @classmethod
     def of(cls, trials: Sequence[Trial], first: Model) -> "HeldOutScorer":
-        """NoUsableTimeError where no trial has a stretch to compare over."""
+        """The rulers of the vessel as it was given; NoUsableTimeError where no trial has a stretch
+        to compare over.
+        """
         rulers = tuple(_ruler(trial, first) for trial in trials)
         if all(ruler is None for ruler in rulers):
             raise NoUsableTimeError("no stretch of usable time is long enough to compare over")
-        return cls(tuple(trials), rulers)
+        scorer = cls(tuple(trials), rulers, first, np.inf)
+        return replace(scorer, error=scorer.given)
+
+    def shared_with(self, fit: Fit) -> "HeldOutScorer":
+        """With the rulers of a fit that predicts better by them than the vessel whose rulers these
+        are does by these; else as it is (see `sim.prediction.free_runs.shared_ruler`).
+        """
+        model = fit.unknowns.model
+        rulers = tuple(
+            _ruler(trial, replace(model, theta=fit.unknowns.theta(fit.z[None], i)[0]))
+            for i, trial in enumerate(self.trials)
+        )
+        own = replace(self, rulers=rulers)
+        error = own.score_fit(fit).nrmse
+        return replace(own, error=error) if error < self.error else self
+
+    @property
+    def given(self) -> float:
+        """nrmse of the vessel as it was given."""
+        return self.score_model(self.first).nrmse
 
     @property
     def noise_floor(self) -> float:

@@ -87,12 +87,13 @@ def is_at_floor(noise_share: Sequence[float]) -> bool:
     return max(noise_share) < thresholds.MAX_NOISE_SHARE
 
 
-def helps(scorer: HeldOutScorer, before: Fit, after: Fit, given: float) -> bool:
-    """Whether predictions of unseen time become noticeably better, also than as `given`; at the
-    noise floor more is asked.
+def helps(scorer: HeldOutScorer, before: Sequence[Fit], after: Fit) -> bool:
+    """Whether predictions of unseen time become noticeably better than with any of the fits before,
+    and than as given; at the noise floor of the first of them more is asked.
     """
-    best = min(scorer.score_fit(before).nrmse, given)
-    at_floor = is_at_floor(before.noise_share) or best <= scorer.noise_floor
+    scorer = scorer.shared_with(after)
+    best = min([scorer.given, *(scorer.score_fit(fit).nrmse for fit in before)])
+    at_floor = is_at_floor(before[0].noise_share) or best <= scorer.noise_floor
     ratio = thresholds.MAX_NRMSE_RATIO_AT_FLOOR if at_floor else thresholds.MAX_NRMSE_RATIO
     return scorer.score_fit(after).nrmse < ratio * best
 
@@ -101,7 +102,6 @@ def helps(scorer: HeldOutScorer, before: Fit, after: Fit, given: float) -> bool:
 class EffectSearch:
     """The catalogue of one diagnosis, how many effects may be added, and what scores them.
 
-    given   error on unseen time of the vessel as it was given: no effect may leave more
     unshown effects that these trials cannot show: never added, but they may do as well
     """
 
@@ -111,7 +111,6 @@ class EffectSearch:
     progress: Progress
     mapper: Mapper
     scorer: HeldOutScorer
-    given: float
     unshown: tuple[Effect, ...] = ()
 
     def run(self, base: Fit) -> Selection:
@@ -180,7 +179,8 @@ class EffectSearch:
         """
         ranking = self.rank(fit)
         row = self._first_justified(ranking, steps, fit)
-        far = self.scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * self.scorer.noise_floor
+        scorer = self.scorer.shared_with(fit)
+        far = scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor
         if row is None and far and any(e.more_starts for e in self._others(fit)):
             ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
             row = self._first_justified(ranking, steps, fit)
@@ -205,13 +205,14 @@ class EffectSearch:
         """Whether an effect takes away more of the error on unseen time than the form of earlier
         effects leaves: who has found a strong current has not yet found a small offset.
         """
-        error, left = (self.scorer.score_fit(fit).nrmse for fit in (before, after))
-        above = self.given**2 - self.scorer.noise_floor**2
+        scorer = self.scorer.shared_with(after)
+        error, left = (scorer.score_fit(fit).nrmse for fit in (before, after))
+        above = scorer.given**2 - scorer.noise_floor**2
         return error**2 - left**2 > thresholds.MIN_SHARE_OF_BASE_ERROR * above
 
     def helps(self, before: Fit, after: Fit) -> bool:
         """Whether predictions become noticeably better."""
-        return helps(self.scorer, before, after, self.given)
+        return helps(self.scorer, [before], after)
 
     def is_believed(self, row: RankedEffect, reference: Fit) -> bool:
         """Whether nothing speaks against one of a ranking being true beyond these data."""

@@ -68,16 +68,19 @@ def is_above_noise(effects: Sequence[Effect], ladder: Sequence[LadderStep], floo
 
 
 def does_without_effects(
-    curve: FreeCurve, selection: Selection, ladder: Sequence[LadderStep], above_noise: bool
-) -> bool:
+    curve: FreeCurve, selection: Selection, ladder: Sequence[LadderStep], floor: float,
+    above_noise: bool,
+) -> bool:  # fmt: skip
     """Whether a curve alone predicts clearly better than all effects of the last step.
 
-    In free runs, or from one moment to the next by more than their form leaves.
+    In free runs, where these show more than noise (`floor`), or from one moment to the next by more
+    than their form leaves.
     """
     if not curve.replaces:
         return False
-    most = thresholds.MAX_IN_PLACE_RATIO * ladder[-1].heldout.nrmse
-    if selection.fits and curve.step.heldout.nrmse < most:
+    last = ladder[-1].heldout.nrmse
+    most = thresholds.MAX_IN_PLACE_RATIO * last
+    if selection.fits and last > floor and curve.step.heldout.nrmse < most:
         return True
     if curve.over is None or curve.over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
         return False
