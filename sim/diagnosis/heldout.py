@@ -5,9 +5,9 @@ one damped Gauss–Newton step from the fit with them; the model then really run
 gain is a ratio of squared errors per block: thousands of samples make everything significant, so
 what counts is how large it is, and how alike from block to block. Beside it stands the error that
 `compare` prints: free runs of 10 s under one ruler for every step of a ladder, each block predicted
-with the numbers of the fit that did not see it. As in `compare` it is the ruler of the vessel that
-predicts best by its own, as given or fitted: by that of a hull that holds its course the true model
-of one that does not seems to err far above the noise.
+with the numbers of the fit that did not see it. It is the ruler of the vessel as given, or of a fit
+that leaves no more than noise and predicts better by its own: by the ruler of a hull that holds its
+course the true model of one that does not seems to err far above the noise.
 
 How probable each explanation is: stacking of held-out blocks, drawn again and again.
 
@@ -34,6 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, fit_effects, with_given_base
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
@@ -147,7 +148,13 @@ class HeldOutScorer:
     def shared_with(self, fit: Fit) -> "HeldOutScorer":
         """With the rulers of a fit that predicts better by them than the vessel whose rulers these
         are does by these; else as it is (see `sim.prediction.free_runs.shared_ruler`).
+
+        Only of a fit that leaves no more than noise from one moment to the next, and is not so
+        unstable that noise hides the motion: how fast errors grow on a boat is not known from a
+        model that is not hers.
         """
+        if max(fit.noise_share) >= thresholds.MAX_NOISE_SHARE:
+            return self
         model = fit.unknowns.model
         rulers = tuple(
             _ruler(trial, replace(model, theta=fit.unknowns.theta(fit.z[None], i)[0]))
@@ -155,7 +162,9 @@ class HeldOutScorer:
         )
         own = replace(self, rulers=rulers)
         error = own.score_fit(fit).nrmse
-        return replace(own, error=error) if error < self.error else self
+        if error >= self.error or judge(error, own.noise_floor) is Judgement.UNJUDGED:
+            return self
+        return replace(own, error=error)
 
     @property
     def given(self) -> float:

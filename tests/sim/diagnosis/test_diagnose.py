@@ -231,7 +231,7 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[list[str]] = []
     monkeypatch.setattr(
         f"{diagnose.__module__}.find_free_curve",
-        lambda *given, **_: asked.append([form.name for form in given[6]]),
+        lambda *given, **_: asked.append([form.name for form in given[5]]),
     )
     few = DiagnoseSettings(effects=(named("cubic_drag"),), most=0)
     for seconds in (100.0, 200.0):

@@ -1,5 +1,6 @@
 """What a gain is, and how sure."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -119,7 +120,7 @@ def made_predict(trial: Any, model: Any, ruler: Any) -> Any:
     return SimpleNamespace(predicted_rows=lambda: (np.arange(count), ruler.segments.rows, error))
 
 
-def scorer_of(*block: list[int]) -> HeldOutScorer:
+def scorer_of(*block: list[int], error: float = 5.0) -> HeldOutScorer:
     """Of trials with one segment a row, in these blocks."""
     rulers = [
         Ruler(
@@ -129,7 +130,8 @@ def scorer_of(*block: list[int]) -> HeldOutScorer:
         for b in block
     ]  # fmt: skip
     trials: Any = tuple(SimpleNamespace(time=0.1 * np.arange(len(b))) for b in block)
-    return HeldOutScorer(trials, tuple(rulers))
+    first: Any = MadeModel(theta=[5.0])
+    return HeldOutScorer(trials, tuple(rulers), first, error)
 
 
 def test_each_block_is_predicted_by_the_fit_that_did_not_see_it(
@@ -166,8 +168,47 @@ def test_blocks_of_two_recordings_are_told_apart_and_one_block_has_no_interval(
     model: Any = MadeModel(theta=[3.0])
     assert scorer_of([5, 5, 5]).score_model(model).ci95 is None
     assert scorer_of([5], [5]).score_model(model).ci95 == pytest.approx((3.0, 3.0))
-    too_short = HeldOutScorer(scorer_of([5], [5]).trials, (None, scorer_of([5]).rulers[0]))
+    both = scorer_of([5], [5])
+    too_short = replace(both, rulers=(None, both.rulers[0]))
     assert too_short.score_model(model).ci95 is None
+
+
+@pytest.mark.parametrize(
+    ("own", "noise", "is_shared"), [(0.12, 0.1, True), (0.31, 0.1, False), (0.12, 0.9, False)]
+)
+def test_the_ruler_is_that_of_the_vessel_which_predicts_best_by_its_own(
+    own: float, noise: float, is_shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The given vessel errs by 0.3 by its own ruler, and the fit by more by that one."""
+    before = scorer_of([0, 1], [0], error=0.3)
+    loud = np.full((2, 2, 6), noise**2)
+    rulers = tuple(replace(r, variance=loud) for r in scorer_of([2, 3], [4, 4]).rulers if r)
+    asked: list[Any] = []
+
+    def ruler(trial: Any, model: Any) -> Any:
+        asked.append(float(model))
+        return rulers[next(i for i, one in enumerate(before.trials) if one is trial)]
+
+    def changed(made: Any, **values: Any) -> Any:
+        return values["theta"][0] if made is before.first else replace(made, **values)
+
+    def score(scorer: HeldOutScorer, fit: Any) -> Any:
+        return SimpleNamespace(nrmse=own if scorer.rulers[0] is rulers[0] else 0.9)
+
+    monkeypatch.setattr("sim.diagnosis.heldout.replace", changed)
+    monkeypatch.setattr("sim.diagnosis.heldout._ruler", ruler)
+    monkeypatch.setattr(HeldOutScorer, "score_fit", score)
+    fit: Any = SimpleNamespace(
+        z=np.array([7.0]),
+        noise_share=(0.6, 0.6, 0.7),
+        unknowns=SimpleNamespace(model=before.first, theta=lambda z, i: z + 10.0 * i),
+    )
+    after = before.shared_with(fit)
+    assert asked == [7.0, 17.0]  # each trial its own numbers
+    assert (after.rulers[0] is rulers[0], after is before) == (is_shared, not is_shared)
+    assert after.error == (own if is_shared else 0.3)
+    fit.noise_share = (0.6, 0.6, 1.2)  # a model that is not the boat's
+    assert before.shared_with(fit) is before
 
 
 def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(

@@ -16,6 +16,7 @@ from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIE
 from sim.diagnosis.verdict import rivals_of
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
+from tests.sim.diagnosis.made_scorer import MadeScorer
 from tests.sim.diagnosis.rankings import BLOCK, FIRST, SOME, row, starts
 from tests.sim.voyages import WAM_V
 
@@ -40,8 +41,8 @@ class Made(EffectSearch):
 
 def made(*rows: RankedEffect) -> Made:
     nothing: Any = None
-    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.1)
-    search = Made(nothing, (), 4, lambda _: None, map, scorer, 1.0)
+    scorer: Any = MadeScorer(0.1)
+    search = Made(nothing, (), 4, lambda _: None, map, scorer)
     object.__setattr__(search, "rows", rows)
     return search
 
@@ -51,7 +52,7 @@ def looking_closer(floor: float, *closer: RankedEffect) -> Made:
     search = replace(made(LITTLE), effects=EFFECTS)
     object.__setattr__(search, "rows", (LITTLE,))
     object.__setattr__(search, "closer", closer)
-    search.scorer.noise_floor = floor
+    cast(Any, search.scorer).noise_floor = floor
     return search
 
 
@@ -160,7 +161,7 @@ def test_a_special_case_is_fitted_wherever_its_general_form_is() -> None:
 def test_what_holds_another_effect_whole_never_stands_beside_it() -> None:
     change, steady, lift = (named(n) for n in ("current_change", "steady_current", "hull_lift"))
     nothing: Any = None
-    search = EffectSearch(nothing, (change, steady, lift), 4, nothing, map, nothing, 1.0)
+    search = EffectSearch(nothing, (change, steady, lift), 4, nothing, map, nothing)
 
     def beside(*effects: Effect) -> list[str]:
         added = [SimpleNamespace(effect=e) for e in effects]
@@ -195,8 +196,7 @@ def helped(
     given: float, after: float = 0.17, share: Any = (2.0, 2.0, 2.0), floor: float = 0.1
 ) -> bool:
     base, effect = SimpleNamespace(nrmse=0.2, noise_share=share), SimpleNamespace(nrmse=after)
-    scorer = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=floor)
-    return helps(*cast(Any, (scorer, base, effect)), given)
+    return helps(*cast(Any, (MadeScorer(floor, given), [base], effect)))
 
 
 def found(*names: str) -> Any:
@@ -255,10 +255,8 @@ def test_what_was_kept_out_by_an_effect_that_went_gets_its_place(
     monkeypatch.setattr(Scripted, "best", best)
     monkeypatch.setattr("sim.diagnosis.ladder.final_fit", lambda fit: fit)
     nothing: Any = None
-    scorer: Any = SimpleNamespace(
-        score_fit=lambda fit: fit, noise_floor=0.1, score_model=lambda model: nothing
-    )
-    search = Scripted(nothing, EFFECTS, 4, lambda _: None, map, scorer, 1.0)
+    scorer: Any = MadeScorer(0.1)
+    search = Scripted(nothing, EFFECTS, 4, lambda _: None, map, scorer)
     monkeypatch.setattr(Scripted, "helps", lambda self, before, after: True)
     selection = search.run(found())
     assert selection.fit.names == ("heading_offset", "current_change")
@@ -314,8 +312,8 @@ class Weather(EffectSearch):
 def exchanged(found: tuple[str, ...], most: int = 4, **left: float) -> tuple[str, ...] | None:
     """What stands after an exchange, given what each set of effects leaves ("a__b")."""
     nothing: Any = None
-    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.05)
-    search = Weather(nothing, EFFECTS, most, lambda _: None, map, scorer, 1.0)
+    scorer: Any = MadeScorer(0.05)
+    search = Weather(nothing, EFFECTS, most, lambda _: None, map, scorer)
     known = {frozenset(key.split("__")): value for key, value in left.items()}
     object.__setattr__(search, "left", {frozenset(): 1.0, **known})
     steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
@@ -352,8 +350,8 @@ def test_a_change_that_leaves_noise_alone_is_not_exchanged() -> None:
 @pytest.mark.parametrize(("steady", "stands"), [(0.21, "steady_current"), (0.4, "current_change")])
 def test_a_change_gives_way_to_a_steady_one_that_does_as_well(steady: float, stands: str) -> None:
     nothing: Any = None
-    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.05)
-    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, scorer, 1.0)
+    scorer: Any = MadeScorer(0.05)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, scorer)
     found, other = ("current_change", "hull_lift"), frozenset({"hull_lift", "steady_current"})
     left = {frozenset({"hull_lift"}): 0.8, frozenset(found): 0.2095, other: steady}
     object.__setattr__(search, "left", left)
@@ -366,7 +364,7 @@ def test_a_change_gives_way_to_a_steady_one_that_does_as_well(steady: float, sta
 def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) -> None:
     """What did as well while the others were missing is none where it does not beside them."""
     nothing: Any = None
-    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing, 1.0)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing)
     found = ("heading_offset", "current_change")
     known = {("heading_offset",): 0.8, found: 0.1, ("heading_offset", "steady_wind"): left}
     object.__setattr__(search, "left", {frozenset(k): v for k, v in known.items()})

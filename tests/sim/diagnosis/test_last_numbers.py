@@ -8,6 +8,7 @@ import pytest
 from sim.diagnosis import ladder
 from sim.diagnosis.ladder import EffectSearch
 from sim.effects.catalogue import EFFECTS
+from tests.sim.diagnosis.made_scorer import MadeScorer
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,6 @@ def test_the_last_numbers_stand_where_they_leave_noise_or_predict_as_well(
     before, last = fit(0.3, 1.14), fit(error, share)
     monkeypatch.setattr(ladder, "final_fit", lambda fit: last)
     nothing: Any = None
-    scorer: Any = SimpleNamespace(score_fit=lambda fit: fit, noise_floor=0.1)
-    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, scorer, 0.9)
+    scorer: Any = MadeScorer(0.1, 0.9)
+    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, scorer)
     assert search.settled(fit(0.9, 4.0), before) is (last if is_last else before)

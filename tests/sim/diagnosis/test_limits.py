@@ -65,7 +65,7 @@ def test_the_sentence_says_what_is_beyond_belief() -> None:
 
 def test_what_only_does_as_well_at_its_limit_is_no_rival() -> None:
     nothing: Any = None
-    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, nothing, 1.0)
+    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, nothing)
     ends = {"heading_offset": {"angle": 0.8}}
     fit: Any = SimpleNamespace(names=("thruster_imbalance",))
     for of_rival, told in ((starts, ["heading_offset"]), (lambda name: ends[name], [])):

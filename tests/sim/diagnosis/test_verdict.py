@@ -239,7 +239,7 @@ def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
     monkeypatch.setattr(free_curve, "_short_formula", lambda *_: None)
 
     def found(**how: bool) -> tuple[str, ...]:
-        best = find_free_curve(WAM_V, chosen, scorer, 0.5, **how)
+        best = find_free_curve(WAM_V, chosen, scorer, **how)
         assert best is not None
         return best.step.effects
 
@@ -297,13 +297,17 @@ def test_only_a_clearly_better_curve_takes_the_place_of_effects() -> None:
     lift: Any = SimpleNamespace(fits=(made,), steps=(won,), fit=hull_lift)
     nothing: Any = SimpleNamespace(fits=(), steps=(), fit=SimpleNamespace(added=[]))
 
-    def does(after: float, *effects: str, over: Gain | None = None, found: Any = lift) -> bool:
+    def does(
+        after: float, *effects: str, over: Gain | None = None, found: Any = lift, floor: float = 0.1
+    ) -> bool:
         curve = FreeCurve(step(after, *effects), made, made, over)
-        return does_without_effects(curve, found, ladder, above_noise=False)
+        return does_without_effects(curve, found, ladder, floor, above_noise=False)
 
     assert does(0.28, "x")
     assert not does(0.295, "x")  # the right effect in nature's own form
     assert not does(0.2, "hull_lift", "x")
+    assert not does(0.28, "x", floor=0.3)  # both are noise to free runs
+    assert does(0.28, "x", floor=0.3, over=gained(70.0))
     assert does(0.295, "x", over=gained(70.0))  # told from one moment to the next
     assert not does(0.295, "x", over=gained(50.0))  # of a thousand: the form
     assert not does(0.295, "x", over=gained(70.0, t=1.0)._replace(lost=0.6))
@@ -382,16 +386,19 @@ def test_a_curve_is_taken_where_free_runs_or_single_moments_tell(
     base: Any = SimpleNamespace(added=(), noise_share=(9.0, 9.0, 9.0), model=lambda: None)
     curve = SimpleNamespace(nrmse=after)
     errors = {id(base): 0.4, id(curve): after}
+    last: Any = SimpleNamespace()
+    errors[id(last)] = 0.3
     scorer: Any = SimpleNamespace(
-        score_fit=lambda fit: SimpleNamespace(nrmse=errors[id(fit)]), noise_floor=0.1
+        score_fit=lambda fit: SimpleNamespace(nrmse=errors[id(fit)]), noise_floor=0.1, given=0.35
     )
+    scorer.shared_with = lambda _: scorer
     row = SimpleNamespace(name="learned", effect=named("learned"), fit=curve, gain=gained(500.0))
     monkeypatch.setattr(free_curve, "rank", lambda *_, **how: SimpleNamespace(finalists=(row,)))
     monkeypatch.setattr(free_curve, "gain_under", lambda *_: over)
     monkeypatch.setattr(free_curve.SupersetModel, "of", lambda *_: None)
     monkeypatch.setattr(free_curve.LadderStep, "of", lambda *_: step(after, "learned"))
     forms = [named("learned")]
-    found = free_curve._fitted(WAM_V, base, scorer, 0.3, print, map, forms, rival)
+    found = free_curve._fitted(WAM_V, base, scorer, last, print, map, forms, rival)
     assert (found is not None) == taken
     assert found is None or (found.over, found.against) == (over, ("hull_lift",))
 
