@@ -20,7 +20,6 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,20 +104,26 @@ def _other(k: int, boat: str, dice: np.random.Generator) -> Hidden:
 
 
 class _Seconds:
-    """Stands in for the alarm of a monitor, and keeps what it is told."""
+    """The alarm of a monitor, which keeps what it is told."""
 
-    def __init__(self) -> None:
+    def __init__(self, alarm: Alarm) -> None:
+        self.alarm = alarm
         self.seconds: list[SecondMeans | None] = []
-        self.estimate = SimpleNamespace(count=0)
-        self.misfit = SimpleNamespace(wrong=False)
 
-    def observe(self, estimator: Any, second: SecondMeans) -> tuple["_Seconds", None]:
+    def observe(
+        self, estimator: DisturbanceEstimator, second: SecondMeans
+    ) -> tuple["_Seconds", ModelEvent | None]:
         self.seconds.append(second)
-        return self, None
+        self.alarm, event = self.alarm.observe(estimator, second)
+        return self, event
 
     def after_gap(self) -> "_Seconds":
         self.seconds.append(None)
+        self.alarm = self.alarm.after_gap()
         return self
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.alarm, name)
 
 
 def sailed(case: Case, seconds: float) -> tuple[Vessel, list[SecondMeans | None]]:
@@ -134,8 +139,9 @@ def sailed(case: Case, seconds: float) -> tuple[Vessel, list[SecondMeans | None]
             given.settings.filter, following.rate_hz,
         )  # fmt: skip
         _, out, _ = path.advance(path.start(), given.feed)
-    kept = _Seconds()
-    ModelMonitor(DisturbanceEstimator.of(model), kept).observe(out)  # type: ignore[arg-type]
+    estimator = DisturbanceEstimator.of(model)
+    kept = _Seconds(Alarm.start(estimator))
+    ModelMonitor(estimator, kept).observe(out)  # type: ignore[arg-type]
     return vessel, kept.seconds
 
 
