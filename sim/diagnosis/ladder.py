@@ -179,11 +179,11 @@ class EffectSearch:
         """
         ranking = self.rank(fit)
         row = self._first_justified(ranking, steps, fit)
-        scorer = self.scorer.shared_with(fit)
-        far = scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor
-        if row is None and far and any(e.more_starts for e in self._others(fit)):
-            ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
-            row = self._first_justified(ranking, steps, fit)
+        if row is None and any(e.more_starts for e in self._others(fit)):
+            scorer = self.scorer.shared_with(fit)
+            if scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor:
+                ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
+                row = self._first_justified(ranking, steps, fit)
         return (ranking, False) if row is None else (ranking.led_by(row), True)
 
     def _first_justified(

@@ -218,6 +218,8 @@ def formula_source(name: str, values: Values, formula: Formula) -> str:
     }
     if set(formula.numbers) != needed:
         raise KeyError(f"{formula.form} has the numbers {', '.join(sorted(needed))}")
+    if (acts == ANGLE) != (by == RUDDER) or (acts == OUTWARD and by != MOTOR):
+        raise KeyError(f"a table over the {NAMES[by]} does not act so")
     text = _text(form, values, formula.numbers)
     numbers = "\n".join(f"        {_parameter(k, v, values)}" for k, v in formula.numbers.items())
     return SOURCE.format(

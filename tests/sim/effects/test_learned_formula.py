@@ -147,6 +147,10 @@ def own_drag(by, acts):
         (Formula("evil", "", {"c": 1.0}, {}), EMPTY),
         (Formula("linear", "", {"c": 1.0}, {}), {**EMPTY, "by": 7.0}),
         (Formula("linear", "", {}, {}), EMPTY),
+        # no motor and no rudder to act on
+        (Formula("linear", "", {"c": 1.0, "x": 0.0}, {}), {**EMPTY, "by": AHEAD, "acts": OUTWARD}),
+        (Formula("linear", "", {"c": 1.0}, {}), {**EMPTY, "by": AHEAD, "acts": ANGLE}),
+        (Formula("linear", "", {"c": 1.0}, {}), {**EMPTY, "by": RUDDER, "acts": SURGE}),
     ],
 )
 def test_nothing_of_a_diagnosis_gets_into_a_program_but_numbers(formula, table, tmp_path: Path):
