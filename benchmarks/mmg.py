@@ -13,9 +13,7 @@ is missing and takes the better vessel. What is hidden after that is looked for 
 """
 
 import argparse
-import json
 import math
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -27,7 +25,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
-from benchmarks.hidden.boats import NINE, Boat, Hull
+from benchmarks.hidden.boats import Boat, Hull
 from benchmarks.hidden.link import recorded
 from benchmarks.hidden.nature import Cause, Nature
 from benchmarks.hidden.outputs import Motor, Rudder
@@ -36,7 +34,7 @@ from benchmarks.hidden.sail import EPILOGUE, PRELUDE, Truth, ticks_of
 from benchmarks.hidden.sensors import GRAVITY, Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
-from benchmarks.hidden.vessel_toml import vessel_toml
+from benchmarks.owner import diagnosed, first_voyage, told
 from sim.state import Floats
 
 SECONDS = 600.0  # armed
@@ -84,9 +82,6 @@ TROUBLES: dict[str, Trouble] = {
         helm=lambda angle: sticking(angle, BEND),
     ),
 }  # fmt: skip
-GUESSED = "".join(
-    f'\n[provenance."dynamics.{name}"]\nsays = "guessed from size: identify it"\n' for name in NINE
-)
 
 
 def lagged(angle: Floats, seconds: float) -> Floats:
@@ -233,31 +228,6 @@ def write(path: Path, length: float, trouble: Trouble, seed: int, seconds: float
     path.write_bytes(recorded(conversation(boat, sensors, truth, RAISED, clock), clock, dice[3]))
 
 
-def shadow(*words: str | Path) -> str:
-    """One command, as typed; an error ends here."""
-    done = subprocess.run(
-        [Path(sys.executable).parent / "shadow", *map(str, words)], capture_output=True, text=True
-    )
-    if done.returncode:
-        raise SystemExit(f"shadow {words[0]}: {done.stderr.strip()}")
-    return done.stdout
-
-
-def told(answer: Path) -> str:
-    """The answer of a diagnosis in one line."""
-    said = json.loads(answer.read_text(encoding="utf-8"))
-    first, last = said["ladder"][0]["heldout_nrmse"], said["ladder"][-1]["heldout_nrmse"]
-    names = " and ".join(said["effects"])
-    rivals = dict.fromkeys(name for row in said["ranking"] for name in row["confounded_with"])
-    alike = "".join(f" or {name}" for name in rivals if name not in said["effects"])
-    base = ", base moved" if said["base_changed"] else ""
-    curve = f", curve of {said['curve']['effects'][-1]}" if said.get("curve") else ""
-    return (
-        f"{said['verdict']}{base}{': ' if names else ''}{names}{alike}{curve}; "
-        f"{first:.3f} → {last:.3f} (noise {said['noise_floor_nrmse']:.3f})"
-    )
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mmg", description=__doc__)
@@ -268,29 +238,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     a = parser.parse_args(arguments)
     if find_spec("shipmmg") is None:
         parser.error("it needs another author's ship: pip install shipmmg")
-    a.out.mkdir(parents=True, exist_ok=True)
-    boat = boat_of(a.length)
-    first, plain, fitted = (a.out / n for n in ("first.tlog", "plain.toml", "fitted.toml"))
-    better, answer_of_first = a.out / "better.toml", a.out / "first.json"
-    if not answer_of_first.exists():
-        write(first, a.length, TROUBLES["none"], 1000 + a.seed)
-        plain.write_text(vessel_toml(boat) + GUESSED, encoding="utf-8")
-        shadow("identify", first, "--vessel", plain, "--out", fitted, "--force")
-        shadow(
-            "diagnose", first, "--vessel", fitted, "--save", answer_of_first, "--out", better,
-            "--force",
-        )  # fmt: skip
-    print("first voyage:", told(answer_of_first), flush=True)
-    if not better.exists():  # nothing is missing
-        better = fitted
+    better = first_voyage(
+        a.out, boat_of(a.length), lambda log: write(log, a.length, TROUBLES["none"], 1000 + a.seed)
+    )
     for name in a.only or TROUBLES:
         began = time.perf_counter()
-        log, answer = a.out / f"{name}.tlog", a.out / f"{name}.json"
+        log = a.out / f"{name}.tlog"
         seed = 2000 + 100 * a.seed + list(TROUBLES).index(name)
         write(log, a.length, TROUBLES[name], seed)
-        shadow("diagnose", log, "--vessel", better, "--save", answer, "--force")
-        seconds = time.perf_counter() - began
-        print(f"{TROUBLES[name].says}: {told(answer)}; {seconds:.0f} s", flush=True)
+        said = told(diagnosed(log, better))
+        print(f"{TROUBLES[name].says}: {said}; {time.perf_counter() - began:.0f} s", flush=True)
     return 0
 
 
