@@ -226,7 +226,7 @@ def write(path: Path, trouble: Trouble, seed: int, seconds: float = SECONDS) -> 
     otter, known = otter_of(trouble), boat()
     dice = [np.random.default_rng([seed, i]) for i in range(4)]
     n = ticks_of(seconds)
-    time_s = TICK * np.arange(n) - PRELUDE
+    time_s = TICK * np.arange(n, dtype=np.float64) - PRELUDE
     armed = (time_s >= 0.0) & (time_s < seconds)
     noise = estimate_error(n, dice[0])
     nature = Nature(known, [trouble.cause])
