@@ -202,7 +202,7 @@ def write(path: Path, length: float, trouble: Trouble, seed: int, seconds: float
     of["R_0_dash"] *= trouble.drag
     of["m"] *= trouble.mass
     of["I_zG"] *= trouble.mass
-    time_s = TICK * np.arange(len(sent)) - PRELUDE
+    time_s = TICK * np.arange(len(sent), dtype=np.float64) - PRELUDE
     dice = [np.random.default_rng([seed, i]) for i in range(4)]
     # a propeller that stands still has no law in shipmmg: it idles
     turns = top * np.maximum(took[:, 0], 0.02)
