@@ -1,13 +1,15 @@
 """A hull of another author: Fossen's Otter in six degrees of freedom, as a model that sails.
 
-    python -m benchmarks.otter --source PATH [--only CASE] [--out FOLDER]
+    python -m benchmarks.otter --source PATH [--payload KG] [--only CASE] [--out FOLDER]
 
 PATH is the folder `src` of the repository PythonVehicleSimulator, which is on no package index
 (class `otter`; T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed.
 2021). Its equations move the boat; this file only drives it, hides something and writes what an
 autopilot would have said. The law differs from that of `sim`: centre of gravity ahead of the
 origin, payload, heave, roll and pitch, cross-flow drag of strips, shafts that lag by 0.1 s, and
-a hull that does not hold its course. What the owner does is in `benchmarks.owner`.
+a hull that does not hold its course. A payload, 25 kg as published, also pushes: its weight along
+the trimmed hull, some 7 N ahead at any time, is held by nothing there. `--payload 0` leaves it
+ashore. What the owner does is in `benchmarks.owner`.
 """
 
 import argparse
@@ -58,7 +60,7 @@ class Trouble:
     says: str  # what is hidden, in words
     pilot: str = "excitation"
     current: tuple[float, float] = (0.0, 0.0)  # speed [m/s], towards [degrees]
-    payload: float = 25.0  # kg
+    payload: float = 0.0  # kg more
     changed: Callable[[Otter], None] = lambda otter: None  # its numbers
     command: Callable[[Floats, float, Floats], Floats] = lambda c, t, nu: c  # (2,), as it is taken
     push: Wrench6 = calm
@@ -169,7 +171,7 @@ TROUBLES: dict[str, Trouble] = {
     "astern": Trouble("half of the thrust astern", "drills", changed=astern),
     "propellers": Trouble("0.7 of the thrust", changed=both(0.7)),
     "drag": Trouble("1.6 times the linear resistance", changed=drag(1.6)),
-    "payload": Trouble("20 kg more on board, on a survey", "survey", payload=45.0),
+    "payload": Trouble("20 kg more on board, on a survey", "survey", payload=20.0),
     "towed": Trouble("a drogue in tow, from point to point", "wander", push=towed),
     "compass": Trouble(
         "a compass 7° off, on a survey", "survey", cause=says(yaw=lambda a: a + math.radians(7.0))
@@ -190,9 +192,9 @@ TROUBLES: dict[str, Trouble] = {
 }
 
 
-def boat() -> Boat:
+def boat(payload: float) -> Boat:
     """What its owner knows: size, mass, motors; the nine numbers as `shadow init` guesses them."""
-    mass, length, pull = 80.0, 2.0, 2.0 * AHEAD
+    mass, length, pull = 55.0 + payload, 2.0, 2.0 * AHEAD
     hull = Hull(
         length, 1.08, mass, 0.4, 0.7, 1.1 * mass, 1.6 * mass, 0.13 * mass * length**2,
         *(k * pull for k in (-0.25, -0.125, -0.75, -1.25, -0.11, -0.11)),
@@ -204,30 +206,32 @@ def boat() -> Boat:
     return Boat(name="Otter", source="Fossen 2021", hull=hull, motors=motors, curve=2)
 
 
-def otter_of(trouble: Trouble) -> Otter:
-    """Fossen's boat with what is hidden in its numbers."""
+def otter_of(trouble: Trouble, payload: float) -> Otter:
+    """Fossen's boat with what is hidden in its numbers, and a payload [kg]."""
     from python_vehicle_simulator.vehicles import otter as theirs  # not part of this project
 
     text = inspect.getsource(theirs)
     if PAYLOAD not in text:
         raise SystemExit("this version of the simulator says its payload in other words")
     names = dict(vars(sys.modules[theirs.__module__]))
-    exec(text.replace(PAYLOAD, f"self.mp = {trouble.payload!r}"), names)  # it has no argument
+    exec(
+        text.replace(PAYLOAD, f"self.mp = {payload + trouble.payload!r}"), names
+    )  # it has no argument
     speed, towards = trouble.current
     otter = names["otter"](V_current=speed, beta_current=towards)
     trouble.changed(otter)
     return otter
 
 
-def write(path: Path, trouble: Trouble, seed: int, seconds: float = SECONDS) -> None:
+def write(path: Path, trouble: Trouble, seed: int, payload: float = 25.0) -> None:
     """Sail once and record as a .tlog."""
     from python_vehicle_simulator.lib.gnc import Rzyx, attitudeEuler
 
-    otter, known = otter_of(trouble), boat()
+    otter, known = otter_of(trouble, payload), boat(payload)
     dice = [np.random.default_rng([seed, i]) for i in range(4)]
-    n = ticks_of(seconds)
+    n = ticks_of(SECONDS)
     time_s = TICK * np.arange(n, dtype=np.float64) - PRELUDE
-    armed = (time_s >= 0.0) & (time_s < seconds)
+    armed = (time_s >= 0.0) & (time_s < SECONDS)
     noise = estimate_error(n, dice[0])
     nature = Nature(known, [trouble.cause])
     pilot = PILOTS[trouble.pilot](known, dice[2])
@@ -265,6 +269,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.otter", description=__doc__)
     parser.add_argument("--source", type=Path, required=True, help="src of PythonVehicleSimulator")
+    parser.add_argument("--payload", type=float, default=25.0, help="on board as known [kg]")
     parser.add_argument("--only", action="append", choices=TROUBLES, help="these troubles alone")
     parser.add_argument("--out", type=Path, default=Path("out/otter"))
     parser.add_argument("--seed", type=int, default=0)
@@ -272,11 +277,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not (a.source / "python_vehicle_simulator" / "vehicles" / "otter.py").exists():
         parser.error(f"there is no python_vehicle_simulator in {a.source}")
     sys.path.insert(0, str(a.source))
-    better = first_voyage(a.out, boat(), lambda log: write(log, TROUBLES["none"], 1000 + a.seed))
+    better = first_voyage(
+        a.out,
+        boat(a.payload),
+        lambda log: write(log, TROUBLES["none"], 1000 + a.seed, a.payload),
+    )
     for name in a.only or TROUBLES:
         began = time.perf_counter()
         log = a.out / f"{name}.tlog"
-        write(log, TROUBLES[name], 2000 + 100 * a.seed + list(TROUBLES).index(name))
+        write(log, TROUBLES[name], 2000 + 100 * a.seed + list(TROUBLES).index(name), a.payload)
         said = told(diagnosed(log, better))
         print(f"{TROUBLES[name].says}: {said}; {time.perf_counter() - began:.0f} s", flush=True)
     return 0
