@@ -21,6 +21,7 @@ from benchmarks.hidden.strengths import (
     GROUPS,
     IN_A_SEA,
     LASTING,
+    LATER,
     OF_A_VOYAGE,
     RECIPES,
     SEAS,
@@ -229,6 +230,17 @@ def _sea(seed: int, number: int = 30) -> Iterator[Plan]:
         yield Plan(("sea", *beside), pilots, misjudged=i % 4 == 3)
 
 
+def _later(seed: int) -> Iterator[Plan]:
+    """Each effect that came later: every pilot, half of the files misjudged, then light hulls."""
+    first = LIGHT_FROM[seed]
+    for name in LATER:
+        for i in range(6):
+            yield Plan((name,), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i % 4 > 1)
+        for i in range(4):
+            pilots = OPEN_LOOP if i % 2 else MISSIONS
+            yield Plan((name,), pilots, misjudged=i > 1, boat=f"light-{first + i}")
+
+
 def _once_each(names: Iterable[str]) -> list[Plan]:
     """More kinds of strangers, each open loop and on a mission."""
     return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in names]
@@ -250,6 +262,7 @@ FAMILIES: Mapping[str, Family] = {
     "unlisted": lambda seed: _once_each(UNLISTED),
     "unheard": lambda seed: _once_each(UNHEARD),
     "unnamed": lambda seed: _once_each(UNNAMED),
+    "later": _later,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

@@ -232,6 +232,14 @@ CHANGES: Mapping[str, Recipe] = {
 LASTING = ("heading_offset", "reverse_loss", "towed_load", "cubic_drag", "compass_deviation")
 
 
+def _crossflow_drag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"drag": -k * b.hull.Y_vv * of(d, 0.8, 1.5)}
+
+
+# effects that came to the catalogue later; the recipes above stay as they are
+LATER: Mapping[str, Recipe] = {"crossflow_drag": _crossflow_drag}
+
+
 def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     """Steep for its length, as wind seas on lakes are; lengths from the boat's to three of it."""
     period = math.sqrt(2.0 * math.pi * b.hull.length * of(d, 1.2, 3.0) / 9.81)
@@ -357,6 +365,5 @@ UNLISTED: Mapping[str, Recipe] = {
 
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    return {**RECIPES, **CHANGES, **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **SEAS}[name](
-        boat, dice, 1.0 if name in WHOLE else share, seconds
-    )
+    known = {**RECIPES, **CHANGES, **LATER, **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **SEAS}
+    return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

@@ -55,6 +55,7 @@ EXAMPLES = {
     "payload_change": {"factor": 1.4, "time": 10.0},
     "cg_offset": {"x_g": -0.15},
     "cross_damping": {"Y_r": -8.0, "N_v": 6.0},
+    "crossflow_drag": {"drag": 60.0},
     "hull_lift": {"Y_uv": -30.0, "Y_ur": 5.0, "N_uv": 8.0, "N_ur": -5.0},
     "towed_load": {"drag": 8.0, "x": -0.8},
     "thruster_lag": {"tau": 0.6},

@@ -47,6 +47,7 @@ ALIKE = {  # nature has its own form: least correlation of what they do
         0.85,
     ),
     "steady_wind": ({"speed": 8.0, "direction": 2.0}, 0.9),
+    "crossflow_drag": ({"drag": 60.0}, 0.99),
     "wave_motion": ({"force": 15.0, "omega": 2.2, "direction": 0.5, "phase": 0.0}, 0.6),
     "payload_change": ({"factor": 1.4, "time": 10.0}, 0.95),
     "thruster_deadband": ({"width": 0.15}, 0.3),  # as our files had it, rescaled

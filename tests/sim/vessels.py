@@ -82,6 +82,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "time": 4.01,
     },
     "cross_damping": {"Y_r": -14.0, "N_v": 11.0},
+    "crossflow_drag": {"drag": 40.0},
     "cubic_drag": {"X_uuu": -8.0},
     "drag_growth": {"rate": 0.02},
     "heading_offset": {"angle": 0.15},

@@ -43,6 +43,25 @@ def cross_damping(Y_r: float, N_v: float) -> Cause:
     return Cause(push=lambda s, thrusts: Push(0.0, Y_r * s.r, N_v * s.v))
 
 
+def crossflow_drag(drag: float) -> Cause:
+    """Twenty strips from bow to stern, each dragged by the water that crosses it [N s²/m²].
+
+    What slipping or turning alone does is in Y_vv and N_rr already.
+    """
+
+    def push(s: Scene, thrusts: Sequence[float]) -> Push:
+        length, Y, N = s.hull.length, 0.0, 0.0
+        for i in range(20):
+            x = length * ((i + 0.5) / 20.0 - 0.5)
+            both, slip, turn = s.v + x * s.r, s.v, x * s.r
+            crossed = abs(both) * both - abs(slip) * slip - abs(turn) * turn
+            Y -= drag * crossed / 20.0
+            N -= x * drag * crossed / 20.0
+        return Push(0.0, Y, N)
+
+    return Cause(push=push)
+
+
 def hull_lift(Y_uv: float, Y_ur: float, N_uv: float, N_ur: float) -> Cause:
     """Skegs and demihulls lift: forces ∝ u v and u r."""
 
@@ -66,6 +85,7 @@ def towed_load(drag: float, x: float) -> Cause:
 CAUSES: Mapping[str, Callable[..., Cause]] = {
     law.__name__: law
     for law in (
-        cubic_drag, drag_growth, payload_change, cg_offset, cross_damping, hull_lift, towed_load,
+        cubic_drag, drag_growth, payload_change, cg_offset, cross_damping, crossflow_drag,
+        hull_lift, towed_load,
     )
 }  # fmt: skip

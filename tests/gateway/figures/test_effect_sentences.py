@@ -102,6 +102,7 @@ SENTENCES = (
     ("command_delay", {"delay": 0.34}, "commands act 0.34 s late"),
     ("compass_deviation", {"b": 0.03, "c": -0.04}, "by up to 2.9° on some headings"),
     ("cross_damping", {"Y_r": -14.0}, "14 N to port at 1 rad/s to starboard"),
+    ("crossflow_drag", {"drag": 240.0}, "slipping brakes a turn: as by 240 N on the whole side"),
     ("cubic_drag", {"X_uuu": -3.5}, "3.5 N more at 1 m/s"),
     ("drag_growth", {"rate": 0.0005}, "drag grows by 3.0 % a minute"),
     ("inertial_force", {"force": 9.0, "direction": 0.5 * math.pi},

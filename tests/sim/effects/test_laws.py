@@ -18,7 +18,7 @@ from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV, added, excitation
 
 DT = 0.02
 COARSE = 0.04  # where two runs of the same steps are compared
-TAKE_ENERGY = ("cubic_drag", "drag_growth", "towed_load")
+TAKE_ENERGY = ("cubic_drag", "crossflow_drag", "drag_growth", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
 OTHER_SIDE = {
     "thruster_fault": {"thruster": 2.0},
@@ -207,4 +207,7 @@ def test_one_of_two_that_look_alike_declares_it():
     stranger = replace(named("hull_lift"), name="stranger", mistaken_for=("battery_sag",))
     assert "stranger" not in named("battery_sag").mistaken_for
     assert mistaken_for(named("battery_sag"), (*EFFECTS, stranger))[-1] == "stranger"
-    assert mistaken_for(named("hull_lift"), (*EFFECTS, stranger)) == ("cross_damping",)
+    assert mistaken_for(named("hull_lift"), (*EFFECTS, stranger)) == (
+        "cross_damping",
+        "crossflow_drag",
+    )

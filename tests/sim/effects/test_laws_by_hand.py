@@ -65,6 +65,17 @@ def test_a_force_is_what_its_equation_gives(
     np.testing.assert_allclose(law(name, "force")(at, p(**values)), expected, atol=1e-9)
 
 
+@pytest.mark.parametrize(("v", "r"), [(3.0, 0.4), (-0.3, 0.4), (0.1, -0.9), (0.0, 0.5), (0.4, 0.0)])
+def test_cross_flow_drag_is_that_of_many_strips_beyond_what_slip_and_turn_do_alone(
+    v: float, r: float
+) -> None:
+    x = np.linspace(-2.5, 2.5, 100_001)
+    crossed = np.abs(v + x * r) * (v + x * r) - np.abs(v) * v - np.abs(x * r) * x * r
+    said = law("crossflow_drag", "force")(flow(u=9.0, v=v, r=r), p(drag=10.0))
+    expected = (0.0, -10.0 * np.mean(crossed), -10.0 * np.mean(x * crossed))
+    np.testing.assert_allclose(said, expected, rtol=0.01, atol=0.02 * (v * v + 6.0 * r * r))
+
+
 def test_the_wind_of_two_is_that_which_blows_then() -> None:
     """Before its moment as the first, from then on as the second; a measured one counts instead."""
     both = p(speed=6.0, direction=0.4, later_speed=9.0, later_direction=2.5, time=30.0,
