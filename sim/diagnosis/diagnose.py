@@ -42,6 +42,7 @@ from sim.diagnosis.verdict import (
     is_more_than_form,
     remaining_dependences,
     rivals_of,
+    seen_one_step_ahead,
     summary_of,
     unexplained_share,
     verdict_of,
@@ -169,8 +170,11 @@ def diagnose(
     told = left or contradictions or beyond_belief
     nameless = verdict is Verdict.UNKNOWN and not told and curve is None
     period = swing_period(selection.fit) if nameless else None
+    small = seen_one_step_ahead(selection)
+    if small is not None and not search.is_believed(small, selection.first.reference):
+        small = None
     said = summary_of(
-        verdict, ladder, rivals, left, floor, curve, period, contradictions, beyond_belief
+        verdict, ladder, rivals, left, floor, curve, period, contradictions, beyond_belief, small
     )
     if curve is not None:  # the sentence has the curve in its place
         notes += beyond_belief

@@ -148,6 +148,16 @@ def is_more_than_form(
     return is_worth_it(g) and g.nats > max(thresholds.MIN_RESIDUAL_NATS, share * won)
 
 
+def seen_one_step_ahead(selection: Selection) -> RankedEffect | None:
+    """The first of the ranking where nothing was added, but from one moment to the next it is worth
+    what a curve has to be; no free run shows it.
+    """
+    first = next(iter(selection.first.finalists), None)
+    if first is None or selection.steps or not is_worth_it(first.gain):
+        return None
+    return first if first.gain.log_ratio >= thresholds.MIN_LOG_RATIO_IN_PLACE else None
+
+
 def unexplained_share(ladder: Sequence[LadderStep], floor: float) -> float:
     """Share of the squared error above the noise that the last step leaves."""
     first, last = ladder[0].heldout.nrmse ** 2, ladder[-1].heldout.nrmse ** 2
@@ -159,11 +169,12 @@ def summary_of(
     verdict: Verdict, ladder: Sequence[LadderStep], rivals: Sequence[Sequence[RankedEffect]],
     left: Sequence[Dependence], floor: float, curve: FreeCurve | None = None,
     period: float | None = None, contradictions: Sequence[str] = (), strained: Sequence[str] = (),
+    small: RankedEffect | None = None,
 ) -> str:  # fmt: skip
     """The answer in one sentence; `period` [s]: that of what is left, where it swings.
 
     `contradictions`: of sensors; what a model of the boat leaves may be theirs. `strained`: numbers
-    of what was found that no boat has.
+    of what was found that no boat has. `small`: an effect that was not added, though it is seen.
     """
     first, base, last = (ladder[i].heldout.nrmse for i in (0, 1, -1))
     names = " and ".join(ladder[-1].effects)
@@ -173,9 +184,17 @@ def summary_of(
         if ladder[1].base == "kept":
             refit = "no better with the base re-fitted"
         numbers = f"{first:.3f} as given, {refit} (noise {floor:.3f})"
+        seen = ""
+        if small is not None:
+            seen = f"; only from one moment to the next is {small.name} seen, with "
+            seen += f"{_less(small.gain)} of the squared error"
         if judge(min(first, base), floor) is Judgement.UNJUDGED:
-            return f"these data cannot tell whether anything is missing, noise hides it: {numbers}"
-        return f"no effect of the catalogue is missing as far as these data can tell: {numbers}"
+            hidden = "these data cannot tell whether anything is missing, noise hides it"
+            return f"{hidden}: {numbers}{seen}"
+        whole = "no effect of the catalogue is missing as far as these data can tell"
+        if seen:
+            whole = "no prediction needs another effect of the catalogue"
+        return f"{whole}: {numbers}{seen}"
     if verdict is Verdict.EXPLAINED:
         return f"{names}: {fell}"
     if verdict is Verdict.CONFOUNDED:
@@ -186,9 +205,9 @@ def summary_of(
     if curve is not None:
         below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
-        if curve.over is not None and (less := round(100.0 * (1.0 - 1.0 / curve.over.ratio))) > 0:
-            below += f"; from one moment to the next it leaves {less} % less of the squared error"
-            below += f" than {' and '.join(curve.against) or 'the boat without it'}"
+        if curve.over is not None and curve.over.ratio > 1.005:
+            below += f"; from one moment to the next it leaves {_less(curve.over)} of the squared"
+            below += f" error than {' and '.join(curve.against) or 'the boat without it'}"
         if curve.as_well:
             kinds = " or ".join(effect.looks_like for effect in curve.as_well)
             below += f"; as well does a curve that {kinds}"
@@ -210,6 +229,11 @@ def summary_of(
         rest = (f"what is left swings with a period of some {period:.1f} s, as in a sea, or under "
                 "a controller that hunts")  # fmt: skip
     return f"{known}something is missing that the catalogue does not hold: {rest}"
+
+
+def _less(g: Gain) -> str:
+    """By how much the squared error is smaller."""
+    return f"{100.0 * (1.0 - 1.0 / g.ratio):.0f} % less"
 
 
 def _on_others(ladder: Sequence[LadderStep]) -> str:

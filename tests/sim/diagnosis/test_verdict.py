@@ -19,6 +19,7 @@ from sim.diagnosis.verdict import (
     is_curve_above_form,
     is_more_than_form,
     rivals_of,
+    seen_one_step_ahead,
     summary_of,
     unexplained_share,
     verdict_of,
@@ -129,6 +130,25 @@ def test_the_sentence_names_what_was_found_and_what_it_may_be_taken_for() -> Non
     odd = summary_of(Verdict.UNKNOWN, ladder, [[]], [LEFT], 0.05, None, None, ("a lag",))
     assert odd.endswith("contradict one another (a lag): that comes before any effect")
     assert "no effect" in summary_of(Verdict.ADEQUATE, ladder[:2], [], [], 0.09)
+
+
+def test_what_only_one_step_ahead_shows_is_told_and_nothing_else() -> None:
+    """A complete model's best of the ranking leaves at most 2 % less."""
+    row = SimpleNamespace(name="hull_lift", gain=Gain(1.25, 0.2, 4.6, 144.0, 0.09))
+    found = SimpleNamespace(steps=(), first=SimpleNamespace(finalists=(row,)))
+    assert seen_one_step_ahead(found) is row
+    said = summary_of(Verdict.ADEQUATE, [step(0.2), step(0.1)], [], [], 0.19, small=row)
+    assert said.endswith("seen, with 20 % less of the squared error")
+    assert "as far as these data can tell" not in said
+    row.gain = Gain(1.02, 0.016, 1.8, 25.0, 0.12)
+    assert seen_one_step_ahead(found) is None
+    row.gain = Gain(1.25, 0.2, 1.0, 19.0, 0.9)  # a few blocks, and what others lose
+    assert seen_one_step_ahead(found) is None
+    found.first.finalists = ()
+    assert seen_one_step_ahead(found) is None
+    added = SimpleNamespace(steps=(0,), first=SimpleNamespace(finalists=(row,)))
+    row.gain = Gain(1.25, 0.2, 4.6, 144.0, 0.09)
+    assert seen_one_step_ahead(added) is None
 
 
 def test_a_base_that_fitted_predicts_no_better_is_not_told_as_better() -> None:
