@@ -16,13 +16,7 @@ from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
-from sim.diagnosis.ladder import (
-    EffectSearch,
-    Selection,
-    is_at_floor,
-    is_missed,
-    is_worth_it,
-)
+from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.limits import strain_of
 from sim.diagnosis.next_experiment import (
     RecordingContent,
@@ -47,6 +41,7 @@ from sim.diagnosis.verdict import (
     unexplained_share,
     verdict_of,
 )
+from sim.diagnosis.worth import is_at_floor, is_missed, is_worth_it
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Shown
 from sim.identification import BASE, IdentifySettings

@@ -19,8 +19,9 @@ from sim.diagnosis.answer import LadderStep, ScoredFormula, fitted_values
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.heldout import Gain, HeldOutScorer, RankedEffect, gain_under, rank
-from sim.diagnosis.ladder import Selection, helps, is_worth_it
+from sim.diagnosis.ladder import Selection
 from sim.diagnosis.screening import Mapper, Progress
+from sim.diagnosis.worth import helps, is_worth_it
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect
 from sim.state import Floats

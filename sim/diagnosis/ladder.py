@@ -13,7 +13,7 @@ noise from a leader, the same for all; numbers with an interval deserve starts w
 them, and the noise that it leaves.
 """
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
@@ -37,6 +37,7 @@ from sim.diagnosis.heldout import (
     rank,
 )
 from sim.diagnosis.screening import Mapper, Progress
+from sim.diagnosis.worth import helps, is_at_floor, is_missed, is_worth_it
 from sim.effects.effect import Effect
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.vessel import AddedEffect
@@ -59,43 +60,6 @@ class Selection:
     def fit(self) -> Fit:
         """The best."""
         return self.fits[-1] if self.fits else self.base
-
-
-def is_missed(effect: Effect, g: Gain) -> bool:
-    """Whether an effect is worth so much that it would be missed.
-
-    Waves come in groups that no single frequency follows for long: they are believed even where
-    one loses now and then.
-    """
-    enough = g.nats > thresholds.MIN_NATS_IN_FEW_BLOCKS
-    return (effect.partial and enough and g.lost < thresholds.MAX_LOST_PARTIAL) or is_worth_it(g)
-
-
-def is_worth_it(g: Gain) -> bool:
-    """Large enough to matter, and in most blocks; or in few blocks alone, but there beyond doubt.
-
-    What shows only when the boat brakes is told by the two or three blocks in which it does.
-    """
-    large = g.log_ratio > thresholds.MIN_LOG_RATIO_PER_BLOCK
-    enough = g.nats > thresholds.MIN_NATS_IN_FEW_BLOCKS
-    in_most, in_few = g.t > thresholds.MIN_T_OVER_BLOCKS, g.lost < thresholds.MAX_LOST
-    return (large and in_most) or (enough and in_few)
-
-
-def is_at_floor(noise_share: Sequence[float]) -> bool:
-    """Whether no more is left in u, v, r than the recordings state as noise (`Fit.noise_share`)."""
-    return max(noise_share) < thresholds.MAX_NOISE_SHARE
-
-
-def helps(scorer: HeldOutScorer, before: Sequence[Fit], after: Fit) -> bool:
-    """Whether predictions of unseen time become noticeably better than with any of the fits before,
-    and than as given; at the noise floor of the first of them more is asked.
-    """
-    scorer = scorer.shared_with(after)
-    best = min([scorer.given, *(scorer.score_fit(fit).nrmse for fit in before)])
-    at_floor = is_at_floor(before[0].noise_share) or best <= scorer.noise_floor
-    ratio = thresholds.MAX_NRMSE_RATIO_AT_FLOOR if at_floor else thresholds.MAX_NRMSE_RATIO
-    return scorer.score_fit(after).nrmse < ratio * best
 
 
 @dataclass(frozen=True)
@@ -301,7 +265,8 @@ class EffectSearch:
         special = {e.name: e.general_of for e in self.effects if e.general_of in weather}
         at = [i for i, name in enumerate(fit.names) if name in weather or name in special]
         if len(at) == 2:
-            return self._one_for_two(steps, fit, at, changes)
+            one = self._one_for_two(steps, fit, at, changes)
+            return one or self._one_of_two_steady(steps, fit, at, special)
         if len(at) == 1 and len(steps) < self.most and not is_at_floor(fit.noise_share):
             name = fit.names[at[0]]
             if name in special:
@@ -321,6 +286,28 @@ class EffectSearch:
         if is_missed(steps[at[1]].best.effect, self._gain_over(fit, one.best.fit)):
             return None
         return [*(step for i, step in enumerate(steps) if i not in at), one], one.best.fit
+
+    def _one_of_two_steady(
+        self, steps: list[Ranking], fit: Fit, at: list[int], special: Mapping[str, str]
+    ) -> tuple[list[Ranking], Fit] | None:
+        """Of two changes the one steady, and the other looked for anew beside it: a change that was
+        chosen first took a part of the other, and bent what was found of that.
+        """
+        names = [fit.names[i] for i in at]
+        if is_at_floor(fit.noise_share) or not all(name in special for name in names):
+            return None
+        for steady, other in (names, reversed(names)):
+            self.progress(f"{special[steady]} and another {other} in the place of both")
+            first = self._in_place_of(fit, at, {special[steady]})
+            if not first.finalists:
+                continue
+            second = self.rank(first.best.fit, among={other})
+            if not second.finalists or not self.is_believed(second.best, second.reference):
+                continue
+            if is_worth_it(self._gain_over(second.best.fit, fit)):
+                kept = [step for i, step in enumerate(steps) if i not in at]
+                return [*kept, first, second], second.best.fit
+        return None
 
     def _two_for_one(
         self, steps: list[Ranking], fit: Fit, at: int, steady: str, others: set[str]

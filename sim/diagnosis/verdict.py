@@ -9,9 +9,10 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking
-from sim.diagnosis.ladder import Selection, is_worth_it
+from sim.diagnosis.ladder import Selection
 from sim.diagnosis.limits import strain_of
 from sim.diagnosis.residual_terms import Dependence, dependences
+from sim.diagnosis.worth import is_worth_it
 from sim.effects.effect import Effect
 
 TIME = "time"  # of `force_terms.GROUPS`

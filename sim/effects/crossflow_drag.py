@@ -69,6 +69,6 @@ EFFECT = Effect(
     looks_like="turns as modelled on the spot, and less the more it slips sideways",
     mistaken_for=("hull_lift", "cross_damping", "cg_offset"),
     evidence=EvidenceAxis(ForceAxis.YAW, "sway"),
-    separated={"hull_lift": TURN_SLOW_AND_FAST, "cg_offset": TURN_SLOW_AND_FAST},
+    separated=dict.fromkeys(("hull_lift", "cross_damping", "cg_offset"), TURN_SLOW_AND_FAST),
     in_words=in_words,
 )

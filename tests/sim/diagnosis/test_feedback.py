@@ -19,8 +19,8 @@ from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import gain
-from sim.diagnosis.ladder import is_worth_it
 from sim.diagnosis.thresholds import MIN_NATS_ONE_STEP
+from sim.diagnosis.worth import is_worth_it
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.vessel import AddedEffect

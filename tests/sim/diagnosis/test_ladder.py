@@ -11,9 +11,10 @@ import pytest
 from sim.diagnosis import ladder
 from sim.diagnosis.diagnose import _rivals
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking, gain, select_finalists
-from sim.diagnosis.ladder import EffectSearch, helps
+from sim.diagnosis.ladder import EffectSearch
 from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIER
 from sim.diagnosis.verdict import rivals_of
+from sim.diagnosis.worth import helps
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
 from tests.sim.diagnosis.made_scorer import MadeScorer
@@ -340,6 +341,19 @@ def test_two_take_the_place_of_one_change_that_stood_in_for_them() -> None:
     worse = {**left, "steady_current__wind_change": 0.41}
     assert exchanged(("current_change",), **worse) is None
     assert exchanged(("current_change",), most=1, **better) is None
+
+
+def test_of_two_changes_one_is_steady_where_the_other_is_better_found_anew_beside_it() -> None:
+    """A current that ran all day, and a wind that rose: its moment was taken for one of both."""
+    two = ("current_change", "wind_change")
+    left = {"current_change__wind_change": 0.4, "current_change": 0.6, "steady_current": 0.7}
+    better = {**left, "steady_current__wind_change": 0.25}
+    assert exchanged(two, **better) == ("steady_current", "wind_change")
+    assert exchanged(two, **left, steady_current__wind_change=0.4) is None
+    other = {**left, "wind_change": 0.9, "steady_wind": 0.8, "current_change__steady_wind": 0.2}
+    assert exchanged(two, **other) == ("steady_wind", "current_change")
+    told = {**better, "current_change__wind_change": 0.09}
+    assert exchanged(two, **told) is None  # no more than noise is left
 
 
 def test_a_change_that_leaves_noise_alone_is_not_exchanged() -> None:
