@@ -56,7 +56,7 @@ def told(answer: Path) -> str:
     first, last = said["ladder"][0]["heldout_nrmse"], said["ladder"][-1]["heldout_nrmse"]
     names = " and ".join(said["effects"])
     rivals = dict.fromkeys(name for row in said["ranking"] for name in row["confounded_with"])
-    alike = "".join(f" or {name}" for name in rivals if name not in said["effects"])
+    alike = "".join(f" or {name}" for name in rivals if names and name not in said["effects"])
     base = ", base moved" if said["base_changed"] else ""
     curve = f", curve of {said['curve']['effects'][-1]}" if said.get("curve") else ""
     return (

@@ -37,7 +37,13 @@ from sim.identification.search import (
     robust_weights,
     search,
 )
-from sim.identification.shooting import FitResult, jacobian_of, residuals_of
+from sim.identification.shooting import (
+    FitInputs,
+    FitResult,
+    fit_by_shooting,
+    jacobian_of,
+    residuals_of,
+)
 from sim.model import Model
 from sim.state import Floats
 from sim.vessel import AddedEffect, Vessel
@@ -357,3 +363,16 @@ def with_event_at(unknowns: Unknowns, name: str, time: float) -> Unknowns:
     theta = model.theta.copy()
     theta[model.names.index(name)] = time
     return replace(unknowns, model=replace(model, theta=theta))
+
+
+def final_fit(fit: Fit) -> Fit:
+    """The same effects with their last numbers; the problem is that of the new fit."""
+    for name in event_names(fit):
+        fit = with_event_moved(fit, name)
+    problem, unknowns = fit.problem, fit.unknowns
+    trials, settings = problem.trials, problem.settings
+    last = replace(settings, horizons=settings.horizons[-1:])
+    shot = fit_by_shooting(FitInputs(unknowns, trials, last), fit.z)
+    own = FitProblem.of(problem.vessel, trials, unknowns, shot.z, shot.noise, settings, shot.tracks)
+    final = replace(fit, problem=own, z=shot.z)
+    return replace(final, residual=final.at(shot.z[None])[0])

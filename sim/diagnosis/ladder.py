@@ -19,13 +19,12 @@ from dataclasses import dataclass, replace
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import (
     Fit,
-    event_names,
+    final_fit,
     fit_effects,
     start_values,
     unknowns_for,
-    with_event_moved,
 )
-from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
     Gain,
@@ -39,7 +38,6 @@ from sim.diagnosis.heldout import (
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.worth import helps, is_at_floor, is_missed, is_worth_it
 from sim.effects.effect import Effect
-from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.vessel import AddedEffect
 
 
@@ -326,18 +324,43 @@ class EffectSearch:
         return [*(step for i, step in enumerate(steps) if i != at), first, second], both
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """A general effect gives way to its special case where that does as well beside others."""
-        for step in list(steps) if len(steps) > 1 else []:
-            special = step.best.effect.general_of
-            if special not in {e.name for e in self.effects} - set(fit.names):
+        """A general effect gives way to its special case where that does as well: fitted from where
+        the general one ended, as few steps may not lead there from afar; or else anew, beside
+        others.
+        """
+        for step in list(steps):
+            special = next((e for e in self.effects if e.name == step.best.effect.general_of), None)
+            if special is None or special.name in fit.names:
                 continue
-            ranking = self._in_place_of(fit, {steps.index(step)}, {special})
+            near = self._special_of(fit, step, special)
+            if near is not None and not is_better_than_special(self._gain_over(fit, near)):
+                self.progress(f"{special.name} in the place of {step.best.name}")
+                row = replace(step.best, effect=special, fit=near)
+                others = (r for r in step.finalists[1:] if r.name != special.name)
+                ranking = replace(step, finalists=(row, *others))
+                steps, fit = [ranking if s is step else s for s in steps], near
+                continue
+            if len(steps) == 1:  # the ranking has compared the two
+                continue
+            ranking = self._in_place_of(fit, {steps.index(step)}, {special.name})
             if not ranking.finalists or not self.is_believed(ranking.best, ranking.reference):
                 continue
             if not is_better_than_special(self._gain_over(fit, ranking.best.fit)):
-                self.progress(f"{special} in the place of {step.best.name}")
+                self.progress(f"{special.name} in the place of {step.best.name}")
                 steps, fit = [*(s for s in steps if s is not step), ranking], ranking.best.fit
         return steps, fit
+
+    def _special_of(self, fit: Fit, step: Ranking, special: Effect) -> Fit | None:
+        """A fit with the special case from where the general effect of a step ended; None where the
+        two do not share their numbers.
+        """
+        added = list(fit.effects())
+        i = fit.names.index(step.best.name)
+        values = {p.name: added[i].values.get(p.name) for p in special.parameters}
+        if None in values.values():
+            return None
+        added[i] = AddedEffect(special, {name: float(x or 0.0) for name, x in values.items()})
+        return self._beside(added, fit)
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes."""
@@ -371,16 +394,3 @@ class EffectSearch:
     def _gain_over(self, fit: Fit, other: Fit) -> Gain:
         """What one fit is worth over another, under the noise that the first leaves."""
         return gain_under(fit.renewed_problem, other, fit)
-
-
-def final_fit(fit: Fit) -> Fit:
-    """The same effects with their last numbers; the problem is that of the new fit."""
-    for name in event_names(fit):
-        fit = with_event_moved(fit, name)
-    problem, unknowns = fit.problem, fit.unknowns
-    trials, settings = problem.trials, problem.settings
-    last = replace(settings, horizons=settings.horizons[-1:])
-    shot = fit_by_shooting(FitInputs(unknowns, trials, last), fit.z)
-    own = FitProblem.of(problem.vessel, trials, unknowns, shot.z, shot.noise, settings, shot.tracks)
-    final = replace(fit, problem=own, z=shot.z)
-    return replace(final, residual=final.at(shot.z[None])[0])

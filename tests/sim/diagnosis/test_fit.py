@@ -11,6 +11,7 @@ from sim.diagnosis.fit import (
     Fit,
     event_interval,
     event_names,
+    final_fit,
     fit_effects,
     start_values,
     unknowns_for,
@@ -18,7 +19,6 @@ from sim.diagnosis.fit import (
     with_given_base,
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.ladder import final_fit
 from sim.diagnosis.screening import screen
 from sim.effects.catalogue import named
 from sim.identification import BASE

@@ -19,6 +19,7 @@ from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
 from tests.sim.diagnosis.made_scorer import MadeScorer
 from tests.sim.diagnosis.rankings import BLOCK, FIRST, SOME, row, starts
+from tests.sim.vessels import VALUES
 from tests.sim.voyages import WAM_V
 
 HIDDEN = "steering_lag"  # worth most, and yet no prediction is better with it
@@ -202,7 +203,7 @@ def helped(
 
 def found(*names: str) -> Any:
     """A fit with these effects."""
-    added = tuple(SimpleNamespace(effect=named(name)) for name in names)
+    added = tuple(SimpleNamespace(effect=named(name), values={}) for name in names)
     return SimpleNamespace(
         names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names),
         noise_share=(2.0, 2.0, 2.0),
@@ -288,7 +289,9 @@ class Weather(EffectSearch):
             names=names, nrmse=nrmse, heldout_residual=residual, noise_share=share,
             problem=SimpleNamespace(block=BLOCK, vessel=WAM_V),
             values=starts,
-            effects=lambda: [SimpleNamespace(effect=named(name)) for name in names],
+            effects=lambda: [
+                SimpleNamespace(effect=named(name), values=VALUES.get(name, {})) for name in names
+            ],
         )  # fmt: skip
 
     def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
@@ -372,6 +375,24 @@ def test_a_change_gives_way_to_a_steady_one_that_does_as_well(steady: float, sta
     steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
     steps, fit = search._simplified(steps, search.fit_of(found))
     assert {stands, "hull_lift"} == set(fit.names)
+
+
+@pytest.mark.parametrize(("steady", "stands"), [(0.21, "steady_current"), (0.4, "current_change")])
+def test_a_change_found_alone_gives_way_too_though_the_ranking_preferred_it(
+    steady: float, stands: str
+) -> None:
+    """Few steps may not lead to the steady one from afar, but from where the change ended."""
+    nothing: Any = None
+    scorer: Any = MadeScorer(0.05)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, scorer)
+    left = {frozenset({"current_change"}): 0.2095, frozenset({"steady_current"}): steady}
+    object.__setattr__(search, "left", left)
+    others = (row("steady_current", LITTLE.gain), row("steady_wind", LITTLE.gain))
+    steps = [Ranking(FIRST, (row("current_change", SOME.gain), *others))]
+    (step,), fit = search._simplified(steps, search.fit_of(("current_change",)))
+    assert fit.names == (stands,)
+    assert [r.name for r in step.finalists].count("steady_current") == 1
+    assert step.best.name == stands
 
 
 @pytest.mark.parametrize(("left", "rivals"), [(0.1, ["steady_wind"]), (0.3, [])])
