@@ -356,10 +356,11 @@ class EffectSearch:
         """
         added = list(fit.effects())
         i = fit.names.index(step.best.name)
-        values = {p.name: added[i].values.get(p.name) for p in special.parameters}
-        if None in values.values():
+        names = {p.name for p in special.parameters}
+        values = {name: x for name, x in added[i].values.items() if name in names}
+        if len(values) < len(names):
             return None
-        added[i] = AddedEffect(special, {name: float(x or 0.0) for name, x in values.items()})
+        added[i] = AddedEffect(special, values)
         return self._beside(added, fit)
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
