@@ -6,9 +6,10 @@
 drag [N s²/m²] of the whole length where it moves straight sideways, ½ ρ C_d T L; v through the
 water [m/s], r [rad/s]; L [m] the hull's length. What |v| v and |r| r hold alone is left out, for
 Y_vv and N_rr hold it: what is new is that turning brakes a slip and slipping a turn, by −drag L²
-|v| r / 6 where the hull slips faster than its ends swing. The mean is Gauss's of six strips. Valid for: a hull alike at bow and
-stern. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, §6.4 (strip theory);
-Faltinsen, Sea Loads on Ships and Offshore Structures, 1990, ch. 6 (the cross-flow principle).
+|v| r / 6 where the hull slips faster than its ends swing. The mean is Gauss's of six strips. Valid
+for: a hull alike at bow and stern. Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed.
+2021, §6.4 (strip theory); Faltinsen, Sea Loads on Ships and Offshore Structures, 1990, ch. 6 (the
+cross-flow principle).
 """
 
 from typing import Any
