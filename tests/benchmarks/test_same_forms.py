@@ -173,5 +173,5 @@ def test_a_shaft_that_lags_is_not_a_thrust_that_lags(name, same, tmp_path):
 
 
 def test_all_that_can_be_hidden_is_in_the_catalogue_and_compared():
-    assert set(KNOWN) == {*SAME, *ALIKE, *OTHER_NAMES, *IN_TIME, *SENSORS}
+    assert set(KNOWN) == {*SAME, *ALIKE, *OTHER_NAMES, *IN_TIME, *SENSORS, "crossflow_drag"}
     assert {e.name for e in EFFECTS if e.tables is None} == set(KNOWN)  # a table has no law
