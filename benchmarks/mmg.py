@@ -15,7 +15,6 @@ is missing and takes the better vessel. What is hidden after that is looked for 
 import argparse
 import math
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -34,7 +33,7 @@ from benchmarks.hidden.sail import EPILOGUE, PRELUDE, Truth, ticks_of
 from benchmarks.hidden.sensors import GRAVITY, Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
-from benchmarks.owner import diagnosed, first_voyage, told
+from benchmarks.owner import first_voyage, tell_each
 from sim.state import Floats
 
 SECONDS = 600.0  # armed
@@ -238,16 +237,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     a = parser.parse_args(arguments)
     if find_spec("shipmmg") is None:
         parser.error("it needs another author's ship: pip install shipmmg")
+
+    def sail(name: str, log: Path) -> str:
+        seed = 2000 + 100 * a.seed + list(TROUBLES).index(name)
+        write(log, a.length, TROUBLES[name], seed)
+        return TROUBLES[name].says
+
     better = first_voyage(
         a.out, boat_of(a.length), lambda log: write(log, a.length, TROUBLES["none"], 1000 + a.seed)
     )
-    for name in a.only or TROUBLES:
-        began = time.perf_counter()
-        log = a.out / f"{name}.tlog"
-        seed = 2000 + 100 * a.seed + list(TROUBLES).index(name)
-        write(log, a.length, TROUBLES[name], seed)
-        said = told(diagnosed(log, better))
-        print(f"{TROUBLES[name].says}: {said}; {time.perf_counter() - began:.0f} s", flush=True)
+    tell_each(a.only or TROUBLES, a.out, better, sail)
     return 0
 
 

@@ -16,7 +16,6 @@ import argparse
 import inspect
 import math
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,7 +34,7 @@ from benchmarks.hidden.scene import Report
 from benchmarks.hidden.sensors import GRAVITY, Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
-from benchmarks.owner import diagnosed, first_voyage, told
+from benchmarks.owner import first_voyage, tell_each
 from sim.state import Floats
 
 SECONDS = 600.0  # armed
@@ -277,17 +276,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not (a.source / "python_vehicle_simulator" / "vehicles" / "otter.py").exists():
         parser.error(f"there is no python_vehicle_simulator in {a.source}")
     sys.path.insert(0, str(a.source))
+
+    def sail(name: str, log: Path) -> str:
+        seed = 2000 + 100 * a.seed + list(TROUBLES).index(name)
+        write(log, TROUBLES[name], seed, a.payload)
+        return TROUBLES[name].says
+
     better = first_voyage(
         a.out,
         boat(a.payload),
         lambda log: write(log, TROUBLES["none"], 1000 + a.seed, a.payload),
     )
-    for name in a.only or TROUBLES:
-        began = time.perf_counter()
-        log = a.out / f"{name}.tlog"
-        write(log, TROUBLES[name], 2000 + 100 * a.seed + list(TROUBLES).index(name), a.payload)
-        said = told(diagnosed(log, better))
-        print(f"{TROUBLES[name].says}: {said}; {time.perf_counter() - began:.0f} s", flush=True)
+    tell_each(a.only or TROUBLES, a.out, better, sail)
     return 0
 
 

@@ -8,7 +8,8 @@ the better vessel.
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from benchmarks.hidden.boats import NINE, Boat
@@ -31,6 +32,18 @@ def first_voyage(out: Path, boat: Boat, sail: Callable[[Path], object]) -> Path:
         shadow("diagnose", log, "--vessel", fitted, "--save", answer, "--out", better, "--force")
     print("first voyage:", told(answer), flush=True)
     return better if better.exists() else fitted  # nothing was missing
+
+
+def tell_each(
+    names: Iterable[str], out: Path, vessel: Path, sail: Callable[[str, Path], str]
+) -> None:
+    """A line for each voyage that `sail` writes to a log; it returns what is hidden there."""
+    for name in names:
+        began = time.perf_counter()
+        log = out / f"{name}.tlog"
+        hidden = sail(name, log)
+        answer = told(diagnosed(log, vessel))
+        print(f"{hidden}: {answer}; {time.perf_counter() - began:.0f} s", flush=True)
 
 
 def diagnosed(log: Path, vessel: Path) -> Path:

@@ -165,7 +165,7 @@ def diagnose(
     told = left or contradictions or beyond_belief
     nameless = verdict is Verdict.UNKNOWN and not told and curve is None
     period = swing_period(selection.fit) if nameless else None
-    small = seen_one_step_ahead(selection)
+    small = seen_one_step_ahead(selection) if verdict is Verdict.ADEQUATE else None
     if small is not None and not search.is_believed(small, selection.first.reference):
         small = None
     said = summary_of(

@@ -17,13 +17,7 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import (
-    Fit,
-    final_fit,
-    fit_effects,
-    start_values,
-    unknowns_for,
-)
+from sim.diagnosis.fit import Fit, final_fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
@@ -296,15 +290,10 @@ class EffectSearch:
             return None
         for steady, other in (names, reversed(names)):
             self.progress(f"{special[steady]} and another {other} in the place of both")
-            first = self._in_place_of(fit, at, {special[steady]})
-            if not first.finalists:
-                continue
-            second = self.rank(first.best.fit, among={other})
-            if not second.finalists or not self.is_believed(second.best, second.reference):
-                continue
-            if is_worth_it(self._gain_over(second.best.fit, fit)):
+            two = self._steady_and_another(fit, at, special[steady], {other})
+            if two and is_worth_it(self._gain_over(two[-1].best.fit, fit)):
                 kept = [step for i, step in enumerate(steps) if i not in at]
-                return [*kept, first, second], second.best.fit
+                return [*kept, *two], two[-1].best.fit
         return None
 
     def _two_for_one(
@@ -312,16 +301,27 @@ class EffectSearch:
     ) -> tuple[list[Ranking], Fit] | None:
         """The steady case of a change, and one of the others beside it, in the change's place."""
         self.progress(f"two effects in the place of {fit.names[at]}")
-        first = self._in_place_of(fit, {at}, {steady})
-        if not first.finalists:
+        two = self._steady_and_another(fit, {at}, steady, others)
+        if not two:
             return None
-        second = self.rank(first.best.fit, among=others)
-        if not second.finalists or not self.is_believed(second.best, second.reference):
-            return None
-        both = second.best.fit
+        both = two[-1].best.fit
         if self._gain_over(both, fit).nats <= 0.0 or not self.helps(fit, both):
             return None
-        return [*(step for i, step in enumerate(steps) if i != at), first, second], both
+        return [*(step for i, step in enumerate(steps) if i != at), *two], both
+
+    def _steady_and_another(
+        self, fit: Fit, at: Container[int], steady: str, others: set[str]
+    ) -> list[Ranking]:
+        """In the place of the effects `at` these places a steady one, and beside it the best of the
+        others that is believed: how each was chosen; empty where there is none.
+        """
+        first = self._in_place_of(fit, at, {steady})
+        if not first.finalists:
+            return []
+        second = self.rank(first.best.fit, among=others)
+        if not second.finalists or not self.is_believed(second.best, second.reference):
+            return []
+        return [first, second]
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: fitted from where

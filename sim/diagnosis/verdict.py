@@ -188,7 +188,7 @@ def summary_of(
         seen = ""
         if small is not None:
             seen = f"; only from one moment to the next is {small.name} seen, with "
-            seen += f"{_less(small.gain)} of the squared error"
+            seen += f"{_percent_less(small.gain)} % less of the squared error"
         if judge(min(first, base), floor) is Judgement.UNJUDGED:
             hidden = "these data cannot tell whether anything is missing, noise hides it"
             return f"{hidden}: {numbers}{seen}"
@@ -206,9 +206,9 @@ def summary_of(
     if curve is not None:
         below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
-        if curve.over is not None and curve.over.ratio > 1.005:
-            below += f"; from one moment to the next it leaves {_less(curve.over)} of the squared"
-            below += f" error than {' and '.join(curve.against) or 'the boat without it'}"
+        if curve.over is not None and (less := _percent_less(curve.over)) > 0:
+            below += f"; from one moment to the next it leaves {less} % less of the squared error"
+            below += f" than {' and '.join(curve.against) or 'the boat without it'}"
         if curve.as_well:
             kinds = " or ".join(effect.looks_like for effect in curve.as_well)
             below += f"; as well does a curve that {kinds}"
@@ -232,9 +232,9 @@ def summary_of(
     return f"{known}something is missing that the catalogue does not hold: {rest}"
 
 
-def _less(g: Gain) -> str:
+def _percent_less(g: Gain) -> int:
     """By how much the squared error is smaller."""
-    return f"{100.0 * (1.0 - 1.0 / g.ratio):.0f} % less"
+    return round(100.0 * (1.0 - 1.0 / g.ratio))
 
 
 def _on_others(ladder: Sequence[LadderStep]) -> str:
