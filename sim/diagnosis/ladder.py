@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, final_fit, fit_effects, start_values, unknowns_for
-from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
     Gain,
@@ -83,6 +83,8 @@ class EffectSearch:
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
         steps, fit = self._simplified(fewer, fit)
+        # one story: what took the place of the first is the first of the ranking that is told
+        first = next((step for step in steps if step.reference is first.reference), first)
         if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")
@@ -324,9 +326,8 @@ class EffectSearch:
         return [first, second]
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """A general effect gives way to its special case where that does as well: fitted from where
-        the general one ended, as few steps may not lead there from afar; or else anew, beside
-        others.
+        """A general effect gives way to its special case where that does as well: from where the
+        general one ended, for few steps may not lead there from afar, or anew beside others.
         """
         for step in list(steps):
             special = next((e for e in self.effects if e.name == step.best.effect.general_of), None)
@@ -361,7 +362,7 @@ class EffectSearch:
         if len(values) < len(names):
             return None
         added[i] = AddedEffect(special, values)
-        return self._beside(added, fit)
+        return self._beside(added, fit, step.best.fit.problem)  # as all of its ranking
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes."""
@@ -386,9 +387,11 @@ class EffectSearch:
         """A fit of all effects of another but those at these places."""
         return self._beside([a for i, a in enumerate(fit.effects()) if i not in at], fit)
 
-    def _beside(self, added: Sequence[AddedEffect], like: Fit) -> Fit:
-        """The base with these effects, fitted under the noise that `like` leaves."""
-        problem = like.renewed_problem
+    def _beside(
+        self, added: Sequence[AddedEffect], like: Fit, problem: FitProblem | None = None
+    ) -> Fit:
+        """The base with these effects, from where `like` ended; under the noise that it leaves."""
+        problem = problem or like.renewed_problem
         unknowns = unknowns_for(self.superset, added, len(problem.trials), problem.settings)
         return fit_effects(added, unknowns, problem, start_values(unknowns, like))
 

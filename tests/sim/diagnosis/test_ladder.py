@@ -203,10 +203,12 @@ def helped(
 
 def found(*names: str) -> Any:
     """A fit with these effects."""
-    added = tuple(SimpleNamespace(effect=named(name), values={}) for name in names)
+    added = tuple(
+        SimpleNamespace(effect=named(name), values=VALUES.get(name, {})) for name in names
+    )
     return SimpleNamespace(
         names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names),
-        noise_share=(2.0, 2.0, 2.0),
+        noise_share=(2.0, 2.0, 2.0), problem=None,
     )  # fmt: skip
 
 
@@ -238,7 +240,7 @@ class Scripted(EffectSearch):
     def is_believed(self, row: Any, reference: Any) -> bool:
         return True
 
-    def _beside(self, added: Any, like: Any) -> Any:
+    def _beside(self, added: Any, like: Any, problem: Any = None) -> Any:
         return found(*(a.effect.name for a in added))
 
     def _gain_over(self, fit: Any, other: Any) -> Gain:
@@ -262,6 +264,22 @@ def test_what_was_kept_out_by_an_effect_that_went_gets_its_place(
     monkeypatch.setattr(Scripted, "helps", lambda self, before, after: True)
     selection = search.run(found())
     assert selection.fit.names == ("heading_offset", "current_change")
+
+
+def test_a_steady_case_that_took_its_changes_place_leads_the_ranking_that_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Not the change, with a probability that the answer does not share."""
+    nothing, same = cast(Any, None), Gain(1.0, 0.0, 0.0, 0.0, 1.0)
+    monkeypatch.setattr(Scripted, "best", {(): "current_change"})
+    monkeypatch.setattr(Scripted, "helps", lambda self, before, after: True)
+    monkeypatch.setattr(Scripted, "_gain_over", lambda self, fit, other: same)
+    monkeypatch.setattr("sim.diagnosis.ladder.final_fit", lambda fit: fit)
+    scorer: Any = MadeScorer(0.1)
+    selection = Scripted(nothing, EFFECTS, 1, lambda _: None, map, scorer).run(found())
+    assert selection.fit.names == ("steady_current",)
+    assert [row.name for row in selection.first.finalists] == ["steady_current", "heading_offset"]
+    assert selection.steps[0].best is selection.first.best
 
 
 @pytest.mark.parametrize("others", [(), (LITTLE,)])
@@ -303,7 +321,7 @@ class Weather(EffectSearch):
         rows.sort(key=lambda r: -r.gain.ratio)
         return Ranking(fit, tuple(rows))
 
-    def _beside(self, added: Any, like: Any) -> Any:
+    def _beside(self, added: Any, like: Any, problem: Any = None) -> Any:
         return self.fit_of(tuple(a.effect.name for a in added))
 
     def _gain_over(self, fit: Any, other: Any) -> Gain:
