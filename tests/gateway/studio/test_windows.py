@@ -17,7 +17,8 @@ pytestmark = pytest.mark.alone
 sync_api = pytest.importorskip("playwright.sync_api")
 NOTICED_S = 3.0
 # What the browser and Bokeh say on the console of a page whose server has ended; at no other time.
-GONE = re.compile("ERR_CONNECTION_REFUSED|not connected so cannot send")
+# A request that is under way when the server is killed is reset or stays without an answer.
+GONE = re.compile("ERR_CONNECTION_(REFUSED|RESET)|ERR_EMPTY_RESPONSE|not connected so cannot send")
 COMPARED = re.compile("no more than noise|times what noise alone would show")
 # What is marked on the page, asked of Bokeh itself.
 MARKS = """() => Bokeh.documents.flatMap(d => [...d._all_models.values()])
