@@ -166,6 +166,9 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
         raise BadInput(f"{file}: {key}: {error}") from None
 
     _check_effect(f"{file}: {key}", effect.parameters, added.values)
+    why = effect.mismatch(added.values) if effect.mismatch else ""
+    if why:
+        raise BadInput(f"{file}: {key}: {why}")
     return added
 
 
@@ -176,10 +179,14 @@ def _is_number(value: Any) -> bool:
 
 
 def _check_effect(where: str, known: Sequence[Parameter], values: Mapping[str, float]) -> None:
-    """BadInput where a number is far beyond what its effect declares: mostly degrees."""
+    """BadInput where a number is far beyond what its effect declares: mostly degrees; or where one
+    that stands for a choice is none of those.
+    """
     for p in known:
-        room = 0.0 if p.kind is Kind.CIRCLE else p.upper - p.lower
+        room = 0.0 if p.kind in (Kind.CIRCLE, Kind.CHOICE) else p.upper - p.lower
         value = values[p.name]
+        if p.kind is Kind.CHOICE and not value.is_integer():
+            raise BadInput(f"{where}.{p.name} = {value:g}: expected a whole number")
         if not p.lower - room <= value <= p.upper + room:
             hint = f": {value:g}° are {radians(value):.4g} rad" if p.unit == "rad" else ""
             raise BadInput(

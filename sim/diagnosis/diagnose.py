@@ -15,7 +15,7 @@ from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
-from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, gain
+from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
 from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.limits import strain_of
 from sim.diagnosis.next_experiment import (
@@ -27,6 +27,7 @@ from sim.diagnosis.next_experiment import (
     refusals,
 )
 from sim.diagnosis.residual_terms import swing_period
+from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
     does_without_effects,
@@ -128,7 +129,7 @@ def diagnose(
     whole = is_at_floor(noise_share) and not above
     left = [] if predicted or whole else remaining_dependences(selection, above)
     alone = [LadderStep.of(row.fit, scorer) for row in selection.first.finalists]
-    rivals = [_rivals(step, search, selection) for step in selection.steps]
+    rivals = [all_rivals_of(step, search, selection) for step in selection.steps]
     later = [
         LadderStep.of(row.fit, scorer)
         for step, of in zip(selection.steps, rivals, strict=True)
@@ -263,19 +264,6 @@ def _with_times_in_a_sea(selection: Selection, search: EffectSearch) -> tuple[Se
             selection = replace(selection, fits=(*fits, close))
     told = [estimate.name for estimate in selection.fit.told]
     return selection, said_of_times(found, told, period)
-
-
-def _rivals(step: Ranking, search: EffectSearch, selection: Selection) -> list[RankedEffect]:
-    """What does as well as the effect of a step, also of what these trials cannot show.
-
-    Beside all the others: what did as well while those were missing may not beside them.
-    """
-    shown = rivals_of(step, selection.fit.names)
-    if shown and len(selection.steps) > 1:
-        beside_all = search.beside_others(step, selection.fit, {row.name for row in shown})
-        shown = rivals_of(beside_all, selection.fit.names)
-    rivals = [*shown, *rivals_of(search.beside_unshown(step), selection.fit.names)]
-    return rivals[: thresholds.MAX_EXPLANATIONS - 1]
 
 
 def _doubted(selection: Selection, scorer: HeldOutScorer) -> list[Refusal]:

@@ -30,7 +30,13 @@ from sim.diagnosis.heldout import (
     rank,
 )
 from sim.diagnosis.screening import Mapper, Progress
-from sim.diagnosis.worth import helps, is_at_floor, is_missed, is_worth_it
+from sim.diagnosis.worth import (
+    helps,
+    is_at_floor,
+    is_missed,
+    is_worse_elsewhere,
+    is_worth_it,
+)
 from sim.effects.effect import Effect
 from sim.vessel import AddedEffect
 
@@ -187,29 +193,6 @@ class EffectSearch:
             others = [e for e in others if e.name in among or (closer and e.more_starts)]
         return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper, closer)
 
-    def beside_others(self, step: Ranking, fit: Fit, rivals: set[str]) -> Ranking:
-        """The effect of a step and rivals of it, fitted beside all other effects of a fit."""
-        name = step.best.name
-        self.progress(f"whether {name} is told from {' and '.join(sorted(rivals))}")
-        found = self._in_place_of(fit, {fit.names.index(name)}, {name, *rivals})
-        row = next((r for r in found.finalists if r.name == name), None)
-        return step if row is None else found.led_by(row)
-
-    def beside_unshown(self, step: Ranking) -> Ranking:
-        """The best of a step among those of its look-alikes that these trials cannot show.
-
-        Where such a one does as well, on few headings say, the best is not established.
-        """
-        best = step.best.effect
-        alike = [e for e in self.unshown if best.looks_like_effect(e)]
-        if not alike:
-            return replace(step, finalists=(step.best,))
-        self.progress(f"whether {best.name} is told from {', '.join(e.name for e in alike)}")
-        fit = step.reference
-        found = rank(self.superset, fit.model(), [best, *alike], fit, mapper=self.mapper)
-        row = next((r for r in found.finalists if r.name == best.name), None)
-        return replace(step, finalists=(step.best,)) if row is None else found.led_by(row)
-
     def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold, whole or as a part of another."""
         inside = {a.effect.contains for a in fit.added}
@@ -239,13 +222,15 @@ class EffectSearch:
 
         Of what promised enough at one of the steps to be fitted whole: the whole catalogue for each
         would take most of the time of a long ladder. At the last it is the whole catalogue.
+        Nothing takes a place that predicts recordings left out worse than what stood there.
         """
         promising = None if last else {row.name for step in steps for row in step.finalists}
         for i, step in enumerate(steps if last else steps[:-1]):
-            ranking = self._in_place_of(fit, {i}, promising)
+            ranking = self.in_place_of(fit, {i}, promising)
             ranking = ranking if ranking.finalists else step
             best, old = ranking.best, step.best.name
             better = best.name != old and is_worth_it(self._gain_over(best.fit, fit))
+            better = better and not is_worse_elsewhere(self.scorer, fit, best.fit)
             if better and self.is_believed(best, ranking.reference):
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
@@ -274,7 +259,7 @@ class EffectSearch:
     ) -> tuple[list[Ranking], Fit] | None:
         """A change in the place of the two effects `at` these steps, unless the later is missed."""
         self.progress(f"one change in the place of {' and '.join(fit.names[i] for i in at)}")
-        one = self._in_place_of(fit, at, changes)
+        one = self.in_place_of(fit, at, changes)
         if not one.finalists or not self.is_believed(one.best, one.reference):
             return None
         if is_missed(steps[at[1]].best.effect, self._gain_over(fit, one.best.fit)):
@@ -317,7 +302,7 @@ class EffectSearch:
         """In the place of the effects `at` these places a steady one, and beside it the best of the
         others that is believed: how each was chosen; empty where there is none.
         """
-        first = self._in_place_of(fit, at, {steady})
+        first = self.in_place_of(fit, at, {steady})
         if not first.finalists:
             return []
         second = self.rank(first.best.fit, among=others)
@@ -343,7 +328,7 @@ class EffectSearch:
                 continue
             if len(steps) == 1:  # the ranking has compared the two
                 continue
-            ranking = self._in_place_of(fit, {steps.index(step)}, {special.name})
+            ranking = self.in_place_of(fit, {steps.index(step)}, {special.name})
             if not ranking.finalists or not self.is_believed(ranking.best, ranking.reference):
                 continue
             if not is_better_than_special(self._gain_over(fit, ranking.best.fit)):
@@ -365,12 +350,15 @@ class EffectSearch:
         return self._beside(added, fit, step.best.fit.problem)  # as all of its ranking
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """Without each effect in turn: one that is not missed goes."""
+        """Without each effect in turn: one that is not missed goes, unless recordings left out are
+        predicted worse without it.
+        """
         while len(steps) > 1:
             added = fit.effects()
             for i, a in enumerate(added):
                 without = self._without(fit, {i})
-                if not is_missed(a.effect, self._gain_over(fit, without)):
+                missed = is_missed(a.effect, self._gain_over(fit, without))
+                if not missed and not is_worse_elsewhere(self.scorer, fit, without):
                     self.progress(f"{a.effect.name} no longer earns its place")
                     steps = [s for s in steps if s.best.name != a.effect.name]
                     fit = without
@@ -379,7 +367,7 @@ class EffectSearch:
                 break
         return steps, fit
 
-    def _in_place_of(self, fit: Fit, at: Container[int], among: Container[str] | None) -> Ranking:
+    def in_place_of(self, fit: Fit, at: Container[int], among: Container[str] | None) -> Ranking:
         """What could stand where these effects of a fit stand, by place, beside the others."""
         return self.rank(self._without(fit, at), among=among)
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import Gain, HeldOutScorer
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Scope
 
 
 def is_missed(effect: Effect, g: Gain) -> bool:
@@ -43,3 +43,19 @@ def helps(scorer: HeldOutScorer, before: Sequence[Fit], after: Fit) -> bool:
     at_floor = is_at_floor(before[0].noise_share) or best <= scorer.noise_floor
     ratio = thresholds.MAX_NRMSE_RATIO_AT_FLOOR if at_floor else thresholds.MAX_NRMSE_RATIO
     return scorer.score_fit(after).nrmse < ratio * best
+
+
+def is_worse_elsewhere(scorer: HeldOutScorer, before: Fit, after: Fit) -> bool:
+    """Whether recordings that are left out in turn are predicted noticeably worse by the later fit.
+
+    Not known of fewer than `MIN_RECORDINGS`, nor where the two differ in effects of a day, whose
+    numbers the recording that is left out has given itself.
+    """
+    of_a_day = [
+        {a.effect.name for a in fit.added if a.effect.scope is not Scope.BOAT}
+        for fit in (before, after)
+    ]
+    if of_a_day[0] != of_a_day[1]:
+        return False
+    a, b = (scorer.score_recordings(fit) for fit in (before, after))
+    return a is not None and b is not None and a.nrmse < thresholds.MAX_NRMSE_RATIO * b.nrmse

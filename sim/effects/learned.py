@@ -131,6 +131,19 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     ]  # fmt: skip
 
 
+def mismatch(values: Values) -> str:
+    """Why a table does not act on what its variable is of; empty where it does."""
+    by, acts = values["by"], values["acts"]
+    if acts == OUTWARD and by != MOTOR:
+        return f"acts = {OUTWARD:g} (outward) goes with by = {MOTOR:g} (a motor's thrust) alone"
+    if (acts == ANGLE) != (by == RUDDER):
+        return (
+            f"acts = {ANGLE:g} (angle of the steering) and by = {RUDDER:g} (angle commanded) go "
+            "with one another alone"
+        )
+    return ""
+
+
 def evidence_axis(values: Values) -> EvidenceAxis:
     """The missing force of the table's axis over the table's variable."""
     axis = {
@@ -210,6 +223,7 @@ EFFECT = Effect(
     looks_like="follows one variable, by no law of the catalogue",
     evidence=evidence_axis,
     tables=tables,
+    mismatch=mismatch,
     in_words=in_words,
     formulas=formulas,
     formula_source=formula_source,

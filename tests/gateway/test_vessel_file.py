@@ -14,6 +14,7 @@ from gateway.user_effects import TRUSTED, load_effects, trust
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from gateway.vessel_tables import Provenance
 from sim.effects.catalogue import EFFECTS
+from sim.effects.effect import Kind, Parameter
 from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel
 from sim.wind import AREA_FACTOR, assumed_wind_areas
 from tests.conftest import ROOT
@@ -89,13 +90,14 @@ def vessels(draw: st.DrawFn) -> Vessel:
     )
     fitting = st.sampled_from([effect for effect in EFFECTS if not bare.unmet_needs(effect)])
     effects = draw(st.lists(fitting, max_size=3))
+
+    def value(p: Parameter) -> float:
+        x = p.lower + draw(share) * (p.upper - p.lower)
+        return round(x) if p.kind is Kind.CHOICE else x
+
+    drawn = [AddedEffect(e, {p.name: value(p) for p in e.parameters}) for e in effects]
     return bare.with_effects(
-        *(
-            AddedEffect(
-                e, {p.name: p.lower + draw(share) * (p.upper - p.lower) for p in e.parameters}
-            )
-            for e in effects
-        )
+        *(a for a in drawn if a.effect.mismatch is None or not a.effect.mismatch(a.values))
     )
 
 
@@ -142,6 +144,13 @@ def message(tmp_path: Path, text: str) -> str:
     return says.removeprefix(f"{path}: ")
 
 
+def curve(**values: float) -> str:
+    """A learned table with these choices."""
+    example = next(e for e in EFFECTS if e.name == "learned").example or {}
+    lines = (f"{name} = {x}\n" for name, x in {**example, **values}.items())
+    return f'[[effects]]\ntype = "learned"\n{"".join(lines)}'
+
+
 MISTAKES = {
     "unknown key": ("X_u = -10.0", "X_u = -10.0\nX_q = 1.0", "unknown key dynamics.X_q"),
     "unknown table": ("[hull]", "[hulls]", "unknown key hulls; missing key hull"),
@@ -185,6 +194,11 @@ MISTAKES = {
     "reversed": ("[-0.6, 0.6]", "[0.6, -0.6]", "must be rad at command -1, then at 1, ascending"),
     "170°": ("[hull]", CURRENT.replace("1.2", "170") + "[hull]", "170° are 2.967 rad"),
     "knots": ("[hull]", CURRENT.replace("0.3", "300") + "[hull]", "effects[0].speed = 300: expec"),
+    "no axis": ("[hull]", curve(by=1, acts=7) + "[hull]", "effects[0].acts = 7: expected 1 to 6"),
+    "half a choice": ("[hull]", curve(by=1.5, acts=1) + "[hull]", "by = 1.5: expected a whole num"),
+    "outward": ("[hull]", curve(by=1, acts=6) + "[hull]", "(outward) goes with by = 5 (a motor's"),
+    "angle": ("[hull]", curve(by=5, acts=5) + "[hull]", "(angle commanded) go with one another"),
+    "rudder's push": ("[hull]", curve(by=6, acts=2) + "[hull]", "go with one another alone"),
     "hard stop": ("X_u = -10.0", "X_u = -1.8e7", "stops the boat in less than 0.001 s"),
     "too heavy": ("mass = 90.0", "mass = 1e20", "hull.mass = 1e+20: input should be less than"),
     "too strong": ("[-60.0, 120.0]", "[-60.0, 3e301]", "thrusters[0].thrust = [-60.0, 3e+301]: mu"),

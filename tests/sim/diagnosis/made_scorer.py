@@ -1,6 +1,7 @@
 """A scorer that reads the errors which are written on made fits; one ruler for all of them."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 
@@ -16,3 +17,8 @@ class MadeScorer:
 
     def shared_with(self, fit: Any) -> "MadeScorer":
         return self
+
+    def score_recordings(self, fit: Any) -> Any:
+        """`left_out` of a fit stands for its nrmse on recordings left out; without it, unknown."""
+        left_out = getattr(fit, "left_out", None)
+        return None if left_out is None else SimpleNamespace(nrmse=left_out)

@@ -8,10 +8,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from sim.diagnosis import ladder
-from sim.diagnosis.diagnose import _rivals
+from sim.diagnosis import rivals as rivals_module
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking, gain, select_finalists
 from sim.diagnosis.ladder import EffectSearch
+from sim.diagnosis.rivals import all_rivals_of, beside_unshown
 from sim.diagnosis.thresholds import MIN_NATS_IN_FEW_BLOCKS, MIN_SHARE_OF_EARLIER
 from sim.diagnosis.verdict import rivals_of
 from sim.diagnosis.worth import helps
@@ -289,15 +289,16 @@ def test_where_the_best_cannot_be_fitted_again_its_look_alikes_are_no_rivals(
     offset = row("heading_offset", MUCH.gain)
     base: Any = SimpleNamespace(model=lambda: None)
     step = Ranking(base, (offset, LITTLE))
-    monkeypatch.setattr(ladder, "rank", lambda *_, **__: Ranking(base, others))
+    monkeypatch.setattr(rivals_module, "rank", lambda *_, **__: Ranking(base, others))
     search = replace(made(offset), unshown=(named("compass_deviation"),))
-    assert [r.name for r in search.beside_unshown(step).finalists] == ["heading_offset"]
+    assert [r.name for r in beside_unshown(step, search).finalists] == ["heading_offset"]
 
 
 class Weather(EffectSearch):
     """Water and wind of a boat whose truth is known: what a set of effects leaves of the error."""
 
     left: dict[frozenset[str], float]
+    left_out = MappingProxyType[frozenset[str], float]({})  # on recordings left out
 
     def fit_of(self, names: tuple[str, ...]) -> Any:
         nrmse = self.left[frozenset(names)]
@@ -306,7 +307,8 @@ class Weather(EffectSearch):
         return SimpleNamespace(
             names=names, nrmse=nrmse, heldout_residual=residual, noise_share=share,
             problem=SimpleNamespace(block=BLOCK, vessel=WAM_V),
-            values=starts,
+            added=[SimpleNamespace(effect=named(name)) for name in names],
+            values=starts, left_out=self.left_out.get(frozenset(names)),
             effects=lambda: [
                 SimpleNamespace(effect=named(name), values=VALUES.get(name, {})) for name in names
             ],
@@ -425,4 +427,56 @@ def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) 
     step = Ranking(FIRST, tuple(alike))
     assert [r.name for r in rivals_of(step, found)] == ["steady_wind"]
     selection: Any = SimpleNamespace(steps=(step, step), fit=search.fit_of(found))
-    assert [r.name for r in _rivals(step, search, selection)] == rivals
+    assert [r.name for r in all_rivals_of(step, search, selection)] == rivals
+
+
+def swapped(left: float, **left_out: float) -> tuple[str, ...]:
+    """What stands after swaps of a hull lift with a steady wind beside it, which leave 0.3; `left`
+    of cross damping in its place.
+    """
+    nothing: Any = None
+    scorer: Any = MadeScorer(0.05)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, scorer)
+    names = ("hull_lift", "steady_wind")
+    known = {
+        "steady_wind": 0.6, "hull_lift": 0.7, "cross_damping": 0.8,
+        "hull_lift__steady_wind": 0.3, "steady_wind__cross_damping": left,
+    }  # fmt: skip
+    for key, values in (("left", known), ("left_out", left_out)):
+        by_names = {frozenset(name.split("__")): x for name, x in values.items()}
+        object.__setattr__(search, key, by_names)
+    first = (row("hull_lift", SOME.gain), row("cross_damping", SOME.gain))
+    steps = [Ranking(FIRST, first), Ranking(FIRST, (row("steady_wind", SOME.gain),))]
+    return cast(tuple[str, ...], search._swapped(steps, search.fit_of(names))[1].names)
+
+
+def test_what_stood_in_for_another_gives_way_beside_what_came_later() -> None:
+    assert set(swapped(left=0.2)) == {"steady_wind", "cross_damping"}
+    assert swapped(left=0.31) == ("hull_lift", "steady_wind")
+
+
+def test_nothing_takes_a_place_that_predicts_recordings_left_out_worse() -> None:
+    elsewhere = {"hull_lift__steady_wind": 0.4, "steady_wind__cross_damping": 0.5}
+    assert swapped(0.2, **elsewhere) == ("hull_lift", "steady_wind")
+    better = {**elsewhere, "steady_wind__cross_damping": 0.3}
+    assert set(swapped(0.2, **better)) == {"steady_wind", "cross_damping"}
+
+
+@pytest.mark.parametrize(
+    ("without", "stands"), [(0.5, {"hull_lift", "steady_wind"}), (0.3, {"steady_wind"})]
+)
+def test_no_effect_goes_without_which_recordings_left_out_are_predicted_worse(
+    without: float, stands: set[str]
+) -> None:
+    """From one moment to the next the hull lift is not missed."""
+    nothing: Any = None
+    scorer: Any = MadeScorer(0.05)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, scorer)
+    both, wind = frozenset({"hull_lift", "steady_wind"}), frozenset({"steady_wind"})
+    left = {both: 0.3, wind: 0.301, frozenset({"hull_lift"}): 0.9}
+    object.__setattr__(search, "left", left)
+    object.__setattr__(search, "left_out", {both: 0.4, wind: without})
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in ("hull_lift", "steady_wind")]
+    assert (
+        set(search._backward(steps, search.fit_of(("hull_lift", "steady_wind")))[1].names) == stands
+    )

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from sim.diagnosis.answer import LadderStep, Verdict
-from sim.diagnosis.diagnose import _rivals
 from sim.diagnosis.heldout import HeldOutScore, Ranking
 from sim.diagnosis.ladder import EffectSearch
 from sim.diagnosis.limits import strain_of
+from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.verdict import summary_of
 from sim.effects.catalogue import EFFECTS, named
 from sim.vessel import AddedEffect
@@ -73,4 +73,4 @@ def test_what_only_does_as_well_at_its_limit_is_no_rival() -> None:
         rival.fit.values = of_rival
         step = Ranking(FIRST, (best, rival))
         selection: Any = SimpleNamespace(steps=(step,), fit=fit)
-        assert [r.name for r in _rivals(step, search, selection)] == told
+        assert [r.name for r in all_rivals_of(step, search, selection)] == told

@@ -1,0 +1,49 @@
+"""What does as well as an effect that was found: what the answer has to name beside it."""
+
+from dataclasses import replace
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.heldout import RankedEffect, Ranking, rank
+from sim.diagnosis.ladder import EffectSearch, Selection
+from sim.diagnosis.verdict import rivals_of
+
+
+def all_rivals_of(step: Ranking, search: EffectSearch, selection: Selection) -> list[RankedEffect]:
+    """What does as well as the effect of a step, also of what these trials cannot show.
+
+    Beside all the others: what did as well while those were missing may not beside them.
+    """
+    names = selection.fit.names
+    shown = rivals_of(step, names)
+    if shown and len(selection.steps) > 1:
+        shown = rivals_of(_beside_others(step, search, selection, shown), names)
+    rivals = [*shown, *rivals_of(beside_unshown(step, search), names)]
+    return rivals[: thresholds.MAX_EXPLANATIONS - 1]
+
+
+def _beside_others(
+    step: Ranking, search: EffectSearch, selection: Selection, rivals: list[RankedEffect]
+) -> Ranking:
+    """The effect of a step and rivals of it, fitted beside all other effects that were found."""
+    name, others = step.best.name, {row.name for row in rivals}
+    search.progress(f"whether {name} is told from {' and '.join(sorted(others))}")
+    at = selection.fit.names.index(name)
+    found = search.in_place_of(selection.fit, {at}, {name, *others})
+    row = next((r for r in found.finalists if r.name == name), None)
+    return step if row is None else found.led_by(row)
+
+
+def beside_unshown(step: Ranking, search: EffectSearch) -> Ranking:
+    """The best of a step among those of its look-alikes that these trials cannot show.
+
+    Where such a one does as well, on few headings say, the best is not established.
+    """
+    best = step.best.effect
+    alike = [e for e in search.unshown if best.looks_like_effect(e)]
+    if not alike:
+        return replace(step, finalists=(step.best,))
+    search.progress(f"whether {best.name} is told from {', '.join(e.name for e in alike)}")
+    fit = step.reference
+    found = rank(search.superset, fit.model(), [best, *alike], fit, mapper=search.mapper)
+    row = next((r for r in found.finalists if r.name == best.name), None)
+    return replace(step, finalists=(step.best,)) if row is None else found.led_by(row)
