@@ -45,8 +45,8 @@ from tests.sim.vessels import (
 ORDER = (  # of what a file declares
     "name", "scope", *LAWS, "start", "needs", "parameters", "looks_like", "mistaken_for",
     "shown_by", "general_of", "contains", "of_each_day", "partial", "unsteady", "evidence",
-    "separated", "explains", "search", "more_starts", "tables", "over_map", "within", "in_words",
-    "formulas", "formula_source", "example", "measured", "assumption", "pattern_for",
+    "separated", "explains", "search", "more_starts", "tables", "over_map", "within", "mismatch",
+    "in_words", "formulas", "formula_source", "example", "measured", "assumption", "pattern_for",
 )  # fmt: skip
 every = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 
