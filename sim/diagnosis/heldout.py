@@ -288,13 +288,14 @@ class Ranking:
 def rank(
     superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
     progress: Progress = lambda _: None, mapper: Mapper = map, closer: bool = False,
-    rival: Fit | None = None,
+    rival: Fit | None = None, present: Fit | None = None,
 ) -> Ranking:  # fmt: skip
     """All effects beside those of the reference, each with everything fitted anew.
 
-    closer: those that declare further starts are fitted from each of them; rival: see `screen`.
+    closer: those that declare further starts are fitted from each of them; rival, present: see
+    `screen`.
     """
-    results = screen(superset, model, effects, reference, progress, mapper, closer, rival)
+    results = screen(superset, model, effects, reference, progress, mapper, closer, rival, present)
     if not results:
         return Ranking(reference, ())
     results = select_finalists(results)

@@ -182,16 +182,22 @@ class EffectSearch:
         """Whether nothing speaks against one of a ranking being true beyond these data."""
         return not doubt_of(row, reference, self.scorer)
 
-    def rank(self, fit: Fit, closer: bool = False, among: Container[str] | None = None) -> Ranking:
+    def rank(
+        self, fit: Fit, closer: bool = False, among: Container[str] | None = None,
+        present: Fit | None = None,
+    ) -> Ranking:  # fmt: skip
         """What could come next, of the whole catalogue or `among` these effects; `closer`: and
-        among those that declare further starts.
+        among those that declare further starts; `present`: see `screen`.
         """
         beside = ", ".join(fit.names)
         self.progress(f"looking for {f'more beside {beside}' if beside else 'effects'}")
         others = self._others(fit)
         if among is not None:
             others = [e for e in others if e.name in among or (closer and e.more_starts)]
-        return rank(self.superset, fit.model(), others, fit, self.progress, self.mapper, closer)
+        return rank(
+            self.superset, fit.model(), others, fit, self.progress, self.mapper, closer,
+            present=present,
+        )  # fmt: skip
 
     def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold, whole or as a part of another."""
@@ -226,7 +232,7 @@ class EffectSearch:
         """
         promising = None if last else {row.name for step in steps for row in step.finalists}
         for i, step in enumerate(steps if last else steps[:-1]):
-            ranking = self.in_place_of(fit, {i}, promising)
+            ranking = self.rank(self._without(fit, {i}), among=promising, present=fit)
             ranking = ranking if ranking.finalists else step
             best, old = ranking.best, step.best.name
             better = best.name != old and is_worth_it(self._gain_over(best.fit, fit))

@@ -37,7 +37,7 @@ FIRST_IMPRESSION = "first impression"  # begins the line of progress that is wor
 def screen(
     superset: SupersetModel, model: Model, effects: Iterable[Effect], reference: Fit,
     progress: Progress = lambda _: None, mapper: Mapper = map, closer: bool = False,
-    rival: Fit | None = None,
+    rival: Fit | None = None, present: Fit | None = None,
 ) -> list[ScreeningResult]:  # fmt: skip
     """All effects beside those that the reference holds, the most promising first.
 
@@ -53,7 +53,8 @@ def screen(
     of a pool of threads: the kernels leave the interpreter free. `closer`: effects that declare
     further starts are fitted whole from each of them, on few rows. `rival`: another fit; an effect
     that does not explain these rows better than that, by as much as would be told of what is left,
-    is left out.
+    is left out. `present`: a fit whose place is in question; what promises but a part of what that
+    has is left out.
     """
     both = closer or not reference.names
     given = with_given_base(reference.unknowns, reference.z) if both else None
@@ -128,6 +129,10 @@ def screen(
         if again is not None and again.cost < results[again.name].cost:
             results[again.name] = again
     judged = sorted(mapper(main.with_deviance, results.values()), key=_deviance)
+    if present is not None:
+        before = main.deviance_of(reference)
+        most = before - thresholds.MIN_PROMISE_IN_PLACE * (before - main.deviance_of(present))
+        judged = [r for r in judged if r.deviance < most]
     if rival is None:
         return judged
     before = main.deviance_of(rival)

@@ -31,7 +31,10 @@ class Made(EffectSearch):
     rows: tuple[RankedEffect, ...]
     closer: tuple[RankedEffect, ...] = ()
 
-    def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
+    def rank(
+        self, fit: Any, closer: bool = False, among: Container[str] | None = None,
+        present: Any = None,
+    ) -> Ranking:  # fmt: skip
         return Ranking(FIRST, self.closer if closer else self.rows)
 
     def helps(self, before: Any, after: Any) -> bool:
@@ -227,7 +230,10 @@ class Scripted(EffectSearch):
         ("varying_current",): "steady_current", ("heading_offset",): "current_change",
     })  # fmt: skip
 
-    def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
+    def rank(
+        self, fit: Any, closer: bool = False, among: Container[str] | None = None,
+        present: Any = None,
+    ) -> Ranking:  # fmt: skip
         name = self.best.get(fit.names)
         if name is None or (among is not None and name not in among):
             return Ranking(fit, ())
@@ -314,7 +320,10 @@ class Weather(EffectSearch):
             ],
         )  # fmt: skip
 
-    def rank(self, fit: Any, closer: bool = False, among: Container[str] | None = None) -> Ranking:
+    def rank(
+        self, fit: Any, closer: bool = False, among: Container[str] | None = None,
+        present: Any = None,
+    ) -> Ranking:  # fmt: skip
         rows = []
         for name in sorted(n for n in cast(Any, among) if frozenset((*fit.names, n)) in self.left):
             beside = self.fit_of((*fit.names, name))
