@@ -130,9 +130,7 @@ def screen(
             results[again.name] = again
     judged = sorted(mapper(main.with_deviance, results.values()), key=_deviance)
     if present is not None:
-        before = main.deviance_of(reference)
-        most = before - thresholds.MIN_PROMISE_IN_PLACE * (before - main.deviance_of(present))
-        judged = [r for r in judged if r.deviance < most]
+        judged = in_its_place(judged, main.deviance_of(reference), main.deviance_of(present))
     if rival is None:
         return judged
     before = main.deviance_of(rival)
@@ -159,6 +157,17 @@ def _followed(
         others = [each for each in begun if each is not best and each.promised < best.result.cost]
         followed.append([*([best] if wanted else ()), *others])
     return [some for some in followed if some]
+
+
+def in_its_place(
+    results: Sequence[ScreeningResult], without: float, present: float
+) -> list[ScreeningResult]:
+    """Those that promise a share of what an effect has, to be fitted in its place.
+
+    without, present   deviance of what is beside it, and with it
+    """
+    most = without - thresholds.MIN_PROMISE_IN_PLACE * (without - present)
+    return [r for r in results if r.deviance < most]
 
 
 def first_impression(results: Sequence[ScreeningResult]) -> str:

@@ -6,7 +6,12 @@ from typing import Any, cast
 import pytest
 
 from sim.diagnosis import screening
-from sim.diagnosis.screening import CATALOGUE, FIRST_IMPRESSION, first_impression
+from sim.diagnosis.screening import (
+    CATALOGUE,
+    FIRST_IMPRESSION,
+    first_impression,
+    in_its_place,
+)
 from sim.diagnosis.screening_steps import Begun, Screening
 
 NAMES = sorted(CATALOGUE)
@@ -76,6 +81,12 @@ def test_ones_own_effect_is_followed_for_somebody_asks_for_it() -> None:
 
 def test_nothing_looked_at_leaves_nothing_to_follow() -> None:
     assert screening._followed([], {}, BEFORE) == []
+
+
+def test_what_promises_much_less_than_an_effect_has_is_not_fitted_in_its_place() -> None:
+    results = [looked(name, promise) for name, promise in (("a", 120.0), ("b", 80.0), ("c", 60.0))]
+    for has, left in ((100.0, ["a", "b"]), (150.0, ["a"]), (200.0, []), (-10.0, ["a", "b", "c"])):
+        assert [r.name for r in in_its_place(results, BEFORE, BEFORE - has)] == left
 
 
 def test_a_first_impression_names_three_at_most() -> None:
