@@ -241,7 +241,8 @@ def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
     assert rank(nothing, nothing, [], reference, said.append).best.name == "c"
     assert leaders == ["a", "b", "c"]
     assert said == ["fitting a, b, c"] * 3
-    assert asked[0][6:] == (False, None)  # no closer look unless asked for, and no rival
+    # no closer look unless asked for, no rival, and no place in question
+    assert asked[0][6:] == (False, None, None)
     best["a"] = "a"
     leaders.clear()
     rank(nothing, nothing, [], reference, said.append)
