@@ -6,12 +6,13 @@ import numpy as np
 
 from gateway.figures import probability_text
 from sim.comparison.compare import Judgement, judge
-from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values
+from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values, recordings_of
 from sim.diagnosis.evidence import rivals
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE
 
+MAY_BE_NONE = "these data allow that there is none"
 MOST_MOVED = 4  # base numbers that are told beside the verdict
 # inertia and damping that all change by one factor: forces that changed by its inverse
 MIN_ALIKE, ALIKE, INERTIA = 4, 1.25, {"m11", "m22", "m33"}
@@ -77,26 +78,43 @@ def headline(
 
 
 def cause_text(step: LadderStep, effect: str, start_time_ns: int = 0) -> str:
-    """What one effect of a step says, with its fitted numbers: of several recordings the first's.
+    """What one effect of a step says, with its fitted numbers: on each recording, where these
+    differ.
 
     start_time_ns  UTC of the first sample, for moments by the clock; 0: not known
 
     "The compass reads 7.5° too far to port (6.9–8.2°)". Where all its intervals hold the numbers
     with which the effect does nothing, that is said.
     """
-    added = next(a for a in step.vessel.effects if a.effect.name == effect)
-    found = fitted_values(step, effect, start_time_ns)
-    text = headline(added.effect, added.values, found.ci95, start_time_ns)
-    return (
-        f"{text}; but these data allow that there is none"
-        if _may_be_none(added.effect, found.ci95)
-        else text
-    )
+    added = next(a.effect for a in step.vessel.effects if a.effect.name == effect)
+    recordings = recordings_of(step, effect)
+    if len(recordings) < 2:
+        found = fitted_values(step, effect, start_time_ns)
+        text = _says(added, found)
+        return f"{text}; but {MAY_BE_NONE}" if _may_be_none(added, found.ci95) else text
+    told, silent = [], []
+    for name in recordings:
+        found = fitted_values(step, effect, recording=name)
+        if _may_be_none(added, found.ci95):
+            silent.append(name)
+        else:
+            text = _says(added, found)
+            told.append(f"{name}: {text[0].lower()}{text[1:]}")
+    if silent:
+        told.append(f"on {' and '.join(silent)} {MAY_BE_NONE}")
+    return "; ".join([f"{said(effect).capitalize()}, recording by recording", *told])
+
+
+def _says(effect: Effect, found: FittedValues) -> str:
+    return headline(effect, found.values, found.ci95, found.start_time_ns)
 
 
 def _may_be_none(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether the effect does nothing anywhere within its intervals."""
+    """Whether the effect does nothing anywhere within its intervals: a magnitude at zero, or all
+    numbers where they do nothing.
+    """
     neutral = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
+    neutral |= {p.name: 0.0 for p in effect.parameters if p.direction and p.lower == 0.0}
     known = {name: intervals[name] for name in neutral if name in intervals}
     return bool(known) and all(low <= neutral[n] <= high for n, (low, high) in known.items())
 

@@ -167,16 +167,25 @@ class LadderStep:
         return out
 
 
-def fitted_values(step: LadderStep, effect: str, start_time_ns: int = 0) -> FittedValues:
-    """Numbers of one effect of a step with their intervals: of several recordings the first's.
+def recordings_of(step: LadderStep, effect: str) -> tuple[str, ...]:
+    """Recordings that have numbers of their own of an effect; none where it is alike on all."""
+    trials = (e.trial for e in step.parameters.get(effect, ()))
+    return tuple(dict.fromkeys(trial for trial in trials if trial is not None))
+
+
+def fitted_values(
+    step: LadderStep, effect: str, start_time_ns: int = 0, recording: str | None = None
+) -> FittedValues:
+    """Numbers of one effect of a step with their intervals, as on a recording: None: the first.
 
     start_time_ns  UTC of the first sample, for moments by the clock; 0: not known
     """
     added = next(a for a in step.vessel.effects if a.effect.name == effect)
-    intervals: dict[str, tuple[float, float]] = {}
-    for e in step.parameters.get(effect, ()):
-        intervals.setdefault(e.name.rpartition(".")[2], e.ci95)
-    return FittedValues(added.values, intervals, start_time_ns)
+    recording = recording or next(iter(recordings_of(step, effect)), None)
+    own = [e for e in step.parameters.get(effect, ()) if e.trial in (None, recording)]
+    values = {e.name.rpartition(".")[2]: e.value for e in own}
+    intervals = {e.name.rpartition(".")[2]: e.ci95 for e in own}
+    return FittedValues({**added.values, **values}, intervals, start_time_ns)
 
 
 def falling(steps: Sequence[LadderStep]) -> tuple[LadderStep, ...]:

@@ -21,7 +21,14 @@ from scipy.special import stdtrit
 
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
-from sim.identification.parameters import DAMPING, MASSES, OFFSETS, ROUNDING, Unknowns
+from sim.identification.parameters import (
+    DAMPING,
+    MASSES,
+    OFFSETS,
+    ROUNDING,
+    Unknown,
+    Unknowns,
+)
 from sim.identification.shooting import FitResult
 from sim.state import Floats, Ints
 
@@ -171,7 +178,7 @@ def estimates_of(
         out.append(
             Estimate(
                 u.name, u.unit, float(before[i]), float(value[i]),
-                _within_sign(u.name, float(value[i] - half[i]), float(value[i] + half[i])),
+                _within_sign(u, float(value[i] - half[i]), float(value[i] + half[i])),
                 bool(known),
                 None if u.trial is None else trials[u.trial],
                 _doubt(unknowns, i, z, not known, u.name in scaled),
@@ -180,12 +187,15 @@ def estimates_of(
     return tuple(out)
 
 
-def _within_sign(name: str, low: float, high: float) -> tuple[float, float]:
-    """An interval without the numbers that no boat has: a hull that the water drives, no mass."""
-    key = name.rpartition(".")[2]
+def _within_sign(u: Unknown, low: float, high: float) -> tuple[float, float]:
+    """An interval without the numbers that nothing has: a hull that the water drives, no mass, a
+    magnitude below zero.
+    """
+    key = u.name.rpartition(".")[2]
     if key in DAMPING or key == "astern":
         return low, min(high, 0.0)
-    return (max(low, 0.0), high) if key in MASSES or key == "ahead" else (low, high)
+    positive = key in MASSES or key == "ahead" or u.polar == 0
+    return (max(low, 0.0), high) if positive else (low, high)
 
 
 def undetermined(unknowns: Unknowns, z: Floats, uncertainty: Uncertainty) -> NDArray[np.bool_]:

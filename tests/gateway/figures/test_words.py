@@ -16,18 +16,22 @@ from sim.effects.tables import MapField
 from sim.vessel import AddedEffect
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
+WIND = {"speed": 0.8, "direction": 1.0, "c_x": 0.5, "c_n": 0.01}
 VALUES: dict[str, dict[str, float]] = {
     "heading_offset": {"angle": -0.131}, "cg_offset": {"x_g": 0.1}
 }  # fmt: skip
 
 
+def number(name: str, value: float, ends: tuple[float, float], trial: str | None = None) -> Any:
+    return SimpleNamespace(name=name, value=value, ci95=ends, trial=trial)
+
+
 def step(*effects: str, error: float = 0.1) -> Any:
     added = tuple(AddedEffect(BY_NAME[name], VALUES[name]) for name in effects)
-    angle = SimpleNamespace(name="heading_offset.angle", ci95=(-0.143, -0.120), trial=None)
-    other_day = SimpleNamespace(name="heading_offset.angle", ci95=(-9.0, 9.0), trial="two")
+    angle = number("heading_offset.angle", -0.131, (-0.143, -0.120))
     return SimpleNamespace(
         effects=effects, vessel=SimpleNamespace(effects=added),
-        parameters={name: [angle, other_day] for name in effects if name == "heading_offset"},
+        parameters={name: [angle] for name in effects if name == "heading_offset"},
         heldout=SimpleNamespace(nrmse=error),
     )  # fmt: skip
 
@@ -45,8 +49,29 @@ OTHER = "cannot tell that from another cause: The centre"
 COMPASS = "The compass reads 7.5° too far to port (6.9–8.2°)"
 
 
-def test_a_cause_is_told_in_peoples_units_with_the_interval_of_its_own_recording():
+def test_a_cause_is_told_in_peoples_units_with_its_interval():
     assert cause_text(step("heading_offset"), "heading_offset") == COMPASS
+
+
+def test_of_several_recordings_each_tells_its_own_and_none_speaks_for_another():
+    numbers = [
+        number("steady_current.speed", 0.2, (0.19, 0.21), "one"),
+        number("steady_current.direction", 0.7, (0.65, 0.75), "one"),
+        number("steady_current.speed", 0.014, (0.0, 0.03), "two"),
+        number("steady_current.direction", 0.9, (-2.0, 4.0), "two"),
+        number("steady_current.speed", 0.3, (0.29, 0.31), "three"),
+        number("steady_current.direction", -1.06, (-1.1, -1.02), "three"),
+    ]
+    added = AddedEffect(BY_NAME["steady_current"], {"speed": 0.2, "direction": 0.7})
+    several = SimpleNamespace(
+        vessel=SimpleNamespace(effects=(added,)), parameters={"steady_current": numbers}
+    )
+    assert cause_text(several, "steady_current") == (
+        "Steady current, recording by recording; "
+        "one: a current of 0.20 m/s (0.19–0.21 m/s) sets towards 40° (north-east); "
+        "three: a current of 0.30 m/s (0.29–0.31 m/s) sets towards 299° (north-west); "
+        "on two these data allow that there is none"
+    )
 
 
 @pytest.mark.parametrize(
@@ -58,13 +83,12 @@ def test_a_cause_is_told_in_peoples_units_with_the_interval_of_its_own_recording
         ("compass_deviation", {"b": 0.1, "c": 0.0}, {"b": (0.05, 0.15), "c": (-0.1, 0.1)}, False),
         ("compass_deviation", {"b": 0.1, "c": 0.0}, {"b": (-0.1, 0.3), "c": (-0.1, 0.1)}, True),
         ("heading_offset", {"angle": 0.02}, {}, False),  # nothing is known of it
+        ("steady_wind", WIND, {"speed": (0.0, 1.3), "c_n": (0.01, 0.02)}, True),
+        ("steady_wind", WIND, {"speed": (0.2, 1.3), "c_n": (-0.01, 0.02)}, False),
     ],
 )
 def test_what_may_be_nothing_at_all_is_not_told_as_a_finding(effect, values, intervals, said):
-    numbers = [
-        SimpleNamespace(name=f"{effect}.{key}", ci95=ends, trial=None)
-        for key, ends in intervals.items()
-    ]
+    numbers = [number(f"{effect}.{key}", values[key], ends) for key, ends in intervals.items()]
     one = SimpleNamespace(
         vessel=SimpleNamespace(effects=(AddedEffect(BY_NAME[effect], values),)),
         parameters={effect: numbers},
@@ -106,9 +130,7 @@ def a_day() -> Any:
     effects = (AddedEffect(BY_NAME["current_change"], CURRENT),
                AddedEffect(BY_NAME["heading_offset"], VALUES["heading_offset"]))  # fmt: skip
     ends = {"time": (604.0, 618.0), "speed": (0.2, 0.3)}
-    numbers = [
-        SimpleNamespace(name=f"current_change.{k}", ci95=v, trial=None) for k, v in ends.items()
-    ]
+    numbers = [number(f"current_change.{k}", CURRENT[k], v) for k, v in ends.items()]
     names = tuple(a.effect.name for a in effects)
     last = SimpleNamespace(
         effects=names, vessel=SimpleNamespace(effects=effects, name="boat"),
