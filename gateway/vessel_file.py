@@ -75,6 +75,10 @@ def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel
         )
     except ValueError as error:  # an effect that cannot act on this vessel
         raise BadInput(f"{file}: {error}") from None
+    for i, added in enumerate(vessel.effects):
+        mismatch = added.effect.mismatch
+        if mismatch is not None and (why := mismatch(vessel, added.values)):
+            raise BadInput(f"{file}: effects[{i}]: {why}")
     _check_provenance(file, read, vessel)
     return vessel
 
@@ -166,9 +170,6 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
         raise BadInput(f"{file}: {key}: {error}") from None
 
     _check_effect(f"{file}: {key}", effect.parameters, added.values)
-    why = effect.mismatch(added.values) if effect.mismatch else ""
-    if why:
-        raise BadInput(f"{file}: {key}: {why}")
     return added
 
 

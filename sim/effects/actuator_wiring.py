@@ -72,6 +72,21 @@ def in_words(p: FittedValues) -> str:
     return " and ".join(parts) or "the actuators are wired as the vessel file says"
 
 
+def mismatch(vessel: Any, values: Values) -> str:
+    """Why digits are none of the vessel's actuators; empty where they are."""
+    count = len(vessel.actuators)
+    known = {str(i + 1) for i in range(count)}
+    order, turned = (f"{values[name]:.0f}" for name in ("order", "reversed"))
+    if order != "0" and (len(order) != count or not known.issuperset(order)):
+        return (
+            f"order = {order}: expected 0, or one digit from 1 to {count} for each of the "
+            f"{count} actuators"
+        )
+    if turned != "0" and not known.issuperset(turned):
+        return f"reversed = {turned}: expected 0, or digits from 1 to {count}"
+    return ""
+
+
 EFFECT = Effect(
     name="actuator_wiring",
     scope=Scope.BOAT,
@@ -103,6 +118,7 @@ EFFECT = Effect(
     looks_like="turns to the wrong side, or goes astern, or turns when it should go straight on",
     evidence=EvidenceAxis(ForceAxis.YAW, "helm"),
     search=wirings,
+    mismatch=mismatch,
     in_words=in_words,
     example={"order": 21.0, "reversed": 0.0},
 )

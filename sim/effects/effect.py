@@ -293,8 +293,9 @@ class Effect:
     measured      what stands in a recording where the cause itself was measured
     assumption    (vessel, values, intervals by parameter) -> what had to be assumed for them
     within        (vessel) -> what numbers can be on that hull, where that is less than their limits
-    mismatch      (values) -> why numbers that each are possible do not go together, so that the
-                  effect would do nothing or something else; empty where they do
+    mismatch      (vessel, values) -> why numbers that each are possible do not go together, or not
+                  with that vessel, so that the effect would do nothing or something else; empty
+                  where they do
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
     """
@@ -325,7 +326,7 @@ class Effect:
     measured: Measured | None = field(default=None, compare=False)
     assumption: Callable[[Any, Values, Intervals], Assumption | None] | None = None
     within: Callable[[Any], Intervals] | None = None
-    mismatch: Callable[[Values], str] | None = None
+    mismatch: Callable[[Any, Values], str] | None = None
     pattern_for: tuple[str, ...] = ()
     wiring: Law | None = None
     command: Law | None = None

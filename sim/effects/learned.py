@@ -131,7 +131,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     ]  # fmt: skip
 
 
-def mismatch(values: Values) -> str:
+def mismatch(vessel: Any, values: Values) -> str:
     """Why a table does not act on what its variable is of; empty where it does."""
     by, acts = values["by"], values["acts"]
     if acts == OUTWARD and by != MOTOR:

@@ -21,6 +21,7 @@ from sim.effects.effect import (
     Scope,
     Separation,
     Shown,
+    Values,
 )
 from sim.effects.words import FittedValues
 
@@ -42,6 +43,14 @@ def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
     return (f"thruster {p['thruster']:.0f} gives {p.size('gain', '%', 100.0)} of its thrust from "
             f"{p.moment('time')} on")  # fmt: skip
+
+
+def mismatch(vessel: Any, values: Values) -> str:
+    """Why there is no such thruster; empty where there is."""
+    count = len(vessel.thrusters)
+    if values["thruster"] > count:
+        return f"thruster = {values['thruster']:g}: the vessel has {count}"
+    return ""
 
 
 EFFECT = Effect(
@@ -72,6 +81,7 @@ EFFECT = Effect(
         "payload_change": SAME_RUN_TWICE,
         "battery_sag": Separation("one run with a full and one with a tired battery", "steps"),
     },
+    mismatch=mismatch,
     in_words=in_words,
     pattern_for=("rhythm",),
 )

@@ -97,7 +97,7 @@ def vessels(draw: st.DrawFn) -> Vessel:
 
     drawn = [AddedEffect(e, {p.name: value(p) for p in e.parameters}) for e in effects]
     return bare.with_effects(
-        *(a for a in drawn if a.effect.mismatch is None or not a.effect.mismatch(a.values))
+        *(a for a in drawn if a.effect.mismatch is None or not a.effect.mismatch(bare, a.values))
     )
 
 
@@ -151,6 +151,12 @@ def curve(**values: float) -> str:
     return f'[[effects]]\ntype = "learned"\n{"".join(lines)}'
 
 
+def plugs(order: int = 0, reversed: int = 0) -> str:
+    """Actuators in other sockets, or turned."""
+    return f'[[effects]]\ntype = "actuator_wiring"\norder = {order}\nreversed = {reversed}\n'
+
+
+FAULT = '[[effects]]\ntype = "thruster_fault"\nthruster = 3\ngain = 0.5\ntime = 60.0\n'
 MISTAKES = {
     "unknown key": ("X_u = -10.0", "X_u = -10.0\nX_q = 1.0", "unknown key dynamics.X_q"),
     "unknown table": ("[hull]", "[hulls]", "unknown key hulls; missing key hull"),
@@ -195,6 +201,14 @@ MISTAKES = {
     "170°": ("[hull]", CURRENT.replace("1.2", "170") + "[hull]", "170° are 2.967 rad"),
     "knots": ("[hull]", CURRENT.replace("0.3", "300") + "[hull]", "effects[0].speed = 300: expec"),
     "no axis": ("[hull]", curve(by=1, acts=7) + "[hull]", "effects[0].acts = 7: expected 1 to 6"),
+    "no such motor": ("[hull]", FAULT + "[hull]", "effects[0]: thruster = 3: the vessel has 2"),
+    "no such plug": (
+        "[hull]",
+        plugs(order=5143) + "[hull]",
+        "order = 5143: expected 0, or one digit",
+    ),
+    "too few plugs": ("[hull]", plugs(order=21) + "[hull]", "for each of the 4 actuators"),
+    "none so turned": ("[hull]", plugs(reversed=15) + "[hull]", "reversed = 15: expected 0, or"),
     "half a choice": ("[hull]", curve(by=1.5, acts=1) + "[hull]", "by = 1.5: expected a whole num"),
     "outward": ("[hull]", curve(by=1, acts=6) + "[hull]", "(outward) goes with by = 5 (a motor's"),
     "angle": ("[hull]", curve(by=5, acts=5) + "[hull]", "(angle commanded) go with one another"),

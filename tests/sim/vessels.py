@@ -173,7 +173,14 @@ def added(effect: Effect) -> AddedEffect:
 
 def every_effect(vessel: Vessel) -> tuple[AddedEffect, ...]:
     """All of the catalogue that can act on the vessel, with values that make a difference."""
-    return tuple(added(effect) for effect in EFFECTS if not vessel.unmet_needs(effect))
+    every = (added(effect) for effect in EFFECTS if not vessel.unmet_needs(effect))
+    return tuple(wired_in(vessel, a) if a.effect.name == "actuator_wiring" else a for a in every)
+
+
+def wired_in(vessel: Vessel, wiring: AddedEffect) -> AddedEffect:
+    """The plugs in the sockets of that vessel, the other way round."""
+    digits = (str(i) for i in range(len(vessel.actuators), 0, -1))
+    return replace(wiring, values={**wiring.values, "order": float("".join(digits))})
 
 
 def with_every_effect(vessel: Vessel) -> Vessel:
