@@ -78,7 +78,7 @@ class EffectSearch:
     def run(self, base: Fit) -> Selection:
         """Greedy, with swaps and exchanges, then backward."""
         first, more = self.ranked(base, [])
-        steps, fit = self._grown([], base, first if more else None)
+        steps, fit = self._grown([], base, first if more and self.most else None)
         for _ in range(thresholds.MAX_EXCHANGES):
             exchanged = self._exchanged(steps, fit)
             if exchanged is None:

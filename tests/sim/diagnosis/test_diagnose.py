@@ -276,6 +276,9 @@ def test_what_was_found_is_held_against_a_curve_whatever_it_leaves(
         found = diagnose([stated], WAM_V, one)
         assert found.verdict is Verdict.EXPLAINED
         assert asked == [{"beside": False}]
+    ranked = diagnose([trial], WAM_V, replace(one, most=0))
+    assert not ranked.effects
+    assert ranked.ranking[0].effect == "thruster_imbalance"
 
 
 @pytest.mark.slow
