@@ -278,6 +278,22 @@ def with_given_base(unknowns: Unknowns, z: Floats) -> Floats | None:
     return np.where(base, unknowns.start, z)
 
 
+def from_given_base(
+    added: Sequence[AddedEffect], unknowns: Unknowns, problem: FitProblem, z: Floats
+) -> Floats | None:
+    """z (n,) with the base as it was given and the effects fitted to that; None where the base has
+    hardly left it.
+
+    A wind that stood in for the currents of several days, on a hull that a fit bent to go with it,
+    is far from what it is on the hull as given: beside that even the right effect looks wrong.
+    """
+    given = with_given_base(unknowns, z)
+    if given is None:
+        return None
+    base = np.array([u.name in BASE for u in unknowns.each])
+    return fit_effects(added, unknowns.fixed(base), problem, given).z
+
+
 def fit_effects(
     added: Sequence[AddedEffect], unknowns: Unknowns, problem: FitProblem, z: Floats
 ) -> Fit:

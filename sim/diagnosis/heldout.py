@@ -36,7 +36,7 @@ import numpy as np
 
 from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, fit_effects, with_given_base
+from sim.diagnosis.fit import Fit, fit_effects, from_given_base
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.screening import Mapper, Progress, most_promising, screen
 from sim.diagnosis.screening_steps import ScreeningResult
@@ -327,9 +327,9 @@ def _rank_finalists(
     before = fit_effects(reference.added, reference.unknowns, problem, reference.z)
 
     def whole(r: ScreeningResult) -> tuple[Fit, Gain]:
-        again = with_given_base(r.unknowns, r.z)
-        starts = [r.z] if again is None else [r.z, again]
         added = (*reference.added, r.added)
+        again = from_given_base(added, r.unknowns, problem, r.z)
+        starts = [r.z] if again is None else [r.z, again]
         fit = min(
             (fit_effects(added, r.unknowns, problem, z) for z in starts), key=lambda f: f.cost
         )

@@ -13,6 +13,7 @@ from sim.diagnosis.fit import (
     event_names,
     final_fit,
     fit_effects,
+    from_given_base,
     start_values,
     unknowns_for,
     with_event_moved,
@@ -105,6 +106,25 @@ def test_a_base_that_went_far_begins_again_where_it_was_given(fit: Fit) -> None:
     base = np.array([name in BASE for name in names])
     np.testing.assert_array_equal(again[base], unknowns.start[base])
     np.testing.assert_array_equal(again[~base], z[~base])
+
+
+def test_from_the_base_as_given_the_effects_are_fitted_before_it_moves() -> None:
+    """A hull bent far, with a current that sets the other way: back to the true current."""
+    current = named("steady_current")
+    trial = sailed("steady_current", speed=0.3, direction=0.6)
+    superset = SupersetModel.of(WAM_V, (current,))
+    base = fit_base(superset, Model.of(WAM_V), [trial], DiagnoseSettings())
+    added = [AddedEffect(current, {"speed": 0.3, "direction": 0.6 + np.pi})]
+    unknowns = unknowns_for(superset, added, 1, base.problem.settings)
+    is_base = np.array([u.name in BASE for u in unknowns.each])
+    near = unknowns.start.copy()
+    assert from_given_base(added, unknowns, base.problem, near) is None
+    far = np.where(is_base, unknowns.bounds[0], near)
+    again = from_given_base(added, unknowns, base.problem, far)
+    assert again is not None
+    np.testing.assert_allclose(again[is_base], near[is_base], rtol=1e-3)
+    found = unknowns.to_named(again)[[u.name.startswith("steady") for u in unknowns.each]]
+    np.testing.assert_allclose(found, [0.3, 0.6], rtol=0.05)
 
 
 FAULT = named("thruster_fault")
