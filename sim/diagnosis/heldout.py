@@ -153,7 +153,8 @@ class HeldOutScorer:
         unstable that noise hides the motion: how fast errors grow on a boat is not known from a
         model that is not hers.
         """
-        if max(fit.noise_share) >= thresholds.MAX_NOISE_SHARE:
+        u, v, r = fit.noise_share
+        if max(u, v) >= thresholds.MAX_NOISE_SHARE or r >= thresholds.MAX_NOISE_SHARE_OF_TURN:
             return self
         model = fit.unknowns.model
         rulers = tuple(

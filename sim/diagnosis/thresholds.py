@@ -107,6 +107,7 @@ MAX_FORM_SHARE_PARTIAL = 1.0  # of a part: one frequency of a whole group of wav
 # Of what the recordings state: complete models leave 0.45 to 0.83 (17 voyages of hulls that are
 # unstable on course, 8 of others), strangers 1.5 and more.
 MAX_NOISE_SHARE = 1.0
+MAX_NOISE_SHARE_OF_TURN = 2.0  # the same of the yaw rate, which gusts shake
 MAX_NOISE_SHARE_ALONE = 1.5  # of surge and sway, where no effect was found
 MAX_NOISE_SHARE_WITH_EFFECTS = 2.5  # where some were: nature's own form leaves up to 1.7
 # Error of a curve over that of the effects in whose place it stands. Of the true effect, on 45
