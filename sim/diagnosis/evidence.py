@@ -265,8 +265,12 @@ def evidence_of_rivals(diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Ev
 
 
 def rivals(diagnosis: Diagnosis) -> list[LadderStep]:
-    """The alternatives that do as well as what was chosen, each effect once."""
-    tied = {row.effect for row in diagnosis.ranking if row.confounded_with}
+    """The alternatives that do as well as what was chosen, each effect once.
+
+    Where the first of the ranking was not chosen in the end, its own rivals are none.
+    """
+    found = {*diagnosis.effects}
+    tied = {row.effect for row in diagnosis.ranking if found.intersection(row.confounded_with)}
     out = {
         step.effects[-1]: step for step in diagnosis.alternatives
         if len(step.effects) > 1 or step.effects[-1] in tied

@@ -11,11 +11,13 @@ from sim.diagnosis.verdict import rivals_of
 def all_rivals_of(step: Ranking, search: EffectSearch, selection: Selection) -> list[RankedEffect]:
     """What does as well as the effect of a step, also of what these trials cannot show.
 
-    Beside all the others: what did as well while those were missing may not beside them.
+    Beside all the others, and no more: what did as well while those were missing, or beside what
+    went again, may not beside them.
     """
     names = selection.fit.names
     shown = rivals_of(step, names)
-    if shown and len(selection.steps) > 1:
+    beside = {*names} - {step.best.name}
+    if shown and (len(selection.steps) > 1 or beside != {*step.reference.names}):
         shown = rivals_of(_beside_others(step, search, selection, shown), names)
     rivals = [*shown, *rivals_of(beside_unshown(step, search), names)]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]

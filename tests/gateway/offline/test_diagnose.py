@@ -124,7 +124,11 @@ def test_recordings_that_were_left_out_have_a_column_where_there_are_some(found,
 def test_a_rival_has_its_evidence_beside_that_of_what_was_chosen(found):
     plain = diagnosis_figures(found.diagnosis, found.trials)
     assert "evidence heading_offset" not in plain
-    tied = tuple(replace(c, confounded_with=("the other",)) for c in found.diagnosis.ranking)
+    chosen = found.diagnosis.effects
+    of_another = tuple(replace(c, confounded_with=("a third",)) for c in found.diagnosis.ranking)
+    same = diagnosis_figures(replace(found.diagnosis, ranking=of_another), found.trials)
+    assert set(same) == set(plain)
+    tied = tuple(replace(c, confounded_with=chosen) for c in found.diagnosis.ranking)
     torn = diagnosis_figures(replace(found.diagnosis, ranking=tied), found.trials)
     assert set(torn) - set(plain) == {"evidence heading_offset"}
     (other,) = found.diagnosis.alternatives

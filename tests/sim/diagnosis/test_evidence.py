@@ -217,7 +217,7 @@ def test_rivals_are_what_ties_with_the_first_or_stands_beside_a_later_effect():
         return SimpleNamespace(effects=effects)
 
     ranking = [SimpleNamespace(effect=n, confounded_with=c) for n, c in (("a", ("b",)), ("b", "a"))]
-    ranking.append(SimpleNamespace(effect="far", confounded_with=()))
+    ranking.append(SimpleNamespace(effect="far", confounded_with=("not chosen",)))
     steps = [step("b"), step("far"), step("a", "e", "c"), step("a", "d")]
     found: Any = SimpleNamespace(ranking=ranking, alternatives=steps, effects=("a", "d"))
     assert rivals(found) == [steps[0], steps[2]]

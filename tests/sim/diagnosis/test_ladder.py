@@ -439,6 +439,21 @@ def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) 
     assert [r.name for r in all_rivals_of(step, search, selection)] == rivals
 
 
+@pytest.mark.parametrize(("left", "rivals"), [(0.1, ["steady_wind"]), (0.3, [])])
+def test_a_rival_does_as_well_without_what_went_again(left: float, rivals: list[str]) -> None:
+    """A lift that was dropped in the end stood beside both when they were ranked."""
+    nothing: Any = None
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing)
+    found = ("current_change",)
+    known = {(): 0.8, found: 0.1, ("steady_wind",): left}
+    object.__setattr__(search, "left", {frozenset(k): v for k, v in known.items()})
+    lift: Any = SimpleNamespace(names=("hull_lift",), added=(), nrmse=0.5)
+    alike = tuple(row(name, SOME.gain) for name in ("current_change", "steady_wind"))
+    selection: Any = SimpleNamespace(steps=(Ranking(lift, alike),), fit=search.fit_of(found))
+    (step,) = selection.steps
+    assert [r.name for r in all_rivals_of(step, search, selection)] == rivals
+
+
 def swapped(left: float, **left_out: float) -> tuple[str, ...]:
     """What stands after swaps of a hull lift with a steady wind beside it, which leave 0.3; `left`
     of cross damping in its place.
