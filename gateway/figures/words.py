@@ -40,6 +40,16 @@ def moved_numbers(step: LadderStep) -> str:
     return ", ".join(told)
 
 
+def base_text(d: Diagnosis) -> str:
+    """What became of the base numbers: alone, and in the vessel that is handed over."""
+    numbers = moved_numbers(d.ladder[-1])
+    if d.base_changed:
+        return f"re-fitted, its numbers had to move{f': {numbers}' if numbers else ''}"
+    if d.effects and numbers:
+        return f"fitted along with what was found, its numbers moved: {numbers}"
+    return "its numbers hold as they were given"
+
+
 def judgement_text(error: float, floor: float) -> str:
     """How an error stands beside the noise floor, as the end of a sentence."""
     match judge(error, floor):

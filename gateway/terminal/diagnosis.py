@@ -17,7 +17,7 @@ from gateway.figures import COLOUR, VELOCITIES, SeriesRole, probability_text
 from gateway.figures.diagnosis import step_name
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.motion import effect_example_figure, effect_with_values
-from gateway.figures.words import diagnosis_texts, moved_numbers
+from gateway.figures.words import base_text, diagnosis_texts
 from gateway.offline.add import AdditionResult
 from gateway.offline.diagnose import DiagnosisResult
 from gateway.terminal import ResultConsole, result_table
@@ -45,10 +45,7 @@ def show_diagnosis(
     console.print(f"{d.summary}\n", markup=False)
     console.print(_ladder(d))
     last = d.ladder[-1]
-    numbers = moved_numbers(last)
-    moved = f"re-fitted, its numbers had to move{f': {numbers}' if numbers else ''}"
-    kept = "its numbers hold as they were given"
-    console.print(f"base: {moved if d.base_changed else kept}", markup=False)
+    console.print(f"base: {base_text(d)}", markup=False)
     if d.effects:
         estimates = [e for numbers in last.parameters.values() for e in numbers]
         estimates += [e for e in last.base_parameters if e.name not in BASE]

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.figures import Line
 from gateway.figures.diagnosis import _map_figure, timeline
-from gateway.figures.words import cause_text, diagnosis_texts, why_not_texts
+from gateway.figures.words import base_text, cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
 from sim.effects.catalogue import EFFECTS
 from sim.effects.tables import MapField
@@ -72,6 +72,23 @@ def test_of_several_recordings_each_tells_its_own_and_none_speaks_for_another():
         "three: a current of 0.30 m/s (0.29–0.31 m/s) sets towards 299° (north-west); "
         "on two these data allow that there is none"
     )
+
+
+def moved(*effects: str, changed: bool, ends: tuple[float, float]) -> str:
+    """What is said of a base whose m11 went from 60 to 70 kg on the last step."""
+    m11 = SimpleNamespace(name="m11", before=60.0, value=70.0, ci95=ends, unit="kg")
+    last = SimpleNamespace(base_parameters=[m11])
+    d: Any = SimpleNamespace(ladder=[last], base_changed=changed, effects=effects)
+    return base_text(d)
+
+
+def test_what_is_said_of_the_base_is_true_of_the_vessel_that_is_handed_over():
+    far, near = (68.0, 72.0), (59.0, 81.0)
+    assert moved("hull_lift", changed=True, ends=far).endswith("m11 60 → 70 kg (+17 %)")
+    beside = moved("hull_lift", changed=False, ends=far)
+    assert beside == ("fitted along with what was found, its numbers moved: m11 60 → 70 kg (+17 %)")
+    for effects, ends in ((("hull_lift",), near), ((), far)):  # within its interval; not handed on
+        assert "hold as they were given" in moved(*effects, changed=False, ends=ends)
 
 
 @pytest.mark.parametrize(
