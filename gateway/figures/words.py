@@ -185,7 +185,9 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
     """The answer in sentences, what matters first; it claims no more than the verdict does."""
     last = d.ladder[-1]
     begun = d.start_time_ns
-    found = tuple(f"{cause_text(last, name, begun)}." for name in last.effects)
+    causes = [cause_text(last, name, begun) for name in last.effects]
+    causes.sort(key=lambda text: text.endswith(f"but {MAY_BE_NONE}"))  # the sure ones first
+    found = tuple(f"{text}." for text in causes)
     if d.verdict is Verdict.ADEQUATE:
         error = min(step.heldout.nrmse for step in d.ladder)
         if judge(error, d.noise_floor) is Judgement.UNJUDGED:

@@ -89,10 +89,14 @@ class DiagnosisResult:
 
     @property
     def rivals(self) -> list[str]:
-        """Effects that are confounded with one another, the chosen ones first."""
+        """Effects that are confounded with one another and one that was chosen, that one first."""
         if self.diagnosis.verdict is not Verdict.CONFOUNDED:
             return []
-        rows = [c for c in self.diagnosis.ranking if c.confounded_with]
+        found = {*self.diagnosis.effects}
+        rows = [
+            c for c in self.diagnosis.ranking
+            if c.confounded_with and found.intersection((c.effect, *c.confounded_with))
+        ]  # fmt: skip
         unshown = (name for c in rows for name in c.confounded_with)
         return list(dict.fromkeys((*(c.effect for c in rows), *unshown)))
 

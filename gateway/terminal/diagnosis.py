@@ -21,11 +21,11 @@ from gateway.figures.words import base_text, diagnosis_texts
 from gateway.offline.add import AdditionResult
 from gateway.offline.diagnose import DiagnosisResult
 from gateway.terminal import ResultConsole, result_table
-from sim.diagnosis.answer import Candidate, Diagnosis, LadderStep
+from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.next_experiment import separation
 from sim.diagnosis.thresholds import MAX_BASE_SIGMAS
 from sim.effects.catalogue import mistaken_for
-from sim.effects.effect import Effect, Scope
+from sim.effects.effect import Effect, Kind, Scope
 from sim.excitation.responses import run_example
 from sim.identification import BASE
 from sim.identification.intervals import Estimate
@@ -50,7 +50,7 @@ def show_diagnosis(
         estimates = [e for numbers in last.parameters.values() for e in numbers]
         estimates += [e for e in last.base_parameters if e.name not in BASE]
         console.print(_parameters("what was found", map(_parameter_row, estimates)))
-    console.print(_ranking(d.ranking))
+    console.print(_ranking(d))
     limits = (*_at_limit(found), *_found_beside(found))
     console.bullets(
         (*limits, *_doubts(last), *_of_voyages(found), *_look_alikes(found), *_unexplained(d))
@@ -115,19 +115,25 @@ def _interval(low: float, high: float) -> str:
     return f"{low:.4g} … {high:.4g}" if low != high else "chosen, not fitted"
 
 
-def _ranking(ranking: Sequence[Candidate]) -> Table:
-    """The best of the catalogue, each alone beside the re-fitted base."""
+def _ranking(d: Diagnosis) -> Table:
+    """The best of the catalogue, each alone beside the re-fitted base.
+
+    Where nothing is missing no probability is told: it compares what does not help.
+    """
+    is_told = d.verdict is not Verdict.ADEQUATE
+    told = ["probability"] if is_told else []
     title = "each alone beside the re-fitted base"
-    table = result_table(title, "effect", "probability", "error", "like the first")
+    table = result_table(title, "effect", *told, "error", "like the first")
     table.add_column("these data cannot tell it from")
-    for row in ranking:
+    for row in d.ranking:
         table.add_row(
-            row.effect, probability_text(row.probability), f"{row.heldout_nrmse:.3f}",
-            f"{100.0 * row.alike:.0f} %", ", ".join(row.confounded_with),
-            end_section=row is ranking[-1],
+            row.effect, *([probability_text(row.probability)] if is_told else []),
+            f"{row.heldout_nrmse:.3f}", f"{100.0 * row.alike:.0f} %",
+            ", ".join(row.confounded_with), end_section=row is d.ranking[-1],
         )  # fmt: skip
-    none = max(1.0 - sum(row.probability for row in ranking), 0.0)
-    table.add_row("none of these", probability_text(none), "", "", "")
+    if is_told:
+        none = max(1.0 - sum(row.probability for row in d.ranking), 0.0)
+        table.add_row("the base alone", probability_text(none), "", "", "")
     return table
 
 
@@ -143,8 +149,10 @@ def _at_limit(found: DiagnosisResult) -> list[str]:
 
 def _found_beside(found: DiagnosisResult) -> list[str]:
     """Effects that are not among the best of the catalogue alone."""
+    several = len(found.diagnosis.effects) > 1
+    how = "found beside what else was found" if several else "it took the place of another"
     return [
-        f"{name}: found beside what else was found; alone it is not among the first"
+        f"{name}: {how}; alone it was not among the first of the first look"
         for name in found.found_beside
     ]
 
@@ -164,7 +172,18 @@ def _of_voyages(found: DiagnosisResult) -> list[str]:
     names = _voyage_effects(found.diagnosis.vessel, found.diagnosis.effects)
     if not names:
         return []
-    return [f"{' and '.join(names)}: of this day; on another, compare with --refit voyage"]
+    out = [f"{' and '.join(names)}: of this day; on another, compare with --refit voyage"]
+    if len(found.trials) > 1:
+        sudden = [name for name in names if _has_moment(found.diagnosis.vessel, name)]
+        out += [f"{name}: its moment is one for all recordings, counted from the start of each; "
+                "one that fell into a recording is told by that recording alone"
+                for name in sudden]  # fmt: skip
+    return out
+
+
+def _has_moment(vessel: Vessel, name: str) -> bool:
+    effect = next(a.effect for a in vessel.effects if a.effect.name == name)
+    return any(p.kind is Kind.MOMENT for p in effect.parameters)
 
 
 def _look_alikes(found: DiagnosisResult) -> list[str]:

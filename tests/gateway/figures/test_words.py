@@ -137,6 +137,17 @@ def test_the_first_sentence_is_what_matters_most(answer, first, more):
     assert certain == (texts == (f"{COMPASS}.",))
 
 
+def test_what_may_be_none_is_told_after_what_is_sure():
+    two = step("cg_offset", "heading_offset")
+    two.parameters["cg_offset"] = [number("cg_offset.x_g", 0.1, (-0.1, 0.3))]
+    answer = diagnosis(Verdict.EXPLAINED)
+    answer.ladder[-1] = two
+    first, last = diagnosis_texts(answer)
+    assert first == f"{COMPASS}."
+    assert last.startswith("The centre")
+    assert last.endswith("; but these data allow that there is none.")
+
+
 CURRENT = {
     "speed": 0.25, "direction": 3.3, "later_speed": 0.4, "later_direction": 6.5, "time": 610.0
 }  # fmt: skip

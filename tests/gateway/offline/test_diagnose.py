@@ -26,6 +26,7 @@ from sim.diagnosis.heldout import Gain
 from sim.diagnosis.residual_terms import Dependence
 from sim.effects.catalogue import named
 from sim.identification import BASE
+from sim.vessel import AddedEffect
 from tests.gateway.offline.diagnosis import FEW, found_current, refused, sailed
 from tests.sim.simulated import on_floats
 from tests.sim.voyages import WAM_V
@@ -305,7 +306,46 @@ def test_an_effect_found_only_beside_another_is_told(found, capsys):
     assert found.found_beside == []
     without = replace(found, diagnosis=replace(found.diagnosis, ranking=()))
     show_diagnosis(without, None, None, None)
-    assert "steady_current: found beside" in " ".join(capsys.readouterr().out.split())
+    assert "steady_current: it took the place of another" in squeezed(capsys)
+    two = replace(without.diagnosis, effects=("steady_current", "heading_offset"), ranking=())
+    show_diagnosis(replace(found, diagnosis=two), None, None, None)
+    assert "heading_offset: found beside what else was found" in squeezed(capsys)
+
+
+def squeezed(capsys) -> str:
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_where_nothing_is_missing_no_probability_of_an_effect_is_told(found, capsys):
+    show_diagnosis(found, None, None, None)
+    said = squeezed(capsys)
+    assert "probability" in said
+    assert "the base alone" in said
+    nothing = replace(found.diagnosis, verdict=Verdict.ADEQUATE, effects=())
+    show_diagnosis(replace(found, diagnosis=nothing), None, None, None)
+    said = squeezed(capsys)
+    assert "probability" not in said
+    assert "the base alone" not in said
+
+
+def test_rivals_of_what_was_not_chosen_are_none_of_the_answer(found):
+    others = [replace(c, effect=n, confounded_with=(m,)) for c, n, m in
+              ((found.diagnosis.ranking[0], "hull_lift", "cg_offset"),)]  # fmt: skip
+    torn = replace(found.diagnosis, verdict=Verdict.CONFOUNDED, ranking=tuple(others))
+    assert replace(found, diagnosis=torn).rivals == []
+
+
+@pytest.mark.parametrize(("recordings", "told"), [(1, False), (2, True)])
+def test_one_moment_for_several_recordings_is_told(found, capsys, recordings, told):
+    fault = named("thruster_fault")
+    values = {"thruster": 1.0, "gain": 0.7, "time": 1.3}
+    last = found.diagnosis.ladder[-1]
+    vessel = found.diagnosis.vessel.with_effects(AddedEffect(fault, values))
+    step = replace(last, effects=("thruster_fault",), vessel=vessel, parameters={})
+    d = replace(found.diagnosis, effects=("thruster_fault",), vessel=vessel,
+                ladder=(*found.diagnosis.ladder[:-1], step))  # fmt: skip
+    show_diagnosis(replace(found, diagnosis=d, trials=found.trials * recordings), None, None, None)
+    assert ("its moment is one for all recordings" in squeezed(capsys)) is told
 
 
 @pytest.mark.slow
