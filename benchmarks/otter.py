@@ -1,6 +1,6 @@
 """A hull of another author: Fossen's Otter in six degrees of freedom, as a model that sails.
 
-    python -m benchmarks.otter --source PATH [--payload KG] [--only CASE] [--out FOLDER]
+    python -m benchmarks.otter --source PATH [--payload KG] [--only CASE] [--together] [--out DIR]
 
 PATH is the folder `src` of the repository PythonVehicleSimulator, which is on no package index
 (class `otter`; T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed.
@@ -9,7 +9,9 @@ autopilot would have said. The law differs from that of `sim`: centre of gravity
 origin, payload, heave, roll and pitch, cross-flow drag of strips, shafts that lag by 0.1 s, and
 a hull that does not hold its course. A payload, 25 kg as published, also pushes: its weight along
 the trimmed hull, some 7 N ahead at any time, is held by nothing there. `--payload 0` leaves it
-ashore. What the owner does is in `benchmarks.owner`.
+ashore. What the owner does is in `benchmarks.owner`. `--together`: what is hidden in a boat is
+hidden on four voyages under other currents and winds; three are diagnosed at once, the fourth is
+kept back.
 """
 
 import argparse
@@ -17,7 +19,7 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +36,7 @@ from benchmarks.hidden.scene import Report
 from benchmarks.hidden.sensors import GRAVITY, Sensors, estimate_error
 from benchmarks.hidden.talk import RAISED, conversation
 from benchmarks.hidden.telemetry import Clock
-from benchmarks.owner import first_voyage, tell_each
+from benchmarks.owner import first_voyage, tell_each, tell_together
 from sim.state import Floats
 
 SECONDS = 600.0  # armed
@@ -191,6 +193,27 @@ TROUBLES: dict[str, Trouble] = {
 }
 
 
+# pilot, current (speed [m/s], towards [degrees]) and wind of voyages that are diagnosed together,
+# and of the one that is kept back
+VOYAGES: Sequence[tuple[str, tuple[float, float], Wrench6]] = (
+    ("excitation", (0.2, 40.0), calm),
+    ("survey", (0.0, 0.0), wind(6.0, 250.0)),
+    ("wander", (0.3, 300.0), calm),
+    ("excitation", (0.0, 0.0), calm),
+)
+TOGETHER = ("none", "port", "dead_band", "payload", "towed", "slipping")  # without weather
+
+
+def on_voyage(trouble: Trouble, voyage: int) -> Trouble:
+    """The same in a boat on another voyage."""
+    pilot, current, air = VOYAGES[voyage]
+
+    def push(otter: Otter, t: float, eta: Floats, nu: Floats) -> Floats:
+        return trouble.push(otter, t, eta, nu) + air(otter, t, eta, nu)
+
+    return replace(trouble, pilot=pilot, current=current, push=push)
+
+
 def boat(payload: float) -> Boat:
     """What its owner knows: size, mass, motors; the nine numbers as `shadow init` guesses them."""
     mass, length, pull = 55.0 + payload, 2.0, 2.0 * AHEAD
@@ -271,6 +294,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--payload", type=float, default=25.0, help="on board as known [kg]")
     parser.add_argument("--only", action="append", choices=TROUBLES, help="these troubles alone")
     parser.add_argument("--out", type=Path, default=Path("out/otter"))
+    parser.add_argument("--together", action="store_true", help="three voyages at once, a fourth")
     parser.add_argument("--seed", type=int, default=0)
     a = parser.parse_args(arguments)
     if not (a.source / "python_vehicle_simulator" / "vehicles" / "otter.py").exists():
@@ -287,7 +311,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         boat(a.payload),
         lambda log: write(log, TROUBLES["none"], 1000 + a.seed, a.payload),
     )
-    tell_each(a.only or TROUBLES, a.out, better, sail)
+
+    def sail_all(name: str, out: Path) -> list[Path]:
+        logs = [out / f"{name}_{i}.tlog" for i in range(len(VOYAGES))]
+        for i, log in enumerate(logs):
+            seed = 7000 + 100 * a.seed + 10 * list(TROUBLES).index(name) + i
+            write(log, on_voyage(TROUBLES[name], i), seed, a.payload)
+        return logs
+
+    if a.together:
+        tell_together(a.only or TOGETHER, a.out, better, sail_all)
+    else:
+        tell_each(a.only or TROUBLES, a.out, better, sail)
     return 0
 
 

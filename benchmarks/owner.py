@@ -46,6 +46,27 @@ def tell_each(
         print(f"{hidden}: {answer}; {time.perf_counter() - began:.0f} s", flush=True)
 
 
+def tell_together(
+    names: Iterable[str], out: Path, vessel: Path, sail: Callable[[str, Path], list[Path]]
+) -> None:
+    """Two lines for the voyages of each name that `sail` writes into a folder: the answer to all
+    but the last of them together, and what the vessel that was found predicts of the last.
+    """
+    for name in names:
+        began = time.perf_counter()
+        *logs, kept = sail(name, out)
+        answer, better = out / f"{name}.json", out / f"{name}.toml"
+        better.unlink(missing_ok=True)
+        shadow("diagnose", *logs, "--vessel", vessel, "--save", answer, "--out", better, "--force")
+        print(f"{name}: {told(answer)}; {time.perf_counter() - began:.0f} s", flush=True)
+        if better.exists():
+            both = ("--vessel", vessel, "--vessel", better, "--refit", "voyage")
+            rows = json.loads(shadow("compare", kept, *both, "--json"))["trials"]
+            before, after = (row["nrmse"] for row in rows)
+            floor = rows[0]["noise_floor_nrmse"]
+            print(f"    kept back: {before:.3f} → {after:.3f} (noise {floor:.3f})", flush=True)
+
+
 def diagnosed(log: Path, vessel: Path) -> Path:
     """The answer of `shadow diagnose`, beside the log."""
     answer = log.with_suffix(".json")
