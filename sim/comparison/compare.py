@@ -215,23 +215,28 @@ class Improvement:
     @property
     def clear(self) -> bool:
         """Whether the difference is more than chance."""
-        if self.noise or self.ci95 is None:
-            return False
-        return self.ci95[1] < 1.0 or self.ci95[0] > 1.0
+        return self._differ and not self.noise
+
+    @property
+    def _differ(self) -> bool:
+        """Whether the two errors differ on the same blocks, large or small."""
+        return self.ci95 is not None and (self.ci95[1] < 1.0 or self.ci95[0] > 1.0)
 
     @property
     def sentence(self) -> str:
         """What a person wants to know."""
-        if self.noise:
-            return (
-                f"{self.first} and {self.second} on {self.log}: both err by no more than noise, "
-                "these data cannot tell which is better"
-            )
-        if not self.clear or self.ci95 is None:
-            return f"{self.first} and {self.second} on {self.log}: no clear difference"
+        pair = f"{self.first} and {self.second} on {self.log}"
+        if self.ci95 is None or not self._differ:
+            at_noise = "both err by no more than noise, these data cannot tell which is better"
+            return f"{pair}: {at_noise if self.noise else 'no clear difference'}"
         better, worse = (self.second, self.first)[:: 1 if self.ratio < 1.0 else -1]
         falls = sorted(1.0 - r if self.ratio < 1.0 else 1.0 - 1.0 / r for r in self.ci95)
         fall = 1.0 - (self.ratio if self.ratio < 1.0 else 1.0 / self.ratio)
+        if self.noise:  # which is in both alike: what is left of their difference is the models'
+            return (
+                f"{pair}: both err by no more than noise, {better} by {100 * fall:.0f} % less "
+                f"({100 * falls[0]:.0f} to {100 * falls[1]:.0f} %)"
+            )
         where = f"everywhere but at {', '.join(self.but)}" if self.but else "everywhere"
         return (
             f"{better} is better than {worse} on {self.log}: the error falls by {100 * fall:.0f} % "

@@ -1,9 +1,10 @@
 """What does as well as an effect that was found: what the answer has to name beside it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.heldout import RankedEffect, Ranking, rank
+from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, Ranking, rank
 from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.verdict import rivals_of
 
@@ -15,12 +16,32 @@ def all_rivals_of(step: Ranking, search: EffectSearch, selection: Selection) -> 
     went again, may not beside them.
     """
     names = selection.fit.names
+    scorer = search.scorer.shared_with(selection.fit)
     shown = rivals_of(step, names)
     beside = {*names} - {step.best.name}
+    chosen = step
     if shown and (len(selection.steps) > 1 or beside != {*step.reference.names}):
-        shown = rivals_of(_beside_others(step, search, selection, shown), names)
-    rivals = [*shown, *rivals_of(beside_unshown(step, search), names)]
+        chosen = _beside_others(step, search, selection, shown)
+    rivals = [
+        row
+        for ranking in (chosen, beside_unshown(step, search))
+        for row in predict_as_well(rivals_of(ranking, names), ranking, scorer)
+    ]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]
+
+
+def predict_as_well(
+    rivals: Sequence[RankedEffect], ranking: Ranking, scorer: HeldOutScorer
+) -> list[RankedEffect]:
+    """Those whose free predictions of unseen time err hardly more than those of the best.
+
+    From one moment to the next a motor that points askew may do as well as one that is weak; over
+    ten seconds it does not.
+    """
+    if not rivals:
+        return []
+    most = thresholds.MAX_RIVAL_RATIO * scorer.score_fit(ranking.best.fit).nrmse
+    return [r for r in rivals if scorer.score_fit(r.fit).nrmse <= most]
 
 
 def _beside_others(

@@ -86,3 +86,18 @@ def test_without_two_blocks_nothing_is_clear() -> None:
     one = Improvement("log", "a", "b", 0.5, None, False, ())
     assert not one.clear
     assert "no clear difference" in one.sentence
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ((0.80, 0.95), "both err by no more than noise, b by 13 % less (5 to 20 %)"),
+        ((1.05, 1.25), "both err by no more than noise, a by 13 % less (5 to 20 %)"),
+        ((0.80, 1.05), "both err by no more than noise, these data cannot tell which is better"),
+    ],
+)
+def test_of_two_at_the_noise_the_nearer_is_told_where_blocks_of_time_tell_it(ends, said) -> None:
+    ratio = 0.87 if ends[0] < 1.0 else 1.0 / 0.87
+    one = Improvement("log", "a", "b", ratio, ends, True, ())
+    assert one.sentence == f"a and b on log: {said}"
+    assert not one.clear  # neither is wrong

@@ -342,11 +342,14 @@ class Weather(EffectSearch):
         return True
 
 
+def made_scorer() -> Any:
+    return MadeScorer(0.05)
+
+
 def exchanged(found: tuple[str, ...], most: int = 4, **left: float) -> tuple[str, ...] | None:
     """What stands after an exchange, given what each set of effects leaves ("a__b")."""
     nothing: Any = None
-    scorer: Any = MadeScorer(0.05)
-    search = Weather(nothing, EFFECTS, most, lambda _: None, map, scorer)
+    search = Weather(nothing, EFFECTS, most, lambda _: None, map, made_scorer())
     known = {frozenset(key.split("__")): value for key, value in left.items()}
     object.__setattr__(search, "left", {frozenset(): 1.0, **known})
     steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
@@ -428,7 +431,7 @@ def test_a_change_found_alone_gives_way_too_though_the_ranking_preferred_it(
 def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) -> None:
     """What did as well while the others were missing is none where it does not beside them."""
     nothing: Any = None
-    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
     found = ("heading_offset", "current_change")
     known = {("heading_offset",): 0.8, found: 0.1, ("heading_offset", "steady_wind"): left}
     object.__setattr__(search, "left", {frozenset(k): v for k, v in known.items()})
@@ -439,11 +442,24 @@ def test_a_rival_does_as_well_beside_all_others(left: float, rivals: list[str]) 
     assert [r.name for r in all_rivals_of(step, search, selection)] == rivals
 
 
+@pytest.mark.parametrize(("errs", "rivals"), [(0.59, ["heading_offset"]), (0.61, [])])
+def test_what_errs_more_over_ten_seconds_is_no_rival(errs: float, rivals: list[str]) -> None:
+    """However close from one moment to the next."""
+    best = row("thruster_imbalance", SOME.gain, nrmse=0.5)
+    step = Ranking(FIRST, (best, row("heading_offset", SOME.gain, nrmse=errs)))
+    assert [r.name for r in rivals_of(step)] == ["heading_offset"]
+    nothing: Any = None
+    search = EffectSearch(nothing, EFFECTS, 4, nothing, map, made_scorer())
+    fit: Any = SimpleNamespace(names=("thruster_imbalance",))
+    selection: Any = SimpleNamespace(steps=(step,), fit=fit)
+    assert [r.name for r in all_rivals_of(step, search, selection)] == rivals
+
+
 @pytest.mark.parametrize(("left", "rivals"), [(0.1, ["steady_wind"]), (0.3, [])])
 def test_a_rival_does_as_well_without_what_went_again(left: float, rivals: list[str]) -> None:
     """A lift that was dropped in the end stood beside both when they were ranked."""
     nothing: Any = None
-    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, nothing)
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
     found = ("current_change",)
     known = {(): 0.8, found: 0.1, ("steady_wind",): left}
     object.__setattr__(search, "left", {frozenset(k): v for k, v in known.items()})

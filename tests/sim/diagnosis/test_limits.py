@@ -13,6 +13,7 @@ from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.verdict import summary_of
 from sim.effects.catalogue import EFFECTS, named
 from sim.vessel import AddedEffect
+from tests.sim.diagnosis.made_scorer import MadeScorer
 from tests.sim.diagnosis.rankings import FIRST, SOME, row, starts
 from tests.sim.voyages import WAM_V
 
@@ -65,7 +66,8 @@ def test_the_sentence_says_what_is_beyond_belief() -> None:
 
 def test_what_only_does_as_well_at_its_limit_is_no_rival() -> None:
     nothing: Any = None
-    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, nothing)
+    scorer: Any = MadeScorer(0.05)
+    search = EffectSearch(nothing, EFFECTS, 4, lambda _: None, map, scorer)
     ends = {"heading_offset": {"angle": 0.8}}
     fit: Any = SimpleNamespace(names=("thruster_imbalance",))
     for of_rival, told in ((starts, ["heading_offset"]), (lambda name: ends[name], [])):
