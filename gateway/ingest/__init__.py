@@ -61,6 +61,11 @@ def is_text(raw: bytes) -> bool:
     )
 
 
+def is_utf16(raw: bytes) -> bool:
+    """Does it begin with the mark of UTF-16 text, which some spreadsheets write?"""
+    return raw.startswith((b"\xff\xfe", b"\xfe\xff"))
+
+
 def looks_like(raw: bytes) -> str:
     """What the bytes of no known format seem to be, in a few words."""
     if raw.startswith(b"PK\x03\x04"):
@@ -69,4 +74,6 @@ def looks_like(raw: bytes) -> str:
         return "a gzip archive: unpack it first"
     if is_text(raw):
         return "a text file"
+    if is_utf16(raw):
+        return "UTF-16 text: a table is UTF-8, and its name ends in .csv"
     return "unknown binary data" if raw.strip(b"\0") else "nothing but zeros"

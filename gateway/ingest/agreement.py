@@ -47,6 +47,8 @@ UNITS = {  # rate over what the values say -> the usual mistake
     100.0: "cm/s taken for m/s", 0.01: "m/s taken for cm/s", 2.2369: "mph taken for m/s",
 }  # fmt: skip
 NEAR_UNIT = 0.03
+DEGREE, FULL_CIRCLE = np.pi / 180.0, 2.0 * np.pi  # rad
+MOST_YAW = 0.99  # of the headings: a few may be damaged
 LEAST_UPRIGHT = 0.8  # the cosine of a gyro that lies over
 
 
@@ -216,9 +218,10 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
     if "yaw rate" in choices:
         when, rate = _ascending(choices["yaw rate"].samples, start)
         if len(when) > 1:
-            found = rate_agreement(
-                at, turned, when, rate[:, :1], TURN_S, LEAST_TURN_RAD, Turns(at, turned[:, 0], True)
-            )
+            found = _turns_agree(at, heading[:, 0], when, rate[:, :1])
+            if found is None or not found.is_near:
+                out += _other_unit(at, heading[:, 0], when, rate[:, :1], choices)
+                found = None if out else found
             out += _told(found, choices["yaw rate"], choices["yaw"], "the turn of the heading")
     if "velocity" in choices and "position" in choices:
         when, velocity = _ascending(choices["velocity"].samples, start)
@@ -242,6 +245,37 @@ def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
                 found = None
             out += _told(found, choices["velocity"], choices["position"], "the change of position")
     return tuple(out)
+
+
+def _turns_agree(at: Floats, yaw: Floats, when: Floats, rate: Floats) -> RateAgreement | None:
+    """Headings (K,) [rad] at (K,) and yaw rates (L, 1) at (L,) [s] -> how the two agree."""
+    turned = np.unwrap(yaw)
+    turns = Turns(at, turned, True)
+    return rate_agreement(at, turned[:, None], when, rate, TURN_S, LEAST_TURN_RAD, turns)
+
+
+def _other_unit(
+    at: Floats, yaw: Floats, when: Floats, rate: Floats, choices: Mapping[str, Choice]
+) -> list[str]:
+    """A sentence where headings agree with their rate once they are taken in the other unit.
+
+    Their ratio does not show it: a heading of some degrees hardly turns at all, and one that wraps
+    elsewhere than at a full circle does not turn as it should.
+    """
+    largest = float(np.quantile(np.abs(yaw), MOST_YAW))  # in the right unit about a full circle
+    if largest <= FULL_CIRCLE * DEGREE:
+        factor, mistake = 1.0 / DEGREE, "radians taken for degrees"
+    elif largest > FULL_CIRCLE:
+        factor, mistake = DEGREE, "degrees taken for radians"
+    else:
+        return []
+    found = _turns_agree(at, factor * yaw, when, rate)
+    if found is None or not found.agrees or found.scale < 0.0:
+        return []
+    return [
+        f"yaw ({choices['yaw'].source}) turns as yaw rate ({choices['yaw rate'].source}) says "
+        f"where it is taken {factor:.3g} times: {mistake}?"
+    ]
 
 
 def metres(place: Floats, quantity: Quantity) -> Floats:

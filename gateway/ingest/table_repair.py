@@ -239,10 +239,13 @@ def _smoothings(choices: Mapping[str, Choice]) -> dict[str, Smoothing]:
 
 
 def _if_ascending(time: Floats, x: Floats, rate_time: Floats, rate: Floats) -> Smoothing:
-    """A table whose clock runs backwards shows no smoothing, nor does a rate of another unit.
+    """A table whose clock runs backwards shows no smoothing, nor does a rate of another unit,
+    nor a single row.
 
     A rate of a few per cent of what the values say is not one that a window took so much from.
     """
+    if min(len(time), len(rate_time)) < 2:
+        return NOT_SMOOTHED
     if np.any(np.diff(time) <= 0.0) or np.any(np.diff(rate_time) <= 0.0):
         return NOT_SMOOTHED
     slow = rate_agreement(time, x, rate_time, rate, SLOW_S, 0.0)

@@ -41,7 +41,8 @@ def show_survey(found: Survey, mapping: Path | None = None) -> None:
         "clock steps back": s.time_backwards, "cut at the end": int(s.truncated_tail),
     }  # fmt: skip
     counted = ", ".join(f"{name} {count}" for name, count in odd.items() if count)
-    out.print(f"odd: {counted or 'nothing'}")
+    nothing = "nothing but what the notes say" if s.notes else "nothing"
+    out.print(f"odd: {counted or nothing}")
     if s.mavlink1 or s.mavlink2:
         out.print(f"MAVLink 1: {s.mavlink1}, MAVLink 2: {s.mavlink2}")
     for note in s.notes:

@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.ingest import LogFormat, is_text
+from gateway.ingest import LogFormat, is_text, is_utf16
 
 if TYPE_CHECKING:
     from gateway.ingest.log import Log
 
 
 def recognises(head: bytes, path: Path) -> bool:
-    """A text whose name ends in .csv."""
-    return path.suffix.lower() == ".csv" and is_text(head)
+    """A text whose name ends in .csv; UTF-16 too, so that it is told what to do with it."""
+    return path.suffix.lower() == ".csv" and (is_text(head) or is_utf16(head))
 
 
 def open_csv(path: str, raw: bytes, mapping: str | Path | None = None) -> "Log":

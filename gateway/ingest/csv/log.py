@@ -23,9 +23,7 @@ steps back goes on a second after the end of the one before, so that time never 
 sessions; one that leaps ahead further than any boat is silent keeps its times.
 """
 
-import csv
-import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -36,6 +34,20 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput
 from gateway.ingest.clock import CONFIRM, JUMP, SECOND, SLEEP, BoatClock
+from gateway.ingest.csv.text import read_text
+from gateway.ingest.csv.units import (
+    ANGLE,
+    LATEST_S,
+    PLACE,
+    PULSE,
+    RATE,
+    SPEED,
+    TIME,
+    Scale,
+    about_steps,
+    check_time,
+    check_unit,
+)
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.samples import CHANNELS, Quantity, Samples
 from gateway.toml_file import read_toml
@@ -99,17 +111,6 @@ def _believed(time: Floats) -> NDArray[np.bool_]:
 
 T = TypeVar("T")
 
-KNOT, KMH = 1852.0 / 3600.0, 1.0 / 3.6
-DEGREE = float(np.pi / 180.0)
-
-Scale = tuple[float, float]  # factor, then offset, to the unit of `Quantity`
-ANGLE = {"rad": (1.0, 0.0), "deg": (DEGREE, 0.0)}
-RATE = {"rad/s": (1.0, 0.0), "deg/s": (DEGREE, 0.0)}
-SPEED = {"m/s": (1.0, 0.0), "kn": (KNOT, 0.0), "km/h": (KMH, 0.0)}
-PLACE = {"deg": (1.0, 0.0), "1e-7 deg": (1e-7, 0.0), "rad": (1.0 / DEGREE, 0.0)}
-PULSE = {"us": (1.0, 0.0), "fraction": (400.0, 1500.0)}  # a fraction −1 … 1 is 1100 … 1900 µs
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-
 # name in the file -> quantity, column of its values, units
 QUANTITIES: Mapping[str, tuple[Quantity, int, Mapping[str, Scale]]] = {
     "latitude": (Quantity.GLOBAL_POSITION, 0, PLACE),
@@ -147,6 +148,7 @@ class Column:
     column: str
     quantity: Quantity
     index: int
+    unit: str
     factor: float
     offset: float
 
@@ -157,8 +159,13 @@ class CsvMapping:
 
     path: str
     time_column: str
-    time_unit_s: float
+    time_unit: str  # of TIME
     columns: tuple[Column, ...]
+
+    def names(self) -> tuple[str, ...]:
+        """Columns of the table that it names, each once."""
+        used = (self.time_column, *(column.column for column in self.columns))
+        return tuple(dict.fromkeys(used))
 
 
 def beside(csv: Path) -> Path:
@@ -183,7 +190,8 @@ def read_mapping(path: Path) -> CsvMapping:
     if not isinstance(columns, dict) or not columns:
         raise BadInput(f"{path}: [columns] is missing: quantity = {{ column = …, unit = … }}")
     found = tuple(_column(path, name, entry) for name, entry in columns.items())
-    return CsvMapping(str(path), column, _unit(path, "time", unit, TIME), found)
+    _unit(path, "time", unit, TIME)
+    return CsvMapping(str(path), column, unit, found)
 
 
 def _column(path: Path, name: str, entry: Any) -> Column:
@@ -193,7 +201,7 @@ def _column(path: Path, name: str, entry: Any) -> Column:
     column, unit = _entry(path, name, entry)
     quantity, index, units = QUANTITIES[name]
     factor, offset = _unit(path, name, unit, units)
-    return Column(name, column, quantity, index, factor, offset)
+    return Column(name, column, quantity, index, unit, factor, offset)
 
 
 def _entry(path: Path, name: str, entry: Any) -> tuple[str, str]:
@@ -210,9 +218,23 @@ def _unit(path: Path, name: str, unit: str, units: Mapping[str, T]) -> T:
     return units[unit]
 
 
+def check_names(file: Path, plan: CsvMapping, there: Sequence[str]) -> None:
+    """BadInput where a column that the mapping names is missing, or there twice."""
+    for name in plan.names():
+        count = there.count(name)
+        if count > 1:
+            raise BadInput(
+                f"{file}: {count} columns are called {name!r}, which {plan.path} names: rename "
+                "one of them"
+            )
+        if not count:
+            known = ", ".join([other for other in there if other][:40])
+            raise BadInput(
+                f"{file}: no column {name!r}, which {plan.path} names; there are: {known}"
+            )
+
+
 SOURCE = "CSV"
-DELIMITERS = ",;\t"
-LATEST_S = 9e9  # a later time does not fit into nanoseconds
 
 
 @dataclass(frozen=True)
@@ -231,27 +253,28 @@ class CsvLog(Log):
     def from_bytes(cls, raw: bytes, path: str, mapping: str | Path | None = None) -> "CsvLog":
         """A table with its mapping file (`mapping`, or the one beside it)."""
         file = Path(path)
-        header, rows = _parse(file, raw)
+        table = read_text(file, raw)
         plan = read_mapping(Path(mapping) if mapping is not None else beside(file))
-        wanted = {plan.time_column, *(column.column for column in plan.columns)}
-        missing = sorted(wanted - set(header))
-        if missing:
-            raise BadInput(
-                f"{file}: no column {missing[0]!r}, which {plan.path} names; "
-                f"there are: {', '.join(name for name in header if name)}"
-            )
-        values = {name: _numbers(file, name, rows, header.index(name)) for name in wanted}
-        return cls.from_columns(file, plan, values, len(raw))
+        check_names(file, plan, table.header)
+        values = {name: table.numbers(name) for name in plan.names()}
+        return cls.from_columns(file, plan, values, len(raw), table.notes)
 
     @classmethod
     def from_columns(
-        cls, file: Path, plan: CsvMapping, values: Mapping[str, Floats], size: int
+        cls,
+        file: Path,
+        plan: CsvMapping,
+        values: Mapping[str, Floats],
+        size: int,
+        notes: tuple[str, ...] = (),
     ) -> "CsvLog":
-        """Columns (K,) by name, NaN where empty, that a mapping names; `size` of the file [B]."""
-        time = values[plan.time_column] * plan.time_unit_s
+        """Columns (K,) by name, NaN where empty, that a mapping names; `size` of the file [B].
+
+        `notes`: what was wrong with the text that they come from.
+        """
+        time = values[plan.time_column] * TIME[plan.time_unit]
+        check_time(file, plan.time_column, plan.time_unit, time)
         known = np.abs(time) < LATEST_S  # NaN is not
-        if known.sum() < 2:
-            raise BadInput(f"{file}: fewer than two rows with a time in {plan.time_column!r}")
         repaired = repair_time(time[known])
         kept = repaired.time_s
         absent = () if known.all() else (f"{int((~known).sum())} rows without a time left out",)
@@ -260,9 +283,11 @@ class CsvLog(Log):
             accepted=len(kept),
             duplicates=int((np.diff(kept) == 0).sum()),
             time_backwards=int((np.diff(time[known][repaired.kept]) < 0).sum()),
-            notes=(*absent, *repaired.notes),
+            notes=(*notes, *absent, *repaired.notes, *about_steps(kept, plan.time_unit)),
         )
         columns = {name: column[known][repaired.kept] for name, column in values.items()}
+        for column in plan.columns:
+            check_unit(file, column.name, column.column, column.unit, columns[column.column])
         return cls(str(file), plan, kept, columns, repaired.sessions, statistics)
 
     def counts(self) -> Mapping[str, int]:
@@ -314,32 +339,3 @@ class CsvLog(Log):
         )
         order, time = np.flatnonzero(keep).astype(np.int64), self.time_ns()[keep]
         return Samples(quantity, SOURCE, order, time, time, values[keep]) if len(order) else None
-
-
-def _parse(file: Path, raw: bytes) -> tuple[list[str], list[list[str]]]:
-    """Header, rows."""
-    try:
-        content = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise BadInput(f"{file}: not a text table (UTF-8 with one line of column names)") from None
-    first = content.split("\n", 1)[0]
-    delimiter = max(DELIMITERS, key=first.count)
-    try:
-        rows = list(csv.reader(io.StringIO(content), delimiter=delimiter))
-    except csv.Error as error:
-        raise BadInput(f"{file}: not a table: {error}") from None
-    if not rows:
-        raise BadInput(f"{file} is empty: it holds no table")
-    return [name.strip() for name in rows[0]], [row for row in rows[1:] if row]
-
-
-def _numbers(file: Path, name: str, rows: list[list[str]], index: int) -> Floats:
-    """One column as numbers; NaN for an empty or missing cell."""
-    values = np.full(len(rows), np.nan)
-    for number, row in enumerate(rows):
-        cell = row[index].strip() if index < len(row) else ""
-        try:
-            values[number] = float(cell) if cell else np.nan
-        except ValueError:
-            raise BadInput(f"{file}: line {number + 2}, {name}: {cell!r} is no number") from None
-    return values

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import BadInput
-from gateway.ingest.csv.log import CsvLog, CsvMapping, beside, read_mapping
+from gateway.ingest.csv.log import CsvLog, CsvMapping, beside, check_names, read_mapping
 from gateway.ingest.log import Log
 from gateway.recording.blocks import ALWAYS_UNPACKED, MAX_EXPANSION
 from sim.state import Floats
@@ -41,8 +41,9 @@ def parquet_log(path: str, raw: bytes, mapping: str | Path | None) -> Log:
     try:
         opened = parquet.ParquetFile(io.BytesIO(raw))
         plan = _plan(file, opened.schema_arrow.metadata or {}, mapping)
-        wanted = sorted({plan.time_column, *(column.column for column in plan.columns)})
-        _check(file, opened, wanted, len(raw), plan)
+        wanted = list(plan.names())
+        check_names(file, plan, opened.schema_arrow.names)
+        _check_size(file, opened, len(wanted), len(raw))
         table = opened.read(columns=wanted)
         values = {name: _numbers(file, name, table.column(name), arrow) for name in wanted}
     except (arrow.ArrowException, OSError) as error:
@@ -62,16 +63,9 @@ def _plan(file: Path, inside: Any, mapping: str | Path | None) -> CsvMapping:
         return replace(read_mapping(own), path=str(file))
 
 
-def _check(file: Path, opened: Any, wanted: list[str], size: int, plan: CsvMapping) -> None:
-    """BadInput where a column is missing, or where the table unpacks to more than a log has."""
-    names = opened.schema_arrow.names
-    missing = [name for name in wanted if name not in names]
-    if missing:
-        raise BadInput(
-            f"{file}: no column {missing[0]!r}, which {plan.path} names; "
-            f"there are: {', '.join(names[:40])}"
-        )
-    if opened.metadata.num_rows * 8 * len(wanted) > ALWAYS_UNPACKED + MAX_EXPANSION * size:
+def _check_size(file: Path, opened: Any, columns: int, size: int) -> None:
+    """BadInput where the columns unpack to more than a log has."""
+    if opened.metadata.num_rows * 8 * columns > ALWAYS_UNPACKED + MAX_EXPANSION * size:
         raise BadInput(
             f"{file}: it unpacks to more than {MAX_EXPANSION} times its size (MAX_EXPANSION): "
             "no recording does"

@@ -245,6 +245,26 @@ def test_a_trial_holds_what_its_sensors_contradict(tmp_path: Path) -> None:
     assert wrong.notices[0] == wrong.contradictions[0]
 
 
+@pytest.mark.parametrize(
+    ("factor", "mistake"),
+    [
+        (np.pi / 180.0, "57.3 times: radians taken for degrees?"),
+        (180.0 / np.pi, "0.0175 times: degrees taken for radians?"),
+    ],
+)
+def test_headings_in_the_other_unit_are_told(factor: float, mistake: str) -> None:
+    """They hardly turn, or wrap elsewhere than at a full circle: their scale does not show it."""
+    wrapped = factor * (YAW % (2.0 * np.pi))
+    sensors = {
+        "yaw": choice("yaw", wrapped, Quantity.YAW),
+        "yaw rate": choice("yaw rate", YAW_RATE + rng.normal(0.0, 0.01, len(T)), Quantity.YAW_RATE),
+    }
+    (text,) = contradictions(sensors)
+    assert text.endswith(mistake)
+    sensors["yaw"] = choice("yaw", 0.02 * np.sin(YAW), Quantity.YAW)  # another heading at all
+    assert contradictions(sensors) == ()
+
+
 def test_positions_are_metres_about_where_most_of_them_lie() -> None:
     """A first fix on the equator would stretch the boat's way east to twice its length."""
     fixes = np.array([[0.0, 0.0], *([60.0, 10.0 + 1e-5 * k] for k in range(9))])

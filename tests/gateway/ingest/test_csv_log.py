@@ -8,6 +8,7 @@ import pytest
 from gateway.errors import BadInput
 from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.open import open_log
+from gateway.ingest.survey import survey
 from gateway.samples import Quantity
 
 TABLE = """t,heading,lat,lon,speed,left
@@ -137,12 +138,121 @@ def test_mistakes_in_the_mapping_are_told(
     [
         (TABLE.replace("1600", "full"), "line 3, left: 'full' is no number"),
         ("t,heading,lat,lon,speed,left\n", "fewer than two rows"),
+        (TABLE.replace("1200", "1000").replace("1100", "1000"), "time in 't' is the same in all"),
+        (
+            TABLE.replace("\n", ",1500\n").replace("t,1500", "t,left"),
+            "2 columns are called 'left', which .*: rename one",
+        ),
+        (
+            TABLE.replace("63.4,10.3", "63,4,10,3"),
+            "line 2 has 8 cells, the header 6, and "
+            r"4 of 4 rows have .*: decimal commas between commas\? Write points",
+        ),
+        (
+            TABLE.replace(",", ";").replace("1600", "1600,5"),
+            "'1600,5' is no number; decimal commas "
+            r"have to become points: tr , \. < run.csv > points.csv",
+        ),
+        (TABLE.replace("1600", '"1600,5"'), "'1600,5' is no number; .* become points$"),
         ("", "empty"),
     ],
 )
 def test_mistakes_in_the_table_are_told(tmp_path: Path, table: str, says: str) -> None:
     with pytest.raises(BadInput, match=says):
         open_log(write(tmp_path, table=table))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (('"left", unit = "us"', '"left", unit = "fraction"'),
+         "channel_3 cannot be 'fraction': column 'left' holds 1500 to 1600; 'us' would fit"),
+        (('"left", unit = "us"', '"lon", unit = "us"'),
+         "channel_3 cannot be 'us': column 'lon' holds 10.3 to 10.3; nor is that any of us, frac"),
+        (('"lat", unit = "deg"', '"lat", unit = "rad"'),
+         r"latitude cannot be 'rad': column 'lat' holds 63\.4 to 63\.4; 'deg' would fit"),
+        (('"lon", unit = "deg"', '"lon", unit = "rad"'), "longitude cannot be 'rad'"),
+        (('"lat", unit = "deg"', '"lat", unit = "1e-7 deg"'), ".*'deg' would fit"),
+    ],
+)  # fmt: skip
+def test_a_unit_that_cannot_be_is_told(tmp_path: Path, change: tuple[str, str], says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        open_log(write(tmp_path, mapping=MAPPING.replace(*change)))
+
+
+def test_commands_from_full_astern_to_full_ahead_are_no_microseconds(tmp_path: Path) -> None:
+    share = TABLE.replace("1500", "-1").replace("1600", "0.5")
+    with pytest.raises(BadInput, match=r"holds -1 to 0\.5; 'fraction' would fit"):
+        open_log(write(tmp_path, share))
+    zeros = TABLE.replace("1500", "0").replace("1600", "0").replace("1700", "0")
+    assert open_log(write(tmp_path, zeros)).counts() == {"CSV": 3}  # of an output that is off
+    wild = TABLE.replace("63.4,10.3,2", "1e9,10.3,2")
+    assert open_log(write(tmp_path, wild)).counts() == {"CSV": 3}  # one cell is no unit
+
+
+def calm_rows(row: int, cells: str) -> str:
+    """A table of steady rows, one of them others."""
+    rows = [f"{100 * k},90,63.4,10.3,2,1500" for k in range(20)]
+    rows[row] = cells
+    return "\n".join(["t,heading,lat,lon,speed,left", *rows]) + "\n"
+
+
+def test_a_row_with_more_cells_than_names_is_left_out_and_told(tmp_path: Path) -> None:
+    log = open_log(write(tmp_path, calm_rows(5, "500,90,5,63.4,10.3,2,1500")))
+    assert log.counts() == {"CSV": 19}
+    assert log.statistics.notes == (
+        "line 7 has 7 cells, the header 6: 1 rows with more cells, left out",
+    )
+
+
+def test_a_row_with_fewer_cells_than_names_is_told(tmp_path: Path) -> None:
+    log = open_log(write(tmp_path, calm_rows(5, "500,90")))
+    assert log.counts() == {"CSV": 20}
+    assert log.statistics.notes == (
+        "line 7 has 2 cells, the header 6: 1 rows with fewer cells, taken as empty at their end",
+    )
+
+
+def test_delimiters_at_the_ends_of_lines_are_no_cells(tmp_path: Path) -> None:
+    rows = calm_rows(5, "500,90,63.4,10.3,2,1500")
+    for table in (rows.replace(",1500", ",1500,"), rows.replace("left", "left,")):
+        log = open_log(write(tmp_path, table))
+        assert log.counts() == {"CSV": 20}
+        assert log.statistics.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("unit", "says"),
+    [
+        ("s", "rows are 100 s apart: is 's' the unit of time? They would be 0.1 s in 'ms'"),
+        ("us", "rows are 0.0001 s apart: is 'us' the unit of time? They would be 0.1 s in 'ms'"),
+    ],
+)
+def test_a_wrong_unit_of_time_is_asked_for(tmp_path: Path, unit: str, says: str) -> None:
+    table = calm_rows(5, "500,90,63.4,10.3,2,1500")
+    log = open_log(write(tmp_path, table, MAPPING.replace('"ms"', f'"{unit}"')))
+    assert log.statistics.notes == (says,)
+
+
+def test_times_beyond_all_dates_are_of_another_unit(tmp_path: Path) -> None:
+    late = TABLE.replace("\n1", "\n17511231941")
+    with pytest.raises(BadInput, match="lie beyond all dates: is their unit 's'"):
+        open_log(write(tmp_path, late, MAPPING.replace('"ms"', '"s"')))
+
+
+def test_utf_16_is_told_with_what_to_do(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    path.write_text(TABLE, encoding="utf-16")
+    with pytest.raises(BadInput, match=r"is UTF-16 text: .*iconv -f UTF-16 -t UTF-8 run\.csv > "):
+        open_log(path)
+
+
+def test_a_column_with_a_value_in_one_row_is_looked_at_without_a_warning(tmp_path: Path) -> None:
+    rate = 'yaw_rate = { column = "left", unit = "deg/s" }\n'
+    table = TABLE.replace("1600", "").replace("1700", "").replace("1500", "5")
+    mapping = MAPPING.replace('channel_3 = { column = "left", unit = "us" }\n', rate)
+    (boat,) = survey(open_log(write(tmp_path, table, mapping))).boats
+    assert "yaw rate" in boat.sources
 
 
 def test_a_table_without_mapping_says_what_to_do(tmp_path: Path) -> None:

@@ -249,6 +249,8 @@ def test_a_parquet_table_that_holds_no_numbers_or_is_damaged_is_one_line(
     less = table.drop_columns(["r"])
     pyarrow.parquet.write_table(less, tmp_path / "l.parquet")
     one_line(run("info", tmp_path / "l.parquet"), 2, "no column 'r', which")
+    pyarrow.parquet.write_table(table.append_column("r", table["r"]), tmp_path / "t.parquet")
+    one_line(run("info", tmp_path / "t.parquet"), 2, "2 columns are called 'r', which")
 
 
 def test_a_parquet_bomb_is_refused(run: Run, log: Path, tmp_path: Path) -> None:
