@@ -20,7 +20,7 @@ from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import contradictions
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import Origin
-from gateway.ingest.open import open_log
+from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
@@ -112,6 +112,7 @@ def load_trials(
     if mapping is not None:
         options = replace(options, mapping=mapping)
     files = [paths] if isinstance(paths, str | Path) else list(paths)
+    check_each_once(files)
     return [t for file in files for t in trials_of(open_log(file, options.mapping), options)]
 
 
@@ -119,6 +120,7 @@ def usable_trials(
     logs: Sequence[str | Path], options: TrialOptions, progress: Progress
 ) -> list[Trial]:
     """All trials of all recordings that hold usable time."""
+    check_each_once(logs)
     out: list[Trial] = []
     for log in logs:
         progress(f"reading {Path(log).name}")
