@@ -84,7 +84,8 @@ def private(path: Path) -> bool:
 
 
 def _file(kind: str, key: str) -> Path:
-    return state_folder() / kind / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
+    content = hashlib.sha256(key.encode(errors="surrogateescape"))  # a name need not be UTF-8
+    return state_folder() / kind / f"{content.hexdigest()[:32]}.json"
 
 
 WRITTEN = "written"  # the kind of entry in the user's state

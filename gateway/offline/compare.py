@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gateway.errors import BadInput, numerical_errors
+from gateway.errors import BadInput, numerical_errors, printable
 from gateway.figures.comparison import comparison_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.ingest.open import check_each_once
@@ -143,7 +143,7 @@ def distinct_vessels(
     names = [v.name for v in read]
     out = []
     for i, (given, vessel) in enumerate(zip(vessels, read, strict=True)):
-        mark = f"#{i + 1}" if isinstance(given, Vessel) else Path(given).name
+        mark = f"#{i + 1}" if isinstance(given, Vessel) else printable(Path(given).name)
         shared = names.count(vessel.name) > 1
         out.append(replace(vessel, name=f"{vessel.name} ({mark})") if shared else vessel)
     return out

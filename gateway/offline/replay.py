@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gateway.bus import Bus
 from gateway.config import Settings, as_tables
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin
@@ -222,7 +222,7 @@ def replay(
                 name,
                 given.decoded.boat,
                 plant=played_by,
-                log=Path(log.path).name,
+                log=printable(Path(log.path).name),
                 live=live is not None,
             ),
             options.settings,

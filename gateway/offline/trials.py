@@ -9,11 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 
-from gateway.errors import BadInput, numerical_errors
+from gateway.errors import BadInput, numerical_errors, printable, shell_word
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
@@ -86,7 +85,7 @@ class TrialOptions:
     @property
     def flags(self) -> str:
         """Of the command line, each after a space: what says whose data of a log, and how."""
-        mapping = "" if self.mapping is None else f" --mapping {quote(str(self.mapping))}"
+        mapping = "" if self.mapping is None else f" --mapping {shell_word(str(self.mapping))}"
         system = "" if self.system is None else f" --system {self.system}"
         return f"{mapping}{system}{' --anyway' if self.anyway else ''}"
 
@@ -133,7 +132,7 @@ def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
     with numerical_errors(log.path):
         source = source_of(log, options)
         spans = source.spans()
-        stem = Path(log.path).stem
+        stem = printable(Path(log.path).stem)
         names = [stem] if len(spans) == 1 else [f"{stem} #{k + 1}" for k in range(len(spans))]
         trials = [source.trial(*each, options) for each in zip(names, spans, strict=True)]
     if not trials:

@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.files import write_whole
 from gateway.ingest.log import choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
@@ -82,7 +82,7 @@ def init_vessel(
             f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
             "them with the ground station, or copy a file from configs/vessels"
         )
-    text = first_vessel(log_path, name or log_path.stem, actuators(parameters), given)
+    text = first_vessel(log_path, name or printable(log_path.stem), actuators(parameters), given)
     write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
 
