@@ -29,6 +29,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
 from sim.identification import BASE
+from sim.model import parameters_of
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Progress
@@ -120,6 +121,7 @@ class DiagnosisResult:
             answer["next_manoeuvre"] = next(iter(self.separations.values())).description
         return answer | {
             "vessel_file": self.vessel_file,
+            "vessel_numbers": parameters_of(self.before),
             "recordings": [_recording(trial) for trial in self.trials],
             "date": datetime.now(UTC).date().isoformat(),
             "version": version("shadow-gateway"),
