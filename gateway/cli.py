@@ -21,6 +21,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.metadata import version as installed
+from io import TextIOWrapper
 from shlex import join
 from typing import Annotated, Any, NoReturn
 
@@ -99,6 +100,9 @@ PROGRAM_FAULT = 70  # exit status EX_SOFTWARE of sysexits.h
 def main() -> None:
     """Entry point of `shadow`: one line and an exit status for everything that goes wrong."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave nothing half-written
+    for stream in (sys.stdout, sys.stderr):  # a terminal need not know our letters, nor a name's
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         status = app(_with_defaults(sys.argv[1:]) or ["--help"], standalone_mode=False)
         sys.stdout.flush()
@@ -177,8 +181,9 @@ def _program_fault(error: Exception) -> str:
     report += f"{_command_line()}\n\n{''.join(traceback.format_exception(error))}"
     try:
         with tempfile.NamedTemporaryFile(
-            "w", prefix="shadow-fault-", suffix=".txt", delete=False, encoding="utf-8"
-        ) as file:
+            "w", prefix="shadow-fault-", suffix=".txt", delete=False, encoding="utf-8",
+            errors="backslashreplace",
+        ) as file:  # fmt: skip
             file.write(report)
         place = file.name
     except OSError:

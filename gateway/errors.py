@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -18,7 +19,21 @@ _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u206
 
 def printable(text: str) -> str:
     """A text as a terminal may show it: names in logs, files and messages are not ours."""
-    return _UNPRINTABLE.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+    return _UNPRINTABLE.sub(_escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    """A character by its number; a byte that is no text (U+DC80 … U+DCFF in a name) by its own."""
+    number = ord(found[0])
+    return f"\\x{number - 0xDC00 if 0xDC80 <= number <= 0xDCFF else number:02x}"
+
+
+def shell_word(text: str) -> str:
+    """A word for a command line, as a shell reads it, also where bytes of a name are no text."""
+    if printable(text) == text:
+        return quote(text)
+    plain = text.replace("\\", "\\\\").replace("'", "\\'").replace("\n", "\\n")
+    return f"$'{printable(plain)}'"
 
 
 def one_line(text: str) -> str:

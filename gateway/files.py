@@ -2,7 +2,8 @@
 
 A command names its inputs and outputs before it works (`guarded_outputs`). An output that is an
 input, or a file that this command did not write, is refused there and then; `--force` overrides. So
-is one where nothing can be written (`check_place`). What a command wrote is remembered by size and
+is one where nothing can be written (`check_place`), and one whose suffix says that it is something
+else (`named_as`). What a command wrote is remembered by size and
 time of change: a file that was edited since is the user's again. Names that come up during the work
 (a picture for each part of a recording) are asked about when they are written (`check_output`).
 
@@ -84,7 +85,8 @@ def private(path: Path) -> bool:
 
 
 def _file(kind: str, key: str) -> Path:
-    return state_folder() / kind / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
+    content = hashlib.sha256(key.encode(errors="surrogateescape"))  # a name need not be UTF-8
+    return state_folder() / kind / f"{content.hexdigest()[:32]}.json"
 
 
 WRITTEN = "written"  # the kind of entry in the user's state
@@ -154,6 +156,26 @@ def guarded_outputs(
         yield guard
     finally:
         _guard.reset(token)
+
+
+# Suffixes of all kinds of files that the program reads or writes.
+KINDS = frozenset(
+    (".tlog", ".bin", ".mcap", ".csv", ".parquet", ".ulg", ".toml", ".json", ".html", ".pdf",
+     ".png", ".svg", ".py")
+)  # fmt: skip
+
+
+def named_as(file: Path | None, *kinds: str) -> Path | None:
+    """An output as it was named; BadInput where its suffix is that of another kind than `kinds`.
+
+    A suffix that nobody knows, or none, is the user's own choice.
+    """
+    if file is not None and file.suffix.lower() in KINDS - set(kinds):
+        raise BadInput(
+            f"{file}: what is written there is no {file.suffix}: give a name that ends in "
+            f"{' or '.join(kinds)}"
+        )
+    return file
 
 
 def check_place(folder: Path, named: Path | None = None) -> None:

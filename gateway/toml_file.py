@@ -28,8 +28,8 @@ def read_toml(file: Path, what: str, kind: str = "a TOML file") -> dict[str, Any
         raise BadInput(f"{file}: cannot read {what}: {error.strerror}") from None
     if len(raw) > MAX_BYTES:
         raise BadInput(f"{file}: larger than {MAX_BYTES:,} bytes (MAX_BYTES): not {kind}")
-    try:
-        return tomllib.loads(raw.decode("utf-8").replace("\r\n", "\n"))
+    try:  # Notepad begins a file with a byte order mark
+        return tomllib.loads(raw.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError:
         raise BadInput(f"{file}: not a text file; {what} is TOML") from None
     except tomllib.TOMLDecodeError as error:

@@ -88,7 +88,7 @@ def edited_numbers(read: VesselFile, vessel: Vessel) -> dict[str, tuple[float, P
     numbers, out = parameters_of(vessel), {}
     for key, origin in read.provenance.items():
         now = numbers.get(number_name(key))
-        if now is not None and origin.value is not None and not _same(now, origin.value):
+        if now is not None and origin.value is not None and not same_number(now, origin.value):
             out[key] = now, origin
     return out
 
@@ -98,7 +98,8 @@ def number_name(key: str) -> str:
     return key.removeprefix("dynamics.")
 
 
-def _same(one: float, other: float) -> bool:
+def same_number(one: float, other: float) -> bool:
+    """Whether two numbers are one, but for how they were written."""
     return isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)
 
 
@@ -216,7 +217,7 @@ def vessel_tables(
     provenance = {
         key: origin
         for key, origin in (provenance or {}).items()
-        if origin.value is None or _same(numbers.get(number_name(key), nan), origin.value)
+        if origin.value is None or same_number(numbers.get(number_name(key), nan), origin.value)
     }
     if vessel.assumes_wind_area:
         hull = replace(hull, wind_area=hull.areas)
@@ -257,7 +258,7 @@ def revised(
 ) -> tuple[Revision, ...]:
     """The history of a file with one revision more: what `by` changed, found on `recording`."""
     was, new = parameters_of(before), parameters_of(now)
-    changed = {k: v for k, v in new.items() if k not in was or not _same(v, was[k])}
+    changed = {k: v for k, v in new.items() if k not in was or not same_number(v, was[k])}
     revision = Revision(
         date=datetime.now(UTC).date().isoformat(), by=by, recording=recording,
         version=version("shadow-gateway"),

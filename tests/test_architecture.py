@@ -129,9 +129,9 @@ LAYERS = {
     """,
     "gateway": """
         errors samples topics
-        files toml_file long_running keelson json_rows
+        files toml_file long_running keelson json_rows result_json
         user_effects estimation recording bus vessel_tables
-        vessel_file ingest monitor
+        vessel_file number_keys ingest monitor
         links shadow plants
         config
         live figures

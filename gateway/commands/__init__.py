@@ -9,12 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import orjson
 import typer
 
 from gateway.errors import BadInput
 from gateway.ingest.open import FORMATS, names_of
 from gateway.long_running import print_line
+from gateway.result_json import result_json
 
 
 def vessel_from(path: Path, effects: list[Path] | None) -> Any:
@@ -85,8 +85,7 @@ def print_progress(text: str) -> None:
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:
     """Print a result on standard output, as JSON or as text."""
     if json:
-        options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
-        sys.stdout.buffer.write(orjson.dumps(to_dict(), option=options))
+        sys.stdout.buffer.write(result_json(to_dict()))
     else:
         show()
 

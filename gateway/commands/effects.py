@@ -7,7 +7,7 @@ import typer
 
 from gateway.commands import AsJson, EffectFiles, Force, effects_from, print_result
 from gateway.errors import BadInput, printable
-from gateway.files import guarded_outputs
+from gateway.files import guarded_outputs, named_as
 
 
 def show_effects(
@@ -56,7 +56,8 @@ def show_effects(
     if not chosen:
         raise BadInput(f"no effect named {name!r}: there are {', '.join(e.name for e in known)}")
     inputs = [*(effects or ()), *([source] if source else [])]
-    with guarded_outputs("effects", inputs, [picture, write], force):
+    outputs = [named_as(picture, ".png", ".svg"), named_as(write, ".py")]
+    with guarded_outputs("effects", inputs, outputs, force):
         if write is not None:
             if source is None:
                 write_effect_copy(chosen[0], write)

@@ -16,7 +16,7 @@ from gateway.commands import (
     print_result,
 )
 from gateway.errors import BadInput, ShadowError
-from gateway.files import check_place, guarded_outputs
+from gateway.files import check_place, guarded_outputs, named_as
 
 EXTRA = ("distributed", "pyarrow")  # what the extra `fleet` of the package installs
 
@@ -106,7 +106,7 @@ def fleet(
     own = effects_from(effects)
     logs = [Path(one) for one in recordings if Path(one).is_file()]
     inputs = [vessels, vessel, *logs, *(effects or ())]
-    written = [*(out / name for name in FILES), *([report] if report else [])]
+    written = [*(out / name for name in FILES), named_as(report, ".html")]
     with guarded_outputs("fleet", inputs, written, force), fleet_progress() as progress:
         boats = read_fleet(vessels) if vessels else fleet_of_one(vessel or "", own)
         for boat in boats:

@@ -27,7 +27,7 @@ from gateway.commands import (
     vessel_from,
 )
 from gateway.errors import BadInput
-from gateway.files import DAYS, check_place, guarded_outputs, vessel_path
+from gateway.files import DAYS, check_place, guarded_outputs, named_as, vessel_path
 from gateway.long_running import LogFormat, print_line
 
 
@@ -161,7 +161,7 @@ def simulate(
         from gateway.simulated_boat.play import write_log
 
         sources = (vessel_path(vessel), config, *(effects or ()))
-        with guarded_outputs("simulate", sources, [log], force):
+        with guarded_outputs("simulate", sources, [named_as(log, ".tlog")], force):
             duration = write_log(
                 vessel_from(vessel, effects), log, program=commands or "mixed", system=system,
                 fast=fast, seed=seed, seconds=seconds,

@@ -23,7 +23,7 @@ from gateway.commands import (
     vessel_from,
 )
 from gateway.errors import BadInput
-from gateway.files import guarded_outputs, pictures_there, vessel_path
+from gateway.files import guarded_outputs, named_as, pictures_there, vessel_path
 
 
 def identify(
@@ -78,6 +78,7 @@ def identify(
     from gateway.terminal.identification import show_by_recording, show_identification
 
     settings = identify_settings(free or (), fix or (), prior or (), method)
+    named_as(out, ".toml")
     if by_recording:
         from gateway.offline.identify import boats_of, files_of, identify_logs_by_recording
 
@@ -237,9 +238,10 @@ def diagnose(
         replace(DIAGNOSIS_TRIALS, system=system, mapping=mapping, anyway=anyway),
     )
     inputs = (*logs, vessel_path(vessel), mapping, *(effects or ()))
+    outputs = [named_as(save, ".json"), named_as(out, ".toml")]
     drawn = pictures_there(pictures, ("ladder", "ranking", "timeline", "evidence"))
     with (
-        guarded_outputs("diagnose", inputs, [save, out, *drawn], force, pictures),
+        guarded_outputs("diagnose", inputs, [*outputs, *drawn], force, pictures),
         status_line("diagnosing", keep=FIRST_IMPRESSION) as progress,
     ):
         found = diagnose_logs(
@@ -267,7 +269,7 @@ def add(
     from gateway.terminal.diagnosis import show_addition
 
     inputs = (vessel_path(vessel), source, *(effects or ()))
-    with guarded_outputs("add", inputs, [out], force):
+    with guarded_outputs("add", inputs, [named_as(out, ".toml")], force):
         done = add_effects(names, vessel, source, out, effects_from(effects))
     print_result(
         json,
@@ -315,7 +317,8 @@ def plan(
     from sim.excitation.catalogue import MANOEUVRES
 
     if list_:
-        show_manoeuvres(MANOEUVRES)
+        told = [{"name": m.name, "seconds": m.seconds, "reveals": m.reveals} for m in MANOEUVRES]
+        print_result(json, lambda: {"manoeuvres": told}, lambda: show_manoeuvres(MANOEUVRES))
         return
     if vessel is None:
         raise BadInput("no vessel: give --vessel FILE (TOML), or --list for all manoeuvres")

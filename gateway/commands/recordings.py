@@ -34,7 +34,7 @@ from gateway.commands import (
     vessel_from,
 )
 from gateway.errors import BadInput, numerical_errors, printable
-from gateway.files import check_place, guarded_outputs, vessel_path
+from gateway.files import check_place, guarded_outputs, named_as, vessel_path
 
 Length = Annotated[float | None, typer.Option(help="Length [m].")]
 Beam = Annotated[float | None, typer.Option(help="Beam [m].")]
@@ -93,7 +93,7 @@ def init(
     from gateway.terminal.recordings import show_initial_vessel
 
     given = _size(length, beam, mass, thrust, top_speed)
-    with guarded_outputs("init", [log], [out], force):
+    with guarded_outputs("init", [log], [named_as(out, ".toml")], force):
         made = init_vessel(log, out, name, given, system, anyway)
     print_result(
         json, lambda: initial_vessel_dict(made, out), lambda: show_initial_vessel(made, out)
@@ -202,7 +202,7 @@ def export(
         work.ExportFormat(to), tuple(topic or ()), tuple(channel or ()), rate, system, mapping,
         anyway,
     )  # fmt: skip
-    files = work.export_files(log, out, options)
+    files = work.export_files(log, named_as(out, f".{to}"), options)
     with guarded_outputs("export", [log, mapping], files, force), numerical_errors(log):
         done = work.export(log, files, options)
     print_result(json, done.to_dict, lambda: show_export(done))
@@ -263,7 +263,8 @@ def report(
     options = TrialOptions(system=system, mapping=mapping, anyway=anyway)
     inputs = (*logs, *map(vessel_path, vessel or ()), mapping, *(effects or ()))
     own = effects_from(effects)
-    with guarded_outputs("report", inputs, [out, pdf], force), status_line("report") as progress:
+    outputs = [named_as(out, ".html"), named_as(pdf, ".pdf")]
+    with guarded_outputs("report", inputs, outputs, force), status_line("report") as progress:
         if pdf is not None:
             find_browser()  # before the work, not after it
         if vessel:

@@ -1,6 +1,7 @@
 """Opens a recording by its content. `FORMATS` is the one table of formats."""
 
 from collections.abc import Sequence
+from filecmp import cmp
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -39,6 +40,31 @@ def names_of(formats: Sequence[LogFormat]) -> str:
 def suffixes() -> frozenset[str]:
     """Small suffixes that files of the known formats have."""
     return frozenset(suffix.lower() for one in known_formats() for suffix in one.suffixes)
+
+
+def check_each_once(paths: Sequence[str | Path]) -> None:
+    """BadInput where a recording is given twice, under whatever name.
+
+    It would count as new evidence: every interval too narrow, every validation too good.
+    """
+    files = [Path(path) for path in paths]
+    for i, second in enumerate(files):
+        for first in files[:i]:
+            if _same_content(first, second):
+                raise BadInput(
+                    f"{second}: is the same recording as {first}: counted twice it would only seem "
+                    "surer: give each once"
+                )
+
+
+def _same_content(one: Path, other: Path) -> bool:
+    """Whether two paths lead to the same bytes; what is no file is left to whoever opens it."""
+    if one.resolve() == other.resolve():
+        return True
+    try:
+        return cmp(one, other, shallow=False)
+    except OSError:
+        return False
 
 
 def open_log(path: str | Path, mapping: str | Path | None = None) -> "Log":

@@ -13,12 +13,21 @@ from gateway.errors import BadInput
 from gateway.files import write_whole
 from gateway.toml_file import explain
 from gateway.user_effects import known_effects
-from gateway.vessel_file import load_vessel, read_vessel_file, revised, vessel_tables
+from gateway.vessel_file import (
+    load_vessel,
+    read_vessel_file,
+    revised,
+    same_number,
+    vessel_tables,
+)
 from gateway.vessel_tables import AREAS_KEY, Provenance, VesselFile
 from sim.effects.effect import Effect
 from sim.effects.tables import Formula
 from sim.identification import AREAS, updated_vessel
+from sim.model import parameters_of
 from sim.vessel import AddedEffect, Vessel
+
+MOST_TOLD = 3  # numbers that differ
 
 
 class Entry(BaseModel):
@@ -65,9 +74,13 @@ class FormulaEntry(Entry):
 
 
 class DiagnosisFile(Entry):
-    """diagnosis.json, as `shadow diagnose --save` (or --json) writes it."""
+    """diagnosis.json, as `shadow diagnose --save` (or --json) writes it.
+
+    vessel_numbers  of the vessel as it was diagnosed; files of older versions have none
+    """
 
     vessel: str
+    vessel_numbers: dict[str, float] = Field(default_factory=dict)
     effects: tuple[str, ...]
     ladder: tuple[StepEntry, ...] = Field(min_length=1)
     alternatives: tuple[StepEntry, ...] = ()
@@ -127,10 +140,10 @@ def add_from_diagnosis(
     """The same from a diagnosis that is read already; without names: the re-fitted base alone."""
     own = tuple(more)
     boat, file = load_vessel(vessel, own), read_vessel_file(vessel)
-    if diagnosis.vessel != boat.name:
+    if differs := _another_vessel(diagnosis, boat):
         raise BadInput(
-            f"{source}: it is about {diagnosis.vessel}, {vessel} is {boat.name}: give the vessel "
-            "file that was diagnosed"
+            f"{source}: it is about {diagnosis.vessel}, {vessel} {differs}: give the vessel file "
+            "that was diagnosed"
         )
     known = {effect.name: effect for effect in (*known_effects(), *own)}
     step = _step_with(names, diagnosis, source, known)
@@ -147,6 +160,23 @@ def add_from_diagnosis(
         better, step.parameters, diagnosis.ladder[0].heldout_nrmse, step.heldout_nrmse,
         tuple(r.name for r in diagnosis.recordings), step.left_out_nrmse,
     )  # fmt: skip
+
+
+def _another_vessel(diagnosis: DiagnosisFile, boat: Vessel) -> str:
+    """What tells that a vessel is not the one that was diagnosed; empty: nothing.
+
+    Effects that it has beside the diagnosed vessel's are its owner's.
+    """
+    if diagnosis.vessel != boat.name:
+        return f"is {boat.name}"
+    numbers = parameters_of(boat)
+    other = [
+        f"{name} {numbers[name]:g} instead of {value:g}" if name in numbers else f"no {name}"
+        for name, value in diagnosis.vessel_numbers.items()
+        if name not in numbers or not same_number(numbers[name], value)
+    ]
+    more = f" and {len(other) - MOST_TOLD} more" if len(other) > MOST_TOLD else ""
+    return f"has {', '.join(other[:MOST_TOLD])}{more}" if other else ""
 
 
 def read_diagnosis(source: str | Path) -> DiagnosisFile:

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gateway.errors import BadInput, numerical_errors
+from gateway.errors import BadInput, numerical_errors, printable
 from gateway.figures.comparison import comparison_figures
 from gateway.figures.matplotlib_draw import save_figures
+from gateway.ingest.open import check_each_once
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, excluded_summary, load_trials
 from gateway.offline.usable_time import notices_of
 from gateway.vessel_file import load_vessel
@@ -53,6 +54,7 @@ def compare_logs(
     """
     if not logs:
         raise BadInput("nothing to compare: give at least one recording and one vessel file")
+    check_each_once(logs)
     named = distinct_vessels(vessels, tuple(effects))
     out: list[Comparison] = []
     for log in logs:
@@ -83,6 +85,7 @@ def compare_by_trial(
     """
     if not logs or not vessels:
         raise BadInput("nothing to compare: give at least one recording and one vessel file")
+    check_each_once(logs)
     models = [Model.of(vessel) for vessel in vessels]
     out: list[TrialComparison] = []
     trials: list[Trial] = []
@@ -140,7 +143,7 @@ def distinct_vessels(
     names = [v.name for v in read]
     out = []
     for i, (given, vessel) in enumerate(zip(vessels, read, strict=True)):
-        mark = f"#{i + 1}" if isinstance(given, Vessel) else Path(given).name
+        mark = f"#{i + 1}" if isinstance(given, Vessel) else printable(Path(given).name)
         shared = names.count(vessel.name) > 1
         out.append(replace(vessel, name=f"{vessel.name} ({mark})") if shared else vessel)
     return out

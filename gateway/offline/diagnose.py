@@ -9,18 +9,16 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
-import orjson
-
-from gateway.errors import BadInput, numerical_errors
+from gateway.errors import BadInput, numerical_errors, shell_word
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.files import write_whole
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import notices_of
+from gateway.result_json import result_json
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
@@ -31,6 +29,7 @@ from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
 from sim.identification import BASE
+from sim.model import parameters_of
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Progress
@@ -126,6 +125,7 @@ class DiagnosisResult:
             answer["next_manoeuvre"] = next(iter(self.separations.values())).description
         return answer | {
             "vessel_file": self.vessel_file,
+            "vessel_numbers": parameters_of(self.before),
             "recordings": [_recording(trial) for trial in self.trials],
             "date": datetime.now(UTC).date().isoformat(),
             "version": version("shadow-gateway"),
@@ -139,17 +139,17 @@ class DiagnosisResult:
 
     def next_steps(self, saved: str | None, out: str | None) -> list[str]:
         """Command lines to go on with, the likeliest first."""
-        vessel, logs = quote(self.vessel_file), " ".join(map(quote, self.logs))
-        better = quote(out or f"{Path(self.vessel_file).stem}-better.toml")
-        source = quote(saved or "diagnosis.json")
+        vessel, logs = shell_word(self.vessel_file), " ".join(map(shell_word, self.logs))
+        better = shell_word(out or f"{Path(self.vessel_file).stem}-better.toml")
+        source = shell_word(saved or "diagnosis.json")
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
-        own = "".join(f" --effects {quote(file)}" for file in self.effect_files)
+        own = "".join(f" --effects {shell_word(file)}" for file in self.effect_files)
         again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
         if self.contradicted:  # what a fit makes of such sensors is no boat's
-            return [f"shadow info {quote(log)}{self.flags}" for log in self.logs]
+            return [f"shadow info {shell_word(log)}{self.flags}" for log in self.logs]
         found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, []
         if saved is None and (curve is not None or (found and not out)):
             steps.append(f"{again} --save diagnosis.json")
@@ -164,7 +164,7 @@ class DiagnosisResult:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
         if curve is not None:
             names = " ".join(curve.effects)
-            with_curve = quote(f"{Path(self.vessel_file).stem}-curve.toml")
+            with_curve = shell_word(f"{Path(self.vessel_file).stem}-curve.toml")
             steps.append(
                 f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
             )
@@ -308,5 +308,4 @@ def save_diagnosis(
 
 def save_json(diagnosis: Mapping[str, Any], path: str | Path) -> None:
     """Write diagnosis.json, whole or not at all."""
-    options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
-    write_whole(Path(path), orjson.dumps(diagnosis, option=options), "the diagnosis")
+    write_whole(Path(path), result_json(diagnosis), "the diagnosis")

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.ingest.log import choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import open_log
@@ -191,7 +191,8 @@ def learn_from(
         boat = load_vessel(file, own)
     progress("identifying")
     found = identify_trials([split.learn], boat, names=str(log), progress=progress)
-    name, source = f"{Path(log).stem} fitted", f"learnt from {Path(log).name} alone"
+    name = f"{printable(Path(log).stem)} fitted"
+    source = f"learnt from {printable(Path(log).name)} alone"
     plain = replace(found.vessel, name=name, source=source)
     answer = _diagnosed(Path(log), plain, split, options, own, progress)
     said = (split.sentence, *assumed)
@@ -225,7 +226,7 @@ def begin_vessel(
         wiring = f"the log does not say what its outputs drive: {wiring}"
     top = float(np.quantile(np.abs(trial.nu[trial.usable, Nu.U]), TOP_SPEED_SHARE))
     size = {"top_speed": max(round(top, 2), 0.1), **given}
-    text = first_vessel(log, log.stem, outputs, size)
+    text = first_vessel(log, printable(log.stem), outputs, size)
     return text, (*_size_texts(given, size["top_speed"]), wiring)
 
 

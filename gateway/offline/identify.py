@@ -18,6 +18,7 @@ from gateway.figures import FigureData
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.figures.motion import identification_figures, parameter_changes
 from gateway.files import check_place, write_whole
+from gateway.ingest.open import check_each_once
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import (
     Exclusion,
@@ -65,6 +66,7 @@ def identify_logs(
     `chosen`: what of each trial is to be usable.
     """
     known, names = tuple(effects), ", ".join(str(log) for log in logs)
+    check_each_once((*logs, *validate))
     boat = load_vessel(vessel, known)
     if out is not None:
         check_place(Path(out).parent, Path(out))
@@ -235,6 +237,7 @@ def identify_logs_by_recording(
     settings, patterns = settings or IdentifySettings(), boats or {}
     if settings.method not in FITS:
         raise BadInput(f"--by-recording goes with --method {' or '.join(FITS)}")
+    check_each_once(logs)
     boat, names = load_vessel(vessel, tuple(effects)), ", ".join(str(log) for log in logs)
     whose, trials = list[str](), []
     for log in logs:

@@ -29,6 +29,7 @@ from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
 from gateway.figures.words import nowhere_text
 from gateway.files import write_whole
+from gateway.ingest.open import check_each_once
 from gateway.offline.compare import (
     TrialComparison,
     compare_by_trial,
@@ -118,6 +119,7 @@ def report_from_log(
     """
     if not logs:
         raise BadInput("nothing to report on: give at least one recording")
+    check_each_once(logs)
     learnt = learn_from(logs[0], given, options=options, effects=effects, progress=progress)
     vessels = [learnt.plain]
     if learnt.answer is not None and learnt.answer.diagnosis.effects:

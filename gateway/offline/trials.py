@@ -9,18 +9,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 
-from gateway.errors import BadInput, numerical_errors
+from gateway.errors import BadInput, numerical_errors, printable, shell_word
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import contradictions
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import Origin
-from gateway.ingest.open import open_log
+from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
@@ -86,7 +85,7 @@ class TrialOptions:
     @property
     def flags(self) -> str:
         """Of the command line, each after a space: what says whose data of a log, and how."""
-        mapping = "" if self.mapping is None else f" --mapping {quote(str(self.mapping))}"
+        mapping = "" if self.mapping is None else f" --mapping {shell_word(str(self.mapping))}"
         system = "" if self.system is None else f" --system {self.system}"
         return f"{mapping}{system}{' --anyway' if self.anyway else ''}"
 
@@ -112,6 +111,7 @@ def load_trials(
     if mapping is not None:
         options = replace(options, mapping=mapping)
     files = [paths] if isinstance(paths, str | Path) else list(paths)
+    check_each_once(files)
     return [t for file in files for t in trials_of(open_log(file, options.mapping), options)]
 
 
@@ -119,6 +119,7 @@ def usable_trials(
     logs: Sequence[str | Path], options: TrialOptions, progress: Progress
 ) -> list[Trial]:
     """All trials of all recordings that hold usable time."""
+    check_each_once(logs)
     out: list[Trial] = []
     for log in logs:
         progress(f"reading {Path(log).name}")
@@ -131,7 +132,7 @@ def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
     with numerical_errors(log.path):
         source = source_of(log, options)
         spans = source.spans()
-        stem = Path(log.path).stem
+        stem = printable(Path(log.path).stem)
         names = [stem] if len(spans) == 1 else [f"{stem} #{k + 1}" for k in range(len(spans))]
         trials = [source.trial(*each, options) for each in zip(names, spans, strict=True)]
     if not trials:

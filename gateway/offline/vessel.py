@@ -14,11 +14,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.files import write_whole
 from gateway.ingest.log import choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import open_log
+from gateway.number_keys import file_key
 from gateway.toml_file import explain
 from gateway.vessel_file import (
     dump_vessel,
@@ -27,9 +28,16 @@ from gateway.vessel_file import (
     number_name,
     read_vessel_file,
 )
-from gateway.vessel_tables import GUESSED, Provenance, RudderTable, ThrusterTable, VesselFile
+from gateway.vessel_tables import (
+    ASSUMED_AREAS,
+    GUESSED,
+    Provenance,
+    RudderTable,
+    ThrusterTable,
+    VesselFile,
+)
 from sim.effects.effect import Effect
-from sim.identification import BASE
+from sim.identification import AREAS, BASE
 from sim.identification.parameters import UNITS
 from sim.model import parameters_of
 from sim.vessel import Dynamics, Hull, Rudder, Servo, Thruster, Vessel
@@ -82,7 +90,7 @@ def init_vessel(
             f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
             "them with the ground station, or copy a file from configs/vessels"
         )
-    text = first_vessel(log_path, name or log_path.stem, actuators(parameters), given)
+    text = first_vessel(log_path, name or printable(log_path.stem), actuators(parameters), given)
     write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
 
@@ -218,24 +226,29 @@ def _provenance(vessel: Vessel, given: frozenset[str]) -> dict[str, Provenance]:
     return marks
 
 
-GIVEN = "given"  # the origin of a number that the file says nothing about
+GIVEN = "given"  # the origin of a number that stands in the file without provenance
+DEFAULT = "default"  # … that does not stand in it
 
 
 @dataclass(frozen=True)
 class Number:
-    """One number of a vessel; `edited`: it is another one than its provenance gave."""
+    """One number of a vessel; `edited`: it is another one than its provenance gave.
+
+    unsaid  where a number without provenance comes from: given, default, assumed
+    """
 
     name: str
     value: float
     unit: str
     origin: Provenance | None
     edited: bool = False
+    unsaid: str = GIVEN
 
     @property
     def source(self) -> str:
         """Where it comes from, in words."""
         if self.origin is None:
-            return GIVEN
+            return self.unsaid
         parts = (self.origin.fit, self.origin.recording, self.origin.date, self.origin.says)
         known = ", ".join(part for part in parts if part)
         if self.edited and self.origin.value is not None:
@@ -246,7 +259,7 @@ class Number:
         """For JSON."""
         origin = {} if self.origin is None else self.origin.model_dump(exclude_defaults=True)
         return {"name": self.name, "value": self.value, "unit": self.unit, "edited": self.edited,
-                "origin": origin}  # fmt: skip
+                "source": self.source, "origin": origin}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -307,8 +320,11 @@ def passport(path: str | Path, effects: Iterable[Effect] = ()) -> Passport:
     edited, units = edited_numbers(tables, vessel), _units(vessel)
     numbers = []
     for name, value in parameters_of(vessel).items():
-        key, origin = origins.get(name, (name, None))
-        numbers.append(Number(name, value, units.get(name, ""), origin, key in edited))
+        in_file = file_key(name, tables)
+        whole = tables.provenance.get(in_file.key)
+        key, origin = origins.get(name, (in_file.key, whole))
+        unsaid = GIVEN if in_file.given else ASSUMED_AREAS if name in AREAS else DEFAULT
+        numbers.append(Number(name, value, units.get(name, ""), origin, key in edited, unsaid))
     return Passport(Path(path), vessel, tables, tuple(numbers))
 
 

@@ -6,13 +6,13 @@ four high and two wide per letter.
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from gateway.errors import shell_word
 from gateway.figures import COLOUR, VELOCITIES, SeriesRole, probability_text
 from gateway.figures.diagnosis import step_name
 from gateway.figures.matplotlib_draw import save_figure
@@ -234,7 +234,8 @@ def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out:
         )  # fmt: skip
     console.path("written", out)
     refit = " --refit voyage" if _voyage_effects(done.vessel, names) else ""
-    line = f"shadow compare ANOTHER_LOG --vessel {quote(str(vessel))} --vessel {quote(str(out))}"
+    old, new = shell_word(str(vessel)), shell_word(str(out))
+    line = f"shadow compare ANOTHER_LOG --vessel {old} --vessel {new}"
     console.print(f"next: {line}{refit}", soft_wrap=True, markup=False)
 
 
@@ -309,7 +310,8 @@ def show_effect_file(like: Effect, file: Path) -> None:
     out = ResultConsole()
     out.print(f"written: {file}, which acts as {like.name} does until you change it", markup=False)
     out.print("the rules for a law: docs/effects.md\n\n[bold]next[/bold]:", highlight=False)
-    out.print(f"    shadow diagnose LOG --vessel FILE --effects {quote(str(file))}", soft_wrap=True)
+    line = f"shadow diagnose LOG --vessel FILE --effects {shell_word(str(file))}"
+    out.print(f"    {line}", soft_wrap=True, markup=False)
 
 
 def show_effect(effect: Effect, picture: Path | None = None) -> None:

@@ -4,7 +4,6 @@ Runs: what a replay or a simulation did, which plants there are, and where a rep
 """
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from gateway.errors import one_line
+from gateway.errors import one_line, shell_word
 from gateway.figures import POSE, VELOCITIES, YAW_RATE
 from gateway.ingest.log import not_a_boat
 from gateway.ingest.log_events import LogEvent
@@ -65,16 +64,20 @@ def next_step(found: Survey, mapping: Path | None = None) -> str:
     words += ["--system", str(one.boat.system)] if len(found.boats) > 1 else []
     words += ["--anyway"] if not_a_boat(one.boat) else []
     if any(actuator.kind in THRUST_FUNCTIONS for actuator in one.actuators):
-        return shlex.join(["shadow", "init", *words, "--out", "boat.toml"])
+        return _command_line(["shadow", "init", *words, "--out", "boat.toml"])
     missing = [what for what, needed in NEEDED.items() if not needed & set(one.sources)]
     if missing:
         return f"nothing: no {' and no '.join(missing)} in it, so that no model can be compared"
     words += ["--mapping", str(mapping)] if mapping is not None else []
-    compare = shlex.join(["shadow", "compare", *words, "--vessel", "boat.toml"])
+    compare = _command_line(["shadow", "compare", *words, "--vessel", "boat.toml"])
     return (
         "copy a file from configs/vessels to boat.toml and enter the channels (no parameter in "
         f"the log names the motors), then {compare}"
     )
+
+
+def _command_line(words: Sequence[str]) -> str:
+    return " ".join(map(shell_word, words))
 
 
 NEEDED = {  # what a comparison needs -> the quantities of which one tells it

@@ -8,6 +8,9 @@ and starboard are swapped; in surge and yaw, the motors run the wrong way round;
 both. Where neither follows its command, one motor of a pair may run the wrong way round: then both
 follow theirs with that one turned. Only what was excited counts: a boat that was never steered, or
 never turned, determines nothing. The uncertainty of the slope comes from blocks of time.
+
+A thruster or rudder whose output never gets a pulse in a recording has a channel that is not its
+own. Such recordings tell nothing of the other outputs: the model lacks a force there.
 """
 
 from collections.abc import Sequence
@@ -79,6 +82,15 @@ def _lagged_response(
     return CommandResponse(float(x @ y) / size, float(above.sum() / below.sum() / max(std, 1e-12)))
 
 
+class UndrivenOutput(NamedTuple):
+    """An actuator's output without a pulse in some recordings, and the outputs that have some."""
+
+    actuator: str
+    channel: int
+    runs: tuple[str, ...]
+    driven: tuple[int, ...]
+
+
 @dataclass(frozen=True)
 class Wiring:
     """Contradictions between recordings and a vessel's channels.
@@ -88,6 +100,7 @@ class Wiring:
     correlation  the clearest of those
     clear        sum of the correlations, 0 … 1 each, of responses that are clear
     backwards    the one thruster that runs the wrong way round; the others are as with it turned
+    undriven     outputs that never get a pulse
     """
 
     yaw: int
@@ -96,6 +109,7 @@ class Wiring:
     correlation: float
     clear: float = 0.0
     backwards: int | None = None
+    undriven: tuple[UndrivenOutput, ...] = ()
 
     @property
     def swapped(self) -> bool:
@@ -114,13 +128,29 @@ def wiring_of(trials: Sequence[Trial], vessel: Vessel) -> Wiring:
     Where the channels are contradicted, or nothing is clear, one motor may be turned: it is where
     responses are then clearer. A wrong force may follow a motion by chance, on a recording or two.
     """
-    best, pair = _votes(trials, vessel), pair_of(vessel)
+    undriven, outputs = _undriven(trials, vessel), {a.servo.channel for a in vessel.actuators}
+    trials = [trial for trial in trials if outputs <= set(trial.channels)]
+    best, pair = replace(_votes(trials, vessel), undriven=undriven), pair_of(vessel)
     agrees = min(best.yaw, best.surge) >= 0 and max(best.yaw, best.surge) > 0
     for i in () if agrees or pair is None else pair:
         turned = _votes(trials, _with_turned(vessel, [i]), wrong=(-1, 1))
         if turned.surge > 0 and turned.yaw and turned.clear > best.clear:
-            best = replace(turned, backwards=i)
+            best = replace(turned, backwards=i, undriven=undriven)
     return best
+
+
+def _undriven(trials: Sequence[Trial], vessel: Vessel) -> tuple[UndrivenOutput, ...]:
+    """Actuators without a pulse in recordings that have commands at all."""
+    commanded = [trial for trial in trials if trial.channels]
+    out = []
+    for actuator in vessel.actuators:
+        channel = actuator.servo.channel
+        silent = [trial for trial in commanded if channel not in trial.channels]
+        if silent:
+            driven = sorted({one for trial in silent for one in trial.channels})
+            names = tuple(trial.name for trial in silent)
+            out.append(UndrivenOutput(actuator.name, channel, names, tuple(driven)))
+    return tuple(out)
 
 
 def _votes(trials: Sequence[Trial], vessel: Vessel, wrong: tuple[int, ...] = (-1,)) -> Wiring:
@@ -188,7 +218,7 @@ def rewired(vessel: Vessel, wiring: Wiring) -> Vessel:
 def wiring_notices(wiring: Wiring, vessel: Vessel) -> tuple[str, ...]:
     """A sentence for each fault of the wiring: what it is, in which runs, and what to do."""
     where = f"{', '.join(wiring.runs)}: correlation {wiring.correlation:.2f}"
-    notices = []
+    notices = [_undriven_notice(one) for one in wiring.undriven]
     if wiring.backwards is not None:
         one = vessel.thrusters[wiring.backwards]
         vessel = _with_turned(vessel, [wiring.backwards])
@@ -205,6 +235,15 @@ def wiring_notices(wiring: Wiring, vessel: Vessel) -> tuple[str, ...]:
             f"commanded ahead; exchange `reversed` of every thruster in the vessel file ({where})"
         )
     return tuple(notices)
+
+
+def _undriven_notice(one: UndrivenOutput) -> str:
+    *others, last = map(str, one.driven)
+    driven = f"{', '.join(others)} and {last}" if others else last
+    return (
+        f"{one.actuator} (channel {one.channel}): this log never drives output {one.channel}; it "
+        f"drives {driven}; correct `channel` in the vessel file ({', '.join(one.runs)})"
+    )
 
 
 def _swap_notice(vessel: Vessel) -> str:

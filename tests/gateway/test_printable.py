@@ -1,19 +1,23 @@
 """Names in files, logs and messages are not ours: no control character reaches a terminal."""
 
 import io
+import json
+import os
+import subprocess
 import unicodedata
 from pathlib import Path
+from shlex import quote
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from rich.live import Live
 from rich.table import Table
 
-from gateway.errors import printable
+from gateway.errors import printable, shell_word
 from gateway.long_running import LogFormat, LogLine, print_line
 from gateway.terminal import ResultConsole, SafeConsole
 from gateway.vessel_file import dump_vessel
-from tests.gateway.command_line import Run
+from tests.gateway.command_line import SHADOW, Run
 from tests.gateway.pipelines.sailing import parameters, tlog, voyage
 from tests.sim.vessels import WAMV
 
@@ -27,7 +31,7 @@ def harmless(text: str) -> bool:
 def test_what_a_terminal_would_obey_is_shown_instead() -> None:
     assert not harmless(EVIL)
     assert harmless(printable(EVIL))
-    assert printable(EVIL).startswith("\\x1b]0;mine\\x07\\x1b[2J\\x9b31m\\x0d\\x202ex\\xdcff")
+    assert printable(EVIL).startswith("\\x1b]0;mine\\x07\\x1b[2J\\x9b31m\\x0d\\x202ex\\xff")
     assert printable("Überfahrt nach 075°\n\tü → ν̇") == "Überfahrt nach 075°\n\tü → ν̇"
 
 
@@ -89,3 +93,59 @@ def test_no_command_sends_them(run: Run, tmp_path: Path, words: list[str]) -> No
     assert harmless(done.out)
     assert harmless(done.err)
     assert "\\x1b" in done.out + done.err
+
+
+def command_of(*words: str | Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    """The program in a process of its own: how it writes depends on its environment."""
+    own = {key: value for key, value in os.environ.items() if not key.startswith("LC_")}
+    return subprocess.run(
+        [*SHADOW, *words], capture_output=True, env=own | environment, check=False
+    )
+
+
+@pytest.mark.parametrize("words", [["plan", "--list"], ["vessel", "show", "otter"], ["effects"]])
+def test_an_output_that_knows_no_letters_of_ours_is_no_fault(words: list[str]) -> None:
+    done = command_of(*words, PYTHONIOENCODING="ascii", LC_ALL="C", PYTHONUTF8="0")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.isascii()
+
+
+@pytest.fixture
+def nameless(tmp_path: Path) -> tuple[Path, Path]:
+    """A log and a vessel file whose names are no UTF-8."""
+    log, boat = (Path(os.fsdecode(bytes(tmp_path / b) + e)) for b, e in NAMES)
+    boat.write_text(dump_vessel(WAMV), encoding="utf-8")
+    return tlog(log, [*parameters(), *voyage(30.0)]), boat
+
+
+NAMES = (("a", b"\xff.tlog"), ("b", b"\xfe.toml"))
+
+
+def test_a_name_that_is_no_text_is_read_and_told(
+    run: Run, tmp_path: Path, nameless: tuple[Path, Path]
+) -> None:
+    log, boat = nameless
+    out, new = tmp_path / "out", tmp_path / "new.toml"
+    for words in (
+        ["info", log],
+        ["init", log, "--out", tmp_path / "first.toml"],
+        ["replay", log, "-v", boat, "--out", out, "--no-publish"],
+        ["compare", log, "-v", boat, "-v", "otter", "--pictures", tmp_path / "drawn"],
+        ["identify", log, "-v", boat, "--method", "regression", "--out", new],
+        ["export", log, "--to", "csv", "--out", tmp_path / "a.csv"],
+    ):
+        done = run(*words, "--json")
+        assert (done.status, done.err) == (0, ""), words
+        json.loads(done.out)
+    assert "a\\xff" in json.dumps(json.loads(run("info", log, "--json").out)).replace("\\\\", "\\")
+    assert "a\\\\xff" in new.read_text(encoding="utf-8")  # a backslash, as TOML escapes it
+    assert run("info", out / os.fsdecode(b"a\xff-shadow.mcap")).status == 0
+
+
+def test_the_next_command_reads_a_name_that_is_no_text(nameless: tuple[Path, Path]) -> None:
+    log, _ = nameless
+    shown = shell_word(str(log))
+    heard = subprocess.run(["bash", "-c", f"printf %s {shown}"], capture_output=True, check=True)
+    assert heard.stdout == os.fsencode(log)
+    assert shown.isascii()
+    assert shell_word("it's.tlog") == quote("it's.tlog")

@@ -246,6 +246,12 @@ def test_a_whole_number_is_a_number(tmp_path: Path) -> None:
     assert load_vessel(path).hull.mass == 90.0
 
 
+def test_a_file_as_notepad_writes_it_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "boat.toml"
+    file.write_text(dump_vessel(WAMV), encoding="utf-8-sig", newline="\r\n")
+    assert load_vessel(file) == WAMV
+
+
 def test_what_is_no_vessel_file_is_said(tmp_path: Path) -> None:
     binary = tmp_path / "noise.toml"
     binary.write_bytes(b"\xff\xfe\x00\x01")

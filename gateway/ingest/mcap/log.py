@@ -35,7 +35,7 @@ import orjson
 import zstandard
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.ingest import HEAD, read_bytes
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.mavlink.frames import definitions, ids_by_name
@@ -243,7 +243,7 @@ def enclosure_of_file(path: Path, mapping: Path | None) -> list[Attachment]:
     if raw.startswith(b"\x89MCAP"):
         held = Recording.open(path).attachments
         return [item for name, item in held.items() if name.startswith(FOLDER)]
-    return enclosure(raw, path.name, None if mapping is None else mapping.read_bytes())
+    return enclosure(raw, printable(path.name), None if mapping is None else mapping.read_bytes())
 
 
 def open_enclosed(recording: Recording, mapping: str | Path | None) -> "Log | None":

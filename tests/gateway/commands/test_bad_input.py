@@ -256,3 +256,29 @@ def test_whoever_stops_reading_gets_no_complaint(log: Path) -> None:
 
 def test_a_line_break_in_a_name_does_not_break_the_line(run: Run, tmp_path: Path) -> None:
     one_line(run("info", tmp_path / "two\nlines.tlog"), 2, "there is no such file")
+
+
+@pytest.mark.parametrize("name", ["replay", "compare", "identify", "diagnose", "report"])
+@pytest.mark.parametrize("under", ["its name", "a link", "a copy"])
+def test_a_recording_given_twice_is_one_line(
+    run: Run, tmp_path: Path, boat: Path, log: Path, name: str, under: str
+) -> None:
+    again = {"its name": log, "a link": tmp_path / "link.tlog", "a copy": tmp_path / "b.tlog"}[
+        under
+    ]
+    if under == "a link":
+        again.symlink_to(log)
+    elif under == "a copy":
+        again.write_bytes(log.read_bytes())
+    one_line(run(name, log, again, "-v", boat), 2, f"{again}: is the same recording as {log}")
+
+
+@pytest.mark.parametrize(
+    "words", [["identify", "--by-recording"], ["report"], ["identify", "--validate"]]
+)
+def test_no_way_of_reading_several_takes_one_twice(
+    run: Run, boat: Path, log: Path, words: list[str]
+) -> None:
+    name, *option = words
+    vessel = [] if name == "report" else ["-v", boat]
+    one_line(run(name, log, *option, log, *vessel), 2, "is the same recording as")

@@ -270,6 +270,35 @@ def test_a_picture_whose_name_came_up_late_is_not_written_over(tmp_path: Path) -
     assert late.read_bytes() == b"new"
 
 
+NAMED = [which for which in WRITERS if which[1] != "pictures"]  # those of one file
+
+
+@pytest.mark.parametrize("suffix", [".tlog", ".mcap", ".PDF"])
+@pytest.mark.parametrize("which", NAMED, ids="-".join)
+def test_a_name_of_another_kind_of_file_is_refused_before_any_work(
+    run: Run, place: Path, which: tuple[str, str], suffix: str
+) -> None:
+    words, _ = WRITERS[which]
+    option, given = f"--{which[1]}", words(place)
+    at = given.index(option) + 1
+    if not Path(given[at]).suffix or Path(given[at]).suffix == suffix.lower():
+        pytest.skip("a folder, or rightly so")
+    (place / "voyage.tlog").write_bytes(b"text that no command can read, had it begun to work")
+    given[at] = Path(given[at]).with_suffix(suffix)
+    before = sorted(place.rglob("*"))
+    one_line(run(*given), 2, f"{given[at]}: what is written there is no {suffix}")
+    assert sorted(place.rglob("*")) == before
+    given[at] = Path(given[at]).with_suffix(".unheard")
+    assert "what is written there" not in run(*given).err
+
+
+def test_a_played_boat_is_written_into_a_tlog(run: Run, place: Path) -> None:
+    words = ["simulate", "-v", place / "boat.toml", "--log", place / "played.csv"]
+    one_line(run(*words), 2, "played.csv: what is written there is no .csv", ".tlog")
+    words = ["export", place / "voyage.tlog", "--to", "csv", "--out", place / "e.parquet"]
+    one_line(run(*words), 2, "e.parquet: what is written there is no .parquet", ".csv")
+
+
 def test_one_name_for_two_outputs_is_refused(run: Run, place: Path) -> None:
     out = place / "new"
     words = ["diagnose", place / "voyage.tlog", "-v", place / "boat.toml", "--out", out]

@@ -8,6 +8,12 @@ from sim.excitation.catalogue import MANOEUVRES
 from tests.gateway.command_line import Run, one_line, strictly
 
 
+def test_the_list_is_json_where_that_is_asked_for(run: Run) -> None:
+    told = strictly(run("plan", "--list", "--json").out)["manoeuvres"]
+    assert [one["name"] for one in told] == [one.name for one in MANOEUVRES]
+    assert all(one["seconds"] > 0.0 and one["reveals"] for one in told)
+
+
 def test_the_list_names_every_manoeuvre(run: Run) -> None:
     done = run("plan", "--list")
     assert done.status == 0

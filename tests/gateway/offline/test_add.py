@@ -121,6 +121,21 @@ def test_what_cannot_be_added_is_one_line_and_writes_nothing(run, saved, tmp_pat
     assert not (tmp_path / "better.toml").exists()
 
 
+def test_another_vessel_of_that_name_is_refused_by_its_numbers(run, saved, tmp_path):
+    other = replace(WAM_V, dynamics=replace(WAM_V.dynamics, m11=2.0 * WAM_V.dynamics.m11))
+    (tmp_path / "boat.toml").write_text(dump_vessel(other))
+    words = ("add", "steady_current", "-v", tmp_path / "boat.toml", "--out", tmp_path / "b.toml")
+    refused(
+        run(*words, "--from", saved),
+        f"has m11 {other.dynamics.m11:g} instead of {WAM_V.dynamics.m11:g}: give the vessel file",
+    )
+    assert not (tmp_path / "b.toml").exists()
+    older = json.loads(saved.read_text())
+    del older["vessel_numbers"]
+    (tmp_path / "older.json").write_text(json.dumps(older))
+    assert run(*words, "--from", tmp_path / "older.json")[0] == 0
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [("not JSON", "not JSON"), ("{}", "missing key"), ("[1]", "expected"), (None, "cannot read")],

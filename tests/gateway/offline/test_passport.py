@@ -1,6 +1,7 @@
 """The passport: where numbers come from, what differs, what changed; contradicting edits."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,12 @@ from gateway.offline.identify import identify_logs, identify_settings
 from gateway.offline.vessel import differences, passport
 from gateway.toml_file import read_toml
 from gateway.vessel_file import dump_vessel, load_vessel, revised
-from gateway.vessel_tables import Provenance
+from gateway.vessel_tables import ASSUMED_AREAS, Provenance
+from sim.effects.catalogue import named
+from sim.model import parameters_of
+from sim.vessel import Hull
 from tests.conftest import ROOT
-from tests.sim.vessels import WAMV
+from tests.sim.vessels import SHAPES, WAMV, added, every_effect
 
 LOG = ROOT / "recordings" / "voyage_1.tlog"
 BOAT = ROOT / "configs" / "vessels" / "demo_boat.toml"
@@ -49,6 +53,39 @@ def test_a_fitted_number_tells_recording_fit_date_and_interval(fitted):
     assert (number.unit, number.edited) == ("N s/m", False)
     assert read.number("left.ahead").source == "given"
     assert not any(one.edited for one in read.numbers)
+
+
+def test_what_nobody_gave_is_not_told_as_given(tmp_path):
+    text = dump_vessel(
+        load_vessel("steered").with_effects(added(named("cubic_drag"))),
+        {"thrusters.main.position": Provenance(says="assumed from its function: measure it"),
+         "rudders.blade.angle": Provenance(says="read off the linkage")},
+    )  # fmt: skip
+    file = tmp_path / "boat.toml"
+    file.write_text(text, encoding="utf-8")
+    source = {one.name: one.source for one in passport(file).numbers}
+    assert source["main.x"] == source["main.y"] == "assumed from its function: measure it"
+    assert source["blade.angle_low"] == source["blade.angle_high"] == "read off the linkage"
+    assert source["area_front"] == source["area_side"] == ASSUMED_AREAS
+    for name in ("length", "m11", "main.ahead", "cubic_drag.X_uuu"):
+        assert source[name] == "given", name
+    for name in ("x_g", "Y_r", "antenna_x", "main.azimuth", "outboard.exponent", "blade.aspect"):
+        assert source[name] == "default", name
+
+
+def test_areas_that_no_file_holds_are_assumed(tmp_path):
+    bare = tmp_path / "bare.toml"
+    bare.write_text(dump_vessel(replace(WAMV, hull=Hull(1.6, 0.9, 40.0))), encoding="utf-8")
+    assert passport(bare).number("area_side").source == ASSUMED_AREAS
+    assert passport(BOAT).number("area_side").source == "given"
+
+
+@pytest.mark.parametrize("vessel", SHAPES, ids=lambda vessel: vessel.name)
+def test_every_number_of_every_vessel_has_a_key_of_its_file(vessel, tmp_path):
+    file = tmp_path / "boat.toml"
+    file.write_text(dump_vessel(vessel.with_effects(*every_effect(vessel))), encoding="utf-8")
+    read = passport(file)
+    assert {one.name for one in read.numbers} == set(parameters_of(read.vessel))
 
 
 def test_an_edit_beyond_the_interval_is_refused_by_whatever_reads_the_file(fitted, tmp_path):

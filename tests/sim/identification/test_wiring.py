@@ -118,7 +118,7 @@ def test_one_motor_the_wrong_way_round_is_told_though_its_force_follows_a_motion
     """One recording in five contradicts both axes; with the motor turned all five agree."""
     said = {False: [CommandResponse(-0.91, -9.0)] + 4 * [CommandResponse(0.1, 1.0)],
             True: 5 * [CommandResponse(0.95, 20.0)]}  # fmt: skip
-    trials = [SimpleNamespace(name=f"r{k}") for k in range(5)]
+    trials = [SimpleNamespace(name=f"r{k}", channels=(1, 2)) for k in range(5)]
 
     def response(trial, model, axis):
         return said[model.vessel.thrusters[0].servo.reversed][int(trial.name[1:])]
@@ -132,3 +132,17 @@ def test_one_motor_the_wrong_way_round_is_told_though_its_force_follows_a_motion
     # and where the channels are right nothing is turned, however clear it would be
     said[False] = 5 * [CommandResponse(0.6, 5.0)]
     assert wiring_of(trials, WAMV).backwards is None
+
+
+def test_an_output_that_never_gets_a_pulse_is_told_with_those_that_do(sailed):
+    left, right = WAMV.thrusters
+    wrong = replace(WAMV, thrusters=(left, replace(right, servo=replace(right.servo, channel=7))))
+    (told,) = wiring_notices(wiring_of(sailed, wrong), wrong)
+    mine, other = (t.servo.channel for t in WAMV.thrusters)
+    first, last = sorted((mine, other))
+    assert told.startswith(
+        f"right (channel 7): this log never drives output 7; it drives {first} and {last}; "
+    )
+    assert all(trial.name in told for trial in sailed)
+    adrift = [replace(t, channels=(), pwm=t.pwm[:, :0]) for t in sailed]
+    assert not wiring_notices(wiring_of(adrift, wrong), wrong)
