@@ -27,7 +27,7 @@ from typing import Any
 import dask
 from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, as_completed
 
-from gateway.errors import BadInput, ShadowError
+from gateway.errors import BadInput, ShadowError, printable
 from gateway.fleet import Boat, boat_of, digest, find_recordings, stamp
 from gateway.fleet.analysis import (
     DUPLICATE,
@@ -237,7 +237,7 @@ def run_fleet(
     asked = {boat: settings_digest(boat, settings) for boat in boats}
     store, result = ResultStore(folder), FleetResult(folder)
     result.unused = [boat for boat in boats if boat not in sailed.values()]
-    result.dropped = sorted(recordings_of_table(folder) - set(recordings))
+    result.dropped = sorted(recordings_of_table(folder) - set(map(printable, recordings)))
     with connected(scheduler, workers) as client:
         digests = _digests(client, store, recordings)
         run = _Run(result, store, digests, sailed, asked, len(recordings), progress)
@@ -318,6 +318,8 @@ class _Run:
             "recording": recording, "sha256": self.digests[recording],
             "boat": boat.name if boat else None, "vessel_file": boat.vessel_file if boat else None,
         } | row  # fmt: skip
+        # a table is Unicode, and names of files need not be
+        whole = {key: printable(v) if isinstance(v, str) else v for key, v in whole.items()}
         self.result.add(recording, whole, estimates)
         self.failed += row["state"] in (FAILED, FAULT)
         self.progress(

@@ -25,7 +25,7 @@ from gateway.ingest.log import BoatSamples, Log, choose_floating
 from gateway.ingest.mapping import Origin
 from gateway.ingest.mavlink.log import Frames, MavlinkLog
 from gateway.ingest.mcap.log import enclosure_of_file
-from gateway.ingest.open import check_each_once, open_log
+from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
 from gateway.json_rows import TopicRows
 from gateway.live.boats import BoatPlan
@@ -166,7 +166,6 @@ def replay_input_of(
 
 def options_by_log(logs: Sequence[Path], options: ReplayOptions) -> list[ReplayOptions]:
     """Options for each of several logs: those with one name (.tlog, .BIN) get two recordings."""
-    check_each_once(logs)
     count: Counter[str] = Counter()
     out = []
     for log in logs:

@@ -258,7 +258,7 @@ def test_a_line_break_in_a_name_does_not_break_the_line(run: Run, tmp_path: Path
     one_line(run("info", tmp_path / "two\nlines.tlog"), 2, "there is no such file")
 
 
-@pytest.mark.parametrize("name", ["replay", "compare", "identify", "diagnose", "report"])
+@pytest.mark.parametrize("name", ["compare", "identify", "diagnose", "report"])
 @pytest.mark.parametrize("under", ["its name", "a link", "a copy"])
 def test_a_recording_given_twice_is_one_line(
     run: Run, tmp_path: Path, boat: Path, log: Path, name: str, under: str

@@ -1,5 +1,6 @@
 """A fleet's run: every recording one row, nothing twice, and a whole table however it ends."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -118,6 +119,14 @@ def test_a_copy_is_told_as_one(folder, cluster):
     row = next(r for r in read_recordings(folder / "out") if r["recording"].endswith("zz.tlog"))
     assert (row["state"], row["nrmse"]) == ("duplicate", None)
     assert row["why"].endswith("monday.tlog")
+
+
+def test_a_name_that_is_no_text_has_its_row(folder, cluster):
+    logs = folder / "logs" / "heron"
+    shutil.copy(logs / "monday.tlog", logs / os.fsdecode(b"z\xff.tlog"))
+    go(folder, cluster)
+    assert any(r["recording"].endswith("z\\xff.tlog") for r in read_recordings(folder / "out"))
+    assert go(folder, cluster).dropped == []
 
 
 def test_an_interrupt_leaves_a_whole_table_and_the_next_run_goes_on(folder, cluster):
