@@ -207,8 +207,11 @@ def test_the_ruler_is_that_of_the_vessel_which_predicts_best_by_its_own(
     assert asked == [7.0, 17.0]  # each trial its own numbers
     assert (after.rulers[0] is rulers[0], after is before) == (is_shared, not is_shared)
     assert after.error == (own if is_shared else 0.3)
-    fit.noise_share = (0.6, 0.6, 1.2)  # a model that is not the boat's
-    assert before.shared_with(fit) is before
+    fit.noise_share = (0.6, 0.6, 1.9)  # gusts turn her
+    assert before.shared_with(fit).error == after.error
+    for of_another in ((1.1, 0.6, 0.7), (0.6, 1.1, 0.7), (0.6, 0.6, 2.1)):
+        fit.noise_share = of_another  # a model that is not the boat's
+        assert before.shared_with(fit) is before
 
 
 def test_noise_is_that_of_the_effect_which_comes_first_in_the_end(
