@@ -1,8 +1,8 @@
 """The text of a table: one line of column names, then rows of cells; what is wrong with either.
 
 Rows with more cells than there are names are left out, since nobody knows which cell is the odd
-one; cells that are missing at the end of a row are empty ones. Where most rows are like that the
-table is not what it looks like.
+one; cells that are missing at the end of a row are empty ones. Where most rows have more the table
+is not what it looks like.
 """
 
 import csv
@@ -107,12 +107,11 @@ def _of_width(
     """Rows that have no more cells than there are names, and a sentence about the others."""
     longer = [(line, row) for line, row in rows if len(row) > width]
     shorter = [(line, row) for line, row in rows if len(row) < width]
-    if 2 * (len(longer) + len(shorter)) > len(rows):
-        comma = longer and delimiter == ","
-        hint = ": decimal commas between commas? Write points" if comma else ""
+    if 2 * len(longer) > len(rows):
+        hint = ": decimal commas between commas? Write points" if delimiter == "," else ""
         raise BadInput(
-            f"{file}: {_first((longer or shorter)[0], width)}, and "
-            f"{len(longer) + len(shorter)} of {len(rows)} rows have another number than that{hint}"
+            f"{file}: {_first(longer[0], width)}, and {len(longer)} of {len(rows)} rows have more "
+            f"than that{hint}"
         )
     said = ((longer, "left out"), (shorter, "taken as empty at their end"))
     notes = [

@@ -213,6 +213,14 @@ def test_a_row_with_fewer_cells_than_names_is_told(tmp_path: Path) -> None:
     )
 
 
+def test_a_table_whose_rows_all_lack_their_last_cells_is_read(tmp_path: Path) -> None:
+    """Some programs write no empty cells at the end of a row."""
+    lacking = calm_rows(5, "500,90,63.4,10.3,2,1500").replace("left\n", "left,note\n", 1)
+    log = open_log(write(tmp_path, lacking))
+    assert log.counts() == {"CSV": 20}
+    assert "the header 7: 20 rows with fewer cells" in log.statistics.notes[0]
+
+
 def test_delimiters_at_the_ends_of_lines_are_no_cells(tmp_path: Path) -> None:
     rows = calm_rows(5, "500,90,63.4,10.3,2,1500")
     for table in (rows.replace(",1500", ",1500,"), rows.replace("left", "left,")):
