@@ -329,7 +329,9 @@ def _rank_finalists(
 
     def whole(r: ScreeningResult) -> tuple[Fit, Gain]:
         added = (*reference.added, r.added)
-        again = from_given_base(added, r.unknowns, problem, r.z)
+        again = None
+        if reference.added:  # the first look has begun from the base as given itself
+            again = from_given_base(added, r.unknowns, problem, r.z)
         starts = [r.z] if again is None else [r.z, again]
         fit = min(
             (fit_effects(added, r.unknowns, problem, z) for z in starts), key=lambda f: f.cost

@@ -37,7 +37,7 @@ from sim.diagnosis.worth import (
     is_worse_elsewhere,
     is_worth_it,
 )
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Scope
 from sim.vessel import AddedEffect
 
 
@@ -357,16 +357,20 @@ class EffectSearch:
 
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes, unless recordings left out are
-        predicted worse without it.
+        predicted worse without it. Where these are asked those of a day go first: beside one of
+        them an effect of the boat may seem needless, and both would go.
         """
         while len(steps) > 1:
             added = fit.effects()
-            for i, a in enumerate(added):
-                without = self._without(fit, {i})
-                missed = is_missed(a.effect, self._gain_over(fit, without))
+            last = [a.effect.scope is Scope.BOAT for a in added]
+            if self.scorer.score_recordings(fit) is None:
+                last = [False] * len(added)
+            for i in sorted(range(len(added)), key=last.__getitem__):
+                without, effect = self._without(fit, {i}), added[i].effect
+                missed = is_missed(effect, self._gain_over(fit, without))
                 if not missed and not is_worse_elsewhere(self.scorer, fit, without):
-                    self.progress(f"{a.effect.name} no longer earns its place")
-                    steps = [s for s in steps if s.best.name != a.effect.name]
+                    self.progress(f"{effect.name} no longer earns its place")
+                    steps = [s for s in steps if s.best.name != effect.name]
                     fit = without
                     break
             else:

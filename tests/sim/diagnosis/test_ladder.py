@@ -522,3 +522,21 @@ def test_no_effect_goes_without_which_recordings_left_out_are_predicted_worse(
     steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in names]
     _, fit = search._backward(steps, search.fit_of(names))
     assert set(fit.names) == (both if stays else wind)
+
+
+def test_what_is_of_a_day_goes_before_what_recordings_left_out_want_of_the_boat() -> None:
+    """Beside a wind the compass seems needless; without the wind it is not, and would be gone."""
+    nothing: Any = None
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
+    compass, lift, wind = names = ("compass_deviation", "hull_lift", "steady_wind")
+    left = {
+        names: 0.3, (lift, wind): 0.301, (compass, lift): 0.301, (compass, wind): 0.9,
+        (lift,): 0.302, (compass,): 0.9, (wind,): 0.9,
+    }  # fmt: skip
+    out = {names: 0.3, (lift, wind): 0.3, (compass, lift): 0.3, (lift,): 0.5}
+    object.__setattr__(search, "left", {frozenset(k): v for k, v in left.items()})
+    object.__setattr__(search, "left_out", {frozenset(k): v for k, v in out.items()})
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in names]
+    assert search._backward(steps, search.fit_of(names))[1].names == (compass, lift)
+    object.__setattr__(search, "left_out", {})  # one recording: in the order in which they came
+    assert search._backward(steps, search.fit_of(names))[1].names == (lift,)
