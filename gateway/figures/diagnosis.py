@@ -28,6 +28,7 @@ from gateway.figures.motion import map_panel, track_line
 from gateway.figures.words import diagnosis_texts
 from sim.diagnosis.answer import Diagnosis, LadderStep, fitted_values
 from sim.diagnosis.evidence import Evidence, evidence_of, evidence_of_rivals
+from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Kind, Parameter
 from sim.effects.tables import MapField
 from sim.state import Eta, Floats
@@ -141,10 +142,10 @@ def timeline(diagnosis: Diagnosis, trials: Sequence[Trial]) -> FigureData | None
     panels = []
     for added in (a for a in last.vessel.effects if a.effect.name in last.effects):
         known = {p.name: p for p in added.effect.parameters}
-        moment = next((p.name for p in known.values() if p.kind is Kind.MOMENT), None)
+        moment = moment_of(added.effect)
         if moment is None:
             continue
-        found = {e.name.rpartition(".")[2]: e.ci95 for e in last.parameters[added.effect.name]}
+        found = fitted_values(last, added.effect.name).ci95
         low, high = found.get(moment, (added.values[moment],) * 2)
         for p in known.values():
             after = known.get(f"later_{p.name}", p)

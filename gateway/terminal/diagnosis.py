@@ -23,9 +23,10 @@ from gateway.offline.diagnose import DiagnosisResult
 from gateway.terminal import ResultConsole, result_table
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.next_experiment import separation
+from sim.diagnosis.screening_steps import moment_of
 from sim.diagnosis.thresholds import MAX_BASE_SIGMAS
 from sim.effects.catalogue import mistaken_for
-from sim.effects.effect import Effect, Kind, Scope
+from sim.effects.effect import Effect, Scope
 from sim.excitation.responses import run_example
 from sim.identification import BASE
 from sim.identification.intervals import Estimate
@@ -174,16 +175,12 @@ def _of_voyages(found: DiagnosisResult) -> list[str]:
         return []
     out = [f"{' and '.join(names)}: of this day; on another, compare with --refit voyage"]
     if len(found.trials) > 1:
-        sudden = [name for name in names if _has_moment(found.diagnosis.vessel, name)]
+        effects = (a.effect for a in found.diagnosis.vessel.effects if a.effect.name in names)
+        sudden = [effect.name for effect in effects if moment_of(effect) is not None]
         out += [f"{name}: its moment is one for all recordings, counted from the start of each; "
                 "one that fell into a recording is told by that recording alone"
                 for name in sudden]  # fmt: skip
     return out
-
-
-def _has_moment(vessel: Vessel, name: str) -> bool:
-    effect = next(a.effect for a in vessel.effects if a.effect.name == name)
-    return any(p.kind is Kind.MOMENT for p in effect.parameters)
 
 
 def _look_alikes(found: DiagnosisResult) -> list[str]:

@@ -360,12 +360,11 @@ class EffectSearch:
         predicted worse without it. Where these are asked those of a day go first: beside one of
         them an effect of the boat may seem needless, and both would go.
         """
+        asked = self.scorer.score_recordings(fit) is not None
         while len(steps) > 1:
             added = fit.effects()
-            last = [a.effect.scope is Scope.BOAT for a in added]
-            if self.scorer.score_recordings(fit) is None:
-                last = [False] * len(added)
-            for i in sorted(range(len(added)), key=last.__getitem__):
+            is_later = [asked and a.effect.scope is Scope.BOAT for a in added]
+            for i in sorted(range(len(added)), key=is_later.__getitem__):
                 without, effect = self._without(fit, {i}), added[i].effect
                 missed = is_missed(effect, self._gain_over(fit, without))
                 if not missed and not is_worse_elsewhere(self.scorer, fit, without):

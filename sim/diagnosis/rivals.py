@@ -16,7 +16,6 @@ def all_rivals_of(step: Ranking, search: EffectSearch, selection: Selection) -> 
     went again, may not beside them.
     """
     names = selection.fit.names
-    scorer = search.scorer.shared_with(selection.fit)
     shown = rivals_of(step, names)
     beside = {*names} - {step.best.name}
     chosen = step
@@ -25,7 +24,7 @@ def all_rivals_of(step: Ranking, search: EffectSearch, selection: Selection) -> 
     rivals = [
         row
         for ranking in (chosen, beside_unshown(step, search))
-        for row in predict_as_well(rivals_of(ranking, names), ranking, scorer)
+        for row in predict_as_well(rivals_of(ranking, names), ranking, search.scorer)
     ]
     return rivals[: thresholds.MAX_EXPLANATIONS - 1]
 

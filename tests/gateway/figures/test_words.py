@@ -192,6 +192,16 @@ def test_the_timeline_shows_what_changed_and_when():
         np.testing.assert_allclose(lines[0].x, [0.0, 610.0 / 60.0, 610.0 / 60.0, 20.0])
         np.testing.assert_allclose(lines[0].y, np.repeat(ends, 2), atol=0.05)
         assert [round(60.0 * line.x[0]) for line in lines[1:]] == [604, 618]
+    # of several recordings the first is drawn, with its own interval
+    numbers = day.ladder[-1].parameters["current_change"]
+    first = [SimpleNamespace(**{**vars(n), "trial": "one"}) for n in numbers]
+    day.ladder[-1].parameters["current_change"] = [
+        *first, number("current_change.time", 90.0, (80.0, 99.0), "two")
+    ]  # fmt: skip
+    again = timeline(day, trials)
+    assert again is not None
+    ends = [line.x[0] for line in again.panels[0].marks if isinstance(line, Line)][1:]
+    assert [round(60.0 * end) for end in ends] == [604, 618]
     day.ladder[-1].effects = ("heading_offset",)  # nothing changed
     assert timeline(day, trials) is None
 
