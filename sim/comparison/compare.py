@@ -39,6 +39,7 @@ from sim.prediction.free_runs import (
     scaled_squares,
     scores,
     shared_ruler,
+    shown_floor,
 )
 from sim.prediction.segments import CompareSettings
 from sim.state import Floats
@@ -72,6 +73,7 @@ class Comparison:
 
     seconds     usable time of the trial
     nrmse_ci95  from blocks of time; None on a trial of a single block
+    noise_floor_nrmse  what noise alone shows at most (`sim.prediction.free_runs.shown_floor`)
     independence  of errors over one step from the commands; None where that was not asked
                   or the trial is too short
     notices     what looks wrong with the recording or the vessel's channels, a sentence each
@@ -161,7 +163,13 @@ def compare(
             missing_force(trial, model), free_run(trial, model, ruler.scales),
         )  # fmt: skip
         out.append(replace(found, independence=independence(trial, model)))
-    return out
+    return with_shown_floor(out)
+
+
+def with_shown_floor(found: Sequence[Comparison]) -> list[Comparison]:
+    """The same of one trial and ruler, their floor no higher than the smallest error of them."""
+    floor = shown_floor(found[0].ruler.noise_floor, [one.nrmse for one in found]) if found else 0.0
+    return [replace(one, noise_floor_nrmse=floor) for one in found]
 
 
 def comparison_of(

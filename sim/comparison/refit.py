@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.comparison import regimes_of
-from sim.comparison.compare import Comparison, comparison_of
+from sim.comparison.compare import Comparison, comparison_of, with_shown_floor
 from sim.effects.effect import Effect, Kind, Role, Scope
 from sim.identification import IdentifySettings, updated_vessel
 from sim.identification.identify import fitted_model
@@ -140,7 +140,7 @@ def compare_refitted(
             fit.missing_force(), fit.free_run(ruler.scales),
         )  # fmt: skip
         out.append(replace(found, refit=fit.values if fit.values[0] else ()))
-    return out
+    return with_shown_floor(out)
 
 
 def cross_fit(

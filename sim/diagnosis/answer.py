@@ -264,8 +264,10 @@ class ScoredFormula:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The whole answer; `vessel` is the best model found, `noise_floor` the nrmse of noise alone.
+    """The whole answer; `vessel` is the best model found.
 
+    noise_floor    nrmse of noise alone at most: by what the recordings state, or what is left by
+                   the best step of the ladder or the curve, where that is less
     alternatives   what was not chosen, each with its own fitted numbers: every effect of the
                    ranking alone beside the base, and the rivals of later steps beside the earlier
     noise_share    standard deviation of what is left in u, v, r over that of the measured

@@ -49,6 +49,7 @@ from sim.identification import BASE, IdentifySettings
 from sim.identification.parameters import unknowns_of
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
+from sim.prediction.free_runs import shown_floor
 from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -169,8 +170,10 @@ def diagnose(
     small = seen_one_step_ahead(selection) if verdict is Verdict.ADEQUATE else None
     if small is not None and not search.is_believed(small, selection.first.reference):
         small = None
+    steps = (*ladder, *([curve.step] if curve else ()))
+    told_floor = shown_floor(floor, [step.heldout.nrmse for step in steps])
     said = summary_of(
-        verdict, ladder, rivals, left, floor, curve, period, contradictions, beyond_belief, small
+        verdict, ladder, rivals, left, told_floor, curve, period, contradictions, beyond_belief, small
     )
     if curve is not None:  # the sentence has the curve in its place
         notes += beyond_belief
@@ -184,7 +187,7 @@ def diagnose(
         unexplained=unexplained_share(ladder, floor),
         depends_on=tuple(left),
         refused=(*refused, *_doubted(selection, scorer)),
-        noise_floor=floor,
+        noise_floor=told_floor,
         vessel=last.vessel,
         suggested=_suggested(selection, rivals, settings.plan, progress),
         noise_share=noise_share,

@@ -47,6 +47,7 @@ from sim.prediction.free_runs import (
     nrmse,
     predict,
     scores,
+    shown_floor,
 )
 from sim.prediction.segments import GUARD_S, NoUsableTimeError, require_finite, time_blocks
 from sim.state import Floats, Progress
@@ -156,7 +157,8 @@ def validate(
         free = free_run(trial, model, ruler.scales, command_offset) if rows is None else None
         measured = measured_motion(trial)[at, :6]
         errors.append(ModelErrors(scores(measured, error), nrmse(error, ruler.scales), free))
-    return Validation(name, float(trial.usable.sum()) * trial.dt, ruler.noise_floor, *errors)
+    floor = shown_floor(ruler.noise_floor, [one.nrmse for one in errors])
+    return Validation(name, float(trial.usable.sum()) * trial.dt, floor, *errors)
 
 
 def free_run_errors(run: FreeRun, channel: str) -> tuple[float, float]:

@@ -28,9 +28,13 @@ of variance p whose rate has variance q has the correlation 1 − t² q / 2p to 
 on as ρ(t) = exp(−t² q / 2p) this gives C_j = P₀ ρ(t_j), scaled down where R_j < P₀. White errors
 are its limit q → ∞. Slow sensor errors are correlated for longer: for them the floor is too high
 rather than too low. Source: the Taylor microscale of a random process (Rice 1944).
+
+What a trial states of its noise is assumed and may be too much. An error is a model's own beside
+the noise, so that noise is no more than the smallest error that a model has shown
+(`shown_floor`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -161,9 +165,18 @@ class Ruler:
 
     @property
     def noise_floor(self) -> float:
-        """The nrmse that a perfect model would show."""
+        """The nrmse that a perfect model would show, by what the trial states of its noise."""
         mean = mean_over_horizon(self.variance[..., 3:], self.segments)
         return float(np.sqrt(np.mean(mean / self.scales**2)))
+
+
+# nrmse below which no two models differ in anything that a person would want to know. Chosen.
+LEAST_SHOWN_FLOOR = 0.01
+
+
+def shown_floor(stated: float, errors: Iterable[float]) -> float:
+    """nrmse that noise alone shows at most: as stated, or less where a model showed less."""
+    return min(stated, max(LEAST_SHOWN_FLOOR, min(errors, default=stated)))
 
 
 def scales_of(trial: Trial) -> Floats:

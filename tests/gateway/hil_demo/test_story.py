@@ -54,6 +54,6 @@ def test_real_firmware_sails_a_mission(tmp_path):
     done = ArduRover.of(Path(FIRMWARE), otter).sail(task, otter, Day(), tmp_path / "a", 1)
     assert done.remarks == ()
     (found,) = compare_logs([done.log], [otter])
-    assert found.nrmse < found.noise_floor_nrmse
+    assert found.nrmse < found.ruler.noise_floor
     truth = Recording.open(done.recording).columns("truth/a")
     assert abs(truth["north_m"][-1] - 20.0) < 5.0

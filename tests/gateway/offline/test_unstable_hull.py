@@ -29,7 +29,8 @@ def test_a_cause_that_is_found_is_not_unknown_for_the_file_that_is_off(tmp_path:
     found = diagnose([trial], boat, DiagnoseSettings(effects=FEW))
     assert (found.verdict, found.effects) == (Verdict.EXPLAINED, ("steady_current",))
     left = found.ladder[-1].heldout.nrmse
-    assert left < found.noise_floor < 0.25 * found.ladder[0].heldout.nrmse
+    # no more than the recording states as noise, and so the most that noise can show
+    assert left == found.noise_floor < 0.25 * found.ladder[0].heldout.nrmse
     alone, fitted = compare(trial, [Model.of(boat), Model.of(found.vessel)])
     assert fitted.nrmse == pytest.approx(left, rel=0.1)
     assert alone.nrmse == pytest.approx(found.ladder[0].heldout.nrmse, rel=0.1)

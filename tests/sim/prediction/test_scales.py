@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim.comparison.compare import Judgement, compare
 from sim.model import Model
-from sim.prediction.free_runs import Ruler, nrmse, predict
+from sim.prediction.free_runs import LEAST_SHOWN_FLOOR, Ruler, nrmse, predict, shown_floor
 from sim.prediction.segments import CompareSettings
 from tests.sim.voyages import UNSTABLE, WAM_V, legs, trial_of, voyage
 
+SLUGGISH = replace(WAM_V, name="sluggish", dynamics=replace(WAM_V.dynamics, X_u=-34.0))
 STD = np.array([0.05, 0.05, 0.01, 0.03, 0.03, 0.01])  # of eta, nu
 DT = 0.05
 
@@ -63,3 +65,25 @@ def test_an_unstable_hull_has_its_true_model_at_the_floor_too():
     assert shown == pytest.approx(ruler.noise_floor, rel=0.2)
     endless = Ruler.of(trial, model, CompareSettings(spread_limit=1e9))
     assert nrmse(predict(trial, model, endless).predicted_rows()[2], ruler.scales) > 2.0 * shown
+
+
+def test_noise_is_no_more_than_the_smallest_error_that_a_model_showed():
+    """Of a trial whose stated noise is twice too much the floor would lie above the true model."""
+    trial = noisy(voyage(300.0, DT, seed=3), 0.0, seed=5)
+    loud = replace(trial, covariance=4.0 * trial.covariance)
+    found = compare(loud, [Model.of(v) for v in (WAM_V, SLUGGISH)])
+    assert found[0].ruler.noise_floor > 1.6 * found[0].nrmse
+    assert [one.noise_floor_nrmse for one in found] == [found[0].nrmse] * 2
+    assert found[1].judgement is Judgement.WRONG  # though it errs by less than was stated as noise
+    assert found[1].nrmse < found[0].ruler.noise_floor
+    (alone,) = compare(trial, [Model.of(SLUGGISH)])
+    assert alone.noise_floor_nrmse == alone.ruler.noise_floor < alone.nrmse
+
+
+def test_a_floor_is_told_as_stated_where_every_model_errs_more():
+    assert shown_floor(0.2, [0.3, 0.9]) == 0.2
+    assert shown_floor(0.2, [0.15, 0.9]) == 0.15
+    assert shown_floor(0.2, []) == 0.2
+    # of motion without noise: nobody wants to know which of two is nearer by less
+    assert shown_floor(0.2, [1e-5]) == LEAST_SHOWN_FLOOR
+    assert shown_floor(0.004, [1e-5]) == 0.004
