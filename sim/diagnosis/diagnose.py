@@ -173,8 +173,9 @@ def diagnose(
     steps = (*ladder, *([curve.step] if curve else ()))
     told_floor = shown_floor(floor, [step.heldout.nrmse for step in steps])
     said = summary_of(
-        verdict, ladder, rivals, left, told_floor, curve, period, contradictions, beyond_belief, small
-    )
+        verdict, ladder, rivals, left, told_floor, curve, period, contradictions, beyond_belief,
+        small,
+    )  # fmt: skip
     if curve is not None:  # the sentence has the curve in its place
         notes += beyond_belief
     return Diagnosis(
