@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gateway.figures import (
     DEGREES,
@@ -15,6 +16,7 @@ from gateway.figures import (
     Axis,
     Band,
     Bars,
+    ColouredPoints,
     Dots,
     FigureData,
     Level,
@@ -102,10 +104,14 @@ def evidence_figures(diagnosis: Diagnosis, trials: Sequence[Trial]) -> dict[str,
 
 
 def _map_figure(effect: str, field: MapField, trial: Trial) -> FigureData:
-    """Arrows at the places of a field that the boat came near, over its track.
+    """Arrows at the places of a field that the boat came near, over its track; where the field has
+    no direction, the track coloured by it.
 
     What is known no better than the longest arrow that is sure is not drawn.
     """
+    title = f"Evidence for {effect}"
+    if not field.directed:
+        return FigureData(title, (map_panel((_coloured_track(effect, field, trial),), ""),))
     track = np.where(trial.usable[:, None], trial.eta, np.nan)
     place = np.stack([field.north, field.east], axis=1)
     apart = np.max([np.diff(np.unique(x)).max(initial=0.0) for x in (field.north, field.east)])
@@ -121,7 +127,16 @@ def _map_figure(effect: str, field: MapField, trial: Trial) -> FigureData:
         marks.append(Line(arrows[:, 1], arrows[:, 0], SeriesRole.MODEL, label))
     caption = "" if longest > 0.0 else "nowhere is it known well enough for an arrow"
     panel = map_panel(tuple(marks), "")
-    return FigureData(f"Evidence for {effect}", (panel,), caption=caption)
+    return FigureData(title, (panel,), caption=caption)
+
+
+def _coloured_track(effect: str, field: MapField, trial: Trial) -> ColouredPoints:
+    """Where the boat was, coloured by the field at the nearest of its places; 0 beyond them."""
+    sailed = trial.eta[trial.usable, : Eta.YAW]
+    away, nearest = cKDTree(np.stack([field.north, field.east], axis=1)).query(sailed)
+    apart = np.max([np.diff(np.unique(x)).max(initial=0.0) for x in (field.north, field.east)])
+    value = np.where(away <= apart, field.to_north[nearest], 0.0)
+    return ColouredPoints(sailed[:, 1], sailed[:, 0], value, Axis(f"{effect} adds", field.unit))
 
 
 def _arrows(tail: Floats, ahead: Floats) -> Floats:

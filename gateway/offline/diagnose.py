@@ -173,7 +173,8 @@ class DiagnosisResult:
             steps.append(f"{again} --effects own.py")
         elif self.diagnosis.verdict is Verdict.UNKNOWN:
             on = next((d.on for d in self.diagnosis.depends_on), "")
-            steps.append(f"shadow effects {pattern_for(on)} --write own.py")
+            like = curve.vessel.effects[-1].effect.pattern if curve is not None else ""
+            steps.append(f"shadow effects {like or pattern_for(on)} --write own.py")
             steps.append(f"{again} --effects own.py")
         return [*dict.fromkeys(plan), *steps]
 

@@ -298,6 +298,7 @@ class Effect:
                   where they do
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
+    pattern       of a curve: the effect whose file is the pattern for a law in its place
     """
 
     name: str
@@ -328,6 +329,7 @@ class Effect:
     within: Callable[[Any], Intervals] | None = None
     mismatch: Callable[[Any, Values], str] | None = None
     pattern_for: tuple[str, ...] = ()
+    pattern: str = ""
     wiring: Law | None = None
     command: Law | None = None
     thrust: Law | None = None

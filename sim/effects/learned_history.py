@@ -145,4 +145,5 @@ EFFECT = Effect(
         **{key: -0.05 * (KNOTS - k) for k, key in enumerate(FIRST)},
         **dict.fromkeys(SECOND, 0.0),
     },
+    pattern="current_change",
 )  # fmt: skip

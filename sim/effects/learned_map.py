@@ -163,4 +163,5 @@ EFFECT = Effect(
         "x": 0.0, **{key: 0.1 * (k % SIDE) for k, key in enumerate(TO_NORTH)},
         **{key: 0.05 * (k // SIDE) for k, key in enumerate(TO_EAST)},
     },
+    pattern="steady_current",
 )  # fmt: skip

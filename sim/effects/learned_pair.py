@@ -210,4 +210,5 @@ EFFECT = Effect(
         "full": 100.0, "x": 0.0,
         **{key: -0.05 * (k // SIDE) * (k % SIDE) for k, key in enumerate(KEYS)},
     },
+    pattern="hull_lift",
 )  # fmt: skip

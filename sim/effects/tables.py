@@ -48,7 +48,8 @@ class Formula(NamedTuple):
 class MapField(NamedTuple):
     """What an effect supplies over the map: places (n,) [m], parts to north and east (n,), unit.
 
-    half  half the length of the 95 % interval of either part (n,); 0 where none is known
+    half       half the length of the 95 % interval of either part (n,); 0 where none is known
+    directed   else a number at each place, `to_north`
     """
 
     north: Floats
@@ -57,6 +58,7 @@ class MapField(NamedTuple):
     to_east: Floats
     half: Floats
     unit: str
+    directed: bool = True
 
     @property
     def size(self) -> Floats:

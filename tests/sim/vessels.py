@@ -97,6 +97,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "x": 0.0,
         **{f"f{k}": -0.1 * k for k in range(9)},
     },
+    "learned_drag": {"north": 1.0, "east": -0.5, "radius": 3.0, "edge": 2.0, "more": 1.2},
     "learned_history": {
         "acts": 1.0,
         "until": 12.0,

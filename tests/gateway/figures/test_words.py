@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.figures import Line
+from gateway.figures import ColouredPoints, Line
 from gateway.figures.diagnosis import _map_figure, timeline
 from gateway.figures.words import base_text, cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
+from sim.effects import learned_drag
 from sim.effects.catalogue import EFFECTS
 from sim.effects.tables import MapField
+from sim.effects.words import FittedValues
 from sim.vessel import AddedEffect
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
@@ -268,3 +270,18 @@ def test_a_map_draws_what_is_known_where_the_boat_was() -> None:
     none = _map_figure("eddy", field, far)
     assert len(none.panels[0].marks) == 1  # the track
     assert none.caption == "nowhere is it known well enough for an arrow"
+
+
+def test_a_place_without_a_direction_colours_the_track() -> None:
+    field = learned_drag.over_map(
+        FittedValues({"north": 5.0, "east": 0.0, "radius": 2.0, "edge": 20.0, "more": 1.5})
+    )
+    eta = np.stack([np.linspace(0.0, 50.0, 501), np.zeros(501), np.zeros(501)], axis=1)
+    trial: Any = SimpleNamespace(eta=eta, usable=np.ones(501, bool))
+    (panel,) = _map_figure("learned_drag", field, trial).panels
+    (points,) = panel.marks
+    assert isinstance(points, ColouredPoints)
+    north = np.abs(points.y - 5.0)
+    np.testing.assert_allclose(points.value[north < 1.6], 150.0, rtol=0.01)
+    assert points.value[north > 2.5].max() < 1.0
+    assert points.scale.text == "learned_drag adds [%]"

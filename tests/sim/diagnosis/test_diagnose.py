@@ -236,7 +236,8 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     few = DiagnoseSettings(effects=(named("cubic_drag"),), most=0)
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
-    of_a_boat, of_a_day = ["learned", "learned_pair"], ["learned_map", "learned_history"]
+    of_a_boat = ["learned", "learned_pair"]
+    of_a_day = ["learned_drag", "learned_map", "learned_history"]
     assert [set(forms) for forms in asked] == [set(of_a_boat), {*of_a_boat, *of_a_day}]
     monkeypatch.setattr(thresholds, "MAX_RECORDINGS_OF_TABLES", 0)
     diagnose([sailed("cross_damping", 200.0, Y_r=0.0, N_v=250.0)], WAM_V, few)

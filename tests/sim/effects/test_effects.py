@@ -47,6 +47,7 @@ ORDER = (  # of what a file declares
     "shown_by", "general_of", "contains", "of_each_day", "partial", "unsteady", "evidence",
     "separated", "explains", "search", "more_starts", "tables", "over_map", "within", "mismatch",
     "in_words", "formulas", "formula_source", "example", "measured", "assumption", "pattern_for",
+    "pattern",
 )  # fmt: skip
 every = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 
@@ -309,3 +310,9 @@ def test_water_at_rest_changes_nothing():
         simulated(WAMV.with_effects(AddedEffect(still, {})), on_floats)[3],
         simulated(WAMV, on_floats)[3],
     )
+
+
+def test_a_curve_names_an_effect_with_a_law_as_the_pattern_for_its_place():
+    """Where no short formula stands for a curve, one's own effect begins with that file."""
+    laws = {e.name for e in EFFECTS if e.tables is None}
+    assert all((e.pattern in laws) == (e.tables is not None) for e in EFFECTS)

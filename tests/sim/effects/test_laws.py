@@ -18,11 +18,12 @@ from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV, added, excitation
 
 DT = 0.02
 COARSE = 0.04  # where two runs of the same steps are compared
-TAKE_ENERGY = ("cubic_drag", "crossflow_drag", "drag_growth", "towed_load")
+TAKE_ENERGY = ("cubic_drag", "crossflow_drag", "drag_growth", "learned_drag", "towed_load")
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
 OTHER_SIDE = {
     "thruster_fault": {"thruster": 2.0},
     "actuator_wiring": {"reversed": 1.0},
+    "learned_drag": {"east": -VALUES["learned_drag"]["east"]},
     "learned_history": {f"g{k}": -VALUES["learned_history"][f"g{k}"] for k in range(9)},
     "learned_map": {
         "west": -VALUES["learned_map"]["east"],

@@ -8,7 +8,8 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from sim.body import Flow
-from sim.effects import learned_history, learned_map
+from sim.effects import learned_drag, learned_history, learned_map
+from sim.effects.effect import ResidualForce
 from sim.effects.words import FittedValues
 from sim.state import Pose
 from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV
@@ -135,3 +136,56 @@ def test_a_history_is_told_at_every_second_knot() -> None:
     water = learned_history.in_words(FittedValues(values))
     assert water.startswith("water that flows differently as time goes by: 0.4 m/s towards 180°")
     assert water.endswith("0.3 m/s towards 90° (east) at 400 s")
+
+
+def weed(seconds: float = 600.0, seed: int = 3) -> ResidualForce:
+    """What a model without it leaves of a boat that winds through a bed of weed (12, −8), 9 m wide,
+    in which the hull is dragged twice as much again.
+    """
+    t = np.arange(0.0, seconds, 0.2)
+    place = np.stack([25.0 * np.sin(0.05 * t), 20.0 * np.sin(0.037 * t + 1.0)], axis=1)
+    velocity = np.gradient(place, t, axis=0)
+    speed = np.linalg.norm(velocity, axis=1)
+    away = np.hypot(*(place - [12.0, -8.0]).T)
+    own = WAMV.dynamics
+    drag = (own.X_u + own.X_uu * speed) * speed * 2.0 * (away < 9.0)
+    force = drag[:, None] * velocity / speed[:, None]
+    return ResidualForce(
+        t, place, force + np.random.default_rng(seed).normal(0.0, 5.0, (len(t), 2))
+    )
+
+
+def test_a_place_is_looked_for_where_the_hull_was_held_back() -> None:
+    first, *others = learned_drag.search(WAMV, weed)
+    assert np.hypot(first["north"] - 12.0, first["east"] + 8.0) < 4.0
+    assert 5.0 < first["radius"] < 14.0
+    assert 1.0 < first["more"] < 3.0
+    for other in others:  # each somewhere else
+        assert np.hypot(other["north"] - first["north"], other["east"] - first["east"]) > 5.0
+
+
+def test_where_nothing_moved_a_place_is_looked_for_where_the_boat_was() -> None:
+    still = ResidualForce(np.arange(5.0), np.full((5, 2), 7.0), np.ones((5, 2)))
+    (start,) = learned_drag.search(WAMV, lambda: still)
+    assert (start["north"], start["east"]) == (7.0, 7.0)
+    leaps = np.where(np.arange(600)[:, None] % 2, 1e3, np.zeros((600, 2)))
+    jumps = ResidualForce(np.arange(600.0), leaps, np.ones((600, 2)))  # a receiver's, no motion
+    assert len(learned_drag.search(WAMV, lambda: jumps)) == 1
+
+
+def test_a_place_drags_as_much_more_as_it_says_and_only_there() -> None:
+    p = SimpleNamespace(north=10.0, east=5.0, radius=8.0, edge=20.0, more=1.5)
+    body: Any = SimpleNamespace(X_u=-10.0, X_uu=-20.0)
+    inside, outside = (
+        learned_drag.force(flow(u=2.0, north=north, east=5.0, body=body), p)
+        for north in (12.0, 20.0)
+    )
+    assert inside.X == pytest.approx(1.5 * (-10.0 - 40.0) * 2.0, rel=1e-6)
+    assert (inside.Y, inside.N) == (0.0, 0.0)
+    assert abs(outside.X) < 1e-3 * abs(inside.X)
+    back = learned_drag.force(flow(u=-2.0, north=12.0, east=5.0, body=body), p)
+    assert back.X == -inside.X
+    said = learned_drag.in_words(FittedValues({**vars(p), "more": 1.532}, {"more": (1.29, 1.77)}))
+    assert said == (
+        "drag that differs from place to place: 153 % (129–177 %) more within 8 m of N 10 m, E 5 m"
+    )
