@@ -21,7 +21,7 @@ from sim.effects.catalogue import named
 from sim.effects.effect import Parameter
 from sim.effects.learned_formula import ANGLE, RUDDER
 from sim.prediction.segments import NoUsableTimeError
-from sim.state import Floats, Pose, Water
+from sim.state import Floats, Pose, Water, Wrench
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import STD, sailed, sailed_with
 from tests.sim.vessels import RUDDER_BOAT
@@ -224,6 +224,28 @@ def test_water_that_differs_from_place_to_place_is_told_as_a_map() -> None:
     assert np.abs(now.east - true).mean() < 0.05
     assert np.abs(now.north).mean() < 0.05
     assert "water that flows differently from place to place" in found.summary
+
+
+@pytest.mark.slow
+def test_a_shoal_is_told_as_a_place_that_drags() -> None:
+    """A drag that fades as a bell from the middle of a shoal: no effect has it, nor any push."""
+
+    def force(flow: Flow, p: Any) -> Wrench:
+        near = np.exp(-((flow.north - 10.0) ** 2 + (flow.east - 5.0) ** 2) / 12.0**2)
+        return Wrench(
+            p.X_uuu * near * (flow.body.X_u + flow.body.X_uu * abs(flow.u)) * flow.u, 0, 0
+        )
+
+    shoal = replace(named("cubic_drag"), name="shoal", force=force)
+    trial = sailed_with(WAM_V.with_effects(AddedEffect(shoal, {"X_uuu": 2.0})), 300.0)
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_drag",)
+    filled = found.curve.vessel.effects[-1].values
+    assert np.hypot(filled["north"] - 10.0, filled["east"] - 5.0) < 2.0
+    assert filled["more"] == pytest.approx(2.0, rel=0.25)
+    assert " more within 1" in found.summary
 
 
 def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
