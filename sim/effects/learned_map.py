@@ -155,6 +155,7 @@ EFFECT = Effect(
     ),
     looks_like="differs from place to place, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
+    contains="learned_profile",
     tables=tables,
     over_map=over_map,
     in_words=in_words,

@@ -1,5 +1,6 @@
 """Vessels for the tests: one of every shape, and the two of the paper (FLU turned into FRD)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -130,6 +131,15 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "full": 100.0,
         "x": 0.0,
         **{f"h{i}{j}": -0.1 - 0.08 * i + 0.05 * j for i in range(4) for j in range(4)},
+    },
+    "learned_profile": {
+        "acts": 1.0,
+        "direction": 0.5 * math.pi,
+        "low": -5.0,
+        "high": 4.0,
+        "full": 100.0,
+        "x": 0.0,
+        **{f"{c}{k}": 0.05 * k - 0.2 * (c == "e") for c in "ne" for k in range(9)},
     },
     "payload_change": {"factor": 1.4, "time": 4.01},
     "steady_current": {"speed": 0.3, "direction": 1.2},
