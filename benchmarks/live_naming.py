@@ -1,11 +1,12 @@
 """Does a live gateway name what is wrong, rightly and soon?
 
-    python -m benchmarks.live_naming tuning|reporting [--cache DIR] [--seconds S]
+    python -m benchmarks.live_naming tuning|elsewhere|reporting|fresh [--cache DIR] [--seconds S]
 
 Voyages of the blind test's generator (`benchmarks.hidden`: physics that shares no code with `sim`),
 each with one cause that sets in on the way (compass and wind: from the beginning), or with none, or
-with one that is not among those that are named live. Numbers were chosen on `tuning`; the figures
-are those of `reporting`: other seeds, strengths, boats' courses. Printed: per kind how many were
+with one that is not among those that are named live. Numbers were chosen on `tuning` and
+`elsewhere`; the figures are those of `reporting` and of `fresh`, which nobody had seen when they were
+chosen: other seeds, strengths, directions and courses. Printed: per kind how many were
 called wrong, named rightly, within 60 s, and wrongly; per voyage every name that was told.
 
 The seconds of a voyage (what the live diagnosis reads) are kept in the cache, so that only the
@@ -46,7 +47,12 @@ PAIRS = (
     ("grebe", "survey"), ("teal", "wander"), ("wam-v", "excitation"), ("heron", "survey"),
     ("dory", "wander"), ("iacquabot", "circles"), ("grebe", "drills"), ("teal", "gentle"),
 )  # fmt: skip
-SETS = {"tuning": 11, "reporting": 12}  # first word of every seed
+ELSEWHERE = (  # the same boats on courses of other kinds
+    ("grebe", "wander"), ("teal", "survey"), ("wam-v", "drills"), ("heron", "wander"),
+    ("dory", "survey"), ("iacquabot", "excitation"), ("wam-v", "survey"), ("iacquabot", "wander"),
+)  # fmt: skip
+# first word of every seed
+SETS = {"tuning": 11, "reporting": 12, "elsewhere": 13, "fresh": 14}
 SOON_S = 60.0
 # which names are right for a kind; one that says less than it could is no wrong name
 RIGHT = {
@@ -57,7 +63,8 @@ RIGHT = {
 
 def cases(which: str) -> Iterator[Case]:
     """One voyage of each kind for every pair."""
-    for k, (boat, pilot) in enumerate(PAIRS):
+    pairs = ELSEWHERE if which == "elsewhere" else PAIRS
+    for k, (boat, pilot) in enumerate(pairs):
         dice = np.random.default_rng([SETS[which], k])
         seed = 1000 * SETS[which] + 10 * k
         flow = _thrown(dice, 0.25, 0.5)

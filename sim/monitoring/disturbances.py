@@ -52,6 +52,7 @@ MIN_SCORE_OTHER_NATS = 12.0  # by which a wandering force must beat all of them:
 MIN_CALM_SECONDS = 60  # before trouble, for the boat's own errors to be known
 MIN_NOISE = 0.01  # of the priors of b as forces: no estimate is perfect
 MAX_SILENCE_S = 600.0  # a longer silence counts as this long
+MIN_SHARE = 0.1  # of a thrust: of the difference that says what the thruster adds
 
 # standard deviations of b: share of the thrust full ahead; shares; rad
 BOAT_FORCE, BOAT_SCALES, BOAT_HEADING = 0.03, (0.08, 0.08, 0.1, 0.1, 0.1), 0.03
@@ -249,10 +250,36 @@ class DisturbanceEstimator:
         return after, Balance.of(F)
 
     def _balances(self, estimate: DisturbanceEstimate, second: SecondMeans) -> Floats:
-        """Balances (10, 3) that the laws take, where the estimate stands."""
+        """Balances (10 + T, 3) that the laws take, where the estimate stands."""
         current = estimate.means[WATER, BOAT_ERRORS : BOAT_ERRORS + 2]
         off = float(estimate.means[self.compass, BOAT_ERRORS])
-        return balances_at(self.model, second, current, off)
+        laws, shares = self.all.laws, estimate.means[:, BOAT_ERRORS]
+        thrust = [share for share, law in zip(shares, laws, strict=True) if law is Law.THRUST]
+        balances = balances_at(self.model, second, current, off)
+        return np.concatenate([balances, self.thrusts(second, np.array(thrust))])
+
+    def thrusts(self, second: SecondMeans, shares: Floats) -> Floats:
+        """What each thruster adds per share of its thrust too much, about `shares` (T,): (T, 3).
+
+        By the vessel's balance with and without that share: a thruster may be steered, and lose its
+        push through the water, and a rudder may stand in its stream.
+        """
+        model, row, time = self.model, second.motion[None], np.array([second.time])
+        commands, out = second.mean_commands[None], np.zeros((len(shares), 3))
+        before, _ = model.missing_force(row, time, commands, commands)
+        for i, share in enumerate(np.where(np.abs(shares) < MIN_SHARE, -MIN_SHARE, shares)):
+            theta = model.theta.copy()
+            theta[self.thrust_numbers[i]] *= 1.0 + share
+            changed, _ = model.missing_force(row, time, commands, commands, theta=theta)
+            out[i] = (before[0] - changed[0]) / share
+        return out
+
+    @cached_property
+    def thrust_numbers(self) -> Ints:
+        """Columns of theta with the thrust of each thruster, ahead and astern: (T, 2)."""
+        names, each = self.model.names, self.model.vessel.thrusters
+        found = [[names.index(f"{t.name}.{end}") for end in ("ahead", "astern")] for t in each]
+        return np.array(found, np.int64).reshape(-1, 2)
 
     def measured(
         self, estimate: DisturbanceEstimate, second: SecondMeans, f: int
@@ -288,4 +315,4 @@ NO_BALANCES = np.zeros((0, 3))
 
 def _second(second: SecondMeans) -> tuple[Floats, ...]:
     """What the laws take of a second."""
-    return second.motion, second.commanded, second.mean_commands
+    return second.motion, second.commanded

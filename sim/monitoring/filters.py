@@ -136,7 +136,7 @@ def advance_filters(
     every     `which`, `prior`, `walk_s` of `Explanations`
     filters   `means`, `covariances`, `ratios`, `scores` of `DisturbanceEstimate`
     measured  missing force (3,), its variance (3,)
-    second    motion, commanded, mean commands; hull, F as `linearise` takes them
+    second    motion, commanded; hull, F as `linearise` takes them
     noise     (3,) follows what the best of them leaves
     """
     which, prior, walk_s = every

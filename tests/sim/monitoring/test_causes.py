@@ -16,17 +16,13 @@ from sim.monitoring.filters import noise_after
 from sim.state import Floats
 from sim.wind import AIR_DENSITY
 from tests.sim.monitoring.live_seconds import seconds
+from tests.sim.vessels import RUDDER_BOAT, STEERED_BOAT
 from tests.sim.voyages import WAM_V
 
 HALF_PI = 0.5 * np.pi
 BARE = np.array([0.0, 0.0, 5.0, 50.0])  # of the wind: no areas
 AREAS = np.array([0.8, 1.6, 5.0, 144.0])
-CURVE = np.array([[-1.0, -1.0], [-0.1, 0.0], [0.1, 0.0], [1.0, 1.0], [1.0, 1.0]])
-HULL = Hull(
-    np.array([-10.0, -20.0, -30.0, -40.0, -50.0, -60.0]), BARE,
-    np.array([[-1.0, -0.7, 0.0, -80.0, 90.0], [-1.0, 0.7, HALF_PI, -80.0, 90.0]]),
-    np.array([CURVE, CURVE]),
-)  # fmt: skip
+HULL = Hull(np.array([-10.0, -20.0, -30.0, -40.0, -50.0, -60.0]), BARE)
 
 
 def in_python(function: Any) -> Any:
@@ -90,27 +86,47 @@ def test_motions_in_water_that_moves_and_a_step_from_it_and_under_a_compass_that
     np.testing.assert_allclose(out[-1] - quarter, causes.STEP_RAD * turn, atol=2e-6)
 
 
-@pytest.mark.parametrize(
-    ("command", "share"),
-    [(-1.5, -1.0), (-1.0, -1.0), (-0.55, -0.5), (0.0, 0.0), (0.1, 0.0), (0.55, 0.5), (1.0, 1.0),
-     (1.5, 1.0)],
-)  # fmt: skip
-def test_a_share_of_thrust_lies_on_the_line_between_two_points(
-    command: float, share: float
-) -> None:
-    assert in_python(causes.share_of_thrust)(command, CURVE) == pytest.approx(share)
+def lost(estimator: DisturbanceEstimator, second: SecondMeans, share: float) -> Floats:
+    """What a thruster that gives that much too much adds: (3,)."""
+    f = estimator.all.laws.index(Law.THRUST)
+    estimate = estimator.start()
+    estimate.means[f, BOAT_ERRORS] = share
+    found = estimator.measured(estimate, second, f)
+    np.testing.assert_allclose(found.force, share * found.slope[:, 0])
+    return found.force
 
 
 def test_a_thruster_pushes_along_its_azimuth_where_it_sits(plain: DisturbanceEstimator) -> None:
     """Too much of the port one at 0.4 of its thrust pushes ahead and to starboard."""
-    second = replace(next(seconds(1)), mean_commands=np.array([0.4, 0.0]))
-    which = plain.all.which[plain.all.laws.index(Law.THRUST)]
-    found = plain.linearised(which, np.array([0.5]), second, np.zeros((WITH_COMPASS, 3)))
-    np.testing.assert_allclose(found.slope[:, 0], [36.0, 0.0, 0.7 * 36.0])
-    np.testing.assert_allclose(found.force, 0.5 * found.slope[:, 0])
-    astern = replace(second, mean_commands=np.array([-0.4, 0.0]))
-    found = plain.linearised(which, np.array([0.5]), astern, np.zeros((WITH_COMPASS, 3)))
-    np.testing.assert_allclose(found.slope[:, 0], [-34.0, 0.0, 0.7 * -34.0])
+    for command, newton in ((0.4, 36.0), (-0.4, -34.0)):
+        second = replace(next(seconds(1)), mean_commands=np.array([command, 0.0]))
+        for share in (0.5, -0.5, 0.01):
+            expected = share * newton * np.array([1.0, 0.0, 0.7])
+            np.testing.assert_allclose(lost(plain, second, share), expected, atol=1e-9)
+
+
+def test_a_motor_that_is_steered_loses_its_thrust_where_it_points() -> None:
+    """Quadratic, 120 N at full, a metre behind: at half throttle and 0.3 rad of helm."""
+    steered = DisturbanceEstimator.of(Model.of(STEERED_BOAT))
+    second = replace(next(seconds(1)), mean_commands=np.array([0.5, 0.5]))
+    X, Y = 30.0 * np.cos(0.3), -30.0 * np.sin(0.3)
+    np.testing.assert_allclose(lost(steered, second, -0.6), -0.6 * np.array([X, Y, -Y]))
+
+
+def test_a_rudder_feels_the_stream_that_a_weak_propeller_does_not_make() -> None:
+    """The blade at u + slipstream by hand (Yasukawa and Yoshimura), without a drift."""
+    estimator = DisturbanceEstimator.of(Model.of(RUDDER_BOAT))
+    motion = np.array([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    second = replace(next(seconds(1)), motion=motion, mean_commands=np.array([0.5, 0.5]))
+
+    def pushed(thrust: float) -> Floats:
+        squared = 1.5**2 + 2.0 * thrust / (1000.0 * 0.25 * np.pi * 0.02 * 1.5)
+        slope = 6.13 * 1.5 / (1.5 + 2.25)
+        normal = 500.0 * 0.02 * slope * np.sin(0.3) * squared
+        X, Y = -normal * np.sin(0.3), -normal * np.cos(0.3)
+        return np.array([thrust + X, Y, -1.2 * Y])
+
+    np.testing.assert_allclose(lost(estimator, second, -0.6), pushed(12.0) - pushed(30.0))
 
 
 def test_air_pushes_as_its_areas_say_and_without_them_as_a_force_in_the_world() -> None:
@@ -168,7 +184,6 @@ def test_what_a_boat_may_be_off_by_follows_its_size(plain: DisturbanceEstimator)
 def test_what_a_hull_is_goes_into_the_laws(plain: DisturbanceEstimator) -> None:
     hull = hull_of(WAM_V, plain.air)
     np.testing.assert_allclose(hull.damping, [-26.6, -35.9, -36.4, -27.4, -99.2, -10.6])
-    np.testing.assert_allclose(hull.thrusters[1], [-0.7, 0.7, 0.0, -85.0, 90.0])
 
 
 def test_noise_follows_what_is_left_within_limits() -> None:
