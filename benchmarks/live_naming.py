@@ -5,8 +5,8 @@
 Voyages of the blind test's generator (`benchmarks.hidden`: physics that shares no code with `sim`),
 each with one cause that sets in on the way (compass and wind: from the beginning), or with none, or
 with one that is not among those that are named live. Numbers were chosen on `tuning` and
-`elsewhere`; the figures are those of `reporting` and of `fresh`, which nobody had seen when they were
-chosen: other seeds, strengths, directions and courses. Printed: per kind how many were
+`elsewhere` (other courses); the figures are those of `reporting` and of `fresh`, which nobody had
+seen when they were chosen: other seeds, strengths and directions. Printed: per kind how many were
 called wrong, named rightly, within 60 s, and wrongly; per voyage every name that was told.
 
 The seconds of a voyage (what the live diagnosis reads) are kept in the cache, so that only the
@@ -197,7 +197,7 @@ def name_of(alarm: Alarm) -> str:
     if alarm.cause.value == "none":
         return "" if alarm.too_early else "none of these"
     if alarm.cause.value == "several":
-        return " or ".join(kind.value for kind in alarm.estimate.likely)
+        return " or ".join(kind.value for kind in alarm.likely)
     return alarm.cause.value
 
 
