@@ -195,8 +195,9 @@ class Alarm:
 
     @cached_property
     def cause(self) -> Cause:
-        """What explains the missing force, with its doubts on few headings."""
-        return Cause.NOTHING if self.just_begun else self.estimate.cause_of(self.likely)
+        """What explains the missing force, with its doubts; nothing while the model is right."""
+        right = not np.isfinite(self.misfit.since)
+        return Cause.NOTHING if right or self.just_begun else self.estimate.cause_of(self.likely)
 
     @cached_property
     def likely(self) -> tuple[Cause, ...]:

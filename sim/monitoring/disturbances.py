@@ -129,7 +129,7 @@ class DisturbanceEstimate:
         """Whether all of them hold finite numbers."""
         return bool(np.isfinite(self.means).all())
 
-    @property
+    @cached_property
     def named(self) -> list[tuple[float, Cause, int]]:
         """Score, cause and number of each explanation, the one that predicts best first."""
         scores, laws = self.scores.tolist(), self.all.laws
@@ -140,7 +140,7 @@ class DisturbanceEstimate:
         """The filter of that cause which predicts best."""
         return self.filter(next(f for _, kind, f in self.named if kind is cause))
 
-    @property
+    @cached_property
     def likely(self) -> tuple[Cause, ...]:
         """Causes that explain the missing force about as well as the best; none where none does."""
         every = self.named
@@ -163,8 +163,7 @@ class DisturbanceEstimate:
     def likely_on(self, few_headings: bool) -> tuple[Cause, ...]:
         """`likely`; on few headings water goes with air, unless one of them does far better."""
         likely, pair = self.likely, (Cause.CURRENT, Cause.WIND)
-        score = {kind: max(s for s, k, _ in self.named if k is kind) for kind in pair}
-        apart = abs(score[Cause.CURRENT] - score[Cause.WIND]) >= MIN_SCORE_APART_NATS
+        apart = abs(float(self.scores[WATER] - self.scores[AIR])) >= MIN_SCORE_APART_NATS
         if not few_headings or apart or set(pair).isdisjoint(likely):
             return likely
         return tuple(dict.fromkeys([*likely, *pair]))

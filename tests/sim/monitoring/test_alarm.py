@@ -25,7 +25,7 @@ from sim.monitoring.alarm import (
     regimes_at,
 )
 from sim.monitoring.causes import Law
-from sim.monitoring.consistency import WRONG_ABOVE
+from sim.monitoring.consistency import WRONG_ABOVE, Misfit
 from sim.monitoring.disturbances import Cause, DisturbanceEstimator
 from tests.sim.monitoring.live_seconds import seconds
 from tests.sim.voyages import WAM_V
@@ -115,16 +115,19 @@ def test_an_explanation_is_told_when_it_has_lasted_and_the_last_one_is_long_ago_
     assert alarm._has_news(news_from)
 
 
-def test_no_cause_is_named_in_the_first_seconds_of_trouble(
-    estimator: DisturbanceEstimator,
+@pytest.mark.parametrize(
+    ("time", "since", "cause"),
+    [(111.9, 101.0, Cause.NOTHING), (112.0, 101.0, Cause.DRAG), (112.0, np.inf, Cause.NOTHING)],
+)
+def test_no_cause_is_named_in_the_first_seconds_of_trouble_nor_without_any(
+    estimator: DisturbanceEstimator, time: float, since: float, cause: Cause
 ) -> None:
     alarm = Alarm.start(estimator)
     sure = alarm.estimate.scores.copy()
     sure[estimator.all.laws.index(Law.DRAG)] = 50.0
     means = alarm.estimate.means + 10.0 * estimator.all.prior
-    for time, cause in ((111.9, Cause.NOTHING), (112.0, Cause.DRAG)):
-        estimate = replace(alarm.estimate, scores=sure, means=means, time=time, opened=100.0)
-        assert replace(alarm, estimate=estimate).cause is cause
+    estimate = replace(alarm.estimate, scores=sure, means=means, time=time, opened=100.0)
+    assert replace(alarm, estimate=estimate, misfit=Misfit(since=since)).cause is cause
 
 
 @pytest.mark.parametrize("late", [0, 1, 3, 4])
