@@ -130,6 +130,36 @@ def test_no_cause_is_named_in_the_first_seconds_of_trouble_nor_without_any(
     assert replace(alarm, estimate=estimate, misfit=Misfit(since=since)).cause is cause
 
 
+def in_trouble(estimator: DisturbanceEstimator, headings: int, **nats: float) -> Alarm:
+    """Since a minute, on so many headings, with scores of laws over the boat's own errors."""
+    alarm, count = Alarm.start(estimator), len(ErrorByRegime.start().seconds)
+    scores = np.array([nats.get(law.name.lower(), 0.0) for law in estimator.all.laws])
+    means = alarm.estimate.means + 10.0 * estimator.all.prior
+    estimate = replace(alarm.estimate, scores=scores, means=means, time=160.0, opened=100.0)
+    errors = ErrorByRegime(np.zeros(count), np.where(np.arange(count) < headings, 10.0, 0.0))
+    return replace(alarm, estimate=estimate, misfit=Misfit(since=101.0), errors=errors)
+
+
+@pytest.mark.parametrize(
+    ("headings", "nats", "cause", "says"),
+    [
+        (2, {"current": 30.0, "wind": 18.0}, Cause.EITHER, r"looks like current or wind \("),
+        (3, {"current": 30.0, "wind": 18.0}, Cause.CURRENT, r"looks like [\d.]+ m/s of current"),
+        (2, {"current": 30.0, "wind": 12.0}, Cause.CURRENT, r"looks like [\d.]+ m/s of current"),
+        (2, {"drag": 30.0, "current": 28.0, "wind": 18.0}, Cause.SEVERAL,
+         r"looks like 8\d\d % more drag ahead or .* of current .* as of wind: turns"),
+        (3, {"drag": 30.0, "current": 28.0, "wind": 18.0}, Cause.SEVERAL,
+         r"looks like 8\d\d % more drag ahead or [\d.]+ m/s of current towards \d+°: turns"),
+    ],
+)  # fmt: skip
+def test_on_few_headings_a_current_is_told_beside_a_wind_that_does_not_do_far_worse(
+    estimator: DisturbanceEstimator, headings: int, nats: dict[str, float], cause: Cause, says: str
+) -> None:
+    alarm = in_trouble(estimator, headings, **nats)
+    assert alarm.cause is cause
+    assert re.search(says, event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now"))
+
+
 @pytest.mark.parametrize("late", [0, 1, 3, 4])
 @pytest.mark.parametrize("thrust", [-0.5, 0.6])
 def test_trouble_begins_where_it_set_in_not_where_it_was_noticed(
