@@ -148,7 +148,7 @@ def line(case: Case, found: Heard) -> str:
     wrong = _first(found, lambda h: h.kind == "model_wrong")
     wanted = {"current": "of current towards", "sets in": "of current towards", "wind": "of wind"}
     words = wanted.get(case.kind)
-    told = _first(found, lambda h: words is not None and f"looks like {words}" in _bare(h.says))
+    told = _first(found, lambda h: words is not None and f"looks like {words}" in _bare(h.text))
     outlook = found.lookout.alarm.estimate
     row = f"{case.kind:9}{case.boat:10}{case.pilot:11}{_s(wrong, case)}{_s(told, case)}"
     if words is None:

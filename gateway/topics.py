@@ -203,7 +203,7 @@ def _surroundings() -> tuple[Field, ...]:
         ("force", "n", "force of the air on the boat as it lies, if that is what is missing"),
     )
     misfit = "squared prediction errors over what noise explains, running mean; about 1 or less"
-    text = "what would explain what the model lacks, as far as headings and speeds so far tell"
+    text = "what explains that the model is wrong, as far as headings and speeds so far tell"
     explains = Field("explains", "", text, FieldType.STRING, EXPLANATIONS)
     return (*outside, Field("misfit", "", f"{misfit}: the model is right"), explains)
 

@@ -31,15 +31,16 @@ from sim.state import Floats, Nu
 # Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
 # benchmarks/results/live_naming.md.
 WATCHED_HORIZONS_S = (5, 10)  # of the predictions that are compared
-STEADY_S = 10.0  # an explanation must last that long
+ONSET_S = WATCHED_HORIZONS_S[0]  # the first prediction that ends badly began so long ago
+STEADY_S = 6.0  # an explanation must last that long
 MIN_INTERVAL_S = 60.0  # between two explanations that are reported
-MIN_DOUBT_INTERVAL_S = 20.0  # the same after one that left it open
+MIN_DOUBT_INTERVAL_S = 10.0  # the same after one that left it open
 DOUBTS = (Cause.NOTHING, Cause.EITHER, Cause.SEVERAL, Cause.OTHER)
 MIN_CHANGE = 0.5  # of the disturbance that was reported, and …
 MIN_CHANGE_SIGMAS = 4.0  # … of its present standard deviation: it is reported again
-MIN_TROUBLE_S = 15.0  # before any explanation of it
+MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
-FEW_HEADINGS = 2  # on so few, water and air are not told apart
+FEW_HEADINGS = 2  # on so few, water and air are hard to tell apart
 # Where the model is wrong
 REGIME_MEMORY_S = 300.0
 MIN_REGIME_S = 5.0  # in a bin, before it is named
@@ -131,6 +132,7 @@ class Alarm:
 
     explanation  of the last seconds, and since when it has been the same
     reported     explanation that was reported last, its disturbance (2,), and when one was
+    before       the last seconds, `ONSET_S` and one, oldest first, each with the estimate before it
     """
 
     estimate: DisturbanceEstimate
@@ -141,6 +143,7 @@ class Alarm:
     reported: tuple[Cause, bool] = (Cause.NOTHING, False)
     reported_disturbance: Floats | None = None
     reported_at: float = -np.inf
+    before: tuple[tuple[DisturbanceEstimate, SecondMeans], ...] = ()
 
     @classmethod
     def start(cls, estimator: DisturbanceEstimator) -> "Alarm":
@@ -171,6 +174,7 @@ class Alarm:
     def _after(self, estimator: DisturbanceEstimator, second: SecondMeans) -> "Alarm | None":
         """The state after one more second; None where it holds no finite numbers."""
         estimate, balance = estimator.observe(self.estimate, second)
+        before = (*self.before, (self.estimate, second))[-ONSET_S - 1 :]
         if not (estimate.finite and np.isfinite(balance.system_matrix).all()):
             return None
         misfit, errors = self.misfit.observe(second, balance, WATCHED_HORIZONS_S), self.errors
@@ -178,8 +182,8 @@ class Alarm:
             ahead = sum(t.thrust[1] for t in estimator.model.vessel.thrusters)
             errors = errors.observe(second, misfit.z, ahead)
         if np.isfinite(misfit.since) and not np.isfinite(self.misfit.since):
-            estimate = estimator.reopened(estimate, second.time)
-        now = replace(self, estimate=estimate, misfit=misfit, errors=errors)
+            estimate = _since_onset(estimator, before)
+        now = replace(self, estimate=estimate, misfit=misfit, errors=errors, before=before)
         explanation = now.cause, now.cause is Cause.NOTHING and not now.too_early
         if explanation == self.explanation:
             return now
@@ -187,21 +191,22 @@ class Alarm:
 
     def after_gap(self) -> "Alarm":
         """The estimate jumped or fell silent."""
-        return replace(self, misfit=self.misfit.after_gap())
+        return replace(self, misfit=self.misfit.after_gap(), before=())
 
     @cached_property
     def cause(self) -> Cause:
-        """What explains the missing force, with its doubts on few headings."""
-        cause = self.estimate.cause
-        if self.just_begun:
-            return Cause.NOTHING
-        if self.few_headings and cause in (Cause.CURRENT, Cause.WIND):
-            return Cause.EITHER
-        return cause
+        """What explains the missing force, with its doubts; nothing while the model is right."""
+        right = not np.isfinite(self.misfit.since)
+        return Cause.NOTHING if right or self.just_begun else self.estimate.cause_of(self.likely)
+
+    @cached_property
+    def likely(self) -> tuple[Cause, ...]:
+        """Causes that explain it about as well as the best."""
+        return self.estimate.likely_on(self.few_headings)
 
     @cached_property
     def few_headings(self) -> bool:
-        """Whether these are too few to tell water, air and the boat itself apart."""
+        """Whether water and air are hard to tell apart on so few."""
         return self.errors.headings <= FEW_HEADINGS
 
     @property
@@ -245,6 +250,24 @@ class Alarm:
         return far and float(np.linalg.norm(change)) > MIN_CHANGE * size
 
 
+def _since_onset(
+    estimator: DisturbanceEstimator, seconds: tuple[tuple[DisturbanceEstimate, SecondMeans], ...]
+) -> DisturbanceEstimate:
+    """The explanations, begun anew before one of those seconds, after all of them.
+
+    Predictions that end badly tell late of what set in on their way: meanwhile the boat's own
+    errors have learnt some of it, and what it did first is the best evidence of all. It set in
+    where the boat alone until then, and the best explanation from then on, predict best.
+    """
+    candidates = []
+    for k, (before, first) in enumerate(seconds):
+        estimate = estimator.reopened(before, first.time)
+        for _, second in seconds[k:]:
+            estimate, _ = estimator.observe(estimate, second)
+        candidates.append((float(before.boat.score + estimate.scores.max()), estimate))
+    return max(candidates, key=lambda one: one[0])[1]
+
+
 def event_text(event: ModelEvent, alarm: Alarm, air: WindModel, since: str) -> str:
     """An event in one sentence; `since` is when it began, as people say it."""
     if event is ModelEvent.RIGHT:
@@ -264,7 +287,7 @@ def _cause_text(alarm: Alarm, air: WindModel) -> str:
         case Cause.EITHER:
             return f"looks like current or wind ({current}, or {wind}): other headings tell"
         case Cause.SEVERAL:
-            several = " or ".join(_kind_text(kind, estimate, air) for kind in estimate.likely)
+            several = " or ".join(_kind_text(kind, estimate, air) for kind in alarm.likely)
             return f"looks like {several}: turns, other headings and speeds tell"
         case Cause.NOTHING if alarm.too_early:
             return "too little seen so far to tell what it looks like"

@@ -3,15 +3,16 @@
     nothing      0
     current      F(ν) − F(ν − c)                c of the water, north and east [m/s]
     wind         w(ψ, ν; g)                     g of the air, north and east
-    thruster i   s τ_i                          s share of its thrust that it has too much
+    thruster i   F(ν; T_i) − F(ν; (1 + s) T_i)  s share of its thrust that it has too much
     compass      F(ν) − F(R(δ) ν)               δ reported − true heading [rad]
     drag         s (X_u + X_u|u| |u|) u         s growth of the damping ahead
     anything     w                              a force on the hull, wandering: [N, N, N m]
 
 beside the small errors of a model that is right (`write_boat_errors`). `F` is the balance of the
-vessel, τ_i the force of thruster i as commanded (mean of the second, static curve). The last one is
-not a cause but what a named one has to beat: where it predicts better than all of them, none of
-them is it.
+vessel, T_i the thrust of thruster i ahead and astern, at the mean commands of the second: what a
+thruster gives less turns with a motor that is steered, and is missing in the stream that meets a
+rudder behind it. The last one is not a cause but what a named one has to beat: where it predicts
+better than all of them, none of them is it.
 
 A steady current is a frame that moves: the boat meets the water with ν − c and ν̇ − ċ, where
 c = (u_c, v_c, 0) and ċ = (r v_c, −r u_c, 0). Slopes of F are one-sided differences. Memory of
@@ -30,8 +31,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.actuators import axis_of, thrust_at, thruster_force
-from sim.body import ThrusterParameters
 from sim.kernel.compiled import compiled
 from sim.state import Floats, to_body, to_world
 from sim.wind import AIR_DENSITY, C_N, C_X, C_Y
@@ -63,16 +62,12 @@ NOTHING, CURRENT, WIND, THRUST, COMPASS, DRAG, ANYTHING = map(int, Law)
 class Hull(NamedTuple):
     """Numbers of a vessel that the laws take.
 
-    damping    (6,)       X_u, X_uu, Y_v, Y_vv, N_r, N_rr
-    wind       (4,)       areas in front and at the side [m²], length [m]; prior of g
-    thrusters  (T, 5)     x, y [m], azimuth [rad], thrust astern and ahead [N]
-    curves     (T, M, 2)  points of command and share of the thrust, the last one repeated
+    damping  (6,)  X_u, X_uu, Y_v, Y_vv, N_r, N_rr
+    wind     (4,)  areas in front and at the side [m²], length [m]; prior of g
     """
 
     damping: Floats
     wind: Floats
-    thrusters: Floats
-    curves: Floats
 
 
 @compiled
@@ -206,29 +201,6 @@ def write_wind_slope(g: Floats, motion: Floats, wind: Floats, out: Floats, at: i
 
 
 @compiled
-def share_of_thrust(command: float, curve: Floats) -> float:
-    """Points (M, 2) of a curve -> the share at a command, on the line between two of them."""
-    if command <= curve[0, 0]:
-        return curve[0, 1]
-    for k in range(1, len(curve)):
-        if command < curve[k, 0]:
-            rise = (curve[k, 1] - curve[k - 1, 1]) / (curve[k, 0] - curve[k - 1, 0])
-            return curve[k - 1, 1] + rise * (command - curve[k - 1, 0])
-    return curve[len(curve) - 1, 1]
-
-
-@compiled
-def write_thrust(i: int, command: float, hull: Hull, out: Floats, at: int) -> None:
-    """τ_i of the static curve at a command -> column `at` (3, 1)."""
-    t = hull.thrusters[i]
-    drive = ThrusterParameters(0.0, t[0], t[1], t[2], t[3], t[4], 1.0)
-    thrust = thrust_at(command, share_of_thrust(command, hull.curves[i]), drive)
-    force = thruster_force(thrust, axis_of(drive.azimuth), drive)
-    for a in range(3):
-        out[a, at] = force[a]
-
-
-@compiled
 def linearise(
     law: int, index: int, o: Floats, second: tuple[Floats, ...], hull: Hull, F: Floats,
     force: Floats, H: Floats,
@@ -236,10 +208,11 @@ def linearise(
     """A cause of size o at one second -> what it adds (3,), and H = [B ∂h/∂o] (3, >= 10 + len(o)).
 
     index   of the thruster
-    second  motion (9,), commanded (3,), mean commands (na,), as in `SecondMeans`
-    F       (10, 3) balances of the motions of `write_motions`
+    second  motion (9,), commanded (3,), as in `SecondMeans`
+    F       (10 + T, 3) balances of the motions of `write_motions`; then of each thruster what all
+            of its thrust more would add, at its present share
     """
-    motion, commanded, commands = second
+    motion, commanded = second
     u, v, at = motion[3], motion[4], BOAT_ERRORS
     if law == CURRENT:
         u_c, v_c = to_body(o[0], o[1], motion[2])
@@ -258,7 +231,8 @@ def linearise(
         turned = F[BALANCES]
         w = (F[0, 0] - turned[0], F[0, 1] - turned[1], F[0, 2] - turned[2])
     elif law == THRUST:
-        write_thrust(index, commands[index], hull, H, at)
+        for a in range(3):
+            H[a, at] = F[WITH_COMPASS + index, a]
         w = (H[0, at] * o[0], H[1, at] * o[0], H[2, at] * o[0])
     elif law == DRAG:
         H[0, at], H[1, at], H[2, at] = H[0, 5], 0.0, 0.0

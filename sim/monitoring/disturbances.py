@@ -19,10 +19,12 @@ Each explanation is an extended Kalman filter of x = (b, o), o the disturbance (
     score ← score e^(−dt/T) − ½ (mᵀ S⁻¹ m + ln |S|) / 1.5
 
 The score is how well each second was predicted. Consecutive seconds are more alike than R says:
-three count as two. When trouble begins (`reopened`) all start anew with the boat as it was known
-before: what set in halfway has not been near zero for long. A named explanation has to beat the
-boat itself and all other named ones; where a force that wanders freely beats them all by far, it is
-none of these. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
+three count as two, and R follows what the best explanation leaves (`sim.monitoring.filters`). When
+trouble begins (`reopened`) all start anew with the boat as it was known before: what set in halfway
+has not been near zero for long. A named explanation has to beat the boat itself and all other named
+ones; where a force that wanders freely beats them all by far, it is none of these. On few headings
+water and air push alike: there one of them has to beat the other by far.
+Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and
 Navigation, 2001, §5.4 and §11.6 (multiple models); Joseph's form of the covariance.
 """
 
@@ -37,6 +39,7 @@ from sim.monitoring import Balance, SecondMeans, WindModel, balances_at
 from sim.monitoring.causes import BOAT_ERRORS, Hull, Law
 from sim.monitoring.explanations import Explanations, explanations, hull_of
 from sim.monitoring.filters import (
+    NOISE_START,
     DisturbanceFilter,
     MeasurementModel,
     advance_filters,
@@ -44,14 +47,16 @@ from sim.monitoring.filters import (
 )
 from sim.state import Floats, Ints
 
-# Chosen; together they give benchmarks/results/live_diagnosis.md: no event on six complete vessels,
-# a current named in half a minute to two minutes, to 0.05 m/s and 10 degrees.
-MIN_SCORE_NATS = 8.0  # by which an explanation must beat the boat itself …
+# Chosen on the tuning voyages of benchmarks/live_naming.py; what they give on others:
+# benchmarks/results/live_naming.md, and for the estimates live_diagnosis.md.
+MIN_SCORE_NATS = 10.0  # by which an explanation must beat the boat itself …
 MIN_SCORE_BETWEEN_NATS = 5.0  # … and each other one
+MIN_SCORE_APART_NATS = 15.0  # of water and air on few headings, by which one must beat the other
 MIN_SCORE_OTHER_NATS = 12.0  # by which a wandering force must beat all of them: none of these
 MIN_CALM_SECONDS = 60  # before trouble, for the boat's own errors to be known
 MIN_NOISE = 0.01  # of the priors of b as forces: no estimate is perfect
 MAX_SILENCE_S = 600.0  # a longer silence counts as this long
+MIN_SHARE = 0.1  # of a thrust: of the difference that says what the thruster adds
 
 # standard deviations of b: share of the thrust full ahead; shares; rad
 BOAT_FORCE, BOAT_SCALES, BOAT_HEADING = 0.03, (0.08, 0.08, 0.1, 0.1, 0.1), 0.03
@@ -81,15 +86,15 @@ CAUSE_OF = {
 class DisturbanceEstimate:
     """The explanations after `count` seconds; noise (3,): variance of e over the stated.
 
-    means (F, N), covariances (F, N, N), ratios (F, 3), scores (F,) of all filters: the boat's own
-    errors alone, then current, wind and the causes aboard
+    means (F, N), covariances (F, N, N), innovations (F, 3), scores (F,) of all filters: the boat's
+    own errors alone, then current, wind and the causes aboard
     opened   when trouble began, and all explanations with it [s]; −inf: from the beginning
     """
 
     all: Explanations
     means: Floats
     covariances: Floats
-    ratios: Floats
+    innovations: Floats
     scores: Floats
     noise: Floats
     time: float = -np.inf
@@ -100,8 +105,8 @@ class DisturbanceEstimate:
         """One of them, with views into the tables."""
         n = int(self.all.which[f, 2])
         return DisturbanceFilter(
-            self.all.prior[f, :n], self.means[f, :n], self.covariances[f, :n, :n], self.ratios[f],
-            self.all.walk_s[f, :n], float(self.scores[f]),
+            self.all.prior[f, :n], self.means[f, :n], self.covariances[f, :n, :n],
+            self.innovations[f], self.all.walk_s[f, :n], float(self.scores[f]),
         )  # fmt: skip
 
     @property
@@ -124,7 +129,7 @@ class DisturbanceEstimate:
         """Whether all of them hold finite numbers."""
         return bool(np.isfinite(self.means).all())
 
-    @property
+    @cached_property
     def named(self) -> list[tuple[float, Cause, int]]:
         """Score, cause and number of each explanation, the one that predicts best first."""
         scores, laws = self.scores.tolist(), self.all.laws
@@ -135,7 +140,7 @@ class DisturbanceEstimate:
         """The filter of that cause which predicts best."""
         return self.filter(next(f for _, kind, f in self.named if kind is cause))
 
-    @property
+    @cached_property
     def likely(self) -> tuple[Cause, ...]:
         """Causes that explain the missing force about as well as the best; none where none does."""
         every = self.named
@@ -147,13 +152,24 @@ class DisturbanceEstimate:
         if other - best >= MIN_SCORE_OTHER_NATS:
             return (Cause.OTHER,)
         near = [kind for score, kind in named if best - score < MIN_SCORE_BETWEEN_NATS]
-        doubt = [Cause.OTHER] if other - best >= MIN_SCORE_BETWEEN_NATS else []
+        doubt = [Cause.OTHER] if other > best else []
         return tuple(dict.fromkeys([*near, *doubt]))
 
     @cached_property
     def cause(self) -> Cause:
         """What explains the missing force best, as far as these seconds tell."""
-        likely = self.likely
+        return self.cause_of(self.likely)
+
+    def likely_on(self, few_headings: bool) -> tuple[Cause, ...]:
+        """`likely`; on few headings water goes with air, unless one of them does far better."""
+        likely, pair = self.likely, (Cause.CURRENT, Cause.WIND)
+        apart = abs(float(self.scores[WATER] - self.scores[AIR])) >= MIN_SCORE_APART_NATS
+        if not few_headings or apart or set(pair).isdisjoint(likely):
+            return likely
+        return tuple(dict.fromkeys([*likely, *pair]))
+
+    def cause_of(self, likely: tuple[Cause, ...]) -> Cause:
+        """One word for the likely causes."""
         if not likely:
             return Cause.NOTHING
         if set(likely) == {Cause.CURRENT, Cause.WIND}:
@@ -207,8 +223,8 @@ class DisturbanceEstimator:
         covariances = np.stack([np.diag(one**2) for one in prior])
         count = len(prior)
         return DisturbanceEstimate(
-            self.all, np.zeros_like(prior), covariances, np.ones((count, 3)), np.zeros(count),
-            np.ones(3),
+            self.all, np.zeros_like(prior), covariances, np.zeros((count, 3)), np.zeros(count),
+            np.full(3, NOISE_START),
         )  # fmt: skip
 
     def reopened(self, estimate: DisturbanceEstimate, time: float) -> DisturbanceEstimate:
@@ -234,25 +250,51 @@ class DisturbanceEstimator:
         silence = max(second.time - estimate.time, 0.0)
         dt = min(silence, MAX_SILENCE_S) if estimate.count else 0.0
         means, covariances = estimate.means.copy(), estimate.covariances.copy()
-        ratios, scores = np.empty_like(estimate.ratios), estimate.scores.copy()
+        innovations, scores = estimate.innovations.copy(), estimate.scores.copy()
         noise = estimate.noise.copy()
         advance_filters(
             (self.all.which, self.all.prior, self.all.walk_s),
-            (means, covariances, ratios, scores),
+            (means, covariances, innovations, scores),
             (second.missing, self.variance(second, noise)),
-            _second(second), tuple(self.hull), F, dt, noise,
+            _second(second), tuple(self.hull), F, dt, estimate.count, noise,
         )  # fmt: skip
         after = DisturbanceEstimate(
-            self.all, means, covariances, ratios, scores, noise, second.time, estimate.count + 1,
-            estimate.opened,
+            self.all, means, covariances, innovations, scores, noise, second.time,
+            estimate.count + 1, estimate.opened,
         )  # fmt: skip
         return after, Balance.of(F)
 
     def _balances(self, estimate: DisturbanceEstimate, second: SecondMeans) -> Floats:
-        """Balances (10, 3) that the laws take, where the estimate stands."""
+        """Balances (10 + T, 3) that the laws take, where the estimate stands."""
         current = estimate.means[WATER, BOAT_ERRORS : BOAT_ERRORS + 2]
         off = float(estimate.means[self.compass, BOAT_ERRORS])
-        return balances_at(self.model, second, current, off)
+        laws, shares = self.all.laws, estimate.means[:, BOAT_ERRORS]
+        thrust = [share for share, law in zip(shares, laws, strict=True) if law is Law.THRUST]
+        balances = balances_at(self.model, second, current, off)
+        return np.concatenate([balances, self.thrusts(second, np.array(thrust))])
+
+    def thrusts(self, second: SecondMeans, shares: Floats) -> Floats:
+        """What each thruster adds per share of its thrust too much, about `shares` (T,): (T, 3).
+
+        By the vessel's balance with and without that share: a thruster may be steered, and lose its
+        push through the water, and a rudder may stand in its stream.
+        """
+        model, row, time = self.model, second.motion[None], np.array([second.time])
+        commands, out = second.mean_commands[None], np.zeros((len(shares), 3))
+        before, _ = model.missing_force(row, time, commands, commands)
+        for i, share in enumerate(np.where(np.abs(shares) < MIN_SHARE, -MIN_SHARE, shares)):
+            theta = model.theta.copy()
+            theta[self.thrust_numbers[i]] *= 1.0 + share
+            changed, _ = model.missing_force(row, time, commands, commands, theta=theta)
+            out[i] = (before[0] - changed[0]) / share
+        return out
+
+    @cached_property
+    def thrust_numbers(self) -> Ints:
+        """Columns of theta with the thrust of each thruster, ahead and astern: (T, 2)."""
+        names, each = self.model.names, self.model.vessel.thrusters
+        found = [[names.index(f"{t.name}.{end}") for end in ("ahead", "astern")] for t in each]
+        return np.array(found, np.int64).reshape(-1, 2)
 
     def measured(
         self, estimate: DisturbanceEstimate, second: SecondMeans, f: int
@@ -288,4 +330,4 @@ NO_BALANCES = np.zeros((0, 3))
 
 def _second(second: SecondMeans) -> tuple[Floats, ...]:
     """What the laws take of a second."""
-    return second.motion, second.commanded, second.mean_commands
+    return second.motion, second.commanded

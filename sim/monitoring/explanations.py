@@ -13,7 +13,7 @@ from sim.monitoring import WindModel
 from sim.monitoring.causes import BOAT_ERRORS, Hull, Law
 from sim.monitoring.filters import BOAT_DRIFT_S, DRIFT_S, NONE
 from sim.state import Floats, Ints
-from sim.vessel import Vessel, as_table
+from sim.vessel import Vessel
 
 # Standard deviations at the start. Chosen on the tuning voyages of benchmarks/live_naming.py.
 CURRENT_PRIOR_MPS = 0.5  # of either component
@@ -77,17 +77,5 @@ def explanations(vessel: Vessel, thrust: float, wind: float) -> Iterator[Explana
 
 def hull_of(vessel: Vessel, air: WindModel) -> Hull:
     """What the laws take of a vessel."""
-    d, owner = vessel.dynamics, {t.name: t.curve for t in vessel.thrusters}
-    curves = []
-    for t in vessel.thrusters:
-        shared = owner.get(t.curve, t.curve) if isinstance(t.curve, str) else t.curve
-        curves.append(as_table(shared))
-    longest = max(map(len, curves), default=0)
-    points = [(*curve, *[curve[-1]] * (longest - len(curve))) for curve in curves]
-    thrusters = [(*t.position, t.azimuth, *t.thrust) for t in vessel.thrusters]
-    return Hull(
-        np.array([d.X_u, d.X_uu, d.Y_v, d.Y_vv, d.N_r, d.N_rr]),
-        air.numbers,
-        np.array(thrusters, float).reshape(-1, 5),
-        np.array(points, float).reshape(len(points), longest, 2),
-    )
+    d = vessel.dynamics
+    return Hull(np.array([d.X_u, d.X_uu, d.Y_v, d.Y_vv, d.N_r, d.N_rr]), air.numbers)

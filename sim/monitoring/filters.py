@@ -6,7 +6,13 @@ Each is an extended Kalman filter of x = (b, o), o the disturbance (c, g, … or
     score ← score e^(−dt/T) − ½ (mᵀ S⁻¹ m + ln |S|) / 1.5
 
 The score is how well each second was predicted. Consecutive seconds are more alike than R says:
-three count as two. R follows what the best explanation leaves.
+three count as two. R follows what the best explanation leaves, in its own units z = m / √S:
+
+    r = z_k² + 2 z_k z_k−1,     R ← R (1 + (r − 1) / (k + k₀)),     k + k₀ at most a minute
+
+r is not the variance of a second but that of the mean of many, per second: what is alike from one
+second to the next counts as noise too, and white noise is used to the full. Source of r: Newey and
+West, Econometrica 55 (1987), with one lag.
 """
 
 from dataclasses import dataclass
@@ -26,10 +32,16 @@ SECONDS_PER_INDEPENDENT_SECOND = 1.5
 DRIFT_S = 1800.0  # in which the random walk of o reaches its prior's width
 BOAT_DRIFT_S = 20000.0  # the same of b
 SIGNIFICANT_SIGMAS = 3.0  # of o, to be called different from nothing
-NOISE_MEMORY_S = 60.0  # of the variance of e
-NOISE_LIMITS = (0.1, 10.0)  # its variance over the stated one: at least, at most
+# Of the variance of e over the stated one. Stated is that of a single estimate: of the mean over a
+# second a complete boat of the tuning voyages leaves 0.004 to 0.1 of it, alike ones taken together.
+NOISE_MEMORY_S = 60.0
+NOISE_START = 0.2
+NOISE_START_SECONDS = 5.0  # k₀: what is taken at the start counts as much as so many seconds
+NOISE_LIMITS = (0.02, 10.0)
 MAX_NOISE_RATIO = 9.0  # of one second: a larger one counts no more
+# The same of one second beside which the seconds before it are not known
 MAX_NOISE_STEP = 0.1  # share of a change that one second makes
+MIN_WHITE_NOISE = 0.1
 NONE = np.zeros(0)
 
 
@@ -45,14 +57,14 @@ class MeasurementModel(NamedTuple):
 class DisturbanceFilter:
     """mean (n,), covariance (n, n), score [nats] of one explanation; prior (n,) std at the start.
 
-    innovation_ratio  (3,) the last squared innovation over its expected variance
-    walk_s            (n,) time in which the random walk of each reaches its prior's width
+    innovation  (3,) the last one over its expected standard deviation
+    walk_s      (n,) time in which the random walk of each reaches its prior's width
     """
 
     prior: Floats
     mean: Floats
     covariance: Floats
-    innovation_ratio: Floats
+    innovation: Floats
     walk_s: Floats
     score: float = 0.0
 
@@ -63,7 +75,7 @@ class DisturbanceFilter:
         """Standard deviations of b (10,) and of o (n,), and the time of its walk [s]."""
         prior = np.append(boat, disturbance)
         walk = np.where(np.arange(len(prior)) < BOAT_ERRORS, BOAT_DRIFT_S, drift_s)
-        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.ones(3), walk)
+        return cls(prior, np.zeros(len(prior)), np.diag(prior**2), np.zeros(3), walk)
 
     @property
     def disturbance(self) -> Floats:
@@ -99,14 +111,14 @@ class DisturbanceFilter:
         """
         H = np.hstack([measured.boat, measured.slope])
         expected = measured.boat @ self.mean[:BOAT_ERRORS] + measured.force
-        n, ratio = len(self.mean), np.empty(3)
+        n, innovation = len(self.mean), np.empty(3)
         mean, covariance = self.mean.copy(), self.covariance.copy()
         distance = kalman_step(
             (mean, covariance), self.prior**2 * dt / self.walk_s, (force - expected, variance, H),
-            np.zeros(n, np.bool_) if held is None else held, ratio, n,
+            np.zeros(n, np.bool_) if held is None else held, innovation, n,
         )  # fmt: skip
         score = score_after(self.score, distance, dt)
-        return DisturbanceFilter(self.prior, mean, covariance, ratio, self.walk_s, score)
+        return DisturbanceFilter(self.prior, mean, covariance, innovation, self.walk_s, score)
 
 
 @compiled
@@ -129,18 +141,19 @@ def linearised(
 def advance_filters(
     every: tuple[Ints, Floats, Floats], filters: tuple[Floats, ...],
     measured: tuple[Floats, Floats], second: tuple[Floats, ...], hull: tuple[Floats, ...],
-    F: Floats, dt: float, noise: Floats,
+    F: Floats, dt: float, count: int, noise: Floats,
 ) -> None:  # fmt: skip
-    """All filters over one second, in place.
+    """All filters over one second, in place, after `count` others.
 
     every     `which`, `prior`, `walk_s` of `Explanations`
-    filters   `means`, `covariances`, `ratios`, `scores` of `DisturbanceEstimate`
+    filters   `means`, `covariances`, `innovations`, `scores` of `DisturbanceEstimate`
     measured  missing force (3,), its variance (3,)
-    second    motion, commanded, mean commands; hull, F as `linearise` takes them
+    second    motion, commanded; hull, F as `linearise` takes them
     noise     (3,) follows what the best of them leaves
     """
     which, prior, walk_s = every
-    means, covariances, ratios, scores = filters
+    means, covariances, innovations, scores = filters
+    before = innovations.copy()
     missing, variance = measured
     numbers, length = Hull(*hull), means.shape[1]
     H, force, innovation = np.zeros((3, length)), np.zeros(3), np.zeros(3)
@@ -156,27 +169,35 @@ def advance_filters(
         for i in range(n):
             walk[i] = prior[f, i] ** 2 * dt / walk_s[f, i]
         distance = kalman_step(
-            (mean, covariances[f]), walk, (innovation, variance, H), held, ratios[f], n
+            (mean, covariances[f]), walk, (innovation, variance, H), held, innovations[f], n
         )
         scores[f] = score_after(scores[f], distance, dt)
     best = 0
     for f in range(1, len(which)):
         if scores[f] > scores[best]:
             best = f
-    change_noise(noise, ratios[best], dt)
+    change_noise(noise, innovations[best], before[best], noise_step(dt, count))
 
 
 @compiled
-def change_noise(noise: Floats, innovation_ratio: Floats, dt: float) -> None:
-    """Variance of e over the stated one (3,), in place, after an innovation ratio (3,), dt [s]."""
-    step = min(dt / NOISE_MEMORY_S, MAX_NOISE_STEP)
+def noise_step(dt: float, count: int) -> float:
+    """Share of a change of the noise that a second makes, `dt` [s] after the last of `count`."""
+    known = min(count + NOISE_START_SECONDS, NOISE_MEMORY_S)
+    return min(dt / known, 1.0 / NOISE_START_SECONDS)
+
+
+@compiled
+def change_noise(noise: Floats, innovation: Floats, before: Floats, step: float) -> None:
+    """Variance of e over the stated one (3,), in place, after normalised innovations (3,)."""
     for a in range(3):
-        change = (min(innovation_ratio[a], MAX_NOISE_RATIO) - 1.0) * step
-        noise[a] = min(max(noise[a] * (1.0 + change), NOISE_LIMITS[0]), NOISE_LIMITS[1])
+        now, low, high = innovation[a], NOISE_LIMITS[0], NOISE_LIMITS[1]
+        alike = min(2.0 * now * before[a], MAX_NOISE_RATIO)
+        ratio = max(min(now**2, MAX_NOISE_RATIO) + alike, 0.0)
+        noise[a] = min(max(noise[a] * (1.0 + (ratio - 1.0) * step), low), high)
 
 
-def noise_after(noise: Floats, innovation_ratio: Floats, dt: float) -> Floats:
-    """Variance of e over the stated one (3,), after an innovation ratio (3,) and `dt` [s]."""
-    after = noise.copy()
-    change_noise(after, innovation_ratio, dt)
-    return after
+def white_noise_after(noise: Floats, innovation: Floats, dt: float) -> Floats:
+    """Variance of e over the stated one (3,), alike or not, after an innovation (3,) and dt [s]."""
+    step = min(dt / NOISE_MEMORY_S, MAX_NOISE_STEP)
+    after = noise * (1.0 + (np.minimum(innovation**2, MAX_NOISE_RATIO) - 1.0) * step)
+    return np.clip(after, MIN_WHITE_NOISE, NOISE_LIMITS[1])

@@ -66,14 +66,14 @@ def kalman_step(
     walk: Floats,
     measured: tuple[Floats, Floats, Floats],
     held: NDArray[np.bool_],
-    ratio: Floats,
+    normalised: Floats,
     n: int,
 ) -> float:
     """One step of a filter of n components, in place; arrays may be longer, the rest is left alone.
 
     state     mean (n,), covariance (n, n)       walk  (n,): variance that its random walk adds
     measured  innovation m (3,), its variance R (3,), H (3, n)
-    held      (n,): what does not move           ratio (3,): becomes mᵢ² / Sᵢᵢ
+    held      (n,): what does not move           normalised (3,): becomes mᵢ / √Sᵢᵢ
     -> mᵀ S⁻¹ m (at most `MAX_SQUARED_DISTANCE`) + ln |S|
     """
     mean, P = state
@@ -88,7 +88,7 @@ def kalman_step(
         for b in range(AXES):
             for j in range(n):
                 spread[a, b] += HP[a, j] * H[b, j]
-        ratio[a] = m[a] ** 2 / (spread[a, a] + variance[a])
+        normalised[a] = m[a] / np.sqrt(spread[a, a] + variance[a])
     L, R = np.zeros((AXES, AXES)), variance.copy()
     cholesky(spread, R, L)
     squared = weighed(L, m)

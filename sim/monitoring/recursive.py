@@ -35,7 +35,7 @@ from sim.monitoring import SecondMeans, balances_at, current_shift
 from sim.monitoring.causes import BOAT_ERRORS
 from sim.monitoring.disturbances import MAX_SILENCE_S, DisturbanceEstimator
 from sim.monitoring.explanations import CURRENT_PRIOR_MPS
-from sim.monitoring.filters import DisturbanceFilter, MeasurementModel, noise_after
+from sim.monitoring.filters import DisturbanceFilter, MeasurementModel, white_noise_after
 from sim.state import Floats, Ints
 from sim.vessel import Thruster, Vessel
 
@@ -222,7 +222,7 @@ class NumberFollower:
         after = after.updated(second.missing, variance, measured, dt, held)
         after = replace(after, mean=self._limited(before.filter.mean, after.mean, dt))
         now = replace(
-            before, filter=after, noise=noise_after(before.noise, after.innovation_ratio, dt),
+            before, filter=after, noise=white_noise_after(before.noise, after.innovation, dt),
             slope_mean=mean, information=information, excited=excited,
             excited_s=before.excited_s + excited * min(dt, 1.0), time=second.time,
         )  # fmt: skip

@@ -230,7 +230,7 @@ def test_a_filter_moves_as_kalmans_equations_and_scores_what_it_foresaw() -> Non
     seen = multivariate_normal(np.zeros(3), S).logpdf(m) + 1.5 * np.log(2.0 * np.pi)
     kept = -4.0 * np.exp(-later / SCORE_MEMORY_S)
     assert after.score == pytest.approx(kept + seen / SECONDS_PER_INDEPENDENT_SECOND)
-    np.testing.assert_allclose(after.innovation_ratio, m**2 / np.diag(S))
+    np.testing.assert_allclose(after.innovation, m / np.sqrt(np.diag(S)))
 
 
 def test_an_outlier_is_a_measurement_with_as_much_more_noise_and_what_is_held_stays() -> None:
