@@ -16,7 +16,7 @@ from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS
 from sim.diagnosis.heldout import rank
-from sim.effects import learned_history, learned_map
+from sim.effects import learned_history, learned_map, learned_profile
 from sim.effects.catalogue import named
 from sim.effects.effect import Parameter
 from sim.effects.learned_formula import ANGLE, RUDDER
@@ -204,7 +204,7 @@ def test_what_only_fits_at_its_limit_is_no_finding() -> None:
 
 
 @pytest.mark.slow
-def test_water_that_differs_from_place_to_place_is_told_as_a_map() -> None:
+def test_water_that_differs_across_a_line_is_told_as_a_profile() -> None:
     """It runs to the east, the faster the further north: no current of the catalogue can."""
 
     def water(time: float, pose: Pose, p: Any) -> Water:
@@ -216,13 +216,38 @@ def test_water_that_differs_from_place_to_place_is_told_as_a_map() -> None:
     found = diagnose([trial], WAM_V, FEW)
     assert found.verdict is Verdict.UNKNOWN
     assert found.curve is not None
-    assert found.curve.effects == ("learned_map",)
+    assert found.curve.effects == ("learned_profile",)
     assert found.curve.heldout.nrmse < 0.5 * found.ladder[-1].heldout.nrmse
     filled = found.curve.vessel.effects[-1].values
-    now = learned_map.water(0.0, Pose(*trial.eta[trial.usable].T), SimpleNamespace(**filled))
+    assert filled["direction"] == 0.0
+    now = learned_profile.water(0.0, Pose(*trial.eta[trial.usable].T), SimpleNamespace(**filled))
     true = 0.5 * np.tanh(0.03 * trial.eta[trial.usable, 0])
     assert np.abs(now.east - true).mean() < 0.05
     assert np.abs(now.north).mean() < 0.05
+    assert "water that flows differently on the way north" in found.summary
+
+
+@pytest.mark.slow
+def test_water_that_differs_from_place_to_place_is_told_as_a_map() -> None:
+    """It turns to the other side on either side of both axes: no profile across a line can."""
+
+    def water(time: float, pose: Pose, p: Any) -> Water:
+        return Water(
+            p.speed * np.tanh(0.04 * pose.east), p.speed * np.tanh(0.04 * pose.north), 0.0, 0.0
+        )
+
+    saddle = replace(named("steady_current"), name="saddle", water=water)
+    boat = WAM_V.with_effects(AddedEffect(saddle, {"speed": 0.5, "direction": 0.0}))
+    trial = sailed_with(boat, 300.0)
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_map",)
+    filled = found.curve.vessel.effects[-1].values
+    pose = Pose(*trial.eta[trial.usable].T)
+    now = learned_map.water(0.0, pose, SimpleNamespace(**filled))
+    assert np.abs(now.east - 0.5 * np.tanh(0.04 * pose.north)).mean() < 0.06
+    assert np.abs(now.north - 0.5 * np.tanh(0.04 * pose.east)).mean() < 0.06
     assert "water that flows differently from place to place" in found.summary
 
 
@@ -259,7 +284,7 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
     of_a_boat = ["learned", "learned_pair"]
-    of_a_day = ["learned_drag", "learned_map", "learned_history"]
+    of_a_day = ["learned_drag", "learned_profile", "learned_map", "learned_history"]
     assert [set(forms) for forms in asked] == [set(of_a_boat), {*of_a_boat, *of_a_day}]
     monkeypatch.setattr(thresholds, "MAX_RECORDINGS_OF_TABLES", 0)
     diagnose([sailed("cross_damping", 200.0, Y_r=0.0, N_v=250.0)], WAM_V, few)

@@ -25,6 +25,15 @@ OTHER_SIDE = {
     "actuator_wiring": {"reversed": 1.0},
     "learned_drag": {"east": -VALUES["learned_drag"]["east"]},
     "learned_history": {f"g{k}": -VALUES["learned_history"][f"g{k}"] for k in range(9)},
+    "learned_profile": {  # across from west to east
+        "low": -VALUES["learned_profile"]["high"],
+        "high": -VALUES["learned_profile"]["low"],
+        **{
+            f"{c}{k}": sign * VALUES["learned_profile"][f"{c}{8 - k}"]
+            for c, sign in (("n", 1.0), ("e", -1.0))
+            for k in range(9)
+        },
+    },
     "learned_map": {
         "west": -VALUES["learned_map"]["east"],
         "east": -VALUES["learned_map"]["west"],

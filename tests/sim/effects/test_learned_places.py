@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from sim.body import Flow
-from sim.effects import learned_drag, learned_history, learned_map
+from sim.effects import learned_drag, learned_history, learned_map, learned_profile
 from sim.effects.effect import ResidualForce
 from sim.effects.words import FittedValues
 from sim.state import Pose
@@ -22,6 +22,12 @@ MAP = {
 HISTORY = {
     **VALUES["learned_history"],
     **{key: float(rng.normal()) for key in (*learned_history.FIRST, *learned_history.SECOND)},
+}
+
+
+PROFILE = {
+    **VALUES["learned_profile"],
+    **{key: float(rng.normal()) for key in (*learned_profile.TO_NORTH, *learned_profile.TO_EAST)},
 }
 
 
@@ -46,7 +52,22 @@ def test_a_history_is_linear_between_its_knots_and_constant_beyond_them() -> Non
         np.testing.assert_allclose(part, np.interp(time, knots, [HISTORY[k] for k in keys]))
 
 
-@pytest.mark.parametrize(("effect", "values"), [(learned_map, MAP), (learned_history, HISTORY)])
+@pytest.mark.parametrize("direction", [0.0, 0.25 * np.pi, 0.75 * np.pi])
+def test_a_profile_is_linear_on_its_way_across_and_constant_beyond(direction: float) -> None:
+    north, east = rng.uniform(-9.0, 9.0, 200), rng.uniform(-9.0, 9.0, 200)
+    values = {**PROFILE, "direction": direction}
+    now = learned_profile.water(0.0, Pose(north, east, 0.0), SimpleNamespace(**values))
+    across, knots = north * np.cos(direction) + east * np.sin(direction), np.linspace(-5.0, 4.0, 9)
+    for keys, part in (
+        (learned_profile.TO_NORTH, now.north), (learned_profile.TO_EAST, now.east)
+    ):  # fmt: skip
+        np.testing.assert_allclose(part, np.interp(across, knots, [values[k] for k in keys]))
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [(learned_map, MAP), (learned_history, HISTORY), (learned_profile, PROFILE)],
+)
 def test_a_push_is_that_of_the_world_on_a_hull_that_turned(effect: Any, values: Any) -> None:
     place = {"north": 1.0, "east": 2.0, "time": 5.0}
     water = effect.water(5.0, Pose(1.0, 2.0, 0.0), SimpleNamespace(**values))
@@ -189,3 +210,32 @@ def test_a_place_drags_as_much_more_as_it_says_and_only_there() -> None:
     assert said == (
         "drag that differs from place to place: 153 % (129–177 %) more within 8 m of N 10 m, E 5 m"
     )
+
+
+def test_empty_profiles_span_what_was_sailed_in_four_directions() -> None:
+    extent = {"north": (-4.0, 9.0), "east": (1.0, 7.0)}
+    empty = learned_profile.tables(WAMV, extent)
+    assert len(empty) == 8
+    across = {round(p["direction"] / np.pi, 2): (p["low"], p["high"]) for p in empty}
+    assert across[0.0] == (-4.0, 9.0)
+    assert across[0.5] == pytest.approx((1.0, 7.0))
+    corner = np.sqrt(0.5)
+    assert across[0.25] == pytest.approx((-3.0 * corner, 16.0 * corner))
+    assert across[0.75] == pytest.approx((-8.0 * corner, 11.0 * corner))
+
+
+def test_a_profile_says_where_it_is_strongest_and_where_it_differs_most() -> None:
+    none = dict.fromkeys((*learned_profile.TO_NORTH, *learned_profile.TO_EAST), 0.0)
+    values = {**PROFILE, **none, "low": -20.0, "high": 60.0, "direction": 0.75 * np.pi, "e2": 0.4}
+    said = learned_profile.in_words(FittedValues({**values, "n8": -0.1}))
+    assert said == (
+        "water that flows differently on the way south-east: 0.4 m/s towards 90° (east) at 0 m, "
+        "0.1 m/s towards 180° (south) at 60 m"
+    )
+    wide = dict.fromkeys(none, (-5.0, 5.0))
+    assert learned_profile.in_words(FittedValues(values, wide)).endswith("nowhere surely")
+    push = learned_profile.over_map(FittedValues({**values, "acts": 2.0}))
+    strong = push.to_east > 1.0
+    np.testing.assert_allclose(push.to_east[strong], 40.0)
+    corner = np.sqrt(0.5)  # all of these at 0 m on the way south-east
+    np.testing.assert_allclose((push.east - push.north)[strong] * corner, 0.0, atol=1e-9)
