@@ -1,8 +1,8 @@
 """The cases of the blind test: which boat sails how, what is hidden, and what the owner believes.
 
 Five sets that share no seed: `tuning` to build with, `reporting` for the figures, `small` for
-`make test-slow`, and `second` and `third` for figures once those before have been looked at. A case stays the
-same when other families grow. Its name says nothing.
+`make test-slow`, and `second` and `third` for figures once those before have been looked at. A case
+stays the same when other families grow. Its name says nothing.
 """
 
 import math
@@ -41,8 +41,12 @@ OPEN_LOOP, MISSIONS = ("excitation", "drills"), ("survey", "wander")
 BRAKES = frozenset({"astern_stall", "reverse_loss"})  # who never brakes cannot see these
 ALL_PILOTS = ("excitation", "gentle", "survey", "wander")
 FULL, WEAK, FAINT = 1.0, 0.4, 0.2
-SEEDS = {"tuning": 10_000, "reporting": 50_000, "small": 90_000, "second": 130_000, "third": 170_000}
-LIGHT_FROM = {10_000: 0, 50_000: 10, 90_000: 20, 130_000: 24, 170_000: 34}  # first light hull, by a set's seed
+SEEDS = {
+    "tuning": 10_000, "reporting": 50_000, "small": 90_000, "second": 130_000, "third": 170_000,
+}  # fmt: skip
+LIGHT_FROM = {  # first light hull, by a set's seed
+    10_000: 0, 50_000: 10, 90_000: 20, 130_000: 24, 170_000: 34,
+}  # fmt: skip
 OF_A_DAY = OF_A_VOYAGE | set(SEAS)  # another day has its own
 APART = 300  # seeds between families: one that grows does not change the others
 LONG, SHORT = 600.0, 300.0  # s
