@@ -60,8 +60,13 @@ def _with_events(
     rows: list[TopicRows], events: Sequence[EventRow], out: ShadowRows | None = None
 ) -> BoatOutput:
     """Messages, and events as messages and for people."""
+    if not events:
+        return BoatOutput(rows, out)
     told = tuple(event for event in events if event.kind in TOLD)
-    return BoatOutput([*rows, event_rows(events)] if events else rows, out, told)
+    return BoatOutput([*rows, event_rows(events)], out, told)
+
+
+NOTHING = BoatOutput([])
 
 
 class NewestTimes(NamedTuple):
@@ -162,7 +167,7 @@ class LiveBoat:
 
     def _note_times(self, inputs: FilterInputs, receive_time_ns: int) -> None:
         """Measurements came: the silence is over."""
-        newest = int(inputs.vehicle_time_ns.max())
+        newest = max(inputs.vehicle_time_ns.tolist())
         if self._newest is not None:
             newest = max(newest, self._newest.vehicle_time_ns)
         self._newest = NewestTimes(receive_time_ns, newest)
@@ -193,11 +198,13 @@ class LiveBoat:
         depends on it, and what comes of it is the same.
         """
         rows, events = list[TopicRows](), list[EventRow]()
+        if not self._unjudged:
+            return NOTHING
         for out in self._unjudged:
             self._model_monitor, monitored, told = self._model_monitor.observe(out)
             rows, events = [*rows, *monitored], [*events, *told]
         self._unjudged = []
-        return _with_events(rows, events)
+        return _with_events(rows, events) if rows or events else NOTHING
 
     def _take_over(self, receive_time_ns: int) -> None:
         """The shadow's numbers follow the boat's, from here on."""

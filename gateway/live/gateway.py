@@ -12,8 +12,8 @@ loop reads the clock; what it decides follows from datagrams and ticks, which ar
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty
@@ -158,27 +158,27 @@ class Gateway:
     def catch_up(self) -> None:
         """Hold all rows that still wait for it against their models."""
         while self._unjudged:
-            with self._going_on():
-                self._judge()
+            self._guarded(self._judge)
 
     def turn(self, item: Item | None) -> None:
         """One round of the loop: an item, if one came, and what is due."""
-        with self._going_on():
-            if isinstance(item, Datagram):
-                self._datagram(item)
-            elif item is not None:
-                self._link_event(item)
-            waited_ns = 0 if item is None else max(self._clock() - item.receive_time_ns, 0)
-            self._note_delay(waited_ns)
-            self._run_due(waited_ns if len(self.inbox) else 0)
-            if self._unjudged and not len(self.inbox):
-                self._judge()
+        self._guarded(self._turn, item)
 
-    @contextmanager
-    def _going_on(self) -> Iterator[None]:
+    def _turn(self, item: Item | None) -> None:
+        if isinstance(item, Datagram):
+            self._datagram(item)
+        elif item is not None:
+            self._link_event(item)
+        waited_ns = 0 if item is None else max(self._clock() - item.receive_time_ns, 0)
+        self._note_delay(waited_ns)
+        self._run_due(waited_ns if len(self.inbox) else 0)
+        if self._unjudged and not len(self.inbox):
+            self._judge()
+
+    def _guarded(self, work: Callable[..., None], *given: Any) -> None:
         """Around all that the loop does: a defect is told, and does not end the shadow."""
         try:
-            yield
+            work(*given)
         except Exception as error:  # the outermost loop
             if self._strict:
                 raise
@@ -193,7 +193,8 @@ class Gateway:
                 published.append((boat, output.rows))
             if output.out is not None and len(output.out):
                 self._unjudged[boat.boat.system] = boat
-            told += [_line(boat, event) for event in output.events]
+            if output.events:
+                told += [_line(boat, event) for event in output.events]
         late_ns = self._clock() - datagram.receive_time_ns
         for boat in {boat.boat.system: boat for boat, _ in published}.values():
             boat.health.late_by(late_ns)
@@ -257,7 +258,9 @@ class Gateway:
     def _judge(self) -> None:
         """The rows of the boat that has waited longest for it, held against its model."""
         boat = self._unjudged.pop(next(iter(self._unjudged)))
-        self._send(boat, boat.judge())
+        output = boat.judge()
+        if output.rows:
+            self._send(boat, output)
 
     def _send(self, boat: LiveBoat, output: BoatOutput) -> None:
         self.outputs[boat.boat.system].send(output.rows)

@@ -241,6 +241,10 @@ class ModelMonitor(NamedTuple):
             return now, rows, events
         seen: list[Surroundings] = []
         first, times = 0, out.time_s.tolist()
+        last, began = self.second.time, self.second.began
+        if len(times) == 1 and self.second.parts and 0.0 <= times[0] - last <= MAX_STEP_S:
+            if times[0] - began < SECOND_S:  # live, as mostly
+                return self._with(out, 0, 1), rows, events
         for k, time in enumerate(times):
             step = time - (times[k - 1] if k else self.second.time)
             continuous = 0.0 <= step <= MAX_STEP_S
