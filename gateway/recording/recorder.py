@@ -169,6 +169,16 @@ class RecordingSettings:
     topics_hz: float = 2.0  # rows a second of each topic that is thinned
 
 
+def thinned(rows: TopicRows, settings: RecordingSettings, thinning: RowThinning) -> TopicRows:
+    """The messages that are recorded: what the frames give again is thinned."""
+    if settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived or not len(rows):
+        return rows
+    if settings.topics is TopicsKept.NONE:
+        return rows.chosen([])
+    kept = thinning.of(rows.topic, rows.receive_time_ns)
+    return rows if len(kept) == len(rows) else rows.chosen(kept)
+
+
 def open_new(path: Path) -> IO[bytes]:
     """A new file, or one that replaces its namesake, for writing."""
     return path.open("wb", buffering=1024 * 1024)
@@ -239,9 +249,14 @@ class Recorder:
 
     def write_rows(self, rows: TopicRows) -> None:
         """Record messages of one topic, and what players make of them."""
-        rows = self._kept(rows)
+        self.write_thinned(thinned(rows, self.settings, self._thinning))
+
+    def write_thinned(self, rows: TopicRows) -> None:
+        """The same for messages that `thinned` has chosen before."""
         if not len(rows):
             return
+        if self.settings.topics is not TopicsKept.ALL and topic_of(rows.topic).derived:
+            rows = rows.rounded()
         self._rotate_if_due()
         with self._writing() as file:
             log, publish = rows.receive_time_ns, rows.vehicle_time_ns
@@ -250,15 +265,6 @@ class Recorder:
                 times = log[shown.rows], publish[shown.rows]
                 file.write(file.well_known(shown.channel), *times, shown.payloads)
         self._housekeeping(int(rows.receive_time_ns[0]), int(rows.receive_time_ns[-1]))
-
-    def _kept(self, rows: TopicRows) -> TopicRows:
-        """Those that are recorded: what the frames give again is thinned and rounded."""
-        if self.settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived:
-            return rows
-        if self.settings.topics is TopicsKept.NONE or not len(rows):
-            return rows.chosen([])
-        kept = self._thinning.of(rows.topic, rows.receive_time_ns)
-        return rows.chosen(kept).rounded() if kept else rows.chosen([])
 
     def write_raw(
         self,
