@@ -78,8 +78,7 @@ def main() -> None:
 def measured(boats: int, seconds: float, runs: int, subscribed: bool) -> list[Cost]:
     """The cost in each of several runs of one gateway."""
     said = [
-        (BEGIN_NS + round(at * 1e9), raw)
-        for at, raw in _said(boats, SETTLE_S + runs * seconds)
+        (BEGIN_NS + round(at * 1e9), raw) for at, raw in _said(boats, SETTLE_S + runs * seconds)
     ]
     with ExitStack() as scope:
         folder = Path(scope.enter_context(tempfile.TemporaryDirectory()))
@@ -111,7 +110,8 @@ def _said(boats: int, seconds: float) -> list[tuple[float, bytes]]:
 def _gateway(boats: int, folder: Path, endpoint: str, clock: ReplayedTime) -> Gateway:
     vessel = load_vessel(VESSEL)
     plans = [BoatPlan(vessel, system=1 + k, name=f"boat-{k}") for k in range(boats)]
-    options = LiveOptions((), folder, silent=True, settings=Settings(zenoh=ZenohSettings(endpoint=endpoint)))
+    settings = Settings(zenoh=ZenohSettings(endpoint=endpoint))
+    options = LiveOptions((), folder, silent=True, settings=settings)
     return Gateway(plans, options, clock=clock, steady=clock, strict=True)
 
 
@@ -121,8 +121,7 @@ def _cost(
     """One stretch, as fast as it goes; what reads frames has a thread of its own in the gateway."""
     process, thread = time.process_time(), time.thread_time()
     datagrams = [
-        Datagram(LINK, at, reader.read(Arrival(raw, ("127.0.0.1", raw[5]), at)))
-        for at, raw in said
+        Datagram(LINK, at, reader.read(Arrival(raw, ("127.0.0.1", raw[5]), at))) for at, raw in said
     ]
     read = time.thread_time() - thread
     for datagram in datagrams:

@@ -32,7 +32,7 @@ from gateway.links import (
 
 BUFFER = 4 * 1024 * 1024  # bytes asked of the kernel: bursts wait there while the program is busy
 
-AT_ONCE = 32  # datagrams read without waiting in between: to wait for each costs as much as to read it
+AT_ONCE = 32  # datagrams read without a wait in between, which costs as much as reading one
 
 
 class UdpTransport:

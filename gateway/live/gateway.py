@@ -26,6 +26,7 @@ from gateway.bus import Bus, open_session
 from gateway.config import Settings
 from gateway.errors import ShadowError
 from gateway.ingest.log import Boat
+from gateway.json_rows import TopicRows
 from gateway.links import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
@@ -50,6 +51,7 @@ from sim.state import Progress
 MAX_SLEEP_S = TICK_S / 4.0  # of the loop
 LOOK_NS = SECOND // 100  # between two looks for boats that have fallen silent
 REPORT_INTERVAL_NS = 10 * SECOND  # between two reports of defects
+TOGETHER = 64  # datagrams that wait and are handled in one go, before all else that is due
 BEHIND_NS, CURRENT_NS = 2 * SECOND, SECOND // 4  # what waits so long is told; so short is current
 CURRENT = ("overload_over", "warning", "what is shown is current again")
 
@@ -165,13 +167,16 @@ class Gateway:
         self._guarded(self._turn, item)
 
     def _turn(self, item: Item | None) -> None:
+        oldest = item
         if isinstance(item, Datagram):
-            self._datagram(item)
-        elif item is not None:
+            datagrams, item = self._waiting(item)
+            self._datagrams(datagrams)
+        if isinstance(item, LinkEvent):
             self._link_event(item)
-        waited_ns = 0 if item is None else max(self._clock() - item.receive_time_ns, 0)
-        self._note_delay(waited_ns)
-        self._run_due(waited_ns if len(self.inbox) else 0)
+        now_ns = self._clock()
+        self._note_delay(max(now_ns - oldest.receive_time_ns, 0) if oldest is not None else 0)
+        behind = item is not None and len(self.inbox) > 0
+        self._run_due(max(now_ns - item.receive_time_ns, 0) if behind and item else 0)
         if self._unjudged and not len(self.inbox):
             self._judge()
 
@@ -184,27 +189,49 @@ class Gateway:
                 raise
             self._fault(error)
 
-    def _datagram(self, datagram: Datagram) -> None:
-        """Publish as it is made; all else can wait until then."""
-        published, told = [], list[LogLine]()
-        for boat, output in self.fleet.datagram(datagram):
+    def _waiting(self, first: Datagram) -> tuple[list[Datagram], Item]:
+        """A datagram and those that wait behind it, and the last item that was taken for that."""
+        datagrams = [first]
+        while len(self.inbox) and len(datagrams) < TOGETHER:
+            item = self.inbox.get(timeout=0)
+            if not isinstance(item, Datagram):
+                return datagrams, item
+            datagrams.append(item)
+        return datagrams, datagrams[-1]
+
+    def _datagrams(self, datagrams: Sequence[Datagram]) -> None:
+        """Publish as it is made; all else can wait until then. Frames are recorded in any case."""
+        published = list[tuple[LiveBoat, list[TopicRows]]]()
+        try:
+            self._publish(datagrams, published)
+        finally:
+            for datagram in datagrams:
+                self._record_frames(datagram)
+        for boat, rows in published:
+            self.outputs[boat.boat.system].record(rows)
+            self.outputs[boat.boat.system].show(rows)
+        for datagram in datagrams:
+            self._rate_requests.take(datagram, self.fleet.boats, self._steady())
+
+    def _publish(
+        self, datagrams: Sequence[Datagram], published: list[tuple[LiveBoat, list[TopicRows]]]
+    ) -> None:
+        """What comes of datagrams goes out, and is added to what was published."""
+        told, receipts = list[LogLine](), dict[int, int]()
+        for boat, output in self.fleet.datagrams(datagrams):
             if output.rows:
                 self.outputs[boat.boat.system].publish(output.rows)
                 published.append((boat, output.rows))
             if output.out is not None and len(output.out):
                 self._unjudged[boat.boat.system] = boat
+                receipts.setdefault(boat.boat.system, int(output.out.receive_time_ns[0]))
             if output.events:
                 told += [_line(boat, event) for event in output.events]
-        late_ns = self._clock() - datagram.receive_time_ns
-        for boat in {boat.boat.system: boat for boat, _ in published}.values():
-            boat.health.late_by(late_ns)
+        now_ns = self._clock()
+        for system, receive_time_ns in receipts.items():
+            self.fleet.boats[system].health.late_by(now_ns - receive_time_ns)
         for text in told:
             self._progress(text)
-        self._record_frames(datagram)
-        for boat, rows in published:
-            self.outputs[boat.boat.system].record(rows)
-            self.outputs[boat.boat.system].show(rows)
-        self._rate_requests.take(datagram, self.fleet.boats, self._steady())
 
     def _record_frames(self, datagram: Datagram) -> None:
         """Raw frames to the recordings they belong to; none is lost while no boat is known."""
