@@ -190,6 +190,20 @@ def test_files_that_come_one_by_one_have_one_message(session, monkeypatch):
     assert message_of(page).startswith("d.tlog is here")
 
 
+def test_a_number_that_is_refused_does_not_stay_in_its_field(session):
+    page = vessel.VesselPage(context_of(session))
+    page._show_vessel()
+    before = page._typed["m11"].value
+    page._typed["m11"].value = -5.0
+    assert page._typed["m11"].value == before
+    assert page._sliders["m11"].value == before
+    text = message_of(page)
+    assert text.startswith("vessel.toml: dynamics")
+    assert "/" not in text.partition(":")[0]
+    assert session.version.text == session.versions[0].text
+    assert len(session.versions) == 1
+
+
 def test_changes_of_a_page_are_sent_together_and_each_is_kept(session):
     page, document, held = vessel.VesselPage(context_of(session)), Document(), []
     with set_curdoc(document):
