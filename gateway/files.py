@@ -25,12 +25,19 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from tempfile import TemporaryFile
 from typing import Any
 
 from gateway.errors import BadInput, ShadowError
 
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def on_command_line(path: str | Path) -> str:
+    """A file as it can be pasted into a shell: a name that begins with a dash is no option."""
+    text = str(path)
+    return quote(f".{os.sep}{text}" if text.startswith("-") else text)
 
 
 def state_folder() -> Path:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import orjson
@@ -17,7 +16,7 @@ import orjson
 from gateway.errors import BadInput, numerical_errors
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
-from gateway.files import write_whole
+from gateway.files import on_command_line, write_whole
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import notices_of
@@ -135,17 +134,17 @@ class DiagnosisResult:
 
     def next_steps(self, saved: str | None, out: str | None) -> list[str]:
         """Command lines to go on with, the likeliest first."""
-        vessel, logs = quote(self.vessel_file), " ".join(map(quote, self.logs))
-        better = quote(out or f"{Path(self.vessel_file).stem}-better.toml")
-        source = quote(saved or "diagnosis.json")
+        vessel, logs = on_command_line(self.vessel_file), " ".join(map(on_command_line, self.logs))
+        better = on_command_line(out or f"{Path(self.vessel_file).stem}-better.toml")
+        source = on_command_line(saved or "diagnosis.json")
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
-        own = "".join(f" --effects {quote(file)}" for file in self.effect_files)
+        own = "".join(f" --effects {on_command_line(file)}" for file in self.effect_files)
         again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
         if self.contradicted:  # what a fit makes of such sensors is no boat's
-            return [f"shadow info {quote(log)}{self.flags}" for log in self.logs]
+            return [f"shadow info {on_command_line(log)}{self.flags}" for log in self.logs]
         found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, []
         if saved is None and (curve is not None or (found and not out)):
             steps.append(f"{again} --save diagnosis.json")
@@ -160,7 +159,7 @@ class DiagnosisResult:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
         if curve is not None:
             names = " ".join(curve.effects)
-            with_curve = quote(f"{Path(self.vessel_file).stem}-curve.toml")
+            with_curve = on_command_line(f"{Path(self.vessel_file).stem}-curve.toml")
             steps.append(
                 f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
             )

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from gateway.errors import BadInput, numerical_errors
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
+from gateway.files import on_command_line
 from gateway.ingest.agreement import contradictions
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import Origin
@@ -86,7 +86,7 @@ class TrialOptions:
     @property
     def flags(self) -> str:
         """Of the command line, each after a space: what says whose data of a log, and how."""
-        mapping = "" if self.mapping is None else f" --mapping {quote(str(self.mapping))}"
+        mapping = "" if self.mapping is None else f" --mapping {on_command_line(self.mapping)}"
         system = "" if self.system is None else f" --system {self.system}"
         return f"{mapping}{system}{' --anyway' if self.anyway else ''}"
 

@@ -6,7 +6,6 @@ four high and two wide per letter.
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 from rich.markup import escape
@@ -18,6 +17,7 @@ from gateway.figures.diagnosis import step_name
 from gateway.figures.matplotlib_draw import save_figure
 from gateway.figures.motion import effect_example_figure, effect_with_values
 from gateway.figures.words import diagnosis_texts, moved_numbers
+from gateway.files import on_command_line
 from gateway.offline.add import AdditionResult
 from gateway.offline.diagnose import DiagnosisResult
 from gateway.terminal import ResultConsole, result_table
@@ -218,7 +218,8 @@ def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out:
         )  # fmt: skip
     console.path("written", out)
     refit = " --refit voyage" if _voyage_effects(done.vessel, names) else ""
-    line = f"shadow compare ANOTHER_LOG --vessel {quote(str(vessel))} --vessel {quote(str(out))}"
+    both = f"--vessel {on_command_line(vessel)} --vessel {on_command_line(out)}"
+    line = f"shadow compare ANOTHER_LOG {both}"
     console.print(f"next: {line}{refit}", soft_wrap=True, markup=False)
 
 
@@ -293,7 +294,8 @@ def show_effect_file(like: Effect, file: Path) -> None:
     out = ResultConsole()
     out.print(f"written: {file}, which acts as {like.name} does until you change it", markup=False)
     out.print("the rules for a law: docs/effects.md\n\n[bold]next[/bold]:", highlight=False)
-    out.print(f"    shadow diagnose LOG --vessel FILE --effects {quote(str(file))}", soft_wrap=True)
+    line = f"shadow diagnose LOG --vessel FILE --effects {on_command_line(file)}"
+    out.print(f"    {line}", soft_wrap=True)
 
 
 def show_effect(effect: Effect, picture: Path | None = None) -> None:

@@ -4,7 +4,6 @@ Runs: what a replay or a simulation did, which plants there are, and where a rep
 """
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from rich.table import Table
 
 from gateway.errors import one_line
 from gateway.figures import POSE, VELOCITIES, YAW_RATE
+from gateway.files import on_command_line
 from gateway.ingest.log import not_a_boat
 from gateway.ingest.log_events import LogEvent
 from gateway.ingest.mapping import THRUST_FUNCTIONS
@@ -60,16 +60,16 @@ def show_survey(found: Survey, mapping: Path | None = None) -> None:
 def next_step(found: Survey, mapping: Path | None = None) -> str:
     """What can be done with a recording: a command that works on it, or why there is none."""
     one = max(found.boats, key=lambda boat: boat.seconds)
-    words = [found.path]
+    words = [on_command_line(found.path)]
     words += ["--system", str(one.boat.system)] if len(found.boats) > 1 else []
     words += ["--anyway"] if not_a_boat(one.boat) else []
     if any(actuator.kind in THRUST_FUNCTIONS for actuator in one.actuators):
-        return shlex.join(["shadow", "init", *words, "--out", "boat.toml"])
+        return " ".join(["shadow", "init", *words, "--out", "boat.toml"])
     missing = [what for what, needed in NEEDED.items() if not needed & set(one.sources)]
     if missing:
         return f"nothing: no {' and no '.join(missing)} in it, so that no model can be compared"
-    words += ["--mapping", str(mapping)] if mapping is not None else []
-    compare = shlex.join(["shadow", "compare", *words, "--vessel", "boat.toml"])
+    words += ["--mapping", on_command_line(mapping)] if mapping is not None else []
+    compare = " ".join(["shadow", "compare", *words, "--vessel", "boat.toml"])
     return (
         "copy a file from configs/vessels to boat.toml and enter the channels (no parameter in "
         f"the log names the motors), then {compare}"
