@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
 
 def recognises(head: bytes, path: Path) -> bool:
-    """A text whose name ends in .csv."""
-    return path.suffix.lower() == ".csv" and is_text(head)
+    """A text whose name ends in .csv, be it in another encoding than it should: without zeros."""
+    return path.suffix.lower() == ".csv" and (is_text(head) or b"\0" not in head)
 
 
 def open_csv(path: str, raw: bytes, mapping: str | Path | None = None) -> "Log":

@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import BadInput
+from gateway.files import on_command_line
 from gateway.ingest.clock import CONFIRM, JUMP, SECOND, SLEEP, BoatClock
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, Table
 from gateway.samples import CHANNELS, Quantity, Samples
@@ -320,8 +321,12 @@ def _parse(file: Path, raw: bytes) -> tuple[list[str], list[list[str]]]:
     """Header, rows."""
     try:
         content = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise BadInput(f"{file}: not a text table (UTF-8 with one line of column names)") from None
+    except UnicodeDecodeError as error:
+        line, byte = raw.count(b"\n", 0, error.start) + 1, raw[error.start]
+        raise BadInput(
+            f"{file}: line {line} is not UTF-8 (byte 0x{byte:02x}), as a table has to be; if it is "
+            f"Latin-1: iconv -f LATIN1 -t UTF-8 {on_command_line(file)} > utf8.csv"
+        ) from None
     first = content.split("\n", 1)[0]
     delimiter = max(DELIMITERS, key=first.count)
     try:

@@ -114,6 +114,17 @@ def test_semicolons_and_a_byte_order_mark(tmp_path: Path) -> None:
     assert len(open_log(path).time_s) == 3
 
 
+def test_a_table_in_another_encoding_says_where_and_what_to_do(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    path.write_bytes(
+        TABLE.encode() + "1300,93,63.4,10.3,4,1700\n1400,94,63.4,10.3,ä,1\n".encode("latin-1")
+    )
+    with pytest.raises(
+        BadInput, match=r"run\.csv: line 7 is not UTF-8 \(byte 0xe4\).*iconv -f LATIN1"
+    ):
+        open_log(path)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
