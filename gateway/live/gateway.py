@@ -247,7 +247,7 @@ class Gateway:
         if self._behind is (waited_ns > (CURRENT_NS if self._behind else BEHIND_NS)):
             return
         self._behind = not self._behind
-        text = f"this machine is too slow: what is shown is {waited_ns // SECOND} s old"
+        text = f"this machine is too slow: what is shown is {waited_ns / SECOND:.0f} s old"
         event = ("overload", "error", text)
         for boat in self.fleet.boats.values():
             self._send_event(boat, *(event if self._behind else CURRENT))
