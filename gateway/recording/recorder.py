@@ -169,14 +169,24 @@ class RecordingSettings:
     topics_hz: float = 2.0  # rows a second of each topic that is thinned
 
 
-def thinned(rows: TopicRows, settings: RecordingSettings, thinning: RowThinning) -> TopicRows:
-    """The messages that are recorded: what the frames give again is thinned."""
-    if settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived or not len(rows):
+def thinned(
+    rows: TopicRows, settings: RecordingSettings, thinning: RowThinning
+) -> TopicRows | None:
+    """The messages that are recorded: what the frames give again is thinned. None: there are none.
+
+    Live, nearly all rows come one by one and are left out: nothing is made for those.
+    """
+    count = len(rows)
+    if not count:
+        return None
+    if settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived:
         return rows
     if settings.topics is TopicsKept.NONE:
-        return rows.chosen([])
+        return None
     kept = thinning.of(rows.topic, rows.receive_time_ns)
-    return rows if len(kept) == len(rows) else rows.chosen(kept)
+    if not kept:
+        return None
+    return rows if len(kept) == count else rows.chosen(kept)
 
 
 def open_new(path: Path) -> IO[bytes]:
@@ -249,12 +259,12 @@ class Recorder:
 
     def write_rows(self, rows: TopicRows) -> None:
         """Record messages of one topic, and what players make of them."""
-        self.write_thinned(thinned(rows, self.settings, self._thinning))
+        kept = thinned(rows, self.settings, self._thinning)
+        if kept is not None:
+            self.write_thinned(kept)
 
     def write_thinned(self, rows: TopicRows) -> None:
-        """The same for messages that `thinned` has chosen before."""
-        if not len(rows):
-            return
+        """The same for messages that `thinned` has chosen before, one at least."""
         if self.settings.topics is not TopicsKept.ALL and topic_of(rows.topic).derived:
             rows = rows.rounded()
         self._rotate_if_due()

@@ -104,7 +104,7 @@ class RecordingThread:
         """Messages of topics. Those that are thinned are so here: most need not change threads."""
         for part in rows:
             kept = thinned(part, self._recorder.settings, self._thinning)
-            if len(kept):
+            if kept is not None:
                 self._offer(kept, DERIVED_LIMIT)
 
     def _offer(self, item: Item, limit: int) -> None:
