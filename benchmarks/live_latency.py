@@ -144,22 +144,11 @@ def _speak(boats: int, seconds: float, ports: Sequence[int]) -> Sent:
     line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     shadow, relay = (("127.0.0.1", port) for port in ports)
     voices = [dialect.MAVLink(None, 1 + k, 1) for k in range(boats)]
-    turns = sorted(
-        (k / RATE_HZ + boat / boats / RATE_HZ + shift, k, boat, kind)
-        for k in range(int(seconds * RATE_HZ))
-        for boat in range(boats)
-        for kind, shift in enumerate((0.0, 0.004, 0.008))
-        if kind == 0 or k % 2 == kind - 1 or k == 0
-    )
     rows, begun = [], time.monotonic_ns() + 50_000_000
-    for at, k, boat, kind in turns:
+    for at, k, boat, kind in schedule(boats, seconds):
         boot_ms = FIRST_MS + round(at * 1000.0)
-        frames = [pack(voices[boat], _message(kind, boot_ms, at))]
-        if kind == 2 and k % 50 <= 1:
-            beat = dialect.MAVLink_heartbeat_message(11, 3, 128, 0, 4, 3)
-            frames.append(pack(voices[boat], beat))
         wait_until(begun + round(at * 1e9))
-        for frame in frames:
+        for frame in frames_at(voices[boat], at, k, kind):
             moments = [0, 0]
             order = (0, 1) if k % 2 else (1, 0)  # neither is always the first
             for to in order:
@@ -169,6 +158,25 @@ def _speak(boats: int, seconds: float, ports: Sequence[int]) -> Sent:
             rows.append((boot_ms, boat, *moments))
     line.close()
     return Sent(*np.array(rows, np.int64).T)
+
+
+def schedule(boats: int, seconds: float) -> list[tuple[float, int, int, int]]:
+    """Moment [s], number of the turn of 20 ms, boat and kind of each message, in order."""
+    return sorted(
+        (k / RATE_HZ + boat / boats / RATE_HZ + shift, k, boat, kind)
+        for k in range(int(seconds * RATE_HZ))
+        for boat in range(boats)
+        for kind, shift in enumerate((0.0, 0.004, 0.008))
+        if kind == 0 or k % 2 == kind - 1 or k == 0
+    )
+
+
+def frames_at(voice: Any, at: float, k: int, kind: int) -> list[bytes]:
+    """What a boat says at an entry of the schedule, a datagram each."""
+    frames = [pack(voice, _message(kind, FIRST_MS + round(at * 1000.0), at))]
+    if kind == 2 and k % 50 <= 1:
+        frames.append(pack(voice, dialect.MAVLink_heartbeat_message(11, 3, 128, 0, 4, 3)))
+    return frames
 
 
 def _message(kind: int, boot_ms: int, t: float) -> Any:

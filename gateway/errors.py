@@ -36,6 +36,12 @@ def shell_word(text: str) -> str:
     return f"$'{printable(plain)}'"
 
 
+def shell_path(path: str | Path) -> str:
+    """A file as a word for a command line: a name that begins with a dash is no option."""
+    text = str(path)
+    return shell_word(f"./{text}" if text.startswith("-") else text)
+
+
 def one_line(text: str) -> str:
     """The same of a text that may not begin a line of its own: what a boat says is not ours."""
     return printable(text).replace("\n", "\\x0a")

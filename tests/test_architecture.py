@@ -142,6 +142,7 @@ LAYERS = {
         hil_demo
         commands
         cli
+        program
     """,
 }
 

@@ -309,6 +309,8 @@ class FilterRows:
 
     def with_faults(self, faults: Ints) -> "FilterRows":
         """The same rows, with what makes the boat's data unfit (K,)."""
+        if not np.count_nonzero(faults) and not np.count_nonzero(self.faults):
+            return self  # as mostly
         return FilterRows(
             self.time_s, self.motion, self.std, self.covariance, self.nis, self.used, self.flags,
             faults,

@@ -12,6 +12,10 @@ scale is off, knots taken for m/s, a rate whose sign is turned round or a compas
 else be looked for in the boat. Stretches that are off by several times the usual are left out (an
 autopilot sets its heading anew); standard deviations are those of the sums over blocks of time
 (White, Econometrica 48, 1980, by clusters).
+
+A plain mistake (another unit, latitude and longitude exchanged) shows without all that, in a short
+recording and in rates that were smoothed: by how a rate and its values go together over stretches
+of ten seconds (`plain_mistakes`).
 """
 
 from collections.abc import Mapping
@@ -49,6 +53,12 @@ UNITS = {  # rate over what the values say -> the usual mistake
 NEAR_UNIT = 0.03
 DEGREE, FULL_CIRCLE = np.pi / 180.0, 2.0 * np.pi  # rad
 MOST_YAW = 0.99  # of the headings: a few may be damaged
+# Of another unit a rate is by a factor, however short the recording, however much it was smoothed:
+# told from stretches that no window smooths, where the two go together as one motion does.
+SLOW_S, SLOW_EVERY_S, FEWEST_SLOW = 10.0, 2.5, 12
+SLOW_TURN_RAD, SLOW_MOVE_M = 0.1, 1.5  # root mean square, for anything to be seen
+TOGETHER, APART = 0.95, 0.9  # correlations: of good recordings 0.99 and more
+ABOUT_UNIT, ABOUT_ONE = 0.1, 0.15  # of a scale
 LEAST_UPRIGHT = 0.8  # the cosine of a gyro that lies over
 
 
@@ -205,8 +215,105 @@ def _of_an_arm(turns: Turns, begin: Floats, end: Floats) -> Floats:
     return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1).reshape(-1, 2)
 
 
+class SlowAgreement(NamedTuple):
+    """How a rate goes with its values over long stretches: correlation, and scale of the rate."""
+
+    correlation: float
+    scale: float
+
+    @property
+    def mistake(self) -> str | None:
+        """The unit that was taken for another, where that is plain."""
+        if not self.correlation > TOGETHER:
+            return None
+        off, text = min((abs(self.scale / factor - 1.0), text) for factor, text in UNITS.items())
+        return text if off < ABOUT_UNIT else None
+
+
+def slow_agreement(
+    time: Floats, x: Floats, rate_time: Floats, rate: Floats, least: float
+) -> SlowAgreement | None:
+    """Values (K, n) and their rates (L, n), as in `rate_agreement`; None: too little is seen."""
+    gap = max(GAP_S, *(3.0 * float(np.median(np.diff(t))) for t in (time, rate_time)))
+    first, last = max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - SLOW_S
+    begin = uniform_grid(float(first), float(last), SLOW_EVERY_S)
+    end = begin + SLOW_S
+    whole = _unbroken(time, begin, end, gap) & _unbroken(rate_time, begin, end, gap)
+    begin, end = begin[whole], end[whole]
+    if len(begin) < FEWEST_SLOW:
+        return None
+    moved, turned = (
+        np.stack([_at(t, y[:, i], end) - _at(t, y[:, i], begin) for i in range(x.shape[1])], axis=1)
+        for t, y in ((time, x), (rate_time, _integrals(rate_time, rate)))
+    )
+    size, other = float(np.sqrt(np.mean(moved**2))), float(np.sqrt(np.mean(turned**2)))
+    if not least < size < HUGE or not 0.0 < other < HUGE:
+        return None
+    correlation = float(np.mean(moved * turned)) / (size * other)
+    return SlowAgreement(correlation, other / size)
+
+
+def plain_mistakes(choices: Mapping[str, Choice]) -> dict[str, str]:
+    """Name of a rate -> a sentence, where it is of another unit than it is said to be, or where
+    the columns of the positions are exchanged. Also of rates that are smoothed, and left out.
+    """
+    out: dict[str, str] = {}
+    if "yaw" not in choices:
+        return out
+    start = int(choices["yaw"].samples.vehicle_time_ns[0])
+    at, heading = _ascending(choices["yaw"].samples, start)
+    if len(at) < 2:
+        return out
+    turned = np.unwrap(heading[:, :1], axis=0)
+    if "yaw rate" in choices:
+        when, rate = _ascending(choices["yaw rate"].samples, start)
+        found = (
+            slow_agreement(at, turned, when, rate[:, :1], SLOW_TURN_RAD) if len(when) > 1 else None
+        )
+        if found is not None and found.mistake is not None:
+            out["yaw rate"] = _plain(choices["yaw rate"], found, "the turn of the heading")
+    if "velocity" not in choices or "position" not in choices:
+        return out
+    when, velocity = _ascending(choices["velocity"].samples, start)
+    position = choices["position"].samples
+    then, place = _ascending(position, start)
+    if len(when) < 2 or len(then) < 2:
+        return out
+    if choices["velocity"].samples.quantity is Quantity.BODY_VELOCITY:
+        velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
+    given, other = (
+        slow_agreement(then, metres(degrees, position.quantity), when, velocity, SLOW_MOVE_M)
+        for degrees in (place, place[:, ::-1])
+    )
+    if given is not None and given.mistake is not None:
+        out["velocity"] = _plain(choices["velocity"], given, "the change of position")
+    elif given is not None and other is not None and _exchanged(given, other):
+        degrees = position.quantity is Quantity.GLOBAL_POSITION
+        what = "latitude and longitude" if degrees else "north and east"
+        out["velocity"] = (
+            f"{what} ({choices['position'].source}) look exchanged: only the other way round do "
+            f"positions change as the velocity ({choices['velocity'].source}) says"
+        )
+    return out
+
+
+def _exchanged(given: SlowAgreement, other: SlowAgreement) -> bool:
+    """Whether positions go with the velocity with their two columns exchanged, and only so."""
+    fits = other.correlation > TOGETHER and abs(other.scale - 1.0) < ABOUT_ONE
+    return fits and given.correlation < APART
+
+
+def _plain(rate: Choice, found: SlowAgreement, change: str) -> str:
+    return f"{rate.name} ({rate.source}) is {found.scale:.2g} times {change}: {found.mistake}?"
+
+
 def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
     """A sentence for each pair of sensors of one boat that do not tell of one motion."""
+    told, plain = _contradictions(choices), plain_mistakes(choices)
+    return (*told, *(text for name, text in plain.items() if not any(name in t for t in told)))
+
+
+def _contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
     out = []
     if "yaw" not in choices:
         return ()
@@ -330,9 +437,9 @@ def _ascending(samples: Samples, start_ns: int) -> tuple[Floats, Floats]:
     return time[new], values[new]
 
 
-def _unbroken(time: Floats, begin: Floats, end: Floats) -> np.ndarray:
+def _unbroken(time: Floats, begin: Floats, end: Floats, gap_s: float = GAP_S) -> np.ndarray:
     """Which stretches (M,) hold no silence of the times (K,)."""
-    gaps = np.concatenate([[0.0], np.cumsum(np.diff(time) > GAP_S)])
+    gaps = np.concatenate([[0.0], np.cumsum(np.diff(time) > gap_s)])
     first = np.clip(np.searchsorted(time, begin, side="right") - 1, 0, len(time) - 1)
     last = np.clip(np.searchsorted(time, end), 0, len(time) - 1)
     return np.asarray(gaps[first] == gaps[last])

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from gateway.estimation import FilterSettings, WhiteNoise
-from gateway.ingest.agreement import metres, over_ground, rate_agreement
+from gateway.ingest.agreement import metres, over_ground, plain_mistakes, rate_agreement
 from gateway.ingest.log import BoatSamples
 from gateway.ingest.sources import (
     NOT_SMOOTHED,
@@ -151,11 +151,13 @@ def repair_table(decoded: BoatSamples, choices: Mapping[str, Choice]) -> Repaire
         if name in out:
             out[name], about = _at_own_times(out[name])
             notices += about
-    rates = _smoothings(out)
+    mistakes = plain_mistakes(out)
+    rates = {name: NOT_SMOOTHED if name in mistakes else s for name, s in _smoothings(out).items()}
     notices += _about_accelerations(out, decoded.of(Quantity.ACCELERATION))
     if any(rate.found for rate in rates.values()):
         left_out = [n for n in ("velocity", "yaw rate") if n in out and _replaceable(n, out)]
         notices.append(_about_smoothing(rates, left_out))
+        notices += [text for name, text in mistakes.items() if name in left_out]
         out = {name: choice for name, choice in out.items() if name not in left_out}
     return RepairedTable(out, tuple(notices))
 

@@ -253,9 +253,11 @@ class LineSelector:
 
     def wait(self, timeout_s: float | None = None) -> list[selectors.SelectorKey]:
         """Sockets and devices that are ready, none after `timeout_s`; raises Closing when woken."""
-        ready = [key for key, _ in self._selector.select(timeout_s)]
-        if any(key.fileobj is self._waker for key in ready):
-            raise Closing
+        ready = list[selectors.SelectorKey]()
+        for key, _ in self._selector.select(timeout_s):
+            if key.fileobj is self._waker:
+                raise Closing
+            ready.append(key)
         return ready
 
     def close(self) -> None:

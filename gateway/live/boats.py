@@ -8,7 +8,7 @@ The boats of all links: each is found by its autopilot's HEARTBEAT and gets a ve
 A ground station is no boat. Pure in its inputs, like `LiveBoat`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from gateway.config import Settings
 from gateway.estimation.filter import Estimator
 from gateway.ingest.log import Boat
+from gateway.ingest.mapping import Origin
 from gateway.ingest.mavlink.mapping import from_heartbeat
 from gateway.json_rows import TopicRows
 from gateway.links import Datagram, Frame
@@ -60,8 +61,13 @@ def _with_events(
     rows: list[TopicRows], events: Sequence[EventRow], out: ShadowRows | None = None
 ) -> BoatOutput:
     """Messages, and events as messages and for people."""
+    if not events:
+        return BoatOutput(rows, out)
     told = tuple(event for event in events if event.kind in TOLD)
-    return BoatOutput([*rows, event_rows(events)] if events else rows, out, told)
+    return BoatOutput([*rows, event_rows(events)], out, told)
+
+
+NOTHING = BoatOutput([])
 
 
 class NewestTimes(NamedTuple):
@@ -96,20 +102,39 @@ class LiveBoat:
         self._unjudged: list[ShadowRows] = []
 
     def datagram(self, messages: Sequence[Any], receive_time_ns: int) -> Iterator[BoatOutput]:
-        """The boat's messages of one datagram -> what goes out, as it is made.
+        """The boat's messages of one datagram, see `datagrams`."""
+        return self.datagrams([(message, receive_time_ns) for message in messages])
 
-        One after the other, so that it does not matter how a link packs them. The caller takes
-        all of it: only then has the state moved on.
+    def datagrams(self, messages: Iterable[tuple[Any, int]]) -> Iterator[BoatOutput]:
+        """The boat's messages that wait, each with its receipt -> what goes out, as it is made.
+
+        Measurements of several messages move the shadow in one go, which gives the same as one
+        after the other and takes a fraction of the time: a loop that falls behind catches up. The
+        caller takes all of it: only then has the state moved on.
         """
-        for m in messages:
+        waiting, origin = list[FilterInputs](), self._intake.origin
+        for m, receive_time_ns in messages:
             self.health.frame(receive_time_ns, m.get_type(), m.get_srcComponent(), m.get_seq())
             inputs = self._intake.take(m, receive_time_ns)
+            rebooted = self._intake.reboots > self.reboots
+            if waiting and (rebooted or self._changed(origin)):
+                yield from self._advance(FilterInputs.joined(waiting), True, origin)
+                waiting = []
+            origin = self._intake.origin
             self._apply_parameters()
-            if self._intake.reboots > self.reboots:
+            if rebooted:
                 yield BoatOutput(self._restart(receive_time_ns))
             if inputs is not None:
                 self._note_times(inputs, receive_time_ns)
-                yield from self._advance(inputs, spend=True)
+                waiting.append(inputs)
+                if self._applies:  # its numbers may change with each message
+                    yield from self._advance(waiting.pop(), True, origin)
+        if waiting:
+            yield from self._advance(FilterInputs.joined(waiting), True, origin)
+
+    def _changed(self, origin: Origin | None) -> bool:
+        """Does the newest message change how those before it are to be taken?"""
+        return self._intake.origin is not origin or self._intake.parameters != self._parameters
 
     def tick(self, now_ns: int) -> Iterator[BoatOutput]:
         """A moment without telemetry -> the shadow runs on, for a while.
@@ -119,7 +144,7 @@ class LiveBoat:
         """
         self._ticked_ns, measured = now_ns, self._state.filter
         inputs = self._intake.tick(now_ns, self._vehicle_time(now_ns))
-        yield from self._advance(inputs, spend=False)
+        yield from self._advance(inputs, False, self._intake.origin)
         self._state = replace(self._state, filter=measured)
 
     def wants_tick(self, now_ns: int) -> bool:
@@ -162,19 +187,21 @@ class LiveBoat:
 
     def _note_times(self, inputs: FilterInputs, receive_time_ns: int) -> None:
         """Measurements came: the silence is over."""
-        newest = int(inputs.vehicle_time_ns.max())
+        newest = max(inputs.vehicle_time_ns.tolist())
         if self._newest is not None:
             newest = max(newest, self._newest.vehicle_time_ns)
         self._newest = NewestTimes(receive_time_ns, newest)
         self._ticked_ns, self._resting = 0, False
 
-    def _advance(self, inputs: FilterInputs, spend: bool) -> Iterator[BoatOutput]:
+    def _advance(
+        self, inputs: FilterInputs, spend: bool, origin: Origin | None
+    ) -> Iterator[BoatOutput]:
         if self._applies:
             yield self.judge()  # whose numbers are to be taken over
             self._take_over(int(inputs.receive_time_ns[-1]))
         self._state, out, filtered = self._path.advance(self._state, inputs, spend)
         if len(out):  # the shadow first: it goes out while the others are being made
-            topics = topic_rows(out, self._intake.origin)
+            topics = topic_rows(out, origin)
             yield BoatOutput([next(topics)])
             yield BoatOutput(list(topics))
         self.health.filtered(inputs, filtered, out)
@@ -193,11 +220,13 @@ class LiveBoat:
         depends on it, and what comes of it is the same.
         """
         rows, events = list[TopicRows](), list[EventRow]()
+        if not self._unjudged:
+            return NOTHING
         for out in self._unjudged:
             self._model_monitor, monitored, told = self._model_monitor.observe(out)
             rows, events = [*rows, *monitored], [*events, *told]
         self._unjudged = []
-        return _with_events(rows, events)
+        return _with_events(rows, events) if rows or events else NOTHING
 
     def _take_over(self, receive_time_ns: int) -> None:
         """The shadow's numbers follow the boat's, from here on."""
@@ -299,19 +328,25 @@ class Fleet:
 
     def datagram(self, datagram: Datagram) -> Iterator[FleetOutput]:
         """The frames of a datagram, each to its boat -> what comes of them, as it is made."""
-        by_system: dict[int, list[Any]] = {}
-        for frame in datagram.frames:
-            message = frame.message
-            if message is None:
-                continue
-            if message.get_type() == "HEARTBEAT":
-                self._find_boat(message)
-            boat = self.boats.get(message.get_srcSystem())
-            if boat is not None and message.get_srcComponent() == boat.boat.component:
-                by_system.setdefault(boat.boat.system, []).append(message)
+        return self.datagrams([datagram])
+
+    def datagrams(self, datagrams: Iterable[Datagram]) -> Iterator[FleetOutput]:
+        """The same for those that wait, in their order, boat by boat."""
+        by_system: dict[int, list[tuple[Any, int]]] = {}
+        for datagram in datagrams:
+            for frame in datagram.frames:
+                message = frame.message
+                if message is None:
+                    continue
+                if message.get_type() == "HEARTBEAT":
+                    self._find_boat(message)
+                boat = self.boats.get(message.get_srcSystem())
+                if boat is not None and message.get_srcComponent() == boat.boat.component:
+                    received = message, datagram.receive_time_ns
+                    by_system.setdefault(boat.boat.system, []).append(received)
         for system, messages in by_system.items():
             boat = self.boats[system]
-            for output in boat.datagram(messages, datagram.receive_time_ns):
+            for output in boat.datagrams(messages):
                 yield FleetOutput(boat, output)
 
     def due(self, now_ns: int) -> list[LiveBoat]:

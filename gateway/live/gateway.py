@@ -12,8 +12,8 @@ loop reads the clock; what it decides follows from datagrams and ticks, which ar
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty
@@ -26,6 +26,7 @@ from gateway.bus import Bus, open_session
 from gateway.config import Settings
 from gateway.errors import ShadowError
 from gateway.ingest.log import Boat
+from gateway.json_rows import TopicRows
 from gateway.links import PER_LINK, Datagram, Inbox, Item, LinkEvent
 from gateway.links.link import Link
 from gateway.links.transmitter import Identity, load_key
@@ -50,6 +51,7 @@ from sim.state import Progress
 MAX_SLEEP_S = TICK_S / 4.0  # of the loop
 LOOK_NS = SECOND // 100  # between two looks for boats that have fallen silent
 REPORT_INTERVAL_NS = 10 * SECOND  # between two reports of defects
+TOGETHER = 64  # datagrams that wait and are handled in one go, before all else that is due
 BEHIND_NS, CURRENT_NS = 2 * SECOND, SECOND // 4  # what waits so long is told; so short is current
 CURRENT = ("overload_over", "warning", "what is shown is current again")
 
@@ -158,52 +160,78 @@ class Gateway:
     def catch_up(self) -> None:
         """Hold all rows that still wait for it against their models."""
         while self._unjudged:
-            with self._going_on():
-                self._judge()
+            self._guarded(self._judge)
 
     def turn(self, item: Item | None) -> None:
         """One round of the loop: an item, if one came, and what is due."""
-        with self._going_on():
-            if isinstance(item, Datagram):
-                self._datagram(item)
-            elif item is not None:
-                self._link_event(item)
-            waited_ns = 0 if item is None else max(self._clock() - item.receive_time_ns, 0)
-            self._note_delay(waited_ns)
-            self._run_due(waited_ns if len(self.inbox) else 0)
-            if self._unjudged and not len(self.inbox):
-                self._judge()
+        self._guarded(self._turn, item)
 
-    @contextmanager
-    def _going_on(self) -> Iterator[None]:
+    def _turn(self, item: Item | None) -> None:
+        oldest = item
+        if isinstance(item, Datagram):
+            datagrams, item = self._waiting(item)
+            self._datagrams(datagrams)
+        if isinstance(item, LinkEvent):
+            self._link_event(item)
+        now_ns = self._clock()
+        self._note_delay(max(now_ns - oldest.receive_time_ns, 0) if oldest is not None else 0)
+        behind = item is not None and len(self.inbox) > 0
+        self._run_due(max(now_ns - item.receive_time_ns, 0) if behind and item else 0)
+        if self._unjudged and not len(self.inbox):
+            self._judge()
+
+    def _guarded(self, work: Callable[..., None], *given: Any) -> None:
         """Around all that the loop does: a defect is told, and does not end the shadow."""
         try:
-            yield
+            work(*given)
         except Exception as error:  # the outermost loop
             if self._strict:
                 raise
             self._fault(error)
 
-    def _datagram(self, datagram: Datagram) -> None:
-        """Publish as it is made; all else can wait until then."""
-        published, told = [], list[LogLine]()
-        for boat, output in self.fleet.datagram(datagram):
+    def _waiting(self, first: Datagram) -> tuple[list[Datagram], Item]:
+        """A datagram and those that wait behind it, and the last item that was taken for that."""
+        datagrams = [first]
+        while len(self.inbox) and len(datagrams) < TOGETHER:
+            item = self.inbox.get(timeout=0)
+            if not isinstance(item, Datagram):
+                return datagrams, item
+            datagrams.append(item)
+        return datagrams, datagrams[-1]
+
+    def _datagrams(self, datagrams: Sequence[Datagram]) -> None:
+        """Publish as it is made; all else can wait until then. Frames are recorded in any case."""
+        published = list[tuple[LiveBoat, list[TopicRows]]]()
+        try:
+            self._publish(datagrams, published)
+        finally:
+            for datagram in datagrams:
+                self._record_frames(datagram)
+        for boat, rows in published:
+            self.outputs[boat.boat.system].record(rows)
+            self.outputs[boat.boat.system].show(rows)
+        for datagram in datagrams:
+            self._rate_requests.take(datagram, self.fleet.boats, self._steady())
+
+    def _publish(
+        self, datagrams: Sequence[Datagram], published: list[tuple[LiveBoat, list[TopicRows]]]
+    ) -> None:
+        """What comes of datagrams goes out, and is added to what was published."""
+        told, receipts = list[LogLine](), dict[int, int]()
+        for boat, output in self.fleet.datagrams(datagrams):
             if output.rows:
                 self.outputs[boat.boat.system].publish(output.rows)
                 published.append((boat, output.rows))
             if output.out is not None and len(output.out):
                 self._unjudged[boat.boat.system] = boat
-            told += [_line(boat, event) for event in output.events]
-        late_ns = self._clock() - datagram.receive_time_ns
-        for boat in {boat.boat.system: boat for boat, _ in published}.values():
-            boat.health.late_by(late_ns)
+                receipts.setdefault(boat.boat.system, int(output.out.receive_time_ns[0]))
+            if output.events:
+                told += [_line(boat, event) for event in output.events]
+        now_ns = self._clock()
+        for system, receive_time_ns in receipts.items():
+            self.fleet.boats[system].health.late_by(now_ns - receive_time_ns)
         for text in told:
             self._progress(text)
-        self._record_frames(datagram)
-        for boat, rows in published:
-            self.outputs[boat.boat.system].record(rows)
-            self.outputs[boat.boat.system].show(rows)
-        self._rate_requests.take(datagram, self.fleet.boats, self._steady())
 
     def _record_frames(self, datagram: Datagram) -> None:
         """Raw frames to the recordings they belong to; none is lost while no boat is known."""
@@ -219,7 +247,7 @@ class Gateway:
         if self._behind is (waited_ns > (CURRENT_NS if self._behind else BEHIND_NS)):
             return
         self._behind = not self._behind
-        text = f"this machine is too slow: what is shown is {waited_ns // SECOND} s old"
+        text = f"this machine is too slow: what is shown is {waited_ns / SECOND:.0f} s old"
         event = ("overload", "error", text)
         for boat in self.fleet.boats.values():
             self._send_event(boat, *(event if self._behind else CURRENT))
@@ -257,7 +285,9 @@ class Gateway:
     def _judge(self) -> None:
         """The rows of the boat that has waited longest for it, held against its model."""
         boat = self._unjudged.pop(next(iter(self._unjudged)))
-        self._send(boat, boat.judge())
+        output = boat.judge()
+        if output.rows:
+            self._send(boat, output)
 
     def _send(self, boat: LiveBoat, output: BoatOutput) -> None:
         self.outputs[boat.boat.system].send(output.rows)

@@ -10,9 +10,11 @@ alone has its first position as origin, for good.
 """
 
 from collections.abc import Mapping
+from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.estimation import FilterSettings, MeasurementKind
@@ -56,6 +58,7 @@ RANK: Mapping[tuple[Quantity, str], tuple[str, int]] = {
 }
 GYRO_FILTER, GYRO_FILTER_HZ = "INS_GYRO_FILTER", (0.5, 500.0)  # 0 stands for none
 NO_PULSES = np.full(CHANNELS, np.nan)
+MOVES = frozenset(KIND_OF)  # quantities of which nothing is held
 
 
 class BoatDecoder:
@@ -69,7 +72,7 @@ class BoatDecoder:
         """A pymavlink message of this boat and its receipt -> measurements, none if repeated."""
         found: list[Measurement] = []
         for rule in RULES.get(message.get_type(), ()):
-            if instance_of(message, rule, rule.number) == rule.number:
+            if not rule.instance or instance_of(message, rule, rule.number) == rule.number:
                 found += self._by_rule(message, rule, receive_time_ns)
         return tuple(found)
 
@@ -79,11 +82,11 @@ class BoatDecoder:
         )
         if status in (StampStatus.DUPLICATE, StampStatus.UNPLACED):
             return []
-        facts = [(q, tuple(float(value) for value in values)) for q, values in rule.facts(message)]
+        facts = [(q, tuple(map(float, values))) for q, values in rule.facts(message)]
         return [
             Measurement(quantity, rule.source, vehicle, receive, values)
             for quantity, values in facts
-            if quantity is Quantity.ACTUATORS or all(value == value for value in values)
+            if quantity is Quantity.ACTUATORS or True not in map(isnan, values)
         ]
 
 
@@ -153,6 +156,34 @@ class HeldValues(NamedTuple):
     estimator: float = np.nan  # bits of `EstimatorFault`
 
 
+class MessagePlan(NamedTuple):
+    """What is the same in all messages that give measurements of the same kinds, K of them: one is
+    made for all, since each array takes as long as a step of the filter.
+    """
+
+    kinds: Ints  # (K,)
+    std: Floats  # (K, 2)
+    complete: NDArray[np.bool_]  # (K,)
+    pulse_row: Ints  # (K,)
+
+
+class HeldColumns(NamedTuple):
+    """What holds until the next message, for messages of K measurements."""
+
+    voltage: Floats  # (K,)
+    wind: Floats  # (K, 2)
+    gps_fix: Floats  # (K,)
+    estimator: Floats  # (K,)
+
+    @classmethod
+    def of(cls, now: HeldValues, count: int) -> "HeldColumns":
+        """The same in each of so many rows."""
+        wind = np.full((count, 2), now.wind)
+        one = (np.full(count, value) for value in (now.voltage, now.gps_fix, now.estimator))
+        voltage, gps_fix, estimator = one
+        return cls(voltage, wind, gps_fix, estimator)
+
+
 class MessageIntake:
     """Turns each message of a boat into `FilterInputs`; remembers the values that hold."""
 
@@ -167,7 +198,8 @@ class MessageIntake:
         self._held = HeldValues()
         self._pulses: PulseTable | None = None  # of what is held, made when it is asked for
         self._origin = OriginEstimate()
-        self._white: dict[tuple[MeasurementKind, str], float] = {}
+        self._plans: dict[tuple[tuple[Quantity, str], ...], MessagePlan] = {}
+        self._columns: dict[int, HeldColumns] = {}  # by count of measurements
 
     @property
     def reboots(self) -> int:
@@ -202,10 +234,10 @@ class MessageIntake:
         """A moment without any measurement, on the receiver's and the boat's clock."""
         epoch = vehicle_time_ns if self._epoch_ns is None else self._epoch_ns
         time = np.array([(vehicle_time_ns - epoch) * 1e-9])
-        events = Events(
-            time, np.array([int(MeasurementKind.TICK)]), np.zeros((1, 2)), np.ones((1, 2))
-        )
-        return self._with_held(events, np.array([vehicle_time_ns]), np.array([moment_ns]))
+        kinds = np.array([int(MeasurementKind.TICK)])
+        plan = MessagePlan(kinds, np.ones((1, 2)), np.ones(1, np.bool_), np.zeros(1, np.int64))
+        events = Events(time, kinds, np.zeros((1, 2)), plan.std)
+        return self._with_held(events, plan, np.array([vehicle_time_ns]), np.array([moment_ns]))
 
     def _use(self, m: Measurement) -> Measurement | None:
         """A measurement of motion for the filter; of anything else the value is remembered."""
@@ -233,13 +265,17 @@ class MessageIntake:
         assert self._first_ns is not None
         if rank > 0 and now - self._first_ns < BETTER_SOURCE_NS and name in MOTION:
             return None  # a better one may yet come
-        better = (at for other, at in received.items() if other < rank)
-        return name if all(now - at > BETTER_SOURCE_NS for at in better) else None
+        for other, at in received.items():
+            if other < rank and now - at <= BETTER_SOURCE_NS:
+                return None
+        return name
 
     def _hold(self, m: Measurement) -> None:
         """The value that holds from now on."""
         if m.quantity in (Quantity.ACTUATORS, Quantity.ARMED):
             self._pulses = None
+        elif m.quantity not in MOVES:
+            self._columns = {}
         match m.quantity:
             case Quantity.ACTUATORS:
                 pulses = merge_pulses(self._held.pulses, BY_SOURCE[m.source].channels, m.values)
@@ -264,47 +300,46 @@ class MessageIntake:
 
     def _inputs(self, motion: list[Measurement]) -> FilterInputs:
         """The measurements of one message as inputs."""
-        count = len(motion)
-        if self._epoch_ns is None:
-            self._epoch_ns = motion[0].vehicle_time_ns
-        z, std = np.zeros((count, 2)), np.empty((count, 2))
-        kinds = [KIND_OF[m.quantity] for m in motion]
-        for k, m in enumerate(motion):
-            z[k, : len(m.values)] = m.values
-            std[k] = self._white_std(kinds[k], m.source)
-        vehicle = np.array([m.vehicle_time_ns for m in motion], np.int64)
+        epoch = self._epoch_ns
+        if epoch is None:
+            epoch = self._epoch_ns = motion[0].vehicle_time_ns
+        key = tuple([(m.quantity, m.source) for m in motion])
+        plan = self._plans.get(key)
+        if plan is None:
+            plan = self._plans[key] = self._plan(motion)
+        z = np.array([m.values if len(m.values) == 2 else (m.values[0], 0.0) for m in motion])
+        stamps = [m.vehicle_time_ns for m in motion]
+        vehicle = np.array(stamps, np.int64)
         receive = np.array([m.receive_time_ns for m in motion], np.int64)
-        time_s = np.asarray((vehicle - self._epoch_ns) * 1e-9, np.float64)
-        return self._with_held(Events(time_s, np.array(kinds, np.int64), z, std), vehicle, receive)
+        time_s = np.array([(stamp - epoch) * 1e-9 for stamp in stamps])
+        return self._with_held(Events(time_s, plan.kinds, z, plan.std), plan, vehicle, receive)
 
-    def _white_std(self, kind: MeasurementKind, source: str) -> float:
-        key = kind, source
-        if key not in self._white:
-            self._white[key] = self.settings.white_std(kind, source)
-        return self._white[key]
-
-    def _with_held(self, events: Events, vehicle: Ints, receive: Ints) -> FilterInputs:
-        """Events of one message (K,) with the values that hold now."""
-        count, now = len(events), self._held
-        complete = np.zeros(count, np.bool_)
+    def _plan(self, motion: list[Measurement]) -> MessagePlan:
+        kinds = [KIND_OF[m.quantity] for m in motion]
+        std = [
+            [self.settings.white_std(kind, m.source)] * 2
+            for kind, m in zip(kinds, motion, strict=True)
+        ]
+        complete = np.zeros(len(motion), np.bool_)
         complete[-1] = True
-        wind = np.empty((count, 2))
-        wind[:] = now.wind
+        pulse_row = np.zeros(len(motion), np.int64)
+        return MessagePlan(np.array(kinds, np.int64), np.array(std), complete, pulse_row)
+
+    def _with_held(
+        self, events: Events, plan: MessagePlan, vehicle: Ints, receive: Ints
+    ) -> FilterInputs:
+        """Events of one message (K,) with the values that hold now."""
+        count, now = len(vehicle), self._held
+        held = self._columns.get(count)
+        if held is None:
+            held = self._columns[count] = HeldColumns.of(now, count)
         if self._pulses is None:
             self._pulses = PulseTable.of((now.pulses if now.armed else NO_PULSES)[np.newaxis])
+        order = np.array([self._order] * count, np.int64)
         return FilterInputs(
-            events,
-            np.full(count, self._order, np.int64),
-            complete,
-            vehicle,
-            receive,
-            np.zeros(count, np.int64),
-            np.full(count, now.voltage),
-            wind,
-            np.full(count, now.gps_fix),
-            np.full(count, now.estimator),
-            self._pulses,
-        )
+            events, order, plan.complete, vehicle, receive, plan.pulse_row, held.voltage,
+            held.wind, held.gps_fix, held.estimator, self._pulses,
+        )  # fmt: skip
 
 
 def warm_up_messages(boot_ms: int) -> list[Any]:

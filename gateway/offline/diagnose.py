@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from gateway.errors import BadInput, numerical_errors, shell_word
+from gateway.errors import BadInput, numerical_errors, shell_path
 from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.files import write_whole
@@ -139,17 +139,17 @@ class DiagnosisResult:
 
     def next_steps(self, saved: str | None, out: str | None) -> list[str]:
         """Command lines to go on with, the likeliest first."""
-        vessel, logs = shell_word(self.vessel_file), " ".join(map(shell_word, self.logs))
-        better = shell_word(out or f"{Path(self.vessel_file).stem}-better.toml")
-        source = shell_word(saved or "diagnosis.json")
+        vessel, logs = shell_path(self.vessel_file), " ".join(map(shell_path, self.logs))
+        better = shell_path(out or f"{Path(self.vessel_file).stem}-better.toml")
+        source = shell_path(saved or "diagnosis.json")
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
-        own = "".join(f" --effects {shell_word(file)}" for file in self.effect_files)
+        own = "".join(f" --effects {shell_path(file)}" for file in self.effect_files)
         again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
         if self.contradicted:  # what a fit makes of such sensors is no boat's
-            return [f"shadow info {shell_word(log)}{self.flags}" for log in self.logs]
+            return [f"shadow info {shell_path(log)}{self.flags}" for log in self.logs]
         found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, []
         if saved is None and (curve is not None or (found and not out)):
             steps.append(f"{again} --save diagnosis.json")
@@ -164,7 +164,7 @@ class DiagnosisResult:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
         if curve is not None:
             names = " ".join(curve.effects)
-            with_curve = shell_word(f"{Path(self.vessel_file).stem}-curve.toml")
+            with_curve = shell_path(f"{Path(self.vessel_file).stem}-curve.toml")
             steps.append(
                 f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
             )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput, numerical_errors, printable, shell_word
+from gateway.errors import BadInput, numerical_errors, printable, shell_path
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
@@ -85,7 +85,7 @@ class TrialOptions:
     @property
     def flags(self) -> str:
         """Of the command line, each after a space: what says whose data of a log, and how."""
-        mapping = "" if self.mapping is None else f" --mapping {shell_word(str(self.mapping))}"
+        mapping = "" if self.mapping is None else f" --mapping {shell_path(self.mapping)}"
         system = "" if self.system is None else f" --system {self.system}"
         return f"{mapping}{system}{' --anyway' if self.anyway else ''}"
 

@@ -201,7 +201,8 @@ class RowThinning:
         if topic == UNTHINNED:
             return list(range(len(log_times)))
         before, kept = self._step.get(topic, -1), list[int]()
-        for k, step in enumerate((log_times // self._step_ns).tolist()):
+        for k, time_ns in enumerate(log_times.tolist()):
+            step = time_ns // self._step_ns
             if step > before:
                 kept.append(k)
             before = step

@@ -169,6 +169,26 @@ class RecordingSettings:
     topics_hz: float = 2.0  # rows a second of each topic that is thinned
 
 
+def thinned(
+    rows: TopicRows, settings: RecordingSettings, thinning: RowThinning
+) -> TopicRows | None:
+    """The messages that are recorded: what the frames give again is thinned. None: there are none.
+
+    Live, nearly all rows come one by one and are left out: nothing is made for those.
+    """
+    count = len(rows)
+    if not count:
+        return None
+    if settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived:
+        return rows
+    if settings.topics is TopicsKept.NONE:
+        return None
+    kept = thinning.of(rows.topic, rows.receive_time_ns)
+    if not kept:
+        return None
+    return rows if len(kept) == count else rows.chosen(kept)
+
+
 def open_new(path: Path) -> IO[bytes]:
     """A new file, or one that replaces its namesake, for writing."""
     return path.open("wb", buffering=1024 * 1024)
@@ -239,9 +259,14 @@ class Recorder:
 
     def write_rows(self, rows: TopicRows) -> None:
         """Record messages of one topic, and what players make of them."""
-        rows = self._kept(rows)
-        if not len(rows):
-            return
+        kept = thinned(rows, self.settings, self._thinning)
+        if kept is not None:
+            self.write_thinned(kept)
+
+    def write_thinned(self, rows: TopicRows) -> None:
+        """The same for messages that `thinned` has chosen before, one at least."""
+        if self.settings.topics is not TopicsKept.ALL and topic_of(rows.topic).derived:
+            rows = rows.rounded()
         self._rotate_if_due()
         with self._writing() as file:
             log, publish = rows.receive_time_ns, rows.vehicle_time_ns
@@ -250,15 +275,6 @@ class Recorder:
                 times = log[shown.rows], publish[shown.rows]
                 file.write(file.well_known(shown.channel), *times, shown.payloads)
         self._housekeeping(int(rows.receive_time_ns[0]), int(rows.receive_time_ns[-1]))
-
-    def _kept(self, rows: TopicRows) -> TopicRows:
-        """Those that are recorded: what the frames give again is thinned and rounded."""
-        if self.settings.topics is TopicsKept.ALL or not topic_of(rows.topic).derived:
-            return rows
-        if self.settings.topics is TopicsKept.NONE or not len(rows):
-            return rows.chosen([])
-        kept = self._thinning.of(rows.topic, rows.receive_time_ns)
-        return rows.chosen(kept).rounded() if kept else rows.chosen([])
 
     def write_raw(
         self,

@@ -15,7 +15,8 @@ from typing import NamedTuple, Self
 
 from gateway.errors import ShadowError
 from gateway.json_rows import TopicRows
-from gateway.recording.recorder import TICK_LINK, Recorder
+from gateway.recording.foxglove import RowThinning
+from gateway.recording.recorder import TICK_LINK, Recorder, thinned
 
 WRITE_S = 0.25  # so often what came is written; a flush follows each half second
 AT_ONCE = 2000  # items written before the disk is looked after again
@@ -44,6 +45,7 @@ class RecordingThread:
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
+        self._thinning = RowThinning(recorder.settings.topics_hz)
         self._queue: deque[Item] = deque()
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -99,10 +101,11 @@ class RecordingThread:
         self.raw(TICK_LINK, now_ns, (b"",))
 
     def rows(self, rows: Sequence[TopicRows]) -> None:
-        """Messages of topics."""
+        """Messages of topics. Those that are thinned are so here: most need not change threads."""
         for part in rows:
-            if len(part):
-                self._offer(part, DERIVED_LIMIT)
+            kept = thinned(part, self._recorder.settings, self._thinning)
+            if kept is not None:
+                self._offer(kept, DERIVED_LIMIT)
 
     def _offer(self, item: Item, limit: int) -> None:
         size = _size(item)
@@ -128,7 +131,7 @@ class RecordingThread:
 
     def _write(self, item: Item) -> None:
         if isinstance(item, TopicRows):
-            self._recorder.write_rows(item)
+            self._recorder.write_thinned(item)
         else:
             self._recorder.write_raw(item.frames, item.receive_time_ns, link=item.link)
 

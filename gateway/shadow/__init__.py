@@ -170,6 +170,13 @@ class PulseTable(NamedTuple):
         """Pulses (S, 32) [µs]."""
         return cls(pulses, np.asarray(np.isfinite(pulses).any(axis=1), np.float64))
 
+    @classmethod
+    def joined(cls, tables: Sequence["PulseTable"]) -> "PulseTable":
+        """The rows of several, one table after another."""
+        if len(tables) == 1:
+            return tables[0]
+        return cls(*(np.concatenate(column) for column in zip(*tables, strict=True)))
+
 
 @dataclass(frozen=True)
 class FilterInputs:
@@ -206,6 +213,28 @@ class FilterInputs:
     def __getitem__(self, part: slice) -> "FilterInputs":
         columns = {name: values[part] for name, values in vars(self).items() if name != TABLE}
         return FilterInputs(**columns, pulse_table=self.pulse_table)
+
+    @classmethod
+    def joined(cls, parts: Sequence["FilterInputs"]) -> "FilterInputs":
+        """The measurements of several messages, one after another."""
+        if len(parts) == 1:
+            return parts[0]
+        tables, rows = list[PulseTable](), list[Ints]()
+        count = 0  # of rows in the tables before the latest one
+        for part in parts:  # many share a table, those that follow one another
+            if not tables or tables[-1] is not part.pulse_table:
+                count += len(tables[-1].active) if tables else 0
+                tables.append(part.pulse_table)
+            rows.append(part.pulse_row + count)
+        columns = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in vars(parts[0])
+            if name not in ("events", "pulse_row", TABLE)
+        }
+        return cls(
+            events=join([part.events for part in parts]), pulse_row=np.concatenate(rows),
+            pulse_table=PulseTable.joined(tables), **columns,
+        )  # fmt: skip
 
     @property
     def pulses(self) -> Floats:

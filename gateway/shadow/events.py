@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from math import isfinite, isinf
 from operator import or_
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +49,12 @@ NOTHING = (0.0, 0.0, 0.0)
 AXES = (("ahead", "N"), ("to starboard", "N"), ("clockwise", "N m"))
 
 
-@dataclass(frozen=True)
-class MissingForceRange:
+class MissingForceRange(NamedTuple):
     """The usual range of the missing force: means of earlier blocks, and the block under way."""
 
     blocks: Floats  # (B, 3) [N, N, N m]
     total: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the block under way
-    count: int = 0
+    rows: int = 0  # of it
     began: float = -np.inf  # s
     unusual: tuple[bool, ...] = (False, False, False)
     against: tuple[int, ...] = (0, 0, 0)  # blocks in a row that say otherwise
@@ -74,30 +74,32 @@ class MissingForceRange:
     def observe(self, out: ShadowRows) -> tuple["MissingForceRange", list[EventRow]]:
         """A chunk of the path -> the range after it, and what left or entered it."""
         now, events = self, list[EventRow]()
+        if not len(out):
+            return now, events
         rows = zip(out.time_s.tolist(), out.residuals.missing.tolist(), strict=True)
         for k, (time, (X, Y, N)) in enumerate(rows):
             if not isfinite(X + Y + N):
-                if now.count or now.waiting is not None:
-                    now = replace(now, total=NOTHING, count=0, began=-np.inf, waiting=None)
+                if now.rows or now.waiting is not None:
+                    now = now._replace(total=NOTHING, rows=0, began=-np.inf, waiting=None)
                 continue
             if time - now.began >= FORCE_BLOCK_S:
                 now, changes = now._closed(out, k)
                 events += changes
             x, y, n = now.total
             total = (x + X, y + Y, n + N)
-            now = replace(now, total=total, count=now.count + 1)
+            now = now._replace(total=total, rows=now.rows + 1)
         return now, events
 
     def _closed(self, out: ShadowRows, k: int) -> tuple["MissingForceRange", list[EventRow]]:
         """The block ends before row k."""
-        ended = np.array(self.total) / self.count if self.count else None
+        ended = np.array(self.total) / self.rows if self.rows else None
         began = float(out.time_s[k])
-        fresh = replace(self, total=NOTHING, count=0, began=began, waiting=ended)
+        fresh = self._replace(total=NOTHING, rows=0, began=began, waiting=ended)
         mean = self.waiting
         if mean is None:
             return fresh, []
         if len(self.blocks) < NEEDED_BLOCKS:
-            return replace(fresh, blocks=np.vstack([self.blocks, mean])), []
+            return fresh._replace(blocks=np.vstack([self.blocks, mean])), []
         middle = np.median(self.blocks, axis=0)
         spread = 1.4826 * np.median(np.abs(self.blocks - middle), axis=0)
         width = np.maximum(spread, MIN_SPREAD * out.residuals.missing_std[k])
@@ -113,7 +115,7 @@ class MissingForceRange:
         )
         unusual = tuple(was != turn for was, turn in zip(self.unusual, changed, strict=True))
         against = tuple(0 if turn else n for n, turn in zip(against, changed, strict=True))
-        fresh = replace(fresh, unusual=unusual, against=against)
+        fresh = fresh._replace(unusual=unusual, against=against)
         if any(unusual) and self.persisted + 1 >= REMEMBERED_BLOCKS:
             minutes = REMEMBERED_BLOCKS * FORCE_BLOCK_S / 60.0
             text = f"unusual forces for {minutes:.0f} minutes: usual from here on"
@@ -126,9 +128,9 @@ class MissingForceRange:
             if unusual[i] != self.unusual[i]
         ]
         if any(beyond):
-            return replace(fresh, persisted=self.persisted + any(unusual)), events
+            return fresh._replace(persisted=self.persisted + any(unusual)), events
         blocks = np.vstack([self.blocks, mean])[-REMEMBERED_BLOCKS:]
-        return replace(fresh, blocks=blocks, persisted=0), events
+        return fresh._replace(blocks=blocks, persisted=0), events
 
 
 def _range_event(out: ShadowRows, k: int, unusual: bool, text: str) -> EventRow:
@@ -192,14 +194,17 @@ class EventDetector:
         first = 0 if self.started else int(out.row[0]) + 1 if len(out) else len(rows)
         if not self.started and len(out):
             events.append(EventRow.at(out, 0, "started", "info", "the first estimate is there"))
-        if any(flags & BROKEN for flags in rows.flags.tolist()):
+        if np.count_nonzero(rows.flags & BROKEN):
             events += _breaks(inputs, rows, first)
-        events += _changes(out, out.fresh, self.fresh, _TELEMETRY)
-        events += _changes(out, out.from_model, self.from_model, _REFERENCE)
-        events += _changes(out, out.limited, self.limited, _LIMITS)
-        diverged_s, divergences = _divergences(out, self.diverged_s)
+        diverged_s = self.diverged_s
+        if len(out):
+            events += _changes(out, out.fresh, self.fresh, _TELEMETRY)
+            events += _changes(out, out.from_model, self.from_model, _REFERENCE)
+            events += _changes(out, out.limited, self.limited, _LIMITS)
+            diverged_s, divergences = _divergences(out, diverged_s)
+            events += divergences
         now, sensor_events = self._sensors(inputs, rows)
-        events += [*divergences, *sensor_events]
+        events += sensor_events
         events.sort(key=lambda event: event.receive_time_ns)
         if not len(out):
             return now, events
@@ -220,7 +225,7 @@ class EventDetector:
         """Events of faults that make the boat's data unfit: each once, until all are over."""
         told, since, events = self.faults, self.unfit_s, list[EventRow]()
         well, lost = self.well, self.lost
-        if not told and not any(rows.faults.tolist()):
+        if not told and not np.count_nonzero(rows.faults):
             if well & REPORTED == REPORTED:
                 return self, events
             reported = reduce(or_, _reported(inputs), well)

@@ -299,12 +299,15 @@ class LiveHealth:
             self.lost.append((receive_ns, lost))
 
     def filtered(self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows) -> None:
-        """The rows of a datagram's measurements."""
-        receive_ns, vehicle_ns = int(inputs.receive_time_ns[-1]), int(inputs.vehicle_time_ns[-1])
+        """The rows of the measurements of one message, or of several."""
         self.counts.add(rows, inputs.receive_time_ns)
-        for _ in range(out.diverged.tolist().count(True)):
-            self.counts.diverge(receive_ns)
-        self.offsets.append((receive_ns, receive_ns - vehicle_ns))
+        if True in out.diverged.tolist():
+            for receive_ns in out.receive_time_ns[out.diverged].tolist():
+                self.counts.diverge(receive_ns)
+        receipts, stamps = inputs.receive_time_ns.tolist(), inputs.vehicle_time_ns.tolist()
+        for k, last in enumerate(inputs.complete.tolist()):
+            if last:
+                self.offsets.append((receipts[k], receipts[k] - stamps[k]))
 
     def late_by(self, delay_ns: int) -> None:
         """So long after receipt an estimate had gone out."""

@@ -106,7 +106,7 @@ def discontinuous(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
 
 def _broken(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:
     """Rows where the estimate jumped or the filter started anew; empty: none."""
-    if not (rows.flags & BROKEN).any():
+    if not np.count_nonzero(rows.flags & BROKEN):  # `any` takes five times as long for one
         return NO_FLAGS
     return discontinuous(inputs, rows) | rows.has(Flag.RESTART)
 
@@ -264,7 +264,10 @@ class ShadowPath:
         rows = estimates.with_faults(faults)
         choice = self._choose(state, inputs, rows)
         if not len(choice.row):
-            state = replace(state, filter=filter_state, sensors=sensors, memory=choice.memory)
+            state = PathState(
+                filter_state, state.reference, state.follower, state.residuals,
+                state.command_times, state.commands, choice.memory, sensors,
+            )  # fmt: skip
             return state, self._no_rows, rows
         fresh, jumped, chosen = choice.fresh, choice.jumped, choice.part
         times, estimate = rows.time_s[chosen], rows.motion[chosen]
@@ -282,7 +285,8 @@ class ShadowPath:
         residual_state, residuals = self.residuals.advance(
             state.residuals, times, estimate, rows.covariance[chosen], commands, voltage, wind
         )
-        residuals.missing[~fit] = np.nan
+        if False in fit.tolist():
+            residuals.missing[~fit] = np.nan
         state = PathState(
             filter_state, reference.state, following.state, residual_state, kept_times, kept,
             choice.memory, sensors,

@@ -3,6 +3,7 @@
 A task's first argument, `send`, takes a line of progress or a part of the result.
 """
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -110,7 +111,10 @@ def vessel_of(text: str, effects: Sequence[Effect]) -> Vessel:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "vessel.toml"
         file.write_text(text, encoding="utf-8")
-        return load_vessel(file, effects)
+        try:
+            return load_vessel(file, effects)
+        except BadInput as error:  # the file is this function's own: nobody finds it
+            raise BadInput(str(error).replace(f"{folder}{os.sep}", "")) from None
 
 
 def compare_task(

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gateway.errors import shell_word
+from gateway.errors import shell_path
 from gateway.figures import COLOUR, VELOCITIES, SeriesRole, probability_text
 from gateway.figures.diagnosis import step_name
 from gateway.figures.matplotlib_draw import save_figure
@@ -231,7 +231,7 @@ def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out:
         )  # fmt: skip
     console.path("written", out)
     refit = " --refit voyage" if _voyage_effects(done.vessel, names) else ""
-    old, new = shell_word(str(vessel)), shell_word(str(out))
+    old, new = shell_path(vessel), shell_path(out)
     line = f"shadow compare ANOTHER_LOG --vessel {old} --vessel {new}"
     console.print(f"next: {line}{refit}", soft_wrap=True, markup=False)
 
@@ -307,7 +307,7 @@ def show_effect_file(like: Effect, file: Path) -> None:
     out = ResultConsole()
     out.print(f"written: {file}, which acts as {like.name} does until you change it", markup=False)
     out.print("the rules for a law: docs/effects.md\n\n[bold]next[/bold]:", highlight=False)
-    line = f"shadow diagnose LOG --vessel FILE --effects {shell_word(str(file))}"
+    line = f"shadow diagnose LOG --vessel FILE --effects {shell_path(file)}"
     out.print(f"    {line}", soft_wrap=True, markup=False)
 
 

@@ -80,6 +80,11 @@ def time_blocks(
     return out
 
 
+# A free run so long is another voyage: its error says nothing of the model that a shorter one does
+# not. Longer ones are slips of the pen. Chosen, not measured.
+LONGEST_HORIZON_S = 3600.0
+
+
 @dataclass(frozen=True)
 class CompareSettings:
     """Free runs of `horizon` [s] that start every `every` [s].
@@ -105,6 +110,9 @@ class CompareSettings:
         for name in ("horizon", "every", "shortest", "node", "block"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be longer than 0 s, not {getattr(self, name)}")
+        if not self.horizon <= LONGEST_HORIZON_S:
+            most = f"at most {LONGEST_HORIZON_S:.0f} s"
+            raise ValueError(f"horizon {self.horizon:g} s is too long: {most}")
         if self.horizon < self.shortest:
             raise ValueError(f"horizon {self.horizon} s is below the shortest, {self.shortest} s")
 

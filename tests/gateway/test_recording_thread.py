@@ -141,7 +141,7 @@ def test_after_a_failure_it_only_counts(
     def fail(*_: Any) -> None:
         raise error
 
-    monkeypatch.setattr(broken, "write_rows", fail)
+    monkeypatch.setattr(broken, "write_thinned", fail)
     with RecordingThread(broken) as thread:
         thread.rows([row(1), row(2)])
         end = time.monotonic() + 10.0
@@ -222,3 +222,16 @@ def test_a_thinned_topic_is_encoded_where_it_is_kept_alone(tmp_path: Path) -> No
     assert [part._payloads for part in parts] == [None, None]
     kept = Recording.open(tmp_path / "a.mcap").counts()["measured"]
     assert 0 < kept < 100
+
+
+def test_what_is_thinned_does_not_wait_for_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(thread_module, "WRITE_S", 60.0)
+    settings = RecordingSettings(minimum_free_bytes=1)
+    with RecordingThread(Recorder(tmp_path / "a.mcap", settings=settings, live=True)) as thread:
+        for k in range(100):
+            thread.rows([rows_of("measured", 1, first=k)])
+        kept = thread.backlog
+    assert 0 < kept < 20
+    assert Recording.open(tmp_path / "a.mcap").counts()["measured"] == kept

@@ -125,3 +125,26 @@ def test_handlers_are_as_before_and_another_thread_is_left_alone() -> None:
     thread.start()
     thread.join()
     assert seen == [before[0]]
+
+
+PRESSED = """
+import os, signal, sys
+class Press:
+    def find_spec(self, name, *_):
+        if name == "gateway.commands":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Press())
+if sys.argv[1] == "ignored":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+sys.argv[1:] = ["--version"]
+from gateway.program import run
+run()
+"""
+
+
+@pytest.mark.parametrize(("how", "status", "says"), [("heard", 130, "error: interrupted\n"),
+                                                     ("ignored", 0, "")])  # fmt: skip
+def test_whoever_presses_ctrl_c_during_the_imports_sees_a_line(how, status, says) -> None:
+    ended = subprocess.run([sys.executable, "-c", PRESSED, how], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (status, says)
+    assert ended.stdout.startswith("shadow-gateway" if how == "ignored" else "")

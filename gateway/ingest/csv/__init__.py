@@ -10,8 +10,11 @@ if TYPE_CHECKING:
 
 
 def recognises(head: bytes, path: Path) -> bool:
-    """A text whose name ends in .csv; UTF-16 too, so that it is told what to do with it."""
-    return path.suffix.lower() == ".csv" and (is_text(head) or is_utf16(head))
+    """A text whose name ends in .csv, in whatever encoding, so that it is told what to do with it:
+    without zeros, but for UTF-16.
+    """
+    text = is_text(head) or is_utf16(head) or b"\0" not in head
+    return path.suffix.lower() == ".csv" and text
 
 
 def open_csv(path: str, raw: bytes, mapping: str | Path | None = None) -> "Log":

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, shell_path
 from gateway.ingest import is_utf16
 from sim.state import Floats
 
@@ -68,12 +68,16 @@ def read_text(file: Path, raw: bytes) -> TextTable:
     if is_utf16(raw):
         raise BadInput(
             f"{file} is UTF-16 text: a table is read as UTF-8: "
-            f"iconv -f UTF-16 -t UTF-8 {file.name} > utf8.csv"
+            f"iconv -f UTF-16 -t UTF-8 {shell_path(file)} > utf8.csv"
         )
     try:
         content = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise BadInput(f"{file}: not a text table (UTF-8 with one line of column names)") from None
+    except UnicodeDecodeError as error:
+        line, byte = raw.count(b"\n", 0, error.start) + 1, raw[error.start]
+        raise BadInput(
+            f"{file}: line {line} is not UTF-8 (byte 0x{byte:02x}), as a table has to be; if it is "
+            f"Latin-1: iconv -f LATIN1 -t UTF-8 {shell_path(file)} > utf8.csv"
+        ) from None
     first = content.split("\n", 1)[0]
     delimiter = max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(content), delimiter=delimiter)

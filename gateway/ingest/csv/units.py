@@ -28,6 +28,7 @@ LATEST_S = 9e9  # a later time does not fit into nanoseconds
 # Usual sizes of values: where those in the middle are others, they are of another unit.
 LEAST_PULSE_US, MOST_FRACTION = 400.0, 1.2
 FURTHEST_DEG = {"latitude": 90.0, "longitude": 360.0}
+HALF_CIRCLE_DEG = 180.0
 SHORTEST_STEP_S, LONGEST_STEP_S = 0.002, 5.0  # from row to row
 
 
@@ -42,6 +43,8 @@ def check_unit(file: Path, name: str, column: str, unit: str, values: Floats) ->
     if unit in fits:
         return
     other = f"{fits[0]!r} would fit" if fits else f"nor is that any of {', '.join(spans)}"
+    if (name, unit) == ("latitude", "deg") and usual <= HALF_CIRCLE_DEG:
+        other = "are latitude and longitude exchanged?"
     raise BadInput(
         f"{file}: {name} cannot be {unit!r}: column {column!r} holds "
         f"{seen.min():.6g} to {seen.max():.6g}; {other}"

@@ -22,6 +22,7 @@ from gateway.studio.page import (
     select,
     stack,
 )
+from gateway.studio.session import Notice
 from gateway.studio.worker import card_text
 
 GRID = {"display": "grid", "grid-template-columns": "repeat(auto-fill, minmax(280px, 1fr))",
@@ -57,6 +58,9 @@ class RecordingsPage(Page):
         self._leave = ""  # the vessel file for which unsaved changes are to be left behind
         self._details: dict[str, Any] = {}
         self._taken: dict[str, bytes | str] = {}  # what was dropped on this page, by name
+        self._came, self._refused = dict[str, str](), dict[str, str]()  # of it, as its message says
+        self._drop_notice: Notice | None = None  # that message
+        self._work_notice: Notice | None = None  # that these are worked on
 
     def body(self) -> Any:
         """A choice, then the details."""
@@ -111,24 +115,34 @@ class RecordingsPage(Page):
                 place.object = text
 
     def _dropped(self, files: dict[str, bytes | str]) -> None:
-        """Recordings that came, each once: what can be done with them, and why others are none."""
+        """Recordings that came, each once: what can be done with them, and why others are none.
+
+        Of several that are dropped at once each comes by itself: one message is for all of them.
+        """
         new = {name: what for name, what in files.items() if self._taken.get(name) is not what}
         self._taken |= new
-        if new:
-            self.guarded(partial(self._take_in, new))()
+        if not new:
+            return
+        before = self._notice
+        if before is None or before is not self._drop_notice or not before.holds:
+            self._came, self._refused = {}, {}
+        self.guarded(partial(self._take_in, new))()
+        self._drop_notice = self._notice
 
     def _take_in(self, new: dict[str, bytes | str]) -> None:
-        came, refused = list[str](), list[str]()
+        came, refused = self._came, self._refused
         for name, content in new.items():
             raw = content.encode() if isinstance(content, str) else content
+            refused.pop(name, None)  # it may be another file this time
             try:
-                came.append(self.session.add_recording(name, raw).name)
+                came[name] = self.session.add_recording(name, raw).name
             except ShadowError as error:
-                refused.append(str(error))
-        are = "is" if len(came) == 1 else "are"
-        here = f"{', '.join(came)} {are} here: work on it, or have a report from it alone"
+                refused[name] = str(error)
+        are, it, one = ("is", "it", "it") if len(came) == 1 else ("are", "them", "one")
+        names = ", ".join(came.values())
+        here = f"{names} {are} here: work on {it}, or have a report from {one} alone"
         if refused:
-            raise BadInput("; ".join([*refused, *([here] if came else [])]))
+            raise BadInput("; ".join([*refused.values(), *([here] if came else [])]))
         self.notify(here, good=True)
 
     def _show_report(self) -> None:
@@ -139,6 +153,9 @@ class RecordingsPage(Page):
         reasons = [*self.session.folders.refused_vessels().values(),
                    *self.session.refused.values()]  # fmt: skip
         self._problems.object = "".join(f"<p class='warn'>{escape(why)}</p>" for why in reasons)
+        if self.session.refused and self._notice is not None and self._notice is self._work_notice:
+            names = ", ".join(Path(path).name for path in self.session.refused)
+            self.notify(f"cannot work on {names}: the reason stands under the choice")
 
     def _chosen(self) -> None:
         if not self._logs.value:
@@ -153,6 +170,7 @@ class RecordingsPage(Page):
             session.set_logs(logs)
         names = ", ".join(path.name for path in session.logs)
         self.notify(f"working on {names}: see Compare", good=True)
+        self._work_notice = self._notice
 
     def _ask_about_changes(self, vessel: str) -> None:
         """Once: nobody loses by a click what was not saved."""

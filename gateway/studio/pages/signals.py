@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Collection, Sequence
+from difflib import get_close_matches
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -202,10 +203,19 @@ class SignalsPage(Page):
         if not (name.isidentifier() and name.isascii()):
             raise BadInput(f"{name!r}: give the derived signal {IDENTIFIER}")
         if text:
-            derived[name] = Expression(text).text
+            self._check_names(Expression(text), (*derived, *self._every))
+            derived[name] = text
         elif derived.pop(name, None) is None:
             raise BadInput("give it an expression")
         self.session.set_layout(derived=derived)
+
+    def _check_names(self, expression: Expression, known: Collection[str]) -> None:
+        """BadInput for a signal that the recording shown has not: a slip of the pen, mostly."""
+        for one in expression.names if self._every else ():
+            if one not in known:
+                near = get_close_matches(one, known, 1)
+                hint = f": did you mean {near[0]}?" if near else ""
+                raise BadInput(f"{one}: no such signal in this recording{hint}")
 
 
 def tree(names: Sequence[str], chosen: Collection[str], unfolded: bool) -> str:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import panel as pn
 
+from gateway.errors import ShadowError
 from gateway.figures import peoples_unit
 from gateway.figures.motion import with_earlier_model
 from gateway.studio import tasks
@@ -32,6 +33,7 @@ from gateway.studio.page import (
 from gateway.studio.session import Session, with_values
 from gateway.studio.time_marks import ScopeLine
 from gateway.user_effects import known_effects
+from sim.effects.effect import LawError
 
 BASE = {  # unit and meaning of the plain numbers
     "m11": ("kg", "mass ahead, with the water that moves along"),
@@ -181,7 +183,11 @@ class VesselPage(Page):
     def _slid(self, key: str, value: float, how: str) -> None:
         if self.session.version is not None:
             text = with_values(self.session.version, {key: value})
-            tasks.vessel_of(text, tasks.effects_in(self.session.effect_files))  # raises if wrong
+            try:
+                tasks.vessel_of(text, tasks.effects_in(self.session.effect_files))
+            except (ShadowError, LawError):  # what is refused does not stay as if it were taken
+                self._move_sliders(tomllib.loads(self.session.version.text))
+                raise
             self.session.slide(text, f"{key} {how}")
 
     def _show_trials(self) -> None:

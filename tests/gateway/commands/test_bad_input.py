@@ -122,6 +122,7 @@ OPTIONS = {
     "--plant absent.toml": ("replay", "absent.toml: cannot read the vessel file"),
     "--wrong": ("replay", "No such option: --wrong"),
     "--horizon 0": ("compare", "--horizon: horizon must be longer than 0 s"),
+    "--horizon 1e9": ("compare", "--horizon: horizon 1e+09 s is too long: at most 3600 s"),
     "--horizon nan": ("compare", "--horizon: "),
     "--horizon long": ("compare", "'--horizon'"),
     "--mass -3": ("init", "--mass -3.0: expected a positive number"),

@@ -115,6 +115,17 @@ def test_semicolons_and_a_byte_order_mark(tmp_path: Path) -> None:
     assert len(open_log(path).time_s) == 3
 
 
+def test_a_table_in_another_encoding_says_where_and_what_to_do(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    path.write_bytes(
+        TABLE.encode() + "1300,93,63.4,10.3,4,1700\n1400,94,63.4,10.3,ä,1\n".encode("latin-1")
+    )
+    with pytest.raises(
+        BadInput, match=r"run\.csv: line 7 is not UTF-8 \(byte 0xe4\).*iconv -f LATIN1"
+    ):
+        open_log(path)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -251,7 +262,7 @@ def test_times_beyond_all_dates_are_of_another_unit(tmp_path: Path) -> None:
 def test_utf_16_is_told_with_what_to_do(tmp_path: Path) -> None:
     path = write(tmp_path)
     path.write_text(TABLE, encoding="utf-16")
-    with pytest.raises(BadInput, match=r"is UTF-16 text: .*iconv -f UTF-16 -t UTF-8 run\.csv > "):
+    with pytest.raises(BadInput, match=r"is UTF-16 text: .*iconv -f UTF-16 -t UTF-8 .*run\.csv > "):
         open_log(path)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.errors import BadInput
 from gateway.ingest.log import choose_boat
 from gateway.ingest.open import open_log
 from gateway.ingest.sources import choose
@@ -13,7 +14,7 @@ from gateway.ingest.table_repair import changed_rows, hold_period, repair_table,
 from gateway.offline.compare import compare_logs
 from gateway.offline.trials import load_trials
 from gateway.samples import Quantity
-from tests.gateway.ingest.made_table import METRES, Traps, boat_toml, written
+from tests.gateway.ingest.made_table import MAPPING, METRES, Traps, boat_toml, written
 
 
 def notices(folder: Path, traps: Traps) -> tuple[str, ...]:
@@ -147,3 +148,73 @@ def test_the_traps_of_real_tables_are_found(shared_data: Path, run: str) -> None
     said = survey(open_log(table, mapping)).boats[0].notices
     for trap in ("commands look swapped", "repeated on rows", "holds gravity", "smoothed over"):
         assert any(trap in says for says in said)
+
+
+EXCHANGED = {'"lat"': '"here"', '"lon"': '"lat"', '"here"': '"lon"'}
+MISTAKES: dict[str, tuple[dict[str, str], str]] = {  # of a mapping -> what is said
+    "a rate in degrees": ({'"r", unit = "rad/s"': '"r", unit = "deg/s"'},
+                          "yaw rate (CSV) is 0.01"),
+    "knots": ({'"u", unit = "m/s"': '"u", unit = "kn"', '"v", unit = "m/s"': '"v", unit = "kn"'},
+              "m/s taken for knots?"),
+    "exchanged": (EXCHANGED, "latitude and longitude (CSV) look exchanged"),
+}  # fmt: skip
+TELLS = ("taken for", "exchanged", "times the", "beyond 90")  # words of such sentences
+
+
+def said_of(table: Path, mapping: str, changes: dict[str, str]) -> list[str]:
+    """What `info` says of a table whose mapping has these mistakes, of units and columns."""
+    for right, wrong in changes.items():
+        assert right in mapping
+        mapping = mapping.replace(right, wrong)
+    file = table.with_suffix(".toml")
+    file.write_text(mapping)
+    return [t for t in survey(open_log(table)).boats[0].notices if any(w in t for w in TELLS)]
+
+
+@pytest.mark.parametrize("rates", ["", "savgol", "mean", "lag"])
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_units_and_columns_that_are_mistaken_are_told(
+    tmp_path: Path, rates: str, mistake: str
+) -> None:
+    changes, says = MISTAKES[mistake]
+    table, _ = written(tmp_path, Traps(rates=rates), seconds=60.0)
+    assert said_of(table, MAPPING, {}) == []
+    (found,) = said_of(table, MAPPING, changes)
+    assert says in found
+
+
+def test_one_of_two_smoothed_rates_is_told_also_where_both_are_left_out(tmp_path: Path) -> None:
+    table, _ = written(tmp_path, Traps(rates="savgol"))
+    changes, says = MISTAKES["a rate in degrees"]
+    assert says in said_of(table, MAPPING, changes)[0]
+    notices = survey(open_log(table)).boats[0].notices
+    assert any(t.startswith("velocity is smoothed over about") for t in notices)
+
+
+def test_a_latitude_beyond_the_pole_is_told(tmp_path: Path) -> None:
+    table, _ = written(tmp_path, Traps())
+    lines = [line.split(",") for line in table.read_text().splitlines()]
+    where = lines[0].index("lon")
+    for line in lines[1:]:
+        line[where] = f"{float(line[where]) + 120.0:.7f}"
+    table.write_text("\n".join(map(",".join, lines)) + "\n")
+    assert said_of(table, MAPPING, {}) == []
+    with pytest.raises(BadInput, match=r"latitude cannot be 'deg': .*longitude exchanged\?"):
+        said_of(table, MAPPING, EXCHANGED)
+
+
+def test_real_tables_raise_no_alarm_and_mistakes_in_them_do(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    mapping = (Path(__file__).parents[3] / "configs" / "csv" / "blueboat-lake.toml").read_text()
+    for run in sorted((shared_data / "blueboat-lake" / "runs").glob("*.csv")):
+        table = tmp_path / run.name
+        table.write_bytes(run.read_bytes())
+        assert said_of(table, mapping, {}) == []
+        if run.stem[-3:] in ("220", "232", "234"):  # that turn and go on
+            for changes, says in MISTAKES.values():
+                renamed = {k.replace('"r"', '"yaw_rate"').replace('"u"', '"surge"')
+                           .replace('"v"', '"sway"'): v.replace('"r"', '"yaw_rate"')
+                           .replace('"u"', '"surge"').replace('"v"', '"sway"')
+                           for k, v in changes.items()}  # fmt: skip
+                assert any(says in text for text in said_of(table, mapping, renamed))

@@ -1,16 +1,20 @@
 """The table of live sources: every form of a connection string, and one line for what is none."""
 
+import socket
+
 import pytest
 
 from gateway.errors import BadInput
-from gateway.links import Endpoint, link
+from gateway.links import Endpoint, Waker, link
 from gateway.links.link import SOURCES, LinkSource, transport_of
 from gateway.links.transports import (
+    AT_ONCE,
     DEFAULT_BAUD,
     SerialTransport,
     TcpClientTransport,
     TcpServerTransport,
     UdpTransport,
+    free_udp_port,
 )
 from gateway.links.zenoh_key import ZenohTransport
 from tests.conftest import ROOT
@@ -105,3 +109,20 @@ def test_the_docs_describe_every_kind():
     for source in SOURCES:
         form = "/dev/ttyUSB0,57600" if source.kind == "serial" else source.form
         assert f"| `{form}` | {source.description}" in text
+
+
+def test_datagrams_that_wait_are_read_one_after_the_other_with_one_wait():
+    port = free_udp_port()
+    transport = transport_of(f"udpin:127.0.0.1:{port}")
+    with Waker() as waker, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as boat:
+        transport.open(waker, lambda kind, text: None)
+        for k in range(AT_ONCE + 3):
+            boat.sendto(bytes([k]), ("127.0.0.1", port))
+        arrivals = [transport.receive(5.0) for _ in range(2)]
+        assert transport.receive(0.0) == []
+        transport.close()
+    assert [len(read) for read in arrivals] == [AT_ONCE, 3]
+    heard = [arrival for read in arrivals for arrival in read]
+    assert [arrival.data[0] for arrival in heard] == list(range(AT_ONCE + 3))
+    receipts = [arrival.receive_time_ns for arrival in heard]
+    assert receipts == sorted(receipts)

@@ -13,10 +13,10 @@ from gateway.links import Datagram, LinkEvent, LinkEventKind
 from gateway.live.boats import BoatPlan, Fleet
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
-from gateway.simulated_boat import THIN, Faults, Silence
+from gateway.simulated_boat import THIN, Faults, Reboot, Silence
 from sim.following.follower import ReferenceMode
 from sim.model import Model
-from tests.gateway.pipelines.aboard import SETTINGS, Deck, Heard, at_ns, datagrams, played
+from tests.gateway.pipelines.aboard import LINK, SETTINGS, Deck, Heard, at_ns, datagrams, played
 from tests.sim.vessels import WAMV
 
 VELOCITY = ("surge_mps", "sway_mps", "yaw_rate_radps")
@@ -226,10 +226,10 @@ def test_a_defect_is_told_and_counted_but_does_not_end_the_shadow(
     with Deck() as deck:
         deck.hear(heard[:200])
         deck.gateway._strict = False
-        good = deck.gateway.fleet.datagram
-        monkeypatch.setattr(deck.gateway.fleet, "datagram", lambda d: 1 // 0)
+        good = deck.gateway.fleet.datagrams
+        monkeypatch.setattr(deck.gateway.fleet, "datagrams", lambda d: 1 // 0)
         deck.hear(heard[200:210])
-        monkeypatch.setattr(deck.gateway.fleet, "datagram", good)
+        monkeypatch.setattr(deck.gateway.fleet, "datagrams", good)
         before = len(deck.heard().payloads["shadow"])
         deck.hear(heard[210:])
     assert deck.gateway.faults == 10
@@ -251,3 +251,49 @@ def test_a_defect_while_the_last_rows_are_judged_is_told_and_ends_nothing(
         deck.gateway.catch_up()
     assert deck.gateway.faults == 1
     assert deck.heard().events().count("fault") == 1
+
+
+FAULTS = Faults(silences=(Silence(4.0, 6.0),), reboots=(Reboot(14.0, 1.0),))
+
+
+def outputs_of(fleet: Fleet, given: list[Datagram], together: int) -> Heard:
+    """What a fleet of one boat says to datagrams of which so many wait at a time."""
+    heard = Heard()
+    for k in range(0, len(given), together):
+        for found in fleet.datagrams(given[k : k + together]):
+            heard.add(found.output.rows)
+        end = min(k + together, len(given))
+        if end % 96 == 0:
+            for boat in fleet.boats.values():
+                heard.add(boat.status(given[end - 1].receive_time_ns, 0, 0))
+    return heard
+
+
+def test_datagrams_that_wait_are_taken_in_one_go_and_give_the_same() -> None:
+    given = datagrams(played(19.0, faults=FAULTS))
+    plans = [BoatPlan(WAMV)]
+    alone, together = (outputs_of(Fleet(plans, SETTINGS), given, n) for n in (1, 12))
+    for topic in alone.payloads:
+        assert together.payloads[topic] == alone.payloads[topic], topic
+    assert {"shadow", "residual", "health", "event"} <= set(alone.payloads)
+    assert {"started", "reboot"} <= set(together.events())
+
+
+def test_what_waits_in_the_inbox_is_handled_in_one_turn_up_to_an_event() -> None:
+    given = datagrams(played(3.0))
+    event = LinkEvent(LINK, given[50].receive_time_ns, LinkEventKind.LOST, "closed")
+    with Deck() as deck:
+        for item in (*given[1:50], event, *given[50:60]):
+            deck.gateway.inbox.put(item)
+        deck.now_ns = given[60].receive_time_ns
+        deck.gateway.turn(given[0])
+        assert len(deck.gateway.inbox) == 10
+        assert f"{LINK}: closed" in deck.told
+        deck.gateway.turn(deck.gateway.inbox.get(timeout=0))
+        assert len(deck.gateway.inbox) == 0
+        deck.gateway.catch_up()
+    with Deck() as other:
+        alone = other.hear(given[:60]).heard()
+    assert deck.heard().payloads["shadow"] == alone.payloads["shadow"]
+    (lost,) = [m for m in deck.heard().messages("event") if m["kind"] == "link_lost"]
+    assert lost["says"] == f"{LINK}: closed"

@@ -172,6 +172,38 @@ def test_of_several_dropped_files_each_that_is_refused_is_named_and_asked_for_ag
     assert message_of(page).startswith("trip.tlog is here")
 
 
+def test_files_that_come_one_by_one_have_one_message(session, monkeypatch):
+    page, log = recordings.RecordingsPage(context_of(session)), LOG.read_bytes()
+    every: dict[str, bytes] = {}
+    for name, content in (("a.tlog", log), ("notes.txt", b"hello"), ("b.tlog", log + b" ")):
+        every = {**every, name: content}  # as the browser tells them: those before as well
+        page._dropped(every)
+    text = message_of(page)
+    assert "'notes.txt': no recording" in text
+    assert "a.tlog, b.tlog are here: work on them" in text
+    page.guarded(lambda: None)()  # something else is done: that message is over
+    page._dropped({**every, "c.tlog": log + b"  "})
+    assert message_of(page) == "c.tlog is here: work on it, or have a report from it alone"
+    later = page._notice.since + 60.0
+    monkeypatch.setattr("gateway.studio.session.time.monotonic", lambda: later)
+    page._dropped({**every, "d.tlog": log + b"   "})  # long after: it has faded
+    assert message_of(page).startswith("d.tlog is here")
+
+
+def test_a_number_that_is_refused_does_not_stay_in_its_field(session):
+    page = vessel.VesselPage(context_of(session))
+    page._show_vessel()
+    before = page._typed["m11"].value
+    page._typed["m11"].value = -5.0
+    assert page._typed["m11"].value == before
+    assert page._sliders["m11"].value == before
+    text = message_of(page)
+    assert text.startswith("vessel.toml: dynamics")
+    assert "/" not in text.partition(":")[0]
+    assert session.version.text == session.versions[0].text
+    assert len(session.versions) == 1
+
+
 def test_changes_of_a_page_are_sent_together_and_each_is_kept(session):
     page, document, held = vessel.VesselPage(context_of(session)), Document(), []
     with set_curdoc(document):

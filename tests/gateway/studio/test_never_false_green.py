@@ -98,6 +98,21 @@ def test_a_recording_that_cannot_be_compared_is_said_to_be_so_and_ends_the_compa
     assert "Comparing" not in compare._headline(session)
 
 
+def test_working_on_recordings_is_no_good_news_once_they_could_not_be_read(session):
+    page = recordings.RecordingsPage(context_of(session))
+    page._list()
+    page._logs.value = [str(session.folders.read[0] / "two.tlog")]
+    page.guarded(page._chosen)()
+    assert message_of(page) == "working on two.tlog: see Compare"
+    assert page._notice.good
+    page._show_problems()
+    assert page._notice.good  # nothing has failed yet
+    came(session, refused={"two.tlog": "two.tlog: no log"})
+    page._show_problems()
+    assert "cannot work on two.tlog" in message_of(page)
+    assert not page._notice.good
+
+
 def test_a_comparison_that_failed_is_not_under_way(session):
     session._asked = session.logs
     session._compared(JobMessage("compare", "failed", "boat.toml: m11 is no mass"))

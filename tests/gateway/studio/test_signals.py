@@ -7,6 +7,9 @@ from gateway.errors import BadInput
 from gateway.ingest.log import choose_boat
 from gateway.ingest.log_events import happenings
 from gateway.ingest.open import open_log
+from gateway.studio.access import Folders
+from gateway.studio.pages import signals as signals_page
+from gateway.studio.session import Session
 from gateway.studio.signals import (
     Expression,
     Signal,
@@ -16,6 +19,7 @@ from gateway.studio.signals import (
     signals_task,
 )
 from tests.conftest import ROOT
+from tests.gateway.studio.pages import context_of
 
 LOG = str(ROOT / "recordings/voyage_1.tlog")
 TIME = np.arange(0.0, 10.0, 0.5)
@@ -87,6 +91,22 @@ def test_fields_of_a_recording_come_as_they_are_and_what_is_not_there_is_said():
     assert np.all(np.diff(yaw.time) > 0.0)
     assert 300.0 < yaw.time[-1] < 320.0
     assert 1.0 < found.signals["speed"].value.max() < 3.0
+
+
+def test_a_derived_signal_of_a_field_that_is_not_there_is_refused(tmp_path):
+    session = Session(Folders.of([], [tmp_path], tmp_path / "out"), (), None)
+    page = signals_page.SignalsPage(context_of(session))
+    page._name.value, page._formula.value = "heading", "deg(ATITUDE.yaw)"
+    page._derive()  # nothing was read yet: it cannot be told
+    assert session.layout.derived == {"heading": "deg(ATITUDE.yaw)"}
+    page._every = ("ATTITUDE.roll", "ATTITUDE.yaw")
+    with pytest.raises(BadInput, match=r"ATITUDE\.yaw: no such .*: did you mean ATTITUDE\.yaw\?"):
+        page._derive()
+    page._formula.value = "deg(ATTITUDE.yaw)"
+    page._derive()
+    page._name.value, page._formula.value = "turn", "slope(unwrap(rad(heading)))"
+    page._derive()
+    assert session.layout.derived["turn"] == "slope(unwrap(rad(heading)))"
 
 
 def test_modes_and_events_stand_on_the_boats_clock():

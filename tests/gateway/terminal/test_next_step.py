@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gateway.commands.recordings import info
+from gateway.errors import shell_path
 from gateway.ingest.log import Boat
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
@@ -44,6 +45,16 @@ def test_a_table_is_compared_with_its_mapping_and_its_path_is_quoted(tmp_path: P
 
 def test_what_is_missing_is_said_where_nothing_works(tmp_path: Path) -> None:
     assert next_step(table(tmp_path, TABLE_COLUMNS)).startswith("nothing: no commands in it")
+
+
+def test_a_name_that_begins_with_a_dash_is_no_option(tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "-dash.tlog").write_bytes((ROOT / "recordings/voyage_1.tlog").read_bytes())
+    line = next_step(survey(open_log("-dash.tlog")))
+    assert line == "shadow init ./-dash.tlog --out boat.toml"
+    assert open_log(shlex.split(line)[2]).counts()
+    assert shell_path("my -dash.tlog") == "'my -dash.tlog'"
+    assert shell_path(Path("-my dash.tlog")) == "'./-my dash.tlog'"
 
 
 def test_options_that_a_log_needs_are_there(tmp_path: Path) -> None:
