@@ -155,7 +155,6 @@ EFFECT = Effect(
                   description="of the hull's drag, in the middle"),
     ),
     looks_like="is slowed down in one place, whichever way it goes",
-    mistaken_for=("drag_growth", "payload_change"),
     shown_by=(Shown.CHANGE,),
     search=search,
     tables=tables,
