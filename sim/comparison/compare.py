@@ -28,6 +28,7 @@ from sim.model import Model
 from sim.prediction import MissingForce, measured_motion, missing_force
 from sim.prediction.free_runs import (
     BOOTSTRAP_DRAWS,
+    MAX_JUDGING_FLOOR,
     FreeRun,
     Prediction,
     Ruler,
@@ -46,7 +47,6 @@ from sim.state import Floats
 from sim.trial import Trial, data_frame
 
 ADEQUATE_FLOORS = 1.2  # noise floors: an nrmse below is no failure; chosen, not measured
-MAX_JUDGING_FLOOR = 0.5  # noise floors: beyond it noise hides the motion; chosen, not measured
 MIN_EXCESS = 0.02  # share of the squared error beyond the share of time, to be named; chosen
 
 

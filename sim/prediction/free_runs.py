@@ -174,8 +174,16 @@ class Ruler:
 LEAST_SHOWN_FLOOR = 0.01
 
 
+MAX_JUDGING_FLOOR = 0.5  # nrmse: beyond it noise hides the motion; chosen, not measured
+
+
 def shown_floor(stated: float, errors: Iterable[float]) -> float:
-    """nrmse that noise alone shows at most: as stated, or less where a model showed less."""
+    """nrmse that noise alone shows at most: as stated, or less where a model showed less.
+
+    As stated where that hides the motion: an error below it makes no model a good one.
+    """
+    if stated > MAX_JUDGING_FLOOR:
+        return stated
     return min(stated, max(LEAST_SHOWN_FLOOR, min(errors, default=stated)))
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.comparison.compare import Judgement, compare
+from sim.comparison.compare import Judgement, compare, judge
 from sim.model import Model
 from sim.prediction.free_runs import LEAST_SHOWN_FLOOR, Ruler, nrmse, predict, shown_floor
 from sim.prediction.segments import CompareSettings
@@ -84,6 +84,9 @@ def test_a_floor_is_told_as_stated_where_every_model_errs_more():
     assert shown_floor(0.2, [0.3, 0.9]) == 0.2
     assert shown_floor(0.2, [0.15, 0.9]) == 0.15
     assert shown_floor(0.2, []) == 0.2
+    # noise that hides the motion judges nothing, however small an error looks
+    assert shown_floor(12.4, [0.3]) == 12.4
+    assert judge(0.3, shown_floor(12.4, [0.3])) is Judgement.UNJUDGED
     # of motion without noise: nobody wants to know which of two is nearer by less
     assert shown_floor(0.2, [1e-5]) == LEAST_SHOWN_FLOOR
     assert shown_floor(0.004, [1e-5]) == 0.004
