@@ -43,6 +43,7 @@ from sim.effects.learned_formula import (
     formula_source,
     formulas,
 )
+from sim.effects.table_parameters import ARM, FULL
 from sim.effects.tables import along, between_nine
 from sim.effects.words import FittedValues
 from sim.jit import jitable
@@ -210,11 +211,8 @@ EFFECT = Effect(
             "high", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=1.0, kind=Kind.FIXED,
             description="last knot",
         ),
-        Parameter(
-            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
-            description="force of a value of one",
-        ),
-        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
+        FULL,
+        ARM,
         *(
             Parameter(f"f{k}", "1", lower=-2.0, upper=2.0, start=0.0, scale=0.1, neutral=0.0)
             for k in range(KNOTS)

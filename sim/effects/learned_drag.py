@@ -43,16 +43,16 @@ FASTEST = 20.0  # m/s: a place that jumps faster is no motion
 
 
 @jitable
-def inside(north: float, east: float, p: Any) -> float:
-    """w, 1 in the middle and 0 far away."""
-    square = ((north - p.north) ** 2 + (east - p.east) ** 2) / p.radius**2
-    return 1.0 / (1.0 + square**p.edge)
+def inside(north: Any, east: Any, radius: float, edge: float) -> Any:
+    """w at a way north and east of the middle [m]: 1 there and 0 far away."""
+    return 1.0 / (1.0 + ((north**2 + east**2) / radius**2) ** edge)
 
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Place and velocity through the water -> X, Y, N [N, N, N m]."""
     damping = (flow.body.X_u + flow.body.X_uu * np.abs(flow.u)) * flow.u
-    return Wrench(p.more * inside(flow.north, flow.east, p) * damping, 0.0, 0.0)
+    w = inside(flow.north - p.north, flow.east - p.east, p.radius, p.edge)
+    return Wrench(p.more * w * damping, 0.0, 0.0)
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
@@ -79,9 +79,9 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
     radii = np.geomspace(smallest, max(across / 3.0, 1.5 * smallest), RADII)
     rows: list[tuple[float, ...]] = []
     for middle in place[:: len(place) // MIDDLES]:
-        square = np.sum((place - middle) ** 2, axis=1)
+        north, east = (place - middle).T
         for radius in radii:
-            w = drag / (1.0 + (square / radius**2) ** SOFT)
+            w = drag * inside(north, east, radius, SOFT)
             rows.append((*_taken(w, drag, against), *map(float, middle), float(radius)))
     rows.sort(reverse=True)
     starts: list[Values] = []
@@ -121,13 +121,11 @@ def _taken(w: Floats, drag: Floats, against: Floats) -> tuple[float, float]:
 def over_map(p: FittedValues) -> MapField:
     """The drag that is added around the place, in per cent of the hull's own."""
     away = np.linspace(-REACH, REACH, FINE) * p["radius"]
-    north, east = (
-        x.ravel() for x in np.meshgrid(p["north"] + away, p["east"] + away, indexing="ij")
-    )
-    square = ((north - p["north"]) ** 2 + (east - p["east"]) ** 2) / p["radius"] ** 2
-    value = 100.0 * p["more"] / (1.0 + square ** p["edge"])
+    north, east = (x.ravel() for x in np.meshgrid(away, away, indexing="ij"))
+    value = 100.0 * p["more"] * inside(north, east, p["radius"], p["edge"])
     none = np.zeros_like(value)
-    return MapField(north, east, value, none, none, "%", directed=False)
+    place = p["north"] + north, p["east"] + east
+    return MapField(*place, value, none, none, "%", directed=False)
 
 
 def in_words(p: FittedValues) -> str:

@@ -29,6 +29,7 @@ from sim.effects.effect import (
     Values,
 )
 from sim.effects.learned_formula import KNOTS
+from sim.effects.table_parameters import ARM, FULL, knots
 from sim.effects.tables import (
     NAMES,
     PUSH,
@@ -36,12 +37,14 @@ from sim.effects.tables import (
     WATER,
     along,
     between_nine,
+    flowing,
     push_scale,
+    pushing,
     vector_text,
 )
 from sim.effects.words import FittedValues
 from sim.jit import jitable
-from sim.state import Pose, Water, Wrench, to_body
+from sim.state import Pose, Water, Wrench
 
 THRUST = 3.0
 FIRST, SECOND = ([f"{c}{k}" for k in range(KNOTS)] for c in "fg")
@@ -63,15 +66,12 @@ def second(time: float, p: Any) -> float:
 
 def water(time: float, pose: Pose, p: Any) -> Water:
     """Time -> velocity of the water [m/s]; no acceleration: it changes within minutes."""
-    flows = 1.0 * (p.acts == WATER)
-    return Water(flows * first(time, p), flows * second(time, p), 0.0, 0.0)
+    return flowing(p.acts, first(time, p), second(time, p))
 
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Time and heading -> X, Y, N [N, N, N m]."""
-    push = (p.acts == PUSH) * p.full
-    X, Y = to_body(push * first(flow.time, p), push * second(flow.time, p), flow.yaw)
-    return Wrench(X, Y, p.x * Y)
+    return pushing(first(flow.time, p), second(flow.time, p), flow.yaw, p)
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -122,18 +122,9 @@ EFFECT = Effect(
             "until", "s", lower=0.0, upper=1e6, start=0.0, kind=Kind.FIXED,
             description="last knot, after the first sample",
         ),
-        Parameter(
-            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
-            description="push of a value of one",
-        ),
-        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
-        *(
-            Parameter(
-                key, "m/s or 1", lower=-3.0, upper=3.0, start=0.0, scale=0.1, neutral=0.0,
-                prior=0.5,  # keeps knots at nothing where nothing was sailed
-            )
-            for key in (*FIRST, *SECOND)
-        ),
+        FULL,
+        ARM,
+        *knots((*FIRST, *SECOND)),
     ),
     looks_like="changes as time goes by, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),

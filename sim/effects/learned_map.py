@@ -20,6 +20,7 @@ import numpy as np
 
 from sim.body import Flow
 from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown, Values
+from sim.effects.table_parameters import ARM, FULL, WATER_OR_PUSH, knots
 from sim.effects.tables import (
     NAMES,
     PUSH,
@@ -28,13 +29,16 @@ from sim.effects.tables import (
     MapField,
     along,
     between_sixteen,
+    extremes_text,
+    flowing,
     push_scale,
-    vector_text,
+    pushing,
+    vectors_at,
     weights_of_four,
 )
 from sim.effects.words import FittedValues
 from sim.jit import jitable
-from sim.state import Pose, Water, Wrench, to_body
+from sim.state import Pose, Water, Wrench
 
 SIDE = 4
 TO_NORTH, TO_EAST = ([f"{c}{i}{j}" for i in range(SIDE) for j in range(SIDE)] for c in "ne")
@@ -64,17 +68,14 @@ def to_east(north: float, east: float, p: Any) -> float:
 
 def water(time: float, pose: Pose, p: Any) -> Water:
     """Place -> velocity of the water [m/s]; no acceleration."""
-    flows = 1.0 * (p.acts == WATER)
     n, e = pose.north, pose.east
-    return Water(flows * to_north(n, e, p), flows * to_east(n, e, p), 0.0, 0.0)
+    return flowing(p.acts, to_north(n, e, p), to_east(n, e, p))
 
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Place and heading -> X, Y, N [N, N, N m]."""
-    push = (p.acts == PUSH) * p.full
     n, e = flow.north, flow.east
-    X, Y = to_body(push * to_north(n, e, p), push * to_east(n, e, p), flow.yaw)
-    return Wrench(X, Y, p.x * Y)
+    return pushing(to_north(n, e, p), to_east(n, e, p), flow.yaw, p)
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
@@ -90,37 +91,23 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
 
 def over_map(p: FittedValues) -> MapField:
     """The map at its knots."""
-    scale = 1.0 if p["acts"] == WATER else p["full"]
-    half = np.zeros(SIDE * SIDE)
-    for keys in (TO_NORTH, TO_EAST):
-        ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in keys])
-        half = np.maximum(half, 0.5 * scale * (ends[:, 1] - ends[:, 0]))
     north, east = np.meshgrid(
         np.linspace(p["south"], p["north"], SIDE), np.linspace(p["west"], p["east"], SIDE),
         indexing="ij",
     )  # fmt: skip
-    to_n, to_e = (scale * np.array([p[key] for key in keys]) for keys in (TO_NORTH, TO_EAST))
-    return MapField(north.ravel(), east.ravel(), to_n, to_e, half, UNITS[p["acts"]])
+    vectors = vectors_at(p, TO_NORTH, TO_EAST)
+    return MapField(north.ravel(), east.ravel(), *vectors, UNITS[p["acts"]])
 
 
 def in_words(p: FittedValues) -> str:
     """Where it is surely strongest, and where it surely differs most from there."""
     field = over_map(p)
-    strongest = int(np.argmax(field.least))
-    away = np.hypot(field.to_north - field.to_north[strongest],
-                    field.to_east - field.to_east[strongest])  # fmt: skip
-    other = int(np.argmax(away - field.half))
+    places = [
+        f"around N {north:.0f} m, E {east:.0f} m"
+        for north, east in zip(field.north, field.east, strict=True)
+    ]
     what = f"{NAMES[p['acts']]} differently from place to place"
-    if field.least[strongest] <= 0.0:
-        return f"{what}: nowhere surely"
-    told = f"{what}: {_at(field, strongest)}"
-    return told if away[other] <= field.half[other] else f"{told}, {_at(field, other)}"
-
-
-def _at(field: MapField, knot: int) -> str:
-    """What a knot says, and where it is."""
-    vector = vector_text(float(field.to_north[knot]), float(field.to_east[knot]), field.unit)
-    return f"{vector} around N {field.north[knot]:.0f} m, E {field.east[knot]:.0f} m"
+    return extremes_text(what, field, places)
 
 
 EFFECT = Effect(
@@ -129,10 +116,7 @@ EFFECT = Effect(
     water=water,
     force=force,
     parameters=(
-        Parameter(
-            "acts", "1", lower=1.0, upper=2.0, start=1.0, kind=Kind.CHOICE,
-            description="1 water, 2 a push",
-        ),
+        WATER_OR_PUSH,
         *(
             Parameter(
                 key, "m", lower=-1e6, upper=1e6, start=0.0, kind=Kind.FIXED,
@@ -140,18 +124,9 @@ EFFECT = Effect(
             )
             for key in ("south", "north", "west", "east")
         ),
-        Parameter(
-            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
-            description="push of a value of one",
-        ),
-        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
-        *(
-            Parameter(
-                key, "m/s or 1", lower=-3.0, upper=3.0, start=0.0, scale=0.1, neutral=0.0,
-                prior=0.5,  # keeps knots at nothing where the boat hardly was
-            )
-            for key in (*TO_NORTH, *TO_EAST)
-        ),
+        FULL,
+        ARM,
+        *knots((*TO_NORTH, *TO_EAST)),
     ),
     looks_like="differs from place to place, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),

@@ -37,6 +37,7 @@ from sim.effects.learned_formula import (
     UNITS,
     YAW,
 )
+from sim.effects.table_parameters import ARM, FULL
 from sim.effects.tables import along, between_sixteen, weights_of_four
 from sim.effects.words import FittedValues
 from sim.jit import jitable
@@ -187,11 +188,8 @@ EFFECT = Effect(
             for which, order in (("a", "first"), ("b", "second"))
             for end, name, start in (("low", "first", -1.0), ("high", "last", 1.0))
         ),
-        Parameter(
-            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
-            description="force of a value of one",
-        ),
-        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
+        FULL,
+        ARM,
         *(
             Parameter(
                 key, "1", lower=-2.0, upper=2.0, start=0.0, scale=0.1, neutral=0.0,

@@ -22,6 +22,7 @@ import numpy as np
 from sim.body import Flow
 from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown, Values
 from sim.effects.learned_formula import KNOTS
+from sim.effects.table_parameters import ARM, FULL, WATER_OR_PUSH, knots
 from sim.effects.tables import (
     NAMES,
     PUSH,
@@ -30,12 +31,15 @@ from sim.effects.tables import (
     MapField,
     along,
     between_nine,
+    extremes_text,
+    flowing,
     push_scale,
-    vector_text,
+    pushing,
+    vectors_at,
 )
-from sim.effects.words import FittedValues
+from sim.effects.words import FittedValues, towards
 from sim.jit import jitable
-from sim.state import Floats, Pose, Water, Wrench, to_body
+from sim.state import Pose, Water, Wrench
 
 TO_NORTH, TO_EAST = ([f"{c}{k}" for k in range(KNOTS)] for c in "ne")
 DIRECTIONS = {0.0: "north", 0.25: "north-east", 0.5: "east", 0.75: "south-east"}  # of half a turn
@@ -64,17 +68,14 @@ def to_east(north: float, east: float, p: Any) -> float:
 
 def water(time: float, pose: Pose, p: Any) -> Water:
     """Place -> velocity of the water [m/s]; no acceleration."""
-    flows = 1.0 * (p.acts == WATER)
     n, e = pose.north, pose.east
-    return Water(flows * to_north(n, e, p), flows * to_east(n, e, p), 0.0, 0.0)
+    return flowing(p.acts, to_north(n, e, p), to_east(n, e, p))
 
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Place and heading -> X, Y, N [N, N, N m]."""
-    push = (p.acts == PUSH) * p.full
     n, e = flow.north, flow.east
-    X, Y = to_body(push * to_north(n, e, p), push * to_east(n, e, p), flow.yaw)
-    return Wrench(X, Y, p.x * Y)
+    return pushing(to_north(n, e, p), to_east(n, e, p), flow.yaw, p)
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
@@ -94,24 +95,13 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     return out
 
 
-def _at_knots(p: FittedValues) -> tuple[Floats, Floats, Floats]:
-    """Parts to north and east at the knots, and half the interval of either (9,) [m/s or N]."""
-    scale = 1.0 if p["acts"] == WATER else p["full"]
-    half = np.zeros(KNOTS)
-    for keys in (TO_NORTH, TO_EAST):
-        ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in keys])
-        half = np.maximum(half, 0.5 * scale * (ends[:, 1] - ends[:, 0]))
-    north, east = (scale * np.array([p[key] for key in keys]) for keys in (TO_NORTH, TO_EAST))
-    return north, east, half
-
-
 def over_map(p: FittedValues) -> MapField:
     """The profile over a square, its knots in rows."""
     along_it = np.linspace(p["low"], p["high"], KNOTS)
     aside = np.linspace(-0.5, 0.5, KNOTS) * (p["high"] - p["low"])
     s, t = np.meshgrid(along_it, aside, indexing="ij")
     c, d = math.cos(p["direction"]), math.sin(p["direction"])
-    north, east, half = (np.repeat(part, KNOTS) for part in _at_knots(p))
+    north, east, half = (np.repeat(part, KNOTS) for part in vectors_at(p, TO_NORTH, TO_EAST))
     return MapField(
         (s * c - t * d).ravel(), (s * d + t * c).ravel(), north, east, half, UNITS[p["acts"]]
     )
@@ -119,20 +109,12 @@ def over_map(p: FittedValues) -> MapField:
 
 def in_words(p: FittedValues) -> str:
     """Where it is surely strongest, and where it surely differs most from there."""
-    north, east, half = _at_knots(p)
     way = np.linspace(p["low"], p["high"], KNOTS)
-    strongest = int(np.argmax(np.hypot(north, east) - half))
-    away = np.hypot(north - north[strongest], east - east[strongest])
-    other = int(np.argmax(away - half))
-    towards = DIRECTIONS[round(p["direction"] / math.pi, 2)]
-    what = f"{NAMES[p['acts']]} differently on the way {towards}"
-    if np.hypot(north, east)[strongest] <= half[strongest]:
-        return f"{what}: nowhere surely"
-    told = [
-        f"{vector_text(float(north[k]), float(east[k]), UNITS[p['acts']])} at {way[k]:.0f} m"
-        for k in (strongest, other)
-    ]
-    return f"{what}: {', '.join(told if away[other] > half[other] else told[:1])}"
+    direction = p["direction"]  # another than these four is of somebody's own
+    across = DIRECTIONS.get(round(direction / math.pi, 2), f"towards {towards(direction)}")
+    field = MapField(way, np.zeros(KNOTS), *vectors_at(p, TO_NORTH, TO_EAST), UNITS[p["acts"]])
+    what = f"{NAMES[p['acts']]} differently on the way {across}"
+    return extremes_text(what, field, [f"at {s:.0f} m" for s in way])
 
 
 EFFECT = Effect(
@@ -141,10 +123,7 @@ EFFECT = Effect(
     water=water,
     force=force,
     parameters=(
-        Parameter(
-            "acts", "1", lower=1.0, upper=2.0, start=1.0, kind=Kind.CHOICE,
-            description="1 water, 2 a push",
-        ),
+        WATER_OR_PUSH,
         Parameter(
             "direction", "rad", lower=0.0, upper=math.pi, start=0.0, kind=Kind.FIXED,
             description="of the way across, clockwise from north",
@@ -157,18 +136,9 @@ EFFECT = Effect(
             "high", "m", lower=-1e6, upper=1e6, start=0.0, kind=Kind.FIXED,
             description="last knot, on that way",
         ),
-        Parameter(
-            "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
-            description="push of a value of one",
-        ),
-        Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5),
-        *(
-            Parameter(
-                key, "m/s or 1", lower=-3.0, upper=3.0, start=0.0, scale=0.1, neutral=0.0,
-                prior=0.5,  # keeps knots at nothing where the boat hardly was
-            )
-            for key in (*TO_NORTH, *TO_EAST)
-        ),
+        FULL,
+        ARM,
+        *knots((*TO_NORTH, *TO_EAST)),
     ),
     looks_like="differs on the way across a line, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),

@@ -4,14 +4,14 @@ A law works on floats and compiles: each knot is a number of its own, and there 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.effects.words import towards
+from sim.effects.words import FittedValues, towards
 from sim.jit import jitable
-from sim.state import Floats
+from sim.state import Floats, Water, Wrench, to_body
 
 # what a table over the map or the time acts on: its code, its unit, and how it is told
 WATER, PUSH = 1.0, 2.0
@@ -28,6 +28,38 @@ def push_scale(vessel: Any) -> float:
 def vector_text(north: float, east: float, unit: str) -> str:
     """Size and direction of what has these parts: "0.4 m/s towards 90° (east)"."""
     return f"{math.hypot(north, east):.2g} {unit} towards {towards(math.atan2(east, north))}"
+
+
+def vectors_at(
+    p: FittedValues, to_north: Sequence[str], to_east: Sequence[str]
+) -> tuple[Floats, Floats, Floats]:
+    """Parts to north and east at knots of these names, and half the interval of either (n,): m/s
+    of water, or N of a push.
+    """
+    scale = 1.0 if p["acts"] == WATER else p["full"]
+    half = np.zeros(len(to_north))
+    for keys in (to_north, to_east):
+        ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in keys])
+        half = np.maximum(half, 0.5 * scale * (ends[:, 1] - ends[:, 0]))
+    north, east = (scale * np.array([p[key] for key in keys]) for keys in (to_north, to_east))
+    return north, east, half
+
+
+def extremes_text(what: str, field: "MapField", places: Sequence[str]) -> str:
+    """Where a field is surely strongest, and where it surely differs most from there; `places`:
+    each as people say it.
+    """
+    strongest = int(np.argmax(field.least))
+    if field.least[strongest] <= 0.0:
+        return f"{what}: nowhere surely"
+    away = np.hypot(field.to_north - field.to_north[strongest],
+                    field.to_east - field.to_east[strongest])  # fmt: skip
+    other = int(np.argmax(away - field.half))
+    told = [
+        f"{vector_text(float(field.to_north[k]), float(field.to_east[k]), field.unit)} {places[k]}"
+        for k in (strongest, other)
+    ]
+    return f"{what}: {', '.join(told if away[other] > field.half[other] else told[:1])}"
 
 
 class Formula(NamedTuple):
@@ -72,6 +104,21 @@ class MapField(NamedTuple):
 
 
 Weights = tuple[float, float, float, float]
+
+
+@jitable
+def flowing(acts: float, north: float, east: float) -> Water:
+    """Velocity of the water [m/s] where a table acts on it; no acceleration."""
+    flows = 1.0 * (acts == WATER)
+    return Water(flows * north, flows * east, 0.0, 0.0)
+
+
+@jitable
+def pushing(north: float, east: float, yaw: float, p: Any) -> Wrench:
+    """Shares of the scale to north and east -> X, Y, N [N, N, N m] where a table is a push."""
+    push = (p.acts == PUSH) * p.full
+    X, Y = to_body(push * north, push * east, yaw)
+    return Wrench(X, Y, p.x * Y)
 
 
 @jitable

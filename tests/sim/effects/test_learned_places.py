@@ -232,6 +232,8 @@ def test_a_profile_says_where_it_is_strongest_and_where_it_differs_most() -> Non
         "water that flows differently on the way south-east: 0.4 m/s towards 90° (east) at 0 m, "
         "0.1 m/s towards 180° (south) at 60 m"
     )
+    turned = learned_profile.in_words(FittedValues({**values, "direction": 0.3}))  # by hand
+    assert "differently on the way towards 17° (north)" in turned
     wide = dict.fromkeys(none, (-5.0, 5.0))
     assert learned_profile.in_words(FittedValues(values, wide)).endswith("nowhere surely")
     push = learned_profile.over_map(FittedValues({**values, "acts": 2.0}))
