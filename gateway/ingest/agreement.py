@@ -13,9 +13,7 @@ else be looked for in the boat. Stretches that are off by several times the usua
 autopilot sets its heading anew); standard deviations are those of the sums over blocks of time
 (White, Econometrica 48, 1980, by clusters).
 
-A plain mistake (another unit, latitude and longitude exchanged) shows without all that, in a short
-recording and in rates that were smoothed: by how a rate and its values go together over stretches
-of ten seconds (`plain_mistakes`).
+What shows without all that is told by `gateway.ingest.plain_mistakes`.
 """
 
 from collections.abc import Mapping
@@ -23,14 +21,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.ingest.mapping import Origin, to_local
+from gateway.ingest.plain_mistakes import plain_mistakes
 from gateway.ingest.sources import Choice, uniform_grid
-from gateway.samples import Quantity, Samples
+from gateway.ingest.stretches import (
+    GAP_S,
+    HUGE,
+    UNITS,
+    ascending,
+    changes,
+    integrals,
+    metres,
+    over_ground,
+    unbroken,
+    value_at,
+)
+from gateway.samples import Quantity
 from sim.state import Floats, Ints
 
 # Chosen, not measured; what logs of other people show stands in the tests.
 TURN_S, MOVE_S = 2.0, 4.0  # stretches of a heading, of a position
-GAP_S = 0.6  # a longer silence ends a stretch
 BLOCK_S = 25.0
 FEWEST_BLOCKS = 4  # in which the boat turned or moved
 LEAST_TURN_RAD, LEAST_MOVE_M = 0.1, 1.5  # in a stretch, root mean square, for anything to be seen
@@ -41,24 +50,11 @@ OFF_SHARE = 0.5  # of a stretch's own turn or way: less is no outlier
 BIAS_RADPS = 0.03  # of a gyro, usual, and of a compass, once and twice around
 DEVIATION_RAD = (0.08, 0.08, 0.025, 0.025)
 LATE_ROUNDS, NEAR_LATE_S = 3, 0.05
-HUGE = 1e6  # rad or m in a stretch, in whatever unit: no boat
 SCALE_OFF, LATE_S = 0.06, 0.25  # that are told
 NEAR = 0.25  # of a scale: values that are off by more may be of another axis
-UNITS = {  # rate over what the values say -> the usual mistake
-    57.296: "degrees taken for radians", 1.0 / 57.296: "radians taken for degrees",
-    1.9438: "knots taken for m/s", 0.5144: "m/s taken for knots",
-    3.6: "km/h taken for m/s", 1.0 / 3.6: "m/s taken for km/h",
-    100.0: "cm/s taken for m/s", 0.01: "m/s taken for cm/s", 2.2369: "mph taken for m/s",
-}  # fmt: skip
 NEAR_UNIT = 0.03
 DEGREE, FULL_CIRCLE = np.pi / 180.0, 2.0 * np.pi  # rad
 MOST_YAW = 0.99  # of the headings: a few may be damaged
-# Of another unit a rate is by a factor, however short the recording, however much it was smoothed:
-# told from stretches that no window smooths, where the two go together as one motion does.
-SLOW_S, SLOW_EVERY_S, FEWEST_SLOW = 10.0, 2.5, 12
-SLOW_TURN_RAD, SLOW_MOVE_M = 0.1, 1.5  # root mean square, for anything to be seen
-TOGETHER, APART = 0.95, 0.9  # correlations: of good recordings 0.99 and more
-ABOUT_UNIT, ABOUT_ONE = 0.1, 0.15  # of a scale
 LEAST_UPRIGHT = 0.8  # the cosine of a gyro that lies over
 
 
@@ -137,14 +133,14 @@ def _agreement(
     step = max(float(np.median(np.diff(time))), float(np.median(np.diff(rate_time))))
     first, last = max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - stretch_s
     begin = uniform_grid(float(first), float(last), 0.5 * stretch_s)
-    whole = _unbroken(time, begin, begin + stretch_s)
-    begin = begin[whole & _unbroken(rate_time, begin, begin + stretch_s)]
+    whole = unbroken(time, begin, begin + stretch_s)
+    begin = begin[whole & unbroken(rate_time, begin, begin + stretch_s)]
     if step > GAP_S or len(begin) < FEWEST_BLOCKS:
         return None
     end = begin + stretch_s
     moved, turned, change = (
-        np.stack([_at(t, y[:, i], end) - _at(t, y[:, i], begin) for i in range(x.shape[1])], axis=1)
-        for t, y in ((time, x), (rate_time, _integrals(rate_time, rate)), (rate_time, rate))
+        changes(t, y, begin, end)
+        for t, y in ((time, x), (rate_time, integrals(rate_time, rate)), (rate_time, rate))
     )
     block = np.repeat(np.floor(begin / BLOCK_S).astype(np.int64), x.shape[1])
     X, y = np.stack([turned.ravel(), -change.ravel()], axis=1), moved.ravel()
@@ -203,108 +199,16 @@ def _trimmed_fit(
 
 def _of_a_compass(turns: Turns, begin: Floats, end: Floats) -> Floats:
     """What a gyro's bias and a compass's deviation, hard and soft iron, add to a stretch (M, 5)."""
-    was, now = (_at(turns.time, turns.heading, at) for at in (begin, end))
+    was, now = (value_at(turns.time, turns.heading, at) for at in (begin, end))
     around = [f(k * now) - f(k * was) for k in (1.0, 2.0) for f in (np.sin, np.cos)]
     return np.stack([end - begin, *around], axis=1)
 
 
 def _of_an_arm(turns: Turns, begin: Floats, end: Floats) -> Floats:
     """What a metre ahead and one to starboard add to each stretch, north and east (2 M, 2)."""
-    was, now = (_at(turns.time, turns.heading, at) for at in (begin, end))
+    was, now = (value_at(turns.time, turns.heading, at) for at in (begin, end))
     c, s = np.cos(now) - np.cos(was), np.sin(now) - np.sin(was)
     return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1).reshape(-1, 2)
-
-
-class SlowAgreement(NamedTuple):
-    """How a rate goes with its values over long stretches: correlation, and scale of the rate."""
-
-    correlation: float
-    scale: float
-
-    @property
-    def mistake(self) -> str | None:
-        """The unit that was taken for another, where that is plain."""
-        if not self.correlation > TOGETHER:
-            return None
-        off, text = min((abs(self.scale / factor - 1.0), text) for factor, text in UNITS.items())
-        return text if off < ABOUT_UNIT else None
-
-
-def slow_agreement(
-    time: Floats, x: Floats, rate_time: Floats, rate: Floats, least: float
-) -> SlowAgreement | None:
-    """Values (K, n) and their rates (L, n), as in `rate_agreement`; None: too little is seen."""
-    gap = max(GAP_S, *(3.0 * float(np.median(np.diff(t))) for t in (time, rate_time)))
-    first, last = max(time[0], rate_time[0]), min(time[-1], rate_time[-1]) - SLOW_S
-    begin = uniform_grid(float(first), float(last), SLOW_EVERY_S)
-    end = begin + SLOW_S
-    whole = _unbroken(time, begin, end, gap) & _unbroken(rate_time, begin, end, gap)
-    begin, end = begin[whole], end[whole]
-    if len(begin) < FEWEST_SLOW:
-        return None
-    moved, turned = (
-        np.stack([_at(t, y[:, i], end) - _at(t, y[:, i], begin) for i in range(x.shape[1])], axis=1)
-        for t, y in ((time, x), (rate_time, _integrals(rate_time, rate)))
-    )
-    size, other = float(np.sqrt(np.mean(moved**2))), float(np.sqrt(np.mean(turned**2)))
-    if not least < size < HUGE or not 0.0 < other < HUGE:
-        return None
-    correlation = float(np.mean(moved * turned)) / (size * other)
-    return SlowAgreement(correlation, other / size)
-
-
-def plain_mistakes(choices: Mapping[str, Choice]) -> dict[str, str]:
-    """Name of a rate -> a sentence, where it is of another unit than it is said to be, or where
-    the columns of the positions are exchanged. Also of rates that are smoothed, and left out.
-    """
-    out: dict[str, str] = {}
-    if "yaw" not in choices:
-        return out
-    start = int(choices["yaw"].samples.vehicle_time_ns[0])
-    at, heading = _ascending(choices["yaw"].samples, start)
-    if len(at) < 2:
-        return out
-    turned = np.unwrap(heading[:, :1], axis=0)
-    if "yaw rate" in choices:
-        when, rate = _ascending(choices["yaw rate"].samples, start)
-        found = (
-            slow_agreement(at, turned, when, rate[:, :1], SLOW_TURN_RAD) if len(when) > 1 else None
-        )
-        if found is not None and found.mistake is not None:
-            out["yaw rate"] = _plain(choices["yaw rate"], found, "the turn of the heading")
-    if "velocity" not in choices or "position" not in choices:
-        return out
-    when, velocity = _ascending(choices["velocity"].samples, start)
-    position = choices["position"].samples
-    then, place = _ascending(position, start)
-    if len(when) < 2 or len(then) < 2:
-        return out
-    if choices["velocity"].samples.quantity is Quantity.BODY_VELOCITY:
-        velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
-    given, other = (
-        slow_agreement(then, metres(degrees, position.quantity), when, velocity, SLOW_MOVE_M)
-        for degrees in (place, place[:, ::-1])
-    )
-    if given is not None and given.mistake is not None:
-        out["velocity"] = _plain(choices["velocity"], given, "the change of position")
-    elif given is not None and other is not None and _exchanged(given, other):
-        degrees = position.quantity is Quantity.GLOBAL_POSITION
-        what = "latitude and longitude" if degrees else "north and east"
-        out["velocity"] = (
-            f"{what} ({choices['position'].source}) look exchanged: only the other way round do "
-            f"positions change as the velocity ({choices['velocity'].source}) says"
-        )
-    return out
-
-
-def _exchanged(given: SlowAgreement, other: SlowAgreement) -> bool:
-    """Whether positions go with the velocity with their two columns exchanged, and only so."""
-    fits = other.correlation > TOGETHER and abs(other.scale - 1.0) < ABOUT_ONE
-    return fits and given.correlation < APART
-
-
-def _plain(rate: Choice, found: SlowAgreement, change: str) -> str:
-    return f"{rate.name} ({rate.source}) is {found.scale:.2g} times {change}: {found.mistake}?"
 
 
 def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
@@ -318,12 +222,12 @@ def _contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
     if "yaw" not in choices:
         return ()
     start = int(choices["yaw"].samples.vehicle_time_ns[0])
-    at, heading = _ascending(choices["yaw"].samples, start)
+    at, heading = ascending(choices["yaw"].samples, start)
     if len(at) < 2:
         return ()
     turned = np.unwrap(heading[:, :1], axis=0)
     if "yaw rate" in choices:
-        when, rate = _ascending(choices["yaw rate"].samples, start)
+        when, rate = ascending(choices["yaw rate"].samples, start)
         if len(when) > 1:
             found = _turns_agree(at, heading[:, 0], when, rate[:, :1])
             if found is None or not found.is_near:
@@ -331,8 +235,8 @@ def _contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
                 found = None if out else found
             out += _told(found, choices["yaw rate"], choices["yaw"], "the turn of the heading")
     if "velocity" in choices and "position" in choices:
-        when, velocity = _ascending(choices["velocity"].samples, start)
-        then, place = _ascending(choices["position"].samples, start)
+        when, velocity = ascending(choices["velocity"].samples, start)
+        then, place = ascending(choices["position"].samples, start)
         if len(when) > 1 and len(then) > 1:
             if choices["velocity"].samples.quantity is Quantity.BODY_VELOCITY:
                 velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
@@ -385,20 +289,6 @@ def _other_unit(
     ]
 
 
-def metres(place: Floats, quantity: Quantity) -> Floats:
-    """Positions (K, 2), local or global -> [m] from where most of them lie: a first fix may err."""
-    if quantity is not Quantity.GLOBAL_POSITION:
-        return place
-    return to_local(place, Origin(*map(float, np.median(place, axis=0))))
-
-
-def over_ground(velocity: Floats, yaw: Floats) -> Floats:
-    """Velocities ahead and to starboard (K, 2), headings (K,) -> towards north, east (K, 2)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    u, v = velocity.T
-    return np.stack([c * u - s * v, s * u + c * v], axis=1)
-
-
 def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str) -> list[str]:
     """What contradicts, in words; nothing where nothing does."""
     if found is None:
@@ -424,32 +314,3 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
             f"{2.0 * found.late_std:.1g} s {order} {rate.name} ({rate.source})"
         )
     return out
-
-
-def _ascending(samples: Samples, start_ns: int) -> tuple[Floats, Floats]:
-    """Times (K,) [s] that rise and values (K, n) that are known."""
-    time, values = samples.seconds(start_ns), np.asarray(samples.values, np.float64)
-    good = np.isfinite(values).all(axis=1)
-    time, values = time[good], values[good]
-    order = np.argsort(time, kind="stable")
-    time, values = time[order], values[order]
-    new = np.concatenate([[True], np.diff(time) > 0.0]) if len(time) else np.zeros(0, bool)
-    return time[new], values[new]
-
-
-def _unbroken(time: Floats, begin: Floats, end: Floats, gap_s: float = GAP_S) -> np.ndarray:
-    """Which stretches (M,) hold no silence of the times (K,)."""
-    gaps = np.concatenate([[0.0], np.cumsum(np.diff(time) > gap_s)])
-    first = np.clip(np.searchsorted(time, begin, side="right") - 1, 0, len(time) - 1)
-    last = np.clip(np.searchsorted(time, end), 0, len(time) - 1)
-    return np.asarray(gaps[first] == gaps[last])
-
-
-def _integrals(time: Floats, rate: Floats) -> Floats:
-    """Integrals of rates (L, n) from the first time on."""
-    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]
-    return np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(steps, axis=0)])
-
-
-def _at(time: Floats, y: Floats, when: Floats) -> Floats:
-    return np.interp(when, time, y)

@@ -23,8 +23,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from gateway.estimation import FilterSettings, WhiteNoise
-from gateway.ingest.agreement import metres, over_ground, plain_mistakes, rate_agreement
+from gateway.ingest.agreement import rate_agreement
 from gateway.ingest.log import BoatSamples
+from gateway.ingest.plain_mistakes import plain_mistakes
 from gateway.ingest.sources import (
     NOT_SMOOTHED,
     Choice,
@@ -36,6 +37,7 @@ from gateway.ingest.sources import (
     rate_hz,
     smoothing,
 )
+from gateway.ingest.stretches import metres, over_ground
 from gateway.samples import Quantity, Samples
 from sim.state import Floats, Ints
 

@@ -9,11 +9,10 @@ from gateway.ingest.agreement import (
     RateAgreement,
     Turns,
     contradictions,
-    metres,
-    over_ground,
     rate_agreement,
 )
 from gateway.ingest.sources import Choice
+from gateway.ingest.stretches import metres, over_ground
 from gateway.offline.trials import load_trials
 from gateway.samples import Quantity, Samples
 from sim.state import Floats
