@@ -299,6 +299,8 @@ class Effect:
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
     pattern       of a curve: the effect whose file is the pattern for a law in its place
+    acts_when     law -> by name, what numbers must be for it to do anything: with others compiled
+                  code passes it over
     """
 
     name: str
@@ -330,6 +332,9 @@ class Effect:
     mismatch: Callable[[Any, Values], str] | None = None
     pattern_for: tuple[str, ...] = ()
     pattern: str = ""
+    acts_when: Mapping[str, Mapping[str, tuple[float, ...]]] = field(
+        default_factory=dict, compare=False
+    )
     wiring: Law | None = None
     command: Law | None = None
     thrust: Law | None = None
@@ -354,6 +359,10 @@ class Effect:
             raise ValueError(f"effect name {self.name!r} must be a plain identifier")
         if not self.laws:
             raise ValueError(f"effect {self.name} declares no law: give one of {', '.join(LAWS)}")
+        known = {p.name for p in self.parameters}
+        for law, numbers in self.acts_when.items():
+            if law not in self.laws or not known.issuperset(numbers):
+                raise ValueError(f"effect {self.name}: acts_when names no law or number: {law}")
         # read now: should the file change later, these are still the laws that were loaded
         object.__setattr__(self, "source_code", _source_of(tuple(self.laws.values())))
 

@@ -231,4 +231,10 @@ EFFECT = Effect(
         "f7": 0.0, "f8": 0.0,
     },
     pattern="cubic_drag",
+    acts_when={
+        "force": {"by": (AHEAD, SIDEWAYS, TURNING, HEADING), "acts": (SURGE, SWAY, YAW)},
+        "thrust": {"acts": (THRUST,)},
+        "reaction": {"by": (MOTOR,), "acts": (SURGE, SWAY, YAW, OUTWARD)},
+        "angle": {"acts": (ANGLE,)},
+    },
 )  # fmt: skip

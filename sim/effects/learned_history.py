@@ -137,4 +137,7 @@ EFFECT = Effect(
         **dict.fromkeys(SECOND, 0.0),
     },
     pattern="current_change",
+    acts_when={
+        "water": {"acts": (WATER,)}, "force": {"acts": (PUSH,)}, "thrust": {"acts": (THRUST,)},
+    },
 )  # fmt: skip

@@ -140,4 +140,5 @@ EFFECT = Effect(
         **{key: 0.05 * (k // SIDE) for k, key in enumerate(TO_EAST)},
     },
     pattern="steady_current",
+    acts_when={"water": {"acts": (WATER,)}, "force": {"acts": (PUSH,)}},
 )  # fmt: skip

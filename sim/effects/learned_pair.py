@@ -209,4 +209,11 @@ EFFECT = Effect(
         **{key: -0.05 * (k // SIDE) * (k % SIDE) for k, key in enumerate(KEYS)},
     },
     pattern="hull_lift",
+    acts_when={
+        "force": {
+            "by": (WITH_HEADING, WITH_SWAY, WITH_TURN, SWAY_AND_TURN), "acts": (SURGE, SWAY, YAW),
+        },
+        "thrust": {"acts": (THRUST,)},
+        "reaction": {"by": (WITH_MOTOR,), "acts": (SURGE, SWAY, YAW)},
+    },
 )  # fmt: skip

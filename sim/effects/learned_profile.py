@@ -150,4 +150,5 @@ EFFECT = Effect(
         **dict.fromkeys(TO_NORTH, 0.0), **{key: 0.05 * k for k, key in enumerate(TO_EAST)},
     },
     pattern="steady_current",
+    acts_when={"water": {"acts": (WATER,)}, "force": {"acts": (PUSH,)}},
 )  # fmt: skip

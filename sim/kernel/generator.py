@@ -1,8 +1,9 @@
 """Source text of a kernel: the laws of one vessel composed into one Python module.
 
 The text is unrolled over thrusters, rudders and effects, and calls each law by name. Its only
-branches pass over an effect whose numbers are neutral: a model that holds thirty effects switched
-off costs little more than the bare vessel. On arrays they are never taken (`branch`).
+branches pass over an effect whose numbers are neutral (a model that holds thirty effects switched
+off costs little more than the bare vessel) and laws that these numbers leave without work (a table
+over the speed has nothing to say of each motor). On arrays they are never taken (`branch`).
 `sim.kernel` lists the composed functions. Effects act in the order of the
 catalogue, whatever their order in the vessel file. The loops of `LOOPS` are appended as they stand
 in their files, with the imports that those files have.
@@ -113,10 +114,24 @@ class Structure(NamedTuple):
         neutral = {p.name: p.neutral for p in self.effects[effect].parameters}
         return " and ".join(f"p.{n} == {x!r}" for n, x in neutral.items() if x is not None)
 
-    def applied(self, effect: int, name: str, to: str) -> str:
-        """The line that gives `name` its value after an effect, unless that is switched off."""
-        unless = f"{name} if off_{effect}(p.e{effect}) else " if self.is_off(effect) else ""
-        return f"{name} = {unless}{to}"
+    def rests(self, effect: int) -> dict[str, str]:
+        """Law -> the test that the numbers of an effect leave it nothing to do."""
+        return {
+            law: " or ".join(
+                " and ".join(f"p.{name} != {x!r}" for x in values)
+                for name, values in numbers.items()
+            )
+            for law, numbers in self.effects[effect].acts_when.items()
+        }
+
+    def applied(self, effect: int, place: str, name: str, to: str) -> str:
+        """The line that gives `name` its value after a law of an effect, unless that is passed
+        over.
+        """
+        asked = [f"off_{effect}"] if self.is_off(effect) else []
+        asked += [f"rests_{place}_{effect}"] if place in self.rests(effect) else []
+        tests = " or ".join(f"{test}(p.e{effect})" for test in asked)
+        return f"{name} = {name} if {tests} else {to}" if tests else f"{name} = {to}"
 
     def after_all(self, place: str, name: str, law: Callable[[int], str]) -> list[str]:
         """Lines that give `name` its value after each effect that acts there: `law` of its number.
@@ -125,7 +140,7 @@ class Structure(NamedTuple):
         """
         out = []
         for switched, some in groupby(self.acting(place), lambda e: bool(self.is_off(e))):
-            own = [self.applied(e, name, law(e)) for e in some]
+            own = [self.applied(e, place, name, law(e)) for e in some]
             together = switched and len(own) > 1
             out += [f"if not idle_{place}(p):", *(f"    {x}" for x in own)] if together else own
         return out
@@ -166,12 +181,17 @@ def _unpack(s: Structure) -> str:
 
 
 def _switches(s: Structure) -> str:
-    """`off_E`: whether effect E does nothing, by its numbers; `is_linear`: a thrust without bend.
-
-    What is passed over costs more than the question.
+    """`off_E`: whether effect E does nothing, by its numbers; `rests_LAW_E`: whether one of its
+    laws does nothing; `is_linear`: a thrust without bend. What is passed over costs more than the
+    question.
     """
     tests = {e: s.is_off(e) for e in range(len(s.effects))}
     made = [_function(f"off_{e}(p)", [f"return {test}"]) for e, test in tests.items() if test]
+    made += [
+        _function(f"rests_{law}_{e}(p)", [f"return {test}"])
+        for e in range(len(s.effects))
+        for law, test in s.rests(e).items()
+    ]
     for place in ("water", "thrust", "force"):
         each = [f"off_{e}(p.e{e})" for e in s.acting(place) if tests[e]]
         made.append(_function(f"idle_{place}(p)", ["return " + (" and ".join(each) or "True")]))
@@ -229,7 +249,8 @@ def _static_actuation(s: Structure) -> str:
         names.append(f"F{i}")
         lines.append(f"c{i} = c[{i}]")
         lines += [
-            s.applied(e, f"c{i}", f"command_{e}(c{i}, p.t{i}, p.e{e})") for e in s.acting("command")
+            s.applied(e, "command", f"c{i}", f"command_{e}(c{i}, p.t{i}, p.e{e})")
+            for e in s.acting("command")
         ]
         table, bent = s.tables[i] if s.tables else -1, f"thrust_of(c{i}, p.t{i})"
         lines.append(
@@ -240,7 +261,10 @@ def _static_actuation(s: Structure) -> str:
     for i in range(len(s.rudders)):
         names.append(f"d{i}")
         lines.append(f"d{i} = angle_of(c[{s.thrusters + i}], p.r{i})")
-        lines += [f"d{i} = angle_{e}(d{i}, p.r{i}, p.e{e})" for e in s.acting("angle")]
+        lines += [
+            s.applied(e, "angle", f"d{i}", f"angle_{e}(d{i}, p.r{i}, p.e{e})")
+            for e in s.acting("angle")
+        ]
     return _function("static_actuation(row, p)", [*lines, "return " + _tuple(names or ["row[0]"])])
 
 
@@ -266,11 +290,12 @@ def _actuator_wrench(s: Structure) -> str:
         lines.append(f"a{i} = p.t{i}.azimuth{turned.get(i, '')}")
         lines.append(f"axis{i} = axis_of(a{i})")  # the same all along a run that nothing turns
         for e in s.acting("turn"):
-            lines.append(s.applied(e, f"a{i}", f"turn_{e}(a{i}, p.t{i}, flow, p.e{e})"))
-            lines.append(s.applied(e, f"axis{i}", f"axis_of(a{i})"))
+            lines.append(s.applied(e, "turn", f"a{i}", f"turn_{e}(a{i}, p.t{i}, flow, p.e{e})"))
+            lines.append(s.applied(e, "turn", f"axis{i}", f"axis_of(a{i})"))
         lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, axis{i}, p.t{i}))")
-        beside = [f"reaction_{e}(F{i}, p.t{i}, flow, p.e{e})" for e in s.acting("reaction")]
-        lines += [f"tau = add_wrench(tau, {own})" for own in beside]
+        for e in s.acting("reaction"):
+            own = f"add_wrench(tau, reaction_{e}(F{i}, p.t{i}, flow, p.e{e}))"
+            lines.append(s.applied(e, "reaction", "tau", own))
     for i, (motor, wash) in enumerate(s.rudders):
         if motor < 0:
             jet = f"slipstream(flow.u, F{wash}, p.r{i})" if wash >= 0 else "0.0"
@@ -307,7 +332,10 @@ def _dynamics(s: Structure) -> str:
     balance = [
         "pose, nu = Pose(x[0], x[1], x[2]), Velocity(x[3], x[4], x[5])",
         "M = base_inertia(p.body)",
-        *(s.applied(e, "M", f"inertia_{e}(M, flow, p.e{e})") for e in s.acting("inertia")),
+        *(
+            s.applied(e, "inertia", "M", f"inertia_{e}(M, flow, p.e{e})")
+            for e in s.acting("inertia")
+        ),
     ]
 
     def force(e: int) -> str:
@@ -357,7 +385,7 @@ def _observe(s: Structure) -> str:
     """`observe`: lever arm of the antenna, then sensor effects; `observe_undelayed`: none late."""
 
     def chain(effects: Iterable[int]) -> list[str]:
-        laws = [s.applied(e, "report", f"observe_{e}(report, p.e{e})") for e in effects]
+        laws = [s.applied(e, "observe", "report", f"observe_{e}(report, p.e{e})") for e in effects]
         return ["report = at_antenna(report, p.body)", *laws, "return report"]
 
     undelayed = (e for e in s.acting("observe") if s.effects[e].latency is None)

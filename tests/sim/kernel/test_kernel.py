@@ -1,6 +1,7 @@
 """Compiled kernels against the same in plain Python; laws of a user, and those numba refuses."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from sim.diagnosis.fit_problem import SupersetModel, neutral_values
 from sim.effects import thruster_lag
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect, Parameter, Scope
+from sim.effects.effect import Effect, Kind, Parameter, Scope
 from sim.following.follower import Reference, ReferenceMode
 from sim.model import InputTable, Model, Runs
 from sim.state import Wrench
@@ -47,6 +48,35 @@ def test_an_effect_compiled_among_all_others_is_the_same_without_them_in_plain_p
             theta[fast.names.index(f"{other.name}.{key}")] = value
     rest = [a for a in EVERYTHING.effects if a.effect is effect or a.effect not in CAN_BE_OFF]
     agree(replace(fast, theta=theta), in_numpy(replace(EVERYTHING, effects=tuple(rest))), 1.0)
+
+
+def choices(effect):
+    """Every combination of what can be chosen in an effect."""
+    each = [p for p in effect.parameters if p.kind is Kind.CHOICE]
+    ranges = (np.arange(p.lower, p.upper + 1.0).tolist() for p in each)
+    return [dict(zip([p.name for p in each], values, strict=True)) for values in product(*ranges)]
+
+
+@pytest.mark.parametrize(
+    ("effect", "chosen"),
+    [(effect, chosen) for effect in EFFECTS if effect.acts_when for chosen in choices(effect)],
+    ids=lambda one: (
+        one.name if isinstance(one, Effect) else "-".join(f"{x:g}" for x in one.values())
+    ),
+)
+def test_laws_that_are_passed_over_where_a_choice_leaves_them_no_work_would_change_nothing(
+    effect, chosen
+):
+    fast = Model.of(EVERYTHING)
+    theta = fast.theta.copy()
+    for key, value in chosen.items():
+        theta[fast.names.index(f"{effect.name}.{key}")] = value
+    effects = [
+        replace(a, values={**a.values, **chosen}) if a.effect is effect else a
+        for a in EVERYTHING.effects
+    ]
+    slow = in_numpy(replace(EVERYTHING, effects=tuple(effects)))
+    agree(replace(fast, theta=theta), slow, 0.5)
 
 
 @pytest.mark.slow
