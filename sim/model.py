@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -35,6 +35,7 @@ MIN_STABLE_STEP_S = 0.025  # a hull with faster motion than this allows is none:
 FASTER, FASTER_BY = 1.2, 0.1  # … no run becomes faster than all starts by this factor and amount
 RUNAWAY_SPEED = 1e3  # m/s, rad/s: of what is no number any more
 SHORTEST_STEP_S = 1e-3  # of runs that did
+SHORTER = 4  # times, each time: what halves do not help with is mostly lost in any steps
 SETTLED = 1e-3  # of a speed: shorter steps that change the fastest by less are short enough
 MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
@@ -118,7 +119,7 @@ class Model:
 
         while len(fast := too_fast(again)):
             stable = self.max_step(thetas, reached[again].max(axis=0), SHORTEST_STEP_S)
-            substeps, needed = needed, min(_steps_in(inputs.dt, stable), 2 * needed)
+            substeps, needed = needed, min(_steps_in(inputs.dt, stable), SHORTER * needed)
             if needed <= substeps:
                 break
             again = np.flatnonzero(np.isin(origin, origin[fast]))
@@ -257,9 +258,12 @@ class Runs:
         return Runs(self.table[which], self.start[which], self.steps[which], self.delay[which])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class InputTable:
-    """Inputs on uniform grids: integrated commands (C, T+1, na) [steps], voltage, wind, time."""
+    """Inputs on uniform grids: integrated commands (C, T+1, na) [steps], voltage, wind, time.
+
+    Each is its own, whatever it holds: so that what is made of some of them can be kept.
+    """
 
     total: Floats
     voltage: Floats
@@ -290,7 +294,8 @@ class InputTable:
         )
 
     @classmethod
-    def stacked(cls, tables: Sequence["InputTable"]) -> "InputTable":
+    @lru_cache(maxsize=32)  # a search asks for the same ones again and again
+    def stacked(cls, tables: tuple["InputTable", ...]) -> "InputTable":
         """Tables of one time step under each other, each continued to the length of the longest."""
         if len(tables) == 1:
             return tables[0]

@@ -325,25 +325,27 @@ def _rank_finalists(
     """The finalists under the noise that one of them leaves."""
     noise = reference.problem.noise_of(leader.unknowns, leader.z)
     problem = reference.problem_under(noise)
-    before = fit_effects(reference.added, reference.unknowns, problem, reference.z)
 
-    def whole(r: ScreeningResult) -> tuple[Fit, Gain]:
+    def whole(r: ScreeningResult | None) -> tuple[Fit, Floats]:
+        """With one of them, or none, and what is left of held-out time."""
+        if r is None:
+            fit = fit_effects(reference.added, reference.unknowns, problem, reference.z)
+            return fit, fit.heldout_residual
         added = (*reference.added, r.added)
         again = None
         if reference.added:  # the first look has begun from the base as given itself
             again = from_given_base(added, r.unknowns, problem, r.z)
         starts = [r.z] if again is None else [r.z, again]
-        fit = min(
-            (fit_effects(added, r.unknowns, problem, z) for z in starts), key=lambda f: f.cost
-        )
-        return fit, gain(before.heldout_residual, fit.heldout_residual, problem.block)
+        fits = (fit_effects(added, r.unknowns, problem, z) for z in starts)
+        fit = min(fits, key=lambda f: f.cost)
+        return fit, fit.heldout_residual
 
-    pairs = list(mapper(whole, results))
-    residuals = [fit.heldout_residual for fit in (before, *(fit for fit, _ in pairs))]
+    (before, without), *fitted = mapper(whole, [None, *results])
+    residuals = [without, *(left for _, left in fitted)]
     chance = probabilities(np.array([per_block(r, problem.block) for r in residuals]))[1:]
     rows = [
-        RankedEffect(fit.added[-1].effect, fit, g, float(p))
-        for (fit, g), p in zip(pairs, chance, strict=True)
+        RankedEffect(fit.added[-1].effect, fit, gain(without, left, problem.block), float(p))
+        for (fit, left), p in zip(fitted, chance, strict=True)
     ]
     rows.sort(key=lambda r: -r.gain.ratio)
     return Ranking(before, _special_first(rows))

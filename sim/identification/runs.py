@@ -278,7 +278,7 @@ def _reports_together(
         table = np.full(len(start), i)
         runs.append(Runs(table, np.repeat(rows, K), np.repeat(w.steps, K), delay))
     together = Runs(*map(np.concatenate, zip(*(vars(r).values() for r in runs), strict=True)))
-    inputs = InputTable.stacked([w.inputs for w in run_sets])
+    inputs = InputTable.stacked(tuple(w.inputs for w in run_sets))
     _, reports = model.run(np.concatenate(starts), together, inputs, theta=np.concatenate(thetas))
     out, done = [], 0
     for w, start in zip(run_sets, starts, strict=True):
