@@ -189,12 +189,12 @@ def estimates_of(
 
 def _within_sign(u: Unknown, low: float, high: float) -> tuple[float, float]:
     """An interval without the numbers that nothing has: a hull that the water drives, no mass, a
-    magnitude below zero.
+    magnitude or what else an effect declares to begin at zero (more drag, a delay) below that.
     """
     key = u.name.rpartition(".")[2]
     if key in DAMPING or key == "astern":
         return low, min(high, 0.0)
-    positive = key in MASSES or key == "ahead" or u.polar == 0
+    positive = key in MASSES or key == "ahead" or u.polar == 0 or u.lower == 0.0
     return (max(low, 0.0), high) if positive else (low, high)
 
 

@@ -3,16 +3,19 @@
 import numpy as np
 import pytest
 
+from sim.effects.catalogue import named
 from sim.identification import IdentifySettings
 from sim.identification.intervals import Estimate, Uncertainty, estimates_of
 from sim.identification.parameters import DAMPING, MASSES, OFFSETS, unknowns_of
 from sim.model import Model
-from tests.sim.vessels import WAMV
+from sim.vessel import Vessel
+from tests.sim.vessels import WAMV, added
 
 
-def estimates(std: float) -> dict[str, Estimate]:
+def estimates(std: float, vessel: Vessel = WAMV, free: tuple[str, ...] = ()) -> dict[str, Estimate]:
     """Of a vessel as it is; each number is known to within so many times its scale."""
-    unknowns = unknowns_of(Model.of(WAMV), 1, IdentifySettings())
+    settings = IdentifySettings(free=free) if free else IdentifySettings()
+    unknowns = unknowns_of(Model.of(vessel), 1, settings)
     variance = (std * np.array([u.scale for u in unknowns.each])) ** 2
     known = Uncertainty(np.diag(1.0 / variance), np.diag(variance), 2.0)
     return {e.name: e for e in estimates_of(unknowns, unknowns.start, known, ["trial"])}
@@ -31,3 +34,12 @@ def test_an_interval_that_needs_no_limit_is_symmetric() -> None:
         e = estimates(0.01)[name]
         assert sum(e.ci95) == pytest.approx(2.0 * e.value)
         assert e.ci95[0] < e.value < e.ci95[1]
+
+
+def test_an_interval_of_what_an_effect_declares_to_begin_at_zero_does_not_reach_below() -> None:
+    """More drag in a place is more; the place itself may lie on either side of the origin."""
+    item = added(named("learned_drag"))
+    names = tuple(f"learned_drag.{key}" for key in ("more", "north"))
+    vague = estimates(20.0, WAMV.with_effects(item), names)
+    assert vague["learned_drag.more"].ci95[0] == 0.0
+    assert vague["learned_drag.north"].ci95[0] < 0.0
