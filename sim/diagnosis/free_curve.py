@@ -2,10 +2,12 @@
 
 An effect that declares `tables` has no law: each of its empty tables is a force, a share of the
 thrust, or water that flows, over one variable, two, the map or the time. The table that a few
-steps of the search fill best is fitted whole, with all other numbers, and judged on unseen time
-like an effect: beside the effects that were found, for what they leave; and in their place, for an
-effect that only lies near takes the form of another cause as far as its law can. At the noise free
-runs hardly tell such a one from its cause, but from one moment to the next the two part.
+steps of the search fill best is fitted whole, with all other numbers; the knots of one over one
+variable are moved to where it bends (a motor that skips a band of thrust has a step, which knots at
+even places smear). It is judged on unseen time like an effect: beside the effects that were found,
+for what they leave; and in their place, for an effect that only lies near takes the form of another
+cause as far as its law can. At the noise free runs hardly tell such a one from its cause, but from
+one moment to the next the two part.
 """
 
 from collections.abc import Sequence
@@ -16,9 +18,9 @@ import numpy as np
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, ScoredFormula, fitted_values
-from sim.diagnosis.fit import Fit
+from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import SupersetModel
-from sim.diagnosis.heldout import Gain, HeldOutScorer, RankedEffect, gain_under, rank
+from sim.diagnosis.heldout import Gain, HeldOutScorer, RankedEffect, gain, gain_under, rank
 from sim.diagnosis.ladder import Selection
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.worth import helps, is_worth_it
@@ -143,13 +145,17 @@ def _fitted(
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
     found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
+    finalists = sorted(
+        mapper(partial(_with_knots_moved, superset, found.reference), found.finalists),
+        key=lambda r: -r.gain.ratio,
+    )
     before = min(scorer.given, scorer.score_fit(last).nrmse)
     over = {
         r.name: gain_under(rival.renewed_problem, rival, r.fit) if rival else None
-        for r in found.finalists
+        for r in finalists
     }
     rows = [
-        r for r in found.finalists
+        r for r in finalists
         if is_worth_it(r.gain)
         and (helps(scorer, [fit, last], r.fit) or _is_better(over[r.name], scorer, r.fit, before))
     ]  # fmt: skip
@@ -161,6 +167,42 @@ def _fitted(
     as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
     against = rival.names if rival else ()
     return FreeCurve(step, best.gain, best.fit, over[best.name], against, as_well)
+
+
+def _with_knots_moved(superset: SupersetModel, reference: Fit, row: RankedEffect) -> RankedEffect:
+    """A table with its knots where it bends, if that is worth it on unseen time; else as it was.
+
+    Each may go half the way to its neighbours, again and again: so none passes another. What it is
+    worth is judged while the knots may move, each held-out block with those of the fit without it;
+    then they are held, like the range of the table.
+    """
+    places, name = row.effect.knot_places, row.name
+    if not places:
+        return row
+    fit, problem = row.fit, row.fit.problem
+    own = tuple(f"{name}.{p}" for p in places)
+    more = replace(problem.settings, free=(*problem.settings.free, *own))
+    for _ in range(thresholds.KNOT_ROUNDS):
+        added, values = fit.effects(), fit.values(name)
+        edges = np.array([0.0, *(values[p] for p in places), 1.0])
+        middle, room = 0.5 * (edges[1:] + edges[:-1]), thresholds.KNOT_ROOM * np.diff(edges)
+        ends = zip(middle[:-1] + room[:-1], middle[1:] - room[1:], strict=True)
+        limits = dict(zip(own, ends, strict=True))
+        unknowns = unknowns_for(superset, added, len(problem.trials), more)
+        each = tuple(
+            replace(u, lower=limits[u.name][0], upper=limits[u.name][1]) if u.name in limits else u
+            for u in unknowns.each
+        )
+        unknowns = replace(unknowns, each=each)
+        fit = fit_effects(added, unknowns, problem, start_values(unknowns, fit))
+    block = problem.block
+    if not is_worth_it(gain(row.fit.heldout_residual, fit.heldout_residual, block)):
+        return row
+    added = fit.effects()
+    unknowns = unknowns_for(superset, added, len(problem.trials), problem.settings)
+    fit = fit_effects(added, unknowns, problem, start_values(unknowns, fit))
+    won = gain(reference.heldout_residual, fit.heldout_residual, block)
+    return replace(row, fit=fit, gain=won)
 
 
 def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:

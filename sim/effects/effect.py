@@ -285,6 +285,8 @@ class Effect:
     tables        (vessel, extent of u, v, r [m/s, rad/s], north, east [m] and time [s]) -> empty
                   tables, where the effect has no law but takes
                   any shape: no hypothesis of a search, fitted where none of them explains the data
+    knot_places   of such a table: in order, the parameters (`Kind.FIXED`, shares of the way) that
+                  say where its inner knots are, which are moved to where it bends once it is filled
     over_map      (fitted values) -> what it supplies at places of the map, where it is one
     in_words      (fitted values) -> what was found, in a sentence (`sim.effects.words`)
     formulas      (vessel, values, standard deviations) -> short laws that may stand for a table
@@ -321,6 +323,7 @@ class Effect:
     search: Callable[[Any, Callable[[], ResidualForce]], Sequence[Values]] | None = None
     more_starts: Callable[[float], Sequence[Values]] | None = None
     tables: Callable[[Any, Mapping[str, tuple[float, float]]], Sequence[Values]] | None = None
+    knot_places: tuple[str, ...] = ()
     over_map: Callable[[FittedValues], MapField] | None = None
     in_words: Callable[[FittedValues], str] | None = None
     formulas: Callable[[Any, Values, Values], Sequence[Formula]] | None = None

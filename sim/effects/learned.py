@@ -1,18 +1,20 @@
 """Learned curve: a cause without a law, as a table over one variable that measurements filled in.
 
-    y(x) = linear between nine knots x_k = low + k (high − low) / 8, constant beyond them
+    y(x) = linear between nine knots x_k = low + a_k (high − low), constant beyond them
     acts 1 (surge)   X = y F          acts 2 (sway)   Y = y F, N = x_F Y
     acts 3 (yaw)     N = y F L / 2    acts 4 (thrust) F_i → F_i (1 + y)
     acts 5 (angle)   δ → δ + y        acts 6 (outward) Y = ±y F_i, N = x_F Y
 
-f0 … f8 are y at the knots; F [N] the scale `full`; x_F [m] the place `x` where a push acts; L [m]
-the hull's length; F_i [N] the thrust of motor i. The variable x is, by `by`: 1 speed ahead through
-the water [m/s], 2 speed sideways [m/s], 3 yaw rate [rad/s], 4 heading [rad] from `low` all around,
-5 the thrust of a motor as a share of its full thrust ahead (then each motor has a force of its
-own), 6 the angle δ [rad] commanded of a rudder or steered motor. What goes outward is mirrored: +
-of a motor to starboard, − of one to port, 0 amidships. Valid for: the range between `low`
-and `high` that was sailed; a table explains nothing, and holds no further than its data. Source:
-Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
+f0 … f8 are y at the knots; a_0 = 0, a_8 = 1, and between them `at1` … `at7`: k / 8 where nothing is
+said, for once a table is filled its knots are moved to where it bends. F [N] is the scale `full`;
+x_F [m] the place `x` where a push acts; L [m] the hull's length; F_i [N] the thrust of motor i. The
+variable x is, by `by`: 1 speed ahead through the water [m/s], 2 speed sideways [m/s], 3 yaw rate
+[rad/s], 4 heading [rad] from `low` all around, 5 the thrust of a motor as a share of its full
+thrust ahead (then each motor has a force of its own), 6 the angle δ [rad] commanded of a rudder or
+steered motor. What goes outward is mirrored: + of a motor to starboard, − of one to port, 0
+amidships. Valid for: the range between `low` and `high` that was sailed; a table explains nothing,
+and holds no further than its data. Sources: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
+functions with local support); Jupp, SIAM J. Numer. Anal. 15, 1978 (knots that are free).
 """
 
 import math
@@ -27,6 +29,7 @@ from sim.effects.learned_formula import (
     AHEAD,
     ANGLE,
     DRAWN_AGAINST,
+    EVENLY,
     HEADING,
     KNOTS,
     MOTOR,
@@ -42,9 +45,11 @@ from sim.effects.learned_formula import (
     YAW,
     formula_source,
     formulas,
+    knot_places,
+    knot_shares,
 )
 from sim.effects.table_parameters import ARM, FULL
-from sim.effects.tables import along, between_nine
+from sim.effects.tables import along, between_nine_at
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
@@ -58,7 +63,10 @@ def table(x: float, p: Any) -> float:
     turns = np.floor((x - p.low) / span)
     x = x - around * turns * span  # a heading has no end
     share, last = along(x, p.low, p.high), p.f8 + around * (p.f0 - p.f8)
-    return between_nine(share, p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, last)
+    return between_nine_at(
+        share, p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
+        p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, last,
+    )  # fmt: skip
 
 
 @jitable
@@ -127,14 +135,17 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
         pairs += [(RUDDER, ANGLE)]
     return [
         {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full,
-         "x": stern if acts == OUTWARD else 0.0, **{f"f{k}": 0.0 for k in range(KNOTS)}}
+         "x": stern if acts == OUTWARD else 0.0, **EVENLY,
+         **{f"f{k}": 0.0 for k in range(KNOTS)}}
         for by, acts in pairs
     ]  # fmt: skip
 
 
 def mismatch(vessel: Any, values: Values) -> str:
-    """Why a table does not act on what its variable is of; empty where it does."""
+    """Why a table does not act on what its variable is of, or is none; empty where it does."""
     by, acts = values["by"], values["acts"]
+    if not np.all(np.diff(knot_shares(values)) > 0.0):
+        return "at1 … at7 must rise, between 0 and 1"
     if acts == OUTWARD and by != MOTOR:
         return f"acts = {OUTWARD:g} (outward) goes with by = {MOTOR:g} (a motor's thrust) alone"
     if (acts == ANGLE) != (by == RUDDER):
@@ -171,7 +182,7 @@ def in_words(values: FittedValues) -> str:
     """Force, share or angle at every second knot."""
     by, acts = values["by"], values["acts"]
     unit, size = UNITS[by]
-    places = np.linspace(values["low"], values["high"], KNOTS)
+    places = knot_places(values.values)
     shares = [values[f"f{k}"] for k in range(KNOTS)]
     if acts in {THRUST, OUTWARD}:
         told = [f"{100.0 * y:+.0f} %" for y in shares]
@@ -214,6 +225,13 @@ EFFECT = Effect(
         FULL,
         ARM,
         *(
+            Parameter(
+                key, "1", lower=0.0, upper=1.0, start=share, scale=0.02, kind=Kind.FIXED,
+                default=share, description=f"knot {k}, as a share of the way to the last",
+            )
+            for k, (key, share) in enumerate(EVENLY.items(), 1)
+        ),
+        *(
             Parameter(f"f{k}", "1", lower=-2.0, upper=2.0, start=0.0, scale=0.1, neutral=0.0)
             for k in range(KNOTS)
         ),
@@ -221,12 +239,13 @@ EFFECT = Effect(
     looks_like="follows one variable, by no law of the catalogue",
     evidence=evidence_axis,
     tables=tables,
+    knot_places=tuple(EVENLY),
     mismatch=mismatch,
     in_words=in_words,
     formulas=formulas,
     formula_source=formula_source,
     example={
-        "by": 1.0, "acts": 1.0, "low": 0.0, "high": 2.0, "full": 100.0, "x": 0.0,
+        "by": 1.0, "acts": 1.0, "low": 0.0, "high": 2.0, "full": 100.0, "x": 0.0, **EVENLY,
         "f0": 0.0, "f1": 0.0, "f2": -0.1, "f3": -0.2, "f4": -0.3, "f5": -0.2, "f6": -0.1,
         "f7": 0.0, "f8": 0.0,
     },

@@ -21,6 +21,7 @@ from sim.effects.tables import Formula
 from sim.state import Floats
 
 KNOTS = 9
+EVENLY = {f"at{k}": k / (KNOTS - 1) for k in range(1, KNOTS - 1)}  # inner knots, until moved
 SURGE, SWAY, YAW, THRUST, ANGLE, OUTWARD = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 PUSHES = {SWAY, OUTWARD}  # at a place of their own
 AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR, RUDDER = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
@@ -171,10 +172,20 @@ OWN_DRAG = {(AHEAD, SURGE), (SIDEWAYS, SWAY), (TURNING, YAW)}  # what the base's
 LIMIT = 10.0  # times what was found: how far a size may go
 
 
+def knot_shares(values: Values) -> Floats:
+    """How far each knot of a table is from the first to the last: (K,), 0 … 1."""
+    return np.array([0.0, *(values.get(key, share) for key, share in EVENLY.items()), 1.0])
+
+
+def knot_places(values: Values) -> Floats:
+    """Where the knots of a table are (K,), in its variable."""
+    return np.asarray(values["low"] + (values["high"] - values["low"]) * knot_shares(values))
+
+
 def formulas(vessel: Any, values: Values, std: Mapping[str, float]) -> list[Formula]:
     """Of a filled table and the standard deviations of its knots, the shortest first."""
     by, acts = values["by"], values["acts"]
-    x = np.linspace(values["low"], values["high"], KNOTS)
+    x = knot_places(values)
     names = [f"f{k}" for k in range(KNOTS)]
     y, sure = (np.array([of[n] for n in names]) for of in (values, std))
     found = fitted_forms(x, y, sure, turns=by == HEADING, own_drag=(by, acts) in OWN_DRAG)

@@ -148,6 +148,32 @@ def between_nine(
 
 
 @jitable
+def ramp(share: float, low: float, high: float) -> float:
+    """0 up to `low`, 1 from `high` on, linear between the two."""
+    return np.minimum(np.maximum((share - low) / np.maximum(high - low, 1e-6), 0.0), 1.0)
+
+
+@jitable
+def between_nine_at(
+    share: float, a1: float, a2: float, a3: float, a4: float, a5: float, a6: float, a7: float,
+    f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float, f7: float,
+    f8: float,
+) -> float:  # fmt: skip
+    """The same for inner knots at shares a1 … a7 of the way."""
+    return (
+        f0
+        + (f1 - f0) * ramp(share, 0.0, a1)
+        + (f2 - f1) * ramp(share, a1, a2)
+        + (f3 - f2) * ramp(share, a2, a3)
+        + (f4 - f3) * ramp(share, a3, a4)
+        + (f5 - f4) * ramp(share, a4, a5)
+        + (f6 - f5) * ramp(share, a5, a6)
+        + (f7 - f6) * ramp(share, a6, a7)
+        + (f8 - f7) * ramp(share, a7, 1.0)
+    )
+
+
+@jitable
 def weights_of_four(share: float) -> Weights:
     """How much each of four knots counts at a share (0 … 1) of the way."""
     s = share * 3.0
