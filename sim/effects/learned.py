@@ -49,7 +49,7 @@ from sim.effects.learned_formula import (
     knot_shares,
 )
 from sim.effects.table_parameters import ARM, FULL
-from sim.effects.tables import along, between_nine_at
+from sim.effects.tables import along, bends, between_nine_at
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
@@ -179,10 +179,10 @@ def acts_in_words(values: FittedValues) -> str:
 
 
 def in_words(values: FittedValues) -> str:
-    """Force, share or angle at every second knot."""
+    """Force, share or angle at the knots that hold its shape."""
     by, acts = values["by"], values["acts"]
     unit, size = UNITS[by]
-    places = knot_places(values.values)
+    places = knot_places(values)
     shares = [values[f"f{k}"] for k in range(KNOTS)]
     if acts in {THRUST, OUTWARD}:
         told = [f"{100.0 * y:+.0f} %" for y in shares]
@@ -191,7 +191,8 @@ def in_words(values: FittedValues) -> str:
     else:
         told = [f"{y * values['full']:+.3g} N" for y in shares]
     points = ", ".join(
-        f"{y} at {x / size:.3g} {unit}" for x, y in list(zip(places, told, strict=True))[::2]
+        f"{told[k]} at {places[k] / size:.3g} {unit}"
+        for k in bends(places, np.array(shares), KNOTS // 2 + 1)
     )
     return f"{acts_in_words(values)} with the {NAMES[by]}: {points}"
 

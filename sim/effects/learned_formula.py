@@ -18,6 +18,7 @@ import numpy as np
 
 from sim.effects.effect import Values
 from sim.effects.tables import Formula
+from sim.effects.words import FittedValues
 from sim.state import Floats
 
 KNOTS = 9
@@ -172,12 +173,12 @@ OWN_DRAG = {(AHEAD, SURGE), (SIDEWAYS, SWAY), (TURNING, YAW)}  # what the base's
 LIMIT = 10.0  # times what was found: how far a size may go
 
 
-def knot_shares(values: Values) -> Floats:
+def knot_shares(values: Values | FittedValues) -> Floats:
     """How far each knot of a table is from the first to the last: (K,), 0 … 1."""
-    return np.array([0.0, *(values.get(key, share) for key, share in EVENLY.items()), 1.0])
+    return np.array([0.0, *(values[key] for key in EVENLY), 1.0])
 
 
-def knot_places(values: Values) -> Floats:
+def knot_places(values: Values | FittedValues) -> Floats:
     """Where the knots of a table are (K,), in its variable."""
     return np.asarray(values["low"] + (values["high"] - values["low"]) * knot_shares(values))
 

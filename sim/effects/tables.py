@@ -62,6 +62,24 @@ def extremes_text(what: str, field: "MapField", places: Sequence[str]) -> str:
     return f"{what}: {', '.join(told if away[other] > field.half[other] else told[:1])}"
 
 
+def bends(places: Floats, values: Floats, count: int) -> list[int]:
+    """Numbers of so many of a table's knots (K,), the two ends among them, that hold its shape:
+    those between whose neighbours a straight line would do have gone, one by one.
+
+    Of knots that would do alike those at odd numbers go first.
+    """
+    left = list(range(len(places)))
+    while len(left) > count:
+        off = [
+            abs(values[k] - np.interp(places[k], places[[a, b]], values[[a, b]]))
+            for a, k, b in zip(left, left[1:], left[2:], strict=False)
+        ]
+        alike = np.flatnonzero(np.array(off) <= min(off) + 1e-9)
+        gone = next((i for i in alike if left[i + 1] % 2), alike[0])
+        del left[gone + 1]
+    return left
+
+
 class Formula(NamedTuple):
     """A short law that may stand for a table.
 

@@ -19,7 +19,7 @@ from sim.diagnosis.heldout import rank
 from sim.effects import learned_history, learned_map, learned_profile
 from sim.effects.catalogue import named
 from sim.effects.effect import Parameter
-from sim.effects.learned_formula import ANGLE, RUDDER
+from sim.effects.learned_formula import ANGLE, EVENLY, MOTOR, RUDDER, THRUST, knot_places
 from sim.prediction.segments import NoUsableTimeError
 from sim.state import Floats, Pose, Water, Wrench
 from sim.vessel import AddedEffect
@@ -122,6 +122,7 @@ def test_what_is_not_in_the_catalogue_is_unknown_and_its_variable_named() -> Non
     assert curve.effects == ("learned",)
     assert curve.heldout.nrmse < 0.5 * found.ladder[-1].heldout.nrmse
     filled = curve.vessel.effects[-1].values
+    assert [filled[key] for key in EVENLY] == list(EVENLY.values())  # a line bends nowhere
     moment = 0.5 * WAM_V.hull.length * filled["full"] * (filled["f8"] - filled["f0"])
     assert moment / (filled["high"] - filled["low"]) == pytest.approx(250.0, rel=0.1)
     assert found.formula is not None
@@ -166,6 +167,28 @@ def steered(seconds: float = 200.0, seed: int = 3) -> Floats:
         held = (rng.uniform(0.3, 0.9), rng.uniform(-1.0, 1.0))
         parts.append(np.tile(held, (int(rng.uniform(3.0, 8.0) / dt), 1)))
     return np.concatenate(parts)[: int(seconds / dt)]
+
+
+@pytest.mark.slow
+def test_a_motor_that_skips_a_band_is_told_with_the_edge_of_the_band() -> None:
+    """From a tenth to half of full thrust it gives a tenth: a step, wherever even knots may be."""
+
+    def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
+        share = F / np.maximum(drive.ahead, 1e-9)
+        skipped = (share > 0.1) * (share < p.per_mps)
+        return F + skipped * (0.1 * drive.ahead - F)
+
+    gap = replace(named("advance_loss"), name="gap", thrust=thrust)
+    boat = WAM_V.with_effects(AddedEffect(gap, {"per_mps": 0.56}))
+    found = diagnose([sailed_with(boat)], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    filled = found.curve.vessel.effects[-1].values
+    assert (filled["by"], filled["acts"]) == (MOTOR, THRUST)
+    places, shares = knot_places(filled), np.array([filled[f"f{k}"] for k in range(9)])
+    edge = int(np.argmax(np.diff(shares)))
+    assert places[edge] == pytest.approx(0.56, abs=0.06)
+    assert places[edge + 1] - places[edge] < 0.1
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from sim.effects.learned import (
     AHEAD,
     ANGLE,
     EFFECT,
+    EVENLY,
     HEADING,
     KNOTS,
     MOTOR,
@@ -24,6 +25,7 @@ from sim.effects.learned import (
     angle,
     force,
     in_words,
+    mismatch,
     reaction,
     table,
     tables,
@@ -43,6 +45,38 @@ def test_between_the_knots_it_is_linear_and_beyond_them_constant() -> None:
     x = np.linspace(-1.0, 3.0, 101)
     knots = np.linspace(0.0, 2.0, KNOTS)
     np.testing.assert_allclose(at(x), np.interp(x, knots, list(SHARES.values())), atol=1e-12)
+
+
+MOVED = dict(zip(EVENLY, (0.1, 0.12, 0.3, 0.5, 0.52, 0.7, 0.9), strict=True))
+
+
+def test_knots_that_were_moved_are_where_they_are_said_to_be() -> None:
+    x = np.linspace(-1.0, 3.0, 401)
+    knots = 2.0 * np.array([0.0, *MOVED.values(), 1.0])
+    expected = np.interp(x, knots, list(SHARES.values()))
+    np.testing.assert_allclose(at(x, **MOVED), expected, atol=1e-12)
+
+
+def test_a_file_that_says_nothing_of_them_has_them_at_even_places() -> None:
+    old = {key: value for key, value in BASE.items() if key not in EVENLY}
+    defaults = {p.name: p.default for p in EFFECT.parameters if p.default is not None}
+    assert defaults == EVENLY
+    x = np.linspace(0.0, 2.0, 50)
+    np.testing.assert_array_equal(table(x, SimpleNamespace(**old, **defaults)), at(x))
+
+
+@pytest.mark.parametrize("wrong", [{"at3": 0.2}, {"at1": 0.0}, {"at7": 1.0}])
+def test_knots_that_do_not_rise_are_refused(wrong) -> None:
+    assert mismatch(WAMV, {**BASE, **wrong}) == "at1 … at7 must rise, between 0 and 1"
+    assert not mismatch(WAMV, {**BASE, **MOVED})
+
+
+def test_a_step_is_told_by_its_two_edges() -> None:
+    """Five of nine knots, wherever they are: those between which the curve bends."""
+    step = {f"f{k}": -0.4 if k >= 5 else 0.0 for k in range(KNOTS)}
+    said = in_words({**BASE, **step, **MOVED})
+    assert "+0 N at 1 m/s, -40 N at 1.04 m/s" in said
+    assert said.count(" N at ") == 5
 
 
 def test_a_heading_has_no_end() -> None:
