@@ -13,7 +13,7 @@ variable x is, by `by`: 1 speed ahead through the water [m/s], 2 speed sideways 
 thrust ahead (then each motor has a force of its own), 6 the angle δ [rad] commanded of a rudder or
 steered motor. What goes outward is mirrored: + of a motor to starboard, − of one to port, 0
 amidships. Valid for: the range between `low` and `high` that was sailed; a table explains nothing,
-and holds no further than its data. Sources: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
+and holds no further than its data. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
 functions with local support); Jupp, SIAM J. Numer. Anal. 15, 1978 (knots that are free).
 """
 
