@@ -145,10 +145,8 @@ def _fitted(
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
     found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
-    finalists = sorted(
-        mapper(partial(_with_knots_moved, superset, found.reference), found.finalists),
-        key=lambda r: -r.gain.ratio,
-    )
+    moved = mapper(partial(_with_knots_moved, superset, found.reference, scorer), found.finalists)
+    finalists = sorted(moved, key=lambda r: -r.gain.ratio)
     before = min(scorer.given, scorer.score_fit(last).nrmse)
     over = {
         r.name: gain_under(rival.renewed_problem, rival, r.fit) if rival else None
@@ -169,8 +167,11 @@ def _fitted(
     return FreeCurve(step, best.gain, best.fit, over[best.name], against, as_well)
 
 
-def _with_knots_moved(superset: SupersetModel, reference: Fit, row: RankedEffect) -> RankedEffect:
-    """A table with its knots where it bends, if that is worth it on unseen time; else as it was.
+def _with_knots_moved(
+    superset: SupersetModel, reference: Fit, scorer: HeldOutScorer, row: RankedEffect
+) -> RankedEffect:
+    """A table with its knots where it bends, if it is surely and noticeably better so on unseen
+    time, and no worse in free runs; else as it was.
 
     Each may go half the way to its neighbours, again and again: so none passes another. What it is
     worth is judged while the knots may move, each held-out block with those of the fit without it;
@@ -195,13 +196,16 @@ def _with_knots_moved(superset: SupersetModel, reference: Fit, row: RankedEffect
         )
         unknowns = replace(unknowns, each=each)
         fit = fit_effects(added, unknowns, problem, start_values(unknowns, fit))
-    block = problem.block
-    if not is_worth_it(gain(row.fit.heldout_residual, fit.heldout_residual, block)):
+    won = gain(row.fit.heldout_residual, fit.heldout_residual, problem.block)
+    surely = won.t >= thresholds.MIN_T_BETTER
+    if not surely or won.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
         return row
     added = fit.effects()
     unknowns = unknowns_for(superset, added, len(problem.trials), problem.settings)
     fit = fit_effects(added, unknowns, problem, start_values(unknowns, fit))
-    won = gain(reference.heldout_residual, fit.heldout_residual, block)
+    if scorer.score_fit(fit).nrmse > scorer.score_fit(row.fit).nrmse:
+        return row
+    won = gain(reference.heldout_residual, fit.heldout_residual, problem.block)
     return replace(row, fit=fit, gain=won)
 
 

@@ -187,8 +187,8 @@ def test_a_motor_that_skips_a_band_is_told_with_the_edge_of_the_band() -> None:
     assert (filled["by"], filled["acts"]) == (MOTOR, THRUST)
     places, shares = knot_places(filled), np.array([filled[f"f{k}"] for k in range(9)])
     edge = int(np.argmax(np.diff(shares)))
-    assert places[edge] == pytest.approx(0.56, abs=0.06)
-    assert places[edge + 1] - places[edge] < 0.1
+    assert places[edge] < 0.56 < places[edge + 1] < places[edge] + 0.15
+    assert found.curve.heldout.nrmse < 0.1  # with even knots 0.22
 
 
 @pytest.mark.slow
