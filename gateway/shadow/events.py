@@ -268,9 +268,15 @@ def _restored(fault: SensorFault, lost: int) -> str:
     return over if fault & lost else over.removesuffix(" again")
 
 
+EKF_HAS = "the autopilot's EKF has "
+
+
 def _joined(texts: list[str]) -> str:
-    """Several sentences as one."""
-    return " and ".join(texts).replace(" and the autopilot's EKF has", " and")
+    """Several sentences as one; what the EKF has is told of it once, and of nobody else."""
+    own = [text for text in texts if text.startswith(EKF_HAS)]
+    others = [text for text in texts if text not in own]
+    ekf = EKF_HAS + " and ".join(text.removeprefix(EKF_HAS) for text in own)
+    return " and ".join([*others, *([ekf] if own else [])])
 
 
 def _divergences(out: ShadowRows, since: float) -> tuple[float, list[EventRow]]:
