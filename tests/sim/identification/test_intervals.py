@@ -5,17 +5,20 @@ import pytest
 
 from sim.identification import IdentifySettings
 from sim.identification.intervals import Estimate, Uncertainty, estimates_of
-from sim.identification.parameters import DAMPING, MASSES, OFFSETS, unknowns_of
+from sim.identification.parameters import DAMPING, MASSES, OFFSET_LIMIT_S, OFFSETS, unknowns_of
 from sim.model import Model
 from tests.sim.vessels import WAMV
 
 
-def estimates(std: float) -> dict[str, Estimate]:
-    """Of a vessel as it is; each number is known to within so many times its scale."""
+def estimates(std: float, **at: float) -> dict[str, Estimate]:
+    """Of a vessel as it is, but numbers that are given; each is known to within so many times its
+    scale."""
     unknowns = unknowns_of(Model.of(WAMV), 1, IdentifySettings())
     variance = (std * np.array([u.scale for u in unknowns.each])) ** 2
     known = Uncertainty(np.diag(1.0 / variance), np.diag(variance), 2.0)
-    return {e.name: e for e in estimates_of(unknowns, unknowns.start, known, ["trial"])}
+    names = [u.name for u in unknowns.each]
+    z = np.array([at.get(name, x) for name, x in zip(names, unknowns.start, strict=True)])
+    return {e.name: e for e in estimates_of(unknowns, z, known, ["trial"])}
 
 
 def test_an_interval_holds_no_number_that_no_boat_has() -> None:
@@ -31,3 +34,12 @@ def test_an_interval_that_needs_no_limit_is_symmetric() -> None:
         e = estimates(0.01)[name]
         assert sum(e.ci95) == pytest.approx(2.0 * e.value)
         assert e.ci95[0] < e.value < e.ci95[1]
+
+
+@pytest.mark.parametrize("name", OFFSETS)
+def test_an_offset_at_its_lower_limit_is_early_and_at_its_upper_limit_late(name: str) -> None:
+    early = estimates(0.01, **{name: -OFFSET_LIMIT_S})[name].doubt
+    late = estimates(0.01, **{name: OFFSET_LIMIT_S})[name].doubt
+    assert "sooner than telemetry can explain" in early
+    assert "later" not in early
+    assert "later than telemetry can explain (" in late
