@@ -343,10 +343,10 @@ def current_text(current: Floats) -> str:
 
 
 def wind_text(g: Floats, air: WindModel) -> str:
-    """g of the air (2,) -> a wind and where it comes from, or a force."""
+    """g of the air (2,) -> a wind and where it comes from, or its force on a boat across it."""
     if air.has_areas:
         return f"{np.hypot(*air_velocity(g)):.0f} m/s of wind from {_bearing(-g)}"
-    return f"a force of {np.hypot(*g):.2g} N towards {_bearing(g)}, as of wind"
+    return f"wind from {_bearing(-g)} that pushes with {air.force_abeam(g):.2g} N abeam"
 
 
 def _bearing(north_east: Floats) -> str:

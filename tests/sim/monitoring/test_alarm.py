@@ -148,7 +148,7 @@ def in_trouble(estimator: DisturbanceEstimator, headings: int, **nats: float) ->
         (3, {"current": 30.0, "wind": 18.0}, Cause.CURRENT, r"looks like [\d.]+ m/s of current"),
         (2, {"current": 30.0, "wind": 12.0}, Cause.CURRENT, r"looks like [\d.]+ m/s of current"),
         (2, {"drag": 30.0, "current": 28.0, "wind": 18.0}, Cause.SEVERAL,
-         r"looks like 8\d\d % more drag ahead or .* of current .* as of wind: turns"),
+         r"looks like 8\d\d % more drag ahead or .* of current .* wind from .* N abeam: turns"),
         (3, {"drag": 30.0, "current": 28.0, "wind": 18.0}, Cause.SEVERAL,
          r"looks like 8\d\d % more drag ahead or [\d.]+ m/s of current towards \d+°: turns"),
     ],
