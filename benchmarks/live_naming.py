@@ -1,6 +1,7 @@
 """Does a live gateway name what is wrong, rightly and soon?
 
     python -m benchmarks.live_naming tuning|elsewhere|inexact|reporting|fresh [--cache DIR]
+        [--no-areas]
 
 Voyages of the blind test's generator (`benchmarks.hidden`: physics that shares no code with `sim`),
 each with one cause that sets in on the way (compass and wind: from the beginning), or with none, or
@@ -10,6 +11,8 @@ The figures are those of `reporting` and of `fresh`, which nobody had seen when 
 other seeds, strengths and directions. Printed: per voyage every name that was told; per kind how
 many were called wrong, named rightly, alone or among others within 60 s of the cause's onset, alone
 within 60 s of the alarm that the model is wrong, and wrongly.
+
+With `--no-areas` the vessel files say nothing of areas above water, as most do.
 
 The seconds of a voyage (what the live diagnosis reads) are kept in the cache, so that only the
 first run sails.
@@ -21,7 +24,7 @@ import pickle
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -262,6 +265,7 @@ def main() -> int:
     parser.add_argument("which", choices=tuple(SETS))
     parser.add_argument("--cache", type=Path, default=None)
     parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--no-areas", action="store_true", help="vessels without wind areas")
     parser.add_argument("--sail", action="store_true", help="fill the cache and end")
     given = parser.parse_args()
     scores: dict[str, Score] = defaultdict(Score)
@@ -270,6 +274,8 @@ def main() -> int:
         if given.sail:
             print(case.kind, case.boat, case.pilot, flush=True)
             continue
+        if given.no_areas:
+            vessel = replace(vessel, hull=replace(vessel.hull, wind_area=(0.0, 0.0)))
         found = told(case, vessel, seconds)
         scores[case.kind].add(case, found)
         wrong = "-" if found.wrong is None else f"{found.wrong:.0f}"

@@ -95,6 +95,7 @@ def _common(
 # What typer raises for a command line that it cannot use; it has no public name.
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 PROGRAM_FAULT = 70  # exit status EX_SOFTWARE of sysexits.h
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it; typer returns it without a word
 
 
 def main() -> None:
@@ -105,13 +106,15 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         status = app(_with_defaults(sys.argv[1:]) or ["--help"], standalone_mode=False)
+        if status == INTERRUPTED:
+            raise KeyboardInterrupt
         sys.stdout.flush()
     except ShadowError as error:
         _fail(str(error), error.exit_status)
     except _UsageError as error:
         _fail(_usage(error), 2)
     except (KeyboardInterrupt, typer.Abort):
-        _fail("interrupted", 130)
+        _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 0

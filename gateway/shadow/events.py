@@ -140,11 +140,21 @@ def _range_event(out: ShadowRows, k: int, unusual: bool, text: str) -> EventRow:
 
 def _range_text(axis: int, unusual: bool, mean: Floats, middle: Floats, half: Floats) -> str:
     towards, unit = AXES[axis]
-    low, high = middle[axis] - half[axis], middle[axis] + half[axis]
-    usual = f"usually {low:.1f} to {high:.1f} {unit}"
+    value, usually, reach = float(mean[axis]), float(middle[axis]), float(half[axis])
+    low, high = usually - reach, usually + reach
+    digits = _digits(value, low, high) if unusual else 1
+    usual = f"usually {low:.{digits}f} to {high:.{digits}f} {unit}"
     if unusual:
-        return f"the model lacks {mean[axis]:.1f} {unit} {towards}, {usual}"
+        return f"the model lacks {value:.{digits}f} {unit} {towards}, {usual}"
     return f"what the model lacks {towards} is back to its usual range ({usual})"
+
+
+def _digits(value: float, low: float, high: float) -> int:
+    """Digits with which a value beyond a range is also written beyond it, one to three."""
+    for digits in (1, 2):
+        if not round(low, digits) <= round(value, digits) <= round(high, digits):
+            return digits
+    return 3
 
 
 _Words = dict[bool, tuple[str, str, str]]  # kind, severity and text of becoming so or not
@@ -268,9 +278,15 @@ def _restored(fault: SensorFault, lost: int) -> str:
     return over if fault & lost else over.removesuffix(" again")
 
 
+EKF_HAS = "the autopilot's EKF has "
+
+
 def _joined(texts: list[str]) -> str:
-    """Several sentences as one."""
-    return " and ".join(texts).replace(" and the autopilot's EKF has", " and")
+    """Several sentences as one; what the EKF has is told of it once, and of nobody else."""
+    own = [text for text in texts if text.startswith(EKF_HAS)]
+    others = [text for text in texts if text not in own]
+    ekf = EKF_HAS + " and ".join(text.removeprefix(EKF_HAS) for text in own)
+    return " and ".join([*others, *([ekf] if own else [])])
 
 
 def _divergences(out: ShadowRows, since: float) -> tuple[float, list[EventRow]]:

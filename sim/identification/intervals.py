@@ -123,6 +123,10 @@ def _blocks(fit: FitResult, length: float) -> Ints:
 
 
 OFFSET_SYMPTOMS = {OFFSETS[0]: Symptom.LATE_COMMANDS, OFFSETS[1]: Symptom.LATE_VELOCITY}
+EARLY = {  # what an offset at its lower limit says: no effect of the catalogue does that
+    OFFSETS[0]: "the boat answers sooner than telemetry can explain",
+    OFFSETS[1]: "velocities are sooner than telemetry can explain",
+}
 EXCITATIONS = {
     "m11": "steps of the throttle and coasting to a stop",
     "X_u": "steady runs at several speeds, slow ones among them, and coasting to a stop",
@@ -234,8 +238,7 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
     doubts = []
     for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
         if abs(z[i] - limit) < AT_LIMIT * u.scale:
-            symptom = OFFSET_SYMPTOMS.get(u.name)
-            cause = f": {symptom.value} ({explaining(symptom)})" if symptom else ""
+            cause = offset_text(u.name, early=name == "lower")
             doubts.append(f"stands at its {name} limit, {limit:g} {u.unit}{cause}")
     if u.name in unknowns.faster_than_rows(z):
         doubts.append("held: this damping is over sooner than these rows show, whatever it is")
@@ -246,6 +249,14 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
     elif vague:
         doubts.append(not_identifiable(u.name))
     return "; ".join(doubts)
+
+
+def offset_text(name: str, early: bool) -> str:
+    """What it means that an offset of that name stands at its lower (early) or upper limit."""
+    symptom = OFFSET_SYMPTOMS.get(name)
+    if symptom is None:
+        return ""
+    return f": {EARLY[name]}" if early else f": {symptom.value} ({explaining(symptom)})"
 
 
 def not_identifiable(name: str) -> str:

@@ -26,10 +26,11 @@ from sim.monitoring.causes import (
 )
 from sim.state import Eta, Floats, Nu, to_body
 from sim.vessel import Vessel
+from sim.wind import AIR_DENSITY, C_Y, assumed_wind_areas
 
 # All chosen, not measured.
 WIND_PRIOR_MPS = 12.0  # standard deviation of the wind's speed
-WIND_FORCE_PRIOR = 0.3  # the same without areas, of the thrust full ahead
+WIND_FORCE_PRIOR = 0.3  # the same of a force in the world, of the thrust full ahead
 NO_CURRENT = np.zeros(2)
 
 
@@ -118,27 +119,48 @@ def balances_at(
     return force
 
 
+def thrust_ahead(vessel: Vessel) -> float:
+    """Thrust of all thrusters full ahead, or a size of one [N]."""
+    return sum(t.thrust[1] for t in vessel.thrusters) or 0.5 * vessel.hull.mass
+
+
 @dataclass(frozen=True)
 class WindModel:
-    """Frontal, lateral area [m²] and length [m]; prior (standard deviation) of each g."""
+    """Frontal, lateral area [m²] and length [m]; prior (standard deviation) of each g.
+
+    given  whether the vessel has areas; else those that `sim.wind` assumes: they tell how a wind
+           pushes ahead, abeam and about the middle, and its force, but not its speed
+    """
 
     front: float
     side: float
     length: float
     prior: float
+    given: bool = True
 
     @classmethod
-    def of(cls, vessel: Vessel, thrust: float) -> "WindModel":
-        """Thrust full ahead [N] gives the size of a force where there are no areas."""
-        front, side = vessel.hull.wind_area
-        areas = front > 0.0 and side > 0.0
-        prior = WIND_PRIOR_MPS**2 if areas else WIND_FORCE_PRIOR * thrust
-        return cls(front, side, vessel.hull.length, prior)
+    def of(cls, vessel: Vessel) -> "WindModel":
+        """Of a vessel with areas above water, or without."""
+        hull = vessel.hull
+        given = min(hull.wind_area) > 0.0
+        front, side = hull.wind_area if given else assumed_wind_areas(hull.length, hull.beam)
+        return cls(front, side, hull.length, WIND_PRIOR_MPS**2, given)
+
+    @classmethod
+    def uniform(cls, vessel: Vessel) -> "WindModel":
+        """The same; without areas a force that is fixed in the world, alike on all headings."""
+        air = cls.of(vessel)
+        force = WIND_FORCE_PRIOR * thrust_ahead(vessel)
+        return air if air.given else cls(0.0, 0.0, air.length, force, given=False)
 
     @property
     def has_areas(self) -> bool:
         """Whether a force can be told as a wind."""
-        return self.front > 0.0 and self.side > 0.0
+        return self.given and self.front > 0.0 and self.side > 0.0
+
+    def force_abeam(self, g: Floats) -> float:
+        """g (2,) -> what it pushes a boat that lies across it with [N]."""
+        return float(0.5 * AIR_DENSITY * C_Y * self.side * np.hypot(*g))
 
     @cached_property
     def numbers(self) -> Floats:

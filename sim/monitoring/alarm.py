@@ -196,8 +196,11 @@ class Alarm:
     @cached_property
     def cause(self) -> Cause:
         """What explains the missing force, with its doubts; nothing while the model is right."""
-        right = not np.isfinite(self.misfit.since)
-        return Cause.NOTHING if right or self.just_begun else self.estimate.cause_of(self.likely)
+        if not np.isfinite(self.misfit.since) or self.just_begun:
+            return Cause.NOTHING
+        found = self.estimate.cause_of(self.likely)
+        # What grows over seconds looks like a wandering force until it has grown.
+        return Cause.NOTHING if found is Cause.OTHER and self.too_young else found
 
     @cached_property
     def likely(self) -> tuple[Cause, ...]:
@@ -212,8 +215,12 @@ class Alarm:
     @property
     def too_early(self) -> bool:
         """Whether it means nothing yet that nothing explains it."""
-        seconds = min(self.estimate.count, self.estimate.time - self.estimate.opened)
-        return self.few_headings or seconds < MIN_SECONDS
+        return self.few_headings or self.too_young
+
+    @property
+    def too_young(self) -> bool:
+        """Whether too little of the trouble was seen to say that nothing explains it."""
+        return min(self.estimate.count, self.estimate.time - self.estimate.opened) < MIN_SECONDS
 
     @property
     def just_begun(self) -> bool:
@@ -336,10 +343,10 @@ def current_text(current: Floats) -> str:
 
 
 def wind_text(g: Floats, air: WindModel) -> str:
-    """g of the air (2,) -> a wind and where it comes from, or a force."""
+    """g of the air (2,) -> a wind and where it comes from, or its force on a boat across it."""
     if air.has_areas:
         return f"{np.hypot(*air_velocity(g)):.0f} m/s of wind from {_bearing(-g)}"
-    return f"a force of {np.hypot(*g):.2g} N towards {_bearing(g)}, as of wind"
+    return f"wind from {_bearing(-g)} that pushes with {air.force_abeam(g):.2g} N abeam"
 
 
 def _bearing(north_east: Floats) -> str:

@@ -18,12 +18,12 @@ A steady current is a frame that moves: the boat meets the water with ν − c a
 c = (u_c, v_c, 0) and ċ = (r v_c, −r u_c, 0). Slopes of F are one-sided differences. Memory of
 actuators is left out of them: it adds the same thrust on both sides of each difference.
 
-With wind areas the wind load is that of `sim.wind`:
+The wind load is that of `sim.wind`:
 
     X = −½ ρ C_X A_F V u_rw,   Y = −½ ρ C_Y A_L V v_rw,   N = −ρ C_N A_L L u_rw v_rw
 
-written in g = |V_w| V_w, in which it is nearly linear. Without areas a speed cannot be told, and g
-is a force [N] that is fixed in the world.
+written in g = |V_w| V_w, in which it is nearly linear. Areas of 0 leave a force g [N] that is fixed
+in the world.
 """
 
 from enum import IntEnum

@@ -10,8 +10,8 @@ f is the missing force, averaged over a second, F the balance of the vessel. b a
 the boat's own model (a constant force, the scale of its thrust and of its damping, a heading
 offset), with priors. Damping goes with the velocity through the water: written over ground, a boat
 that drifts along with a current would look like one without sway damping. e starts with the
-standard deviation that the estimate states, and then follows what the best explanation leaves. With
-wind areas g = |V| V of the wind, else it is a force [N].
+standard deviation that the estimate states, and then follows what the best explanation leaves.
+g = |V| V of the wind, on areas that are assumed where the vessel has none.
 
 Each explanation is an extended Kalman filter of x = (b, o), o the disturbance (c, g, … or nothing):
 
@@ -35,7 +35,7 @@ from functools import cached_property
 import numpy as np
 
 from sim.model import Model
-from sim.monitoring import Balance, SecondMeans, WindModel, balances_at
+from sim.monitoring import Balance, SecondMeans, WindModel, balances_at, thrust_ahead
 from sim.monitoring.causes import BOAT_ERRORS, Hull, Law
 from sim.monitoring.explanations import Explanations, explanations, hull_of
 from sim.monitoring.filters import (
@@ -199,16 +199,16 @@ class DisturbanceEstimator:
     hull: Hull
 
     @classmethod
-    def of(cls, model: Model) -> "DisturbanceEstimator":
-        """Priors follow the size of the vessel."""
+    def of(cls, model: Model, air: WindModel | None = None) -> "DisturbanceEstimator":
+        """Priors follow the size of the vessel; `air`: how it takes the wind, if not as usual."""
         vessel = model.vessel
-        thrust = sum(t.thrust[1] for t in vessel.thrusters) or 0.5 * vessel.hull.mass
+        thrust = thrust_ahead(vessel)
         lever = 0.5 * vessel.hull.beam
         force = BOAT_FORCE * thrust * np.array([1.0, 1.0, lever])
         scale = BOAT_SCALES  # of thrust, of turning, of damping in u, v, r
         heading = -BOAT_HEADING * vessel.dynamics.Y_v  # N s/m
         prior = np.array([*force, *scale, heading, heading * lever])
-        air = WindModel.of(vessel, thrust)
+        air = air or WindModel.of(vessel)
         each = Explanations.of(prior, list(explanations(vessel, thrust, air.prior)))
         return cls(model, air, prior, each, hull_of(vessel, air))
 

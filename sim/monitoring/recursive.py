@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.model import Model
-from sim.monitoring import SecondMeans, balances_at, current_shift
+from sim.monitoring import SecondMeans, WindModel, balances_at, current_shift
 from sim.monitoring.causes import BOAT_ERRORS
 from sim.monitoring.disturbances import MAX_SILENCE_S, DisturbanceEstimator
 from sim.monitoring.explanations import CURRENT_PRIOR_MPS
@@ -170,7 +170,8 @@ class NumberFollower:
         thetas = np.tile(model.theta, (len(numbers), 1))
         for row, number in zip(thetas, numbers, strict=True):
             row[[model.names.index(name) for name in number.members]] *= 1.0 + STEP
-        return cls(DisturbanceEstimator.of(model), numbers, thetas)
+        estimator = DisturbanceEstimator.of(model, WindModel.uniform(model.vessel))
+        return cls(estimator, numbers, thetas)
 
     @cached_property
     def unknown(self) -> Floats:

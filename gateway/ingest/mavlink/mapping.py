@@ -76,14 +76,18 @@ def global_position_int(m: Any) -> Facts:
     )
 
 
+def gps_fix(m: Any) -> Facts:
+    """GPS_RAW_INT -> fix."""
+    return ((Quantity.FIX, (m.fix_type,)),)
+
+
 def gps_raw_int(m: Any) -> Facts:
-    """GPS_RAW_INT -> fix, and position and velocity where there is a fix."""
+    """GPS_RAW_INT -> position and velocity where there is a fix."""
     fixed = np.asarray(m.fix_type) >= FIX_2D
     lat, lon = latitude_longitude(m.lat, m.lon)
     speed = only_where(fixed, known(m.vel, UINT16_UNKNOWN) * 1e-2)
     course = np.radians(known(m.cog, UINT16_UNKNOWN) * 1e-2)
     return (
-        (Quantity.FIX, (m.fix_type,)),
         (Quantity.GLOBAL_POSITION, (only_where(fixed, lat), only_where(fixed, lon))),
         (Quantity.VELOCITY, along(speed, course)),
     )
@@ -220,6 +224,10 @@ RULES: tuple[Rule, ...] = (
     Rule("LOCAL_POSITION_NED", as_given(LOCAL_POSITION), Counter.BOOT_MS),
     Rule("GLOBAL_POSITION_INT", global_position_int, Counter.BOOT_MS),
     Rule("GPS_RAW_INT", gps_raw_int, Counter.SAMPLE_US),
+    # ArduPilot stamps it with the last fix: one that is lost would be the same message again.
+    Rule(
+        "GPS_RAW_INT", gps_fix, Counter.RECEIPT, source="GPS_RAW_INT fix", equivalent="GPS_RAW_INT"
+    ),
     Rule("VFR_HUD", vfr_hud, Counter.RECEIPT),
     Rule("ODOMETRY", odometry, Counter.BOOT_US),
     Rule("GPS_GLOBAL_ORIGIN", gps_global_origin, Counter.RECEIPT),

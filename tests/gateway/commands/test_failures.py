@@ -221,3 +221,11 @@ def test_after_init_every_command_ends_in_an_answer_or_one_line(
     else:
         assert done.status in (1, 2)
         one_line(done, done.status, kind)
+
+
+def test_an_interrupt_is_one_line_though_the_library_says_nothing(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As Ctrl-C while the imports of a command are under way."""
+    monkeypatch.setattr("gateway.plants.known_plants", failing(KeyboardInterrupt()))
+    assert one_line(run("plants"), 130) == "error: interrupted\n"

@@ -265,6 +265,23 @@ def test_live_messages_and_the_columns_of_a_log_say_the_same() -> None:
     assert bulk.clock.duplicates > 10
 
 
+def test_a_fix_that_is_lost_is_told_though_its_message_is_stamped_with_the_last_one() -> None:
+    """As ArduRover 4.6.3 does: type 1 and the time of the last fix, until there is one again."""
+    script = Script()
+    script.send(0.0, heartbeat())
+    for k in range(20):
+        boot = 100.0 + 0.2 * k
+        script.send(0.2 * k, attitude(boot, yaw=0.01 * k))
+        lost = 5 <= k < 15
+        stamp = 100.8 if lost else boot
+        script.send(0.2 * k, gps(time_usec=round(stamp * 1e6), fix_type=1 if lost else 3))
+    found = script.log().decode(choose_boat(script.log()))
+    ((_, fixes),) = [(s.source, s.values[:, 0]) for s in found.of(Quantity.FIX)]
+    assert fixes.tolist() == [3.0] * 5 + [1.0] * 10 + [3.0] * 5
+    (places,) = [s for s in found.of(Quantity.GLOBAL_POSITION) if s.source == "GPS_RAW_INT"]
+    assert len(places) == 10
+
+
 def test_rows_of_other_systems_and_components_are_not_mixed_in() -> None:
     script = Script()
     for k in range(20):

@@ -46,6 +46,13 @@ def test_rate_does_not_count_gaps() -> None:
     assert round(rate_hz(samples(Quantity.YAW, "ATTITUDE", time)), 6) == 10.0
 
 
+def test_rate_of_uneven_steps_is_how_many_come_in_a_second() -> None:
+    """As ArduRover sends at 40 Hz what its loop has at 50 Hz: every fifth is left out."""
+    loops = np.arange(0.0, 20.0, 0.02)
+    sent = loops[np.arange(len(loops)) % 5 != 4]
+    assert round(rate_hz(samples(Quantity.YAW, "ATTITUDE", sent)), 1) == 40.0
+
+
 def test_absent_quantities_have_no_source() -> None:
     assert set(choose([steady("XKF1", 10.0)])) == {"velocity"}
 

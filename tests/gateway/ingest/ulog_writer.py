@@ -4,6 +4,7 @@ Format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 """
 
 import struct
+from bisect import bisect_right
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -116,6 +117,9 @@ def quaternion(yaw: float, roll: float, pitch: float) -> tuple[float, float, flo
     )
 
 
+FIX_AGE_US = 500_000  # between a fix and its message
+
+
 def as_ulog(log_path: Path, boot_us: int = 5_000_000) -> UlogWriter:
     """A voyage of another format, topic by topic at the same moments of the boat's clock."""
     log = open_log(log_path)
@@ -150,9 +154,11 @@ def as_ulog(log_path: Path, boot_us: int = 5_000_000) -> UlogWriter:
         dict(rows(quantity, "GPS_RAW_INT"))
         for quantity in (Quantity.GLOBAL_POSITION, Quantity.VELOCITY)
     )
-    for t, (fix,) in rows(Quantity.FIX, "GPS_RAW_INT"):
+    sampled = sorted(place)
+    for heard, (fix,) in rows(Quantity.FIX, "GPS_RAW_INT fix"):
+        before = [t for t in sampled[: bisect_right(sampled, heard)][-1:] if heard - t < FIX_AGE_US]
+        known, t = bool(before), (before or [heard])[0]
         unix_us = (start_ns // 1000) + t - boot_us
-        known = t in place
         where, moving = (place[t], velocity[t]) if known else (np.zeros(2), np.zeros(2))
         out.add("vehicle_gps_position", t, unix_us, *where, *moving, fix, known)
     for t, pulses in rows(Quantity.ACTUATORS, "SERVO_OUTPUT_RAW"):

@@ -155,6 +155,14 @@ def test_what_was_not_there_at_first_does_not_come_again() -> None:
     assert second.endswith("the model is judged again")
 
 
+def test_what_the_ekf_has_is_not_said_of_the_gps() -> None:
+    with Deck() as deck:
+        both = SensorFaults(gps_lost=(LOST,), ekf_holds=(LOST,))
+        found = deck.hear(datagrams(played(40.0, sensor_faults=both)), 40.0).heard()
+    *_, (_, over) = events(found, "sensor_restored")
+    assert over.startswith("the GPS has a fix again and the autopilot's EKF has its velocity again")
+
+
 @pytest.mark.parametrize(
     ("fix", "estimator", "well", "unsaid"),
     [

@@ -63,6 +63,21 @@ def test_a_force_that_sets_in_is_told_once_and_once_more_when_it_is_gone(axis: i
     assert state.unusual == (False, False, False)
 
 
+@pytest.mark.parametrize(
+    ("force", "says"),
+    [
+        (18.03, "the model lacks 18.03 N ahead, usually -18.00 to 18.00 N"),
+        (-18.3, "the model lacks -18.3 N ahead, usually -18.0 to 18.0 N"),
+        (60.0, "the model lacks 60.0 N ahead, usually -18.0 to 18.0 N"),
+    ],
+)
+def test_what_is_unusual_is_also_written_beyond_the_usual(force: float, says: str) -> None:
+    missing = np.zeros((120, 3))
+    missing[100:, 0] = force
+    (told, *_) = MissingForceRange.start().observe(rows(missing))[1]
+    assert told.text == says
+
+
 def test_little_is_no_matter_however_calm_it_was_before() -> None:
     missing = noise(NEEDED_BLOCKS + 40, 0.01)
     missing[100:] += 10.0

@@ -4,21 +4,26 @@ import numpy as np
 import pytest
 
 from sim.effects.catalogue import named
-from sim.identification import IdentifySettings
+from sim.identification import BASE, IdentifySettings
 from sim.identification.intervals import Estimate, Uncertainty, estimates_of
-from sim.identification.parameters import DAMPING, MASSES, OFFSETS, unknowns_of
+from sim.identification.parameters import DAMPING, MASSES, OFFSET_LIMIT_S, OFFSETS, unknowns_of
 from sim.model import Model
 from sim.vessel import Vessel
 from tests.sim.vessels import WAMV, added
 
 
-def estimates(std: float, vessel: Vessel = WAMV, free: tuple[str, ...] = ()) -> dict[str, Estimate]:
-    """Of a vessel as it is; each number is known to within so many times its scale."""
-    settings = IdentifySettings(free=free) if free else IdentifySettings()
-    unknowns = unknowns_of(Model.of(vessel), 1, settings)
+def estimates(
+    std: float, vessel: Vessel = WAMV, free: tuple[str, ...] = BASE, **at: float
+) -> dict[str, Estimate]:
+    """Of a vessel as it is, but numbers that are given; each is known to within so many times its
+    scale.
+    """
+    unknowns = unknowns_of(Model.of(vessel), 1, IdentifySettings(free=free))
     variance = (std * np.array([u.scale for u in unknowns.each])) ** 2
     known = Uncertainty(np.diag(1.0 / variance), np.diag(variance), 2.0)
-    return {e.name: e for e in estimates_of(unknowns, unknowns.start, known, ["trial"])}
+    names = [u.name for u in unknowns.each]
+    z = np.array([at.get(name, x) for name, x in zip(names, unknowns.start, strict=True)])
+    return {e.name: e for e in estimates_of(unknowns, z, known, ["trial"])}
 
 
 def test_an_interval_holds_no_number_that_no_boat_has() -> None:
@@ -43,3 +48,12 @@ def test_an_interval_of_what_an_effect_declares_to_begin_at_zero_does_not_reach_
     vague = estimates(20.0, WAMV.with_effects(item), names)
     assert vague["learned_drag.more"].ci95[0] == 0.0
     assert vague["learned_drag.north"].ci95[0] < 0.0
+
+
+@pytest.mark.parametrize("name", OFFSETS)
+def test_an_offset_at_its_lower_limit_is_early_and_at_its_upper_limit_late(name: str) -> None:
+    early = estimates(0.01, **{name: -OFFSET_LIMIT_S})[name].doubt
+    late = estimates(0.01, **{name: OFFSET_LIMIT_S})[name].doubt
+    assert "sooner than telemetry can explain" in early
+    assert "later" not in early
+    assert "later than telemetry can explain (" in late

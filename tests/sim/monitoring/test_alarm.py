@@ -15,6 +15,7 @@ from sim.monitoring.alarm import (
     DOUBTS,
     MIN_DOUBT_INTERVAL_S,
     MIN_INTERVAL_S,
+    MIN_SECONDS,
     ONSET_S,
     REGIMES,
     Alarm,
@@ -147,7 +148,7 @@ def in_trouble(estimator: DisturbanceEstimator, headings: int, **nats: float) ->
         (3, {"current": 30.0, "wind": 18.0}, Cause.CURRENT, r"looks like [\d.]+ m/s of current"),
         (2, {"current": 30.0, "wind": 12.0}, Cause.CURRENT, r"looks like [\d.]+ m/s of current"),
         (2, {"drag": 30.0, "current": 28.0, "wind": 18.0}, Cause.SEVERAL,
-         r"looks like 8\d\d % more drag ahead or .* of current .* as of wind: turns"),
+         r"looks like 8\d\d % more drag ahead or .* of current .* wind from .* N abeam: turns"),
         (3, {"drag": 30.0, "current": 28.0, "wind": 18.0}, Cause.SEVERAL,
          r"looks like 8\d\d % more drag ahead or [\d.]+ m/s of current towards \d+°: turns"),
     ],
@@ -158,6 +159,24 @@ def test_on_few_headings_a_current_is_told_beside_a_wind_that_does_not_do_far_wo
     alarm = in_trouble(estimator, headings, **nats)
     assert alarm.cause is cause
     assert re.search(says, event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now"))
+
+
+@pytest.mark.parametrize(
+    ("seconds_seen", "cause", "says"),
+    [
+        (MIN_SECONDS - 1, Cause.NOTHING, "too little seen so far to tell what it looks like"),
+        (MIN_SECONDS, Cause.OTHER, "none of current, wind, thrusters, compass and drag explains"),
+    ],
+)
+def test_a_wandering_force_is_none_of_the_causes_only_after_minutes(
+    estimator: DisturbanceEstimator, seconds_seen: int, cause: Cause, says: str
+) -> None:
+    """Drag that grows over some seconds looks like one at first."""
+    alarm = in_trouble(estimator, 3, anything=40.0, drag=20.0)
+    estimate = replace(alarm.estimate, count=500, time=alarm.estimate.opened + seconds_seen)
+    alarm = replace(alarm, estimate=estimate)
+    assert alarm.cause is cause
+    assert says in event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
 
 
 @pytest.mark.parametrize("late", [0, 1, 3, 4])

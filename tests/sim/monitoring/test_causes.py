@@ -169,7 +169,7 @@ def test_what_a_boat_may_be_off_by_follows_its_size(plain: DisturbanceEstimator)
     expected = [5.4, 5.4, 5.4 * lever, 0.08, 0.08, 0.1, 0.1, 0.1, 1.092, 1.092 * lever]
     np.testing.assert_allclose(plain.prior, expected)
     start = plain.start()
-    widths = {Law.CURRENT: [0.5, 0.5], Law.WIND: [54.0, 54.0], Law.THRUST: [0.6],
+    widths = {Law.CURRENT: [0.5, 0.5], Law.WIND: [144.0, 144.0], Law.THRUST: [0.6],
               Law.COMPASS: [0.25], Law.DRAG: [0.8], Law.ANYTHING: [45.0, 45.0, 45.0 * lever],
               Law.NOTHING: []}  # fmt: skip
     for f, law in enumerate(plain.all.laws):

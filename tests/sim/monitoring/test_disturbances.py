@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from sim.effects.steady_wind import EFFECT as STEADY_WIND
 from sim.model import Model
 from sim.monitoring import SecondMeans, WindModel, air_velocity, balance_at, balances_at
-from sim.monitoring.causes import BOAT_ERRORS, Law
+from sim.monitoring.causes import BOAT_ERRORS, WIND_STEP, Law
 from sim.monitoring.disturbances import BOAT, Cause, DisturbanceEstimate, DisturbanceEstimator
 from sim.monitoring.filters import (
     BOAT_DRIFT_S,
@@ -68,11 +68,19 @@ def test_what_stays_fixed_to_the_boat_is_not_put_down_to_the_world(
     assert estimate.cause in (Cause.NOTHING, Cause.OTHER)
 
 
-def test_a_force_that_is_fixed_in_the_world_is_no_current(plain: DisturbanceEstimator) -> None:
-    push = np.array([-20.0, 14.0])
-    estimate = after(plain, seconds(300, push=push))
+def test_a_wind_on_a_boat_whose_areas_nobody_knows_is_no_current(
+    plain: DisturbanceEstimator,
+) -> None:
+    """The areas are twice those that are assumed: it is told by how it pushes, as a force."""
+    assert not plain.air.has_areas
+    real = replace(plain.air, front=2.0 * plain.air.front, side=2.0 * plain.air.side)
+    g = np.array([-40.0, 28.0])
+    blown = (replace(s, missing=s.missing + real.force(g, s)) for s in seconds(300))
+    estimate = after(plain, blown)
     assert estimate.cause is Cause.WIND
-    assert estimate.air.disturbance == pytest.approx(push, abs=5.0)
+    found = estimate.air.disturbance
+    assert plain.air.force_abeam(found) == pytest.approx(real.force_abeam(g), rel=0.25)
+    assert np.arctan2(*found) == pytest.approx(np.arctan2(*g), abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +133,7 @@ def test_the_slope_of_a_cause_is_that_of_its_force(plain: DisturbanceEstimator, 
     f, start = plain.all.laws.index(law), plain.start()
     n = len(start.filter(f).disturbance)
     at = 0.15 * np.arange(1.0, n + 1.0) * (1.0 if law is not Law.WIND else 100.0)
-    step = 1e-4 if law is not Law.WIND else 1.0
+    step = 1e-4 if law is not Law.WIND else WIND_STEP * plain.air.prior
 
     def force(o: np.ndarray) -> MeasurementModel:
         means = start.means.copy()
@@ -186,7 +194,7 @@ def test_the_rate_is_that_of_the_model(vessel) -> None:
 
 def test_the_wind_is_that_of_the_catalogue() -> None:
     """What the air does is what a vessel with `steady_wind` no longer lacks."""
-    air, second = WindModel.of(WINDY, 180.0), next(seconds(1))
+    air, second = WindModel.of(WINDY), next(seconds(1))
     wind = np.array([-6.0, 5.0])
     g = np.hypot(*wind) * wind
     assert air_velocity(g) == pytest.approx(wind)
@@ -199,7 +207,7 @@ def test_the_wind_is_that_of_the_catalogue() -> None:
 @pytest.mark.parametrize("turned", [0.0, 2.1])
 def test_what_is_told_of_a_wind_spreads_as_winds_do_that_are_drawn(turned: float) -> None:
     """Its stated standard deviations against those of the force and the velocity of many draws."""
-    air, second = WindModel.of(WINDY, 180.0), next(seconds(1))
+    air, second = WindModel.of(WINDY), next(seconds(1))
     motion = second.motion.copy()
     motion[2] += turned
     second = replace(second, motion=motion)
