@@ -143,11 +143,14 @@ def trials_of(log: Log, options: TrialOptions = DEFAULT_TRIALS) -> list[Trial]:
 
 
 def excluded_summary(trials: Sequence[Trial]) -> str:
-    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded."""
+    """What excluded how much: "disarmed 153 s, …"; empty where nothing was excluded. What excluded
+    less than half a second is not told beside the rest.
+    """
     lost: dict[str, float] = {}
     for stretch in (stretch for trial in trials for stretch in trial.excluded):
         lost[stretch.why] = lost.get(stretch.why, 0.0) + stretch.end - stretch.start
-    return ", ".join(f"{why} {length:.0f} s" for why, length in lost.items())
+    told = {why: length for why, length in lost.items() if round(length)} or lost
+    return ", ".join(f"{why} {length:.0f} s" for why, length in told.items())
 
 
 def date_of(trial: Trial) -> str:

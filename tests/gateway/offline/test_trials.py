@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,13 +17,14 @@ from gateway.offline.trials import (
     AS_REPORTED,
     DEFAULT_TRIALS,
     TrialOptions,
+    excluded_summary,
     load_trials,
     source_of,
     trials_of,
 )
 from sim.identification.identify import held_out
 from sim.state import Eta, Nu
-from sim.trial import Trial
+from sim.trial import Stretch, Trial
 from tests.conftest import ROOT
 from tests.gateway.estimation.boat import gauss_markov, weaving_boat
 from tests.gateway.ingest.scripted import (
@@ -260,6 +262,17 @@ USABLE = {
     "bluerov.BIN": "nothing usable in it",
     "dataflash-dropped-messages.bin": "no servo outputs in it",
 }
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [((16.0, 0.2), "disarmed 16 s"), ((0.3,), "disarmed 0 s"), ((), ""), ((2.0, 0.6),
+     "disarmed 2 s, no 3-D fix 1 s")],
+)  # fmt: skip
+def test_what_excluded_less_than_half_a_second_is_told_only_alone(seconds, told) -> None:
+    reasons = zip(seconds, ("disarmed", "no 3-D fix"), strict=False)
+    stretches = tuple(Stretch(0.0, length, why) for length, why in reasons)
+    assert excluded_summary([SimpleNamespace(excluded=stretches)]) == told
 
 
 @pytest.mark.parametrize("name", USABLE)
