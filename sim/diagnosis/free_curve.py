@@ -2,12 +2,12 @@
 
 An effect that declares `tables` has no law: each of its empty tables is a force, a share of the
 thrust, or water that flows, over one variable, two, the map or the time. The table that a few
-steps of the search fill best is fitted whole, with all other numbers; the knots of one over one
-variable are moved to where it bends (a motor that skips a band of thrust has a step, which knots at
-even places smear). It is judged on unseen time like an effect: beside the effects that were found,
-for what they leave; and in their place, for an effect that only lies near takes the form of another
-cause as far as its law can. At the noise free runs hardly tell such a one from its cause, but from
-one moment to the next the two part.
+steps of the search fill best is fitted whole, with all other numbers; then the knots of one over
+one variable are moved to where it bends (a motor that skips a band of thrust has a step, which
+knots at even places smear), and a profile is turned. It is judged on unseen time like an effect:
+beside the effects that were found, for what they leave; and in their place, for an effect that only
+lies near takes the form of another cause as far as its law can. At the noise free runs hardly tell
+such a one from its cause, but from one moment to the next the two part.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from sim.diagnosis.ladder import Selection
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.worth import helps, is_worth_it
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Scope, Values
 from sim.state import Floats
 from sim.vessel import Vessel
 
@@ -145,7 +145,7 @@ def _fitted(
         return None
     superset = SupersetModel.of(vessel, [a.effect for a in fit.added])
     found = rank(superset, fit.model(), others, fit, progress, mapper, rival=rival)
-    moved = mapper(partial(_with_knots_moved, superset, found.reference, scorer), found.finalists)
+    moved = mapper(partial(_refined, superset, found.reference, scorer), found.finalists)
     finalists = sorted(moved, key=lambda r: -r.gain.ratio)
     before = min(scorer.given, scorer.score_fit(last).nrmse)
     over = {
@@ -167,46 +167,52 @@ def _fitted(
     return FreeCurve(step, best.gain, best.fit, over[best.name], against, as_well)
 
 
-def _with_knots_moved(
+def _refined(
     superset: SupersetModel, reference: Fit, scorer: HeldOutScorer, row: RankedEffect
 ) -> RankedEffect:
-    """A table with its knots where it bends, if it is surely and noticeably better so on unseen
-    time, and no worse in free runs; else as it was.
+    """A table with its knots where it bends, and in the direction in which it differs, if it is
+    surely and noticeably better so on unseen time, and no worse in free runs; else as it was.
 
-    Each may go half the way to its neighbours, again and again: so none passes another. What it is
-    worth is judged while the knots may move, each held-out block with those of the fit without it;
-    then they are held, like the range of the table.
+    What it is worth is judged while these may move, each held-out block with those of the fit
+    without it; then they are held, like the range of the table.
     """
-    places, name = row.effect.knot_places, row.name
-    if not places:
+    fit, problem, name = row.fit, row.fit.problem, row.name
+    trials = len(problem.trials)
+    moved = tuple(f"{name}.{key}" for key in _room(row.effect, fit.values(name)))
+    if not moved or (row.effect.scope is Scope.VOYAGE and trials > 1):  # each has its own
         return row
-    fit, problem = row.fit, row.fit.problem
-    own = tuple(f"{name}.{p}" for p in places)
-    more = replace(problem.settings, free=(*problem.settings.free, *own))
-    for _ in range(thresholds.KNOT_ROUNDS):
-        added, values = fit.effects(), fit.values(name)
-        edges = np.array([0.0, *(values[p] for p in places), 1.0])
-        middle, room = 0.5 * (edges[1:] + edges[:-1]), thresholds.KNOT_ROOM * np.diff(edges)
-        ends = zip(middle[:-1] + room[:-1], middle[1:] - room[1:], strict=True)
-        limits = dict(zip(own, ends, strict=True))
-        unknowns = unknowns_for(superset, added, len(problem.trials), more)
+    more = replace(problem.settings, free=(*problem.settings.free, *moved))
+    for _ in range(thresholds.REFINING_ROUNDS):
+        limits = {f"{name}.{k}": ends for k, ends in _room(row.effect, fit.values(name)).items()}
+        unknowns = unknowns_for(superset, fit.effects(), trials, more)
         each = tuple(
             replace(u, lower=limits[u.name][0], upper=limits[u.name][1]) if u.name in limits else u
             for u in unknowns.each
         )
         unknowns = replace(unknowns, each=each)
-        fit = fit_effects(added, unknowns, problem, start_values(unknowns, fit))
+        fit = fit_effects(fit.effects(), unknowns, problem, start_values(unknowns, fit))
     won = gain(row.fit.heldout_residual, fit.heldout_residual, problem.block)
     surely = won.t >= thresholds.MIN_T_BETTER
     if not surely or won.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
         return row
-    added = fit.effects()
-    unknowns = unknowns_for(superset, added, len(problem.trials), problem.settings)
-    fit = fit_effects(added, unknowns, problem, start_values(unknowns, fit))
+    unknowns = unknowns_for(superset, fit.effects(), trials, problem.settings)
+    fit = fit_effects(fit.effects(), unknowns, problem, start_values(unknowns, fit))
     if scorer.score_fit(fit).nrmse > scorer.score_fit(row.fit).nrmse:
         return row
     won = gain(reference.heldout_residual, fit.heldout_residual, problem.block)
     return replace(row, fit=fit, gain=won)
+
+
+def _room(effect: Effect, values: Values) -> dict[str, tuple[float, float]]:
+    """How far what holds a table may move in one round: its knots half the way to their neighbours,
+    so that none passes another; a direction as far as the effect says.
+    """
+    places = effect.knot_places
+    edges = np.array([0.0, *(values[p] for p in places), 1.0])
+    middle, room = 0.5 * (edges[1:] + edges[:-1]), thresholds.KNOT_ROOM * np.diff(edges)
+    ends = zip(middle[:-1] + room[:-1], middle[1:] - room[1:], strict=True)
+    knots = dict(zip(places, ends, strict=True))
+    return knots | {k: (values[k] - far, values[k] + far) for k, far in effect.turned.items()}
 
 
 def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:

@@ -123,7 +123,7 @@ MIN_LOG_RATIO_IN_PLACE = 0.08
 # Each recording has its own map or history, of 20 to 30 numbers: of more recordings the fits take
 # minutes. Chosen, not measured.
 MAX_RECORDINGS_OF_TABLES = 3
-KNOT_ROUNDS = 2  # in which the knots of a curve are moved, each half the way to its neighbours …
+REFINING_ROUNDS = 2  # in which the knots of a curve are moved, half the way to their neighbours …
 KNOT_ROOM = 0.05  # … but for this share of the way, so that none meets another
 MAX_FORMULA_RATIO = 1.03  # of a formula's error to its curve's: it does as well
 MAX_FLOORS = 1.45  # noise floors: a complete model leaves less

@@ -287,6 +287,8 @@ class Effect:
                   any shape: no hypothesis of a search, fitted where none of them explains the data
     knot_places   of such a table: in order, the parameters (`Kind.FIXED`, shares of the way) that
                   say where its inner knots are, which are moved to where it bends once it is filled
+    turned        of such a table: the directions (`Kind.FIXED`) that are turned then, and how far
+                  in one round
     over_map      (fitted values) -> what it supplies at places of the map, where it is one
     in_words      (fitted values) -> what was found, in a sentence (`sim.effects.words`)
     formulas      (vessel, values, standard deviations) -> short laws that may stand for a table
@@ -324,6 +326,7 @@ class Effect:
     more_starts: Callable[[float], Sequence[Values]] | None = None
     tables: Callable[[Any, Mapping[str, tuple[float, float]]], Sequence[Values]] | None = None
     knot_places: tuple[str, ...] = ()
+    turned: Mapping[str, float] = field(default_factory=dict, compare=False)
     over_map: Callable[[FittedValues], MapField] | None = None
     in_words: Callable[[FittedValues], str] | None = None
     formulas: Callable[[Any, Values, Values], Sequence[Formula]] | None = None

@@ -6,11 +6,11 @@
     acts 2 (push)     X, Y = F V turned to the heading, N = x_F Y
 
 n0 … n8 and e0 … e8 are the parts of V to the north and to the east at the knots: m/s, or shares of
-the scale F [N], `full`; θ [rad] `direction`, clockwise from north, one of four; N, E [m] the
-position in the coordinates of the recording, x_F [m] the place `x` where a push acts. Valid for:
-what is alike along a line, on that day. A table explains nothing: a current that is weaker near a
-shore, a jet of water, the lee of a wall, a quay that draws a boat look like this. Source: Ljung,
-System Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
+the scale F [N], `full`; θ [rad] `direction`, clockwise from north, looked for near one of four; N,
+E [m] the position in the coordinates of the recording, x_F [m] the place `x` where a push acts.
+Valid for: what is alike along a line, on that day. A table explains nothing: a current that is
+weaker near a shore, a jet of water, the lee of a wall, a quay that draws a boat look like this.
+Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
 """
 
 import math
@@ -110,7 +110,7 @@ def over_map(p: FittedValues) -> MapField:
 def in_words(p: FittedValues) -> str:
     """Where it is surely strongest, and where it surely differs most from there."""
     way = np.linspace(p["low"], p["high"], KNOTS)
-    direction = p["direction"]  # another than these four is of somebody's own
+    direction = p["direction"]  # another than these four where it was turned
     across = DIRECTIONS.get(round(direction / math.pi, 2), f"towards {towards(direction)}")
     field = MapField(way, np.zeros(KNOTS), *vectors_at(p, TO_NORTH, TO_EAST), UNITS[p["acts"]])
     what = f"{NAMES[p['acts']]} differently on the way {across}"
@@ -125,7 +125,8 @@ EFFECT = Effect(
     parameters=(
         WATER_OR_PUSH,
         Parameter(
-            "direction", "rad", lower=0.0, upper=math.pi, start=0.0, kind=Kind.FIXED,
+            "direction", "rad", lower=-math.pi, upper=2.0 * math.pi, start=0.0, scale=0.05,
+            kind=Kind.FIXED,
             description="of the way across, clockwise from north",
         ),
         Parameter(
@@ -143,6 +144,7 @@ EFFECT = Effect(
     looks_like="differs on the way across a line, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
     tables=tables,
+    turned={"direction": math.pi / 8.0},  # half of the way to the next
     over_map=over_map,
     in_words=in_words,
     example={

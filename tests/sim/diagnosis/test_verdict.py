@@ -416,7 +416,7 @@ def test_a_curve_is_taken_where_free_runs_or_single_moments_tell(
     monkeypatch.setattr(
         free_curve, "rank", lambda *_, **how: SimpleNamespace(reference=base, finalists=(row,))
     )
-    monkeypatch.setattr(free_curve, "_with_knots_moved", lambda *given: given[-1])
+    monkeypatch.setattr(free_curve, "_refined", lambda *given: given[-1])
     monkeypatch.setattr(free_curve, "gain_under", lambda *_: over)
     monkeypatch.setattr(free_curve.SupersetModel, "of", lambda *_: None)
     monkeypatch.setattr(free_curve.LadderStep, "of", lambda *_: step(after, "learned"))
