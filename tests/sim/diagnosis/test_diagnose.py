@@ -227,11 +227,18 @@ def test_what_only_fits_at_its_limit_is_no_finding() -> None:
 
 
 @pytest.mark.slow
-def test_water_that_differs_across_a_line_is_told_as_a_profile() -> None:
-    """It runs to the east, the faster the further north: no current of the catalogue can."""
+@pytest.mark.parametrize("across", [0.0, 0.35])
+def test_water_that_differs_across_a_line_is_told_as_a_profile(across: float) -> None:
+    """It runs to the east, the faster the further on one way: no current of the catalogue can.
+
+    A way between north and north-east is no knot of the search: the profile is turned to it.
+    """
+
+    def way(north: Any, east: Any) -> Any:
+        return north * np.cos(across) + east * np.sin(across)
 
     def water(time: float, pose: Pose, p: Any) -> Water:
-        return Water(0.0, p.speed * np.tanh(0.03 * pose.north), 0.0, 0.0)
+        return Water(0.0, p.speed * np.tanh(0.03 * way(pose.north, pose.east)), 0.0, 0.0)
 
     shear = replace(named("steady_current"), name="shear", water=water)
     boat = WAM_V.with_effects(AddedEffect(shear, {"speed": 0.5, "direction": 0.0}))
@@ -242,12 +249,13 @@ def test_water_that_differs_across_a_line_is_told_as_a_profile() -> None:
     assert found.curve.effects == ("learned_profile",)
     assert found.curve.heldout.nrmse < 0.5 * found.ladder[-1].heldout.nrmse
     filled = found.curve.vessel.effects[-1].values
-    assert filled["direction"] == 0.0
+    assert filled["direction"] == pytest.approx(across, abs=0.1 if across else 0.0)
     now = learned_profile.water(0.0, Pose(*trial.eta[trial.usable].T), SimpleNamespace(**filled))
-    true = 0.5 * np.tanh(0.03 * trial.eta[trial.usable, 0])
+    true = 0.5 * np.tanh(0.03 * way(*trial.eta[trial.usable, :2].T))
     assert np.abs(now.east - true).mean() < 0.05
     assert np.abs(now.north).mean() < 0.05
-    assert "water that flows differently on the way north" in found.summary
+    where = "north" if across == 0.0 else "towards "
+    assert f"water that flows differently on the way {where}" in found.summary
 
 
 @pytest.mark.slow
