@@ -35,7 +35,6 @@ MIN_STABLE_STEP_S = 0.025  # a hull with faster motion than this allows is none:
 FASTER, FASTER_BY = 1.2, 0.1  # … no run becomes faster than all starts by this factor and amount
 RUNAWAY_SPEED = 1e3  # m/s, rad/s: of what is no number any more
 SHORTEST_STEP_S = 1e-3  # of runs that did
-SHORTER = 4  # times, each time: what halves do not help with is mostly lost in any steps
 SETTLED = 1e-3  # of a speed: shorter steps that change the fastest by less are short enough
 MIN_LAG_STEP_S = 1e-3  # a time constant below this does not shorten steps further
 
@@ -119,7 +118,7 @@ class Model:
 
         while len(fast := too_fast(again)):
             stable = self.max_step(thetas, reached[again].max(axis=0), SHORTEST_STEP_S)
-            substeps, needed = needed, min(_steps_in(inputs.dt, stable), SHORTER * needed)
+            substeps, needed = needed, min(_steps_in(inputs.dt, stable), 2 * needed)
             if needed <= substeps:
                 break
             again = np.flatnonzero(np.isin(origin, origin[fast]))
