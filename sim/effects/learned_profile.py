@@ -125,7 +125,7 @@ EFFECT = Effect(
     parameters=(
         WATER_OR_PUSH,
         Parameter(
-            "direction", "rad", lower=-math.pi, upper=2.0 * math.pi, start=0.0, scale=0.05,
+            "direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.05,
             kind=Kind.FIXED,
             description="of the way across, clockwise from north",
         ),
