@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.effects.effect import Parameter, Scope
+from sim.effects.effect import Kind, Parameter, Scope
 from sim.identification import AREAS, IdentifySettings
 from sim.identification.fast_damping import AXES, Axis, sizes_of_small_damping
 from sim.model import Model
@@ -277,11 +277,15 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
 def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
     """Names in the order of the model.
 
-    `effect.*` stands for all that begin so, `left.curve` for all knots of a curve, `curve` for
-    those of all curves.
+    `effect.*` stands for all that begin so and that a fit can move (no choice, no moment, no range
+    of a table), `left.curve` for all knots of a curve, `curve` for those of all curves.
     """
     named = {f"{t.name}.exponent" for t in model.vessel.thrusters}  # a file has it by a name
     known = dict.fromkeys(n for n in model.names if n not in named)
+    still = {
+        name for name, (_, p) in _effect_parameters(model).items()
+        if p.kind not in (Kind.NUMBER, Kind.CIRCLE)
+    }  # fmt: skip
 
     def matching(asked: str) -> list[str]:
         if asked in known:
@@ -289,7 +293,7 @@ def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
         prefix = asked[:-1] if asked.endswith(".*") else None
         if asked.endswith(".curve"):
             prefix = asked + "_"
-        names = [n for n in known if prefix and n.startswith(prefix)]
+        names = [n for n in known if prefix and n.startswith(prefix) and n not in still]
         if asked == "curve":
             names = [n for n in known if n.rpartition(".")[2].startswith(KNOT_PREFIX)]
         if not names:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from sim.identification.parameters import Unknown, Unknowns
+from sim.effects.catalogue import named
+from sim.identification import IdentifySettings
+from sim.identification.parameters import Unknown, UnknownNameError, Unknowns, unknowns_of
 from sim.identification.search import (
     DAMPING,
     SearchLimits,
@@ -12,7 +14,7 @@ from sim.identification.search import (
     search,
 )
 from sim.model import Model
-from tests.sim.vessels import WAMV
+from tests.sim.vessels import WAMV, added
 
 A = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.1], [0.2, 0.4]])
 B = np.array([1.0, -2.0, 0.5, 3.0])
@@ -138,3 +140,25 @@ def test_what_no_row_tells_does_not_move():
     blind = A * [1.0, 0.0]
     assert steps(slope=blind)[:, 1] == pytest.approx(np.zeros(len(DAMPING)))
     assert np.all(steps(slope=blind)[:, 0] != 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "moved"),
+    [
+        ("learned", {"x", *(f"f{k}" for k in range(9))}),
+        ("thruster_fault", {"gain"}),
+        ("steady_current", {"speed", "direction"}),
+    ],
+)
+def test_all_of_an_effect_is_what_a_fit_can_move(name, moved):
+    """No choice, no moment, no range of a table: no slope leads to those."""
+    vessel = WAMV.with_effects(added(named(name)))
+    settings = IdentifySettings(free=(f"{name}.*",), offsets=False)
+    free = unknowns_of(Model.of(vessel), 1, settings).each
+    assert {u.name for u in free} == {f"{name}.{key}" for key in moved}
+
+
+def test_an_effect_of_choices_alone_has_nothing_to_fit():
+    vessel = WAMV.with_effects(added(named("actuator_wiring")))
+    with pytest.raises(UnknownNameError, match="actuator_wiring"):
+        unknowns_of(Model.of(vessel), 1, IdentifySettings(free=("actuator_wiring.*",)))
