@@ -202,6 +202,11 @@ class Parameter:
         if self.scale == 0.0:
             object.__setattr__(self, "scale", 0.1 * (self.upper - self.lower))
 
+    @property
+    def is_fitted(self) -> bool:
+        """Whether a fit moves it: a small step changes a little."""
+        return self.kind in (Kind.NUMBER, Kind.CIRCLE)
+
 
 def circular_parameter(
     name: str, description: str, scale: float = 0.1, starts: tuple[float, ...] = (),
@@ -383,8 +388,8 @@ class Effect:
 
     @property
     def fit_parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that a fit moves: those where a small step changes a little."""
-        return tuple(p.name for p in self.parameters if p.kind in (Kind.NUMBER, Kind.CIRCLE))
+        """Names of the parameters that a fit moves."""
+        return tuple(p.name for p in self.parameters if p.is_fitted)
 
     def evidence_axis(self, values: Values) -> EvidenceAxis | None:
         """What its evidence is drawn against with these values; None: found from the data."""

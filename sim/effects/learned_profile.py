@@ -125,8 +125,7 @@ EFFECT = Effect(
     parameters=(
         WATER_OR_PUSH,
         Parameter(
-            "direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.05,
-            kind=Kind.FIXED,
+            "direction", "rad", lower=-7.0, upper=7.0, start=0.0, scale=0.05, kind=Kind.FIXED,
             description="of the way across, clockwise from north",
         ),
         Parameter(

@@ -146,48 +146,35 @@ def along(x: float, low: float, high: float) -> float:
 
 
 @jitable
-def between_nine(
-    share: float, f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float,
-    f7: float, f8: float,
-) -> float:  # fmt: skip
-    """The value at a share (0 … 1) of the way from the first of nine knots to the last."""
-    s = share * 8.0
-    return (
-        f0 * np.maximum(1.0 - np.abs(s), 0.0)
-        + f1 * np.maximum(1.0 - np.abs(s - 1.0), 0.0)
-        + f2 * np.maximum(1.0 - np.abs(s - 2.0), 0.0)
-        + f3 * np.maximum(1.0 - np.abs(s - 3.0), 0.0)
-        + f4 * np.maximum(1.0 - np.abs(s - 4.0), 0.0)
-        + f5 * np.maximum(1.0 - np.abs(s - 5.0), 0.0)
-        + f6 * np.maximum(1.0 - np.abs(s - 6.0), 0.0)
-        + f7 * np.maximum(1.0 - np.abs(s - 7.0), 0.0)
-        + f8 * np.maximum(1.0 - np.abs(s - 8.0), 0.0)
-    )
-
-
-@jitable
-def ramp(share: float, low: float, high: float) -> float:
-    """0 up to `low`, 1 from `high` on, linear between the two."""
-    return np.minimum(np.maximum((share - low) / np.maximum(high - low, 1e-6), 0.0), 1.0)
-
-
-@jitable
 def between_nine_at(
     share: float, a1: float, a2: float, a3: float, a4: float, a5: float, a6: float, a7: float,
     f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float, f7: float,
     f8: float,
 ) -> float:  # fmt: skip
-    """The same for inner knots at shares a1 … a7 of the way."""
+    """The value at a share (0 … 1) of the way from the first of nine knots to the last, the inner
+    ones at shares a1 … a7.
+    """
     return (
         f0
-        + (f1 - f0) * ramp(share, 0.0, a1)
-        + (f2 - f1) * ramp(share, a1, a2)
-        + (f3 - f2) * ramp(share, a2, a3)
-        + (f4 - f3) * ramp(share, a3, a4)
-        + (f5 - f4) * ramp(share, a4, a5)
-        + (f6 - f5) * ramp(share, a5, a6)
-        + (f7 - f6) * ramp(share, a6, a7)
-        + (f8 - f7) * ramp(share, a7, 1.0)
+        + (f1 - f0) * along(share, 0.0, a1)
+        + (f2 - f1) * along(share, a1, a2)
+        + (f3 - f2) * along(share, a2, a3)
+        + (f4 - f3) * along(share, a3, a4)
+        + (f5 - f4) * along(share, a4, a5)
+        + (f6 - f5) * along(share, a5, a6)
+        + (f7 - f6) * along(share, a6, a7)
+        + (f8 - f7) * along(share, a7, 1.0)
+    )
+
+
+@jitable
+def between_nine(
+    share: float, f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float,
+    f7: float, f8: float,
+) -> float:  # fmt: skip
+    """The same with knots at even places."""
+    return between_nine_at(
+        share, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, f0, f1, f2, f3, f4, f5, f6, f7, f8
     )
 
 

@@ -238,7 +238,7 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
     doubts = []
     for limit, name in ((lower[i], "lower"), (upper[i], "upper")):
         if abs(z[i] - limit) < AT_LIMIT * u.scale:
-            cause = offset_text(u.name, early=name == "lower")
+            cause = _offset_text(u.name, early=name == "lower")
             doubts.append(f"stands at its {name} limit, {limit:g} {u.unit}{cause}")
     if u.name in unknowns.faster_than_rows(z):
         doubts.append("held: this damping is over sooner than these rows show, whatever it is")
@@ -251,7 +251,7 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
     return "; ".join(doubts)
 
 
-def offset_text(name: str, early: bool) -> str:
+def _offset_text(name: str, early: bool) -> str:
     """What it means that an offset of that name stands at its lower (early) or upper limit."""
     symptom = OFFSET_SYMPTOMS.get(name)
     if symptom is None:

@@ -11,7 +11,7 @@ message to message and a smoother cannot follow a corner. 20 ms look like a caus
 what is rounded costs the inertia one per cent.
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.effects.effect import Kind, Parameter, Scope
+from sim.effects.effect import Parameter, Scope
 from sim.identification import AREAS, IdentifySettings
 from sim.identification.fast_damping import AXES, Axis, sizes_of_small_damping
 from sim.model import Model
@@ -252,7 +252,8 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
     sizes = {name: max(abs(value), SMALLEST) for name, value in values.items()}
     sizes |= sizes_of_small_damping(values, settings.fastest)
     each: list[Unknown] = []
-    for name in _chosen(model, settings):
+    still = {name for name, (_, p) in effects.items() if not p.is_fitted}
+    for name in _chosen(model, settings, still):
         scope, parameter = effects.get(name, (Scope.BOAT, None))
         start = values[name]
         if parameter is not None:
@@ -274,18 +275,14 @@ def unknowns_of(model: Model, trials: int, settings: IdentifySettings) -> Unknow
     return Unknowns(model, _paired(each), settings.fastest)
 
 
-def _chosen(model: Model, settings: IdentifySettings) -> list[str]:
+def _chosen(model: Model, settings: IdentifySettings, still: Container[str]) -> list[str]:
     """Names in the order of the model.
 
-    `effect.*` stands for all that begin so and that a fit can move (no choice, no moment, no range
-    of a table), `left.curve` for all knots of a curve, `curve` for those of all curves.
+    `effect.*` stands for all that begin so but those that no fit moves (`still`: choices, moments,
+    the ranges of tables), `left.curve` for all knots of a curve, `curve` for those of all curves.
     """
     named = {f"{t.name}.exponent" for t in model.vessel.thrusters}  # a file has it by a name
     known = dict.fromkeys(n for n in model.names if n not in named)
-    still = {
-        name for name, (_, p) in _effect_parameters(model).items()
-        if p.kind not in (Kind.NUMBER, Kind.CIRCLE)
-    }  # fmt: skip
 
     def matching(asked: str) -> list[str]:
         if asked in known:
