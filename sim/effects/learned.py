@@ -29,9 +29,7 @@ from sim.effects.learned_formula import (
     AHEAD,
     ANGLE,
     DRAWN_AGAINST,
-    EVENLY,
     HEADING,
-    KNOTS,
     MOTOR,
     NAMES,
     OUTWARD,
@@ -46,10 +44,9 @@ from sim.effects.learned_formula import (
     formula_source,
     formulas,
     knot_places,
-    knot_shares,
 )
-from sim.effects.table_parameters import ARM, FULL
-from sim.effects.tables import along, bends, between_nine_at
+from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS
+from sim.effects.tables import EVENLY, KNOTS, along, bends, between_nine, knot_shares
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
@@ -63,7 +60,7 @@ def table(x: float, p: Any) -> float:
     turns = np.floor((x - p.low) / span)
     x = x - around * turns * span  # a heading has no end
     share, last = along(x, p.low, p.high), p.f8 + around * (p.f0 - p.f8)
-    return between_nine_at(
+    return between_nine(
         share, p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
         p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, last,
     )  # fmt: skip
@@ -225,13 +222,7 @@ EFFECT = Effect(
         ),
         FULL,
         ARM,
-        *(
-            Parameter(
-                key, "1", lower=0.0, upper=1.0, start=share, scale=0.02, kind=Kind.FIXED,
-                default=share, description=f"knot {k}, as a share of the way to the last",
-            )
-            for k, (key, share) in enumerate(EVENLY.items(), 1)
-        ),
+        *INNER_KNOTS,
         *(
             Parameter(f"f{k}", "1", lower=-2.0, upper=2.0, start=0.0, scale=0.1, neutral=0.0)
             for k in range(KNOTS)

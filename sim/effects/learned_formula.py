@@ -17,12 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.effects.effect import Values
-from sim.effects.tables import Formula
+from sim.effects.tables import KNOTS, Formula, knot_shares
 from sim.effects.words import FittedValues
 from sim.state import Floats
 
-KNOTS = 9
-EVENLY = {f"at{k}": k / (KNOTS - 1) for k in range(1, KNOTS - 1)}  # inner knots, until moved
 SURGE, SWAY, YAW, THRUST, ANGLE, OUTWARD = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 PUSHES = {SWAY, OUTWARD}  # at a place of their own
 AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR, RUDDER = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
@@ -171,11 +169,6 @@ AXES = {SURGE: "X", SWAY: "Y", YAW: "N", THRUST: "F_i → F_i (1 + y), y", ANGLE
         OUTWARD: "Y = ±y F_i (+ of a motor to starboard), y"}  # fmt: skip
 OWN_DRAG = {(AHEAD, SURGE), (SIDEWAYS, SWAY), (TURNING, YAW)}  # what the base's drag can take on
 LIMIT = 10.0  # times what was found: how far a size may go
-
-
-def knot_shares(values: Values | FittedValues) -> Floats:
-    """How far each knot of a table is from the first to the last: (K,), 0 … 1."""
-    return np.array([0.0, *(values[key] for key in EVENLY), 1.0])
 
 
 def knot_places(values: Values | FittedValues) -> Floats:

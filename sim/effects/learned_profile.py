@@ -1,16 +1,17 @@
 """Learned profile: what differs across a straight line, as a table that measurements filled.
 
-    V(s) = linear between nine knots from `low` to `high`, constant beyond them
+    V(s) = linear between nine knots s_k = low + a_k (high − low), constant beyond them
     s = N cos θ + E sin θ, the way across in the direction θ
     acts 1 (water)    the water flows at V
     acts 2 (push)     X, Y = F V turned to the heading, N = x_F Y
 
 n0 … n8 and e0 … e8 are the parts of V to the north and to the east at the knots: m/s, or shares of
-the scale F [N], `full`; θ [rad] `direction`, clockwise from north, looked for near one of four; N,
-E [m] the position in the coordinates of the recording, x_F [m] the place `x` where a push acts.
-Valid for: what is alike along a line, on that day. A table explains nothing: a current that is
-weaker near a shore, a jet of water, the lee of a wall, a quay that draws a boat look like this.
-Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
+the scale F [N], `full`; a_0 = 0, a_8 = 1, and between them `at1` … `at7`, k / 8 where nothing is
+said; θ [rad] `direction`, clockwise from north, looked for near one of four; N, E [m] the position
+in the coordinates of the recording, x_F [m] the place `x` where a push acts. Valid for: what is
+alike along a line, on that day. A table explains nothing: a current that is weaker near a shore, a
+jet of water, the lee of a wall, a quay that draws a boat look like this. Source: Ljung, System
+Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
 """
 
 import math
@@ -21,9 +22,10 @@ import numpy as np
 
 from sim.body import Flow
 from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown, Values
-from sim.effects.learned_formula import KNOTS
-from sim.effects.table_parameters import ARM, FULL, WATER_OR_PUSH, knots
+from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS, WATER_OR_PUSH, knots
 from sim.effects.tables import (
+    EVENLY,
+    KNOTS,
     NAMES,
     PUSH,
     UNITS,
@@ -33,13 +35,14 @@ from sim.effects.tables import (
     between_nine,
     extremes_text,
     flowing,
+    knot_shares,
     push_scale,
     pushing,
     vectors_at,
 )
 from sim.effects.words import FittedValues, towards
 from sim.jit import jitable
-from sim.state import Pose, Water, Wrench
+from sim.state import Floats, Pose, Water, Wrench
 
 TO_NORTH, TO_EAST = ([f"{c}{k}" for k in range(KNOTS)] for c in "ne")
 DIRECTIONS = {0.0: "north", 0.25: "north-east", 0.5: "east", 0.75: "south-east"}  # of half a turn
@@ -55,15 +58,19 @@ def share(north: float, east: float, p: Any) -> float:
 @jitable
 def to_north(north: float, east: float, p: Any) -> float:
     """The part of V to the north."""
-    at = share(north, east, p)
-    return between_nine(at, p.n0, p.n1, p.n2, p.n3, p.n4, p.n5, p.n6, p.n7, p.n8)
+    return between_nine(
+        share(north, east, p), p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
+        p.n0, p.n1, p.n2, p.n3, p.n4, p.n5, p.n6, p.n7, p.n8,
+    )  # fmt: skip
 
 
 @jitable
 def to_east(north: float, east: float, p: Any) -> float:
     """The part of V to the east."""
-    at = share(north, east, p)
-    return between_nine(at, p.e0, p.e1, p.e2, p.e3, p.e4, p.e5, p.e6, p.e7, p.e8)
+    return between_nine(
+        share(north, east, p), p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
+        p.e0, p.e1, p.e2, p.e3, p.e4, p.e5, p.e6, p.e7, p.e8,
+    )  # fmt: skip
 
 
 def water(time: float, pose: Pose, p: Any) -> Water:
@@ -89,7 +96,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
         ]  # fmt: skip
         out += [
             {"acts": acts, "direction": direction, "low": min(ends), "high": max(ends),
-             "full": full, "x": 0.0, **dict.fromkeys((*TO_NORTH, *TO_EAST), 0.0)}
+             "full": full, "x": 0.0, **EVENLY, **dict.fromkeys((*TO_NORTH, *TO_EAST), 0.0)}
             for acts in (WATER, PUSH)
         ]  # fmt: skip
     return out
@@ -97,7 +104,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
 
 def over_map(p: FittedValues) -> MapField:
     """The profile over a square, its knots in rows."""
-    along_it = np.linspace(p["low"], p["high"], KNOTS)
+    along_it = _places(p)
     aside = np.linspace(-0.5, 0.5, KNOTS) * (p["high"] - p["low"])
     s, t = np.meshgrid(along_it, aside, indexing="ij")
     c, d = math.cos(p["direction"]), math.sin(p["direction"])
@@ -107,9 +114,14 @@ def over_map(p: FittedValues) -> MapField:
     )
 
 
+def _places(p: FittedValues) -> Floats:
+    """Where the knots are (K,), on the way across [m]."""
+    return np.asarray(p["low"] + (p["high"] - p["low"]) * knot_shares(p))
+
+
 def in_words(p: FittedValues) -> str:
     """Where it is surely strongest, and where it surely differs most from there."""
-    way = np.linspace(p["low"], p["high"], KNOTS)
+    way = _places(p)
     direction = p["direction"]  # another than these four where it was turned
     across = DIRECTIONS.get(round(direction / math.pi, 2), f"towards {towards(direction)}")
     field = MapField(way, np.zeros(KNOTS), *vectors_at(p, TO_NORTH, TO_EAST), UNITS[p["acts"]])
@@ -138,17 +150,20 @@ EFFECT = Effect(
         ),
         FULL,
         ARM,
+        *INNER_KNOTS,
         *knots((*TO_NORTH, *TO_EAST)),
     ),
     looks_like="differs on the way across a line, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
     tables=tables,
+    knot_places=tuple(EVENLY),
     turned={"direction": math.pi / 8.0},  # half of the way to the next
     over_map=over_map,
     in_words=in_words,
     example={
         "acts": 1.0, "direction": 0.0, "low": -20.0, "high": 40.0, "full": 100.0, "x": 0.0,
-        **dict.fromkeys(TO_NORTH, 0.0), **{key: 0.05 * k for k, key in enumerate(TO_EAST)},
+        **EVENLY, **dict.fromkeys(TO_NORTH, 0.0),
+        **{key: 0.05 * k for k, key in enumerate(TO_EAST)},
     },
     pattern="steady_current",
     acts_when={"water": {"acts": (WATER,)}, "force": {"acts": (PUSH,)}},

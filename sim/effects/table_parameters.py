@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from sim.effects.effect import Kind, Parameter
+from sim.effects.tables import EVENLY
 
 WATER_OR_PUSH = Parameter(
     "acts", "1", lower=1.0, upper=2.0, start=1.0, kind=Kind.CHOICE,
@@ -13,6 +14,21 @@ FULL = Parameter(
     description="force of a value of one",
 )  # fmt: skip
 ARM = Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5)
+
+INNER_KNOTS = tuple(
+    Parameter(
+        key,
+        "1",
+        lower=0.0,
+        upper=1.0,
+        start=share,
+        scale=0.02,
+        kind=Kind.FIXED,
+        default=share,
+        description=f"knot {k}, as a share of the way to the last",
+    )
+    for k, (key, share) in enumerate(EVENLY.items(), 1)
+)
 
 
 def knots(keys: Iterable[str]) -> tuple[Parameter, ...]:

@@ -17,12 +17,19 @@ from sim.state import Floats, Water, Wrench, to_body
 WATER, PUSH = 1.0, 2.0
 UNITS = {WATER: "m/s", PUSH: "N"}
 NAMES = {WATER: "water that flows", PUSH: "a push over the ground that acts"}
+KNOTS = 9
+EVENLY = {f"at{k}": k / (KNOTS - 1) for k in range(1, KNOTS - 1)}  # inner knots, until moved
 SHARE_OF_THRUST = 0.4  # of all motors' thrust ahead: the scale of a push
 
 
 def push_scale(vessel: Any) -> float:
     """Force [N] of a value of one."""
     return SHARE_OF_THRUST * float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
+
+
+def knot_shares(values: Mapping[str, float] | FittedValues) -> Floats:
+    """How far each of nine knots is from the first to the last: (K,), 0 … 1."""
+    return np.array([0.0, *(values[key] for key in EVENLY), 1.0])
 
 
 def vector_text(north: float, east: float, unit: str) -> str:
@@ -63,15 +70,16 @@ def extremes_text(what: str, field: "MapField", places: Sequence[str]) -> str:
 
 
 def bends(places: Floats, values: Floats, count: int) -> list[int]:
-    """Numbers of so many of a table's knots (K,), the two ends among them, that hold its shape:
-    those between whose neighbours a straight line would do have gone, one by one.
+    """Numbers of so many of a table's knots, the two ends among them, that hold its shape: those
+    between whose neighbours a straight line would do have gone, one by one. Places (K,), values
+    (K,) or of several columns (columns, K).
 
     Of knots that would do alike those at odd numbers go first.
     """
-    left = list(range(len(places)))
+    left, columns = list(range(len(places))), np.atleast_2d(values)
     while len(left) > count:
         off = [
-            abs(values[k] - np.interp(places[k], places[[a, b]], values[[a, b]]))
+            max(abs(y[k] - np.interp(places[k], places[[a, b]], y[[a, b]])) for y in columns)
             for a, k, b in zip(left, left[1:], left[2:], strict=False)
         ]
         alike = np.flatnonzero(np.array(off) <= min(off) + 1e-9)
@@ -146,7 +154,7 @@ def along(x: float, low: float, high: float) -> float:
 
 
 @jitable
-def between_nine_at(
+def between_nine(
     share: float, a1: float, a2: float, a3: float, a4: float, a5: float, a6: float, a7: float,
     f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float, f7: float,
     f8: float,
@@ -164,17 +172,6 @@ def between_nine_at(
         + (f6 - f5) * along(share, a5, a6)
         + (f7 - f6) * along(share, a6, a7)
         + (f8 - f7) * along(share, a7, 1.0)
-    )
-
-
-@jitable
-def between_nine(
-    share: float, f0: float, f1: float, f2: float, f3: float, f4: float, f5: float, f6: float,
-    f7: float, f8: float,
-) -> float:  # fmt: skip
-    """The same with knots at even places."""
-    return between_nine_at(
-        share, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, f0, f1, f2, f3, f4, f5, f6, f7, f8
     )
 
 

@@ -25,6 +25,7 @@ OTHER_SIDE = {
     "actuator_wiring": {"reversed": 1.0},
     "learned_drag": {"east": -VALUES["learned_drag"]["east"]},
     "learned_history": {f"g{k}": -VALUES["learned_history"][f"g{k}"] for k in range(9)},
+    "learned_spot": {"east": -VALUES["learned_spot"]["east"]},
     "learned_profile": {  # across from west to east
         "low": -VALUES["learned_profile"]["high"],
         "high": -VALUES["learned_profile"]["low"],

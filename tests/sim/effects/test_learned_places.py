@@ -8,8 +8,15 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from sim.body import Flow
-from sim.effects import learned_drag, learned_history, learned_map, learned_profile
+from sim.effects import (
+    learned_drag,
+    learned_history,
+    learned_map,
+    learned_profile,
+    learned_spot,
+)
 from sim.effects.effect import ResidualForce
+from sim.effects.tables import EVENLY
 from sim.effects.words import FittedValues
 from sim.state import Pose
 from tests.sim.vessels import RUDDER_BOAT, VALUES, WAMV
@@ -19,14 +26,18 @@ MAP = {
     **VALUES["learned_map"],
     **{key: float(rng.normal()) for key in (*learned_map.TO_NORTH, *learned_map.TO_EAST)},
 }
+MOVED = dict(zip(EVENLY, (0.1, 0.12, 0.3, 0.5, 0.52, 0.7, 0.9), strict=True))
+KNOTS = np.array([0.0, *MOVED.values(), 1.0])
 HISTORY = {
     **VALUES["learned_history"],
+    **MOVED,
     **{key: float(rng.normal()) for key in (*learned_history.FIRST, *learned_history.SECOND)},
 }
 
 
 PROFILE = {
     **VALUES["learned_profile"],
+    **MOVED,
     **{key: float(rng.normal()) for key in (*learned_profile.TO_NORTH, *learned_profile.TO_EAST)},
 }
 
@@ -46,7 +57,7 @@ def test_a_map_is_bilinear_between_its_knots_and_constant_beyond_them() -> None:
 
 
 def test_a_history_is_linear_between_its_knots_and_constant_beyond_them() -> None:
-    time, knots = np.linspace(-3.0, 20.0, 200), np.linspace(0.0, 12.0, 9)
+    time, knots = np.linspace(-3.0, 20.0, 200), 12.0 * KNOTS
     now = learned_history.water(time, Pose(0.0, 0.0, 0.0), SimpleNamespace(**HISTORY))
     for keys, part in ((learned_history.FIRST, now.north), (learned_history.SECOND, now.east)):
         np.testing.assert_allclose(part, np.interp(time, knots, [HISTORY[k] for k in keys]))
@@ -57,7 +68,7 @@ def test_a_profile_is_linear_on_its_way_across_and_constant_beyond(direction: fl
     north, east = rng.uniform(-9.0, 9.0, 200), rng.uniform(-9.0, 9.0, 200)
     values = {**PROFILE, "direction": direction}
     now = learned_profile.water(0.0, Pose(north, east, 0.0), SimpleNamespace(**values))
-    across, knots = north * np.cos(direction) + east * np.sin(direction), np.linspace(-5.0, 4.0, 9)
+    across, knots = north * np.cos(direction) + east * np.sin(direction), 9.0 * KNOTS - 5.0
     for keys, part in (
         (learned_profile.TO_NORTH, now.north), (learned_profile.TO_EAST, now.east)
     ):  # fmt: skip
@@ -84,7 +95,7 @@ def test_a_push_is_that_of_the_world_on_a_hull_that_turned(effect: Any, values: 
 
 def test_a_history_of_the_thrust_changes_thrust_alone() -> None:
     p = SimpleNamespace(**{**HISTORY, "acts": 3.0})
-    share = HISTORY["f4"]
+    share = HISTORY["f4"]  # its knot stands in the middle
     drive: Any = None
     assert learned_history.thrust(50.0, drive, flow(time=6.0), p) == pytest.approx(
         50.0 * (1.0 + share)
@@ -146,13 +157,13 @@ def test_a_map_that_is_alike_everywhere_or_known_nowhere_says_so() -> None:
     assert learned_map.in_words(FittedValues(alike, wide)).endswith("to place: nowhere surely")
 
 
-def test_a_history_is_told_at_every_second_knot() -> None:
+def test_a_history_is_told_at_the_knots_that_hold_its_shape() -> None:
     none = dict.fromkeys((*learned_history.FIRST, *learned_history.SECOND), 0.0)
-    values = {**HISTORY, **none, "until": 400.0, "f0": -0.4, "f2": -0.2, "g8": 0.3}
+    values = {**HISTORY, **EVENLY, **none, "until": 400.0, "f0": -0.4, "f2": -0.2, "g8": 0.3}
     thrust = learned_history.in_words(FittedValues({**values, "acts": 3.0}))
     assert thrust == (
-        "a share of the thrust that changes with the time: -40 % at 0 s, -20 % at 100 s, "
-        "+0 % at 200 s, +0 % at 300 s, +0 % at 400 s"
+        "a share of the thrust that changes with the time: -40 % at 0 s, +0 % at 50 s, "
+        "-20 % at 100 s, +0 % at 150 s, +0 % at 400 s"
     )
     water = learned_history.in_words(FittedValues(values))
     assert water.startswith("water that flows differently as time goes by: 0.4 m/s towards 180°")
@@ -226,7 +237,8 @@ def test_empty_profiles_span_what_was_sailed_in_four_directions() -> None:
 
 def test_a_profile_says_where_it_is_strongest_and_where_it_differs_most() -> None:
     none = dict.fromkeys((*learned_profile.TO_NORTH, *learned_profile.TO_EAST), 0.0)
-    values = {**PROFILE, **none, "low": -20.0, "high": 60.0, "direction": 0.75 * np.pi, "e2": 0.4}
+    values = {**PROFILE, **EVENLY, **none, "low": -20.0, "high": 60.0}
+    values |= {"direction": 0.75 * np.pi, "e2": 0.4}
     said = learned_profile.in_words(FittedValues({**values, "n8": -0.1}))
     assert said == (
         "water that flows differently on the way south-east: 0.4 m/s towards 90° (east) at 0 m, "
@@ -238,6 +250,121 @@ def test_a_profile_says_where_it_is_strongest_and_where_it_differs_most() -> Non
     assert learned_profile.in_words(FittedValues(values, wide)).endswith("nowhere surely")
     push = learned_profile.over_map(FittedValues({**values, "acts": 2.0}))
     strong = push.to_east > 1.0
+    moved = learned_profile.in_words(FittedValues({**values, **MOVED}))
+    assert "at -10 m" in moved  # its knot stands at 0.12 of the way
     np.testing.assert_allclose(push.to_east[strong], 40.0)
     corner = np.sqrt(0.5)  # all of these at 0 m on the way south-east
     np.testing.assert_allclose((push.east - push.north)[strong] * corner, 0.0, atol=1e-9)
+
+
+SPOT = {
+    **VALUES["learned_spot"],
+    **MOVED,
+    **{key: float(rng.normal()) for key in learned_spot.VALUES_AT},
+}
+
+
+@pytest.mark.parametrize("acts", [1.0, 2.0, 3.0, 4.0])
+def test_a_spot_is_linear_over_the_distance_and_acts_in_its_own_direction(acts: float) -> None:
+    p = SimpleNamespace(**{**SPOT, "acts": acts, "x": 0.5})
+    north, east = rng.uniform(-9.0, 9.0, 200), rng.uniform(-9.0, 9.0, 200)
+    n, e = north - 2.0, east + 1.0
+    d = np.hypot(n, e)
+    size = np.interp(d, 6.0 * KNOTS, [SPOT[key] for key in learned_spot.VALUES_AT])
+    way = {
+        1.0: (np.cos(1.1), np.sin(1.1)), 2.0: (-e / d, n / d),
+        3.0: (np.cos(1.1), np.sin(1.1)), 4.0: (-n / d, -e / d),
+    }[acts]  # fmt: skip
+    now = learned_spot.water(0.0, Pose(north, east, 0.0), p)
+    pushed = learned_spot.force(flow(north=north, east=east), p)
+    turned = learned_spot.force(flow(north=north, east=east, yaw=0.5 * np.pi), p)
+    flows, pushes = (size, 0.0) if acts < 3.0 else (0.0, 100.0 * size)
+    np.testing.assert_allclose(now.north, flows * way[0], atol=1e-12)
+    np.testing.assert_allclose(now.east, flows * way[1], atol=1e-12)
+    np.testing.assert_allclose(pushed.X, pushes * way[0], atol=1e-9)
+    np.testing.assert_allclose(pushed.Y, pushes * way[1], atol=1e-9)
+    np.testing.assert_allclose(turned.X, pushed.Y, atol=1e-9)
+    np.testing.assert_allclose(turned.N, 0.5 * turned.Y, atol=1e-9)
+
+
+def test_at_its_own_middle_a_spot_is_no_hole() -> None:
+    p = SimpleNamespace(**{**SPOT, "acts": 2.0})
+    now = learned_spot.water(0.0, Pose(2.0, -1.0, 0.0), p)
+    assert np.isfinite([now.north, now.east]).all()
+
+
+def around(law: Any, seconds: float = 600.0, seed: int = 3) -> ResidualForce:
+    """What a model leaves of a boat that winds about where a force [N] acts: (n, e) -> (X, Y)."""
+    t = np.arange(0.0, seconds, 0.2)
+    place = np.stack([25.0 * np.sin(0.05 * t), 20.0 * np.sin(0.037 * t + 1.0)], axis=1)
+    force = np.stack(law(*place.T), axis=1)
+    noise = np.random.default_rng(seed).normal(0.0, 3.0, force.shape)
+    return ResidualForce(t, place, force - force.mean(axis=0) + noise)
+
+
+def eddy(n: Any, e: Any) -> Any:
+    size = -20.0 * np.exp(-0.5 * ((n - 6.0) ** 2 + (e + 4.0) ** 2) / 9.0**2) / 9.0
+    return -size * (e + 4.0), size * (n - 6.0)
+
+
+def gust(n: Any, e: Any) -> Any:
+    size = 30.0 * np.exp(-0.5 * ((n - 6.0) ** 2 + (e + 4.0) ** 2) / 8.0**2)
+    return size * np.cos(2.0), size * np.sin(2.0)
+
+
+def line(n: Any, e: Any) -> Any:
+    away = np.hypot(n - 6.0, e + 4.0)
+    pull = 4.0 * np.maximum(away - 9.0, 0.0) / away
+    return -pull * (n - 6.0), -pull * (e + 4.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "acts", "near"), [(eddy, 2.0, 4.0), (gust, 3.0, 4.0), (line, 4.0, 5.0)]
+)
+def test_a_spot_is_looked_for_where_the_missing_force_is_alike_around_it(
+    law: Any, acts: float, near: float
+) -> None:
+    starts = learned_spot.search(WAMV, lambda: around(law))
+    assert {start["acts"] for start in starts} == {1.0, 2.0, 3.0, 4.0}
+    first = next(start for start in starts if start["acts"] == acts)
+    assert np.hypot(first["north"] - 6.0, first["east"] + 4.0) < near
+    n, e = rng.uniform(-20.0, 20.0, 100), rng.uniform(-20.0, 20.0, 100)
+    to_north, to_east = learned_spot.vector(
+        n - first["north"], e - first["east"], acts, first["towards"]
+    )
+    d = np.hypot(n - first["north"], e - first["east"])
+    size = np.interp(d, np.linspace(0.0, first["reach"], 9), [first[f"f{k}"] for k in range(9)])
+    scored = sum((size * part) @ true for part, true in zip((to_north, to_east), law(n, e),
+                                                           strict=True))  # fmt: skip
+    whole = np.linalg.norm(size) * np.linalg.norm(law(n, e))
+    assert scored > 0.7 * whole  # its sense and shape, too
+
+
+def test_a_boat_that_lay_still_has_a_spot_where_it_lay() -> None:
+    still = ResidualForce(np.arange(5.0), np.full((5, 2), 7.0), np.ones((5, 2)))
+    starts = learned_spot.search(WAMV, lambda: still)
+    assert all((start["north"], start["east"]) == (7.0, 7.0) for start in starts)
+    assert all(np.isfinite(list(start.values())).all() for start in starts)
+
+
+def test_a_spot_says_what_it_is_and_how_far_it_reaches() -> None:
+    none = dict.fromkeys(learned_spot.VALUES_AT, 0.0)
+    values = {**SPOT, **EVENLY, **none, "north": 4.2, "east": -7.0, "reach": 40.0, "f2": 0.42}
+    said = learned_spot.in_words(FittedValues({**values, "acts": 2.0}))
+    assert said == (
+        "water that turns clockwise around N 4 m, E -7 m: +0 m/s 0 m away, +0 m/s 5 m away, "
+        "+0.42 m/s 10 m away, +0 m/s 15 m away, +0 m/s 40 m away"
+    )
+    stream = learned_spot.in_words(FittedValues(values))
+    assert stream.startswith("water that flows towards 63° (north-east) near N 4 m, E -7 m: ")
+    pull = learned_spot.in_words(FittedValues({**values, "acts": 4.0}))
+    assert pull.startswith("a pull towards N 4 m, E -7 m: ")
+    assert "+42 N 10 m away" in pull
+    field = learned_spot.over_map(FittedValues({**values, "acts": 4.0}))
+    assert field.unit == "N"
+    assert field.size.max() == pytest.approx(42.0, rel=0.2)
+    away = np.hypot(field.north - 4.2, field.east + 7.0)
+    assert away.max() <= 40.0
+    inwards = field.to_north * (4.2 - field.north) + field.to_east * (-7.0 - field.east)
+    assert (inwards >= 0.0).all()
+    assert field.half.max() == 0.0

@@ -1,0 +1,291 @@
+"""Learned spot: what differs with the distance from a place, as a table that measurements filled.
+
+    V(d) = linear between nine knots d_k = a_k reach, constant beyond them
+    d² = n² + e²,     n = N − N₀,  e = E − E₀
+    acts 1 (stream)  the water flows at V towards θ
+    acts 2 (eddy)    the water flows at V clockwise around the place, (−e, n) / d
+    acts 3 (push)    X, Y = F V towards θ, turned to the heading, N = x_F Y
+    acts 4 (pull)    the same towards the place, (−n, −e) / d
+
+f0 … f8 are V at the knots: m/s, or shares of the scale F [N], `full`; a_0 = 0, a_8 = 1, and
+between them `at1` … `at7`, k / 8 where nothing is said; N₀, E₀ [m] the place, `north` and `east`,
+in the coordinates of the recording; θ [rad] `towards`, clockwise from north; x_F [m] the place `x`
+where a force acts. Valid for: one such place, on that day, and what is alike all around it. A table
+explains nothing: a stream from a pipe, an eddy behind a pier, a gust between two buildings, a line
+to an anchor look like this. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
+functions with local support).
+
+Where to look is told by what a model leaves along the track: the place about which a table of a
+given width takes most of the missing force.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sim.body import Flow
+from sim.effects.effect import (
+    Effect,
+    Kind,
+    Parameter,
+    ResidualForce,
+    Scope,
+    Shown,
+    Values,
+    circular_parameter,
+)
+from sim.effects.learned_drag import SOFT, inside
+from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS, knots
+from sim.effects.tables import (
+    EVENLY,
+    KNOTS,
+    MapField,
+    along,
+    bends,
+    between_nine,
+    knot_shares,
+    push_scale,
+)
+from sim.effects.words import FittedValues, towards
+from sim.jit import jitable
+from sim.state import Floats, Pose, Water, Wrench, to_body
+
+STREAM, EDDY, PUSH, PULL = 1.0, 2.0, 3.0, 4.0
+VALUES_AT = [f"f{k}" for k in range(KNOTS)]
+
+# Places that are tried; all chosen, not measured.
+ROWS = 1500  # of the track
+MIDDLES, SIDE = 60, 7  # along the track, and along either side of what was sailed
+RADII = 5  # from two hull lengths to half of the way across
+REACH = 3.0  # radii, of the table of what fades
+STARTS = 2  # of each kind, clear of one another
+FINE = 25  # places along either side of the picture
+
+
+@jitable
+def value(north: float, east: float, p: Any) -> float:
+    """V at a way north and east of the place [m]."""
+    return between_nine(
+        along(np.sqrt(north**2 + east**2), 0.0, p.reach),
+        p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
+        p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, p.f8,
+    )  # fmt: skip
+
+
+@jitable
+def vector(north: Any, east: Any, kind: float, towards: float) -> Any:
+    """Unit vector, to the north and to the east, in which V acts at a way from the place [m]."""
+    d = np.maximum(np.sqrt(north**2 + east**2), 1e-6)
+    fixed = 1.0 * (kind == STREAM) + 1.0 * (kind == PUSH)
+    around, to_it = 1.0 * (kind == EDDY), 1.0 * (kind == PULL)
+    return (
+        fixed * np.cos(towards) - around * east / d - to_it * north / d,
+        fixed * np.sin(towards) + around * north / d - to_it * east / d,
+    )
+
+
+def water(time: float, pose: Pose, p: Any) -> Water:
+    """Place -> velocity of the water [m/s]; no acceleration."""
+    n, e = pose.north - p.north, pose.east - p.east
+    flows = (1.0 * (p.acts < PUSH)) * value(n, e, p)
+    to_north, to_east = vector(n, e, p.acts, p.towards)
+    return Water(flows * to_north, flows * to_east, 0.0, 0.0)
+
+
+def force(flow: Flow, p: Any) -> Wrench:
+    """Place and heading -> X, Y, N [N, N, N m]."""
+    n, e = flow.north - p.north, flow.east - p.east
+    push = (1.0 * (p.acts >= PUSH)) * p.full * value(n, e, p)
+    to_north, to_east = vector(n, e, p.acts, p.towards)
+    X, Y = to_body(push * to_north, push * to_east, flow.yaw)
+    return Wrench(X, Y, p.x * Y)
+
+
+def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
+    """Empty tables about the middle of what was sailed."""
+    (south, north), (west, east) = extent["north"], extent["east"]
+    middle = 0.5 * (south + north), 0.5 * (west + east)
+    reach = 0.5 * math.hypot(north - south, east - west)
+    return [
+        _table(acts, *middle, max(reach, 1.0), 0.0, push_scale(vessel), np.zeros(KNOTS))
+        for acts in (STREAM, EDDY, PUSH, PULL)
+    ]
+
+
+def _table(
+    acts: float, north: float, east: float, reach: float, angle: float, full: float, at: Floats
+) -> Values:
+    return {
+        "acts": acts, "north": north, "east": east, "reach": reach, "towards": angle,
+        "full": full, "x": 0.0, **EVENLY, **dict(zip(VALUES_AT, map(float, at), strict=True)),
+    }  # fmt: skip
+
+
+def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Values]:
+    """Tables about the places for which one of some width takes most of the missing force."""
+    found = residual()
+    thin = slice(None, None, max(len(found.time) // ROWS, 1))
+    place, missing = found.place[thin], found.force[thin]
+    low, high = np.quantile(place, [0.02, 0.98], axis=0)
+    smallest = 2.0 * vessel.hull.length
+    widest = max(0.5 * float((high - low).max()), 1.5 * smallest)
+    grid = np.stack(np.meshgrid(*np.linspace(low, high, SIDE).T), -1).reshape(-1, 2)
+    middles = np.concatenate([place[:: max(len(place) // MIDDLES, 1)], grid])
+    looked: dict[float, list[Look]] = {PUSH: [], EDDY: [], PULL: []}
+    for middle in middles:
+        way = (place - middle).T
+        for radius in np.geomspace(smallest, widest, RADII):
+            for acts, looks in looked.items():
+                looks.append(_look(acts, middle, float(radius), way, missing))
+    return [
+        start
+        for looks in looked.values()
+        for look in _best(looks)
+        for start in _starts_at(vessel, look, place)
+    ]
+
+
+class Look(NamedTuple):
+    """A table of one shape about a place: what it takes of the missing force, in squares, where,
+    its radius [m], its factor [N] and the direction [rad] of a push.
+    """
+
+    taken: float
+    acts: float
+    north: float
+    east: float
+    radius: float
+    factor: float
+    towards: float
+
+
+def _shape(acts: float, d: Floats, radius: float) -> Floats:
+    """V over the distance: what fades, what turns and fades, a line that is taut from there on."""
+    if acts == PULL:
+        return np.maximum(d - radius, 0.0) / radius
+    near = np.asarray(inside(d, 0.0, radius, SOFT))
+    return d / radius * near if acts == EDDY else near
+
+
+def _look(acts: float, middle: Floats, radius: float, way: Floats, missing: Floats) -> Look:
+    """The best factor and direction; ways from the place (2, T) [m], missing force (T, 2) [N]."""
+    size = _shape(acts, np.hypot(*way), radius)
+    if acts == PUSH:
+        size = size - size.mean()
+        whole = max(float(size @ size), 1e-9)
+        north, east = size @ missing / whole
+        factor, angle = math.hypot(north, east), math.atan2(east, north)
+    else:
+        shape = size * np.array(vector(way[0], way[1], acts, 0.0))
+        shape = (shape.T - shape.mean(axis=1)).ravel()
+        whole = max(float(shape @ shape), 1e-9)
+        factor, angle = float(shape @ missing.ravel()) / whole, 0.0
+    return Look(factor**2 * whole, acts, float(middle[0]), float(middle[1]), radius, factor, angle)
+
+
+def _best(looks: Sequence[Look]) -> list[Look]:
+    """Those that take most, each clear of those before it."""
+    chosen: list[Look] = []
+    for look in sorted(looks, reverse=True):
+        apart = (math.dist(look[2:4], other[2:4]) > other.radius for other in chosen)
+        if len(chosen) < STARTS and all(apart):
+            chosen.append(look)
+    return chosen
+
+
+def _starts_at(vessel: Any, look: Look, place: Floats) -> list[Values]:
+    """Filled tables of that shape: a force, and water that would give such a force."""
+    full, own = push_scale(vessel), vessel.dynamics
+    farthest = float(np.hypot(*(place - look[2:4]).T).max())
+    reach = min(REACH * look.radius, farthest) if look.acts != PULL else farthest
+    shape = _shape(look.acts, np.linspace(0.0, reach, KNOTS), look.radius)
+    per_speed = max(-own.X_u - own.X_uu, 1e-6)  # N of a flow of 1 m/s
+    forces = np.clip(look.factor / full * shape, -2.0, 2.0)
+    flows = np.clip(look.factor / per_speed * shape, -0.5, 0.5)
+    filled = {PUSH: ((STREAM, flows), (PUSH, forces)), EDDY: ((EDDY, flows),),
+              PULL: ((PULL, forces),)}  # fmt: skip
+    return [
+        _table(acts, look.north, look.east, max(reach, 1.0), look.towards, full, at)
+        for acts, at in filled[look.acts]
+    ]
+
+
+def over_map(p: FittedValues) -> MapField:
+    """The table around its place."""
+    away = np.linspace(-p["reach"], p["reach"], FINE)
+    n, e = (x.ravel() for x in np.meshgrid(away, away, indexing="ij"))
+    d = np.hypot(n, e)
+    scale, unit = _scale(p)
+    at = p["reach"] * knot_shares(p)
+    size = scale * np.interp(d, at, [p[key] for key in VALUES_AT])
+    ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in VALUES_AT])
+    half = scale * np.interp(d, at, 0.5 * (ends[:, 1] - ends[:, 0]))
+    to_north, to_east = vector(n, e, p["acts"], p["towards"])
+    kept = d <= p["reach"]
+    north, east, to_north, to_east, half = (
+        x[kept] for x in (p["north"] + n, p["east"] + e, size * to_north, size * to_east, half)
+    )
+    return MapField(north, east, to_north, to_east, half, unit)
+
+
+def _scale(p: FittedValues) -> tuple[float, str]:
+    """Of a value of one, with its unit."""
+    return (1.0, "m/s") if p["acts"] < PUSH else (p["full"], "N")
+
+
+def in_words(p: FittedValues) -> str:
+    """What, about which place, and how much at the knots that hold its shape."""
+    place = f"N {p['north']:.0f} m, E {p['east']:.0f} m"
+    what = {
+        STREAM: f"water that flows towards {towards(p['towards'])} near {place}",
+        EDDY: f"water that turns clockwise around {place}",
+        PUSH: f"a push over the ground towards {towards(p['towards'])} near {place}",
+        PULL: f"a pull towards {place}",
+    }[p["acts"]]
+    scale, unit = _scale(p)
+    at, values = p["reach"] * knot_shares(p), np.array([p[key] for key in VALUES_AT])
+    told = ", ".join(
+        f"{scale * values[k]:+.2g} {unit} {at[k]:.0f} m away"
+        for k in bends(at, values, KNOTS // 2 + 1)
+    )
+    return f"{what}: {told}"
+
+
+EFFECT = Effect(
+    name="learned_spot",
+    scope=Scope.VOYAGE,
+    water=water,
+    force=force,
+    parameters=(
+        Parameter(
+            "acts", "1", lower=1.0, upper=4.0, start=1.0, kind=Kind.CHOICE,
+            description="1 a stream, 2 an eddy, 3 a push, 4 a pull towards the place",
+        ),
+        Parameter("north", "m", lower=-1e6, upper=1e6, start=0.0, scale=3.0,
+                  description="the place"),
+        Parameter("east", "m", lower=-1e6, upper=1e6, start=0.0, scale=3.0,
+                  description="the place"),
+        Parameter("reach", "m", lower=0.5, upper=1e5, start=30.0, kind=Kind.FIXED,
+                  description="distance of the last knot from it"),
+        circular_parameter("towards", "of a stream or a push, clockwise from north", sided=True),
+        FULL,
+        ARM,
+        *INNER_KNOTS,
+        *knots(VALUES_AT),
+    ),
+    looks_like="differs near one place, by no law of the catalogue",
+    shown_by=(Shown.CHANGE,),
+    search=search,
+    tables=tables,
+    knot_places=tuple(EVENLY),
+    over_map=over_map,
+    in_words=in_words,
+    example={
+        "acts": 1.0, "north": 10.0, "east": 5.0, "reach": 24.0, "towards": 1.0, "full": 100.0,
+        "x": 0.0, **EVENLY, **{key: max(0.4 - 0.1 * k, 0.0) for k, key in enumerate(VALUES_AT)},
+    },
+    pattern="steady_current",
+    acts_when={"water": {"acts": (STREAM, EDDY)}, "force": {"acts": (PUSH, PULL)}},
+)  # fmt: skip
