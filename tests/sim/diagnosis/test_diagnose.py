@@ -16,12 +16,13 @@ from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS
 from sim.diagnosis.heldout import rank
-from sim.effects import learned_history, learned_map, learned_profile
+from sim.effects import learned_history, learned_map, learned_profile, learned_spot
 from sim.effects.catalogue import named
 from sim.effects.effect import Parameter
-from sim.effects.learned_formula import ANGLE, EVENLY, MOTOR, RUDDER, THRUST, knot_places
+from sim.effects.learned_formula import ANGLE, MOTOR, RUDDER, THRUST, knot_places
+from sim.effects.tables import EVENLY
 from sim.prediction.segments import NoUsableTimeError
-from sim.state import Floats, Pose, Water, Wrench
+from sim.state import Floats, Pose, Water, Wrench, to_body
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import STD, sailed, sailed_with
 from tests.sim.vessels import RUDDER_BOAT
@@ -304,6 +305,59 @@ def test_a_shoal_is_told_as_a_place_that_drags() -> None:
     assert " more within 1" in found.summary
 
 
+@pytest.mark.slow
+def test_an_eddy_is_told_as_water_that_turns_around_a_place() -> None:
+    """It turns like a solid in its middle and fades as 1 / d outside (Rankine's vortex)."""
+
+    def water(time: float, pose: Pose, p: Any) -> Water:
+        n, e = pose.north - 12.0, pose.east - 4.0
+        size = p.speed / 10.0 / np.maximum(1.0, (n**2 + e**2) / 10.0**2)
+        return Water(-size * e, size * n, 0.0, 0.0)
+
+    eddy = replace(named("steady_current"), name="eddy", water=water)
+    trial = sailed_with(
+        WAM_V.with_effects(AddedEffect(eddy, {"speed": -0.5, "direction": 0.0})), 300.0
+    )
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_spot",)
+    filled = found.curve.vessel.effects[-1].values
+    assert filled["acts"] == learned_spot.EDDY
+    assert np.hypot(filled["north"] - 12.0, filled["east"] - 4.0) < 2.0
+    pose = Pose(*trial.eta[trial.usable].T)
+    now = learned_spot.water(0.0, pose, SimpleNamespace(**filled))
+    true = water(0.0, pose, SimpleNamespace(speed=-0.5))
+    assert np.abs(now.north - true.north).mean() < 0.05
+    assert np.abs(now.east - true.east).mean() < 0.05
+    assert "water that turns clockwise around N 1" in found.summary
+
+
+@pytest.mark.slow
+def test_a_line_to_an_anchor_is_told_as_a_pull_towards_it() -> None:
+    """Slack within 15 m of it, and taut beyond: no effect has an end."""
+
+    def force(flow: Flow, p: Any) -> Wrench:
+        n, e = flow.north - 5.0, flow.east + 3.0
+        away = np.sqrt(n**2 + e**2)
+        pull = p.force * np.maximum(away - 15.0, 0.0) / np.maximum(away, 1e-6)
+        X, Y = to_body(-pull * n, -pull * e, flow.yaw)
+        return Wrench(X, Y, 0.0)
+
+    line = replace(named("inertial_force"), name="line", force=force)
+    trial = sailed_with(
+        WAM_V.with_effects(AddedEffect(line, {"force": 4.0, "direction": 0.0})), 300.0
+    )
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_spot",)
+    filled = found.curve.vessel.effects[-1].values
+    assert filled["acts"] == learned_spot.PULL
+    assert np.hypot(filled["north"] - 5.0, filled["east"] + 3.0) < 3.0
+    assert "a pull towards N " in found.summary
+
+
 def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     """What changes from place to place, or as time goes by, needs minutes."""
     asked: list[list[str]] = []
@@ -315,7 +369,7 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
     of_a_boat = ["learned", "learned_pair"]
-    of_a_day = ["learned_drag", "learned_profile", "learned_map", "learned_history"]
+    of_a_day = ["learned_drag", "learned_spot", "learned_profile", "learned_map", "learned_history"]
     assert [set(forms) for forms in asked] == [set(of_a_boat), {*of_a_boat, *of_a_day}]
     monkeypatch.setattr(thresholds, "MAX_RECORDINGS_OF_TABLES", 0)
     diagnose([sailed("cross_damping", 200.0, Y_r=0.0, N_v=250.0)], WAM_V, few)
