@@ -1,6 +1,7 @@
 """A real boat: fit on BlueBoat lake runs, free runs on others that the fit never saw.
 
     python -m benchmarks.blueboat [--data FOLDER] [--effects astern_stall …] [--leave-one-out]
+        [--groups]
 
 FOLDER holds fixed_NNNNNNNN.csv (default: $SHADOW_BLUEBOAT, else shared/data/blueboat-lake/runs
 beside the checkout); without it the benchmark is skipped. Nothing is told that a user would have to
@@ -8,7 +9,9 @@ read elsewhere: the mapping takes the columns at their word, the vessel file the
 channels; what is wrong with either is what the software finds, and the wiring it says is the one
 that is used. Figures are RMSE of one free run over the whole recording, from its first sample,
 against the motion that the smoother makes of positions and headings, and, in brackets, against the
-velocities of the table as they stand. "zero" is what predicting nothing leaves.
+velocities of the table as they stand. "zero" is what predicting nothing leaves. `--groups`: all
+recordings shuffled once (`GROUPS_SEED`, chosen before any result was seen) and left out three by
+three, each group judged by a fit on all others; the means over the groups.
 """
 
 import argparse
@@ -43,6 +46,7 @@ BESIDE = ROOT.parent / "shared" / "data" / "blueboat-lake" / "runs"
 JUDGE = ("232", "234")
 MIXED = ("220", "224", "230", "232", "234")
 FREE = ("left.ahead", "left.astern", "right.astern", "x_g", "curve")
+GROUPS_SEED, OF_A_GROUP = 0, 3
 BAR = np.array([0.18, np.inf, 0.080])  # u m/s, r rad/s
 ANY = np.full(3, 1e9)  # no error is so large that it ends a run
 
@@ -108,14 +112,33 @@ def judged(vessel: Vessel, run: Run) -> Floats:
     return np.array([np.sqrt(np.nanmean(error**2, axis=0)) for error in against])
 
 
+def groups(runs: Sequence[Run]) -> list[tuple[str, list[Run]]]:
+    """Recordings in threes, by their numbers; the one that is over is in none."""
+    order = np.random.default_rng(GROUPS_SEED).permutation(len(runs))
+    threes = [order[i : i + OF_A_GROUP] for i in range(0, len(runs) - OF_A_GROUP + 1, OF_A_GROUP)]
+    left = [[runs[k] for k in sorted(three)] for three in threes]
+    return [(" ".join(run.number for run in some), some) for some in left]
+
+
+def _mean(left: Sequence[Run], runs: Sequence[Run], effects: Sequence[str]) -> Floats:
+    """Figures (3, 3) of recordings by a fit on all others, as their mean."""
+    numbers = {run.number for run in left}
+    others = [run for run in runs if run.number not in numbers]
+    vessel = fitted(others, left, effects).vessel
+    each = [judged(vessel, run) for run in left]
+    for run, figures in zip(left, each, strict=True):
+        print(f"  {run.number}: u {figures[0, 0]:.3f}, r {figures[0, 2]:.3f}", flush=True)
+    return np.asarray(np.mean(each, axis=0))
+
+
 def lines(rows: Sequence[tuple[str, Floats]]) -> list[str]:
     """The table, with means."""
-    out = [f"{'':8}{'u m/s':>18}{'v m/s':>18}{'r rad/s':>18}{'zero u, v, r':>24}"]
+    out = [f"{'':12}{'u m/s':>18}{'v m/s':>18}{'r rad/s':>18}{'zero u, v, r':>24}"]
     mean = np.mean([figures for _, figures in rows], axis=0)
     for name, figures in (*rows, ("mean", mean)):
         cells = "".join(f"{figures[0, i]:11.3f} ({figures[1, i]:.3f})" for i in range(3))
         zero = "".join(f"{figures[2, i]:8.3f}" for i in range(3))
-        out.append(f"{name:8}{cells}{zero}")
+        out.append(f"{name:12}{cells}{zero}")
     return out
 
 
@@ -125,6 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--data", type=Path)
     parser.add_argument("--effects", nargs="*", default=[])
     parser.add_argument("--leave-one-out", action="store_true")
+    parser.add_argument("--groups", action="store_true")
     a = parser.parse_args(arguments)
     folder = a.data or Path(os.environ.get("SHADOW_BLUEBOAT", BESIDE))
     if not folder.is_dir():
@@ -135,6 +159,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"! {notice}")
     fit = [run for run in runs if run.number not in JUDGE]
     judges = [run for run in runs if run.number in JUDGE]
+    if a.groups:
+        rows = [(name, _mean(left, runs, a.effects)) for name, left in groups(runs)]
+        print("\n".join(lines(rows)))
+        return 0
     begun = time.perf_counter()
     found = fitted(fit, judges, a.effects)
     print(f"\nfit on {len(fit)} runs without {' and '.join(JUDGE)}, "

@@ -173,8 +173,8 @@ RECIPES: Mapping[str, Recipe] = {
 OF_A_VOYAGE = frozenset({
     "steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion",
     "drag_growth", "payload_change", "towed_load", "thruster_fault", "yaw_rate_bias",
-    "current_change", "wind_change", "learned_drag", "learned_profile", "learned_map",
-    "learned_history",
+    "current_change", "wind_change", "learned_drag", "learned_spot", "learned_profile",
+    "learned_map", "learned_history",
 })  # fmt: skip
 WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 

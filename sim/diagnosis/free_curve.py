@@ -216,17 +216,16 @@ def _room(effect: Effect, values: Values) -> dict[str, tuple[float, float]]:
 
 
 def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:
-    """A curve over one variable before one over two that is not clearly better: it carries over to
-    other voyages further, and a short law may do as well.
+    """A curve of fewer numbers before the best one where that is not clearly better: it carries
+    over to other voyages further, and a short law may do as well.
     """
     best, *rest = rows
-    simpler = next((r for r in rest if r.name == best.effect.contains), None)
-    if simpler is None:
-        return list(rows)
-    over = best.gain_over(simpler)
-    if over.log_ratio >= thresholds.MIN_LOG_RATIO_IN_PLACE and is_worth_it(over):
-        return list(rows)
-    return [simpler, *(r for r in rows if r is not simpler)]
+    size = len(best.effect.fit_parameters)
+    for simpler in (r for r in rest if len(r.effect.fit_parameters) < size):
+        over = best.gain_over(simpler)
+        if over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE or not is_worth_it(over):
+            return [simpler, *(r for r in rows if r is not simpler)]
+    return list(rows)
 
 
 def _is_better(over: Gain | None, scorer: HeldOutScorer, curve: Fit, before: float) -> bool:

@@ -177,6 +177,10 @@ class Screening:
         trials, settings = len(self.problem.trials), self.problem.settings
         unknowns = unknowns_for(self.superset, [*self.reference.added, added], trials, settings)
         z = start_values(unknowns, self.reference)
+        # what is known beforehand is no place to begin at: a table may be filled
+        priors = {p.name for p in effect.parameters if p.prior} & start.keys()
+        begin = {f"{effect.name}.{name}": start[name] for name in priors}
+        z = np.array([begin.get(u.name, x) for u, x in zip(unknowns.each, z, strict=True)])
         known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
         place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
         return ScreeningResult(added, unknowns, z, np.inf, place)

@@ -198,7 +198,8 @@ def _best(looks: Sequence[Look]) -> list[Look]:
 def _starts_at(vessel: Any, look: Look, place: Floats) -> list[Values]:
     """Filled tables of that shape: a force, and water that would give such a force."""
     full, own = push_scale(vessel), vessel.dynamics
-    farthest = float(np.hypot(*(place - look[2:4]).T).max())
+    # knots where the boat hardly was would say that nothing is there
+    farthest = float(np.quantile(np.hypot(*(place - look[2:4]).T), 0.95))
     reach = min(REACH * look.radius, farthest) if look.acts != PULL else farthest
     shape = _shape(look.acts, np.linspace(0.0, reach, KNOTS), look.radius)
     per_speed = max(-own.X_u - own.X_uu, 1e-6)  # N of a flow of 1 m/s
