@@ -216,16 +216,22 @@ def _room(effect: Effect, values: Values) -> dict[str, tuple[float, float]]:
 
 
 def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:
-    """A curve of fewer numbers before the best one where that is not clearly better: it carries
-    over to other voyages further, and a short law may do as well.
+    """A simpler curve of the same kind before the best one where that is not clearly better: it
+    carries over to other voyages further, and a short law may do as well.
     """
     best, *rest = rows
-    size = len(best.effect.fit_parameters)
-    for simpler in (r for r in rest if len(r.effect.fit_parameters) < size):
-        over = best.gain_over(simpler)
+    for row in (r for r in rest if _is_simpler(r.effect, best.effect)):
+        over = best.gain_over(row)
         if over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE or not is_worth_it(over):
-            return [simpler, *(r for r in rows if r is not simpler)]
+            return [row, *(r for r in rows if r is not row)]
     return list(rows)
+
+
+def _is_simpler(one: Effect, other: Effect) -> bool:
+    """Whether the other holds it, or it has fewer numbers and both are of the place."""
+    of_places = one.over_map is not None and other.over_map is not None
+    fewer = len(one.fit_parameters) < len(other.fit_parameters)
+    return one.name == other.contains or (of_places and fewer)
 
 
 def _is_better(over: Gain | None, scorer: HeldOutScorer, curve: Fit, before: float) -> bool:
