@@ -14,7 +14,8 @@ NAMES = """
     battery_sag advance_loss astern_stall thruster_lag command_delay thruster_misalignment
     steering_offset steering_lag
     antenna_offset velocity_latency compass_deviation heading_offset yaw_rate_bias
-    learned learned_drag learned_spot learned_profile learned_map learned_history learned_pair
+    learned learned_drag learned_spot learned_profile learned_map learned_history
+    learned_rhythm learned_pair
 """
 
 EFFECTS: tuple[Effect, ...] = tuple(

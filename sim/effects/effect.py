@@ -139,11 +139,18 @@ class ResidualForce(NamedTuple):
     """What a model leaves of a recording, usable rows: time (T,), place and force (T, 2) [s, m, N].
 
     Place and horizontal missing force are north and east; the force has no mean.
+
+    body      the same on board, X, Y, N as it is (T, 3) [N, N, N m]
+    nu        velocities (T, 3) [m/s, m/s, rad/s]
+    commands  of the thrusters (T, n), full astern −1 … full ahead 1
     """
 
     time: Floats
     place: Floats
     force: Floats
+    body: Floats = np.zeros((0, 3))
+    nu: Floats = np.zeros((0, 3))
+    commands: Floats = np.zeros((0, 0))
 
 
 Values = Mapping[str, float]

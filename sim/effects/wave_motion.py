@@ -141,7 +141,8 @@ def strongest_trains(vessel: object, residual: Callable[[], ResidualForce]) -> l
     """The strongest trains in what a model leaves: force, omega, direction, phase."""
     rows = residual()
     every = max(round(SAMPLE_S / float(np.median(np.diff(rows.time)))), 1)
-    samples, trains = _Samples(*(column[::every] for column in rows)), []
+    samples = _Samples(*(column[::every] for column in (rows.time, rows.place, rows.force)))
+    trains: list[Values] = []
     for _ in range(TRAINS):
         trains.append(_strongest(samples))
         samples = samples.without(trains[-1])

@@ -27,7 +27,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from sim.effects.effect import QUARTERS, Effect, Kind, Parameter, ResidualForce, Role, Values
 from sim.identification.parameters import Unknowns
 from sim.model import Model
-from sim.prediction import missing_force_only
+from sim.prediction import missing_force_only, vessel_commands
 from sim.state import Eta, Floats
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -189,7 +189,10 @@ def residual_force(model: Model, trial: Trial) -> ResidualForce:
     world = np.stack([c * force[:, 0] - s * force[:, 1], s * force[:, 0] + c * force[:, 1]], 1)
     use = trial.usable
     world = (world - world[use].mean(axis=0))[use]
-    return ResidualForce(trial.time[use], trial.eta[use, : Eta.YAW], world)
+    commands = vessel_commands(model, trial)[use, : len(model.vessel.thrusters)]
+    return ResidualForce(
+        trial.time[use], trial.eta[use, : Eta.YAW], world, force[use], trial.nu[use], commands
+    )
 
 
 def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Sequence[float]:

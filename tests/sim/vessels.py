@@ -141,6 +141,18 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "x": 0.0,
         **{f"{c}{k}": 0.05 * k - 0.2 * (c == "e") for c in "ne" for k in range(9)},
     },
+    "learned_rhythm": {
+        "acts": 1.0,
+        "thruster": 1.0,
+        "since": 1.3,
+        "until": 16.3,
+        "times": 3.0,
+        "lasts": 2.1,
+        "width": 0.3,
+        "size": 0.3,
+        "towards": 1.1,
+        "full": 100.0,
+    },
     "learned_spot": {
         "acts": 1.0,
         "north": 2.0,

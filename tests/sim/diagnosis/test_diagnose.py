@@ -16,7 +16,13 @@ from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS
 from sim.diagnosis.heldout import rank
-from sim.effects import learned_history, learned_map, learned_profile, learned_spot
+from sim.effects import (
+    learned_history,
+    learned_map,
+    learned_profile,
+    learned_rhythm,
+    learned_spot,
+)
 from sim.effects.catalogue import named
 from sim.effects.effect import Parameter
 from sim.effects.learned_formula import ANGLE, MOTOR, RUDDER, THRUST, knot_places
@@ -358,6 +364,43 @@ def test_a_line_to_an_anchor_is_told_as_a_pull_towards_it() -> None:
     assert "a pull towards N " in found.summary
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("of", ["thrust", "wind"])
+def test_what_comes_and_goes_is_told_as_a_rhythm(of: str) -> None:
+    """A motor that stops for 2.5 s in each 9.1, and a wind that blows for 14 s in each 48."""
+
+    def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
+        stops = (drive.number == 1.0) * (flow.time % 9.1 < 2.5)
+        return F * (1.0 - p.per_mps * stops)
+
+    def force(flow: Flow, p: Any) -> Wrench:
+        X, Y = to_body(0.0, p.force * (flow.time % 48.0 < 14.0), flow.yaw)
+        return Wrench(X, Y, 0.0)
+
+    if of == "thrust":
+        cause = replace(named("advance_loss"), name="stutter", thrust=thrust)
+        added, acts = AddedEffect(cause, {"per_mps": 1.0}), learned_rhythm.THRUST
+    else:
+        cause = replace(named("inertial_force"), name="squalls", force=force)
+        added, acts = AddedEffect(cause, {"force": 30.0, "direction": 0.0}), learned_rhythm.PUSH
+    trial = sailed_with(WAM_V.with_effects(added), 300.0)
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_rhythm",)
+    filled = found.curve.vessel.effects[-1].values
+    period = (filled["until"] - filled["since"]) / filled["times"]
+    if of == "thrust":
+        told = (filled["thruster"], period, filled["lasts"], filled["size"])
+        assert told == pytest.approx((2.0, 9.1, 2.5, -1.0), rel=0.1)
+        assert "a thrust of thruster 2 that changes and comes back every 9.1 s" in found.summary
+    else:
+        told = (period, filled["lasts"], filled["size"] * filled["full"], filled["towards"])
+        assert told == pytest.approx((48.0, 14.0, 30.0, 0.5 * np.pi), rel=0.1)
+        assert "a push over the ground that comes and goes every 48 s" in found.summary
+    assert filled["acts"] == acts
+
+
 def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     """What changes from place to place, or as time goes by, needs minutes."""
     asked: list[list[str]] = []
@@ -369,8 +412,11 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
     of_a_boat = ["learned", "learned_pair"]
-    of_a_day = ["learned_drag", "learned_spot", "learned_profile", "learned_map", "learned_history"]
-    assert [set(forms) for forms in asked] == [set(of_a_boat), {*of_a_boat, *of_a_day}]
+    of_a_day = ["drag", "spot", "profile", "map", "history", "rhythm"]
+    assert [set(forms) for forms in asked] == [
+        set(of_a_boat),
+        {*of_a_boat, *(f"learned_{name}" for name in of_a_day)},
+    ]
     monkeypatch.setattr(thresholds, "MAX_RECORDINGS_OF_TABLES", 0)
     diagnose([sailed("cross_damping", 200.0, Y_r=0.0, N_v=250.0)], WAM_V, few)
     assert asked[2] == of_a_boat  # of many recordings each would have its own
