@@ -329,7 +329,7 @@ EVIDENCE = {  # variables that a diagnosis draws missing force against
     "helm_change": Axis("change of helm", "%/s", PER_CENT),
     "voltage": _BATTERY,
     "time": Axis("time in the recording", "s"),
-    "phase": Axis("phase of the wave", "°", DEGREES),
+    "phase": Axis("phase", "°", DEGREES),
 }
 
 SMALLEST_PROBABILITY = 0.001  # that is printed as a number; chosen by readability

@@ -7,11 +7,11 @@
     acts 3 (drag)    X = A g (X_u + X_uu |u|) u
 
 since, until [s] where it comes for the first time and for the last, after the first sample; s [s]
-the time from a flank, w [s] `width`; A `size`; F [N] the scale `full`; θ [rad] `towards`, clockwise
-from north; i `thruster`, in the order of the vessel file; X_u, X_uu of the vessel, u through the
-water [m/s]. Valid for: that day. It explains nothing: squalls, a motor that cuts out and begins
-again, weed that is caught and lost look like this. Source: Leahy et al., Astrophysical Journal 266,
-1983 (epoch folding).
+the time from a flank, w [s] `width`; A `size`; F [N] the scale `full`; θ [rad] `direction`,
+clockwise from north; i `thruster`, in the order of the vessel file; X_u, X_uu of the vessel, u
+through the water [m/s]. Valid for: that day. It explains nothing: squalls, a motor that cuts out
+and begins again, weed that is caught and lost look like this. Source: Leahy et al., Astrophysical
+Journal 266, 1983 (epoch folding).
 
 When it comes is told by what a model leaves, folded with every period that a recording holds four
 times: the window of the period that takes most of it.
@@ -70,7 +70,7 @@ def force(flow: Flow, p: Any) -> Wrench:
     """Time, heading and velocity through the water -> X, Y, N [N, N, N m]."""
     size = p.size * gate(flow.time, p)
     push = 1.0 * (p.acts == PUSH) * p.full * size
-    X, Y = to_body(push * np.cos(p.towards), push * np.sin(p.towards), flow.yaw)
+    X, Y = to_body(push * np.cos(p.direction), push * np.sin(p.direction), flow.yaw)
     damping = (flow.body.X_u + flow.body.X_uu * np.abs(flow.u)) * flow.u
     return Wrench(X + 1.0 * (p.acts == DRAG) * size * damping, Y, 0.0)
 
@@ -105,7 +105,7 @@ def _begun(vessel: Any, acts: float, motor: float, w: Window, length: float) -> 
     return {
         "acts": acts, "thruster": motor, "since": w.since, "until": w.since + times * w.period,
         "times": float(times), "lasts": w.lasts, "width": WIDTH_S, "size": w.size,
-        "towards": w.towards, "full": push_scale(vessel),
+        "direction": w.towards, "full": push_scale(vessel),
     }  # fmt: skip
 
 
@@ -199,13 +199,25 @@ def mismatch(vessel: Any, values: Values) -> str:
     return ""
 
 
+def phase_at(time: Floats, north: Floats, east: Floats, p: Values) -> Floats:
+    """Times (T,) [s] -> how far the period has gone there (T,) [rad, 0 … 2π]."""
+    period = (p["until"] - p["since"]) / p["times"]
+    return np.asarray(2.0 * np.pi * ((time - p["since"]) / period % 1.0))
+
+
+def evidence_axis(values: Values) -> EvidenceAxis:
+    """The missing force along a push, else ahead, over the period."""
+    axis = ForceAxis.ALONG if values["acts"] == PUSH else ForceAxis.SURGE
+    return EvidenceAxis(axis, "phase", phase_at)
+
+
 def in_words(p: FittedValues) -> str:
     """What comes, how often, for how long and how much."""
     period = (p["until"] - p["since"]) / p["times"]
     when = f"every {period:.3g} s, for {p['lasts']:.2g} s"
     if p["acts"] == PUSH:
         push = p["full"] * abs(p["size"])
-        way = towards(p["towards"] + (math.pi if p["size"] < 0.0 else 0.0))
+        way = towards(p["direction"] + (math.pi if p["size"] < 0.0 else 0.0))
         return f"a push over the ground that comes and goes {when}: {push:.2g} N towards {way}"
     percent = f"{p.size('size', '%', 100.0)} {'less' if p['size'] < 0.0 else 'more'}"
     what = f"thrust of thruster {p['thruster']:.0f}" if p["acts"] == THRUST else "drag"
@@ -237,19 +249,19 @@ EFFECT = Effect(
                   description="of its flanks"),
         Parameter("size", "1", lower=-20.0, upper=20.0, start=0.0, scale=0.1, neutral=0.0,
                   description="share of the scale, of the thrust or of the drag"),
-        circular_parameter("towards", "of a push, clockwise from north", sided=True),
+        circular_parameter("direction", "of a push, clockwise from north", sided=True),
         FULL,
     ),
     looks_like="comes and goes, always after the same time",
     shown_by=(Shown.CHANGE,),
-    evidence=EvidenceAxis(ForceAxis.SURGE, "time"),
+    evidence=evidence_axis,
     search=search,
     tables=tables,
     mismatch=mismatch,
     in_words=in_words,
     example={
         "acts": 2.0, "thruster": 1.0, "since": 3.0, "until": 123.0, "times": 12.0, "lasts": 3.0,
-        "width": WIDTH_S, "size": -1.0, "towards": 0.0, "full": 100.0,
+        "width": WIDTH_S, "size": -1.0, "direction": 0.0, "full": 100.0,
     },
     pattern="thruster_fault",
     acts_when={"force": {"acts": (PUSH, DRAG)}, "thrust": {"acts": (THRUST,)}},

@@ -9,10 +9,10 @@
 
 f0 … f8 are V at the knots: m/s, or shares of the scale F [N], `full`; a_0 = 0, a_8 = 1, and
 between them `at1` … `at7`, k / 8 where nothing is said; N₀, E₀ [m] the place, `north` and `east`,
-in the coordinates of the recording; θ [rad] `towards`, clockwise from north; x_F [m] the place `x`
-where a force acts. Valid for: one such place, on that day, and what is alike all around it. A table
-explains nothing: a stream from a pipe, an eddy behind a pier, a gust between two buildings, a line
-to an anchor look like this. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
+in the coordinates of the recording; θ [rad] `direction`, clockwise from north; x_F [m] the place
+`x` where a force acts. Valid for: one such place, on that day, and what is alike all around it. A
+table explains nothing: a stream from a pipe, an eddy behind a pier, a gust between two buildings, a
+line to an anchor look like this. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
 functions with local support).
 
 Where to look is told by what a model leaves along the track: the place about which a table of a
@@ -75,14 +75,14 @@ def value(north: float, east: float, p: Any) -> float:
 
 
 @jitable
-def vector(north: Any, east: Any, kind: float, towards: float) -> Any:
+def vector(north: Any, east: Any, kind: float, direction: float) -> Any:
     """Unit vector, to the north and to the east, in which V acts at a way from the place [m]."""
     d = np.maximum(np.sqrt(north**2 + east**2), 1e-6)
     fixed = 1.0 * (kind == STREAM) + 1.0 * (kind == PUSH)
     around, to_it = 1.0 * (kind == EDDY), 1.0 * (kind == PULL)
     return (
-        fixed * np.cos(towards) - around * east / d - to_it * north / d,
-        fixed * np.sin(towards) + around * north / d - to_it * east / d,
+        fixed * np.cos(direction) - around * east / d - to_it * north / d,
+        fixed * np.sin(direction) + around * north / d - to_it * east / d,
     )
 
 
@@ -90,7 +90,7 @@ def water(time: float, pose: Pose, p: Any) -> Water:
     """Place -> velocity of the water [m/s]; no acceleration."""
     n, e = pose.north - p.north, pose.east - p.east
     flows = (1.0 * (p.acts < PUSH)) * value(n, e, p)
-    to_north, to_east = vector(n, e, p.acts, p.towards)
+    to_north, to_east = vector(n, e, p.acts, p.direction)
     return Water(flows * to_north, flows * to_east, 0.0, 0.0)
 
 
@@ -98,7 +98,7 @@ def force(flow: Flow, p: Any) -> Wrench:
     """Place and heading -> X, Y, N [N, N, N m]."""
     n, e = flow.north - p.north, flow.east - p.east
     push = (1.0 * (p.acts >= PUSH)) * p.full * value(n, e, p)
-    to_north, to_east = vector(n, e, p.acts, p.towards)
+    to_north, to_east = vector(n, e, p.acts, p.direction)
     X, Y = to_body(push * to_north, push * to_east, flow.yaw)
     return Wrench(X, Y, p.x * Y)
 
@@ -118,7 +118,7 @@ def _table(
     acts: float, north: float, east: float, reach: float, angle: float, full: float, at: Floats
 ) -> Values:
     return {
-        "acts": acts, "north": north, "east": east, "reach": reach, "towards": angle,
+        "acts": acts, "north": north, "east": east, "reach": reach, "direction": angle,
         "full": full, "x": 0.0, **EVENLY, **dict(zip(VALUES_AT, map(float, at), strict=True)),
     }  # fmt: skip
 
@@ -223,7 +223,7 @@ def over_map(p: FittedValues) -> MapField:
     size = scale * np.interp(d, at, [p[key] for key in VALUES_AT])
     ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in VALUES_AT])
     half = scale * np.interp(d, at, 0.5 * (ends[:, 1] - ends[:, 0]))
-    to_north, to_east = vector(n, e, p["acts"], p["towards"])
+    to_north, to_east = vector(n, e, p["acts"], p["direction"])
     kept = d <= p["reach"]
     north, east, to_north, to_east, half = (
         x[kept] for x in (p["north"] + n, p["east"] + e, size * to_north, size * to_east, half)
@@ -240,9 +240,9 @@ def in_words(p: FittedValues) -> str:
     """What, about which place, and how much at the knots that hold its shape."""
     place = f"N {p['north']:.0f} m, E {p['east']:.0f} m"
     what = {
-        STREAM: f"water that flows towards {towards(p['towards'])} near {place}",
+        STREAM: f"water that flows towards {towards(p['direction'])} near {place}",
         EDDY: f"water that turns clockwise around {place}",
-        PUSH: f"a push over the ground towards {towards(p['towards'])} near {place}",
+        PUSH: f"a push over the ground towards {towards(p['direction'])} near {place}",
         PULL: f"a pull towards {place}",
     }[p["acts"]]
     scale, unit = _scale(p)
@@ -270,7 +270,7 @@ EFFECT = Effect(
                   description="the place"),
         Parameter("reach", "m", lower=0.5, upper=1e5, start=30.0, kind=Kind.FIXED,
                   description="distance of the last knot from it"),
-        circular_parameter("towards", "of a stream or a push, clockwise from north", sided=True),
+        circular_parameter("direction", "of a stream or a push, clockwise from north", sided=True),
         FULL,
         ARM,
         *INNER_KNOTS,
@@ -284,7 +284,7 @@ EFFECT = Effect(
     over_map=over_map,
     in_words=in_words,
     example={
-        "acts": 1.0, "north": 10.0, "east": 5.0, "reach": 24.0, "towards": 1.0, "full": 100.0,
+        "acts": 1.0, "north": 10.0, "east": 5.0, "reach": 24.0, "direction": 1.0, "full": 100.0,
         "x": 0.0, **EVENLY, **{key: max(0.4 - 0.1 * k, 0.0) for k, key in enumerate(VALUES_AT)},
     },
     pattern="steady_current",

@@ -150,7 +150,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "lasts": 2.1,
         "width": 0.3,
         "size": 0.3,
-        "towards": 1.1,
+        "direction": 1.1,
         "full": 100.0,
     },
     "learned_spot": {
@@ -158,7 +158,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "north": 2.0,
         "east": -1.0,
         "reach": 6.0,
-        "towards": 1.1,
+        "direction": 1.1,
         "full": 100.0,
         "x": 0.0,
         **{f"f{k}": 0.4 - 0.05 * k for k in range(9)},

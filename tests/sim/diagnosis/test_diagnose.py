@@ -395,7 +395,7 @@ def test_what_comes_and_goes_is_told_as_a_rhythm(of: str) -> None:
         assert told == pytest.approx((2.0, 9.1, 2.5, -1.0), rel=0.1)
         assert "a thrust of thruster 2 that changes and comes back every 9.1 s" in found.summary
     else:
-        told = (period, filled["lasts"], filled["size"] * filled["full"], filled["towards"])
+        told = (period, filled["lasts"], filled["size"] * filled["full"], filled["direction"])
         assert told == pytest.approx((48.0, 14.0, 30.0, 0.5 * np.pi), rel=0.1)
         assert "a push over the ground that comes and goes every 48 s" in found.summary
     assert filled["acts"] == acts

@@ -330,7 +330,7 @@ def test_a_spot_is_looked_for_where_the_missing_force_is_alike_around_it(
     assert np.hypot(first["north"] - 6.0, first["east"] + 4.0) < near
     n, e = rng.uniform(-20.0, 20.0, 100), rng.uniform(-20.0, 20.0, 100)
     to_north, to_east = learned_spot.vector(
-        n - first["north"], e - first["east"], acts, first["towards"]
+        n - first["north"], e - first["east"], acts, first["direction"]
     )
     d = np.hypot(n - first["north"], e - first["east"])
     size = np.interp(d, np.linspace(0.0, first["reach"], 9), [first[f"f{k}"] for k in range(9)])

@@ -92,7 +92,7 @@ def test_it_is_looked_for_in_what_is_left_folded_with_every_period(
     assert min(off % period, -off % period) < 1.0
     if size is None:
         assert first["size"] * first["full"] == pytest.approx(40.0, rel=0.1)
-        assert first["towards"] == pytest.approx(2.0, abs=0.1)
+        assert first["direction"] == pytest.approx(2.0, abs=0.1)
     else:
         assert first["size"] == pytest.approx(size, rel=0.15)
 
