@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from sim.body import Flow
+from sim.effects.circles import Circle, best_apart, radii
 from sim.effects.effect import (
     Effect,
     Parameter,
@@ -35,7 +36,7 @@ from sim.state import Floats, Wrench
 
 # Circles that are tried; all chosen, not measured.
 MIDDLES = 120  # places of the track
-RADII = 5  # from two hull lengths to a third of the way across what was sailed
+WIDEST = 1.0 / 3.0  # radius, of the way across what was sailed
 SOFT = 2.0  # edge
 STARTS = 4  # the best circles, each clear of those before it
 REACH, FINE = 3.0, 61  # radii, and places along them, of the picture
@@ -74,22 +75,17 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
     if len(place) < MIDDLES:
         north, east = found.place.mean(axis=0)
         return [_circle(float(north), float(east), 2.0 * vessel.hull.length, 0.5)]
-    across = float(np.ptp(np.quantile(place, [0.05, 0.95], axis=0), axis=0).max())
-    smallest = 2.0 * vessel.hull.length
-    radii = np.geomspace(smallest, max(across / 3.0, 1.5 * smallest), RADII)
-    rows: list[tuple[float, ...]] = []
+    sizes = radii(place, vessel.hull.length, WIDEST)
+    tried: list[Circle] = []
     for middle in place[:: len(place) // MIDDLES]:
         north, east = (place - middle).T
-        for radius in radii:
-            w = drag * inside(north, east, radius, SOFT)
-            rows.append((*_taken(w, drag, against), *map(float, middle), float(radius)))
-    rows.sort(reverse=True)
-    starts: list[Values] = []
-    for _, more, north, east, radius in rows:
-        clear = all(np.hypot(north - s["north"], east - s["east"]) > s["radius"] for s in starts)
-        if clear and len(starts) < STARTS:
-            starts.append(_circle(north, east, radius, float(np.clip(more, 0.2, 5.0))))
-    return starts
+        for radius in map(float, sizes):
+            taken, more = _taken(drag * inside(north, east, radius, SOFT), drag, against)
+            tried.append(Circle(taken, float(middle[0]), float(middle[1]), radius, more))
+    return [
+        _circle(c.north, c.east, c.radius, float(np.clip(c.factor, 0.2, 5.0)))
+        for c in best_apart(tried, STARTS)
+    ]
 
 
 def _against_motion(vessel: Any, found: ResidualForce) -> tuple[Floats, Floats, Floats]:

@@ -21,11 +21,12 @@ given width takes most of the missing force.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from sim.body import Flow
+from sim.effects.circles import Circle, best_apart, radii
 from sim.effects.effect import (
     Effect,
     Kind,
@@ -58,7 +59,7 @@ VALUES_AT = [f"f{k}" for k in range(KNOTS)]
 # Places that are tried; all chosen, not measured.
 ROWS = 1500  # of the track
 MIDDLES, SIDE = 60, 7  # along the track, and along either side of what was sailed
-RADII = 5  # from two hull lengths to half of the way across
+WIDEST = 0.5  # radius, of the way across
 REACH = 3.0  # radii, of the table of what fades
 STARTS = 2  # of each kind, clear of one another
 FINE = 25  # places along either side of the picture
@@ -129,36 +130,16 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
     thin = slice(None, None, max(len(found.time) // ROWS, 1))
     place, missing = found.place[thin], found.force[thin]
     low, high = np.quantile(place, [0.02, 0.98], axis=0)
-    smallest = 2.0 * vessel.hull.length
-    widest = max(0.5 * float((high - low).max()), 1.5 * smallest)
     grid = np.stack(np.meshgrid(*np.linspace(low, high, SIDE).T), -1).reshape(-1, 2)
     middles = np.concatenate([place[:: max(len(place) // MIDDLES, 1)], grid])
-    looked: dict[float, list[Look]] = {PUSH: [], EDDY: [], PULL: []}
+    sizes = radii(place, vessel.hull.length, WIDEST)
+    tried: dict[float, list[Circle]] = {PUSH: [], EDDY: [], PULL: []}
     for middle in middles:
-        way = (place - middle).T
-        for radius in np.geomspace(smallest, widest, RADII):
-            for acts, looks in looked.items():
-                looks.append(_look(acts, middle, float(radius), way, missing))
-    return [
-        start
-        for looks in looked.values()
-        for look in _best(looks)
-        for start in _starts_at(vessel, look, place)
-    ]
-
-
-class Look(NamedTuple):
-    """A table of one shape about a place: what it takes of the missing force, in squares, where,
-    its radius [m], its factor [N] and the direction [rad] of a push.
-    """
-
-    taken: float
-    acts: float
-    north: float
-    east: float
-    radius: float
-    factor: float
-    towards: float
+        for radius in map(float, sizes):
+            for acts, circles in tried.items():
+                circles.append(_circle(acts, middle, radius, place, missing))
+    best = (circle for circles in tried.values() for circle in best_apart(circles, STARTS))
+    return [start for circle in best for start in _starts_at(vessel, circle, place)]
 
 
 def _shape(acts: float, d: Floats, radius: float) -> Floats:
@@ -169,8 +150,9 @@ def _shape(acts: float, d: Floats, radius: float) -> Floats:
     return d / radius * near if acts == EDDY else near
 
 
-def _look(acts: float, middle: Floats, radius: float, way: Floats, missing: Floats) -> Look:
-    """The best factor and direction; ways from the place (2, T) [m], missing force (T, 2) [N]."""
+def _circle(acts: float, middle: Floats, radius: float, place: Floats, missing: Floats) -> Circle:
+    """The best factor [N] and direction; places and missing force (T, 2) [m, N]."""
+    way = (place - middle).T
     size = _shape(acts, np.hypot(*way), radius)
     if acts == PUSH:
         size = size - size.mean()
@@ -182,34 +164,25 @@ def _look(acts: float, middle: Floats, radius: float, way: Floats, missing: Floa
         shape = (shape.T - shape.mean(axis=1)).ravel()
         whole = max(float(shape @ shape), 1e-9)
         factor, angle = float(shape @ missing.ravel()) / whole, 0.0
-    return Look(factor**2 * whole, acts, float(middle[0]), float(middle[1]), radius, factor, angle)
+    at = float(middle[0]), float(middle[1])
+    return Circle(factor**2 * whole, *at, radius, factor, acts, angle)
 
 
-def _best(looks: Sequence[Look]) -> list[Look]:
-    """Those that take most, each clear of those before it."""
-    chosen: list[Look] = []
-    for look in sorted(looks, reverse=True):
-        apart = (math.dist(look[2:4], other[2:4]) > other.radius for other in chosen)
-        if len(chosen) < STARTS and all(apart):
-            chosen.append(look)
-    return chosen
-
-
-def _starts_at(vessel: Any, look: Look, place: Floats) -> list[Values]:
+def _starts_at(vessel: Any, c: Circle, place: Floats) -> list[Values]:
     """Filled tables of that shape: a force, and water that would give such a force."""
     full, own = push_scale(vessel), vessel.dynamics
     # knots where the boat hardly was would say that nothing is there
-    farthest = float(np.quantile(np.hypot(*(place - look[2:4]).T), 0.95))
-    reach = min(REACH * look.radius, farthest) if look.acts != PULL else farthest
-    shape = _shape(look.acts, np.linspace(0.0, reach, KNOTS), look.radius)
+    farthest = float(np.quantile(np.hypot(*(place - [c.north, c.east]).T), 0.95))
+    reach = min(REACH * c.radius, farthest) if c.law != PULL else farthest
+    shape = _shape(c.law, np.linspace(0.0, reach, KNOTS), c.radius)
     per_speed = max(-own.X_u - own.X_uu, 1e-6)  # N of a flow of 1 m/s
-    forces = np.clip(look.factor / full * shape, -2.0, 2.0)
-    flows = np.clip(look.factor / per_speed * shape, -0.5, 0.5)
+    forces = np.clip(c.factor / full * shape, -2.0, 2.0)
+    flows = np.clip(c.factor / per_speed * shape, -0.5, 0.5)
     filled = {PUSH: ((STREAM, flows), (PUSH, forces)), EDDY: ((EDDY, flows),),
               PULL: ((PULL, forces),)}  # fmt: skip
     return [
-        _table(acts, look.north, look.east, max(reach, 1.0), look.towards, full, at)
-        for acts, at in filled[look.acts]
+        _table(acts, c.north, c.east, max(reach, 1.0), c.direction, full, at)
+        for acts, at in filled[c.law]
     ]
 
 

@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 from sim.effects import learned_rhythm as rhythm
-from sim.effects.effect import ResidualForce
+from sim.effects.effect import ForceAxis, ResidualForce
 from sim.effects.words import FittedValues
 from tests.sim.effects.test_learned_places import flow
 from tests.sim.vessels import VALUES, WAMV
 
 RHYTHM = {**VALUES["learned_rhythm"], "width": 0.05}
-THREE_S = 15.0 / 3.0  # the period of these values
+PERIOD_S = 15.0 / 3.0
 
 
 def test_it_is_there_for_as_long_as_it_says_in_every_period() -> None:
     time = np.arange(-20.0, 40.0, 0.01)
     there = rhythm.gate(time, SimpleNamespace(**RHYTHM))
-    since = (time - RHYTHM["since"]) % THREE_S
-    sure = np.minimum(np.abs(since - RHYTHM["lasts"]), np.minimum(since, THREE_S - since)) > 0.2
+    since = (time - RHYTHM["since"]) % PERIOD_S
+    sure = np.minimum(np.abs(since - RHYTHM["lasts"]), np.minimum(since, PERIOD_S - since)) > 0.2
     np.testing.assert_allclose(there[sure], (since < RHYTHM["lasts"])[sure], atol=1e-3)
-    assert there.mean() == pytest.approx(RHYTHM["lasts"] / THREE_S, rel=0.02)
+    assert there.mean() == pytest.approx(RHYTHM["lasts"] / PERIOD_S, rel=0.02)
 
 
 def test_it_acts_on_what_it_says_alone() -> None:
@@ -127,3 +127,16 @@ def test_it_says_how_often_for_how_long_and_how_much() -> None:
     weed = rhythm.in_words(FittedValues({**RHYTHM, "acts": 3.0, "size": 0.5}))
     assert weed.startswith("a drag that changes and comes back every 5 s")
     assert weed.endswith("50 % more")
+
+
+def test_its_evidence_is_drawn_over_the_period() -> None:
+    push = rhythm.EFFECT.evidence_axis(RHYTHM)
+    assert push is not None
+    assert (push.axis, push.by) == (ForceAxis.ALONG, "phase")
+    drag = rhythm.EFFECT.evidence_axis({**RHYTHM, "acts": rhythm.DRAG})
+    assert drag is not None
+    assert drag.axis is ForceAxis.SURGE
+    assert push.variable is not None
+    since = RHYTHM["since"]
+    at = push.variable(np.array([since, since + 0.25 * PERIOD_S, since - PERIOD_S]), 0, 0, RHYTHM)
+    np.testing.assert_allclose(np.minimum(at, 2.0 * np.pi - at), [0.0, 0.5 * np.pi, 0.0], atol=1e-9)
