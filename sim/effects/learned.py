@@ -51,6 +51,8 @@ from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
 
+AFT = 0.4  # hull lengths behind the origin, where skegs and rudders stand
+
 
 @jitable
 def table(x: float, p: Any) -> float:
@@ -130,11 +132,14 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
         ranges |= {RUDDER: (min(r.angle[0] for r in vessel.rudders),
                             max(r.angle[1] for r in vessel.rudders))}  # fmt: skip
         pairs += [(RUDDER, ANGLE)]
+    # an empty table has no slope over the place of its push, and few steps do not find it later
+    aft = -AFT * vessel.hull.length
+    arms = {SWAY: (0.0, aft), OUTWARD: (stern,)}
     return [
-        {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full,
-         "x": stern if acts == OUTWARD else 0.0, **EVENLY,
-         **{f"f{k}": 0.0 for k in range(KNOTS)}}
+        {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full, "x": x,
+         **EVENLY, **{f"f{k}": 0.0 for k in range(KNOTS)}}
         for by, acts in pairs
+        for x in arms.get(acts, (0.0,))
     ]  # fmt: skip
 
 
