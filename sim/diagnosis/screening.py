@@ -80,8 +80,10 @@ def screen(
         fine, coarse, enough = bases[base]
         begins = [fine.at(effect, start) for start in starts[effect.name]]
         if len(begins) > thresholds.MANY_STARTS or rival is not None:
-            begins = coarse.few(begins, thresholds.MAX_PROMISED_COST * enough)
-            if min((r.cost for r in begins), default=np.inf) >= enough:
+            # from where the error is many times the rival's, slopes promise but a part of the way
+            most = thresholds.MAX_PROMISED_COST * enough
+            begins = coarse.few(begins, max(most, np.sqrt(enough * coarse.own_cost)))
+            if min((r.cost for r in begins), default=np.inf) >= most:
                 return None
         return fine.begun(begins)
 

@@ -7,6 +7,7 @@ slopes promise before any step is tried.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -147,6 +148,11 @@ class Screening:
         for _ in range(steps):
             results = [r for r in map(self._step, results) if r is not None]
         return sorted(results, key=least_cost)
+
+    @cached_property
+    def own_cost(self) -> float:
+        """What the reference leaves of these rows."""
+        return self.cost_of(self.reference)
 
     def cost_of(self, fit: Fit) -> float:
         """What another fit leaves of these rows, as the starts are judged."""

@@ -134,7 +134,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
         pairs += [(RUDDER, ANGLE)]
     # an empty table has no slope over the place of its push, and few steps do not find it later
     aft = -AFT * vessel.hull.length
-    arms = {SWAY: (0.0, aft), OUTWARD: (stern,)}
+    arms = {SWAY: (0.0, aft), OUTWARD: (stern, aft)}
     return [
         {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1], "full": full, "x": x,
          **EVENLY, **{f"f{k}": 0.0 for k in range(KNOTS)}}

@@ -47,10 +47,10 @@ PUSH, THRUST, DRAG = 1.0, 2.0, 3.0
 # How it is looked for; all chosen, not measured.
 SHORTEST_S = 5.0  # period: less is a sea
 LEAST_TIMES = 4  # that a recording holds the longest
-SLIP = 0.08  # of a period, over the recording, from one that is tried to the next
+SLIP = 0.2  # of a period, over the recording, from one that is tried to the next
 BINS, FINE_BINS = 24, 192  # of a period, at first and at last
 SHORTEST, LONGEST = 0.08, 0.6  # of a period, that it may last
-NEAR = 15  # periods about the best, at last
+NEAR = 25  # periods about the best, at last
 STARTS = 2  # of each kind
 WIDTH_S = 0.3
 LEAST_ROWS = 200
