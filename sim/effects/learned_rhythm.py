@@ -154,15 +154,22 @@ def _best_windows(time: Floats, product: Floats, weight: Floats) -> list[Window]
     windows = sorted((_window(time, product, weight, 1.0 / f, BINS) for f in rates), reverse=True)
     chosen: list[Window] = []
     for window in windows:
-        # a neighbour, and a period that is a multiple of one, is the same
-        ratios = (max(window.period, w.period) / min(window.period, w.period) for w in chosen)
-        if len(chosen) < STARTS and all(abs(r - round(r)) > 0.02 for r in ratios):
+        if len(chosen) < STARTS and not any(_is_like(window, w, apart) for w in chosen):
             chosen.append(window)
     near = np.linspace(-1.0, 1.0, NEAR) * apart
     return [
         max(_window(time, product, weight, 1.0 / (1.0 / w.period + df), FINE_BINS) for df in near)
         for w in chosen
     ]
+
+
+def _is_like(one: Window, other: Window, apart: float) -> bool:
+    """Whether it is a neighbour, of rates so far apart [1/s], or the period of one is some of the
+    other's.
+    """
+    ratio = max(one.period, other.period) / min(one.period, other.period)
+    near = abs(1.0 / one.period - 1.0 / other.period) < 1.5 * apart
+    return near or abs(ratio - round(ratio)) < 0.02
 
 
 def _window(time: Floats, product: Floats, weight: Floats, period: float, bins: int) -> Window:
