@@ -1,6 +1,6 @@
 """Learned rhythm: what comes again and again, and goes.
 
-    g(t) = 1 for `lasts` L in each period P, else 0, its flanks ½ (1 ± tanh(s / w))
+    g(t) = 1 for `lasts` in each period P, else 0; flanks ½ (1 ± tanh(s / w))
     P = (`until` − `since`) / `times`
     acts 1 (push)    X, Y = A F g towards θ, turned to the heading
     acts 2 (thrust)  F_i → F_i (1 + A g) of one motor

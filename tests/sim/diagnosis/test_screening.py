@@ -6,6 +6,8 @@ from typing import Any, cast
 import pytest
 
 from sim.diagnosis import screening
+from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
+from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.screening import (
     CATALOGUE,
     FIRST_IMPRESSION,
@@ -13,6 +15,11 @@ from sim.diagnosis.screening import (
     in_its_place,
 )
 from sim.diagnosis.screening_steps import Begun, Screening
+from sim.effects import learned_spot
+from sim.effects.catalogue import named
+from sim.model import Model
+from tests.sim.diagnosis.sailed import sailed
+from tests.sim.voyages import WAM_V
 
 NAMES = sorted(CATALOGUE)
 BEFORE = 1000.0
@@ -119,3 +126,19 @@ def test_what_fell_by_its_last_step_is_not_settled(
     assert begun is not None
     assert begun.is_settled == settled
     assert begun.promised == pytest.approx(promised)
+
+
+@pytest.mark.slow
+def test_a_table_that_begins_filled_is_fitted_from_there() -> None:
+    """What is known of its knots beforehand, that they are nothing, is no place to begin at."""
+    spot = named("learned_spot")
+    superset = SupersetModel.of(WAM_V, [spot])
+    base = fit_base(superset, Model.of(WAM_V), [sailed()], DiagnoseSettings())
+    look = Screening.of(superset, base, base.problem)
+    filled = {**spot.example, "acts": learned_spot.PUSH, "f0": 0.5, "f1": 0.3}  # type: ignore[dict-item]
+    start = look.at(spot, filled)
+    by_name = {u.name: (u.start, z) for u, z in zip(start.unknowns.each, start.z, strict=True)}
+    assert by_name["learned_spot.f0"] == (0.0, 0.5)
+    assert by_name["learned_spot.f1"] == (0.0, 0.3)
+    assert by_name["learned_spot.north"][1] == filled["north"]
+    assert look.own_cost == pytest.approx(look.cost_of(base))
