@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sim.effects.learned import (
+    AFT,
     AHEAD,
     ANGLE,
     EFFECT,
@@ -184,8 +185,9 @@ def test_a_share_of_the_thrust_goes_outward_on_either_side_and_nowhere_amidships
 def test_only_motors_on_both_sides_push_outward() -> None:
     extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
     port, starboard = WAMV.thrusters
-    (outward,) = (t for t in tables(WAMV, extent) if t["acts"] == OUTWARD)
-    assert (outward["by"], outward["x"]) == (MOTOR, port.position[0])
+    outward = [t for t in tables(WAMV, extent) if t["acts"] == OUTWARD]
+    assert {t["by"] for t in outward} == {MOTOR}
+    assert [t["x"] for t in outward] == [port.position[0], -AFT * WAMV.hull.length]
     one_side = replace(WAMV, thrusters=(port, replace(starboard, position=port.position)))
     assert OUTWARD not in {t["acts"] for t in tables(one_side, extent)}
 
@@ -205,7 +207,17 @@ def test_what_could_be_filled_is_every_pair_over_the_range_that_was_sailed() -> 
     hull, motions = (SURGE, SWAY, YAW), (AHEAD, SIDEWAYS, TURNING)
     expected = {(by, acts) for by in (*motions, HEADING, MOTOR) for acts in hull}
     assert set(pairs) == expected | {(by, THRUST) for by in (*motions, MOTOR)} | {(MOTOR, OUTWARD)}
-    assert len(pairs) == len(set(pairs))
+    places = [(t["by"], t["acts"], t["x"]) for t in found]
+    assert len(places) == len(set(places))
+    aft = -AFT * WAMV.hull.length
+    pushes = [t["by"] for t in found if t["acts"] == SWAY and t["x"] == aft]
+    assert pushes == [
+        AHEAD,
+        SIDEWAYS,
+        TURNING,
+        HEADING,
+        MOTOR,
+    ]  # from the origin and from the stern
     ranges = {t["by"]: (t["low"], t["high"]) for t in found}
     assert ranges == {
         AHEAD: (-0.5, 2.0), SIDEWAYS: (-0.3, 0.4), TURNING: (-0.2, 0.1),
