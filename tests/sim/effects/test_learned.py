@@ -211,21 +211,15 @@ def test_what_could_be_filled_is_every_pair_over_the_range_that_was_sailed() -> 
     assert len(places) == len(set(places))
     aft = -AFT * WAMV.hull.length
     pushes = [t["by"] for t in found if t["acts"] == SWAY and t["x"] == aft]
-    assert pushes == [
-        AHEAD,
-        SIDEWAYS,
-        TURNING,
-        HEADING,
-        MOTOR,
-    ]  # from the origin and from the stern
+    assert set(pushes) == {*motions, HEADING, MOTOR}  # from the origin and from the stern
     ranges = {t["by"]: (t["low"], t["high"]) for t in found}
     assert ranges == {
         AHEAD: (-0.5, 2.0), SIDEWAYS: (-0.3, 0.4), TURNING: (-0.2, 0.1),
         HEADING: (0.0, 2.0 * np.pi), MOTOR: (-85.0 / 90.0, 1.0),
     }  # fmt: skip
     for t in found:
-        place = WAMV.thrusters[0].position[0] if t["acts"] == OUTWARD else 0.0
-        assert (t["full"], t["x"], {t[f"f{k}"] for k in range(KNOTS)}) == (180.0, place, {0.0})
+        assert (t["full"], {t[f"f{k}"] for k in range(KNOTS)}) == (180.0, {0.0})
+        assert t["acts"] in {SWAY, OUTWARD} or t["x"] == 0.0
     drifting = list(tables(replace(WAMV, thrusters=()), extent))
     assert MOTOR not in {t["by"] for t in drifting}
     assert {t["full"] for t in drifting} == {1.0}
