@@ -178,12 +178,15 @@ def _starts_at(vessel: Any, c: Circle, place: Floats) -> list[Values]:
     per_speed = max(-own.X_u - own.X_uu, 1e-6)  # N of a flow of 1 m/s
     forces = np.clip(c.factor / full * shape, -2.0, 2.0)
     flows = np.clip(c.factor / per_speed * shape, -0.5, 0.5)
-    filled = {PUSH: ((STREAM, flows), (PUSH, forces)), EDDY: ((EDDY, flows),),
-              PULL: ((PULL, forces),)}  # fmt: skip
-    return [
-        _table(acts, c.north, c.east, max(reach, 1.0), c.direction, full, at)
-        for acts, at in filled[c.law]
-    ]
+    half = 0.5 * vessel.hull.length
+    ends = (0.0, half, -half)  # a line is made fast amidships, to the bow or to the stern
+    filled = {
+        PUSH: ((STREAM, flows, 0.0), (PUSH, forces, 0.0)),
+        EDDY: ((EDDY, flows, 0.0),),
+        PULL: tuple((PULL, forces, x) for x in ends),
+    }[c.law]
+    begin = c.north, c.east, max(reach, 1.0), c.direction, full
+    return [{**_table(acts, *begin, at), "x": x} for acts, at, x in filled]
 
 
 def over_map(p: FittedValues) -> MapField:
