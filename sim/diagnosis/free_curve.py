@@ -192,7 +192,8 @@ def _refined(
         unknowns = replace(unknowns, each=each)
         fit = fit_effects(fit.effects(), unknowns, problem, start_values(unknowns, fit))
     won = gain(row.fit.heldout_residual, fit.heldout_residual, problem.block)
-    surely = won.t >= thresholds.MIN_T_BETTER or is_worth_it(won)  # of a place that was met briefly
+    of_a_day = row.effect.scope is Scope.VOYAGE  # a place may be met in a few blocks alone
+    surely = won.t >= thresholds.MIN_T_BETTER or (of_a_day and is_worth_it(won))
     if not surely or won.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE:
         return row
     unknowns = unknowns_for(superset, fit.effects(), trials, problem.settings)

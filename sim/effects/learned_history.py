@@ -1,16 +1,16 @@
 """Learned time history: what changes as time goes by, as a table that measurements filled.
 
-    y(t), z(t) = linear between nine knots t_k = a_k T, constant beyond them
+    y(t), z(t) = linear between nine knots t_k = k T / 8, constant beyond them
     acts 1 (water)    the water flows at y to the north and z to the east
     acts 2 (push)     X, Y = F (y, z) turned to the heading, N = x_F Y
     acts 3 (thrust)   F_i → F_i (1 + y)
 
 f0 … f8 are y at the knots, g0 … g8 z: m/s, or shares of the scale F [N], `full`, or of the thrust
-F_i of each motor; a_0 = 0, a_8 = 1, and between them `at1` … `at7`, k / 8 where nothing is said;
-T [s] `until`, the length of the recording; x_F [m] the place `x` where a push acts. Valid for: that
-recording, and changes slower than T / 8. A table explains nothing: batteries that warm up, a wind
-that rises and falls, a tide look like this. Source: Ljung, System Identification, 2nd ed. 1999,
-§5.4 (basis functions with local support).
+F_i of each motor; T [s] `until`, the length of the recording; x_F [m] the place `x` where a push
+acts. Valid for: that recording, and changes slower than T / 8: knots that move to where it bends
+follow a boat from place to place. A table explains nothing: batteries that warm up, a wind that
+rises and falls, a tide look like this. Source: Ljung, System Identification, 2nd ed. 1999, §5.4
+(basis functions with local support).
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,9 +29,8 @@ from sim.effects.effect import (
     Shown,
     Values,
 )
-from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS, knots
+from sim.effects.table_parameters import ARM, FULL, knots
 from sim.effects.tables import (
-    EVENLY,
     KNOTS,
     NAMES,
     PUSH,
@@ -41,7 +40,6 @@ from sim.effects.tables import (
     bends,
     between_nine,
     flowing,
-    knot_shares,
     push_scale,
     pushing,
     vector_text,
@@ -58,7 +56,7 @@ FIRST, SECOND = ([f"{c}{k}" for k in range(KNOTS)] for c in "fg")
 def first(time: float, p: Any) -> float:
     """y(t)."""
     return between_nine(
-        along(time, 0.0, p.until), p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
+        along(time, 0.0, p.until), 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875,
         p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, p.f8,
     )  # fmt: skip
 
@@ -67,7 +65,7 @@ def first(time: float, p: Any) -> float:
 def second(time: float, p: Any) -> float:
     """z(t)."""
     return between_nine(
-        along(time, 0.0, p.until), p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
+        along(time, 0.0, p.until), 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875,
         p.g0, p.g1, p.g2, p.g3, p.g4, p.g5, p.g6, p.g7, p.g8,
     )  # fmt: skip
 
@@ -93,14 +91,14 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     acts = (WATER, PUSH, THRUST) if vessel.thrusters else (WATER, PUSH)
     return [
         {"acts": a, "until": extent["time"][1], "full": full, "x": 0.0,
-         **EVENLY, **dict.fromkeys((*FIRST, *SECOND), 0.0)}
+         **dict.fromkeys((*FIRST, *SECOND), 0.0)}
         for a in acts
     ]  # fmt: skip
 
 
 def in_words(p: FittedValues) -> str:
     """What the knots say that hold its shape."""
-    times = p["until"] * knot_shares(p)
+    times = np.linspace(0.0, p["until"], KNOTS)
     if p["acts"] == THRUST:
         what = "a share of the thrust that changes with the time"
         told = [f"{100.0 * p[key]:+.0f} %" for key in FIRST]
@@ -133,17 +131,15 @@ EFFECT = Effect(
         ),
         FULL,
         ARM,
-        *INNER_KNOTS,
         *knots((*FIRST, *SECOND)),
     ),
     looks_like="changes as time goes by, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
     evidence=EvidenceAxis(ForceAxis.SURGE, "time"),
     tables=tables,
-    knot_places=tuple(EVENLY),
     in_words=in_words,
     example={
-        "acts": 3.0, "until": 120.0, "full": 100.0, "x": 0.0, **EVENLY,
+        "acts": 3.0, "until": 120.0, "full": 100.0, "x": 0.0,
         **{key: -0.05 * (KNOTS - k) for k, key in enumerate(FIRST)},
         **dict.fromkeys(SECOND, 0.0),
     },

@@ -7,21 +7,31 @@
 
 n0 … n8 and e0 … e8 are the parts of V to the north and to the east at the knots: m/s, or shares of
 the scale F [N], `full`; a_0 = 0, a_8 = 1, and between them `at1` … `at7`, k / 8 where nothing is
-said; θ [rad] `direction`, clockwise from north, looked for near one of four; N, E [m] the position
-in the coordinates of the recording, x_F [m] the place `x` where a push acts. Valid for: what is
-alike along a line, on that day. A table explains nothing: a current that is weaker near a shore, a
-jet of water, the lee of a wall, a quay that draws a boat look like this. Source: Ljung, System
-Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
+said; θ [rad] `direction`, clockwise from north; N, E [m] the position in the coordinates of the
+recording, x_F [m] the place `x` where a push acts. Valid for: what is alike along a line, on that
+day. A table explains nothing: a current that is weaker near a shore, a jet of water, the lee of a
+wall, a quay that draws a boat look like this. Source: Ljung, System Identification, 2nd ed. 1999,
+§5.4 (basis functions with local support).
+
+It is looked for in the directions in which one takes most of the missing force along the track.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import Effect, Kind, Parameter, Scope, Shown, Values
+from sim.effects.effect import (
+    Effect,
+    Kind,
+    Parameter,
+    ResidualForce,
+    Scope,
+    Shown,
+    Values,
+)
 from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS, WATER_OR_PUSH, knots
 from sim.effects.tables import (
     EVENLY,
@@ -46,6 +56,9 @@ from sim.state import Floats, Pose, Water, Wrench
 
 TO_NORTH, TO_EAST = ([f"{c}{k}" for k in range(KNOTS)] for c in "ne")
 DIRECTIONS = {0.0: "north", 0.25: "north-east", 0.5: "east", 0.75: "south-east"}  # of half a turn
+LOOKED = 12  # directions, of half a turn, that a search looks at
+STARTS = 4  # and begins from: what drives a hull is not what is missing along its track alone
+ROWS = 1500  # of the track, for it
 
 
 @jitable
@@ -86,20 +99,50 @@ def force(flow: Flow, p: Any) -> Wrench:
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """Empty profiles of water and of a push across what was sailed, in four directions."""
-    full, out = push_scale(vessel), []
-    for part in DIRECTIONS:
-        direction = part * math.pi
-        ends = [
-            n * math.cos(direction) + e * math.sin(direction)
-            for n in extent["north"] for e in extent["east"]
-        ]  # fmt: skip
-        out += [
-            {"acts": acts, "direction": direction, "low": min(ends), "high": max(ends),
-             "full": full, "x": 0.0, **EVENLY, **dict.fromkeys((*TO_NORTH, *TO_EAST), 0.0)}
-            for acts in (WATER, PUSH)
-        ]  # fmt: skip
-    return out
+    """Empty profiles of water and of a push on the way north and on the way east."""
+    return [
+        _empty(vessel, acts, direction, *extent[name])
+        for direction, name in ((0.0, "north"), (0.5 * math.pi, "east"))
+        for acts in (WATER, PUSH)
+    ]
+
+
+def _empty(vessel: Any, acts: float, direction: float, low: float, high: float) -> Values:
+    return {
+        "acts": acts, "direction": direction, "low": low, "high": high,
+        "full": push_scale(vessel), "x": 0.0, **EVENLY,
+        **dict.fromkeys((*TO_NORTH, *TO_EAST), 0.0),
+    }  # fmt: skip
+
+
+def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Values]:
+    """Empty profiles in the directions in which one takes most of the missing force."""
+    found = residual()
+    thin = slice(None, None, max(len(found.time) // ROWS, 1))
+    place, missing = found.place[thin], found.force[thin]
+
+    def across(direction: float) -> Floats:
+        return np.asarray(place @ [math.cos(direction), math.sin(direction)])
+
+    def taken(direction: float) -> float:
+        s = across(direction)
+        at = np.interp(s, [s.min(), max(s.max(), s.min() + 1e-6)], [0.0, KNOTS - 1.0])
+        basis = np.maximum(1.0 - np.abs(at[:, None] - np.arange(KNOTS)), 0.0)
+        values = np.linalg.lstsq(basis, missing, rcond=None)[0]
+        return float(np.sum((basis @ values) ** 2))
+
+    step = math.pi / LOOKED
+    chosen: list[float] = []
+    for x in sorted((step * k for k in range(LOOKED)), key=taken, reverse=True):
+        apart = (abs(math.remainder(x - other, math.pi)) > 1.5 * step for other in chosen)
+        if len(chosen) < STARTS and all(apart):
+            chosen.append(x)
+    finer = [max((x + step * k for k in np.linspace(-0.5, 0.5, 9)), key=taken) for x in chosen]
+    return [
+        _empty(vessel, acts, float(x), float(across(x).min()), float(across(x).max()))
+        for x in finer
+        for acts in (WATER, PUSH)
+    ]
 
 
 def over_map(p: FittedValues) -> MapField:
@@ -155,9 +198,10 @@ EFFECT = Effect(
     ),
     looks_like="differs on the way across a line, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
+    search=search,
     tables=tables,
     knot_places=tuple(EVENLY),
-    turned={"direction": math.pi / 8.0},  # half of the way to the next
+    turned={"direction": math.pi / 8.0},
     over_map=over_map,
     in_words=in_words,
     example={

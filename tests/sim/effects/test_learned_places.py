@@ -30,7 +30,6 @@ MOVED = dict(zip(EVENLY, (0.1, 0.12, 0.3, 0.5, 0.52, 0.7, 0.9), strict=True))
 KNOTS = np.array([0.0, *MOVED.values(), 1.0])
 HISTORY = {
     **VALUES["learned_history"],
-    **MOVED,
     **{key: float(rng.normal()) for key in (*learned_history.FIRST, *learned_history.SECOND)},
 }
 
@@ -57,7 +56,7 @@ def test_a_map_is_bilinear_between_its_knots_and_constant_beyond_them() -> None:
 
 
 def test_a_history_is_linear_between_its_knots_and_constant_beyond_them() -> None:
-    time, knots = np.linspace(-3.0, 20.0, 200), 12.0 * KNOTS
+    time, knots = np.linspace(-3.0, 20.0, 200), np.linspace(0.0, 12.0, 9)
     now = learned_history.water(time, Pose(0.0, 0.0, 0.0), SimpleNamespace(**HISTORY))
     for keys, part in ((learned_history.FIRST, now.north), (learned_history.SECOND, now.east)):
         np.testing.assert_allclose(part, np.interp(time, knots, [HISTORY[k] for k in keys]))
@@ -159,7 +158,7 @@ def test_a_map_that_is_alike_everywhere_or_known_nowhere_says_so() -> None:
 
 def test_a_history_is_told_at_the_knots_that_hold_its_shape() -> None:
     none = dict.fromkeys((*learned_history.FIRST, *learned_history.SECOND), 0.0)
-    values = {**HISTORY, **EVENLY, **none, "until": 400.0, "f0": -0.4, "f2": -0.2, "g8": 0.3}
+    values = {**HISTORY, **none, "until": 400.0, "f0": -0.4, "f2": -0.2, "g8": 0.3}
     thrust = learned_history.in_words(FittedValues({**values, "acts": 3.0}))
     assert thrust == (
         "a share of the thrust that changes with the time: -40 % at 0 s, +0 % at 50 s, "
@@ -223,16 +222,31 @@ def test_a_place_drags_as_much_more_as_it_says_and_only_there() -> None:
     )
 
 
-def test_empty_profiles_span_what_was_sailed_in_four_directions() -> None:
+def test_empty_profiles_span_what_was_sailed() -> None:
     extent = {"north": (-4.0, 9.0), "east": (1.0, 7.0)}
     empty = learned_profile.tables(WAMV, extent)
-    assert len(empty) == 8
     across = {round(p["direction"] / np.pi, 2): (p["low"], p["high"]) for p in empty}
-    assert across[0.0] == (-4.0, 9.0)
-    assert across[0.5] == pytest.approx((1.0, 7.0))
-    corner = np.sqrt(0.5)
-    assert across[0.25] == pytest.approx((-3.0 * corner, 16.0 * corner))
-    assert across[0.75] == pytest.approx((-8.0 * corner, 11.0 * corner))
+    assert across == {0.0: (-4.0, 9.0), 0.5: (1.0, 7.0)}
+
+
+@pytest.mark.parametrize("direction", [0.0, 0.35, 1.7, 2.9])
+def test_a_profile_is_looked_for_across_the_line_along_which_a_force_is_alike(
+    direction: float,
+) -> None:
+    def jet(n: Any, e: Any) -> Any:
+        size = 30.0 * np.exp(-(((n * np.cos(direction) + e * np.sin(direction) - 4.0) / 6.0) ** 2))
+        return size * np.cos(0.7), size * np.sin(0.7)
+
+    left = around(jet)
+    first, *others = learned_profile.search(WAMV, lambda: left)
+    assert abs(np.remainder(first["direction"] - direction + 1.0, np.pi) - 1.0) < 0.12
+    across = left.place @ [np.cos(first["direction"]), np.sin(first["direction"])]
+    assert (first["low"], first["high"]) == pytest.approx((across.min(), across.max()), abs=0.5)
+    assert {start["acts"] for start in (first, *others)} == {1.0, 2.0}
+    assert all(start[key] == 0.0 for start in others for key in learned_profile.TO_EAST)
+    still = ResidualForce(np.arange(5.0), np.full((5, 2), 7.0), np.ones((5, 2)))
+    for start in learned_profile.search(WAMV, lambda: still):
+        assert np.isfinite(list(start.values())).all()
 
 
 def test_a_profile_says_where_it_is_strongest_and_where_it_differs_most() -> None:
