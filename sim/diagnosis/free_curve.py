@@ -10,7 +10,7 @@ lies near takes the form of another cause as far as its law can. At the noise fr
 such a one from its cause, but from one moment to the next the two part.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -159,7 +159,7 @@ def _fitted(
     ]  # fmt: skip
     if not rows:
         return None
-    best, *rest = _simplest_first(rows)
+    best, *rest = _simplest_first(rows, lambda one: scorer.score_fit(one).nrmse)
     step = LadderStep.of(best.fit, scorer)
     enough = thresholds.MAX_FORMULA_RATIO * step.heldout.nrmse
     as_well = tuple(r.effect for r in rest if scorer.score_fit(r.fit).nrmse <= enough)
@@ -216,23 +216,30 @@ def _room(effect: Effect, values: Values) -> dict[str, tuple[float, float]]:
     return knots | {k: (values[k] - far, values[k] + far) for k, far in effect.turned.items()}
 
 
-def _simplest_first(rows: Sequence[RankedEffect]) -> list[RankedEffect]:
-    """A simpler curve of the same kind before the best one where that is not clearly better: it
-    carries over to other voyages further, and a short law may do as well.
+def _simplest_first(
+    rows: Sequence[RankedEffect], error: Callable[[Fit], float]
+) -> list[RankedEffect]:
+    """A simpler curve before the best one where that is not clearly better: it carries over to
+    other voyages further, and a short law may do as well. Simpler is what the best one holds; and
+    of two that are of the place that of fewer numbers, if it leaves hardly more. Its `error` in
+    free runs has to be about as small.
     """
     best, *rest = rows
-    for row in (r for r in rest if _is_simpler(r.effect, best.effect)):
+    most = thresholds.MAX_FORMULA_RATIO * error(best.fit)
+    for row in rest:
         over = best.gain_over(row)
-        if over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE or not is_worth_it(over):
+        close = over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE
+        held = row.name == best.effect.contains
+        simpler = (held and (close or not is_worth_it(over))) or (close and _is_smaller(row, best))
+        if simpler and error(row.fit) <= most:
             return [row, *(r for r in rows if r is not row)]
     return list(rows)
 
 
-def _is_simpler(one: Effect, other: Effect) -> bool:
-    """Whether the other holds it, or it has fewer numbers and both are of the place."""
-    of_places = one.over_map is not None and other.over_map is not None
-    fewer = len(one.fit_parameters) < len(other.fit_parameters)
-    return one.name == other.contains or (of_places and fewer)
+def _is_smaller(one: RankedEffect, other: RankedEffect) -> bool:
+    """Whether both are of the place, and one has fewer numbers."""
+    of_places = one.effect.over_map is not None and other.effect.over_map is not None
+    return of_places and len(one.effect.fit_parameters) < len(other.effect.fit_parameters)
 
 
 def _is_better(over: Gain | None, scorer: HeldOutScorer, curve: Fit, before: float) -> bool:
