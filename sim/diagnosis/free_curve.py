@@ -221,11 +221,11 @@ def _simplest_first(
 ) -> list[RankedEffect]:
     """A simpler curve before the best one where that is not clearly better: it carries over to
     other voyages further, and a short law may do as well. Simpler is what the best one holds; and
-    of two that are of the place that of fewer numbers, if it leaves hardly more. Its `error` in
-    free runs has to be about as small.
+    of two that are of the place that of fewer numbers, if it leaves hardly more. One that errs in
+    free runs (`error`) as what was never true comes behind.
     """
     best, *rest = rows
-    most = thresholds.MAX_FORMULA_RATIO * error(best.fit)
+    most = thresholds.MAX_RIVAL_RATIO * error(best.fit)
     for row in rest:
         over = best.gain_over(row)
         close = over.log_ratio < thresholds.MIN_LOG_RATIO_IN_PLACE
