@@ -172,10 +172,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print("\n".join(f"! {says}" for says in found.unconfirmed))
     if a.leave_one_out:
         print("\neach mixed run by a fit on all others")
-        rows = []
-        for run in (r for r in runs if r.number in MIXED):
-            others = [r for r in runs if r is not run]
-            rows.append((run.number, judged(fitted(others, [run], a.effects).vessel, run)))
+        mixed = (run for run in runs if run.number in MIXED)
+        rows = [(run.number, _mean([run], runs, a.effects)) for run in mixed]
         print("\n".join(lines(rows)))
     mean = np.mean([figures[:2] for _, figures in table], axis=0)
     return int(bool(np.any(mean > BAR)))

@@ -133,7 +133,7 @@ def write_effect_copy(like: Effect, file: Path) -> None:
 
     BadInput for a table, which only a diagnosis fills.
     """
-    if like.tables is not None:
+    if like.is_curve:
         raise BadInput(
             f"{like.name}: a table that a diagnosis fills is no pattern for a law: --from "
             "diagnosis.json begins with the formula found for it, if there is one; else begin with "
@@ -147,7 +147,7 @@ def write_effect_formula(like: Effect, table: Values, formula: Formula, file: Pa
 
     BadInput where the effect holds no table, or the library no such form.
     """
-    if like.formula_source is None and like.tables is not None:
+    if like.formula_source is None and like.is_curve:
         raise BadInput(f"{like.name}: no formula stands for this table: begin with another effect")
     if like.formula_source is None:
         raise BadInput(f"{like.name}: has a law of its own: leave out --from")

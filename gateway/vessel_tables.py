@@ -15,7 +15,7 @@ from sim.vessel import CURVES, Points, curve_problem
 LARGEST = 1e9  # of any number of a vessel, in SI: the largest ships have a mass of 6e8 kg
 LONGEST_M = 500.0  # the longest ship measures 458 m
 LARGEST_PLACE_M = 1000.0  # of a thruster or sensor from the origin
-MAX_RUDDERS, MAX_EFFECTS = 16, 48  # each is compiled into the model; the catalogue has 41
+MAX_RUDDERS, MAX_EFFECTS = 16, 48  # each is compiled into the model; the catalogue fits in
 FASTEST_S = 1e-3  # a boat that damping stops sooner has a number in the wrong unit
 
 Number = Annotated[float, Ge(-LARGEST), Le(LARGEST)]

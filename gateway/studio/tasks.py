@@ -252,7 +252,7 @@ def diagnose_task(
     send("pictures")
     d, alternatives = found.diagnosis, _alternatives(found, others)
     against = [one.step.effects[-1] for one in alternatives if one.contradicted]
-    tried = [one.name for one in (*known_effects(), *effects) if one.tables is None]
+    tried = [one.name for one in (*known_effects(), *effects) if not one.is_curve]
     own = {added.effect.name for added in found.before.effects}
     return DiagnosisView(
         answer=found.to_dict(),

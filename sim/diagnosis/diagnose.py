@@ -100,7 +100,7 @@ def diagnose(
         raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {needed:.0f} s are needed")
     plain = Model.of(vessel)
     present = {added.effect.name for added in vessel.effects}
-    effects = [e for e in settings.effects if e.name not in present and e.tables is None]
+    effects = [e for e in settings.effects if e.name not in present and not e.is_curve]
     content = RecordingContent.of(plain, trials)
     refused = refusals(effects, content, vessel)
     shown = [e for e in effects if e.name not in {r.effect for r in refused}]

@@ -110,7 +110,7 @@ def neutral_values(effect: Effect) -> Mapping[str, float] | None:
     Still air resists a boat that moves, so wind cannot be switched off. Mixed-up plugs are few
     enough for a kernel of their own, and would slow all others down.
     """
-    apart = effect.tables or effect.thrust_rate or effect.angle_rate or effect.rate
+    apart = effect.is_curve or effect.thrust_rate or effect.angle_rate or effect.rate
     if apart or effect.wiring or all(p.neutral is None for p in effect.parameters):
         return None
     return {p.name: p.start if p.neutral is None else p.neutral for p in effect.parameters}

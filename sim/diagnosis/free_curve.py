@@ -1,6 +1,6 @@
 """A free curve: what no effect explains as a curve of one variable or two, a map or a history.
 
-An effect that declares `tables` has no law: each of its empty tables is a force, a share of the
+A curve is an effect without a law: each of its tables is a force, a share of the
 thrust, or water that flows, over one variable, two, the map or the time. The table that a few
 steps of the search fill best is fitted whole, with all other numbers; then the knots of one over
 one variable are moved to where it bends (a motor that skips a band of thrust has a step, which
@@ -29,7 +29,7 @@ from sim.effects.effect import Effect, Scope, Values
 from sim.state import Floats
 from sim.vessel import Vessel
 
-FREE_FORMS = tuple(effect for effect in EFFECTS if effect.tables is not None)
+FREE_FORMS = tuple(effect for effect in EFFECTS if effect.is_curve)
 
 
 @dataclass(frozen=True)

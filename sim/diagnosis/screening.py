@@ -80,9 +80,10 @@ def screen(
         fine, coarse, enough = bases[base]
         begins = [fine.at(effect, start) for start in starts[effect.name]]
         if len(begins) > thresholds.MANY_STARTS or rival is not None:
-            # from where the error is many times the rival's, slopes promise but a part of the way
-            most = thresholds.MAX_PROMISED_COST * enough
-            begins = coarse.few(begins, max(most, np.sqrt(enough * coarse.own_cost)))
+            most = promised = thresholds.MAX_PROMISED_COST * enough
+            if rival is not None:  # many times its error: slopes promise but a part of the way
+                promised = max(most, np.sqrt(enough * coarse.own_cost))
+            begins = coarse.few(begins, promised)
             if min((r.cost for r in begins), default=np.inf) >= most:
                 return None
         return fine.begun(begins)

@@ -295,8 +295,8 @@ class Effect:
                   where a first look leaves much unexplained: from where a force that goes with a
                   square was found no small step may lead to the best
     tables        (vessel, extent of u, v, r [m/s, rad/s], north, east [m] and time [s]) -> empty
-                  tables, where the effect has no law but takes
-                  any shape: no hypothesis of a search, fitted where none of them explains the data
+                  tables where a search begins, if the effect is a curve that is not looked for in
+                  the residual (`search`)
     knot_places   of such a table: in order, the parameters (`Kind.FIXED`, shares of the way) that
                   say where its inner knots are, which are moved to where it bends once it is filled
     turned        of such a table: the directions (`Kind.FIXED`) that are turned then, and how far
@@ -392,6 +392,13 @@ class Effect:
             for f in fields(self)
             if f.name in LAWS and getattr(self, f.name) is not None
         }
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether it has no law but takes any shape: no hypothesis of a search, fitted where none
+        of them explains the data.
+        """
+        return self.tables is not None or bool(self.pattern)
 
     @property
     def fit_parameters(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ the motion, as much of the hull's own drag inside a circle as fits it best, amon
 places where the boat was.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,14 +54,6 @@ def force(flow: Flow, p: Any) -> Wrench:
     damping = (flow.body.X_u + flow.body.X_uu * np.abs(flow.u)) * flow.u
     w = inside(flow.north - p.north, flow.east - p.east, p.radius, p.edge)
     return Wrench(p.more * w * damping, 0.0, 0.0)
-
-
-def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """A circle without more drag, in the middle of what was sailed."""
-    (south, north), (west, east) = extent["north"], extent["east"]
-    return [
-        _circle(0.5 * (south + north), 0.5 * (west + east), 0.25 * max(north - south, 1.0), 0.0)
-    ]
 
 
 def _circle(north: float, east: float, radius: float, more: float) -> Values:
@@ -151,7 +143,6 @@ EFFECT = Effect(
     looks_like="is slowed down in one place, whichever way it goes",
     shown_by=(Shown.CHANGE,),
     search=search,
-    tables=tables,
     over_map=over_map,
     in_words=in_words,
     example={"north": 10.0, "east": 5.0, "radius": 8.0, "edge": 2.0, "more": 1.5},

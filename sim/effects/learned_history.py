@@ -7,10 +7,12 @@
 
 f0 … f8 are y at the knots, g0 … g8 z: m/s, or shares of the scale F [N], `full`, or of the thrust
 F_i of each motor; T [s] `until`, the length of the recording; x_F [m] the place `x` where a push
-acts. Valid for: that recording, and changes slower than T / 8: knots that move to where it bends
-follow a boat from place to place. A table explains nothing: batteries that warm up, a wind that
-rises and falls, a tide look like this. Source: Ljung, System Identification, 2nd ed. 1999, §5.4
-(basis functions with local support).
+acts. Valid for: that recording, and changes slower than T / 8. A table explains nothing: batteries
+that warm up, a wind that rises and falls, a tide look like this. Source: Ljung, System
+Identification, 2nd ed. 1999, §5.4 (basis functions with local support).
+
+Its knots stay where they are: moved to where it bends they would follow a boat from one place to
+the next, and tell as time what is of the place.
 """
 
 from collections.abc import Mapping, Sequence

@@ -17,7 +17,7 @@ It is looked for in the directions in which one takes most of the missing force 
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -96,15 +96,6 @@ def force(flow: Flow, p: Any) -> Wrench:
     """Place and heading -> X, Y, N [N, N, N m]."""
     n, e = flow.north, flow.east
     return pushing(to_north(n, e, p), to_east(n, e, p), flow.yaw, p)
-
-
-def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """Empty profiles of water and of a push on the way north and on the way east."""
-    return [
-        _empty(vessel, acts, direction, *extent[name])
-        for direction, name in ((0.0, "north"), (0.5 * math.pi, "east"))
-        for acts in (WATER, PUSH)
-    ]
 
 
 def _empty(vessel: Any, acts: float, direction: float, low: float, high: float) -> Values:
@@ -199,7 +190,6 @@ EFFECT = Effect(
     looks_like="differs on the way across a line, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
     search=search,
-    tables=tables,
     knot_places=tuple(EVENLY),
     turned={"direction": math.pi / 8.0},
     over_map=over_map,

@@ -18,7 +18,7 @@ times: the window of the period that takes most of it.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,12 +81,6 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     return F * (1.0 + hit * p.size * gate(flow.time, p))
 
 
-def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """One that does nothing, four times in the recording."""
-    window = Window(0.0, 0.25 * extent["time"][1], 0.0, 0.06 * extent["time"][1], 0.0, 0.0)
-    return [_begun(vessel, PUSH, 1.0, window, extent["time"][1])]
-
-
 class Window(NamedTuple):
     """A window of a period: what it takes of the missing force, in squares; the period, its begin
     and how long it lasts [s]; the size found, and the direction [rad] of a push.
@@ -97,7 +91,7 @@ class Window(NamedTuple):
     since: float
     lasts: float
     size: float
-    towards: float
+    direction: float
 
 
 def _begun(vessel: Any, acts: float, motor: float, w: Window, length: float) -> Values:
@@ -105,7 +99,7 @@ def _begun(vessel: Any, acts: float, motor: float, w: Window, length: float) -> 
     return {
         "acts": acts, "thruster": motor, "since": w.since, "until": w.since + times * w.period,
         "times": float(times), "lasts": w.lasts, "width": WIDTH_S, "size": w.size,
-        "direction": w.towards, "full": push_scale(vessel),
+        "direction": w.direction, "full": push_scale(vessel),
     }  # fmt: skip
 
 
@@ -223,9 +217,9 @@ def in_words(p: FittedValues) -> str:
     period = (p["until"] - p["since"]) / p["times"]
     when = f"every {period:.3g} s, for {p['lasts']:.2g} s"
     if p["acts"] == PUSH:
-        push = p["full"] * abs(p["size"])
+        push = p.size("size", "N", p["full"])
         way = towards(p["direction"] + (math.pi if p["size"] < 0.0 else 0.0))
-        return f"a push over the ground that comes and goes {when}: {push:.2g} N towards {way}"
+        return f"a push over the ground that comes and goes {when}: {push} towards {way}"
     percent = f"{p.size('size', '%', 100.0)} {'less' if p['size'] < 0.0 else 'more'}"
     what = f"thrust of thruster {p['thruster']:.0f}" if p["acts"] == THRUST else "drag"
     return f"a {what} that changes and comes back {when}: {percent}"
@@ -263,7 +257,6 @@ EFFECT = Effect(
     shown_by=(Shown.CHANGE,),
     evidence=evidence_axis,
     search=search,
-    tables=tables,
     mismatch=mismatch,
     in_words=in_words,
     example={

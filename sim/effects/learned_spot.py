@@ -20,7 +20,7 @@ given width takes most of the missing force.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -104,17 +104,6 @@ def force(flow: Flow, p: Any) -> Wrench:
     return Wrench(X, Y, p.x * Y)
 
 
-def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """Empty tables about the middle of what was sailed."""
-    (south, north), (west, east) = extent["north"], extent["east"]
-    middle = 0.5 * (south + north), 0.5 * (west + east)
-    reach = 0.5 * math.hypot(north - south, east - west)
-    return [
-        _table(acts, *middle, max(reach, 1.0), 0.0, push_scale(vessel), np.zeros(KNOTS))
-        for acts in (STREAM, EDDY, PUSH, PULL)
-    ]
-
-
 def _table(
     acts: float, north: float, east: float, reach: float, angle: float, full: float, at: Floats
 ) -> Values:
@@ -193,41 +182,55 @@ def over_map(p: FittedValues) -> MapField:
     """The table around its place."""
     away = np.linspace(-p["reach"], p["reach"], FINE)
     n, e = (x.ravel() for x in np.meshgrid(away, away, indexing="ij"))
-    d = np.hypot(n, e)
-    scale, unit = _scale(p)
-    at = p["reach"] * knot_shares(p)
-    size = scale * np.interp(d, at, [p[key] for key in VALUES_AT])
-    ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in VALUES_AT])
-    half = scale * np.interp(d, at, 0.5 * (ends[:, 1] - ends[:, 0]))
+    near = np.hypot(n, e) <= p["reach"]
+    n, e = n[near], e[near]
+    at, values, interval = _at_knots(p)
+    size, half = (np.interp(np.hypot(n, e), at, of) for of in (values, interval))
     to_north, to_east = vector(n, e, p["acts"], p["direction"])
-    kept = d <= p["reach"]
-    north, east, to_north, to_east, half = (
-        x[kept] for x in (p["north"] + n, p["east"] + e, size * to_north, size * to_east, half)
-    )
-    return MapField(north, east, to_north, to_east, half, unit)
+    place = p["north"] + n, p["east"] + e
+    return MapField(*place, size * to_north, size * to_east, half, _unit(p))
 
 
-def _scale(p: FittedValues) -> tuple[float, str]:
-    """Of a value of one, with its unit."""
-    return (1.0, "m/s") if p["acts"] < PUSH else (p["full"], "N")
+def _at_knots(p: FittedValues) -> tuple[Floats, Floats, Floats]:
+    """Distances (K,) [m], values there and half of their intervals (K,) [m/s or N]."""
+    scale = 1.0 if p["acts"] < PUSH else p["full"]
+    ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in VALUES_AT])
+    values = scale * np.array([p[key] for key in VALUES_AT])
+    return p["reach"] * knot_shares(p), values, 0.5 * scale * (ends[:, 1] - ends[:, 0])
+
+
+def _unit(p: FittedValues) -> str:
+    return "m/s" if p["acts"] < PUSH else "N"
 
 
 def in_words(p: FittedValues) -> str:
-    """What, about which place, and how much at the knots that hold its shape."""
-    place = f"N {p['north']:.0f} m, E {p['east']:.0f} m"
-    what = {
-        STREAM: f"water that flows towards {towards(p['direction'])} near {place}",
-        EDDY: f"water that turns clockwise around {place}",
-        PUSH: f"a push over the ground towards {towards(p['direction'])} near {place}",
-        PULL: f"a pull towards {place}",
-    }[p["acts"]]
-    scale, unit = _scale(p)
-    at, values = p["reach"] * knot_shares(p), np.array([p[key] for key in VALUES_AT])
+    """What, about which place, and how much at the knots that hold its shape: of those that are
+    known, for where the boat hardly was a table says nothing.
+    """
+    at, values, half = _at_knots(p)
+    known = half < np.abs(values).max()
+    strongest = max(values[known], key=abs, default=0.0)
+    back = strongest < 0.0  # told the way in which it is strongest
+    what = _what(p, back)
+    if strongest == 0.0:
+        return f"{what}: nowhere surely"
+    at, values = at[known], (-values if back else values)[known]
     told = ", ".join(
-        f"{scale * values[k]:+.2g} {unit} {at[k]:.0f} m away"
-        for k in bends(at, values, KNOTS // 2 + 1)
+        f"{values[k]:+.2g} {_unit(p)} {at[k]:.0f} m away" for k in bends(at, values, KNOTS // 2 + 1)
     )
     return f"{what}: {told}"
+
+
+def _what(p: FittedValues, back: bool) -> str:
+    """What it is, and where; `back`: the other way."""
+    place = f"N {p['north']:.0f} m, E {p['east']:.0f} m"
+    way = towards(p["direction"] + (math.pi if back else 0.0))
+    return {
+        STREAM: f"water that flows towards {way} near {place}",
+        EDDY: f"water that turns {'anticlockwise' if back else 'clockwise'} around {place}",
+        PUSH: f"a push over the ground towards {way} near {place}",
+        PULL: f"a push away from {place}" if back else f"a pull towards {place}",
+    }[p["acts"]]
 
 
 EFFECT = Effect(
@@ -255,7 +258,6 @@ EFFECT = Effect(
     looks_like="differs near one place, by no law of the catalogue",
     shown_by=(Shown.CHANGE,),
     search=search,
-    tables=tables,
     knot_places=tuple(EVENLY),
     over_map=over_map,
     in_words=in_words,

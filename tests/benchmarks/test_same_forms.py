@@ -175,4 +175,4 @@ def test_a_shaft_that_lags_is_not_a_thrust_that_lags(name, same, tmp_path):
 
 def test_all_that_can_be_hidden_is_in_the_catalogue_and_compared():
     assert set(KNOWN) == {*SAME, *ALIKE, *OTHER_NAMES, *STRIPS, *IN_TIME, *SENSORS}
-    assert {e.name for e in EFFECTS if e.tables is None} == set(KNOWN)  # a table has no law
+    assert {e.name for e in EFFECTS if not e.is_curve} == set(KNOWN)  # a table has no law

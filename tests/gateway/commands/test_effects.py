@@ -61,14 +61,14 @@ def test_an_effect_draws_itself(run, tmp_path):
     refused(run("effects", "--picture", picture), "of which effect?")
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.tables], ids=lambda e: e.name)
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.is_curve], ids=lambda e: e.name)
 def test_a_table_begins_no_effect_of_your_own(effect, run, tmp_path):
     """Whatever is in it was filled by a diagnosis; a copy would never be tried."""
     refused(run("effects", effect.name, "--write", tmp_path / "own.py"), "--from diagnosis.json")
     assert not (tmp_path / "own.py").exists()
 
 
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if not e.tables], ids=lambda e: e.name)
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if not e.is_curve], ids=lambda e: e.name)
 def test_any_effect_begins_one_of_your_own(effect, run, tmp_path):
     file = tmp_path / "own.py"
     status, out, _ = run("effects", effect.name, "--write", file)

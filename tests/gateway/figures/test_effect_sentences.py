@@ -11,7 +11,7 @@ from sim.effects.words import FittedValues
 from tests.sim.vessels import added
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
-TABLES = {effect.name for effect in EFFECTS if effect.tables is not None}  # they list numbers
+TABLES = {effect.name for effect in EFFECTS if effect.is_curve}  # they list numbers
 
 
 def said(name: str, ci95=None, **values: float) -> str:

@@ -314,5 +314,5 @@ def test_water_at_rest_changes_nothing():
 
 def test_a_curve_names_an_effect_with_a_law_as_the_pattern_for_its_place():
     """Where no short formula stands for a curve, one's own effect begins with that file."""
-    laws = {e.name for e in EFFECTS if e.tables is None}
-    assert all((e.pattern in laws) == (e.tables is not None) for e in EFFECTS)
+    laws = {e.name for e in EFFECTS if not e.is_curve}
+    assert all((e.pattern in laws) == e.is_curve for e in EFFECTS)

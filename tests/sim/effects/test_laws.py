@@ -186,7 +186,7 @@ def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
 
 
 @pytest.mark.parametrize(
-    "effect", [e for e in EFFECTS if e.water and not e.tables], ids=lambda e: e.name
+    "effect", [e for e in EFFECTS if e.water and not e.is_curve], ids=lambda e: e.name
 )
 def test_the_waters_acceleration_is_that_of_its_velocity(effect):
     p, h = parameters_of(added(effect)), 1e-3

@@ -222,13 +222,6 @@ def test_a_place_drags_as_much_more_as_it_says_and_only_there() -> None:
     )
 
 
-def test_empty_profiles_span_what_was_sailed() -> None:
-    extent = {"north": (-4.0, 9.0), "east": (1.0, 7.0)}
-    empty = learned_profile.tables(WAMV, extent)
-    across = {round(p["direction"] / np.pi, 2): (p["low"], p["high"]) for p in empty}
-    assert across == {0.0: (-4.0, 9.0), 0.5: (1.0, 7.0)}
-
-
 @pytest.mark.parametrize("direction", [0.0, 0.35, 1.7, 2.9])
 def test_a_profile_is_looked_for_across_the_line_along_which_a_force_is_alike(
     direction: float,
@@ -382,3 +375,30 @@ def test_a_spot_says_what_it_is_and_how_far_it_reaches() -> None:
     inwards = field.to_north * (4.2 - field.north) + field.to_east * (-7.0 - field.east)
     assert (inwards >= 0.0).all()
     assert field.half.max() == 0.0
+
+
+def test_a_spot_is_told_the_way_in_which_it_is_strongest() -> None:
+    none = dict.fromkeys(learned_spot.VALUES_AT, 0.0)
+    values = {**SPOT, **EVENLY, **none, "north": 4.2, "east": -7.0, "reach": 40.0}
+    values |= {"f1": 0.1, "f2": -0.42}
+    eddy = learned_spot.in_words(FittedValues({**values, "acts": 2.0}))
+    assert eddy.startswith("water that turns anticlockwise around N 4 m, E -7 m: ")
+    assert "-0.1 m/s 5 m away, +0.42 m/s 10 m away" in eddy
+    stream = learned_spot.in_words(FittedValues(values))
+    assert stream.startswith("water that flows towards 243° (south-west) near ")
+    pushed = learned_spot.in_words(FittedValues({**values, "acts": 4.0}))
+    assert pushed.startswith("a push away from N 4 m, E -7 m: ")
+
+
+def test_of_a_spot_only_what_is_known_is_told() -> None:
+    """Nobody was within 10 m of the place, nor further off than 35 m."""
+    none = dict.fromkeys(learned_spot.VALUES_AT, 0.0)
+    values = {**SPOT, **EVENLY, **none, "acts": 4.0, "reach": 40.0, "f4": 0.2, "f6": 0.4, "f7": 0.5}
+    ci95 = {key: (values[key] - 0.05, values[key] + 0.05) for key in none}
+    ci95 |= dict.fromkeys(("f0", "f1", "f8"), (-0.9, 0.9))
+    said = learned_spot.in_words(FittedValues(values, ci95))
+    assert said.startswith("a pull towards N 2 m, E -1 m: +0 N 10 m away, ")
+    assert said.endswith("+50 N 35 m away")
+    wide = dict.fromkeys(none, (-5.0, 5.0))
+    assert learned_spot.in_words(FittedValues(values, wide)).endswith(": nowhere surely")
+    assert learned_spot.in_words(FittedValues({**values, **none})).endswith(": nowhere surely")

@@ -118,6 +118,8 @@ def test_it_says_how_often_for_how_long_and_how_much() -> None:
     )
     back = rhythm.in_words(FittedValues({**RHYTHM, "size": -0.3}))
     assert back.endswith("30 N towards 243° (south-west)")
+    sure_push = rhythm.in_words(FittedValues(RHYTHM, {"size": (0.25, 0.35)}))
+    assert sure_push.endswith("for 2.1 s: 30 N (25–35 N) towards 63° (north-east)")
     sure = {"size": (-1.1, -0.9)}
     stops = rhythm.in_words(FittedValues({**RHYTHM, "acts": 2.0, "size": -1.0}, sure))
     assert stops == (
