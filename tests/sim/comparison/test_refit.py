@@ -9,6 +9,7 @@ from sim.comparison.refit import TooShortError, TwoFolds, compare_refitted, cros
 from sim.effects.catalogue import named
 from sim.model import Model
 from sim.vessel import AddedEffect
+from tests.sim.diagnosis.sailed import sailed_with
 from tests.sim.voyages import WAM_V, trial_of, voyage
 
 NOISE = np.array([0.02, 0.02, 0.003, 0.01, 0.01, 0.003, 0.03, 0.03, 0.01])
@@ -88,3 +89,27 @@ def test_a_moment_is_found_though_nothing_leads_to_it(trial):
         assert values["thruster_fault.gain"] == pytest.approx(0.4, abs=0.05)
     assert saw["thruster_fault.time"] == pytest.approx(80.0, abs=2.0)
     assert 61.0 <= blind["thruster_fault.time"] <= 99.0
+
+
+@pytest.mark.slow
+def test_a_rhythm_of_another_day_is_found_anew():
+    """A motor stops for 2.5 s in each 9.1, four seconds out of step with the vessel's rhythm."""
+
+    def thrust(F, drive, flow, p):
+        return F * (1.0 - p.per_mps * (drive.number == 1.0) * ((flow.time + 4.0) % 9.1 < 2.5))
+
+    stutter = replace(named("advance_loss"), name="stutter", thrust=thrust)
+    today = sailed_with(WAM_V.with_effects(AddedEffect(stutter, {"per_mps": 1.0})), 300.0, seed=5)
+    then = {
+        "acts": 2.0, "thruster": 2.0, "since": 0.0, "until": 291.2, "times": 32.0, "lasts": 2.5,
+        "width": 0.3, "size": -1.0, "direction": 0.0, "full": 72.0,
+    }  # fmt: skip
+    rhythm = AddedEffect(named("learned_rhythm"), then)
+    plain, found = compare_refitted(
+        today, [Model.of(WAM_V), Model.of(WAM_V.with_effects(rhythm))]
+    )  # fmt: skip
+    assert found.nrmse < 0.2 * plain.nrmse
+    for half in found.refit:
+        since, until, times = (half[f"learned_rhythm.{k}"] for k in ("since", "until", "times"))
+        assert (until - since) / times == pytest.approx(9.1, rel=1e-3)
+        assert (since + 4.0 + 0.5) % 9.1 == pytest.approx(0.5, abs=0.4)

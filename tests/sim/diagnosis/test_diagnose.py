@@ -339,7 +339,7 @@ def test_an_eddy_is_told_as_water_that_turns_around_a_place() -> None:
     true = water(0.0, pose, SimpleNamespace(speed=-0.5))
     assert np.abs(now.north - true.north).mean() < 0.05
     assert np.abs(now.east - true.east).mean() < 0.05
-    assert "water that turns clockwise around N 1" in found.summary
+    assert "water that turns anticlockwise around N 1" in found.summary
 
 
 @pytest.mark.slow
