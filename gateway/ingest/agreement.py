@@ -13,10 +13,14 @@ else be looked for in the boat. Stretches that are off by several times the usua
 autopilot sets its heading anew); standard deviations are those of the sums over blocks of time
 (White, Econometrica 48, 1980, by clusters).
 
+Where it is plain which of two is wrong it is set right: a full turn is one, and a place is one, so
+that a scale is the rate's; and of a heading and its rate the later one is late.
+
 What shows without all that is told by `gateway.ingest.plain_mistakes`.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -211,20 +215,31 @@ def _of_an_arm(turns: Turns, begin: Floats, end: Floats) -> Floats:
     return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1).reshape(-1, 2)
 
 
-def contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
-    """A sentence for each pair of sensors of one boat that do not tell of one motion."""
-    told, plain = _contradictions(choices), plain_mistakes(choices)
-    return (*told, *(text for name, text in plain.items() if not any(name in t for t in told)))
+class Reconciled(NamedTuple):
+    """The sources of a boat, set right where it is plain which of two is wrong, and a sentence for
+    each pair of sensors that do not tell of one motion.
+    """
+
+    choices: Mapping[str, Choice]
+    contradictions: tuple[str, ...]
 
 
-def _contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
-    out = []
+def reconciled(choices: Mapping[str, Choice]) -> Reconciled:
+    """What contradicts, and the sources without what is surely wrong of it."""
+    out, told = _reconciled(choices)
+    plain = plain_mistakes(choices)
+    more = (text for name, text in plain.items() if not any(name in t for t in told))
+    return Reconciled(out, (*told, *more))
+
+
+def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
+    right, out = dict(choices), list[str]()
     if "yaw" not in choices:
-        return ()
+        return Reconciled(right, ())
     start = int(choices["yaw"].samples.vehicle_time_ns[0])
     at, heading = ascending(choices["yaw"].samples, start)
     if len(at) < 2:
-        return ()
+        return Reconciled(right, ())
     turned = np.unwrap(heading[:, :1], axis=0)
     if "yaw rate" in choices:
         when, rate = ascending(choices["yaw rate"].samples, start)
@@ -234,6 +249,7 @@ def _contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
                 out += _other_unit(at, heading[:, 0], when, rate[:, :1], choices)
                 found = None if out else found
             out += _told(found, choices["yaw rate"], choices["yaw"], "the turn of the heading")
+            right |= _set_right(found, choices["yaw rate"], choices["yaw"])
     if "velocity" in choices and "position" in choices:
         when, velocity = ascending(choices["velocity"].samples, start)
         then, place = ascending(choices["position"].samples, start)
@@ -255,7 +271,25 @@ def _contradictions(choices: Mapping[str, Choice]) -> tuple[str, ...]:
                 )
                 found = None
             out += _told(found, choices["velocity"], choices["position"], "the change of position")
-    return tuple(out)
+            right |= _set_right(found, choices["velocity"], choices["position"])
+    return Reconciled(right, tuple(out))
+
+
+def _set_right(found: RateAgreement | None, rate: Choice, values: Choice) -> dict[str, Choice]:
+    """By name, what is set right: a rate of a wrong scale, and the later of a heading and its rate.
+
+    Positions may be late or velocities early, and no fit needs the places: these stay.
+    """
+    if found is None or not found.is_near:
+        return {}
+    if found.contradicts:
+        samples = replace(rate.samples, values=rate.samples.values / found.scale)
+        return {rate.name: replace(rate, samples=samples)}
+    if not found.is_late or values.name != "yaw":
+        return {}
+    late = values if found.late_s > 0.0 else rate
+    time = late.samples.vehicle_time_ns - round(abs(found.late_s) * 1e9)
+    return {late.name: replace(late, samples=replace(late.samples, vehicle_time_ns=time))}
 
 
 def _turns_agree(at: Floats, yaw: Floats, when: Floats, rate: Floats) -> RateAgreement | None:
@@ -293,7 +327,7 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
     """What contradicts, in words; nothing where nothing does."""
     if found is None:
         return []
-    out = []
+    out, mended = list[str](), _set_right(found, rate, values)
     if found.contradicts:
         size = abs(found.scale)
         mistakes = [f"{m}?" for factor, m in UNITS.items() if abs(size / factor - 1.0) < NEAR_UNIT]
@@ -303,14 +337,16 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
             over = np.degrees(np.arccos(size))
             mistakes = [f"a wrong scale, or a gyro that lies over by {over:.0f}°"]
         wrong = ", ".join(mistakes) or "one of the two has a wrong scale"
+        right = f"; it is taken {1.0 / found.scale:.3g} times" if rate.name in mended else ""
         out.append(
             f"{rate.name} ({rate.source}) is {found.scale:.3g} ± {2.0 * found.scale_std:.1g} times "
-            f"{change} ({values.source}): {wrong}"
+            f"{change} ({values.source}): {wrong}{right}"
         )
     elif found.is_late:
         order = "after" if found.late_s > 0.0 else "before"
+        right = f": {late} is taken that much earlier" if (late := "".join(mended)) else ""
         out.append(
             f"{values.name} ({values.source}) comes {abs(found.late_s):.2f} ± "
-            f"{2.0 * found.late_std:.1g} s {order} {rate.name} ({rate.source})"
+            f"{2.0 * found.late_std:.1g} s {order} {rate.name} ({rate.source}){right}"
         )
     return out

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gateway.ingest.agreement import contradictions
+from gateway.ingest.agreement import reconciled
 from gateway.ingest.clock import ClockReport
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, boats_of, choose_boat, not_a_boat
 from gateway.ingest.mapping import Actuator, OutputFunction, actuators
@@ -289,7 +289,7 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
         _limits(boat, choices, _ever_armed(choices)),
         (
             *swap_notices(log, choices, outputs),
-            *contradictions(repaired.choices),
+            *reconciled(repaired.choices).contradictions,
             *repaired.notices,
         ),
     )

@@ -16,7 +16,7 @@ from gateway.errors import BadInput, numerical_errors, printable, shell_path
 from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
-from gateway.ingest.agreement import contradictions
+from gateway.ingest.agreement import reconciled
 from gateway.ingest.log import Log, choose_floating
 from gateway.ingest.mapping import Origin
 from gateway.ingest.open import check_each_once, open_log
@@ -163,7 +163,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     boat = choose_floating(log, options.system, options.anyway)
     decoded = log.decode(boat)
     table = repair_table(decoded, choose(decoded.samples))
-    choices = table.choices
+    choices, contradictions = reconciled(table.choices)
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
@@ -179,7 +179,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         parameters,
         settings,
         table.notices,
-        contradictions(table.choices),
+        contradictions,
     )
 
 

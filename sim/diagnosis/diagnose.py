@@ -155,15 +155,15 @@ def diagnose(
     led = bool(selection.steps) and selection.steps[0].best is selection.first.best
     of_first = rivals[0] if led else rivals_of(selection.first, last.effects)
     names = [row.name for row in of_first]
-    curve = None
-    if not contradictions:  # else a curve would be one of the sensors' errors
-        short_of = {r.effect for r in refusals(FREE_FORMS, content, vessel)}
-        of_a_day = len(trials) <= thresholds.MAX_RECORDINGS_OF_TABLES
-        forms = [
-            form for form in FREE_FORMS
-            if form.name not in short_of and (of_a_day or form.scope is Scope.BOAT)
-        ]  # fmt: skip
-        verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder, forms)
+    short_of = {r.effect for r in refusals(FREE_FORMS, content, vessel)}
+    of_a_day = len(trials) <= thresholds.MAX_RECORDINGS_OF_TABLES
+    forms = [
+        form for form in FREE_FORMS
+        if form.name not in short_of and (of_a_day or form.scope is Scope.BOAT)
+        # where sensors contradict one another a curve of the boat would be one of their errors
+        and (form.observe is not None or not contradictions)
+    ]  # fmt: skip
+    verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder, forms)
     told = left or contradictions or beyond_belief
     nameless = verdict is Verdict.UNKNOWN and not told and curve is None
     period = swing_period(selection.fit) if nameless else None

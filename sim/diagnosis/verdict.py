@@ -203,6 +203,10 @@ def summary_of(
         return f"{names}: {fell}; these data cannot tell it from {' or '.join(others)}"
     one = "s" if len(ladder[-1].effects) == 1 else ""
     known = f"{names} help{one}, {fell}, but " if names else ""
+    contradict = ""
+    if contradictions:
+        contradict = (f"the sensors contradict one another ({'; '.join(contradictions)}): that "
+                      "comes before any effect")  # fmt: skip
     if curve is not None:
         below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
@@ -214,14 +218,14 @@ def summary_of(
             below += f"; as well does a curve that {kinds}"
         if curve.formula is not None:
             below += f"; as well does {curve.formula.formula.text} ({curve.formula.nrmse:.3f})"
+        told = "; ".join(filter(None, (contradict, curve.description)))
         return (
             f"{'' if nearest else known}something is missing that the catalogue does not hold: "
-            f"{curve.description}; with that curve {below}{nearest}"
+            f"{told}; with that curve {below}{nearest}"
         )
     rest = "what is left is no noise, and follows nothing that was looked for"
-    if contradictions:
-        rest = (f"the sensors contradict one another ({'; '.join(contradictions)}): that comes "
-                "before any effect")  # fmt: skip
+    if contradict:
+        rest = contradict
     elif strained:
         rest = f"{' and '.join(strained)}, so {names} must stand for something else"
     elif left:

@@ -141,6 +141,13 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "x": 0.0,
         **{f"{c}{k}": 0.05 * k - 0.2 * (c == "e") for c in "ne" for k in range(9)},
     },
+    "learned_reading": {
+        "by": 2.0,
+        "acts": 1.0,
+        "low": -0.6,
+        "high": 0.6,
+        **{f"f{k}": 0.02 * k - 0.07 for k in range(9)},
+    },
     "learned_rhythm": {
         "acts": 1.0,
         "thruster": 1.0,

@@ -1,6 +1,7 @@
 """Sensors that contradict one another are told with size and sign; those that agree are not."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,8 +9,8 @@ import pytest
 from gateway.ingest.agreement import (
     RateAgreement,
     Turns,
-    contradictions,
     rate_agreement,
+    reconciled,
 )
 from gateway.ingest.sources import Choice
 from gateway.ingest.stretches import metres, over_ground
@@ -36,24 +37,30 @@ def choice(name: str, values: Floats, quantity: Quantity, time: Floats = T) -> C
     return Choice(name, samples, RATE_HZ, 0.1, "preferred")
 
 
-def said(
+def of_a_boat(
     yaw: Floats = YAW, yaw_rate: Floats = YAW_RATE, velocity: Floats = VELOCITY,
     place: Floats = PLACE, body: bool = False,
-) -> tuple[str, ...]:  # fmt: skip
-    """What is told of these sensors, each with a little noise."""
+) -> dict[str, Choice]:  # fmt: skip
+    """These sensors, each with a little noise."""
     wrapped = np.angle(np.exp(1j * (yaw + rng.normal(0.0, 0.01, len(T)))))
     kind = Quantity.BODY_VELOCITY if body else Quantity.VELOCITY
-    return contradictions({
+    return {
         "yaw": choice("yaw", wrapped, Quantity.YAW),
         "yaw rate": choice("yaw rate", yaw_rate + rng.normal(0.0, 0.01, len(T)), Quantity.YAW_RATE),
         "velocity": choice("velocity", velocity + rng.normal(0.0, 0.03, (len(T), 2)), kind),
         "position": choice("position", place + rng.normal(0.0, 0.3, (len(T), 2)),
                            Quantity.POSITION),
-    })  # fmt: skip
+    }  # fmt: skip
+
+
+def said(**change: Any) -> tuple[str, ...]:
+    """What is told of these sensors."""
+    return reconciled(of_a_boat(**change)).contradictions
 
 
 def test_sensors_that_agree_contradict_nothing() -> None:
-    assert said() == ()
+    given = of_a_boat()
+    assert reconciled(given) == (given, ())
     ahead = np.stack([SPEED, np.zeros_like(SPEED)], axis=1)
     np.testing.assert_allclose(over_ground(ahead, YAW), VELOCITY)
     assert said(velocity=ahead, body=True) == ()
@@ -98,10 +105,51 @@ def test_a_compass_that_lags_is_told_with_its_time() -> None:
     (text,) = said(yaw=late)
     late_s = float(text.removeprefix("yaw (YAW) comes ").split()[0])
     assert late_s == pytest.approx(0.4, abs=0.02)
-    assert text.endswith("s after yaw rate (YAW RATE)")
+    assert text.endswith("s after yaw rate (YAW RATE): yaw is taken that much earlier")
     assert said(yaw=np.interp(T - 0.1, T, YAW)) == ()  # a gyro's filter does that
     (early,) = said(yaw_rate=np.interp(T - 0.4, T, YAW_RATE))
-    assert "s before yaw rate" in early
+    assert "s before yaw rate (YAW RATE): yaw rate is taken that much earlier" in early
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"yaw_rate": 0.88 * YAW_RATE}, "yaw rate"),
+        ({"velocity": 1.15 * VELOCITY}, "velocity"),
+        ({"yaw": np.interp(T - 0.4, T, YAW)}, "yaw"),
+        ({"yaw_rate": np.interp(T - 0.4, T, YAW_RATE)}, "yaw rate"),
+    ],
+)
+def test_which_is_plainly_wrong_is_set_right_and_nothing_else(
+    change: dict[str, Floats], name: str
+) -> None:
+    given = of_a_boat(**change)
+    right, (text,) = reconciled(given)
+    assert "taken" in text
+    assert [n for n, choice in right.items() if choice is not given[n]] == [name]
+    assert reconciled(right).contradictions == ()
+    true = of_a_boat()[name].samples
+    at = right[name].samples.seconds()
+    own = [np.interp(at, true.seconds(), column) for column in np.unwrap(true.values, axis=0).T]
+    off = np.unwrap(right[name].samples.values, axis=0) - np.stack(own, axis=1)
+    assert np.sqrt(np.mean(off[20:-20] ** 2)) < 0.05  # as their noise
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"velocity": 1.9438 * VELOCITY},  # a unit is for its owner to set right
+        {"yaw_rate": -YAW_RATE},
+        {"velocity": VELOCITY[:, ::-1]},
+        {"place": np.stack([np.interp(T - 0.6, T, x) for x in PLACE.T], axis=1)},  # which is late?
+    ],
+)
+def test_where_it_is_not_plain_which_is_wrong_all_stay(change: dict[str, Floats]) -> None:
+    given = of_a_boat(**change)
+    right, told = reconciled(given)
+    assert told
+    assert not any("taken that" in text or "it is taken" in text for text in told)
+    assert all(choice is given[name] for name, choice in right.items())
 
 
 def test_a_heading_that_is_set_anew_now_and_then_is_no_scale() -> None:
@@ -114,7 +162,7 @@ def test_where_little_moves_nothing_is_told() -> None:
     of_still = Turns(T, still, True)
     assert rate_agreement(T, still[:, None], T, still[:, None], 2.0, 0.1, of_still) is None
     moored = rng.normal(0.0, 0.3, (len(T), 2))
-    assert said(still, still, 0.0 * VELOCITY, moored) == ()
+    assert said(yaw=still, yaw_rate=still, velocity=0.0 * VELOCITY, place=moored) == ()
     once = np.where((T > 50.0) & (T < 60.0), 0.3, 0.0)  # one turn tells too little
     turned = np.cumsum(once) / RATE_HZ
     of_once = Turns(T, turned, True)
@@ -150,9 +198,9 @@ def test_iron_on_board_is_no_scale_where_the_same_half_circle_is_turned_again(so
         "yaw": choice("yaw", np.angle(np.exp(1j * off)), Quantity.YAW, time),
         "yaw rate": choice("yaw rate", rate, Quantity.YAW_RATE, time),
     }
-    assert contradictions(sensors) == ()
+    assert reconciled(sensors).contradictions == ()
     sensors["yaw rate"] = choice("yaw rate", np.degrees(rate), Quantity.YAW_RATE, time)
-    assert contradictions(sensors)[0].endswith("degrees taken for radians?")
+    assert reconciled(sensors).contradictions[0].endswith("degrees taken for radians?")
 
 
 def test_an_antenna_elsewhere_is_no_lateness_and_no_scale() -> None:
@@ -192,7 +240,7 @@ def test_the_first_fix_of_a_log_may_be_anywhere() -> None:
         "velocity": choice("velocity", VELOCITY, Quantity.VELOCITY),
         "position": choice("position", degrees, Quantity.GLOBAL_POSITION),
     }
-    assert contradictions(sensors) == ()
+    assert reconciled(sensors).contradictions == ()
 
 
 def test_a_silence_of_one_sensor_is_no_contradiction() -> None:
@@ -219,8 +267,8 @@ def test_damaged_values_and_times_are_no_contradiction() -> None:
     lost[300] = np.nan
     assert said(place=lost, velocity=np.where(T[:, None] == 7.0, np.inf, VELOCITY)) == ()
     once = {"yaw": choice("yaw", YAW[:1], Quantity.YAW, T[:1])}
-    assert contradictions(once) == ()
-    assert contradictions({}) == ()
+    assert reconciled(once) == (once, ())
+    assert reconciled({}) == ({}, ())
 
 
 def test_what_is_not_sure_is_not_told() -> None:
@@ -258,10 +306,10 @@ def test_headings_in_the_other_unit_are_told(factor: float, mistake: str) -> Non
         "yaw": choice("yaw", wrapped, Quantity.YAW),
         "yaw rate": choice("yaw rate", YAW_RATE + rng.normal(0.0, 0.01, len(T)), Quantity.YAW_RATE),
     }
-    (text,) = contradictions(sensors)
+    (text,) = reconciled(sensors).contradictions
     assert text.endswith(mistake)
     sensors["yaw"] = choice("yaw", 0.02 * np.sin(YAW), Quantity.YAW)  # another heading at all
-    assert contradictions(sensors) == ()
+    assert reconciled(sensors).contradictions == ()
 
 
 def test_positions_are_metres_about_where_most_of_them_lie() -> None:
