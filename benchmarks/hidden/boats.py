@@ -213,5 +213,5 @@ def light_hull(number: int) -> Boat:
     )  # fmt: skip
 
 
-LIGHT: Mapping[str, Boat] = {f"light-{number}": light_hull(number) for number in range(44)}
+LIGHT: Mapping[str, Boat] = {f"light-{number}": light_hull(number) for number in range(54)}
 EVERY: Mapping[str, Boat] = {**FLEET, **LIGHT}

@@ -14,6 +14,7 @@ from benchmarks.hidden.boats import BOATS, FLEET, STEERED, Boat
 from benchmarks.hidden.dice import Recipe, Values, bearing, of, side
 from benchmarks.hidden.unheard import UNHEARD
 from benchmarks.hidden.unnamed import UNNAMED
+from benchmarks.hidden.untold import UNTOLD
 
 
 def _middle(dice: Dice, seconds: float) -> float:
@@ -366,5 +367,8 @@ UNLISTED: Mapping[str, Recipe] = {
 
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
-    known = {**RECIPES, **CHANGES, **LATER, **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **SEAS}
+    known = {
+        **RECIPES, **CHANGES, **LATER, **SEAS,
+        **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD,
+    }  # fmt: skip
     return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

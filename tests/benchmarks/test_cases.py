@@ -31,6 +31,7 @@ from benchmarks.hidden.strengths import (
 )
 from benchmarks.hidden.unheard import UNHEARD
 from benchmarks.hidden.unnamed import UNNAMED
+from benchmarks.hidden.untold import UNTOLD
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Scope
 from sim.vessel import AddedEffect
@@ -44,7 +45,7 @@ def reporting():
 def test_there_are_recipes_for_all_that_can_be_hidden():
     assert set(RECIPES) | set(CHANGES) | set(LATER) == set(KNOWN)
     assert set(STRANGE) == set(UNKNOWN)
-    assert set(strengths.UNLISTED) | set(UNHEARD) | set(UNNAMED) == set(UNLISTED)
+    assert set(strengths.UNLISTED) | set(UNHEARD) | set(UNNAMED) | set(UNTOLD) == set(UNLISTED)
     assert set(strengths.SEAS) == set(SEAS)
 
 
@@ -74,7 +75,8 @@ def test_the_reporting_set_holds_what_was_asked_for(reporting):
     assert not any(c.voyage.hidden for c in complete)
     assert 2 * sum(c.voyage.pilot in MISSIONS for c in complete) == len(complete)
     assert {h.name for c in by_family["unknown"] for h in c.voyage.hidden} == set(UNKNOWN)
-    strangers = [c for f in ("unlisted", "unheard", "unnamed") for c in by_family[f]]
+    families = ("unlisted", "unheard", "unnamed", "untold")
+    strangers = [c for f in families for c in by_family[f]]
     assert {h.name for c in strangers for h in c.voyage.hidden} == set(UNLISTED)
     assert all(len(c.voyage.hidden) == 2 for c in by_family["pair"])
     assert all(c.misjudged for c in by_family["base_off"])

@@ -114,6 +114,24 @@ EXAMPLES = {
     "slip_loss": {"share": 0.6, "speed": 0.1},
     "bow_rise": {"gain": 1.5, "speed": 0.5},
     "head_sea": {"gain": 1.5, "towards": 1.0},
+    "leaking": {"more": 0.7, "seconds": 8.0},
+    "listing": {"y": 0.1},
+    "winch_cast": {"drag": 12.0, "x": -0.6, "period": 9.0, "lasts": 5.0},
+    "undervoltage": {"share": 0.5, "volts": 16.5},
+    "air_at_rest": {"share": 0.6, "speed": 0.7},
+    "winding_weed": {"channel": 1.0, "share": 0.7, "period": 9.0},
+    "ferry_wake": {
+        "force": 20.0,
+        "towards": 1.0,
+        "speed": 4.0,
+        "omega": 1.1,
+        "rises": 1.1,
+        "period": 15.0,
+        "lasts": 8.0,
+    },
+    "loose_tarp": {"force": 10.0, "towards": 2.0, "x": 0.3},
+    "steel_pier": {"angle": 0.3, "north": 4.0, "east": 2.0, "radius": 8.0},
+    "aerator": {"north": 4.0, "east": 2.0, "radius": 8.0, "speed": 0.4},
 }
 
 

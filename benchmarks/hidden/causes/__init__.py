@@ -15,6 +15,7 @@ from benchmarks.hidden.causes import (
     unknown,
     unlisted,
     unnamed,
+    untold,
     water,
 )
 from benchmarks.hidden.nature import Cause
@@ -24,7 +25,7 @@ KNOWN: Mapping[str, Callable[..., Cause]] = {
 }  # fmt: skip
 UNKNOWN: Mapping[str, Callable[..., Cause]] = unknown.CAUSES
 UNLISTED: Mapping[str, Callable[..., Cause]] = {
-    **unlisted.CAUSES, **unheard.CAUSES, **unnamed.CAUSES,
+    **unlisted.CAUSES, **unheard.CAUSES, **unnamed.CAUSES, **untold.CAUSES,
 }  # fmt: skip
 SEAS: Mapping[str, Callable[..., Cause]] = water.SEAS
 
