@@ -15,6 +15,7 @@ them, and the noise that it leaves.
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, final_fit, fit_effects, start_values, unknowns_for
@@ -78,13 +79,8 @@ class EffectSearch:
     def run(self, base: Fit) -> Selection:
         """Greedy, with swaps and exchanges, then backward."""
         first, more = self.ranked(base, [])
-        steps, fit = self._grown([], base, first if more and self.most else None)
-        for _ in range(thresholds.MAX_EXCHANGES):
-            exchanged = self._exchanged(steps, fit)
-            if exchanged is None:
-                break
-            steps, fit = exchanged
-            steps, fit = self._grown(steps, fit, self._next(steps, fit))
+        steps, fit = self._grown_and_exchanged([], base, first if more and self.most else None)
+        steps, fit = self._begun_with_weather(base, steps, fit)
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
@@ -120,6 +116,56 @@ class EffectSearch:
                 steps, fit = self._swapped(steps, fit)
             ranking = self._next(steps, fit)
         return steps, fit
+
+    def _grown_and_exchanged(
+        self, steps: list[Ranking], fit: Fit, ranking: Ranking | None
+    ) -> tuple[list[Ranking], Fit]:
+        """Grown until nothing is worth adding, nor two for one or one for two."""
+        steps, fit = self._grown(steps, fit, ranking)
+        for _ in range(thresholds.MAX_EXCHANGES):
+            exchanged = self._exchanged(steps, fit)
+            if exchanged is None:
+                break
+            steps, fit = exchanged
+            steps, fit = self._grown(steps, fit, self._next(steps, fit))
+        return steps, fit
+
+    def _begun_with_weather(
+        self, base: Fit, steps: list[Ranking], fit: Fit
+    ) -> tuple[list[Ranking], Fit]:
+        """A search that met weather and ended far above the noise, begun anew with changes of water
+        and wind at once, if that ends better: each is found where the other is left out only as far
+        as it can stand in for both, and what is chosen then takes its part of what is left.
+        """
+        changes = [e for e in self.effects if e.contains]
+        weather = {name for e in changes for name in (e.name, e.contains)}
+        met = {name for a in fit.added for name in (a.effect.name, a.effect.general_of)}
+        most = thresholds.MAX_FLOORS * self.scorer.shared_with(fit).noise_floor
+        error = self.scorer.score_fit(fit).nrmse
+        whole = met.issuperset(e.name for e in changes) or not met & weather
+        if whole or len(changes) > self.most or error <= most:
+            return steps, fit
+        begun = [self._in_order(base, order) for order in permutations(e.name for e in changes)]
+        found = [(each, each[-1].best.fit) for each in begun if each]
+        if not found:
+            return steps, fit
+        self.progress("a search that begins with the weather")
+        again, at = min(found, key=lambda each: self.scorer.score_fit(each[1]).nrmse)
+        if self.scorer.score_fit(at).nrmse > thresholds.MAX_ERROR_TO_BEGIN_WITH * error:
+            return steps, fit
+        again, at = self._grown_and_exchanged(again, at, self._next(again, at))
+        better = is_worth_it(self._gain_over(at, fit)) and self.helps(fit, at)
+        return (again, at) if better else (steps, fit)
+
+    def _in_order(self, base: Fit, names: Sequence[str]) -> list[Ranking]:
+        """These effects one beside another, how each was fitted; empty where one cannot be."""
+        steps, fit = list[Ranking](), base
+        for name in names:
+            ranking = self.rank(fit, among={name})
+            if not ranking.finalists:
+                return []
+            steps, fit = [*steps, ranking], ranking.best.fit
+        return steps
 
     def _next(self, steps: list[Ranking], fit: Fit) -> Ranking | None:
         """What should come next; None where none should, or no more may."""

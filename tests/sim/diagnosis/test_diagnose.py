@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.body import Flow, RudderParameters, ThrusterParameters
+from sim.body import Flow, Report, RudderParameters, ThrusterParameters
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
@@ -20,6 +20,7 @@ from sim.effects import (
     learned_history,
     learned_map,
     learned_profile,
+    learned_reading,
     learned_rhythm,
     learned_spot,
 )
@@ -414,7 +415,7 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     few = DiagnoseSettings(effects=(named("cubic_drag"),), most=0)
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
-    of_a_boat = ["learned", "learned_pair"]
+    of_a_boat = ["learned", "learned_pair", "learned_reading"]
     of_a_day = ["drag", "spot", "profile", "map", "history", "rhythm"]
     assert [set(forms) for forms in asked] == [
         set(of_a_boat),
@@ -423,6 +424,48 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thresholds, "MAX_RECORDINGS_OF_TABLES", 0)
     diagnose([sailed("cross_damping", 200.0, Y_r=0.0, N_v=250.0)], WAM_V, few)
     assert asked[2] == of_a_boat  # of many recordings each would have its own
+
+
+@pytest.mark.slow
+def test_soft_iron_is_told_as_an_error_of_the_heading() -> None:
+    """Twice around where the catalogue's deviation goes once around."""
+
+    def observe(report: Report, p: Any) -> Report:
+        d = p.b * np.sin(2.0 * report.yaw)
+        d_dot = 2.0 * p.b * np.cos(2.0 * report.yaw) * report.r
+        u, v = to_body(report.u, report.v, d)
+        u_dot, v_dot = to_body(report.u_dot, report.v_dot, d)
+        return report._replace(
+            yaw=report.yaw + d, u=u, v=v, u_dot=u_dot + d_dot * v, v_dot=v_dot - d_dot * u
+        )
+
+    iron = replace(named("compass_deviation"), name="soft_iron", observe=observe)
+    trial = sailed_with(WAM_V.with_effects(AddedEffect(iron, {"b": 0.2, "c": 0.0})), 300.0)
+    found = diagnose([trial], WAM_V, FEW)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.curve is not None
+    assert found.curve.effects == ("learned_reading",)
+    filled = found.curve.vessel.effects[-1].values
+    assert (filled["acts"], filled["by"]) == (learned_reading.OF_HEADING, learned_reading.HEADING)
+    places = np.linspace(0.0, 2.0 * np.pi, 60)
+    p = SimpleNamespace(**filled)
+    told = np.array([learned_reading.table(x, p) for x in places])
+    assert np.sqrt(np.mean((told - 0.2 * np.sin(2.0 * places)) ** 2)) < 0.04
+    assert "the heading that is reported is off with the heading" in found.summary
+
+
+def test_a_curve_of_the_boat_is_not_looked_for_where_sensors_contradict_one_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It would be one of their errors; but such an error may be a curve."""
+    asked: list[list[str]] = []
+    monkeypatch.setattr(
+        f"{diagnose.__module__}.find_free_curve",
+        lambda *given, **_: asked.append([form.name for form in given[5]]),
+    )
+    few = DiagnoseSettings(effects=(named("cubic_drag"),), most=0)
+    diagnose([replace(sailed(), contradictions=("a lag",))], WAM_V, few)
+    assert asked == [["learned_reading"]]
 
 
 @pytest.mark.slow

@@ -211,13 +211,16 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     ladder = [step(0.5), step(0.4), step(0.3, "hull_lift")]
 
     def said(
-        *effects: str, formula: Any = None, as_well: tuple[Effect, ...] = (), over: Any = None
-    ) -> str:
+        *effects: str, formula: Any = None, as_well: tuple[Effect, ...] = (), over: Any = None,
+        contradictions: tuple[str, ...] = (),
+    ) -> str:  # fmt: skip
         below: Any = SimpleNamespace(
             step=step(0.2, *effects), replaces=len(effects) == 1, description="a force",
             formula=formula, as_well=as_well, over=over, against=("hull_lift",),
         )  # fmt: skip
-        return summary_of(Verdict.UNKNOWN, ladder, [[]], [], 0.1, below)
+        return summary_of(
+            Verdict.UNKNOWN, ladder, [[]], [], 0.1, below, contradictions=contradictions
+        )
 
     beside, instead = said("hull_lift", "x"), said("x")
     assert beside.startswith("hull_lift helps, ")
@@ -233,6 +236,8 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     assert "(noise 0.100); from one moment to the next it leaves 17 % less of the" in closer
     assert "squared error than hull_lift" in closer
     assert "moment" not in said("x", over=gained(100.0)._replace(ratio=1.0))
+    lag = said("x", contradictions=("yaw comes late",))
+    assert "(yaw comes late): that comes before any effect; a force; with that curve" in lag
     line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
     assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
     also = said("x", as_well=(named("learned_history"), named("learned_map")))
