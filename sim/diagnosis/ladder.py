@@ -140,18 +140,19 @@ class EffectSearch:
         changes = [e for e in self.effects if e.contains]
         weather = {name for e in changes for name in (e.name, e.contains)}
         met = {name for a in fit.added for name in (a.effect.name, a.effect.general_of)}
-        most = thresholds.MAX_FLOORS * self.scorer.shared_with(fit).noise_floor
-        error = self.scorer.score_fit(fit).nrmse
+        scorer = self.scorer.shared_with(fit)
+        error = scorer.score_fit(fit).nrmse
         whole = met.issuperset(e.name for e in changes) or not met & weather
-        if whole or len(changes) > self.most or error <= most:
+        near = error <= thresholds.MAX_FLOORS * scorer.noise_floor
+        if near or whole or len(changes) > self.most:
             return steps, fit
         begun = [self._in_order(base, order) for order in permutations(e.name for e in changes)]
         found = [(each, each[-1].best.fit) for each in begun if each]
         if not found:
             return steps, fit
         self.progress("a search that begins with the weather")
-        again, at = min(found, key=lambda each: self.scorer.score_fit(each[1]).nrmse)
-        if self.scorer.score_fit(at).nrmse > thresholds.MAX_ERROR_TO_BEGIN_WITH * error:
+        again, at = min(found, key=lambda each: scorer.score_fit(each[1]).nrmse)
+        if scorer.score_fit(at).nrmse > thresholds.MAX_ERROR_TO_BEGIN_WITH * error:
             return steps, fit
         again, at = self._grown_and_exchanged(again, at, self._next(again, at))
         better = is_worth_it(self._gain_over(at, fit)) and self.helps(fit, at)
