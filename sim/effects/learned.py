@@ -11,10 +11,11 @@ x_F [m] the place `x` where a push acts; L [m] the hull's length; F_i [N] the th
 variable x is, by `by`: 1 speed ahead through the water [m/s], 2 speed sideways [m/s], 3 yaw rate
 [rad/s], 4 heading [rad] from `low` all around, 5 the thrust of a motor as a share of its full
 thrust ahead (then each motor has a force of its own), 6 the angle δ [rad] commanded of a rudder or
-steered motor. What goes outward is mirrored: + of a motor to starboard, − of one to port, 0
-amidships. Valid for: the range between `low` and `high` that was sailed; a table explains nothing,
-and holds no further than its data. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
-functions with local support); Jupp, SIAM J. Numer. Anal. 15, 1978 (knots that are free).
+steered motor, 7 the voltage of the battery [V], for thrust alone and where it was measured. What
+goes outward is mirrored: + of a motor to starboard, − of one to port, 0 amidships. Valid for: the
+range between `low` and `high` that was sailed; a table explains nothing, and holds no further than
+its data. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis functions with local
+support); Jupp, SIAM J. Numer. Anal. 15, 1978 (knots that are free).
 """
 
 import math
@@ -28,6 +29,7 @@ from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter,
 from sim.effects.learned_formula import (
     AHEAD,
     ANGLE,
+    BATTERY,
     DRAWN_AGAINST,
     HEADING,
     MOTOR,
@@ -51,6 +53,7 @@ from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
 
+LEAST_SAG = 0.05  # of the highest voltage: less tells of no battery; chosen, not measured
 AFT = 0.4  # hull lengths behind the origin, where skegs and rudders stand
 
 
@@ -70,12 +73,13 @@ def table(x: float, p: Any) -> float:
 
 @jitable
 def motion(flow: Flow, p: Any) -> float:
-    """The variable of a hull's motion that the table is over; zero where it is a motor's thrust."""
+    """The variable of hull or battery that the table is over; zero where it is a motor's thrust."""
     return (
         (p.by == AHEAD) * flow.u
         + (p.by == SIDEWAYS) * flow.v
         + (p.by == TURNING) * flow.r
         + (p.by == HEADING) * flow.yaw
+        + (p.by == BATTERY) * np.fmax(flow.voltage, 0.0)  # fmax: NaN becomes 0
     )
 
 
@@ -95,10 +99,11 @@ def force(flow: Flow, p: Any) -> Wrench:
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
-    """Thrust, motion -> thrust [N]."""
+    """Thrust, motion, voltage (NaN: not measured) -> thrust [N]."""
+    known = 1.0 * np.isfinite(flow.voltage) + 1.0 * (p.by != BATTERY) > 0.0
     share = F / np.maximum(drive.ahead, 1e-9)
     x = motion(flow, p) + (p.by == MOTOR) * share
-    return F * (1.0 + (p.acts == THRUST) * table(x, p))
+    return F * (1.0 + known * (p.acts == THRUST) * table(x, p))
 
 
 def reaction(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> Wrench:
@@ -115,7 +120,9 @@ def angle(δ: float, blade: RudderParameters, p: Any) -> float:
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r."""
+    """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r and,
+    where it was measured, of the voltage.
+    """
     full = float(sum(t.thrust[1] for t in vessel.thrusters)) or 1.0
     low = min((t.thrust[0] / t.thrust[1] for t in vessel.thrusters), default=-1.0)
     stern = min((t.position[0] for t in vessel.thrusters), default=0.0)
@@ -126,6 +133,10 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
     if vessel.thrusters:
         ranges |= {MOTOR: (low, 1.0)}
         pairs += [(MOTOR, acts) for acts in (SURGE, SWAY, YAW, THRUST)]
+        low_volts, high_volts = extent.get("voltage", (0.0, 0.0))
+        if high_volts - low_volts > LEAST_SAG * high_volts:
+            ranges |= {BATTERY: (low_volts, high_volts)}
+            pairs += [(BATTERY, THRUST)]
         if len({math.copysign(1.0, t.position[1]) for t in vessel.thrusters if t.position[1]}) > 1:
             pairs += [(MOTOR, OUTWARD)]
     if vessel.rudders:
@@ -150,6 +161,8 @@ def mismatch(vessel: Any, values: Values) -> str:
         return "at1 … at7 must rise, between 0 and 1"
     if acts == OUTWARD and by != MOTOR:
         return f"acts = {OUTWARD:g} (outward) goes with by = {MOTOR:g} (a motor's thrust) alone"
+    if by == BATTERY and acts != THRUST:
+        return f"by = {BATTERY:g} (voltage) goes with acts = {THRUST:g} (thrust) alone"
     if (acts == ANGLE) != (by == RUDDER):
         return (
             f"acts = {ANGLE:g} (angle of the steering) and by = {RUDDER:g} (angle commanded) go "
@@ -208,9 +221,9 @@ EFFECT = Effect(
     angle=angle,
     parameters=(
         Parameter(
-            "by", "1", lower=1.0, upper=6.0, start=1.0, kind=Kind.CHOICE,
+            "by", "1", lower=1.0, upper=7.0, start=1.0, kind=Kind.CHOICE,
             description="1 speed ahead, 2 sideways, 3 yaw rate, 4 heading, 5 a motor's thrust, "
-            "6 the angle commanded",
+            "6 the angle commanded, 7 the battery's voltage",
         ),
         Parameter(
             "acts", "1", lower=1.0, upper=6.0, start=1.0, kind=Kind.CHOICE,
@@ -218,12 +231,12 @@ EFFECT = Effect(
             "6 outward",
         ),
         Parameter(
-            "low", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=-1.0, kind=Kind.FIXED,
-            description="first knot",
+            "low", "m/s, rad/s, rad, 1 or V", lower=-100.0, upper=100.0, start=-1.0,
+            kind=Kind.FIXED, description="first knot",
         ),
         Parameter(
-            "high", "m/s, rad/s, rad or 1", lower=-50.0, upper=50.0, start=1.0, kind=Kind.FIXED,
-            description="last knot",
+            "high", "m/s, rad/s, rad, 1 or V", lower=-100.0, upper=100.0, start=1.0,
+            kind=Kind.FIXED, description="last knot",
         ),
         FULL,
         ARM,

@@ -23,19 +23,19 @@ from sim.state import Floats
 
 SURGE, SWAY, YAW, THRUST, ANGLE, OUTWARD = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 PUSHES = {SWAY, OUTWARD}  # at a place of their own
-AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR, RUDDER = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+AHEAD, SIDEWAYS, TURNING, HEADING, MOTOR, RUDDER, BATTERY = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0
 
 NAMES = {AHEAD: "speed ahead", SIDEWAYS: "speed sideways", TURNING: "yaw rate",
          HEADING: "heading", MOTOR: "thrust of each motor",
-         RUDDER: "angle that is commanded"}  # fmt: skip
+         RUDDER: "angle that is commanded", BATTERY: "battery's voltage"}  # fmt: skip
 # what a knot is told in: unit, and how many of it make one of the table's
 UNITS = {AHEAD: ("m/s", 1.0), SIDEWAYS: ("m/s", 1.0), TURNING: ("°/s", math.pi / 180.0),
          HEADING: ("°", math.pi / 180.0), MOTOR: ("%", 0.01),
-         RUDDER: ("°", math.pi / 180.0)}  # fmt: skip
+         RUDDER: ("°", math.pi / 180.0), BATTERY: ("V", 1.0)}  # fmt: skip
 
 
 DRAWN_AGAINST = {AHEAD: "surge", SIDEWAYS: "sway", TURNING: "turn_rate", HEADING: "heading",
-                 MOTOR: "throttle", RUDDER: "helm"}  # fmt: skip
+                 MOTOR: "throttle", RUDDER: "helm", BATTERY: "voltage"}  # fmt: skip
 
 
 GRID = 15  # places of a step or a bump over the range that was sailed
@@ -158,13 +158,15 @@ def _filled(form: Form, x: Floats, y: Floats, weight: Floats, beside: Sequence[F
 
 
 SYMBOLS = {AHEAD: "u", SIDEWAYS: "v", TURNING: "r", HEADING: "ψ", MOTOR: "s",
-           RUDDER: "δ"}  # fmt: skip
+           RUDDER: "δ", BATTERY: "V"}  # fmt: skip
 PYTHON = {AHEAD: "flow.u", SIDEWAYS: "flow.v", TURNING: "flow.r", HEADING: "flow.yaw",
-          MOTOR: "F / np.maximum(drive.ahead, 1e-9)", RUDDER: "δ"}  # fmt: skip
+          MOTOR: "F / np.maximum(drive.ahead, 1e-9)", RUDDER: "δ",
+          BATTERY: "np.fmax(flow.voltage, 0.0)"}  # fmt: skip
 MEANING = {AHEAD: "u [m/s] ahead through the water", SIDEWAYS: "v [m/s] to starboard through the "
            "water", TURNING: "r [rad/s]", HEADING: "ψ [rad] the heading",
            MOTOR: "s the thrust of a motor over its full thrust ahead",
-           RUDDER: "δ [rad] the angle of each rudder as commanded"}  # fmt: skip
+           RUDDER: "δ [rad] the angle of each rudder as commanded",
+           BATTERY: "V [V] measured"}  # fmt: skip
 AXES = {SURGE: "X", SWAY: "Y", YAW: "N", THRUST: "F_i → F_i (1 + y), y", ANGLE: "δ → δ + y, y",
         OUTWARD: "Y = ±y F_i (+ of a motor to starboard), y"}  # fmt: skip
 OWN_DRAG = {(AHEAD, SURGE), (SIDEWAYS, SWAY), (TURNING, YAW)}  # what the base's drag can take on
@@ -223,7 +225,8 @@ def formula_source(name: str, values: Values, formula: Formula) -> str:
     }
     if set(formula.numbers) != needed:
         raise KeyError(f"{formula.form} has the numbers {', '.join(sorted(needed))}")
-    if (acts == ANGLE) != (by == RUDDER) or (acts == OUTWARD and by != MOTOR):
+    of_motors = acts == THRUST or by != BATTERY
+    if (acts == ANGLE) != (by == RUDDER) or (acts == OUTWARD and by != MOTOR) or not of_motors:
         raise KeyError(f"a table over the {NAMES[by]} does not act so")
     text = _text(form, values, formula.numbers)
     numbers = "\n".join(f"        {_parameter(k, v, values)}" for k, v in formula.numbers.items())
@@ -258,6 +261,9 @@ def _law(python: str, by: float, acts: float) -> str:
     elif acts == THRUST:
         head = "def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:"
         says, give = "Thrust, motion -> thrust [N].", f"F * (1.0 + {python})"
+        if by == BATTERY:
+            says = "Thrust, voltage (NaN: not measured) -> thrust [N]."
+            give = f"F * (1.0 + np.isfinite(flow.voltage) * ({python}))"
     else:
         head = "def force(flow: Flow, p: Any) -> Wrench:"
         if by == MOTOR:

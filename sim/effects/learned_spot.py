@@ -6,14 +6,15 @@
     acts 2 (eddy)    the water flows at V clockwise around the place, (−e, n) / d
     acts 3 (push)    X, Y = F V towards θ, turned to the heading, N = x_F Y
     acts 4 (pull)    the same towards the place, (−n, −e) / d
+    acts 5 (spring)  the water flows at V away from the place, (n, e) / d
 
 f0 … f8 are V at the knots: m/s, or shares of the scale F [N], `full`; a_0 = 0, a_8 = 1, and
 between them `at1` … `at7`, k / 8 where nothing is said; N₀, E₀ [m] the place, `north` and `east`,
 in the coordinates of the recording; θ [rad] `direction`, clockwise from north; x_F [m] the place
 `x` where a force acts. Valid for: one such place, on that day, and what is alike all around it. A
-table explains nothing: a stream from a pipe, an eddy behind a pier, a gust between two buildings, a
-line to an anchor look like this. Source: Ljung, System Identification, 2nd ed. 1999, §5.4 (basis
-functions with local support).
+table explains nothing: a stream from a pipe, an eddy behind a pier, water that wells up, a gust
+between two buildings, a line to an anchor look like this. Source: Ljung, System Identification, 2nd
+ed. 1999, §5.4 (basis functions with local support).
 
 Where to look is told by what a model leaves along the track: the place about which a table of a
 given width takes most of the missing force.
@@ -53,7 +54,8 @@ from sim.effects.words import FittedValues, towards
 from sim.jit import jitable
 from sim.state import Floats, Pose, Water, Wrench, to_body
 
-STREAM, EDDY, PUSH, PULL = 1.0, 2.0, 3.0, 4.0
+STREAM, EDDY, PUSH, PULL, SPRING = 1.0, 2.0, 3.0, 4.0, 5.0
+WATERS, PUSHES = (STREAM, EDDY, SPRING), (PUSH, PULL)
 VALUES_AT = [f"f{k}" for k in range(KNOTS)]
 
 # Places that are tried; all chosen, not measured.
@@ -80,7 +82,7 @@ def vector(north: Any, east: Any, kind: float, direction: float) -> Any:
     """Unit vector, to the north and to the east, in which V acts at a way from the place [m]."""
     d = np.maximum(np.sqrt(north**2 + east**2), 1e-6)
     fixed = 1.0 * (kind == STREAM) + 1.0 * (kind == PUSH)
-    around, to_it = 1.0 * (kind == EDDY), 1.0 * (kind == PULL)
+    around, to_it = 1.0 * (kind == EDDY), 1.0 * (kind == PULL) - 1.0 * (kind == SPRING)
     return (
         fixed * np.cos(direction) - around * east / d - to_it * north / d,
         fixed * np.sin(direction) + around * north / d - to_it * east / d,
@@ -90,7 +92,7 @@ def vector(north: Any, east: Any, kind: float, direction: float) -> Any:
 def water(time: float, pose: Pose, p: Any) -> Water:
     """Place -> velocity of the water [m/s]; no acceleration."""
     n, e = pose.north - p.north, pose.east - p.east
-    flows = (1.0 * (p.acts < PUSH)) * value(n, e, p)
+    flows = (1.0 * (p.acts < PUSH) + 1.0 * (p.acts == SPRING)) * value(n, e, p)
     to_north, to_east = vector(n, e, p.acts, p.direction)
     return Water(flows * to_north, flows * to_east, 0.0, 0.0)
 
@@ -98,7 +100,7 @@ def water(time: float, pose: Pose, p: Any) -> Water:
 def force(flow: Flow, p: Any) -> Wrench:
     """Place and heading -> X, Y, N [N, N, N m]."""
     n, e = flow.north - p.north, flow.east - p.east
-    push = (1.0 * (p.acts >= PUSH)) * p.full * value(n, e, p)
+    push = (1.0 * (p.acts == PUSH) + 1.0 * (p.acts == PULL)) * p.full * value(n, e, p)
     to_north, to_east = vector(n, e, p.acts, p.direction)
     X, Y = to_body(push * to_north, push * to_east, flow.yaw)
     return Wrench(X, Y, p.x * Y)
@@ -122,7 +124,7 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
     grid = np.stack(np.meshgrid(*np.linspace(low, high, SIDE).T), -1).reshape(-1, 2)
     middles = np.concatenate([place[:: max(len(place) // MIDDLES, 1)], grid])
     sizes = radii(place, vessel.hull.length, WIDEST)
-    tried: dict[float, list[Circle]] = {PUSH: [], EDDY: [], PULL: []}
+    tried: dict[float, list[Circle]] = {PUSH: [], EDDY: [], PULL: [], SPRING: []}
     for middle in middles:
         for radius in map(float, sizes):
             for acts, circles in tried.items():
@@ -136,7 +138,7 @@ def _shape(acts: float, d: Floats, radius: float) -> Floats:
     if acts == PULL:
         return np.maximum(d - radius, 0.0) / radius
     near = np.asarray(inside(d, 0.0, radius, SOFT))
-    return d / radius * near if acts == EDDY else near
+    return d / radius * near if acts in {EDDY, SPRING} else near
 
 
 def _circle(acts: float, middle: Floats, radius: float, place: Floats, missing: Floats) -> Circle:
@@ -172,6 +174,7 @@ def _starts_at(vessel: Any, c: Circle, place: Floats) -> list[Values]:
     filled = {
         PUSH: ((STREAM, flows, 0.0), (PUSH, forces, 0.0)),
         EDDY: ((EDDY, flows, 0.0),),
+        SPRING: ((SPRING, flows, 0.0),),
         PULL: tuple((PULL, forces, x) for x in ends),
     }[c.law]
     begin = c.north, c.east, max(reach, 1.0), c.direction, full
@@ -193,14 +196,14 @@ def over_map(p: FittedValues) -> MapField:
 
 def _at_knots(p: FittedValues) -> tuple[Floats, Floats, Floats]:
     """Distances (K,) [m], values there and half of their intervals (K,) [m/s or N]."""
-    scale = 1.0 if p["acts"] < PUSH else p["full"]
+    scale = p["full"] if p["acts"] in PUSHES else 1.0
     ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in VALUES_AT])
     values = scale * np.array([p[key] for key in VALUES_AT])
     return p["reach"] * knot_shares(p), values, 0.5 * scale * (ends[:, 1] - ends[:, 0])
 
 
 def _unit(p: FittedValues) -> str:
-    return "m/s" if p["acts"] < PUSH else "N"
+    return "N" if p["acts"] in PUSHES else "m/s"
 
 
 def in_words(p: FittedValues) -> str:
@@ -229,6 +232,7 @@ def _what(p: FittedValues, back: bool) -> str:
         STREAM: f"water that flows towards {way} near {place}",
         EDDY: f"water that turns {'anticlockwise' if back else 'clockwise'} around {place}",
         PUSH: f"a push over the ground towards {way} near {place}",
+        SPRING: f"water that flows {'towards' if back else 'away from'} {place}",
         PULL: f"a push away from {place}" if back else f"a pull towards {place}",
     }[p["acts"]]
 
@@ -240,8 +244,8 @@ EFFECT = Effect(
     force=force,
     parameters=(
         Parameter(
-            "acts", "1", lower=1.0, upper=4.0, start=1.0, kind=Kind.CHOICE,
-            description="1 a stream, 2 an eddy, 3 a push, 4 a pull towards the place",
+            "acts", "1", lower=1.0, upper=5.0, start=1.0, kind=Kind.CHOICE,
+            description="1 a stream, 2 an eddy, 3 a push, 4 a pull towards the place, 5 a spring",
         ),
         Parameter("north", "m", lower=-1e6, upper=1e6, start=0.0, scale=3.0,
                   description="the place"),
@@ -266,5 +270,5 @@ EFFECT = Effect(
         "x": 0.0, **EVENLY, **{key: max(0.4 - 0.1 * k, 0.0) for k, key in enumerate(VALUES_AT)},
     },
     pattern="steady_current",
-    acts_when={"water": {"acts": (STREAM, EDDY)}, "force": {"acts": (PUSH, PULL)}},
+    acts_when={"water": {"acts": WATERS}, "force": {"acts": PUSHES}},
 )  # fmt: skip

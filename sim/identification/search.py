@@ -173,6 +173,9 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
         place = np.concatenate([trial.eta[trial.usable, : Eta.YAW] for trial in trials])
         for i, n in enumerate(("north", "east")):
             extent[n] = (float(place[:, i].min()), float(place[:, i].max()))
+        volts = np.concatenate([trial.voltage[trial.usable] for trial in trials])
+        if np.isfinite(volts).any():
+            extent["voltage"] = (float(np.nanmin(volts)), float(np.nanmax(volts)))
         extent["time"] = (0.0, max(float(trial.time[-1]) for trial in trials))
         return list(effect.tables(model.vessel, extent))
     longest = max(float(t.time[-1]) for t in trials)

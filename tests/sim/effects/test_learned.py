@@ -10,6 +10,7 @@ from sim.effects.learned import (
     AFT,
     AHEAD,
     ANGLE,
+    BATTERY,
     EFFECT,
     EVENLY,
     HEADING,
@@ -119,6 +120,11 @@ def test_a_heading_may_begin_anywhere_on_the_circle() -> None:
             " N ",
         ),
         (
+            {"by": BATTERY, "acts": THRUST, "low": 12.0, "high": 16.0},
+            ("share of the thrust that changes with the battery's voltage", "-30 % at 14 V"),
+            " N ",
+        ),
+        (
             {"by": RUDDER, "acts": ANGLE, "low": -np.pi / 3, "high": np.pi / 3},
             ("angle of the steering that differs with the angle", "-17.2° at 0 °"),
             " N ",
@@ -140,7 +146,9 @@ def test_the_first_knot_is_where_the_table_begins() -> None:
     )
 
 
-FLOW = SimpleNamespace(u=0.25, v=0.5, r=0.75, yaw=1.0, body=SimpleNamespace(length=5.0))
+FLOW = SimpleNamespace(
+    u=0.25, v=0.5, r=0.75, yaw=1.0, voltage=np.nan, body=SimpleNamespace(length=5.0)
+)
 LINE = {f"f{k}": 0.125 * k for k in range(KNOTS)} | {"low": 0.0, "high": 2.0}  # y = x / 2
 DRIVE = SimpleNamespace(ahead=80.0, y=-0.3)
 
@@ -190,6 +198,28 @@ def test_only_motors_on_both_sides_push_outward() -> None:
     assert [t["x"] for t in outward] == [port.position[0], -AFT * WAMV.hull.length]
     one_side = replace(WAMV, thrusters=(port, replace(starboard, position=port.position)))
     assert OUTWARD not in {t["acts"] for t in tables(one_side, extent)}
+
+
+def test_a_thrust_over_the_voltage_needs_one_that_was_measured_and_changes() -> None:
+    extent = {"u": (-0.5, 2.0), "v": (-0.3, 0.4), "r": (-0.2, 0.1)}
+    assert BATTERY not in {t["by"] for t in tables(WAMV, extent)}
+    assert BATTERY not in {t["by"] for t in tables(WAMV, extent | {"voltage": (16.0, 16.4)})}
+    found = tables(WAMV, extent | {"voltage": (14.0, 16.4)})
+    (of_volts,) = (t for t in found if t["by"] == BATTERY)
+    assert (of_volts["acts"], of_volts["low"], of_volts["high"]) == (THRUST, 14.0, 16.4)
+    p = SimpleNamespace(**{**BASE, "by": BATTERY, "acts": THRUST, "low": 12.0, "high": 16.0})
+    drive = SimpleNamespace(ahead=50.0)
+
+    def given(volts: float) -> float:
+        still = SimpleNamespace(u=0.3, v=0.1, r=0.2, yaw=1.0, voltage=volts)
+        return thrust(20.0, drive, still, p)  # type: ignore[arg-type]
+
+    assert given(14.0) == pytest.approx(20.0 * (1.0 + SHARES["f4"]))
+    assert given(np.nan) == 20.0
+    of_speed = SimpleNamespace(**{**BASE, "acts": THRUST})
+    unknown = SimpleNamespace(u=1.0, v=0.0, r=0.0, yaw=0.0, voltage=np.nan)
+    assert thrust(20.0, drive, unknown, of_speed) == pytest.approx(20.0 * (1.0 + SHARES["f4"]))  # type: ignore[arg-type]
+    assert "goes with acts = 4 (thrust) alone" in mismatch(WAMV, {**BASE, "by": BATTERY})
 
 
 def test_only_what_steers_has_an_angle_to_fill() -> None:

@@ -13,6 +13,7 @@ from sim.effects.learned import EFFECT
 from sim.effects.learned_formula import (
     AHEAD,
     ANGLE,
+    BATTERY,
     FORMS,
     HEADING,
     KNOTS,
@@ -88,14 +89,18 @@ def test_a_heading_has_only_forms_that_close():
 def flow_at(by, x):
     """A motion whose variable of the table is x."""
     body = SimpleNamespace(length=WAMV.hull.length)
-    motion = dict.fromkeys(("u", "v", "r", "yaw"), 0.0)
-    name = {AHEAD: "u", TURNING: "r", HEADING: "yaw"}.get(by)
+    motion = dict.fromkeys(("u", "v", "r", "yaw", "voltage"), 0.0)
+    name = {AHEAD: "u", TURNING: "r", HEADING: "yaw", BATTERY: "voltage"}.get(by)
     return SimpleNamespace(**(motion | ({name: x} if name else {})), body=body)
 
 
 @pytest.mark.parametrize(
     ("by", "acts"),
-    [(MOTOR, OUTWARD), *product((AHEAD, TURNING, HEADING, MOTOR), (SURGE, SWAY, YAW, THRUST))],
+    [
+        (MOTOR, OUTWARD),
+        (BATTERY, THRUST),
+        *product((AHEAD, TURNING, HEADING, MOTOR), (SURGE, SWAY, YAW, THRUST)),
+    ],
 )
 def test_the_file_of_a_formula_does_what_its_table_says(by, acts, tmp_path: Path):
     high = 2.0 * np.pi if by == HEADING else 2.0
@@ -151,6 +156,7 @@ def own_drag(by, acts):
         (Formula("linear", "", {"c": 1.0, "x": 0.0}, {}), {**EMPTY, "by": AHEAD, "acts": OUTWARD}),
         (Formula("linear", "", {"c": 1.0}, {}), {**EMPTY, "by": AHEAD, "acts": ANGLE}),
         (Formula("linear", "", {"c": 1.0}, {}), {**EMPTY, "by": RUDDER, "acts": SURGE}),
+        (Formula("linear", "", {"c": 1.0}, {}), {**EMPTY, "by": BATTERY, "acts": SURGE}),
     ],
 )
 def test_nothing_of_a_diagnosis_gets_into_a_program_but_numbers(formula, table, tmp_path: Path):

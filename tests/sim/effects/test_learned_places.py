@@ -271,7 +271,7 @@ SPOT = {
 }
 
 
-@pytest.mark.parametrize("acts", [1.0, 2.0, 3.0, 4.0])
+@pytest.mark.parametrize("acts", [1.0, 2.0, 3.0, 4.0, 5.0])
 def test_a_spot_is_linear_over_the_distance_and_acts_in_its_own_direction(acts: float) -> None:
     p = SimpleNamespace(**{**SPOT, "acts": acts, "x": 0.5})
     north, east = rng.uniform(-9.0, 9.0, 200), rng.uniform(-9.0, 9.0, 200)
@@ -280,12 +280,12 @@ def test_a_spot_is_linear_over_the_distance_and_acts_in_its_own_direction(acts: 
     size = np.interp(d, 6.0 * KNOTS, [SPOT[key] for key in learned_spot.VALUES_AT])
     way = {
         1.0: (np.cos(1.1), np.sin(1.1)), 2.0: (-e / d, n / d),
-        3.0: (np.cos(1.1), np.sin(1.1)), 4.0: (-n / d, -e / d),
+        3.0: (np.cos(1.1), np.sin(1.1)), 4.0: (-n / d, -e / d), 5.0: (n / d, e / d),
     }[acts]  # fmt: skip
     now = learned_spot.water(0.0, Pose(north, east, 0.0), p)
     pushed = learned_spot.force(flow(north=north, east=east), p)
     turned = learned_spot.force(flow(north=north, east=east, yaw=0.5 * np.pi), p)
-    flows, pushes = (size, 0.0) if acts < 3.0 else (0.0, 100.0 * size)
+    flows, pushes = (0.0, 100.0 * size) if acts in {3.0, 4.0} else (size, 0.0)
     np.testing.assert_allclose(now.north, flows * way[0], atol=1e-12)
     np.testing.assert_allclose(now.east, flows * way[1], atol=1e-12)
     np.testing.assert_allclose(pushed.X, pushes * way[0], atol=1e-9)
@@ -314,6 +314,11 @@ def eddy(n: Any, e: Any) -> Any:
     return -size * (e + 4.0), size * (n - 6.0)
 
 
+def spring(n: Any, e: Any) -> Any:
+    around_n, around_e = eddy(n, e)
+    return around_e, -around_n
+
+
 def gust(n: Any, e: Any) -> Any:
     size = 30.0 * np.exp(-0.5 * ((n - 6.0) ** 2 + (e + 4.0) ** 2) / 8.0**2)
     return size * np.cos(2.0), size * np.sin(2.0)
@@ -326,13 +331,14 @@ def line(n: Any, e: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("law", "acts", "near"), [(eddy, 2.0, 4.0), (gust, 3.0, 4.0), (line, 4.0, 5.0)]
+    ("law", "acts", "near"),
+    [(eddy, 2.0, 4.0), (gust, 3.0, 4.0), (line, 4.0, 5.0), (spring, 5.0, 4.0)],
 )
 def test_a_spot_is_looked_for_where_the_missing_force_is_alike_around_it(
     law: Any, acts: float, near: float
 ) -> None:
     starts = learned_spot.search(WAMV, lambda: around(law))
-    assert {start["acts"] for start in starts} == {1.0, 2.0, 3.0, 4.0}
+    assert {start["acts"] for start in starts} == {1.0, 2.0, 3.0, 4.0, 5.0}
     first = next(start for start in starts if start["acts"] == acts)
     assert np.hypot(first["north"] - 6.0, first["east"] + 4.0) < near
     n, e = rng.uniform(-20.0, 20.0, 100), rng.uniform(-20.0, 20.0, 100)
@@ -388,6 +394,8 @@ def test_a_spot_is_told_the_way_in_which_it_is_strongest() -> None:
     assert stream.startswith("water that flows towards 243° (south-west) near ")
     pushed = learned_spot.in_words(FittedValues({**values, "acts": 4.0}))
     assert pushed.startswith("a push away from N 4 m, E -7 m: ")
+    spring = learned_spot.in_words(FittedValues({**values, "acts": 5.0}))
+    assert spring.startswith("water that flows towards N 4 m, E -7 m: ")
 
 
 def test_of_a_spot_only_what_is_known_is_told() -> None:
