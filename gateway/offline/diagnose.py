@@ -148,9 +148,14 @@ class DiagnosisResult:
         plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
         own = "".join(f" --effects {shell_path(file)}" for file in self.effect_files)
         again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
-        if self.contradicted:  # what a fit makes of such sensors is no boat's
-            return [f"shadow info {shell_path(log)}{self.flags}" for log in self.logs]
-        found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, []
+        found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, list[str]()
+        with_curve = shell_path(f"{Path(self.vessel_file).stem}-curve.toml")
+        names = " ".join(curve.effects) if curve is not None else ""
+        add_curve = f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
+        if self.contradicted:  # no effect of the boat's is told, but what such a sensor does
+            steps += [f"shadow info {shell_path(log)}{self.flags}" for log in self.logs]
+            kept = [] if saved else [f"{again} --save diagnosis.json"]
+            return [*steps, *kept, add_curve] if names else steps
         if saved is None and (curve is not None or (found and not out)):
             steps.append(f"{again} --save diagnosis.json")
         if found and not out:
@@ -163,11 +168,7 @@ class DiagnosisResult:
         elif self.diagnosis.base_changed and not out:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
         if curve is not None:
-            names = " ".join(curve.effects)
-            with_curve = shell_path(f"{Path(self.vessel_file).stem}-curve.toml")
-            steps.append(
-                f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
-            )
+            steps.append(add_curve)
         if curve is not None and self.diagnosis.formula is not None:
             steps.append(f"shadow effects {curve.effects[-1]} --write own.py --from {source}")
             steps.append(f"{again} --effects own.py")

@@ -284,6 +284,12 @@ def test_no_effect_is_begun_where_sensors_contradict_one_another(found):
     assert any("--write" in line for line in replace(found, diagnosis=answer).next_steps("d", None))
     odd = replace(found, diagnosis=answer, trials=trials, logs=("a log.tlog",), flags=" --anyway")
     assert odd.next_steps("d", None) == ["shadow info 'a log.tlog' --anyway"]
+    curve = replace(odd, diagnosis=replace(answer, curve=found.diagnosis.ladder[-1]))
+    info, kept, added = curve.next_steps(None, None)
+    assert info == "shadow info 'a log.tlog' --anyway"
+    assert kept.endswith("--save diagnosis.json")
+    assert added.startswith("shadow add")
+    assert "--from diagnosis.json" in added
 
 
 def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
