@@ -6,6 +6,9 @@ symbols.
 
 from typing import Any, NamedTuple
 
+from sim.jit import jitable
+from sim.state import to_body
+
 
 class Body(NamedTuple):
     """Hull and base dynamics (`sim.balance`), SNAME names, damping derivatives negative."""
@@ -100,3 +103,25 @@ class Report(NamedTuple):
     u_dot: float  # m/s²
     v_dot: float  # m/s²
     r_dot: float  # rad/s²
+
+
+@jitable
+def with_heading_off(report: Report, error: float, rate: float) -> Report:
+    """As a compass reports it that is off by so much [rad], which changes at a rate [rad/s].
+
+    Velocity over ground is none of the compass's: it turns on board by −error, u̇ gets + rate v, v̇
+    gets − rate u.
+    """
+    u, v = to_body(report.u, report.v, error)
+    u_dot, v_dot = to_body(report.u_dot, report.v_dot, error)
+    return Report(
+        report.north,
+        report.east,
+        report.yaw + error,
+        u,
+        v,
+        report.r,
+        u_dot + rate * v,
+        v_dot - rate * u,
+        report.r_dot,
+    )

@@ -175,7 +175,7 @@ OF_A_VOYAGE = frozenset({
     "steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion",
     "drag_growth", "payload_change", "towed_load", "thruster_fault", "yaw_rate_bias",
     "current_change", "wind_change", "learned_drag", "learned_spot", "learned_profile",
-    "learned_map", "learned_history", "learned_rhythm",
+    "learned_map", "learned_history", "learned_rhythm", "learned_anomaly",
 })  # fmt: skip
 WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 

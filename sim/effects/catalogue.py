@@ -15,7 +15,7 @@ NAMES = """
     steering_offset steering_lag
     antenna_offset velocity_latency compass_deviation heading_offset yaw_rate_bias
     learned learned_drag learned_spot learned_profile learned_map learned_history
-    learned_rhythm learned_pair learned_reading
+    learned_rhythm learned_pair learned_reading learned_anomaly
 """
 
 EFFECTS: tuple[Effect, ...] = tuple(

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from sim.body import Report
+from sim.body import Report, with_heading_off
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
 from sim.effects.words import FittedValues
-from sim.state import to_body
 
 
 def observe(report: Report, p: Any) -> Report:
@@ -24,19 +23,7 @@ def observe(report: Report, p: Any) -> Report:
     sine, cosine = np.sin(report.yaw), np.cos(report.yaw)
     d = p.b * sine + p.c * cosine
     d_dot = (p.b * cosine - p.c * sine) * report.r
-    u, v = to_body(report.u, report.v, d)
-    u_dot, v_dot = to_body(report.u_dot, report.v_dot, d)
-    return Report(
-        report.north,
-        report.east,
-        report.yaw + d,
-        u,
-        v,
-        report.r,
-        u_dot + d_dot * v,
-        v_dot - d_dot * u,
-        report.r_dot,
-    )
+    return with_heading_off(report, d, d_dot)
 
 
 def in_words(p: FittedValues) -> str:

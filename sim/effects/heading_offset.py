@@ -9,19 +9,14 @@ Multisensor Integrated Navigation Systems, 2nd ed. 2013, §6.1.
 
 from typing import Any
 
-from sim.body import Report
+from sim.body import Report, with_heading_off
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
 from sim.effects.words import DEG, FittedValues
-from sim.state import to_body
 
 
 def observe(report: Report, p: Any) -> Report:
     """True motion -> motion as a turned compass reports it."""
-    u, v = to_body(report.u, report.v, p.angle)
-    u_dot, v_dot = to_body(report.u_dot, report.v_dot, p.angle)
-    return Report(
-        report.north, report.east, report.yaw + p.angle, u, v, report.r, u_dot, v_dot, report.r_dot
-    )
+    return with_heading_off(report, p.angle, 0.0)
 
 
 def in_words(p: FittedValues) -> str:

@@ -8,12 +8,12 @@
 f0 … f8 are y at the knots [rad, 1 or rad/s]; a_0 = 0, a_8 = 1, and between them `at1` … `at7`:
 k / 8 where nothing is said. The variable x is, by `by`: 1 speed ahead over ground [m/s], 2 yaw rate
 [rad/s], 3 centripetal acceleration u r [m/s²], 4 heading [rad] from `low` all around. A heading
-that is off by y turns the velocity that is reported on board by −y, and as y changes u̇ gets + ẏ v,
-v̇ gets − ẏ u. So a compass that lags by τ is y = −τ r, one that swings out in turns y over u r, and
-iron that a law of sines does not follow y over ψ. Valid for: the range between `low` and `high`
-that was sailed. Source: Bowditch, American Practical Navigator, 2019, chapters on compasses;
-Groves, Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. 2013,
-ch. 4 and 6 (scale factors, lags and magnetometers).
+that is off by y turns the velocity that is reported on board by −y. So a compass that lags by τ is
+y = −τ r, one that swings out in turns y over u r, and iron that a law of sines does not follow y
+over ψ. Valid for: the range between `low` and `high` that was sailed. Source: Bowditch, American
+Practical Navigator, 2019, chapters on compasses; Groves, Principles of GNSS, Inertial and
+Multisensor Integrated Navigation Systems, 2nd ed. 2013, ch. 4 and 6 (scale factors, lags and
+magnetometers).
 """
 
 import math
@@ -22,16 +22,16 @@ from typing import Any
 
 import numpy as np
 
-from sim.body import Report
+from sim.body import Report, with_heading_off
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
+from sim.effects.learned import table
+from sim.effects.learned_formula import HEADING
 from sim.effects.table_parameters import INNER_KNOTS
-from sim.effects.tables import EVENLY, KNOTS, along, bends, between_nine, knot_shares
+from sim.effects.tables import EVENLY, KNOTS, bends, knot_shares
 from sim.effects.words import FittedValues
-from sim.jit import jitable
-from sim.state import to_body
 
 OF_HEADING, OF_SPEED, OF_YAW_RATE = 1.0, 2.0, 3.0
-AHEAD, TURNING, SWINGING, HEADING = 1.0, 2.0, 3.0, 4.0
+AHEAD, TURNING, SWINGING = 1.0, 2.0, 3.0  # HEADING as a table of `learned` has it
 PAIRS = (  # of what it acts on and what it is over
     (OF_HEADING, TURNING), (OF_HEADING, SWINGING), (OF_HEADING, AHEAD), (OF_HEADING, HEADING),
     (OF_SPEED, AHEAD), (OF_YAW_RATE, TURNING),
@@ -42,19 +42,6 @@ DEGREE = math.pi / 180.0
 UNITS = {AHEAD: ("m/s", 1.0), TURNING: ("°/s", DEGREE), SWINGING: ("m/s²", 1.0),
          HEADING: ("°", DEGREE)}  # fmt: skip
 SLOPE_OVER = 0.01  # of the range, on either side
-
-
-@jitable
-def table(x: float, p: Any) -> float:
-    """y(x) of the table."""
-    span = np.maximum(p.high - p.low, 1e-9)
-    around = p.by == HEADING
-    x = x - around * np.floor((x - p.low) / span) * span  # a heading has no end
-    share, last = along(x, p.low, p.high), p.f8 + around * (p.f0 - p.f8)
-    return between_nine(
-        share, p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
-        p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, last,
-    )  # fmt: skip
 
 
 def observe(report: Report, p: Any) -> Report:
@@ -68,21 +55,19 @@ def observe(report: Report, p: Any) -> Report:
     step = SLOPE_OVER * np.maximum(p.high - p.low, 1e-9)
     y = table(x, p)
     y_dot = (table(x + step, p) - table(x - step, p)) / (2.0 * step) * x_dot
-    d, d_dot = (p.acts == OF_HEADING) * y, (p.acts == OF_HEADING) * y_dot
-    k, k_dot = 1.0 + (p.acts == OF_SPEED) * y, (p.acts == OF_SPEED) * y_dot
-    u, v = to_body(report.u, report.v, d)
-    u_dot, v_dot = to_body(report.u_dot, report.v_dot, d)
-    u_dot, v_dot = u_dot + d_dot * v, v_dot - d_dot * u
+    of_heading, of_speed = p.acts == OF_HEADING, p.acts == OF_SPEED
+    k, k_dot = 1.0 + of_speed * y, of_speed * y_dot
+    seen = with_heading_off(report, of_heading * y, of_heading * y_dot)
     return Report(
-        report.north,
-        report.east,
-        report.yaw + d,
-        k * u,
-        k * v,
-        report.r + (p.acts == OF_YAW_RATE) * y,
-        k * u_dot + k_dot * u,
-        k * v_dot + k_dot * v,
-        report.r_dot + (p.acts == OF_YAW_RATE) * y_dot,
+        seen.north,
+        seen.east,
+        seen.yaw,
+        k * seen.u,
+        k * seen.v,
+        seen.r + (p.acts == OF_YAW_RATE) * y,
+        k * seen.u_dot + k_dot * seen.u,
+        k * seen.v_dot + k_dot * seen.v,
+        seen.r_dot + (p.acts == OF_YAW_RATE) * y_dot,
     )
 
 

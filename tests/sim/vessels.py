@@ -141,6 +141,12 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         "x": 0.0,
         **{f"{c}{k}": 0.05 * k - 0.2 * (c == "e") for c in "ne" for k in range(9)},
     },
+    "learned_anomaly": {
+        "north": 2.0,
+        "east": -1.0,
+        "reach": 6.0,
+        **{f"f{k}": 0.2 - 0.03 * k for k in range(9)},
+    },
     "learned_reading": {
         "by": 2.0,
         "acts": 1.0,

@@ -416,7 +416,7 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
     of_a_boat = ["learned", "learned_pair", "learned_reading"]
-    of_a_day = ["drag", "spot", "profile", "map", "history", "rhythm"]
+    of_a_day = ["drag", "spot", "profile", "map", "history", "rhythm", "anomaly"]
     assert [set(forms) for forms in asked] == [
         set(of_a_boat),
         {*of_a_boat, *(f"learned_{name}" for name in of_a_day)},
