@@ -146,11 +146,11 @@ class EffectSearch:
         near = error <= thresholds.MAX_FLOORS * scorer.noise_floor
         if near or whole or len(changes) > self.most:
             return steps, fit
+        self.progress("a search that begins with the weather")
         begun = [self._in_order(base, order) for order in permutations(e.name for e in changes)]
         found = [(each, each[-1].best.fit) for each in begun if each]
         if not found:
             return steps, fit
-        self.progress("a search that begins with the weather")
         again, at = min(found, key=lambda each: scorer.score_fit(each[1]).nrmse)
         if scorer.score_fit(at).nrmse > thresholds.MAX_ERROR_TO_BEGIN_WITH * error:
             return steps, fit

@@ -396,6 +396,57 @@ def test_a_change_that_leaves_noise_alone_is_not_exchanged() -> None:
     assert exchanged(("current_change",), **left) is None
 
 
+def begun(found: tuple[str, ...], **left: float) -> tuple[tuple[str, ...], list[str]]:
+    """What stands after a search that may begin with the weather, and what it went on with."""
+    nothing: Any = None
+    told: list[str] = []
+    laws = tuple(effect for effect in EFFECTS if not effect.is_curve)
+    search = Weather(nothing, laws, 2, told.append, map, made_scorer())
+    known = {frozenset(key.split("__")): value for key, value in left.items()}
+    known |= {frozenset(): 1.0, frozenset({"wind_change"}): 0.9, frozenset({"current_change"}): 0.8}
+    object.__setattr__(search, "left", known)
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
+    rankings, fit = search._begun_with_weather(search.fit_of(()), steps, search.fit_of(found))
+    assert {r.best.name for r in rankings} == set(fit.names)
+    return fit.names, told
+
+
+def test_a_search_that_met_weather_and_leaves_much_begins_anew_with_all_of_it() -> None:
+    """A lift and a steady current stood in for a wind that turned while a current did."""
+    first = ("hull_lift", "steady_current")
+    left = {"hull_lift__steady_current": 0.5, "current_change__wind_change": 0.3}
+    assert set(begun(first, **left)[0]) == {"current_change", "wind_change"}
+    assert begun(first, **left | {"current_change__wind_change": 0.499})[0] == first
+    assert begun(first, hull_lift__steady_current=0.5)[0] == first  # no such pair can be fitted
+
+
+def test_no_search_begins_anew_without_need() -> None:
+    pair = {"current_change__wind_change": 0.01}
+    of_the_boat = ("hull_lift", "cubic_drag")
+    assert begun(of_the_boat, hull_lift__cubic_drag=0.5, **pair) == (of_the_boat, [])
+    at_noise = ("hull_lift", "steady_current")
+    assert begun(at_noise, hull_lift__steady_current=0.07, **pair) == (at_noise, [])
+    whole = ("current_change", "wind_change")
+    assert begun(whole, current_change__wind_change=0.5) == (whole, [])
+
+
+@pytest.mark.parametrize(("pair", "goes_on"), [(0.99, True), (1.01, False)])
+def test_weather_alone_may_leave_more_but_not_many_times_as_much(
+    pair: float, goes_on: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    went = []
+
+    def grown(self: Any, steps: Any, fit: Any, ranking: Any) -> Any:
+        went.append(fit.names)
+        return steps, fit
+
+    monkeypatch.setattr(EffectSearch, "_grown_and_exchanged", grown)
+    first = ("hull_lift", "steady_current")
+    left = {"hull_lift__steady_current": 0.5, "current_change__wind_change": pair}
+    assert begun(first, **left)[0] == first
+    assert bool(went) is goes_on
+
+
 @pytest.mark.parametrize(("steady", "stands"), [(0.21, "steady_current"), (0.4, "current_change")])
 def test_a_change_gives_way_to_a_steady_one_that_does_as_well(steady: float, stands: str) -> None:
     nothing: Any = None
