@@ -131,12 +131,19 @@ def _map_figure(effect: str, field: MapField, trial: Trial) -> FigureData:
 
 
 def _coloured_track(effect: str, field: MapField, trial: Trial) -> ColouredPoints:
-    """Where the boat was, coloured by the field at the nearest of its places; 0 beyond them."""
+    """Where the boat was, coloured by the field at the nearest of its places; 0 beyond them.
+
+    Of a field with both signs what it adds, or what it takes away, whichever is larger.
+    """
     sailed = trial.eta[trial.usable, : Eta.YAW]
     away, nearest = cKDTree(np.stack([field.north, field.east], axis=1)).query(sailed)
     apart = np.max([np.diff(np.unique(x)).max(initial=0.0) for x in (field.north, field.east)])
     value = np.where(away <= apart, field.to_north[nearest], 0.0)
-    return ColouredPoints(sailed[:, 1], sailed[:, 0], value, Axis(f"{effect} adds", field.unit))
+    does = "adds"
+    if max(value, key=abs) < 0.0:
+        value, does = -value, "takes away"
+    value = np.maximum(value, 0.0)
+    return ColouredPoints(sailed[:, 1], sailed[:, 0], value, Axis(f"{effect} {does}", field.unit))
 
 
 def _arrows(tail: Floats, ahead: Floats) -> Floats:

@@ -11,9 +11,9 @@ from gateway.figures import ColouredPoints, Line
 from gateway.figures.diagnosis import _map_figure, timeline
 from gateway.figures.words import base_text, cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
-from sim.effects import learned_drag
+from sim.effects import learned_anomaly, learned_drag
 from sim.effects.catalogue import EFFECTS
-from sim.effects.tables import MapField
+from sim.effects.tables import EVENLY, MapField
 from sim.effects.words import FittedValues
 from sim.vessel import AddedEffect
 
@@ -285,3 +285,18 @@ def test_a_place_without_a_direction_colours_the_track() -> None:
     np.testing.assert_allclose(points.value[north < 1.6], 150.0, rtol=0.01)
     assert points.value[north > 2.5].max() < 1.0
     assert points.scale.text == "learned_drag adds [%]"
+
+
+def test_what_a_place_takes_away_is_coloured_as_that() -> None:
+    """A scale from nothing upwards would leave a compass that is turned to port without a colour."""
+    eta = np.stack([np.linspace(0.0, 40.0, 401), np.zeros(401), np.zeros(401)], axis=1)
+    trial: Any = SimpleNamespace(eta=eta, usable=np.ones(401, bool))
+    table = {f"f{k}": -0.3 * (k < 3) for k in range(9)}
+    pier = FittedValues({"north": 20.0, "east": 0.0, "reach": 16.0, **EVENLY, **table})
+    (panel,) = _map_figure("learned_anomaly", learned_anomaly.over_map(pier), trial).panels
+    (points,) = panel.marks
+    assert isinstance(points, ColouredPoints)
+    assert points.scale.text == "learned_anomaly takes away [°]"
+    away = np.abs(points.y - 20.0)
+    np.testing.assert_allclose(points.value[away < 3.0], np.degrees(0.3), rtol=0.01)
+    assert points.value[away > 8.0].max() == 0.0
