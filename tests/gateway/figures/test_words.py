@@ -288,7 +288,7 @@ def test_a_place_without_a_direction_colours_the_track() -> None:
 
 
 def test_what_a_place_takes_away_is_coloured_as_that() -> None:
-    """A scale from nothing upwards would leave a compass that is turned to port without a colour."""
+    """Where the compass is turned to port, too: colours are of sizes."""
     eta = np.stack([np.linspace(0.0, 40.0, 401), np.zeros(401), np.zeros(401)], axis=1)
     trial: Any = SimpleNamespace(eta=eta, usable=np.ones(401, bool))
     table = {f"f{k}": -0.3 * (k < 3) for k in range(9)}

@@ -105,10 +105,15 @@ def test_a_compass_that_lags_is_told_with_its_time() -> None:
     (text,) = said(yaw=late)
     late_s = float(text.removeprefix("yaw (YAW) comes ").split()[0])
     assert late_s == pytest.approx(0.4, abs=0.02)
-    assert text.endswith("s after yaw rate (YAW RATE): yaw is taken that much earlier")
+    assert text.endswith(
+        "s after yaw rate (YAW RATE): comparisons and fits take yaw that much earlier"
+    )
     assert said(yaw=np.interp(T - 0.1, T, YAW)) == ()  # a gyro's filter does that
     (early,) = said(yaw_rate=np.interp(T - 0.4, T, YAW_RATE))
-    assert "s before yaw rate (YAW RATE): yaw rate is taken that much earlier" in early
+    assert (
+        "s before yaw rate (YAW RATE): comparisons and fits take yaw rate that much earlier"
+        in early
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,7 +130,7 @@ def test_which_is_plainly_wrong_is_set_right_and_nothing_else(
 ) -> None:
     given = of_a_boat(**change)
     right, (text,) = reconciled(given)
-    assert "taken" in text
+    assert "comparisons and fits take" in text
     assert [n for n, choice in right.items() if choice is not given[n]] == [name]
     assert reconciled(right).contradictions == ()
     true = of_a_boat()[name].samples
@@ -148,7 +153,7 @@ def test_where_it_is_not_plain_which_is_wrong_all_stay(change: dict[str, Floats]
     given = of_a_boat(**change)
     right, told = reconciled(given)
     assert told
-    assert not any("taken that" in text or "it is taken" in text for text in told)
+    assert not any("fits take" in text for text in told)
     assert all(choice is given[name] for name, choice in right.items())
 
 
