@@ -327,7 +327,8 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
     """What contradicts, in words; nothing where nothing does."""
     if found is None:
         return []
-    out, mended = list[str](), _set_right(found, rate, values)
+    out, mended = list[str](), "".join(_set_right(found, rate, values))
+    takes = f"comparisons and fits take {mended}"
     if found.contradicts:
         size = abs(found.scale)
         mistakes = [f"{m}?" for factor, m in UNITS.items() if abs(size / factor - 1.0) < NEAR_UNIT]

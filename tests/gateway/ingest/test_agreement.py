@@ -105,9 +105,8 @@ def test_a_compass_that_lags_is_told_with_its_time() -> None:
     (text,) = said(yaw=late)
     late_s = float(text.removeprefix("yaw (YAW) comes ").split()[0])
     assert late_s == pytest.approx(0.4, abs=0.02)
-    assert text.endswith(
-        "s after yaw rate (YAW RATE): comparisons and fits take yaw that much earlier"
-    )
+    assert "s after yaw rate (YAW RATE)" in text
+    assert text.endswith(": comparisons and fits take yaw that much earlier")
     assert said(yaw=np.interp(T - 0.1, T, YAW)) == ()  # a gyro's filter does that
     (early,) = said(yaw_rate=np.interp(T - 0.4, T, YAW_RATE))
     assert (
