@@ -338,22 +338,14 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
             over = np.degrees(np.arccos(size))
             mistakes = [f"a wrong scale, or a gyro that lies over by {over:.0f}°"]
         wrong = ", ".join(mistakes) or "one of the two has a wrong scale"
-        right = (
-            f"; comparisons and fits take it {1.0 / found.scale:.3g} times"
-            if rate.name in mended
-            else ""
-        )
+        right = f"; {takes} {1.0 / found.scale:.3g} times" if mended else ""
         out.append(
             f"{rate.name} ({rate.source}) is {found.scale:.3g} ± {2.0 * found.scale_std:.1g} times "
             f"{change} ({values.source}): {wrong}{right}"
         )
     elif found.is_late:
         order = "after" if found.late_s > 0.0 else "before"
-        right = (
-            f": comparisons and fits take {late} that much earlier"
-            if (late := "".join(mended))
-            else ""
-        )
+        right = f": {takes} that much earlier" if mended else ""
         out.append(
             f"{values.name} ({values.source}) comes {abs(found.late_s):.2f} ± "
             f"{2.0 * found.late_std:.1g} s {order} {rate.name} ({rate.source}){right}"
