@@ -13,13 +13,14 @@ else be looked for in the boat. Stretches that are off by several times the usua
 autopilot sets its heading anew); standard deviations are those of the sums over blocks of time
 (White, Econometrica 48, 1980, by clusters).
 
-Where it is plain which of two is wrong it is set right: a full turn is one, and a place is one, so
-that a scale is the rate's; and of a heading and its rate the later one is late.
+Where it is plain which of two is wrong it is set right: of a heading and its rate the later one is
+late; and a scale that is the same over long stretches is the rate's, for a heading or a place that
+is smoothed lacks what is fast alone.
 
 What shows without all that is told by `gateway.ingest.plain_mistakes`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -44,6 +45,8 @@ from sim.state import Floats, Ints
 
 # Chosen, not measured; what logs of other people show stands in the tests.
 TURN_S, MOVE_S = 2.0, 4.0  # stretches of a heading, of a position
+LONG_S = 15.0  # stretches over which what is smoothed is whole
+LEAST_LONG_TURN_RAD, LEAST_LONG_MOVE_M = 0.3, 4.0
 BLOCK_S = 25.0
 FEWEST_BLOCKS = 4  # in which the boat turned or moved
 LEAST_TURN_RAD, LEAST_MOVE_M = 0.1, 1.5  # in a stretch, root mean square, for anything to be seen
@@ -89,6 +92,10 @@ class RateAgreement(NamedTuple):
         """Whether the scale is surely that of one motion."""
         off = abs(abs(self.scale) - 1.0)
         return off < SCALE_OFF and SURE * self.scale_std < NEAR
+
+    def is_same_scale(self, other: "RateAgreement") -> bool:
+        """Whether the scale is off by as much as another's, as far as a sensor's own error goes."""
+        return self.contradicts and abs(self.scale - other.scale) < 0.5 * SCALE_OFF
 
     @property
     def is_late(self) -> bool:
@@ -248,8 +255,15 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
             if found is None or not found.is_near:
                 out += _other_unit(at, heading[:, 0], when, rate[:, :1], choices)
                 found = None if out else found
-            out += _told(found, choices["yaw rate"], choices["yaw"], "the turn of the heading")
-            right |= _set_right(found, choices["yaw rate"], choices["yaw"])
+            slow = rate_agreement(at, turned, when, rate[:, :1], LONG_S, LEAST_LONG_TURN_RAD,
+                                  Turns(at, turned[:, 0], True))  # fmt: skip
+            mended = _set_right(found, slow, choices["yaw rate"], choices["yaw"])
+            out += _told(
+                found, choices["yaw rate"], choices["yaw"], "the turn of the heading", mended
+            )
+            right |= mended
+            at, heading = ascending(right["yaw"].samples, start)
+            turned = np.unwrap(heading[:, :1], axis=0)
     if "velocity" in choices and "position" in choices:
         when, velocity = ascending(choices["velocity"].samples, start)
         then, place = ascending(choices["position"].samples, start)
@@ -270,22 +284,32 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
                     "exchanged, or the sign of one of them is turned round"
                 )
                 found = None
-            out += _told(found, choices["velocity"], choices["position"], "the change of position")
-            right |= _set_right(found, choices["velocity"], choices["position"])
+            slow = rate_agreement(then, place, when, velocity, LONG_S, LEAST_LONG_MOVE_M, turns)
+            mended = _set_right(found, slow, choices["velocity"], choices["position"])
+            out += _told(
+                found, choices["velocity"], choices["position"], "the change of position", mended
+            )
+            right |= mended
     return Reconciled(right, tuple(out))
 
 
-def _set_right(found: RateAgreement | None, rate: Choice, values: Choice) -> dict[str, Choice]:
+def _set_right(
+    found: RateAgreement | None, slow: RateAgreement | None, rate: Choice, values: Choice
+) -> dict[str, Choice]:
     """By name, what is set right: a rate of a wrong scale, and the later of a heading and its rate.
 
-    Positions may be late or velocities early, and no fit needs the places: these stay.
+    `slow`: the two over long stretches. Where both scale and time are off nothing is, for values
+    that are filtered are late and lack what is fast. Positions may be late or velocities early, and
+    no fit needs the places: these stay.
     """
     if found is None or not found.is_near:
         return {}
-    if found.contradicts:
+    if found.contradicts and not found.is_late:
+        if slow is None or not slow.is_same_scale(found):
+            return {}
         samples = replace(rate.samples, values=rate.samples.values / found.scale)
         return {rate.name: replace(rate, samples=samples)}
-    if not found.is_late or values.name != "yaw":
+    if found.contradicts or not found.is_late or values.name != "yaw":
         return {}
     late = values if found.late_s > 0.0 else rate
     time = late.samples.vehicle_time_ns - round(abs(found.late_s) * 1e9)
@@ -323,11 +347,13 @@ def _other_unit(
     ]
 
 
-def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str) -> list[str]:
-    """What contradicts, in words; nothing where nothing does."""
+def _told(
+    found: RateAgreement | None, rate: Choice, values: Choice, change: str, right: Iterable[str]
+) -> list[str]:
+    """What contradicts, in words, and what of it is set `right`; nothing where nothing does."""
     if found is None:
         return []
-    out, mended = list[str](), "".join(_set_right(found, rate, values))
+    out, mended = list[str](), "".join(right)
     takes = f"comparisons and fits take {mended}"
     if found.contradicts:
         size = abs(found.scale)
@@ -338,16 +364,16 @@ def _told(found: RateAgreement | None, rate: Choice, values: Choice, change: str
             over = np.degrees(np.arccos(size))
             mistakes = [f"a wrong scale, or a gyro that lies over by {over:.0f}°"]
         wrong = ", ".join(mistakes) or "one of the two has a wrong scale"
-        right = f"; {takes} {1.0 / found.scale:.3g} times" if mended else ""
+        does = f"; {takes} {1.0 / found.scale:.3g} times" if mended else ""
         out.append(
             f"{rate.name} ({rate.source}) is {found.scale:.3g} ± {2.0 * found.scale_std:.1g} times "
-            f"{change} ({values.source}): {wrong}{right}"
+            f"{change} ({values.source}): {wrong}{does}"
         )
-    elif found.is_late:
+    if found.is_late and found.is_near:
         order = "after" if found.late_s > 0.0 else "before"
-        right = f": {takes} that much earlier" if mended else ""
+        does = f": {takes} that much earlier" if mended else ""
         out.append(
             f"{values.name} ({values.source}) comes {abs(found.late_s):.2f} ± "
-            f"{2.0 * found.late_std:.1g} s {order} {rate.name} ({rate.source}){right}"
+            f"{2.0 * found.late_std:.1g} s {order} {rate.name} ({rate.source}){does}"
         )
     return out

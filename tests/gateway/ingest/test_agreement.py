@@ -139,6 +139,47 @@ def test_which_is_plainly_wrong_is_set_right_and_nothing_else(
     assert np.sqrt(np.mean(off[20:-20] ** 2)) < 0.05  # as their noise
 
 
+def lagged(x: Floats, tau: float) -> Floats:
+    """A first-order filter of time constant tau [s]."""
+    out = x.copy()
+    for k in range(1, len(x)):
+        out[k] = out[k - 1] + (x[k] - out[k - 1]) / (1.0 + tau * RATE_HZ)
+    return out
+
+
+ZIGZAG = 0.8 * np.sin(0.9 * T) + 0.02 * T
+
+
+@pytest.mark.parametrize("tau", [0.5, 0.8])
+def test_a_filtered_compass_on_a_zigzag_is_no_fault_of_the_gyro(tau: float) -> None:
+    """It lacks what is fast, so that the gyro seems to turn too far."""
+    given = of_a_boat(yaw=lagged(ZIGZAG, tau), yaw_rate=np.gradient(ZIGZAG, T))
+    right, told = reconciled(given)
+    assert right["yaw rate"] is given["yaw rate"]
+    assert any(text.startswith("yaw (YAW) comes ") for text in told)
+
+
+@pytest.mark.parametrize("seconds", [1.0, 1.5, 2.0])
+def test_nor_is_a_heading_that_is_smoothed_to_both_sides(seconds: float) -> None:
+    wide = np.ones(int(seconds * RATE_HZ)) / int(seconds * RATE_HZ)
+    smooth = np.convolve(np.pad(ZIGZAG, 40, mode="edge"), wide, mode="same")[40:-40]
+    right, _ = reconciled(given := of_a_boat(yaw=smooth, yaw_rate=np.gradient(ZIGZAG, T)))
+    assert right["yaw rate"] is given["yaw rate"]
+
+
+def test_a_scale_and_a_time_are_both_told_and_neither_is_set_right() -> None:
+    given = of_a_boat(yaw=np.interp(T - 0.4, T, YAW), yaw_rate=0.85 * YAW_RATE)
+    right, told = reconciled(given)
+    assert right == given
+    assert [text.split(" (")[0] for text in told] == ["yaw rate", "yaw"]
+
+
+def test_a_velocity_on_board_is_turned_by_the_heading_that_was_set_right() -> None:
+    ahead = np.stack([SPEED, np.zeros_like(SPEED)], axis=1)
+    (text,) = said(yaw=np.interp(T - 0.9, T, YAW), velocity=ahead, body=True)
+    assert text.startswith("yaw (YAW) comes 0.9")
+
+
 @pytest.mark.parametrize(
     "change",
     [
