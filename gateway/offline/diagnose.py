@@ -150,9 +150,14 @@ class DiagnosisResult:
         again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
         found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, list[str]()
         with_curve = shell_path(f"{Path(self.vessel_file).stem}-curve.toml")
-        names = " ".join(curve.effects) if curve is not None else ""
-        add_curve = f"shadow add {names} --vessel {vessel} --from {source} --out {with_curve}{own}"
+        names = curve.effects if curve is not None else ()
         if self.contradicted:  # no effect of the boat's is told, but what such a sensor does
+            names = names[-1:]
+        add_curve = (
+            f"shadow add {' '.join(names)} --vessel {vessel} --from {source} "
+            f"--out {with_curve}{own}"
+        )
+        if self.contradicted:
             steps += [f"shadow info {shell_path(log)}{self.flags}" for log in self.logs]
             kept = [] if saved else [f"{again} --save diagnosis.json"]
             return [*steps, *kept, add_curve] if names else steps

@@ -1,9 +1,9 @@
 """A free curve: what no effect explains as a curve of one variable or two, a map or a history.
 
-A curve is an effect without a law: each of its tables is a force, a share of the
-thrust, or water that flows, over one variable, two, the map or the time. The table that a few
-steps of the search fill best is fitted whole, with all other numbers; then the knots of one over
-one variable are moved to where it bends (a motor that skips a band of thrust has a step, which
+A curve is an effect without a law: each of its tables is a force, a share of the thrust, water that
+flows, or what a sensor reads too much, over one variable, two, the map or the time. The table that
+a few steps of the search fill best is fitted whole, with all other numbers; then the knots of one
+over one variable are moved to where it bends (a motor that skips a band of thrust has a step, which
 knots at even places smear), and a profile is turned. It is judged on unseen time like an effect:
 beside the effects that were found, for what they leave; and in their place, for an effect that only
 lies near takes the form of another cause as far as its law can. At the noise free runs hardly tell

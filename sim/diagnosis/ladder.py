@@ -1,8 +1,9 @@
 """The search for effects: one after another, as long as each is worth it on held-out time.
 
     rank → add the best → rank beside it …  then swap: choose the earlier ones again beside the
-    later;  exchange: two effects for one, or one for two;  and backward: what no longer earns its
-    place goes, and the others are chosen again;  at last the final fit
+    later;  exchange: two effects for one, or one for two;  where water or wind was met and much is
+    left, all of this once more from a change of both;  and backward: what no longer earns its place
+    goes, and the others are chosen again;  at last the final fit
 
 The first choice is made while the second effect is still missing, and may stand in for both: a
 change of current for a wind that turned while a current ran. No swap of one effect for another
@@ -159,11 +160,13 @@ class EffectSearch:
         return (again, at) if better else (steps, fit)
 
     def _in_order(self, base: Fit, names: Sequence[str]) -> list[Ranking]:
-        """These effects one beside another, how each was fitted; empty where one cannot be."""
+        """These effects one beside another, how each was fitted; empty where one of them cannot be,
+        or is not believed.
+        """
         steps, fit = list[Ranking](), base
         for name in names:
             ranking = self.rank(fit, among={name})
-            if not ranking.finalists:
+            if not ranking.finalists or not self.is_believed(ranking.best, ranking.reference):
                 return []
             steps, fit = [*steps, ranking], ranking.best.fit
         return steps

@@ -80,8 +80,8 @@ MAX_NRMSE_RATIO_AT_FLOOR = 0.98
 # twenty tuning voyages (5 of 39 that were looked at) promised 1.19 and more.
 MIN_PROMISE_IN_PLACE = 0.7
 MAX_EXCHANGES = 2  # of two effects for one, or one for two
-# Of the error of a search that ended far above the noise: with water and wind alone another begins
-# that may end below it. Days of the blind test went on so from 1.1, 1.4 and 1.5 times.
+# Error with a change of current and one of wind alone, over that of the search that ended: from
+# more a second search does not go on. Days of the blind test ended lower from 1.1 to 1.5 times.
 MAX_ERROR_TO_BEGIN_WITH = 2.0
 MAX_SWAPS = 4  # of effects for others after each that was added; chosen for the time it takes
 MIN_SHARE_OF_EARLIER = 0.05  # of the nats that earlier effects won: less is their form

@@ -218,7 +218,9 @@ def summary_of(
             below += f"; as well does a curve that {kinds}"
         if curve.formula is not None:
             below += f"; as well does {curve.formula.formula.text} ({curve.formula.nrmse:.3f})"
-        told = "; ".join(filter(None, (contradict, curve.description)))
+        told = curve.description
+        if contradict:
+            told = f"{contradict}; as an error of a sensor: {told}"
         return (
             f"{'' if nearest else known}something is missing that the catalogue does not hold: "
             f"{told}; with that curve {below}{nearest}"

@@ -294,7 +294,8 @@ class Effect:
     more_starts   (length of the longest recording [s]) -> starts, each of which is fitted whole
                   where a first look leaves much unexplained: from where a force that goes with a
                   square was found no small step may lead to the best
-    tables        (vessel, extent of u, v, r [m/s, rad/s], north, east [m] and time [s]) -> empty
+    tables        (vessel, extent of u, v, r [m/s, rad/s], u r [m/s²], north, east [m], voltage [V]
+                  and time [s], as u, v, r, swing, north, east, voltage, time) -> empty
                   tables where a search begins, if the effect is a curve that is not looked for in
                   the residual (`search`)
     knot_places   of such a table: in order, the parameters (`Kind.FIXED`, shares of the way) that

@@ -199,6 +199,8 @@ def in_words(values: FittedValues) -> str:
     unit, size = UNITS[by]
     places = knot_places(values)
     shares = [values[f"f{k}"] for k in range(KNOTS)]
+    if by == HEADING:  # all around: the last knot is the first
+        shares[-1] = shares[0]
     if acts in {THRUST, OUTWARD}:
         told = [f"{100.0 * y:+.0f} %" for y in shares]
     elif acts == ANGLE:
@@ -231,11 +233,11 @@ EFFECT = Effect(
             "6 outward",
         ),
         Parameter(
-            "low", "m/s, rad/s, rad, 1 or V", lower=-100.0, upper=100.0, start=-1.0,
+            "low", "m/s, rad/s, rad, 1 or V", lower=-1000.0, upper=1000.0, start=-1.0,
             kind=Kind.FIXED, description="first knot",
         ),
         Parameter(
-            "high", "m/s, rad/s, rad, 1 or V", lower=-100.0, upper=100.0, start=1.0,
+            "high", "m/s, rad/s, rad, 1 or V", lower=-1000.0, upper=1000.0, start=1.0,
             kind=Kind.FIXED, description="last knot",
         ),
         FULL,

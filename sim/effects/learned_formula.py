@@ -184,6 +184,8 @@ def formulas(vessel: Any, values: Values, std: Mapping[str, float]) -> list[Form
     x = knot_places(values)
     names = [f"f{k}" for k in range(KNOTS)]
     y, sure = (np.array([of[n] for n in names]) for of in (values, std))
+    if by == HEADING:  # all around: the last knot is the first
+        y[-1], sure[-1] = y[0], sure[0]
     found = fitted_forms(x, y, sure, turns=by == HEADING, own_drag=(by, acts) in OWN_DRAG)
     return [_formula(filled, vessel, values) for filled in found]
 

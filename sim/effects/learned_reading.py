@@ -72,9 +72,8 @@ def observe(report: Report, p: Any) -> Report:
 
 
 def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[Values]:
-    """All empty tables that could be filled; `extent`: smallest and largest value of u, v, r."""
-    swing = max(map(abs, extent["u"])) * max(map(abs, extent["r"]))
-    ranges = {AHEAD: extent["u"], TURNING: extent["r"], SWINGING: (-swing, swing),
+    """All empty tables that could be filled; `extent`: smallest and largest u, r and u r."""
+    ranges = {AHEAD: extent["u"], TURNING: extent["r"], SWINGING: extent["swing"],
               HEADING: (0.0, 2.0 * math.pi)}  # fmt: skip
     return [
         {"by": by, "acts": acts, "low": ranges[by][0], "high": ranges[by][1],
@@ -105,6 +104,8 @@ def in_words(values: FittedValues) -> str:
     unit, size = UNITS[by]
     places = values["low"] + knot_shares(values) * (values["high"] - values["low"])
     errors = [values[f"f{k}"] for k in range(KNOTS)]
+    if by == HEADING:  # all around: the last knot is the first
+        errors[-1] = errors[0]
     if acts == OF_SPEED:
         what, told = "the speed", [f"{100.0 * y:+.0f} %" for y in errors]
     elif acts == OF_YAW_RATE:

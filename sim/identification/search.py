@@ -173,9 +173,12 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
         place = np.concatenate([trial.eta[trial.usable, : Eta.YAW] for trial in trials])
         for i, n in enumerate(("north", "east")):
             extent[n] = (float(place[:, i].min()), float(place[:, i].max()))
+        swing = np.quantile(nu[:, 0] * nu[:, 2], [0.005, 0.995])
+        extent["swing"] = (float(swing[0]), float(swing[1]))
         volts = np.concatenate([trial.voltage[trial.usable] for trial in trials])
-        if np.isfinite(volts).any():
-            extent["voltage"] = (float(np.nanmin(volts)), float(np.nanmax(volts)))
+        if np.isfinite(volts).any():  # a reading while a battery is changed is no voltage
+            low_volts, high_volts = np.nanquantile(volts, [0.005, 0.995])
+            extent["voltage"] = (float(low_volts), float(high_volts))
         extent["time"] = (0.0, max(float(trial.time[-1]) for trial in trials))
         return list(effect.tables(model.vessel, extent))
     longest = max(float(t.time[-1]) for t in trials)

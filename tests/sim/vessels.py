@@ -144,7 +144,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
     "learned_anomaly": {
         "north": 2.0,
         "east": -1.0,
-        "reach": 6.0,
+        "reach": 60.0,
         **{f"f{k}": 0.2 - 0.03 * k for k in range(9)},
     },
     "learned_reading": {

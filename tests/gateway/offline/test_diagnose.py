@@ -288,7 +288,8 @@ def test_no_effect_is_begun_where_sensors_contradict_one_another(found):
     info, kept, added = curve.next_steps(None, None)
     assert info == "shadow info 'a log.tlog' --anyway"
     assert kept.endswith("--save diagnosis.json")
-    assert added.startswith("shadow add")
+    last = found.diagnosis.ladder[-1].effects[-1]
+    assert added.startswith(f"shadow add {last} --vessel ")
     assert "--from diagnosis.json" in added
 
 

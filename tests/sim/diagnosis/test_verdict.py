@@ -237,7 +237,9 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     assert "squared error than hull_lift" in closer
     assert "moment" not in said("x", over=gained(100.0)._replace(ratio=1.0))
     lag = said("x", contradictions=("yaw comes late",))
-    assert "(yaw comes late): that comes before any effect; a force; with that curve" in lag
+    assert (
+        "(yaw comes late): that comes before any effect; as an error of a sensor: a force; " in lag
+    )
     line: Any = SimpleNamespace(formula=SimpleNamespace(text="X = c u, c = 3"), nrmse=0.203)
     assert "as well does X = c u, c = 3 (0.203); nearest" in said("x", formula=line)
     also = said("x", as_well=(named("learned_history"), named("learned_map")))

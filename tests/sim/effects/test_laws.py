@@ -35,6 +35,11 @@ OTHER_SIDE = {
             for k in range(9)
         },
     },
+    "learned_anomaly": {
+        "east": -VALUES["learned_anomaly"]["east"],
+        **{f"f{k}": -VALUES["learned_anomaly"][f"f{k}"] for k in range(9)},
+    },
+    "learned_reading": {f"f{k}": -VALUES["learned_reading"][f"f{8 - k}"] for k in range(9)},
     "learned_map": {
         "west": -VALUES["learned_map"]["east"],
         "east": -VALUES["learned_map"]["west"],

@@ -34,7 +34,7 @@ def reported(acts: float, by: float, error: Callable[[Floats], Floats]) -> Repor
     )
     table = next(
         t
-        for t in reading.tables(WAMV, {"u": (0.0, 2.0), "r": (-1.0, 1.0)})
+        for t in reading.tables(WAMV, {"u": (0.0, 2.0), "r": (-1.0, 1.0), "swing": (-0.7, 0.6)})
         if (t["acts"], t["by"]) == (acts, by)
     )
     filled = dict(zip((f"f{k}" for k in range(9)), error(np.linspace(low, high, 9)), strict=True))
@@ -87,6 +87,8 @@ def test_it_says_what_is_off_and_where() -> None:
     said = reading.in_words(values())
     assert said.startswith("the heading that is reported is off with the yaw rate: +13.8° at -34.4")
     assert said.endswith("-13.8° at 34.4 °/s")
+    around = reading.in_words(values(by=4.0, low=0.0, high=2.0 * np.pi, f8=0.0))
+    assert around.endswith("+13.8° at 360 °")  # where it begins again
     speed = reading.in_words(values(acts=2.0, by=1.0, low=0.0, high=2.0))
     assert speed.startswith(
         "the speed that is reported is off with the speed ahead: +24 % at 0 m/s"
