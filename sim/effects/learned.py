@@ -94,7 +94,7 @@ def wrench(y: float, length: float, p: Any) -> Wrench:
 
 def force(flow: Flow, p: Any) -> Wrench:
     """Motion -> X, Y, N [N, N, N m]."""
-    y = (p.by != MOTOR) * table(motion(flow, p), p)
+    y = (p.by != MOTOR) * (p.by != BATTERY) * table(motion(flow, p), p)
     return wrench(y, flow.body.length, p)
 
 
