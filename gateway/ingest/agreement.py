@@ -20,8 +20,9 @@ is smoothed lacks what is fast alone.
 What shows without all that is told by `gateway.ingest.plain_mistakes`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -44,12 +45,12 @@ from gateway.samples import Quantity
 from sim.state import Floats, Ints
 
 # Chosen, not measured; what logs of other people show stands in the tests.
-TURN_S, MOVE_S = 2.0, 4.0  # stretches of a heading, of a position
-LONG_S = 15.0  # stretches over which what is smoothed is whole
-LEAST_LONG_TURN_RAD, LEAST_LONG_MOVE_M = 0.3, 4.0
 BLOCK_S = 25.0
 FEWEST_BLOCKS = 4  # in which the boat turned or moved
-LEAST_TURN_RAD, LEAST_MOVE_M = 0.1, 1.5  # in a stretch, root mean square, for anything to be seen
+# stretches [s] of a heading and of a position, and the turn or way [rad, m] in one, root mean
+# square, for anything to be seen; over the long ones what is smoothed is whole
+TURNS, MOVES = (2.0, 0.1), (4.0, 1.5)
+LONG_TURNS, LONG_MOVES = (15.0, 0.3), (15.0, 4.0)
 OUTLIER = 6.0  # medians of a stretch's error
 SURE = 5.0  # standard deviations
 SPIKE = 5.0  # 95 % quantiles of what the rates add up to
@@ -255,12 +256,11 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
             if found is None or not found.is_near:
                 out += _other_unit(at, heading[:, 0], when, rate[:, :1], choices)
                 found = None if out else found
-            slow = rate_agreement(at, turned, when, rate[:, :1], LONG_S, LEAST_LONG_TURN_RAD,
-                                  Turns(at, turned[:, 0], True))  # fmt: skip
-            mended = _set_right(found, slow, choices["yaw rate"], choices["yaw"])
-            out += _told(
-                found, choices["yaw rate"], choices["yaw"], "the turn of the heading", mended
-            )
+            told, mended = _judged(
+                found, partial(_turns_agree, at, heading[:, 0], when, rate[:, :1], long=True),
+                choices["yaw rate"], choices["yaw"], "the turn of the heading",
+            )  # fmt: skip
+            out += told
             right |= mended
             at, heading = ascending(right["yaw"].samples, start)
             turned = np.unwrap(heading[:, :1], axis=0)
@@ -272,7 +272,7 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
                 velocity = over_ground(velocity, np.interp(when, at, turned[:, 0]))
             place = metres(place, choices["position"].samples.quantity)
             turns = Turns(at, turned[:, 0], False)
-            stretches = (MOVE_S, LEAST_MOVE_M, turns)
+            stretches = (*MOVES, turns)
             found = rate_agreement(then, place, when, velocity, *stretches)
             mirrored = None
             if found is None or not found.is_near:
@@ -284,43 +284,48 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
                     "exchanged, or the sign of one of them is turned round"
                 )
                 found = None
-            slow = rate_agreement(then, place, when, velocity, LONG_S, LEAST_LONG_MOVE_M, turns)
-            mended = _set_right(found, slow, choices["velocity"], choices["position"])
-            out += _told(
-                found, choices["velocity"], choices["position"], "the change of position", mended
-            )
+            told, mended = _judged(
+                found, partial(rate_agreement, then, place, when, velocity, *LONG_MOVES, turns),
+                choices["velocity"], choices["position"], "the change of position",
+            )  # fmt: skip
+            out += told
             right |= mended
     return Reconciled(right, tuple(out))
 
 
-def _set_right(
-    found: RateAgreement | None, slow: RateAgreement | None, rate: Choice, values: Choice
-) -> dict[str, Choice]:
-    """By name, what is set right: a rate of a wrong scale, and the later of a heading and its rate.
+def _judged(
+    found: RateAgreement | None, over_long: Callable[[], RateAgreement | None], rate: Choice,
+    values: Choice, change: str,
+) -> tuple[list[str], dict[str, Choice]]:  # fmt: skip
+    """What contradicts, in words; and by name what is set right: a rate of a wrong scale, and the
+    later of a heading and its rate.
 
-    `slow`: the two over long stretches. Where both scale and time are off nothing is, for values
-    that are filtered are late and lack what is fast. Positions may be late or velocities early, and
-    no fit needs the places: these stay.
+    Where both scale and time are off nothing is, for values that are filtered are late and lack
+    what is fast; nor a scale that is not the same over long stretches. Positions may be late or
+    velocities early, and no fit needs the places: these stay.
     """
-    if found is None or not found.is_near:
-        return {}
-    if found.contradicts and not found.is_late:
-        if slow is None or not slow.is_same_scale(found):
-            return {}
-        samples = replace(rate.samples, values=rate.samples.values / found.scale)
-        return {rate.name: replace(rate, samples=samples)}
-    if found.contradicts or not found.is_late or values.name != "yaw":
-        return {}
-    late = values if found.late_s > 0.0 else rate
-    time = late.samples.vehicle_time_ns - round(abs(found.late_s) * 1e9)
-    return {late.name: replace(late, samples=replace(late.samples, vehicle_time_ns=time))}
+    right: dict[str, Choice] = {}
+    if found is None:
+        return [], right
+    if found.is_near and found.contradicts and not found.is_late:
+        long = over_long()
+        if long is not None and long.is_same_scale(found):
+            samples = replace(rate.samples, values=rate.samples.values / found.scale)
+            right[rate.name] = replace(rate, samples=samples)
+    elif found.is_near and found.is_late and not found.contradicts and values.name == "yaw":
+        late = values if found.late_s > 0.0 else rate
+        time = late.samples.vehicle_time_ns - round(abs(found.late_s) * 1e9)
+        right[late.name] = replace(late, samples=replace(late.samples, vehicle_time_ns=time))
+    return _told(found, rate, values, change, right), right
 
 
-def _turns_agree(at: Floats, yaw: Floats, when: Floats, rate: Floats) -> RateAgreement | None:
+def _turns_agree(
+    at: Floats, yaw: Floats, when: Floats, rate: Floats, long: bool = False
+) -> RateAgreement | None:
     """Headings (K,) [rad] at (K,) and yaw rates (L, 1) at (L,) [s] -> how the two agree."""
     turned = np.unwrap(yaw)
-    turns = Turns(at, turned, True)
-    return rate_agreement(at, turned[:, None], when, rate, TURN_S, LEAST_TURN_RAD, turns)
+    stretches = LONG_TURNS if long else TURNS
+    return rate_agreement(at, turned[:, None], when, rate, *stretches, Turns(at, turned, True))
 
 
 def _other_unit(
@@ -348,11 +353,9 @@ def _other_unit(
 
 
 def _told(
-    found: RateAgreement | None, rate: Choice, values: Choice, change: str, right: Iterable[str]
+    found: RateAgreement, rate: Choice, values: Choice, change: str, right: Iterable[str]
 ) -> list[str]:
     """What contradicts, in words, and what of it is set `right`; nothing where nothing does."""
-    if found is None:
-        return []
     out, mended = list[str](), "".join(right)
     takes = f"comparisons and fits take {mended}"
     if found.contradicts:

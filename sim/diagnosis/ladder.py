@@ -138,17 +138,16 @@ class EffectSearch:
         and wind at once, if that ends better: each is found where the other is left out only as far
         as it can stand in for both, and what is chosen then takes its part of what is left.
         """
-        changes = [e for e in self.effects if e.contains]
-        weather = {name for e in changes for name in (e.name, e.contains)}
+        changes, weather = self._weather
         met = {name for a in fit.added for name in (a.effect.name, a.effect.general_of)}
         scorer = self.scorer.shared_with(fit)
         error = scorer.score_fit(fit).nrmse
-        whole = met.issuperset(e.name for e in changes) or not met & weather
+        whole = met >= changes or not met & weather
         near = error <= thresholds.MAX_FLOORS * scorer.noise_floor
         if near or whole or len(changes) > self.most:
             return steps, fit
         self.progress("a search that begins with the weather")
-        begun = [self._in_order(base, order) for order in permutations(e.name for e in changes)]
+        begun = [self._in_order(base, order) for order in permutations(sorted(changes))]
         found = [(each, each[-1].best.fit) for each in begun if each]
         if not found:
             return steps, fit
@@ -291,12 +290,17 @@ class EffectSearch:
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
 
+    @property
+    def _weather(self) -> tuple[set[str], set[str]]:
+        """Changes of water and wind; and these with the steady cases that they hold as a whole."""
+        changes = {e.name: e.contains for e in self.effects if e.contains}
+        return set(changes), {*changes, *changes.values()}
+
     def _exchanged(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit] | None:
         """Among what may change while a boat sails, water and wind: a change of one in the place of
         two that stood in for it, or two in the place of one change; None where neither is better.
         """
-        changes = {e.name for e in self.effects if e.contains}
-        weather = changes | {e.contains for e in self.effects if e.contains}
+        changes, weather = self._weather
         special = {e.name: e.general_of for e in self.effects if e.general_of in weather}
         at = [i for i, name in enumerate(fit.names) if name in weather or name in special]
         if len(at) == 2:

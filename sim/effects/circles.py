@@ -7,6 +7,7 @@ import numpy as np
 
 from sim.state import Floats
 
+MIDDLES, SIDE = 60, 7  # along the track, and along either side of what was sailed
 SIZES = 5  # from two hull lengths to a share of the way across what was sailed
 
 
@@ -28,6 +29,13 @@ def radii(place: Floats, length: float, share: float) -> Floats:
     """From a hull's length [m] and places (n, 2) [m], outliers apart: (SIZES,) [m]."""
     across = float(np.ptp(np.quantile(place, [0.05, 0.95], axis=0), axis=0).max())
     return np.geomspace(2.0 * length, max(share * across, 3.0 * length), SIZES)
+
+
+def middles(place: Floats) -> Floats:
+    """Places along a track (n, 2) [m], and on a grid over what it covers: (m, 2) [m]."""
+    low, high = np.quantile(place, [0.02, 0.98], axis=0)
+    grid = np.stack(np.meshgrid(*np.linspace(low, high, SIDE).T), -1).reshape(-1, 2)
+    return np.concatenate([place[:: max(len(place) // MIDDLES, 1)], grid])
 
 
 def best_apart(circles: Iterable[Circle], most: int) -> list[Circle]:

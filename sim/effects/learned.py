@@ -48,7 +48,7 @@ from sim.effects.learned_formula import (
     knot_places,
 )
 from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS
-from sim.effects.tables import EVENLY, KNOTS, along, bends, between_nine, knot_shares
+from sim.effects.tables import EVENLY, KNOTS, along, between_nine, knots_in_disorder, told_at_bends
 from sim.effects.words import FittedValues
 from sim.jit import jitable
 from sim.state import Wrench
@@ -157,8 +157,8 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
 def mismatch(vessel: Any, values: Values) -> str:
     """Why a table does not act on what its variable is of, or is none; empty where it does."""
     by, acts = values["by"], values["acts"]
-    if not np.all(np.diff(knot_shares(values)) > 0.0):
-        return "at1 … at7 must rise, between 0 and 1"
+    if disorder := knots_in_disorder(values):
+        return disorder
     if acts == OUTWARD and by != MOTOR:
         return f"acts = {OUTWARD:g} (outward) goes with by = {MOTOR:g} (a motor's thrust) alone"
     if by == BATTERY and acts != THRUST:
@@ -207,10 +207,7 @@ def in_words(values: FittedValues) -> str:
         told = [f"{math.degrees(y):+.1f}°" for y in shares]
     else:
         told = [f"{y * values['full']:+.3g} N" for y in shares]
-    points = ", ".join(
-        f"{told[k]} at {places[k] / size:.3g} {unit}"
-        for k in bends(places, np.array(shares), KNOTS // 2 + 1)
-    )
+    points = told_at_bends(told, places / size, np.array(shares), unit)
     return f"{acts_in_words(values)} with the {NAMES[by]}: {points}"
 
 

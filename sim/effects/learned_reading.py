@@ -25,9 +25,9 @@ import numpy as np
 from sim.body import Report, with_heading_off
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Kind, Parameter, Scope, Values
 from sim.effects.learned import table
-from sim.effects.learned_formula import HEADING
+from sim.effects.learned_formula import HEADING, knot_places
 from sim.effects.table_parameters import INNER_KNOTS
-from sim.effects.tables import EVENLY, KNOTS, bends, knot_shares
+from sim.effects.tables import EVENLY, KNOTS, knots_in_disorder, told_at_bends
 from sim.effects.words import FittedValues
 
 OF_HEADING, OF_SPEED, OF_YAW_RATE = 1.0, 2.0, 3.0
@@ -84,9 +84,7 @@ def tables(vessel: Any, extent: Mapping[str, tuple[float, float]]) -> Sequence[V
 
 def mismatch(vessel: Any, values: Values) -> str:
     """Why a table is none; empty where it is one."""
-    if not np.all(np.diff(knot_shares(values)) > 0.0):
-        return "at1 … at7 must rise, between 0 and 1"
-    return ""
+    return knots_in_disorder(values)
 
 
 def evidence_axis(values: Values) -> EvidenceAxis:
@@ -102,7 +100,7 @@ def in_words(values: FittedValues) -> str:
     """The error at the knots that hold its shape."""
     by, acts = values["by"], values["acts"]
     unit, size = UNITS[by]
-    places = values["low"] + knot_shares(values) * (values["high"] - values["low"])
+    places = knot_places(values)
     errors = [values[f"f{k}"] for k in range(KNOTS)]
     if by == HEADING:  # all around: the last knot is the first
         errors[-1] = errors[0]
@@ -112,10 +110,7 @@ def in_words(values: FittedValues) -> str:
         what, told = "the yaw rate", [f"{y / DEGREE:+.2g} °/s" for y in errors]
     else:
         what, told = "the heading", [f"{y / DEGREE:+.1f}°" for y in errors]
-    points = ", ".join(
-        f"{told[k]} at {places[k] / size:.3g} {unit}"
-        for k in bends(places, np.array(errors), KNOTS // 2 + 1)
-    )
+    points = told_at_bends(told, places / size, np.array(errors), unit)
     return f"{what} that is reported is off with the {NAMES[by]}: {points}"
 
 

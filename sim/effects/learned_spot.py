@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.circles import Circle, best_apart, radii
+from sim.effects.around import VALUES_AT, around, at_distance, at_knots
+from sim.effects.circles import Circle, best_apart, middles, radii
 from sim.effects.effect import (
     Effect,
     Kind,
@@ -39,15 +40,12 @@ from sim.effects.effect import (
     circular_parameter,
 )
 from sim.effects.learned_drag import SOFT, inside
-from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS, knots
+from sim.effects.table_parameters import ARM, FULL, INNER_KNOTS, PLACE, REACH, knots
 from sim.effects.tables import (
     EVENLY,
     KNOTS,
     MapField,
-    along,
     bends,
-    between_nine,
-    knot_shares,
     push_scale,
 )
 from sim.effects.words import FittedValues, towards
@@ -56,25 +54,12 @@ from sim.state import Floats, Pose, Water, Wrench, to_body
 
 STREAM, EDDY, PUSH, PULL, SPRING = 1.0, 2.0, 3.0, 4.0, 5.0
 WATERS, PUSHES = (STREAM, EDDY, SPRING), (PUSH, PULL)
-VALUES_AT = [f"f{k}" for k in range(KNOTS)]
 
 # Places that are tried; all chosen, not measured.
 ROWS = 1500  # of the track
-MIDDLES, SIDE = 60, 7  # along the track, and along either side of what was sailed
 WIDEST = 0.5  # radius, of the way across
-REACH = 3.0  # radii, of the table of what fades
+FAR = 3.0  # radii, of the table of what fades
 STARTS = 2  # of each kind, clear of one another
-FINE = 25  # places along either side of the picture
-
-
-@jitable
-def value(north: float, east: float, p: Any) -> float:
-    """V at a way north and east of the place [m]."""
-    return between_nine(
-        along(np.sqrt(north**2 + east**2), 0.0, p.reach),
-        p.at1, p.at2, p.at3, p.at4, p.at5, p.at6, p.at7,
-        p.f0, p.f1, p.f2, p.f3, p.f4, p.f5, p.f6, p.f7, p.f8,
-    )  # fmt: skip
 
 
 @jitable
@@ -92,7 +77,8 @@ def vector(north: Any, east: Any, kind: float, direction: float) -> Any:
 def water(time: float, pose: Pose, p: Any) -> Water:
     """Place -> velocity of the water [m/s]; no acceleration."""
     n, e = pose.north - p.north, pose.east - p.east
-    flows = (1.0 * (p.acts < PUSH) + 1.0 * (p.acts == SPRING)) * value(n, e, p)
+    flows = 1.0 * (p.acts < PUSH) + 1.0 * (p.acts == SPRING)
+    flows = flows * at_distance(np.sqrt(n**2 + e**2), p)
     to_north, to_east = vector(n, e, p.acts, p.direction)
     return Water(flows * to_north, flows * to_east, 0.0, 0.0)
 
@@ -100,7 +86,8 @@ def water(time: float, pose: Pose, p: Any) -> Water:
 def force(flow: Flow, p: Any) -> Wrench:
     """Place and heading -> X, Y, N [N, N, N m]."""
     n, e = flow.north - p.north, flow.east - p.east
-    push = (1.0 * (p.acts == PUSH) + 1.0 * (p.acts == PULL)) * p.full * value(n, e, p)
+    push = (1.0 * (p.acts == PUSH) + 1.0 * (p.acts == PULL)) * p.full
+    push = push * at_distance(np.sqrt(n**2 + e**2), p)
     to_north, to_east = vector(n, e, p.acts, p.direction)
     X, Y = to_body(push * to_north, push * to_east, flow.yaw)
     return Wrench(X, Y, p.x * Y)
@@ -120,12 +107,9 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
     found = residual()
     thin = slice(None, None, max(len(found.time) // ROWS, 1))
     place, missing = found.place[thin], found.force[thin]
-    low, high = np.quantile(place, [0.02, 0.98], axis=0)
-    grid = np.stack(np.meshgrid(*np.linspace(low, high, SIDE).T), -1).reshape(-1, 2)
-    middles = np.concatenate([place[:: max(len(place) // MIDDLES, 1)], grid])
     sizes = radii(place, vessel.hull.length, WIDEST)
     tried: dict[float, list[Circle]] = {PUSH: [], EDDY: [], PULL: [], SPRING: []}
-    for middle in middles:
+    for middle in middles(place):
         for radius in map(float, sizes):
             for acts, circles in tried.items():
                 circles.append(_circle(acts, middle, radius, place, missing))
@@ -164,7 +148,7 @@ def _starts_at(vessel: Any, c: Circle, place: Floats) -> list[Values]:
     full, own = push_scale(vessel), vessel.dynamics
     # knots where the boat hardly was would say that nothing is there
     farthest = float(np.quantile(np.hypot(*(place - [c.north, c.east]).T), 0.95))
-    reach = min(REACH * c.radius, farthest) if c.law != PULL else farthest
+    reach = min(FAR * c.radius, farthest) if c.law != PULL else farthest
     shape = _shape(c.law, np.linspace(0.0, reach, KNOTS), c.radius)
     per_speed = max(-own.X_u - own.X_uu, 1e-6)  # N of a flow of 1 m/s
     forces = np.clip(c.factor / full * shape, -2.0, 2.0)
@@ -183,23 +167,14 @@ def _starts_at(vessel: Any, c: Circle, place: Floats) -> list[Values]:
 
 def over_map(p: FittedValues) -> MapField:
     """The table around its place."""
-    away = np.linspace(-p["reach"], p["reach"], FINE)
-    n, e = (x.ravel() for x in np.meshgrid(away, away, indexing="ij"))
-    near = np.hypot(n, e) <= p["reach"]
-    n, e = n[near], e[near]
-    at, values, interval = _at_knots(p)
-    size, half = (np.interp(np.hypot(n, e), at, of) for of in (values, interval))
+    n, e, size, half = around(p, _scale(p))
     to_north, to_east = vector(n, e, p["acts"], p["direction"])
     place = p["north"] + n, p["east"] + e
     return MapField(*place, size * to_north, size * to_east, half, _unit(p))
 
 
-def _at_knots(p: FittedValues) -> tuple[Floats, Floats, Floats]:
-    """Distances (K,) [m], values there and half of their intervals (K,) [m/s or N]."""
-    scale = p["full"] if p["acts"] in PUSHES else 1.0
-    ends = np.array([p.ci95.get(key, (0.0, 0.0)) for key in VALUES_AT])
-    values = scale * np.array([p[key] for key in VALUES_AT])
-    return p["reach"] * knot_shares(p), values, 0.5 * scale * (ends[:, 1] - ends[:, 0])
+def _scale(p: FittedValues) -> float:
+    return p["full"] if p["acts"] in PUSHES else 1.0
 
 
 def _unit(p: FittedValues) -> str:
@@ -210,7 +185,7 @@ def in_words(p: FittedValues) -> str:
     """What, about which place, and how much at the knots that hold its shape: of those that are
     known, for where the boat hardly was a table says nothing.
     """
-    at, values, half = _at_knots(p)
+    at, values, half = at_knots(p, _scale(p))
     known = half < np.abs(values).max()
     strongest = max(values[known], key=abs, default=0.0)
     back = strongest < 0.0  # told the way in which it is strongest
@@ -247,12 +222,8 @@ EFFECT = Effect(
             "acts", "1", lower=1.0, upper=5.0, start=1.0, kind=Kind.CHOICE,
             description="1 a stream, 2 an eddy, 3 a push, 4 a pull towards the place, 5 a spring",
         ),
-        Parameter("north", "m", lower=-1e6, upper=1e6, start=0.0, scale=3.0,
-                  description="the place"),
-        Parameter("east", "m", lower=-1e6, upper=1e6, start=0.0, scale=3.0,
-                  description="the place"),
-        Parameter("reach", "m", lower=0.5, upper=1e5, start=30.0, kind=Kind.FIXED,
-                  description="distance of the last knot from it"),
+        *PLACE,
+        REACH,
         circular_parameter("direction", "of a stream or a push, clockwise from north", sided=True),
         FULL,
         ARM,

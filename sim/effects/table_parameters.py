@@ -13,6 +13,14 @@ FULL = Parameter(
     "full", "N", lower=0.0, upper=1e6, start=100.0, kind=Kind.FIXED,
     description="force of a value of one",
 )  # fmt: skip
+PLACE = tuple(
+    Parameter(key, "m", lower=-1e6, upper=1e6, start=0.0, scale=3.0, description="the place")
+    for key in ("north", "east")
+)
+REACH = Parameter(
+    "reach", "m", lower=0.5, upper=1e5, start=30.0, kind=Kind.FIXED,
+    description="distance of the last knot from it",
+)  # fmt: skip
 ARM = Parameter("x", "m", lower=-50.0, upper=50.0, start=0.0, scale=0.5)
 
 INNER_KNOTS = tuple(

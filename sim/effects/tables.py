@@ -88,6 +88,19 @@ def bends(places: Floats, values: Floats, count: int) -> list[int]:
     return left
 
 
+def told_at_bends(told: Sequence[str], places: Floats, values: Floats, unit: str) -> str:
+    """What is told of each knot (K,), and where it is, of those that hold the table's shape."""
+    kept = bends(places, values, KNOTS // 2 + 1)
+    return ", ".join(f"{told[k]} at {places[k]:.3g} {unit}" for k in kept)
+
+
+def knots_in_disorder(values: Mapping[str, float]) -> str:
+    """Why its inner knots are none of a table; empty where they are."""
+    if not np.all(np.diff(knot_shares(values)) > 0.0):
+        return "at1 … at7 must rise, between 0 and 1"
+    return ""
+
+
 class Formula(NamedTuple):
     """A short law that may stand for a table.
 
