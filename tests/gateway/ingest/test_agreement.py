@@ -1,5 +1,7 @@
 """Sensors that contradict one another are told with size and sign; those that agree are not."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +14,13 @@ from gateway.ingest.agreement import (
     rate_agreement,
     reconciled,
 )
-from gateway.ingest.sources import Choice
+from gateway.ingest.sources import Choice, choose
 from gateway.ingest.stretches import metres, over_ground
+from gateway.offline import trials
 from gateway.offline.trials import load_trials
 from gateway.samples import Quantity, Samples
 from sim.state import Floats
+from sim.trial import Trial
 from tests.gateway.ingest.made_table import Traps, written
 
 RATE_HZ, SECONDS = 20.0, 300.0
@@ -178,6 +182,41 @@ def test_a_velocity_on_board_is_turned_by_the_heading_that_was_set_right() -> No
     ahead = np.stack([SPEED, np.zeros_like(SPEED)], axis=1)
     (text,) = said(yaw=np.interp(T - 0.9, T, YAW), velocity=ahead, body=True)
     assert text.startswith("yaw (YAW) comes 0.9")
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "late_s"),
+    [("yaw rate", 0.85, 0.0), ("velocity", 0.9, 0.0), ("yaw", 1.0, 0.5), ("yaw rate", 1.0, 0.4)],
+)
+def test_a_log_of_the_firmware_whose_sensor_was_spoilt_is_nearly_as_it_was(
+    name: str, scale: float, late_s: float, shared_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Motion of a boat that was not made here; its gyro is filtered, 0.06 s late as it is."""
+
+    def motion(chosen: Callable[..., Any], right: bool = True) -> Trial:
+        monkeypatch.setattr(trials, "choose", chosen)
+        monkeypatch.setattr(trials, "reconciled", reconciled if right else lambda c: (c, ()))
+        return load_trials(shared_data / "sitl" / "otter_calm.tlog")[0]
+
+    def spoilt(samples: Any) -> dict[str, Choice]:
+        out = dict(choose(samples))
+        given = out[name].samples
+        time = given.vehicle_time_ns + round(late_s * 1e9)
+        changed = replace(given, values=scale * given.values, vehicle_time_ns=time)
+        return out | {name: replace(out[name], samples=changed)}
+
+    true = motion(choose)
+    assert true.contradictions == ()
+
+    def off(trial: Trial) -> float:
+        at = true.time + 1e-9 * (true.start_time_ns - trial.start_time_ns)
+        nu = np.stack([np.interp(at, trial.time, x) for x in trial.nu.T], axis=1)
+        return float(np.sqrt(np.mean((nu - true.nu)[true.usable][20:-20] ** 2)))
+
+    mended, left = motion(spoilt), motion(spoilt, right=False)
+    (text,) = mended.contradictions
+    assert f"comparisons and fits take {name}" in text
+    assert off(mended) < 0.25 * off(left)
 
 
 @pytest.mark.parametrize(
