@@ -311,6 +311,13 @@ def rank(
     return ranking
 
 
+def ranked_over(reference: Fit, fit: Fit) -> RankedEffect:
+    """The last effect of a fit, on the problem of a reference without it."""
+    before, after, block = reference.heldout_residual, fit.heldout_residual, fit.problem.block
+    chance = probabilities(np.array([per_block(r, block) for r in (before, after)]))[1]
+    return RankedEffect(fit.added[-1].effect, fit, gain(before, after, block), float(chance))
+
+
 def select_finalists(results: Sequence[ScreeningResult]) -> list[ScreeningResult]:
     """Those worth a whole fit."""
     return most_promising(

@@ -16,11 +16,11 @@ them, and the noise that it leaves.
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, final_fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.force_search import ForceFit, ForceProblem, search_forces
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
     Gain,
@@ -30,6 +30,7 @@ from sim.diagnosis.heldout import (
     gain_under,
     is_better_than_special,
     rank,
+    ranked_over,
 )
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.worth import (
@@ -80,8 +81,7 @@ class EffectSearch:
     def run(self, base: Fit) -> Selection:
         """Greedy, with swaps and exchanges, then backward."""
         first, more = self.ranked(base, [])
-        steps, fit = self._grown_and_exchanged([], base, first if more and self.most else None)
-        steps, fit = self._begun_with_weather(base, steps, fit)
+        steps, fit = self._found(base, first) if more and self.most else ([], base)
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
@@ -95,6 +95,24 @@ class EffectSearch:
         effects = fit.effects()
         earlier = [self._with_first(effects[:k], steps, fit) for k in range(1, len(effects))]
         return Selection(base, (*earlier, fit), tuple(steps), first)
+
+    def _found(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
+        """From what stands out in the forces where one effect leaves much and several do; else from
+        the best of the first ranking.
+        """
+        if self.most > 1 and self._is_above_noise(first.best.fit):
+            steps = self._begun_with_forces(base)
+            if steps:
+                steps, fit = self._swapped(steps, steps[-1].best.fit)
+                steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
+                if self.helps(first.best.fit, fit):
+                    return steps, fit
+        return self._grown_and_exchanged([], base, first)
+
+    def _is_above_noise(self, fit: Fit) -> bool:
+        """Whether more is left than a complete model leaves."""
+        scorer = self.scorer.shared_with(fit)
+        return scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor
 
     def settled(self, base: Fit, fit: Fit) -> Fit:
         """The same effects with their last numbers, under the noise that these leave.
@@ -131,44 +149,54 @@ class EffectSearch:
             steps, fit = self._grown(steps, fit, self._next(steps, fit))
         return steps, fit
 
-    def _begun_with_weather(
-        self, base: Fit, steps: list[Ranking], fit: Fit
-    ) -> tuple[list[Ranking], Fit]:
-        """A search that met weather and ended far above the noise, begun anew with changes of water
-        and wind at once, if that ends better: each is found where the other is left out only as far
-        as it can stand in for both, and what is chosen then takes its part of what is left.
+    def _begun_with_forces(self, base: Fit) -> list[Ranking]:
+        """Where several causes stand out in the missing forces: these one beside another, how each
+        was fitted; empty where fewer do, or are believed.
         """
-        changes, weather = self._weather
-        met = {name for a in fit.added for name in (a.effect.name, a.effect.general_of)}
-        scorer = self.scorer.shared_with(fit)
-        error = scorer.score_fit(fit).nrmse
-        whole = met >= changes or not met & weather
-        near = error <= thresholds.MAX_FLOORS * scorer.noise_floor
-        if near or whole or len(changes) > self.most:
-            return steps, fit
-        self.progress("a search that begins with the weather")
-        begun = [self._in_order(base, order) for order in permutations(sorted(changes))]
-        found = [(each, each[-1].best.fit) for each in begun if each]
-        if not found:
-            return steps, fit
-        again, at = min(found, key=lambda each: scorer.score_fit(each[1]).nrmse)
-        if scorer.score_fit(at).nrmse > thresholds.MAX_ERROR_TO_BEGIN_WITH * error:
-            return steps, fit
-        again, at = self._grown_and_exchanged(again, at, self._next(again, at))
-        better = is_worth_it(self._gain_over(at, fit)) and self.helps(fit, at)
-        return (again, at) if better else (steps, fit)
+        self.progress("several causes in the forces that are missing")
+        problem = ForceProblem.of(self.superset, base.problem.trials, base.problem.settings)
+        path = search_forces(problem, self.effects, self.most, self.mapper)
+        if len(path) < 2:
+            return []
+        fit = self._from_forces(base, path[-1].fit)
+        steps, added = list[Ranking](), list[AddedEffect]()
+        for one, a in zip(path, fit.effects(), strict=True):
+            ranking = self._led_by_one_of(fit, added, a, one.promising)
+            if self.is_believed(ranking.best, ranking.reference):
+                steps, added = [*steps, ranking], [*added, a]
+        return steps if len(steps) > 1 else []
 
-    def _in_order(self, base: Fit, names: Sequence[str]) -> list[Ranking]:
-        """These effects one beside another, how each was fitted; empty where one of them cannot be,
-        or is not believed.
+    def _from_forces(self, base: Fit, start: ForceFit) -> Fit:
+        """The effects of a fit of forces, fitted to predictions from there, under the noise that
+        they leave: under that of the bare base they would be lost again.
         """
-        steps, fit = list[Ranking](), base
-        for name in names:
-            ranking = self.rank(fit, among={name})
-            if not ranking.finalists or not self.is_believed(ranking.best, ranking.reference):
-                return []
-            steps, fit = [*steps, ranking], ranking.best.fit
-        return steps
+        problem, z = base.problem, start.z
+        for _ in range(thresholds.NOISE_ROUNDS_FROM_FORCES):
+            noise = problem.noise_of(start.unknowns, z)
+            problem = FitProblem.of(
+                problem.vessel, problem.trials, start.unknowns, z, noise, problem.settings
+            )
+            fit = fit_effects(start.added, start.unknowns, problem, z)
+            z = fit.z
+        return fit
+
+    def _led_by_one_of(
+        self, fit: Fit, before: Sequence[AddedEffect], added: AddedEffect, promising: Sequence[str]
+    ) -> Ranking:
+        """A ranking beside some effects of a fit that is led by another of its effects, as it is
+        there, with what else is promising.
+        """
+        reference, after = self._beside(before, fit), self._beside([*before, added], fit)
+        ranking = self.rank(reference, among={added.effect.name, *promising})
+        if not ranking.finalists:
+            problem = after.renewed_problem
+            again = fit_effects(before, reference.unknowns, problem, reference.z)
+            ranking = Ranking(again, ())
+        problem = ranking.reference.problem
+        own = fit_effects(after.added, after.unknowns, problem, after.z)
+        row = ranked_over(ranking.reference, own)
+        others = (r for r in ranking.finalists if r.name != row.name)
+        return replace(ranking, finalists=(row, *others))
 
     def _next(self, steps: list[Ranking], fit: Fit) -> Ranking | None:
         """What should come next; None where none should, or no more may."""
@@ -193,8 +221,7 @@ class EffectSearch:
         ranking = self.rank(fit)
         row = self._first_justified(ranking, steps, fit)
         if row is None and any(e.more_starts for e in self._others(fit)):
-            scorer = self.scorer.shared_with(fit)
-            if scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor:
+            if self._is_above_noise(fit):
                 ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
                 row = self._first_justified(ranking, steps, fit)
         return (ranking, False) if row is None else (ranking.led_by(row), True)

@@ -10,6 +10,7 @@ Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, §10.3; the moment
 Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 2.
 """
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,19 @@ from sim.effects.effect import (
     EvidenceAxis,
     ForceAxis,
     Parameter,
+    ResidualForce,
     Scope,
     Separation,
     Shown,
+    Values,
     circular_parameter,
 )
+from sim.effects.pushes import push_changes
 from sim.effects.steady_current import DRIFT
 from sim.effects.words import FittedValues, until_and_after
 from sim.state import Pose, Water
+
+MOMENTS = 12  # at which the search lets the current change
 
 
 def water(time: float, pose: Pose, p: Any) -> Water:
@@ -40,6 +46,26 @@ def water(time: float, pose: Pose, p: Any) -> Water:
         0.0,
         0.0,
     )
+
+
+def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Values]:
+    """A current of one direction all along, with the change at moments along the recording; and
+    currents whose drag would be the missing force, before and after the best moments.
+    """
+    found = residual()
+    starts: list[Values] = [
+        {"speed": 0.2, "direction": 0.0, "later_speed": 0.2, "later_direction": 0.0, "time": t}
+        for t in np.linspace(0.0, float(found.time[-1]), MOMENTS + 2)[1:-1]
+    ]
+    base, (u, v) = vessel.dynamics, np.abs(found.nu[:, :2]).T
+    ahead = -base.X_u - 2.0 * base.X_uu * u  # slope of the drag [N s/m]
+    abeam = -base.Y_v - 2.0 * base.Y_vv * v
+    for push in push_changes(found, ahead, abeam):
+        starts.append({
+            "speed": push.size, "direction": push.direction, "time": push.time,
+            "later_speed": push.later_size, "later_direction": push.later_direction,
+        })  # fmt: skip
+    return starts
 
 
 AGAIN = Separation("stay out longer: the same circles before and after", "circles")
@@ -74,6 +100,7 @@ EFFECT = Effect(
     general_of="steady_current",
     contains="steady_current",
     evidence=EvidenceAxis(ForceAxis.SURGE, "time"),
+    search=search,
     separated={"varying_current": AGAIN, "steady_current": AGAIN, "wind_change": DRIFT},
     in_words=in_words,
     pattern_for=("time",),

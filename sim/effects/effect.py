@@ -143,6 +143,7 @@ class ResidualForce(NamedTuple):
     body      the same on board, X, Y, N as it is (T, 3) [N, N, N m]
     nu        velocities (T, 3) [m/s, m/s, rad/s]
     commands  of the thrusters (T, n), full astern −1 … full ahead 1
+    yaw       heading (T,) [rad]
     """
 
     time: Floats
@@ -151,6 +152,7 @@ class ResidualForce(NamedTuple):
     body: Floats = np.zeros((0, 3))
     nu: Floats = np.zeros((0, 3))
     commands: Floats = np.zeros((0, 0))
+    yaw: Floats = np.zeros(0)
 
 
 Values = Mapping[str, float]

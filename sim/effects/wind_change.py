@@ -31,10 +31,11 @@ from sim.effects.effect import (
     circular_parameter,
 )
 from sim.effects.steady_wind import CIRCLES, COEFFICIENTS, LIGHT, STRONG, UNSTEADY
+from sim.effects.pushes import push_changes
 from sim.effects.steady_wind import assumption as steady_assumption
 from sim.effects.words import FittedValues, until_and_after
 from sim.state import Wrench
-from sim.wind import wind_load
+from sim.wind import AIR_DENSITY, C_X, C_Y, wind_load
 
 MOMENTS = 4  # at which the search lets the wind change; it is then looked for all along
 
@@ -75,13 +76,24 @@ def assumption(vessel: Any, values: Values, ci95: Intervals) -> Assumption | Non
 
 
 def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Values]:
-    """One wind from each quarter all along, with the change at moments along the recording."""
-    last = float(residual().time[-1])
-    return [
+    """One wind from each quarter all along, with the change at moments along the recording; and
+    winds that would push as the missing force does, before and after the best moments.
+    """
+    found = residual()
+    starts: list[Values] = [
         {"speed": 5.0, "direction": d, "later_speed": 5.0, "later_direction": d, "time": t}
         for d in QUARTERS
-        for t in np.linspace(0.0, last, MOMENTS + 2)[1:-1]
+        for t in np.linspace(0.0, float(found.time[-1]), MOMENTS + 2)[1:-1]
     ]
+    # of V² towards where the wind blows: the speed of the boat itself is left out
+    front, side = (0.5 * AIR_DENSITY * c * a for c, a in zip((C_X, C_Y), vessel.hull.areas))
+    rows = np.ones(len(found.time))
+    for push in push_changes(found, -front * rows, -side * rows):
+        starts.append({
+            "speed": np.sqrt(push.size), "direction": push.direction, "time": push.time,
+            "later_speed": np.sqrt(push.later_size), "later_direction": push.later_direction,
+        })  # fmt: skip
+    return starts
 
 
 def more_starts(length: float) -> Sequence[Values]:

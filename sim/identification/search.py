@@ -197,8 +197,9 @@ def residual_force(model: Model, trial: Trial) -> ResidualForce:
     world = (world - world[use].mean(axis=0))[use]
     commands = vessel_commands(model, trial)[use, : len(model.vessel.thrusters)]
     return ResidualForce(
-        trial.time[use], trial.eta[use, : Eta.YAW], world, force[use], trial.nu[use], commands
-    )
+        trial.time[use], trial.eta[use, : Eta.YAW], world, force[use], trial.nu[use], commands,
+        yaw[use],
+    )  # fmt: skip
 
 
 def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Sequence[float]:

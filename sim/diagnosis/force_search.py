@@ -1,0 +1,248 @@
+"""Causes looked for together in the forces that a model lacks, where nothing runs free.
+
+    r = means over a second of balance(ν̇, ν, …; z) / spread,   minimise Σ ρ(r) + ‖(z − z₀) / prior‖²
+
+Along the measured motion the forces of all causes add up, and most of their numbers act on them
+nearly in proportion. Where several causes hide one another in predictions, so that the first that
+is chosen stands in for all, and bends the base to go with it, here they still stand side by side.
+What accelerations tell is less than what predictions do: this gives a search its beginning and
+decides nothing.
+
+One effect after another, each time that which leaves least, with the base and all numbers fitted
+anew. Source: orthogonal forward regression (Chen, Billings and Luo, International Journal of
+Control 50, 1989), with laws in the place of regressors; the equation-error form as in Klein and
+Morelli, Aircraft System Identification, 2nd ed. 2016, ch. 5.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.fit import start_values, unknowns_for, with_event_at
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.screening import Mapper
+from sim.diagnosis.screening_steps import moment_of
+from sim.effects.effect import Effect
+from sim.identification import IdentifySettings
+from sim.identification.parameters import Unknowns
+from sim.identification.search import (
+    damped_steps,
+    moved_by_steps,
+    robust_cost,
+    robust_weights,
+    start_points,
+)
+from sim.prediction import missing_force_only
+from sim.state import Floats, Ints
+from sim.trial import Trial
+from sim.vessel import AddedEffect
+
+MEAN_S = 1.0  # over which a missing force is averaged: shorter ones are the noise of accelerations
+FAR = 30.0  # spreads from which on no more counts, nor a force that is no number
+BASE_ROUNDS = 4  # of fit and spread in turn
+FOLLOWED = 6  # effects whose numbers are fitted beside all others, …
+STEPS = 6  # … in so many steps
+
+
+@dataclass(frozen=True)
+class ForceFit:
+    """Effects beside the base: z (n,), what is left in spreads (N,), the robust cost of it."""
+
+    added: tuple[AddedEffect, ...]
+    unknowns: Unknowns
+    z: Floats
+    residual: Floats
+    cost: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(a.effect.name for a in self.added)
+
+    @cached_property
+    def steps(self) -> "partial[Floats]":
+        """Damped Gauss–Newton steps (K, n) from z, given slopes (N, n)."""
+        weight = robust_weights(self.residual, thresholds.ROBUST_SIGMAS)
+        return partial(damped_steps, self.unknowns, self.z, self.residual, weight=weight)
+
+    def tried(self, jacobian: Floats) -> Floats:
+        """Numbers (K, n) that its slopes (N, n) lead to."""
+        return np.clip(self.z + self.steps(jacobian), *self.unknowns.bounds)
+
+    def promised(self, jacobian: Floats) -> float:
+        """The least cost that slopes (N, n) promise."""
+        tried = self.tried(jacobian)
+        after = self.residual + (tried - self.z) @ jacobian.T
+        return float(robust_cost(self.unknowns, tried, after, thresholds.ROBUST_SIGMAS).min())
+
+
+class ForceStep(NamedTuple):
+    """The effects with one more, and the names of what did nearly as well, the best first."""
+
+    fit: ForceFit
+    promising: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ForceProblem:
+    """Missing forces of trials, each axis in its own spread (3,) [N, N, N m]."""
+
+    superset: SupersetModel
+    trials: tuple[Trial, ...]
+    settings: IdentifySettings
+    spread: Floats
+
+    @classmethod
+    def of(
+        cls, superset: SupersetModel, trials: Sequence[Trial], settings: IdentifySettings
+    ) -> "ForceProblem":
+        """Before any fit has told how wide the forces are spread."""
+        return cls(superset, tuple(trials), settings, np.ones(3))
+
+    def missing(self, unknowns: Unknowns, z: Floats) -> Floats:
+        """Means of the missing force (N, 3) [N, N, N m] over usable seconds, at z (n,)."""
+        out = []
+        for k, trial in enumerate(self.trials):
+            model = replace(unknowns.model, theta=unknowns.theta(z[None], k)[0])
+            size = max(round(MEAN_S / trial.dt), 1)
+            whole = len(trial) // size * size
+            force = missing_force_only(trial, model)[:whole].reshape(-1, size, 3).mean(axis=1)
+            out.append(force[trial.usable[:whole].reshape(-1, size).all(axis=1)])
+        return np.concatenate(out)
+
+    def at(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> ForceFit:
+        """A fit where it begins, at z (n,)."""
+        z = np.clip(z, *unknowns.bounds)
+        r = np.nan_to_num(self.missing(unknowns, z) / self.spread, nan=FAR)
+        r = np.clip(r, -FAR, FAR).ravel()
+        cost = robust_cost(unknowns, z[None], r[None], thresholds.ROBUST_SIGMAS)
+        return ForceFit(tuple(added), unknowns, z, r, float(cost[0]))
+
+    def beside(self, fit: ForceFit, effect: Effect, start: Mapping[str, float]) -> ForceFit:
+        """An effect at a start beside those of a fit."""
+        added = (*fit.added, AddedEffect(effect, dict(start)))
+        unknowns = unknowns_for(self.superset, added, len(self.trials), self.settings)
+        return self.at(added, unknowns, start_values(unknowns, fit))
+
+    def jacobian(self, fit: ForceFit, columns: Ints | None = None) -> Floats:
+        """∂ residual / ∂ z: (N, n), of some columns alone if given; the others are zero."""
+        wanted = np.arange(len(fit.z)) if columns is None else columns
+        J = np.zeros((len(fit.residual), len(fit.z)))
+        moved, step = moved_by_steps(fit.unknowns, fit.z, wanted)
+        for i, z, h in zip(wanted, moved[1:], step, strict=True):
+            J[:, i] = (self.at(fit.added, fit.unknowns, z).residual - fit.residual) / h
+        return J
+
+    def stepped(self, fit: ForceFit, jacobian: Floats) -> ForceFit:
+        """The best of a few steps; where it stands if none leads down."""
+        tried = (self.at(fit.added, fit.unknowns, z) for z in fit.tried(jacobian))
+        return min([fit, *tried], key=_cost)
+
+    def fitted(self, fit: ForceFit, steps: int = STEPS) -> ForceFit:
+        """As many steps as lead on."""
+        for _ in range(steps):
+            before, fit = fit.cost, self.stepped(fit, self.jacobian(fit))
+            if fit.cost > before * (1.0 - thresholds.SETTLED_DECREASE):
+                break
+        return fit
+
+    def under_what_is_left(self, fit: ForceFit) -> tuple["ForceProblem", ForceFit]:
+        """The same in spreads of what a fit leaves."""
+        left = np.median(np.abs(self.missing(fit.unknowns, fit.z)), axis=0) / 0.6745
+        problem = replace(self, spread=np.where(left > 0.0, left, self.spread))
+        return problem, problem.at(fit.added, fit.unknowns, fit.z)
+
+    def screened(self, fit: ForceFit, shared: Floats, effect: Effect) -> ForceFit | None:
+        """The best start of an effect beside a fit, and a step from there; `shared` (N, n): slopes
+        of the fit.
+        """
+        where = {(u.name, u.trial): i for i, u in enumerate(fit.unknowns.each)}
+        model = replace(fit.unknowns.model, theta=fit.unknowns.theta(fit.z[None], 0)[0])
+        best: tuple[float, ForceFit, Floats] | None = None
+        for start in start_points(effect, model, self.trials):
+            begun = self.beside(fit, effect, start)
+            place = np.array([where.get((u.name, u.trial), -1) for u in begun.unknowns.each])
+            J = self.jacobian(begun, np.flatnonzero(place < 0))
+            J[:, place >= 0] = shared[:, place[place >= 0]]
+            promised = begun.promised(J) if np.isfinite(J).all() else np.inf
+            if promised < (np.inf if best is None else best[0]):
+                best = promised, begun, J
+        return None if best is None else self.stepped(best[1], best[2])
+
+    def followed(self, begun: ForceFit) -> ForceFit:
+        """All numbers fitted; the moment of an event by bisection."""
+        fit, effect = self.fitted(begun), begun.added[-1].effect
+        moment = moment_of(effect)
+        if moment is None:
+            return fit
+        apart = thresholds.LONGEST_SHARE_TO_A_MOMENT * max(float(t.time[-1]) for t in self.trials)
+        while apart > thresholds.MOMENT_RESOLUTION_S:
+            now = fit.added[-1].values[moment]
+            moved = [self._with_moment(fit, moment, now + by) for by in (-apart, apart)]
+            fit = min([fit, *(self.stepped(m, self.jacobian(m)) for m in moved)], key=_cost)
+            apart *= 0.5
+        return self.fitted(fit)
+
+    def _with_moment(self, fit: ForceFit, moment: str, time: float) -> ForceFit:
+        """The event of the last effect at another time [s]."""
+        last = fit.added[-1]
+        unknowns = with_event_at(fit.unknowns, f"{last.effect.name}.{moment}", time)
+        added = (*fit.added[:-1], AddedEffect(last.effect, {**last.values, moment: time}))
+        return self.at(added, unknowns, fit.z)
+
+
+def search_forces(
+    problem: ForceProblem, effects: Iterable[Effect], most: int, mapper: Mapper = map
+) -> list[ForceStep]:
+    """Effects that each leave much less of the missing force than those before it, at `most` so
+    many; none where the first does not.
+    """
+    candidates = [e for e in effects if acts_at_once(e)]
+    unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
+    fit = problem.at([], unknowns, unknowns.start)
+    for _ in range(BASE_ROUNDS):
+        problem, fit = problem.under_what_is_left(fit)
+        fit = problem.fitted(fit)
+    path: list[ForceStep] = []
+    while len(path) < most:
+        problem, fit = problem.under_what_is_left(fit)
+        others = [e for e in candidates if not _is_held(e, fit)]
+        screened = mapper(partial(problem.screened, fit, problem.jacobian(fit)), others)
+        begun = sorted((f for f in screened if f is not None), key=_cost)[:FOLLOWED]
+        found = sorted(mapper(problem.followed, begun), key=_cost)
+        if not found or found[0].cost > thresholds.MAX_FORCE_COST * fit.cost:
+            break
+        best = _special_first(found)
+        promising = tuple(f.names[-1] for f in found if f.cost < fit.cost)
+        path, fit = [*path, ForceStep(best, promising)], best
+    return path
+
+
+def acts_at_once(effect: Effect) -> bool:
+    """Whether what an effect does is told by the motion and the commands of one moment, in a form
+    of its own: lags, mixed-up plugs and curves are looked for in predictions alone.
+    """
+    has_memory = effect.thrust_rate or effect.angle_rate or effect.rate
+    return not (has_memory or effect.wiring or effect.is_curve or effect.partial)
+
+
+def _is_held(effect: Effect, fit: ForceFit) -> bool:
+    """Whether a fit holds an effect, whole or as a part of another."""
+    inside = {a.effect.contains for a in fit.added}
+    return effect.name in {*fit.names, *inside} or effect.contains in fit.names
+
+
+def _special_first(found: Sequence[ForceFit]) -> ForceFit:
+    """The best, or its special case where that does nearly as well."""
+    best = found[0]
+    special = (f for f in found if f.names[-1] == best.added[-1].effect.general_of)
+    enough = best.cost * thresholds.MAX_FORCE_COST_OF_SPECIAL
+    return next((f for f in special if f.cost < enough), best)
+
+
+def _cost(fit: ForceFit) -> float:
+    return fit.cost
