@@ -18,7 +18,7 @@ limit (profile likelihood: Venzon and Moolgavkar, Applied Statistics 37, 1988).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ from sim.identification.shooting import (
     residuals_of,
 )
 from sim.model import Model
-from sim.state import Floats
+from sim.state import Floats, Ints
 from sim.vessel import AddedEffect, Vessel
 
 Rows = NDArray[np.bool_] | slice
@@ -257,14 +257,27 @@ def _bounded(u: Unknown) -> Unknown:
     return replace(u, lower=max(u.lower, u.start - far), upper=min(u.upper, u.start + far))
 
 
-def start_values(unknowns: Unknowns, like: Fit | None) -> Floats:
+class Fitted(Protocol):
+    """Numbers z (n,) that were found for unknowns."""
+
+    @property
+    def unknowns(self) -> Unknowns: ...
+    @property
+    def z(self) -> Floats: ...
+
+
+def start_values(unknowns: Unknowns, like: Fitted | None) -> Floats:
     """z (n,) where another fit ended, as far as both look for the same numbers."""
-    z = unknowns.start.copy()
-    if like is not None:
-        known = {(u.name, u.trial): x for u, x in zip(like.unknowns.each, like.z, strict=True)}
-        for i, u in enumerate(unknowns.each):
-            z[i] = known.get((u.name, u.trial), z[i])
-    return z
+    if like is None:
+        return unknowns.start.copy()
+    place = places_in(like.unknowns, unknowns)
+    return np.where(place >= 0, like.z[place], unknowns.start)
+
+
+def places_in(other: Unknowns, unknowns: Unknowns) -> Ints:
+    """Column (n,) of each unknown among others, −1 of what those do not hold."""
+    known = {(u.name, u.trial): i for i, u in enumerate(other.each)}
+    return np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
 
 
 def with_given_base(unknowns: Unknowns, z: Floats) -> Floats | None:

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.diagnosis import thresholds
-from sim.effects.effect import Effect
+from sim.effects.effect import Effect, Values
 from sim.identification import IdentifySettings
 from sim.identification.noise import Noise
 from sim.identification.parameters import Unknowns
 from sim.identification.runs import RunSet, TrialTrack
+from sim.identification.search import start_points
 from sim.identification.shooting import (
     FitInputs,
     build_run_set,
@@ -69,6 +70,14 @@ class SupersetModel:
             names = effect.measured.fitted
         own = effect.fit_parameters
         return [f"{effect.name}.{key}" if key in own else key for key in names]
+
+    def starts(self, effect: Effect, model: Model, trials: Sequence[Trial]) -> list[Values]:
+        """Where a search for an effect begins, beside what a model holds: what trials measured
+        needs no search.
+        """
+        if effect.measured is not None and effect.name in self.measured:
+            return [effect.measured.values]
+        return start_points(effect, model, trials)
 
     def with_added(self, added: Sequence[AddedEffect]) -> Model:
         """A model of the vessel with these effects, the others switched off."""

@@ -16,14 +16,21 @@ Morelli, Aircraft System Identification, 2nd ed. 2016, ch. 5.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import start_values, unknowns_for, with_event_at
-from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.fit import (
+    Fit,
+    fit_effects,
+    places_in,
+    start_values,
+    unknowns_for,
+    with_event_at,
+)
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.screening import Mapper
 from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Effect
@@ -34,7 +41,6 @@ from sim.identification.search import (
     moved_by_steps,
     robust_cost,
     robust_weights,
-    start_points,
 )
 from sim.prediction import missing_force_only
 from sim.state import Floats, Ints
@@ -63,15 +69,11 @@ class ForceFit:
         """Of the effects."""
         return tuple(a.effect.name for a in self.added)
 
-    @cached_property
-    def steps(self) -> "partial[Floats]":
-        """Damped Gauss–Newton steps (K, n) from z, given slopes (N, n)."""
-        weight = robust_weights(self.residual, thresholds.ROBUST_SIGMAS)
-        return partial(damped_steps, self.unknowns, self.z, self.residual, weight=weight)
-
     def tried(self, jacobian: Floats) -> Floats:
         """Numbers (K, n) that its slopes (N, n) lead to."""
-        return np.clip(self.z + self.steps(jacobian), *self.unknowns.bounds)
+        weight = robust_weights(self.residual, thresholds.ROBUST_SIGMAS)
+        steps = damped_steps(self.unknowns, self.z, self.residual, jacobian, weight)
+        return np.clip(self.z + steps, *self.unknowns.bounds)
 
     def promised(self, jacobian: Floats) -> float:
         """The least cost that slopes (N, n) promise."""
@@ -160,12 +162,11 @@ class ForceProblem:
         """The best start of an effect beside a fit, and a step from there; `shared` (N, n): slopes
         of the fit.
         """
-        where = {(u.name, u.trial): i for i, u in enumerate(fit.unknowns.each)}
         model = replace(fit.unknowns.model, theta=fit.unknowns.theta(fit.z[None], 0)[0])
         best: tuple[float, ForceFit, Floats] | None = None
-        for start in start_points(effect, model, self.trials):
+        for start in self.superset.starts(effect, model, self.trials):
             begun = self.beside(fit, effect, start)
-            place = np.array([where.get((u.name, u.trial), -1) for u in begun.unknowns.each])
+            place = places_in(fit.unknowns, begun.unknowns)
             J = self.jacobian(begun, np.flatnonzero(place < 0))
             J[:, place >= 0] = shared[:, place[place >= 0]]
             promised = begun.promised(J) if np.isfinite(J).all() else np.inf
@@ -220,6 +221,23 @@ def search_forces(
         promising = tuple(f.names[-1] for f in found if f.cost < fit.cost)
         path, fit = [*path, ForceStep(best, promising)], best
     return path
+
+
+def fit_from_forces(start: ForceFit, problem: FitProblem) -> Fit:
+    """The effects of a fit of forces, fitted to predictions from there, under the noise that they
+    leave: under that of the bare base, and from what the base became without them, they would be
+    lost again.
+    """
+    for _ in range(thresholds.NOISE_ROUNDS_FROM_FORCES):
+        fit = fit_effects(start.added, start.unknowns, _problem_at(start, problem), start.z)
+        start, problem = replace(start, z=fit.z), fit.problem
+    return fit
+
+
+def _problem_at(start: ForceFit, old: FitProblem) -> FitProblem:
+    """With the runs and the noise that some numbers leave."""
+    noise = old.noise_of(start.unknowns, start.z)
+    return FitProblem.of(old.vessel, old.trials, start.unknowns, start.z, noise, old.settings)
 
 
 def acts_at_once(effect: Effect) -> bool:

@@ -1,13 +1,14 @@
 """The search for effects: one after another, as long as each is worth it on held-out time.
 
     rank → add the best → rank beside it …  then swap: choose the earlier ones again beside the
-    later;  exchange: two effects for one, or one for two;  where water or wind was met and much is
-    left, all of this once more from a change of both;  and backward: what no longer earns its place
-    goes, and the others are chosen again;  at last the final fit
+    later;  exchange: two effects for one, or one for two;  and backward: what no longer earns its
+    place goes, and the others are chosen again;  at last the final fit
 
 The first choice is made while the second effect is still missing, and may stand in for both: a
 change of current for a wind that turned while a current ran. No swap of one effect for another
-leads from there to those two, or from a current and a steady wind to a wind that turned. The final
+leads from there to those two, or from a current and a steady wind to a wind that turned. So where
+the first leaves much, and several stand out in the missing forces (`force_search`), the search
+begins with these, and goes on from there as from any other beginning. The final
 fit is as `shadow identify` fits: moments of events once, then starts → noise → numbers in
 turn until they settle. While effects are compared, starts are taken from the measured motion and
 noise from a leader, the same for all; numbers with an interval deserve starts where this model has
@@ -20,7 +21,7 @@ from dataclasses import dataclass, replace
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, final_fit, fit_effects, start_values, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.force_search import ForceFit, ForceProblem, search_forces
+from sim.diagnosis.force_search import ForceProblem, fit_from_forces, search_forces
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
     Gain,
@@ -85,7 +86,7 @@ class EffectSearch:
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
-        steps, fit = self._simplified(fewer, fit)
+        steps, fit = self._made_simpler(fewer, fit)
         # one story: what took the place of the first is the first of the ranking that is told
         first = next((step for step in steps if step.reference is first.reference), first)
         if not steps or not self.helps(base, fit):
@@ -158,27 +159,13 @@ class EffectSearch:
         path = search_forces(problem, self.effects, self.most, self.mapper)
         if len(path) < 2:
             return []
-        fit = self._from_forces(base, path[-1].fit)
+        fit = fit_from_forces(path[-1].fit, base.problem)
         steps, added = list[Ranking](), list[AddedEffect]()
         for one, a in zip(path, fit.effects(), strict=True):
             ranking = self._led_by_one_of(fit, added, a, one.promising)
             if self.is_believed(ranking.best, ranking.reference):
                 steps, added = [*steps, ranking], [*added, a]
         return steps if len(steps) > 1 else []
-
-    def _from_forces(self, base: Fit, start: ForceFit) -> Fit:
-        """The effects of a fit of forces, fitted to predictions from there, under the noise that
-        they leave: under that of the bare base they would be lost again.
-        """
-        problem, z = base.problem, start.z
-        for _ in range(thresholds.NOISE_ROUNDS_FROM_FORCES):
-            noise = problem.noise_of(start.unknowns, z)
-            problem = FitProblem.of(
-                problem.vessel, problem.trials, start.unknowns, z, noise, problem.settings
-            )
-            fit = fit_effects(start.added, start.unknowns, problem, z)
-            z = fit.z
-        return fit
 
     def _led_by_one_of(
         self, fit: Fit, before: Sequence[AddedEffect], added: AddedEffect, promising: Sequence[str]
@@ -188,12 +175,7 @@ class EffectSearch:
         """
         reference, after = self._beside(before, fit), self._beside([*before, added], fit)
         ranking = self.rank(reference, among={added.effect.name, *promising})
-        if not ranking.finalists:
-            problem = after.renewed_problem
-            again = fit_effects(before, reference.unknowns, problem, reference.z)
-            ranking = Ranking(again, ())
-        problem = ranking.reference.problem
-        own = fit_effects(after.added, after.unknowns, problem, after.z)
+        own = fit_effects(after.added, after.unknowns, ranking.reference.problem, after.z)
         row = ranked_over(ranking.reference, own)
         others = (r for r in ranking.finalists if r.name != row.name)
         return replace(ranking, finalists=(row, *others))
@@ -220,10 +202,10 @@ class EffectSearch:
         """
         ranking = self.rank(fit)
         row = self._first_justified(ranking, steps, fit)
-        if row is None and any(e.more_starts for e in self._others(fit)):
-            if self._is_above_noise(fit):
-                ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
-                row = self._first_justified(ranking, steps, fit)
+        more = any(e.more_starts for e in self._others(fit))
+        if row is None and more and self._is_above_noise(fit):
+            ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
+            row = self._first_justified(ranking, steps, fit)
         return (ranking, False) if row is None else (ranking.led_by(row), True)
 
     def _first_justified(
@@ -396,6 +378,19 @@ class EffectSearch:
         if not second.finalists or not self.is_believed(second.best, second.reference):
             return []
         return [first, second]
+
+    def _made_simpler(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+        """With special cases in the place of general effects, what stands beside them chosen again:
+        a wind that turned may have taken the part of a current, and kept it from its place.
+
+        As it was where the predictions then err noticeably more.
+        """
+        simpler, at = self._simplified(steps, fit)
+        if at is fit:
+            return steps, fit
+        simpler, at = self._backward(*self._swapped(simpler, at))
+        before, after = (self.scorer.score_fit(each).nrmse for each in (fit, at))
+        return (simpler, at) if after <= thresholds.MAX_RIVAL_RATIO * before else (steps, fit)
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: from where the

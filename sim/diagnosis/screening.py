@@ -25,7 +25,6 @@ from sim.diagnosis.screening_steps import (
 )
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Values
-from sim.identification.search import start_points
 from sim.model import Model
 
 Progress = Callable[[str], None]  # is given what is being done, in words
@@ -90,11 +89,9 @@ def screen(
 
     def begun(effect: Effect) -> list[Begun]:
         progress(effect.name)
-        starts[effect.name] = start_points(effect, model, reference.problem.trials)
-        measured = effect.measured is not None and effect.name in superset.measured
-        if effect.measured is not None and measured:
-            starts[effect.name] = [effect.measured.values]
+        starts[effect.name] = superset.starts(effect, model, reference.problem.trials)
         on_main = [begun_on(0, effect)]
+        measured = effect.name in superset.measured
         if closer and effect.more_starts is not None and not measured:
             length = max(float(t.time[-1]) for t in reference.problem.trials)
             on_main.append(_closer(effect, effect.more_starts(length), *bases[0][:2]))

@@ -13,7 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, fit_effects, start_values, unknowns_for, with_event_at
+from sim.diagnosis.fit import (
+    Fit,
+    fit_effects,
+    places_in,
+    start_values,
+    unknowns_for,
+    with_event_at,
+)
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
@@ -187,8 +194,7 @@ class Screening:
         priors = {p.name for p in effect.parameters if p.prior} & start.keys()
         begin = {f"{effect.name}.{name}": start[name] for name in priors}
         z = np.array([begin.get(u.name, x) for u, x in zip(unknowns.each, z, strict=True)])
-        known = {(u.name, u.trial): i for i, u in enumerate(self.reference.unknowns.each)}
-        place = np.array([known.get((u.name, u.trial), -1) for u in unknowns.each])
+        place = places_in(self.reference.unknowns, unknowns)
         return ScreeningResult(added, unknowns, z, np.inf, place)
 
     def _promised(

@@ -30,8 +30,8 @@ from sim.effects.effect import (
     Values,
     circular_parameter,
 )
-from sim.effects.steady_wind import CIRCLES, COEFFICIENTS, LIGHT, STRONG, UNSTEADY
 from sim.effects.pushes import push_changes
+from sim.effects.steady_wind import CIRCLES, COEFFICIENTS, LIGHT, STRONG, UNSTEADY
 from sim.effects.steady_wind import assumption as steady_assumption
 from sim.effects.words import FittedValues, until_and_after
 from sim.state import Wrench
@@ -86,9 +86,10 @@ def search(vessel: Any, residual: Callable[[], ResidualForce]) -> Sequence[Value
         for t in np.linspace(0.0, float(found.time[-1]), MOMENTS + 2)[1:-1]
     ]
     # of V² towards where the wind blows: the speed of the boat itself is left out
-    front, side = (0.5 * AIR_DENSITY * c * a for c, a in zip((C_X, C_Y), vessel.hull.areas))
+    front, side = vessel.hull.areas
+    ahead, abeam = -0.5 * AIR_DENSITY * np.array([C_X * front, C_Y * side])
     rows = np.ones(len(found.time))
-    for push in push_changes(found, -front * rows, -side * rows):
+    for push in push_changes(found, ahead * rows, abeam * rows):
         starts.append({
             "speed": np.sqrt(push.size), "direction": push.direction, "time": push.time,
             "later_speed": np.sqrt(push.later_size), "later_direction": push.later_direction,
