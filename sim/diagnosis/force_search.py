@@ -2,6 +2,9 @@
 
     r = means over a second of balance(ν̇, ν, …; z) / spread,   minimise Σ ρ(r) + ‖(z − z₀) / prior‖²
 
+Where an effect makes the boat lighter r is of as much inertia as she had: the noise of
+accelerations makes less of a force then, and seems to speak for it.
+
 Along the measured motion the forces of all causes add up, and most of their numbers act on them
 nearly in proportion. Where several causes hide one another in predictions, so that the first that
 is chosen stands in for all, and bends the base to go with it, here they still stand side by side.
@@ -9,7 +12,8 @@ What accelerations tell is less than what predictions do: this gives a search it
 decides nothing.
 
 One effect after another, each time that which leaves least, with the base and all numbers fitted
-anew. Source: orthogonal forward regression (Chen, Billings and Luo, International Journal of
+anew; then each is chosen again beside the others, for the first was chosen while these were
+missing. Source: orthogonal forward regression (Chen, Billings and Luo, International Journal of
 Control 50, 1989), with laws in the place of regressors; the equation-error form as in Klein and
 Morelli, Aircraft System Identification, 2nd ed. 2016, ch. 5.
 """
@@ -42,6 +46,7 @@ from sim.identification.search import (
     robust_cost,
     robust_weights,
 )
+from sim.model import Model
 from sim.prediction import missing_force_only
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -52,6 +57,9 @@ FAR = 30.0  # spreads from which on no more counts, nor a force that is no numbe
 BASE_ROUNDS = 4  # of fit and spread in turn
 FOLLOWED = 6  # effects whose numbers are fitted beside all others, …
 STEPS = 6  # … in so many steps
+INERTIA = ("m11", "m22", "m33")
+MOST_CHOICES = 12  # of an effect beside others, or in the place of one
+MIN_SHARE_OF_SWAP = 0.03  # of the cost, for another effect to take a place
 
 
 @dataclass(frozen=True)
@@ -82,11 +90,13 @@ class ForceFit:
         return float(robust_cost(self.unknowns, tried, after, thresholds.ROBUST_SIGMAS).min())
 
 
-class ForceStep(NamedTuple):
-    """The effects with one more, and the names of what did nearly as well, the best first."""
+class StandingOut(NamedTuple):
+    """Effects that stand out in the missing forces, and of each the names of what did nearly as
+    well in its place, the best first.
+    """
 
     fit: ForceFit
-    promising: tuple[str, ...]
+    promising: Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -105,21 +115,24 @@ class ForceProblem:
         """Before any fit has told how wide the forces are spread."""
         return cls(superset, tuple(trials), settings, np.ones(3))
 
-    def missing(self, unknowns: Unknowns, z: Floats) -> Floats:
+    def missing(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> Floats:
         """Means of the missing force (N, 3) [N, N, N m] over usable seconds, at z (n,)."""
         out = []
         for k, trial in enumerate(self.trials):
             model = replace(unknowns.model, theta=unknowns.theta(z[None], k)[0])
+            force = missing_force_only(trial, model)
+            if any(a.effect.inertia is not None for a in added):
+                force /= np.minimum(_inertia_share(trial, model, force), 1.0)
             size = max(round(MEAN_S / trial.dt), 1)
             whole = len(trial) // size * size
-            force = missing_force_only(trial, model)[:whole].reshape(-1, size, 3).mean(axis=1)
-            out.append(force[trial.usable[:whole].reshape(-1, size).all(axis=1)])
+            means = force[:whole].reshape(-1, size, 3).mean(axis=1)
+            out.append(means[trial.usable[:whole].reshape(-1, size).all(axis=1)])
         return np.concatenate(out)
 
     def at(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> ForceFit:
         """A fit where it begins, at z (n,)."""
         z = np.clip(z, *unknowns.bounds)
-        r = np.nan_to_num(self.missing(unknowns, z) / self.spread, nan=FAR)
+        r = np.nan_to_num(self.missing(added, unknowns, z) / self.spread, nan=FAR)
         r = np.clip(r, -FAR, FAR).ravel()
         cost = robust_cost(unknowns, z[None], r[None], thresholds.ROBUST_SIGMAS)
         return ForceFit(tuple(added), unknowns, z, r, float(cost[0]))
@@ -127,6 +140,11 @@ class ForceProblem:
     def beside(self, fit: ForceFit, effect: Effect, start: Mapping[str, float]) -> ForceFit:
         """An effect at a start beside those of a fit."""
         added = (*fit.added, AddedEffect(effect, dict(start)))
+        unknowns = unknowns_for(self.superset, added, len(self.trials), self.settings)
+        return self.at(added, unknowns, start_values(unknowns, fit))
+
+    def without(self, fit: ForceFit, added: Sequence[AddedEffect]) -> ForceFit:
+        """Some of the effects of a fit, where that ended."""
         unknowns = unknowns_for(self.superset, added, len(self.trials), self.settings)
         return self.at(added, unknowns, start_values(unknowns, fit))
 
@@ -154,7 +172,7 @@ class ForceProblem:
 
     def under_what_is_left(self, fit: ForceFit) -> tuple["ForceProblem", ForceFit]:
         """The same in spreads of what a fit leaves."""
-        left = np.median(np.abs(self.missing(fit.unknowns, fit.z)), axis=0) / 0.6745
+        left = np.median(np.abs(self.missing(fit.added, fit.unknowns, fit.z)), axis=0) / 0.6745
         problem = replace(self, spread=np.where(left > 0.0, left, self.spread))
         return problem, problem.at(fit.added, fit.unknowns, fit.z)
 
@@ -198,9 +216,9 @@ class ForceProblem:
 
 def search_forces(
     problem: ForceProblem, effects: Iterable[Effect], most: int, mapper: Mapper = map
-) -> list[ForceStep]:
-    """Effects that each leave much less of the missing force than those before it, at `most` so
-    many; none where the first does not.
+) -> StandingOut:
+    """Effects that each leave much less of the missing force than the others do without it, at
+    `most` so many.
     """
     candidates = [e for e in effects if acts_at_once(e)]
     unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
@@ -208,19 +226,47 @@ def search_forces(
     for _ in range(BASE_ROUNDS):
         problem, fit = problem.under_what_is_left(fit)
         fit = problem.fitted(fit)
-    path: list[ForceStep] = []
-    while len(path) < most:
+    promising: dict[str, tuple[str, ...]] = {}
+    for _ in range(MOST_CHOICES):
         problem, fit = problem.under_what_is_left(fit)
-        others = [e for e in candidates if not _is_held(e, fit)]
-        screened = mapper(partial(problem.screened, fit, problem.jacobian(fit)), others)
-        begun = sorted((f for f in screened if f is not None), key=_cost)[:FOLLOWED]
-        found = sorted(mapper(problem.followed, begun), key=_cost)
-        if not found or found[0].cost > thresholds.MAX_FORCE_COST * fit.cost:
+        found = _beside(problem, fit, candidates, mapper) if len(fit.added) < most else []
+        if found and found[0].cost < thresholds.MAX_FORCE_COST * fit.cost:
+            fit = _special_first(found)
+        elif (swap := _chosen_again(problem, fit, candidates, mapper)) is not None:
+            fit, found = swap
+        else:
             break
-        best = _special_first(found)
-        promising = tuple(f.names[-1] for f in found if f.cost < fit.cost)
-        path, fit = [*path, ForceStep(best, promising)], best
-    return path
+        promising[fit.names[-1]] = tuple(f.names[-1] for f in found)
+    return StandingOut(fit, {name: promising[name] for name in fit.names})
+
+
+def _beside(
+    problem: ForceProblem, fit: ForceFit, effects: Iterable[Effect], mapper: Mapper
+) -> list[ForceFit]:
+    """The effects that promise most beside those of a fit, fitted, what leaves least first."""
+    others = [e for e in effects if not _is_held(e, fit)]
+    screened = mapper(partial(problem.screened, fit, problem.jacobian(fit)), others)
+    begun = sorted((f for f in screened if f is not None), key=_cost)[:FOLLOWED]
+    return sorted(mapper(problem.followed, begun), key=_cost)
+
+
+def _chosen_again(
+    problem: ForceProblem, fit: ForceFit, effects: Sequence[Effect], mapper: Mapper
+) -> tuple[ForceFit, list[ForceFit]] | None:
+    """Another effect in the place of one that was chosen earlier, where that leaves noticeably less
+    or is its special case and leaves hardly more; with all that was tried there.
+    """
+    for i in range(len(fit.added) - 1):
+        place = [a for k, a in enumerate(fit.added) if k != i]
+        found = _beside(problem, problem.fitted(problem.without(fit, place)), effects, mapper)
+        if not found:
+            continue
+        best, present = _special_first(found), fit.added[i].effect
+        is_special = present.general_of == best.names[-1]
+        share = thresholds.MAX_FORCE_COST_OF_SPECIAL if is_special else 1.0 - MIN_SHARE_OF_SWAP
+        if best.names[-1] != present.name and best.cost < share * fit.cost:
+            return best, found
+    return None
 
 
 def fit_from_forces(start: ForceFit, problem: FitProblem) -> Fit:
@@ -246,6 +292,13 @@ def acts_at_once(effect: Effect) -> bool:
     """
     has_memory = effect.thrust_rate or effect.angle_rate or effect.rate
     return not (has_memory or effect.wiring or effect.is_curve or effect.partial)
+
+
+def _inertia_share(trial: Trial, model: Model, force: Floats) -> Floats:
+    """Inertia of each axis over that of the base (T, 3); `force` (T, 3): what is missing."""
+    faster = missing_force_only(replace(trial, nu_dot=trial.nu_dot + 1.0), model)
+    base = model.theta[[model.names.index(name) for name in INERTIA]]
+    return np.asarray((faster - force) / base)
 
 
 def _is_held(effect: Effect, fit: ForceFit) -> bool:

@@ -82,7 +82,7 @@ class EffectSearch:
     def run(self, base: Fit) -> Selection:
         """Greedy, with swaps and exchanges, then backward."""
         first, more = self.ranked(base, [])
-        steps, fit = self._found(base, first) if more and self.most else ([], base)
+        steps, fit = self._found(base, first, more)
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
@@ -97,18 +97,20 @@ class EffectSearch:
         earlier = [self._with_first(effects[:k], steps, fit) for k in range(1, len(effects))]
         return Selection(base, (*earlier, fit), tuple(steps), first)
 
-    def _found(self, base: Fit, first: Ranking) -> tuple[list[Ranking], Fit]:
+    def _found(self, base: Fit, first: Ranking, more: bool) -> tuple[list[Ranking], Fit]:
         """From what stands out in the forces where one effect leaves much and several do; else from
-        the best of the first ranking.
+        the best of the first ranking, if that should be added: where others are missing what is
+        there may lower no error yet.
         """
-        if self.most > 1 and self._is_above_noise(first.best.fit):
+        one = first.best.fit if more else base
+        if self.most > 1 and self._is_above_noise(one):
             steps = self._begun_with_forces(base)
             if steps:
                 steps, fit = self._swapped(steps, steps[-1].best.fit)
                 steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
-                if self.helps(first.best.fit, fit):
+                if self.helps(one, fit):
                     return steps, fit
-        return self._grown_and_exchanged([], base, first)
+        return self._grown_and_exchanged([], base, first if more and self.most else None)
 
     def _is_above_noise(self, fit: Fit) -> bool:
         """Whether more is left than a complete model leaves."""
@@ -156,18 +158,18 @@ class EffectSearch:
         """
         self.progress("several causes in the forces that are missing")
         problem = ForceProblem.of(self.superset, base.problem.trials, base.problem.settings)
-        path = search_forces(problem, self.effects, self.most, self.mapper)
-        if len(path) < 2:
+        found = search_forces(problem, self.effects, self.most, self.mapper)
+        if len(found.fit.added) < 2:
             return []
-        fit = fit_from_forces(path[-1].fit, base.problem)
+        fit = fit_from_forces(found.fit, base.problem)
         steps, added = list[Ranking](), list[AddedEffect]()
-        for one, a in zip(path, fit.effects(), strict=True):
-            ranking = self._led_by_one_of(fit, added, a, one.promising)
+        for each in fit.effects():
+            ranking = self._led_by(fit, added, each, found.promising[each.effect.name])
             if self.is_believed(ranking.best, ranking.reference):
-                steps, added = [*steps, ranking], [*added, a]
+                steps, added = [*steps, ranking], [*added, each]
         return steps if len(steps) > 1 else []
 
-    def _led_by_one_of(
+    def _led_by(
         self, fit: Fit, before: Sequence[AddedEffect], added: AddedEffect, promising: Sequence[str]
     ) -> Ranking:
         """A ranking beside some effects of a fit that is led by another of its effects, as it is

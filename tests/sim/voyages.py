@@ -61,13 +61,15 @@ def simulated(vessel: Vessel, seconds: float = 120.0, dt: float = 0.05, seed: in
 
 
 def voyage(
-    seconds: float, dt: float = 0.05, seed: int = 1, current: tuple[float, float] = (0.0, 0.0)
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """The boat of `WAM_V` in a current towards (north, east) [m/s], physics written anew.
+    seconds: float, dt: float = 0.05, seed: int = 1, current: tuple[float, float] = (0.0, 0.0),
+    kept: Floats | float = 1.0,
+) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
+    """The boat of `WAM_V` in a current towards (north, east) [m/s], physics written anew; `kept`
+    (T, 2): shares of their commands that the motors follow.
 
-    -> eta, nu, nu_dot (T, 3), commands (T, 2)
+    -> eta, nu, nu_dot (T, 3), commands (T, 2) that were followed
     """
-    drive = commands(seconds, dt, seed)
+    drive = kept * commands(seconds, dt, seed)
     return _sailed(WAM_V, len(drive), dt, np.array(current), lambda k, x: drive[k])
 
 

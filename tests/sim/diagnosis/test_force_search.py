@@ -1,0 +1,98 @@
+"""Several causes at once, told from missing forces: voyages by physics written anew."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.diagnosis.force_search import ForceProblem, acts_at_once, fit_from_forces, search_forces
+from sim.effects.catalogue import EFFECTS, named
+from sim.effects.effect import Effect
+from sim.model import Model
+from sim.trial import Trial
+from tests.sim.voyages import WAM_V, commands, trial_of, voyage
+
+DT = 0.1
+FAILS = 130.0  # s, when the left motor loses half
+ASKED = (
+    "thruster_fault", "steady_current", "current_change", "heading_offset", "thruster_imbalance",
+    "advance_loss", "payload_change",
+)  # fmt: skip
+STD = np.array([0.02, 0.02, 0.005, 0.01, 0.01, 0.002, 0.02, 0.02, 0.01])
+
+
+def day(fails: bool, current: tuple[float, float], heading_off: float) -> Trial:
+    """Five minutes; the left motor keeps half from one moment on, the compass is off [rad]."""
+    told = commands(300.0, DT)
+    kept = np.ones_like(told)
+    if fails:
+        kept[round(FAILS / DT) :, 0] = 0.5
+    eta, nu, nu_dot, _ = voyage(300.0, DT, current=current, kept=kept)
+    c, s = np.cos(heading_off), np.sin(heading_off)
+    to_heading = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    motion = np.concatenate(
+        [eta + [0.0, 0.0, heading_off], nu @ to_heading, nu_dot @ to_heading], 1
+    )
+    motion += np.random.default_rng(2).normal(0.0, STD, motion.shape)
+    return trial_of(motion[:, :3], motion[:, 3:6], motion[:, 6:], told, DT, np.diag(STD**2))
+
+
+def problem_of(trial: Trial) -> tuple[ForceProblem, Any, list[Effect]]:
+    effects = [named(name) for name in ASKED]
+    superset = SupersetModel.of(WAM_V, effects)
+    base = fit_base(superset, Model.of(WAM_V), [trial], DiagnoseSettings())
+    return ForceProblem.of(superset, [trial], base.problem.settings), base, effects
+
+
+@pytest.fixture(scope="module")
+def hard() -> tuple[ForceProblem, Any, list[Effect]]:
+    return problem_of(day(True, (0.3, -0.2), 0.15))
+
+
+def test_all_causes_of_a_day_stand_out(hard: tuple[ForceProblem, Any, list[Effect]]) -> None:
+    problem, base, effects = hard
+    path = search_forces(problem, effects, 4)
+    last = path[-1].fit
+    water = {"steady_current", "current_change"} & set(last.names)  # either, of steady water
+    assert set(last.names) == {"thruster_fault", "heading_offset", *water}
+    assert len(water) == 1
+    assert all(step.fit.names[-1] in step.promising for step in path)
+    z = last.unknowns.to_named(last.z)
+    found = {u.name: float(x) for u, x in zip(last.unknowns.each, z, strict=True)}
+    assert found["thruster_fault.gain"] == pytest.approx(0.5, abs=0.08)
+    assert found["heading_offset.angle"] == pytest.approx(0.15, abs=0.05)
+    speeds = [found[f"{name}.speed"] for name in water]
+    assert speeds == pytest.approx([np.hypot(0.3, 0.2)], abs=0.06)
+    fault = next(a for a in last.added if a.effect.name == "thruster_fault")
+    assert fault.values["time"] == pytest.approx(FAILS, abs=3.0)
+    fit = fit_from_forces(last, base.problem)
+    assert fit.names == last.names
+    assert max(fit.noise_share) < 0.5 * max(base.noise_share)
+
+
+def test_no_more_stand_out_than_were_asked_for(
+    hard: tuple[ForceProblem, Any, list[Effect]],
+) -> None:
+    problem, _, effects = hard
+    assert len(search_forces(problem, effects, 1)) == 1
+    assert search_forces(problem, [], 4) == []
+
+
+@pytest.mark.parametrize(
+    ("fails", "heading_off", "alone"), [(False, 0.0, set()), (True, 0.0, {"thruster_fault"})]
+)
+def test_what_is_not_there_does_not_stand_out(
+    fails: bool, heading_off: float, alone: set[str]
+) -> None:
+    """A complete model, and a single cause."""
+    problem, _, effects = problem_of(day(fails, (0.0, 0.0), heading_off))
+    path = search_forces(problem, effects, 4)
+    assert {step.fit.names[-1] for step in path} == alone
+
+
+def test_lags_plugs_and_curves_are_left_to_predictions() -> None:
+    left = {e.name for e in EFFECTS if not acts_at_once(e)}
+    assert {"thruster_lag", "steering_lag", "battery_sag", "actuator_wiring", "wave_motion"} <= left
+    assert not left & {"thruster_fault", "wind_change", "compass_deviation", "payload_change"}
