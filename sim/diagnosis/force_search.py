@@ -54,7 +54,7 @@ from sim.vessel import AddedEffect
 
 MEAN_S = 1.0  # over which a missing force is averaged: shorter ones are the noise of accelerations
 FAR = 30.0  # spreads from which on no more counts, nor a force that is no number
-BASE_ROUNDS = 4  # of fit and spread in turn
+ROUNDS = 3  # of fit and spread in turn
 FOLLOWED = 6  # effects whose numbers are fitted beside all others, …
 STEPS = 6  # … in so many steps
 INERTIA = ("m11", "m22", "m33")
@@ -223,12 +223,11 @@ def search_forces(
     candidates = [e for e in effects if acts_at_once(e)]
     unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
     fit = problem.at([], unknowns, unknowns.start)
-    for _ in range(BASE_ROUNDS):
-        problem, fit = problem.under_what_is_left(fit)
-        fit = problem.fitted(fit)
     promising: dict[str, tuple[str, ...]] = {}
     for _ in range(MOST_CHOICES):
-        problem, fit = problem.under_what_is_left(fit)
+        for _ in range(ROUNDS):  # else what comes next would seem better for what this still lacks
+            problem, fit = problem.under_what_is_left(fit)
+            fit = problem.fitted(fit)
         found = _beside(problem, fit, candidates, mapper) if len(fit.added) < most else []
         if found and found[0].cost < thresholds.MAX_FORCE_COST * fit.cost:
             fit = _special_first(found)

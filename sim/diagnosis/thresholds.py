@@ -84,7 +84,7 @@ MAX_EXCHANGES = 2  # of two effects for one, or one for two
 # left 0.15 to 0.70, what was not there 0.70 and more, most of it 0.85.
 MAX_FORCE_COST = 0.72
 MAX_FORCE_COST_OF_SPECIAL = 1.05  # of a special case over its general law
-LONGEST_SHARE_TO_A_MOMENT = 0.02  # of the recording: the first step of bisection in forces
+LONGEST_SHARE_TO_A_MOMENT = 0.04  # of the recording: half the way between two that are tried
 NOISE_ROUNDS_FROM_FORCES = 3  # of fit and noise in turn, from numbers that forces gave
 MAX_SWAPS = 4  # of effects for others after each that was added; chosen for the time it takes
 MIN_SHARE_OF_EARLIER = 0.05  # of the nats that earlier effects won: less is their form
