@@ -246,6 +246,9 @@ class Scripted(EffectSearch):
     def is_believed(self, row: Any, reference: Any) -> bool:
         return True
 
+    def _begun_with_forces(self, base: Any) -> list[Ranking]:
+        return []
+
     def _beside(self, added: Any, like: Any, problem: Any = None) -> Any:
         return found(*(a.effect.name for a in added))
 
@@ -396,55 +399,88 @@ def test_a_change_that_leaves_noise_alone_is_not_exchanged() -> None:
     assert exchanged(("current_change",), **left) is None
 
 
-def begun(found: tuple[str, ...], **left: float) -> tuple[tuple[str, ...], list[str]]:
-    """What stands after a search that may begin with the weather, and what it went on with."""
+def standing_out(*names: str, most: int = 4, more: bool = True, **left: float) -> tuple[str, ...]:
+    """What a search finds where these stand out in the forces; the first ranking is led by a lift
+    that should be added, or (`more`) should not.
+    """
     nothing: Any = None
-    told: list[str] = []
     laws = tuple(effect for effect in EFFECTS if not effect.is_curve)
-    search = Weather(nothing, laws, 2, told.append, map, made_scorer())
+
+    class Begun(Weather):
+        asked = False
+
+        def _begun_with_forces(self, base: Any) -> list[Ranking]:
+            object.__setattr__(self, "asked", True)
+            each = [self.rank(self.fit_of(names[:i]), among={n}) for i, n in enumerate(names)]
+            return each if len(each) > 1 else []
+
+        def _next(self, steps: Any, fit: Any) -> None:
+            return None
+
+        def _swapped(self, steps: Any, fit: Any, last: bool = False) -> Any:
+            return steps, fit
+
+        def _exchanged(self, steps: Any, fit: Any) -> None:
+            return None
+
+    search = Begun(nothing, laws, most, lambda _: None, map, made_scorer())
     known = {frozenset(key.split("__")): value for key, value in left.items()}
-    known |= {frozenset(): 1.0, frozenset({"wind_change"}): 0.9, frozenset({"current_change"}): 0.8}
-    object.__setattr__(search, "left", known)
-    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
-    rankings, fit = search._begun_with_weather(search.fit_of(()), steps, search.fit_of(found))
+    object.__setattr__(search, "left", {frozenset(): 1.0, **known})
+    first = search.rank(search.fit_of(()), among={"hull_lift"})
+    _, fit = search._found(search.fit_of(()), first, more)
+    return (*fit.names, "asked") if search.asked else cast(tuple[str, ...], fit.names)
+
+
+ONE_BY_ONE = {"hull_lift": 0.6, "steady_current": 0.7, "steady_current__heading_offset": 0.2}
+TWO = ("steady_current", "heading_offset")
+
+
+def test_a_search_begins_with_what_stands_out_in_the_forces_where_one_effect_leaves_much() -> None:
+    assert standing_out(*TWO, **ONE_BY_ONE) == (*TWO, "asked")
+    assert standing_out(*TWO, more=False, **ONE_BY_ONE) == (*TWO, "asked")
+    assert standing_out("steady_current", **ONE_BY_ONE) == ("hull_lift", "asked")
+
+
+def test_what_stands_out_must_predict_better_than_one_effect_does() -> None:
+    worse = {**ONE_BY_ONE, "steady_current__heading_offset": 0.61}
+    assert standing_out(*TWO, **worse) == ("hull_lift", "asked")
+    nothing = {**ONE_BY_ONE, "steady_current__heading_offset": 1.01}
+    assert standing_out(*TWO, more=False, **nothing) == ("asked",)
+
+
+def test_near_the_noise_and_for_one_effect_no_forces_are_asked() -> None:
+    assert standing_out(*TWO, **{**ONE_BY_ONE, "hull_lift": 0.07}) == ("hull_lift",)
+    assert standing_out(*TWO, most=1, **ONE_BY_ONE) == ("hull_lift",)
+
+
+def made_simpler(**left: float) -> tuple[str, ...]:
+    """What stands after a wind that turned, beside an inertial force, may be a steady one."""
+    nothing: Any = None
+    search = Weather(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
+    known = {frozenset(key.split("__")): value for key, value in left.items()}
+    object.__setattr__(search, "left", {frozenset(): 1.0, **known})
+    object.__setattr__(search, "_special_of", lambda *_: None)
+    names = ("inertial_force", "wind_change")
+    rows = [row("inertial_force", SOME.gain), row("wind_change", SOME.gain)]
+    ranked = Ranking(FIRST, (rows[0], row("current_change", SOME.gain)))
+    steps = [ranked, Ranking(FIRST, (rows[1],))]
+    rankings, fit = search._made_simpler(steps, search.fit_of(names))
     assert {r.best.name for r in rankings} == set(fit.names)
-    return fit.names, told
+    return cast(tuple[str, ...], fit.names)
 
 
-def test_a_search_that_met_weather_and_leaves_much_begins_anew_with_all_of_it() -> None:
-    """A lift and a steady current stood in for a wind that turned while a current did."""
-    first = ("hull_lift", "steady_current")
-    left = {"hull_lift__steady_current": 0.5, "current_change__wind_change": 0.3}
-    assert set(begun(first, **left)[0]) == {"current_change", "wind_change"}
-    assert begun(first, **left | {"current_change__wind_change": 0.499})[0] == first
-    assert begun(first, hull_lift__steady_current=0.5)[0] == first  # no such pair can be fitted
-
-
-def test_no_search_begins_anew_without_need() -> None:
-    pair = {"current_change__wind_change": 0.01}
-    of_the_boat = ("hull_lift", "cubic_drag")
-    assert begun(of_the_boat, hull_lift__cubic_drag=0.5, **pair) == (of_the_boat, [])
-    at_noise = ("hull_lift", "steady_current")
-    assert begun(at_noise, hull_lift__steady_current=0.07, **pair) == (at_noise, [])
-    whole = ("current_change", "wind_change")
-    assert begun(whole, current_change__wind_change=0.5) == (whole, [])
-
-
-@pytest.mark.parametrize(("pair", "goes_on"), [(0.99, True), (1.01, False)])
-def test_weather_alone_may_leave_more_but_not_many_times_as_much(
-    pair: float, goes_on: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    went = []
-
-    def grown(self: Any, steps: Any, fit: Any, ranking: Any) -> Any:
-        went.append(fit.names)
-        return steps, fit
-
-    monkeypatch.setattr(EffectSearch, "_grown_and_exchanged", grown)
-    first = ("hull_lift", "steady_current")
-    left = {"hull_lift__steady_current": 0.5, "current_change__wind_change": pair}
-    assert begun(first, **left)[0] == first
-    assert bool(went) is goes_on
+def test_beside_a_special_case_what_it_kept_from_its_place_is_chosen_again() -> None:
+    """A wind that turned had taken the part of a current, and an inertial force the rest."""
+    left = {
+        "inertial_force": 0.7, "steady_wind": 0.6, "current_change": 0.8,
+        "inertial_force__wind_change": 0.3, "inertial_force__steady_wind": 0.3,
+        "current_change__steady_wind": 0.1,
+    }  # fmt: skip
+    assert set(made_simpler(**left)) == {"steady_wind", "current_change"}
+    stays = {**left, "current_change__steady_wind": 0.31}
+    assert set(made_simpler(**stays)) == {"steady_wind", "inertial_force"}
+    apart = {**stays, "inertial_force__steady_wind": 0.9}
+    assert set(made_simpler(**apart)) == {"wind_change", "inertial_force"}
 
 
 @pytest.mark.parametrize(("steady", "stands"), [(0.21, "steady_current"), (0.4, "current_change")])
