@@ -15,7 +15,7 @@ and its interval holds all moments around the best whose rise stays below that o
 limit (profile likelihood: Venzon and Moolgavkar, Applied Statistics 37, 1988).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple, Protocol
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.effects.effect import Kind
+from sim.effects.effect import Effect, Kind
 from sim.identification import BASE, IdentifySettings, updated_vessel
 from sim.identification.intervals import NUISANCE, Estimate, estimates_of, uncertainty_of
 from sim.identification.noise import Noise
@@ -227,6 +227,13 @@ def _without_slope(fit: Fit, added: AddedEffect, fitted: set[str]) -> list[Estim
             doubt = MEASURED if measured is not None and key in measured.values else ""
             out.append(Estimate(name, known[key].unit, value, value, ends, True, doubt=doubt))
     return out
+
+
+def is_held(effect: Effect, added: Iterable[AddedEffect]) -> bool:
+    """Whether effects hold another one, whole or as a part."""
+    present = [a.effect for a in added]
+    names = {e.name for e in present}
+    return effect.name in {*names, *(e.contains for e in present)} or effect.contains in names
 
 
 def unknowns_for(

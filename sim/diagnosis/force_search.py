@@ -29,6 +29,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.fit import (
     Fit,
     fit_effects,
+    is_held,
     places_in,
     start_values,
     unknowns_for,
@@ -52,14 +53,7 @@ from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 
-MEAN_S = 1.0  # over which a missing force is averaged: shorter ones are the noise of accelerations
-FAR = 30.0  # spreads from which on no more counts, nor a force that is no number
-ROUNDS = 3  # of fit and spread in turn
-FOLLOWED = 6  # effects whose numbers are fitted beside all others, …
-STEPS = 6  # … in so many steps
 INERTIA = ("m11", "m22", "m33")
-MOST_CHOICES = 12  # of an effect beside others, or in the place of one
-MIN_SHARE_OF_SWAP = 0.03  # of the cost, for another effect to take a place
 
 
 @dataclass(frozen=True)
@@ -123,7 +117,7 @@ class ForceProblem:
             force = missing_force_only(trial, model)
             if any(a.effect.inertia is not None for a in added):
                 force /= np.minimum(_inertia_share(trial, model, force), 1.0)
-            size = max(round(MEAN_S / trial.dt), 1)
+            size = max(round(thresholds.MEAN_FORCE_S / trial.dt), 1)
             whole = len(trial) // size * size
             means = force[:whole].reshape(-1, size, 3).mean(axis=1)
             out.append(means[trial.usable[:whole].reshape(-1, size).all(axis=1)])
@@ -132,8 +126,8 @@ class ForceProblem:
     def at(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> ForceFit:
         """A fit where it begins, at z (n,)."""
         z = np.clip(z, *unknowns.bounds)
-        r = np.nan_to_num(self.missing(added, unknowns, z) / self.spread, nan=FAR)
-        r = np.clip(r, -FAR, FAR).ravel()
+        r = np.nan_to_num(self.missing(added, unknowns, z) / self.spread, nan=thresholds.FAR_FORCE)
+        r = np.clip(r, -thresholds.FAR_FORCE, thresholds.FAR_FORCE).ravel()
         cost = robust_cost(unknowns, z[None], r[None], thresholds.ROBUST_SIGMAS)
         return ForceFit(tuple(added), unknowns, z, r, float(cost[0]))
 
@@ -162,9 +156,9 @@ class ForceProblem:
         tried = (self.at(fit.added, fit.unknowns, z) for z in fit.tried(jacobian))
         return min([fit, *tried], key=_cost)
 
-    def fitted(self, fit: ForceFit, steps: int = STEPS) -> ForceFit:
+    def fitted(self, fit: ForceFit) -> ForceFit:
         """As many steps as lead on."""
-        for _ in range(steps):
+        for _ in range(thresholds.FORCE_STEPS):
             before, fit = fit.cost, self.stepped(fit, self.jacobian(fit))
             if fit.cost > before * (1.0 - thresholds.SETTLED_DECREASE):
                 break
@@ -224,8 +218,10 @@ def search_forces(
     unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
     fit = problem.at([], unknowns, unknowns.start)
     promising: dict[str, tuple[str, ...]] = {}
-    for _ in range(MOST_CHOICES):
-        for _ in range(ROUNDS):  # else what comes next would seem better for what this still lacks
+    for _ in range(thresholds.MAX_FORCE_CHOICES):
+        for _ in range(
+            thresholds.FORCE_ROUNDS
+        ):  # else what comes next would seem better for what this still lacks
             problem, fit = problem.under_what_is_left(fit)
             fit = problem.fitted(fit)
         found = _beside(problem, fit, candidates, mapper) if len(fit.added) < most else []
@@ -243,9 +239,9 @@ def _beside(
     problem: ForceProblem, fit: ForceFit, effects: Iterable[Effect], mapper: Mapper
 ) -> list[ForceFit]:
     """The effects that promise most beside those of a fit, fitted, what leaves least first."""
-    others = [e for e in effects if not _is_held(e, fit)]
+    others = [e for e in effects if not is_held(e, fit.added)]
     screened = mapper(partial(problem.screened, fit, problem.jacobian(fit)), others)
-    begun = sorted((f for f in screened if f is not None), key=_cost)[:FOLLOWED]
+    begun = sorted((f for f in screened if f is not None), key=_cost)[: thresholds.FOLLOWED_FORCES]
     return sorted(mapper(problem.followed, begun), key=_cost)
 
 
@@ -262,7 +258,11 @@ def _chosen_again(
             continue
         best, present = _special_first(found), fit.added[i].effect
         is_special = present.general_of == best.names[-1]
-        share = thresholds.MAX_FORCE_COST_OF_SPECIAL if is_special else 1.0 - MIN_SHARE_OF_SWAP
+        share = (
+            thresholds.MAX_FORCE_COST_OF_SPECIAL
+            if is_special
+            else 1.0 - thresholds.MIN_SHARE_IN_PLACE
+        )
         if best.names[-1] != present.name and best.cost < share * fit.cost:
             return best, found
     return None
@@ -298,12 +298,6 @@ def _inertia_share(trial: Trial, model: Model, force: Floats) -> Floats:
     faster = missing_force_only(replace(trial, nu_dot=trial.nu_dot + 1.0), model)
     base = model.theta[[model.names.index(name) for name in INERTIA]]
     return np.asarray((faster - force) / base)
-
-
-def _is_held(effect: Effect, fit: ForceFit) -> bool:
-    """Whether a fit holds an effect, whole or as a part of another."""
-    inside = {a.effect.contains for a in fit.added}
-    return effect.name in {*fit.names, *inside} or effect.contains in fit.names
 
 
 def _special_first(found: Sequence[ForceFit]) -> ForceFit:

@@ -19,7 +19,14 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, final_fit, fit_effects, start_values, unknowns_for
+from sim.diagnosis.fit import (
+    Fit,
+    final_fit,
+    fit_effects,
+    is_held,
+    start_values,
+    unknowns_for,
+)
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.force_search import ForceProblem, fit_from_forces, search_forces
 from sim.diagnosis.generality import doubt_of
@@ -88,7 +95,8 @@ class EffectSearch:
             fewer, fit = self._swapped(fewer, fit, last=True)
         steps, fit = self._made_simpler(fewer, fit)
         # one story: what took the place of the first is the first of the ranking that is told
-        first = next((step for step in steps if step.reference is first.reference), first)
+        alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
+        first = next(alone, first)
         if not steps or not self.helps(base, fit):
             return Selection(base, (), (), first)
         self.progress("the numbers, and how sure they are")
@@ -261,11 +269,7 @@ class EffectSearch:
 
     def _others(self, fit: Fit) -> list[Effect]:
         """The effects that a fit does not hold, whole or as a part of another."""
-        inside = {a.effect.contains for a in fit.added}
-        return [
-            e for e in self.effects
-            if e.name not in fit.names and e.name not in inside and e.contains not in fit.names
-        ]  # fmt: skip
+        return [e for e in self.effects if not is_held(e, fit.added)]
 
     def _swapped(
         self, steps: list[Ranking], fit: Fit, last: bool = False
