@@ -100,8 +100,8 @@ EFFECT = Effect(
     general_of="steady_current",
     contains="steady_current",
     evidence=EvidenceAxis(ForceAxis.SURGE, "time"),
-    search=search,
     separated={"varying_current": AGAIN, "steady_current": AGAIN, "wind_change": DRIFT},
+    search=search,
     in_words=in_words,
     pattern_for=("time",),
 )  # fmt: skip
