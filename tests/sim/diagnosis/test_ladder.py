@@ -211,7 +211,7 @@ def found(*names: str) -> Any:
     )
     return SimpleNamespace(
         names=names, added=added, effects=lambda: added, nrmse=1.0 - 0.1 * len(names),
-        noise_share=(2.0, 2.0, 2.0), problem=None,
+        noise_share=(2.0, 2.0, 2.0), problem=SimpleNamespace(trials=(None,)),
     )  # fmt: skip
 
 
@@ -399,7 +399,9 @@ def test_a_change_that_leaves_noise_alone_is_not_exchanged() -> None:
     assert exchanged(("current_change",), **left) is None
 
 
-def standing_out(*names: str, most: int = 4, more: bool = True, **left: float) -> tuple[str, ...]:
+def standing_out(
+    *names: str, most: int = 4, more: bool = True, recordings: int = 1, **left: float
+) -> tuple[str, ...]:
     """What a search finds where these stand out in the forces; the first ranking is led by a lift
     that should be added, or (`more`) should not.
     """
@@ -426,8 +428,9 @@ def standing_out(*names: str, most: int = 4, more: bool = True, **left: float) -
     search = Begun(nothing, laws, most, lambda _: None, map, made_scorer())
     known = {frozenset(key.split("__")): value for key, value in left.items()}
     object.__setattr__(search, "left", {frozenset(): 1.0, **known})
-    first = search.rank(search.fit_of(()), among={"hull_lift"})
-    _, fit = search._found(search.fit_of(()), first, more)
+    base = search.fit_of(())
+    base.problem.trials = (None,) * recordings
+    _, fit = search._found(base, search.rank(base, among={"hull_lift"}), more)
     return (*fit.names, "asked") if search.asked else cast(tuple[str, ...], fit.names)
 
 
@@ -451,6 +454,8 @@ def test_what_stands_out_must_predict_better_than_one_effect_does() -> None:
 def test_near_the_noise_and_for_one_effect_no_forces_are_asked() -> None:
     assert standing_out(*TWO, **{**ONE_BY_ONE, "hull_lift": 0.07}) == ("hull_lift",)
     assert standing_out(*TWO, most=1, **ONE_BY_ONE) == ("hull_lift",)
+    assert standing_out(*TWO, recordings=2, **ONE_BY_ONE) == (*TWO, "asked")
+    assert standing_out(*TWO, recordings=3, **ONE_BY_ONE) == ("hull_lift",)
 
 
 def made_simpler(**left: float) -> tuple[str, ...]:
