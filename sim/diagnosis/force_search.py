@@ -36,6 +36,7 @@ from sim.diagnosis.fit import (
     with_event_at,
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.residual_terms import MEDIAN_OF_ABSOLUTE
 from sim.diagnosis.screening import Mapper
 from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Effect
@@ -131,14 +132,8 @@ class ForceProblem:
         cost = robust_cost(unknowns, z[None], r[None], thresholds.ROBUST_SIGMAS)
         return ForceFit(tuple(added), unknowns, z, r, float(cost[0]))
 
-    def beside(self, fit: ForceFit, effect: Effect, start: Mapping[str, float]) -> ForceFit:
-        """An effect at a start beside those of a fit."""
-        added = (*fit.added, AddedEffect(effect, dict(start)))
-        unknowns = unknowns_for(self.superset, added, len(self.trials), self.settings)
-        return self.at(added, unknowns, start_values(unknowns, fit))
-
-    def without(self, fit: ForceFit, added: Sequence[AddedEffect]) -> ForceFit:
-        """Some of the effects of a fit, where that ended."""
+    def with_effects(self, fit: ForceFit, added: Sequence[AddedEffect]) -> ForceFit:
+        """Other effects from where a fit ended, those that it lacks from where they say."""
         unknowns = unknowns_for(self.superset, added, len(self.trials), self.settings)
         return self.at(added, unknowns, start_values(unknowns, fit))
 
@@ -166,7 +161,8 @@ class ForceProblem:
 
     def under_what_is_left(self, fit: ForceFit) -> tuple["ForceProblem", ForceFit]:
         """The same in spreads of what a fit leaves."""
-        left = np.median(np.abs(self.missing(fit.added, fit.unknowns, fit.z)), axis=0) / 0.6745
+        left = np.median(np.abs(self.missing(fit.added, fit.unknowns, fit.z)), axis=0)
+        left /= MEDIAN_OF_ABSOLUTE
         problem = replace(self, spread=np.where(left > 0.0, left, self.spread))
         return problem, problem.at(fit.added, fit.unknowns, fit.z)
 
@@ -177,7 +173,7 @@ class ForceProblem:
         model = replace(fit.unknowns.model, theta=fit.unknowns.theta(fit.z[None], 0)[0])
         best: tuple[float, ForceFit, Floats] | None = None
         for start in self.superset.starts(effect, model, self.trials):
-            begun = self.beside(fit, effect, start)
+            begun = self.with_effects(fit, [*fit.added, AddedEffect(effect, dict(start))])
             place = places_in(fit.unknowns, begun.unknowns)
             J = self.jacobian(begun, np.flatnonzero(place < 0))
             J[:, place >= 0] = shared[:, place[place >= 0]]
@@ -253,7 +249,7 @@ def _chosen_again(
     """
     for i in range(len(fit.added) - 1):
         place = [a for k, a in enumerate(fit.added) if k != i]
-        found = _beside(problem, problem.fitted(problem.without(fit, place)), effects, mapper)
+        found = _beside(problem, problem.fitted(problem.with_effects(fit, place)), effects, mapper)
         if not found:
             continue
         best, present = _special_first(found), fit.added[i].effect
