@@ -28,6 +28,7 @@ import numpy as np
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import (
     Fit,
+    Fitted,
     fit_effects,
     is_held,
     places_in,
@@ -132,8 +133,10 @@ class ForceProblem:
         cost = robust_cost(unknowns, z[None], r[None], thresholds.ROBUST_SIGMAS)
         return ForceFit(tuple(added), unknowns, z, r, float(cost[0]))
 
-    def with_effects(self, fit: ForceFit, added: Sequence[AddedEffect]) -> ForceFit:
-        """Other effects from where a fit ended, those that it lacks from where they say."""
+    def with_effects(self, fit: Fitted, added: Sequence[AddedEffect]) -> ForceFit:
+        """Other effects from where a fit ended, of forces or of predictions, those that it lacks
+        from where they say.
+        """
         unknowns = unknowns_for(self.superset, added, len(self.trials), self.settings)
         return self.at(added, unknowns, start_values(unknowns, fit))
 
@@ -262,6 +265,28 @@ def _chosen_again(
         if best.names[-1] != present.name and best.cost < share * fit.cost:
             return best, found
     return None
+
+
+def in_place_by_forces(
+    problem: ForceProblem, fit: Fit, place: int, effects: Iterable[Effect], mapper: Mapper = map
+) -> list[Fit]:
+    """Effects in the place of one of a fit of predictions, the others beside them, each with all
+    numbers fitted to the missing forces first and to predictions from there.
+
+    From where another effect stood, with the base bent to go with that, a tow may end at the bow
+    and go no further. Not those that leave much more of the missing force than what stood there.
+    """
+    present = fit.effects()
+    others = [a for k, a in enumerate(present) if k != place]
+    problem, whole = problem.under_what_is_left(problem.with_effects(fit, present))
+    whole = problem.fitted(whole)
+    beside = problem.fitted(problem.with_effects(whole, others))
+    tried = [e for e in effects if acts_at_once(e) and not is_held(e, others)]
+    screened = mapper(partial(problem.screened, beside, problem.jacobian(beside)), tried)
+    followed = mapper(problem.followed, [f for f in screened if f is not None])
+    most = thresholds.MAX_FORCE_COST_IN_PLACE * whole.cost
+    begun = sorted((f for f in followed if f.cost < most), key=_cost)
+    return list(mapper(partial(fit_from_forces, problem=fit.problem), begun))
 
 
 def fit_from_forces(start: ForceFit, problem: FitProblem) -> Fit:

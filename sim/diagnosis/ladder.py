@@ -28,7 +28,12 @@ from sim.diagnosis.fit import (
     unknowns_for,
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
-from sim.diagnosis.force_search import ForceProblem, fit_from_forces, search_forces
+from sim.diagnosis.force_search import (
+    ForceProblem,
+    fit_from_forces,
+    in_place_by_forces,
+    search_forces,
+)
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
     Gain,
@@ -93,7 +98,7 @@ class EffectSearch:
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
-        steps, fit = self._made_simpler(fewer, fit)
+        steps, fit = self._in_place_by_forces(*self._made_simpler(fewer, fit))
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
         first = next(alone, first)
@@ -114,15 +119,14 @@ class EffectSearch:
         three times as long as all else on eleven of them.
         """
         one = first.best.fit if more else base
-        few = len(base.problem.trials) < thresholds.MIN_RECORDINGS
-        if few and self.most > 1 and self._is_above_noise(one):
+        if _are_few(base) and self.most > 1 and self._is_above_noise(one):
             steps = self._begun_with_forces(base)
             if steps:
                 steps, fit = self._swapped(steps, steps[-1].best.fit)
                 steps, fit = self._grown_and_exchanged(steps, fit, self._next(steps, fit))
                 if self.helps(one, fit):
                     return steps, fit
-        return self._grown_and_exchanged([], base, first if more and self.most else None)
+        return self._grown_and_exchanged([], base, [first] if more and self.most else [])
 
     def _is_above_noise(self, fit: Fit) -> bool:
         """Whether more is left than a complete model leaves."""
@@ -141,21 +145,21 @@ class EffectSearch:
         return last if is_whole or not self.helps(last, fit) else fit
 
     def _grown(
-        self, steps: list[Ranking], fit: Fit, ranking: Ranking | None
+        self, steps: list[Ranking], fit: Fit, more: list[Ranking]
     ) -> tuple[list[Ranking], Fit]:
-        """One effect after another, beginning with the best of a ranking."""
-        while ranking is not None:
-            steps, fit = [*steps, ranking], ranking.best.fit
+        """One effect after another, beginning with the best of some rankings."""
+        while more:
+            steps, fit = [*steps, *more], more[-1].best.fit
             if len(steps) > 1:
                 steps, fit = self._swapped(steps, fit)
-            ranking = self._next(steps, fit)
+            more = self._next(steps, fit)
         return steps, fit
 
     def _grown_and_exchanged(
-        self, steps: list[Ranking], fit: Fit, ranking: Ranking | None
+        self, steps: list[Ranking], fit: Fit, more: list[Ranking]
     ) -> tuple[list[Ranking], Fit]:
         """Grown until nothing is worth adding, nor two for one or one for two."""
-        steps, fit = self._grown(steps, fit, ranking)
+        steps, fit = self._grown(steps, fit, more)
         for _ in range(thresholds.MAX_EXCHANGES):
             exchanged = self._exchanged(steps, fit)
             if exchanged is None:
@@ -194,12 +198,29 @@ class EffectSearch:
         others = (r for r in ranking.finalists if r.name != row.name)
         return replace(ranking, finalists=(row, *others))
 
-    def _next(self, steps: list[Ranking], fit: Fit) -> Ranking | None:
-        """What should come next; None where none should, or no more may."""
+    def _next(self, steps: list[Ranking], fit: Fit) -> list[Ranking]:
+        """What should come next, one effect or two; empty where none should, or no more may."""
         if len(steps) >= self.most or not self._others(fit):
-            return None
+            return []
         ranking, more = self.ranked(fit, steps)
-        return ranking if more else None
+        return [ranking] if more else self._next_two(ranking, steps, fit)
+
+    def _next_two(self, ranking: Ranking, steps: list[Ranking], fit: Fit) -> list[Ranking]:
+        """Two effects of which neither alone is more than the form of the earlier ones may be, but
+        the second is beside the first: a load and a wind may hide each other. Else empty.
+        """
+        is_full = len(steps) + 1 >= self.most
+        if not steps or is_full or not _are_few(fit) or not self._is_above_noise(fit):
+            return []
+        missed = (r for r in ranking.finalists if is_missed(r.effect, r.gain))
+        helping = (r for r in missed if self.helps(fit, r.fit))
+        row = next((r for r in helping if self.is_believed(r, ranking.reference)), None)
+        if row is None:
+            return []
+        self.progress(f"what would come with {row.name}")
+        first = ranking.led_by(row)
+        second, more = self.ranked(row.fit, [*steps, first])
+        return [first, second] if more else []
 
     def _with_first(self, added: Sequence[AddedEffect], steps: Sequence[Ranking], last: Fit) -> Fit:
         """The first effects alone: as they were chosen, where they were chosen one by one."""
@@ -402,6 +423,40 @@ class EffectSearch:
         before, after = (self.scorer.score_fit(each).nrmse for each in (fit, at))
         return (simpler, at) if after <= thresholds.MAX_RIVAL_RATIO * before else (steps, fit)
 
+    def _in_place_by_forces(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+        """Each of several effects chosen once more beside the others, among its look-alikes and
+        what promised enough to be fitted: from numbers that the missing forces give. What needs
+        fewer numbers takes a place where it does as well, all else where it is worth it.
+        """
+        if len(steps) < 2 or not _are_few(fit):
+            return steps, fit
+        promising = {row.name for step in steps for row in step.finalists}
+        problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
+        for step in list(steps):
+            self.progress(f"what does as well as {step.best.name}, from the missing forces")
+            place, present = fit.names.index(step.best.name), step.best.effect
+            effects = [
+                e for e in self._others(fit)
+                if e.name in promising or e.looks_like_effect(present)
+            ]  # fmt: skip
+            for other in in_place_by_forces(problem, fit, place, effects, self.mapper):
+                if not self._takes_place(other, fit):
+                    continue
+                *others, last = other.effects()
+                ranking = self._led_by(other, others, last, promising)
+                if self.is_believed(ranking.best, ranking.reference):
+                    self.progress(f"{last.effect.name} in the place of {present.name}")
+                    steps = [*(s for s in steps if s is not step), ranking]
+                    fit = ranking.best.fit
+                    break
+        return steps, fit
+
+    def _takes_place(self, other: Fit, fit: Fit) -> bool:
+        """Whether another fit is worth it, or does as well with fewer numbers."""
+        if len(other.z) < len(fit.z) and not is_better_than_special(self._gain_over(fit, other)):
+            return True
+        return is_worth_it(self._gain_over(other, fit))
+
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: from where the
         general one ended, for few steps may not lead there from afar, or anew beside others.
@@ -481,3 +536,8 @@ class EffectSearch:
     def _gain_over(self, fit: Fit, other: Fit) -> Gain:
         """What one fit is worth over another, under the noise that the first leaves."""
         return gain_under(fit.renewed_problem, other, fit)
+
+
+def _are_few(fit: Fit) -> bool:
+    """Whether a fit is of so few recordings that none can be left out in turn."""
+    return len(fit.problem.trials) < thresholds.MIN_RECORDINGS

@@ -103,6 +103,7 @@ FAR_FORCE = 30.0  # spreads from which on no more counts, nor a force that is no
 FORCE_ROUNDS, FORCE_STEPS = 3, 6  # of fit and spread in turn; of a fit
 FOLLOWED_FORCES = 6  # effects whose numbers are fitted beside all others
 LONGEST_SHARE_TO_A_MOMENT = 0.04  # of the recording: half the way between two that are tried
+MAX_FORCE_COST_IN_PLACE = 2.0  # over that of what stands there: of what may do as well
 NOISE_ROUNDS_FROM_FORCES = 3  # of fit and noise in turn, from numbers that forces gave
 
 # --- Rivals (heldout.py, verdict.py) ---
