@@ -430,7 +430,7 @@ class EffectSearch:
         """
         if len(steps) < 2 or not _are_few(fit):
             return steps, fit
-        promising = {row.name for step in steps for row in step.finalists}
+        promising = sorted({row.name for step in steps for row in step.finalists})
         problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
         for step in list(steps):
             self.progress(f"what does as well as {step.best.name}, from the missing forces")

@@ -7,7 +7,13 @@ import pytest
 
 from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
-from sim.diagnosis.force_search import ForceProblem, acts_at_once, fit_from_forces, search_forces
+from sim.diagnosis.force_search import (
+    ForceProblem,
+    acts_at_once,
+    fit_from_forces,
+    in_place_by_forces,
+    search_forces,
+)
 from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -78,6 +84,28 @@ def test_no_more_stand_out_than_were_asked_for(
     problem, _, effects = hard
     assert len(search_forces(problem, effects, 1).fit.added) == 1
     assert search_forces(problem, [], 4).fit.added == ()
+
+
+def test_what_leaves_as_little_of_the_forces_may_stand_in_a_place(
+    hard: tuple[ForceProblem, Any, list[Effect]],
+) -> None:
+    """A current that stays for one that turns, or the other way round; no loss of advance, which
+    leaves all of the water's force, and no load for a compass that is off.
+    """
+    problem, base, effects = hard
+    fit = fit_from_forces(search_forces(problem, effects, 4).fit, base.problem)
+    waters = {"steady_current", "current_change"}
+    present = next(iter(waters & set(fit.names)))
+    place = fit.names.index(present)
+    asked = [named("advance_loss"), *map(named, waters - {present})]
+    others = in_place_by_forces(problem, fit, place, asked)
+    assert [other.names[-1] for other in others] == [*(waters - {present})]
+    assert set(others[0].names[:-1]) == set(fit.names) - {present}
+    assert max(others[0].noise_share) < 1.2 * max(fit.noise_share)
+    offset = fit.names.index("heading_offset")
+    assert in_place_by_forces(problem, fit, offset, [named("payload_change")]) == []
+    held = [named("thruster_fault"), named("thruster_lag")]  # it has one; laws with memory
+    assert in_place_by_forces(problem, fit, offset, held) == []
 
 
 @pytest.mark.parametrize(

@@ -249,6 +249,9 @@ class Scripted(EffectSearch):
     def _begun_with_forces(self, base: Any) -> list[Ranking]:
         return []
 
+    def _in_place_by_forces(self, steps: Any, fit: Any) -> Any:
+        return steps, fit
+
     def _beside(self, added: Any, like: Any, problem: Any = None) -> Any:
         return found(*(a.effect.name for a in added))
 
@@ -416,8 +419,8 @@ def standing_out(
             each = [self.rank(self.fit_of(names[:i]), among={n}) for i, n in enumerate(names)]
             return each if len(each) > 1 else []
 
-        def _next(self, steps: Any, fit: Any) -> None:
-            return None
+        def _next(self, steps: Any, fit: Any) -> list[Ranking]:
+            return []
 
         def _swapped(self, steps: Any, fit: Any, last: bool = False) -> Any:
             return steps, fit
@@ -632,3 +635,140 @@ def test_what_is_of_a_day_goes_before_what_recordings_left_out_want_of_the_boat(
     assert search._backward(steps, search.fit_of(names))[1].names == (compass, lift)
     object.__setattr__(search, "left_out", {})  # one recording: in the order in which they came
     assert search._backward(steps, search.fit_of(names))[1].names == (lift,)
+
+
+class InPlace(Weather):
+    """What the forces tell in each place: these names, as fits of what is left with them."""
+
+    told: tuple[str, ...] = ()
+    asked: list[tuple[str, ...]]
+
+    def _led_by(self, fit: Any, before: Any, added: Any, promising: Any) -> Ranking:
+        name = added.effect.name
+        return Ranking(fit, (RankedEffect(added.effect, self.fit_of(fit.names), GREAT, 0.5),
+                             *(row(n, LITTLE.gain) for n in promising if n != name)))  # fmt: skip
+
+
+GREAT = Gain(2.0, 0.5, 5.7, 700.0, 0.0)
+
+
+def in_place(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[str, ...], told: str, recordings: int = 1,
+    believed: bool = True, **left: float,
+) -> tuple[tuple[str, ...], list[list[str]]]:  # fmt: skip
+    """What stands after the forces have `told` one effect for the last place, and what was asked of
+    each place.
+    """
+    nothing: Any = None
+    search = InPlace(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
+    known = {frozenset(key.split("__")): value for key, value in left.items()}
+    object.__setattr__(search, "left", {frozenset(): 1.0, **known})
+    asked = []
+
+    def from_forces(_: Any, fit: Any, place: int, effects: Any, mapper: Any) -> list[Any]:
+        asked.append([e.name for e in effects])
+        names = tuple(n for i, n in enumerate(fit.names) if i != place)
+        return [numbered(search.fit_of((*names, told)))] if place == len(found) - 1 else []
+
+    def numbered(fit: Any) -> Any:
+        count = sum(len(named(name).fit_parameters) for name in fit.names)
+        fit.z, fit.problem.trials, fit.problem.settings = (
+            np.zeros(count),
+            (None,) * recordings,
+            None,
+        )
+        return fit
+
+    monkeypatch.setattr("sim.diagnosis.ladder.ForceProblem", SimpleNamespace(of=lambda *_: None))
+    monkeypatch.setattr("sim.diagnosis.ladder.in_place_by_forces", from_forces)
+    monkeypatch.setattr(InPlace, "is_believed", lambda self, row, reference: believed)
+    steps = [Ranking(FIRST, (row(name, SOME.gain), LITTLE)) for name in found]
+    rankings, fit = search._in_place_by_forces(steps, numbered(search.fit_of(found)))
+    assert sorted(r.best.name for r in rankings) == sorted(fit.names)
+    return fit.names, asked
+
+
+LIFT = ("steady_current", "hull_lift")
+TOW = ("steady_current", "towed_load")
+
+
+def test_from_numbers_of_forces_fewer_that_do_as_well_take_a_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A tow of two numbers for a lift of four; not where the lift really is better."""
+    alike = {"steady_current__hull_lift": 0.2, "steady_current__towed_load": 0.2}
+    assert in_place(monkeypatch, LIFT, "towed_load", **alike)[0] == TOW
+    better = {**alike, "steady_current__hull_lift": 0.15}
+    assert in_place(monkeypatch, LIFT, "towed_load", **better)[0] == LIFT
+    assert in_place(monkeypatch, TOW, "hull_lift", **alike)[0] == TOW
+    assert in_place(monkeypatch, TOW, "hull_lift", **better)[0] == LIFT
+    assert in_place(monkeypatch, LIFT, "towed_load", believed=False, **alike)[0] == LIFT
+
+
+def test_forces_are_asked_for_look_alikes_of_several_causes_of_few_recordings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left = {
+        "steady_current__advance_loss": 0.2, "steady_current__cubic_drag": 0.2, "hull_lift": 0.2,
+        "towed_load": 0.2,
+    }  # fmt: skip
+    _, asked = in_place(monkeypatch, ("steady_current", "advance_loss"), "cubic_drag", **left)
+    assert len(asked) == 2
+    assert {"cubic_drag", "towed_load", "cg_offset"} <= set(asked[1])  # the last was promising
+    assert not set(asked[1]) & {"steady_current", "current_change", "advance_loss", "hull_lift"}
+    assert in_place(monkeypatch, ("hull_lift",), "towed_load", **left) == (("hull_lift",), [])
+    alike = {"steady_current__hull_lift": 0.2, "steady_current__towed_load": 0.2}
+    assert in_place(monkeypatch, LIFT, "towed_load", recordings=3, **alike) == (LIFT, [])
+
+
+def next_two(most: int = 4, recordings: int = 1, believed: bool = True, **left: float) -> list[str]:
+    """What comes beside a strong current, none of the others alone being more than its form."""
+    nothing: Any = None
+
+    class Hidden(Weather):
+        def rank(
+            self, fit: Any, closer: bool = False, among: Container[str] | None = None,
+            present: Any = None,
+        ) -> Ranking:  # fmt: skip
+            names = {n for key in self.left for n in key} - {*fit.names}
+            ranking = super().rank(fit, among=names)
+            for each in ranking.finalists:
+                each.fit.problem.trials = (None,) * recordings
+            return ranking
+
+        def is_believed(self, row: Any, reference: Any) -> bool:
+            return believed
+
+        def _others(self, fit: Any) -> list[Effect]:
+            return [named("steady_wind"), named("payload_change")]
+
+        def helps(self, before: Any, after: Any) -> bool:
+            return bool(after.nrmse < before.nrmse)
+
+    search = Hidden(nothing, EFFECTS, most, lambda _: None, map, made_scorer())
+    known = {frozenset(key.split("__")): value for key, value in left.items()}
+    object.__setattr__(search, "left", {frozenset(): 1.0, **known})
+    current = search.fit_of(("current_change",))
+    current.problem.trials = (None,) * recordings
+    steps = [Ranking(FIRST, (row("current_change", Gain(9.0, 2.0, 9.0, 1e5, 0.0)),))]
+    return [r.best.name for r in search._next(steps, current)]
+
+
+HIDING = {
+    "current_change": 0.3, "current_change__payload_change": 0.27,
+    "current_change__steady_wind": 0.28, "current_change__payload_change__steady_wind": 0.06,
+}  # fmt: skip
+
+
+def test_two_that_hide_each_other_come_together() -> None:
+    assert next_two(**HIDING) == ["payload_change", "steady_wind"]
+
+
+def test_two_come_together_only_where_the_second_is_more_than_form_and_there_is_room() -> None:
+    form = {**HIDING, "current_change__payload_change__steady_wind": 0.26}
+    assert next_two(**form) == []
+    assert next_two(most=2, **HIDING) == []
+    assert next_two(recordings=3, **HIDING) == []
+    assert next_two(believed=False, **HIDING) == []
+    noise = {key: 0.2 * value for key, value in HIDING.items()}
+    assert next_two(**noise) == []
