@@ -44,6 +44,7 @@ UNUSUAL_STDS = 6.0  # robust; blocks are not Gaussian, and there are thousands a
 USUAL_STDS = 3.0  # … within which it is usual again
 USUAL_BLOCKS = 2  # in a row, before a force is usual again: what comes and goes is one event
 PRACTICAL_SHARE = 0.02  # of full thrust: what an owner would not notice is no event
+USUAL_QUANTILES = (0.05, 0.95)  # of earlier blocks, between which a force "usually" lies
 MIN_SPREAD = 0.1  # of the missing force's own std: a calm hour does not narrow the range further
 NOTHING = (0.0, 0.0, 0.0)
 AXES = (("ahead", "N"), ("to starboard", "N"), ("clockwise", "N m"))
@@ -121,9 +122,9 @@ class MissingForceRange(NamedTuple):
             text = f"unusual forces for {minutes:.0f} minutes: usual from here on"
             again = MissingForceRange(np.empty((0, 3)), smallest=self.smallest, began=began)
             return again, [_range_event(out, k, False, text)]
-        half = UNUSUAL_STDS * width
+        usual = np.quantile(self.blocks, USUAL_QUANTILES, axis=0)
         events = [
-            _range_event(out, k, unusual[i], _range_text(i, unusual[i], mean, middle, half))
+            _range_event(out, k, unusual[i], _range_text(i, unusual[i], mean[i], usual[:, i]))
             for i in range(3)
             if unusual[i] != self.unusual[i]
         ]
@@ -138,10 +139,9 @@ def _range_event(out: ShadowRows, k: int, unusual: bool, text: str) -> EventRow:
     return EventRow.at(out, k, kind, severity, text)
 
 
-def _range_text(axis: int, unusual: bool, mean: Floats, middle: Floats, half: Floats) -> str:
-    towards, unit = AXES[axis]
-    value, usually, reach = float(mean[axis]), float(middle[axis]), float(half[axis])
-    low, high = usually - reach, usually + reach
+def _range_text(axis: int, unusual: bool, value: float, usual_range: Floats) -> str:
+    """What is told of an axis; `usual_range` (2,): what the blocks before lay between."""
+    (towards, unit), (low, high) = AXES[axis], usual_range.tolist()
     digits = _digits(value, low, high) if unusual else 1
     usual = f"usually {low:.{digits}f} to {high:.{digits}f} {unit}"
     if unusual:
