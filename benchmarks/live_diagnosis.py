@@ -1,6 +1,6 @@
 """Does a live gateway notice a current or a wind, and keep quiet where the model is right?
 
-    python -m benchmarks.live_diagnosis [SECONDS]
+    python -m benchmarks.live_diagnosis [SECONDS [SERIES]]     # another series: other dice
 
 Voyages of the blind test's generator (`benchmarks.hidden`: physics that shares no code with `sim`)
 go through the path of `shadow replay`. Printed: when the model was called wrong, when the cause was
@@ -65,10 +65,10 @@ class Case(NamedTuple):
     begins: float = 0.0
 
 
-def cases(seconds: float) -> Iterator[Case]:
+def cases(seconds: float, series: int = 0) -> Iterator[Case]:
     """Complete vessels, currents, currents that set in midway, winds, and other causes."""
     for k, (boat, pilot) in enumerate(PAIRS):
-        dice = np.random.default_rng([7, k])
+        dice, k = np.random.default_rng([7 + series, k]), k + 1000 * series
         yield Case("complete", boat, pilot, 100 + k)
         flow = _thrown(dice, 0.2, 0.4)
         yield Case("current", boat, pilot, 200 + k, (_current(flow, 0.0),), flow)
@@ -78,7 +78,7 @@ def cases(seconds: float) -> Iterator[Case]:
         blown = {"speed": math.hypot(*air), "direction": math.atan2(-air[1], -air[0])}
         causes = tuple(causes_of([Hidden("steady_wind", blown)]))
         yield Case("wind", boat, pilot, 400 + k, causes, air)
-    for k, (boat, pilot, hidden) in enumerate(OTHERS):
+    for k, (boat, pilot, hidden) in enumerate(OTHERS, 1000 * series):
         yield Case("other", boat, pilot, 500 + k, tuple(causes_of([hidden])))
 
 
@@ -156,10 +156,10 @@ def line(case: Case, found: Heard) -> str:
     else:
         belief = outlook.air if case.kind == "wind" else outlook.water
         got = air_velocity(belief.disturbance) if case.kind == "wind" else belief.disturbance
-        spread = air_velocity_covariance(belief.disturbance, belief.disturbance_covariance)
+        spread = air_velocity_covariance(belief.disturbance, belief.stated_covariance)
         row += _off(
             got,
-            spread if case.kind == "wind" else belief.disturbance_covariance,
+            spread if case.kind == "wind" else belief.stated_covariance,
             np.array(case.truth),
         )
     return f"{row}  {found.lookout.alarm.cause.value:16}{len(found.events):3}{found.cost_ms:6.2f}"
@@ -190,12 +190,13 @@ def _off(got: np.ndarray, spread: np.ndarray, truth: np.ndarray) -> str:
 
 def main() -> int:
     """Print the table."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
+    given = [float(text) for text in sys.argv[1:]]
+    seconds, series = (*given, *(SECONDS, 0.0)[len(given) :])
     print(
         "kind     boat      pilot       wrong   told  true  size   deg   σ  explains    events  ms"
     )
     with tempfile.TemporaryDirectory() as folder:
-        for case in cases(seconds):
+        for case in cases(seconds, int(series)):
             print(line(case, heard(case, Path(folder), seconds)), flush=True)
     return 0
 

@@ -307,9 +307,9 @@ class ModelMonitor(NamedTuple):
         """What a second that ended before row k tells of water and air."""
         estimate = self.alarm.estimate
         water, air = estimate.water, estimate.air
-        told = self.estimator.air.in_world(air.disturbance, air.disturbance_covariance, means)
+        told = self.estimator.air.in_world(air.disturbance, air.stated_covariance, means)
         values = np.concatenate([
-            water.disturbance, told[:2], std(water.disturbance_covariance), told[2:4],
+            water.disturbance, told[:2], std(water.stated_covariance), told[2:4],
             [self.alarm.misfit.level], told[4:],
         ])  # fmt: skip
         return Surroundings(k, values, self.alarm.cause.value)

@@ -16,6 +16,7 @@ from sim.model import Model
 from sim.monitoring.causes import (
     BALANCES,
     DIFFERENCE_STEP,
+    WIND_SHARE,
     WITH_COMPASS,
     slope_of_air,
     velocity_of_air,
@@ -194,8 +195,9 @@ def air_velocity(g: Floats) -> Floats:
 def air_velocity_covariance(g: Floats, covariance: Floats) -> Floats:
     """g (2,) with covariance (2, 2) -> covariance of V (2, 2).
 
-    V = g / √|g| has no slope at 0: where g is not known to be larger, its spread is its size.
+    V = g / √|g| has no slope at 0: where g is not known to be larger, its spread is its size. And
+    as much of V as its coefficients and areas are uncertain.
     """
     (a, b), (c, d) = slope_of_air(g, covariance)
-    slope = np.array([[a, b], [c, d]])
-    return np.asarray(slope @ covariance @ slope.T)
+    slope, V = np.array([[a, b], [c, d]]), air_velocity(g)
+    return np.asarray(slope @ covariance @ slope.T + WIND_SHARE**2 * np.outer(V, V))

@@ -51,6 +51,7 @@ class Law(IntEnum):
 # All chosen, not measured.
 DIFFERENCE_STEP = 1e-3  # m/s, rad/s and per s: of the slopes of the balance
 STEP_RAD = 1e-3  # of the slope of a compass
+WIND_SHARE = 0.1  # of a wind's speed, standard deviation: its areas and coefficients are not known
 WIND_STEP = 0.15  # of the prior: near g = 0 a slope on the spot would be that of a root
 
 BOAT_ERRORS = 10  # components of b, see `write_boat_errors`
@@ -164,8 +165,8 @@ def write_air(g: Floats, covariance: Floats, motion: Floats, wind: Floats, out: 
     out[2], out[3] = spread(north_0, north_1, covariance), spread(east_0, east_1, covariance)
     out[4], out[5] = velocity_of_air(g[0], g[1])
     by_north, by_east = slope_of_air(g, covariance)
-    out[6] = spread(by_north[0], by_north[1], covariance)
-    out[7] = spread(by_east[0], by_east[1], covariance)
+    out[6] = np.hypot(spread(by_north[0], by_north[1], covariance), WIND_SHARE * out[4])
+    out[7] = np.hypot(spread(by_east[0], by_east[1], covariance), WIND_SHARE * out[5])
 
 
 @compiled
