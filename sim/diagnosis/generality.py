@@ -2,6 +2,7 @@
 
     on recordings   each left out in turn: squared errors there, without and with the effect
     its numbers     none that no boat has
+    its moment      something is seen on both sides of it
     on headings     nats won on unseen time by the sector of the heading that they were won in
 
 Blocks of one recording share its day. A compass that is turned, iron on board, a current and a hull
@@ -16,6 +17,7 @@ from sim.diagnosis.feedback import NOT_BEFORE_MOTION, acts_before_motion
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain_on_recordings, nats_won
 from sim.diagnosis.limits import strain_of
+from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Scope, Shown
 from sim.state import Eta, Floats
 
@@ -31,6 +33,8 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
     strain = strain_of(row.found, row.fit.problem.vessel)
     if strain:
         return f"{strain}: it stands in for something else"
+    if not _shows_both_sides(row):
+        return "nothing was seen on one side of its moment: a change is not told"
     if row.effect.scope is not Scope.BOAT:
         return ""
     if not _wins_on_recordings(row, reference, scorer):
@@ -41,6 +45,17 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
     if Shown.COMMANDS in row.effect.shown_by and not acts_before_motion(reference, row.fit):
         return NOT_BEFORE_MOTION
     return ""
+
+
+def _shows_both_sides(row: RankedEffect) -> bool:
+    """Whether the recordings reach far enough to both sides of the moment of an event: a motor that
+    has been weak from the first second on has not failed while she sailed.
+    """
+    moment = moment_of(row.effect)
+    if moment is None:
+        return True
+    at, last = row.found.values[moment], max(float(t.time[-1]) for t in row.fit.problem.trials)
+    return min(at, last - at) >= thresholds.MIN_BESIDE_A_MOMENT_S
 
 
 def unseen_headings(row: RankedEffect, reference: Fit) -> str:

@@ -88,6 +88,7 @@ MIN_SHARE_OF_EARLIER = 0.05  # of the nats that earlier effects won: less is the
 MIN_NATS_ONE_STEP = 8.0
 COLOUR_ROUNDS = 3  # of fit and colour in turn: more change no answer
 
+MIN_BESIDE_A_MOMENT_S = 10.0  # seen before an event and after it
 MIN_RECORDINGS = 3  # to leave out one at a time: of two, each would be fitted by the other alone
 MIN_NATS_ON_RECORDINGS = 0.0  # that what is true of a boat wins on recordings left out
 

@@ -11,7 +11,14 @@ from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.generality import doubt_of, in_words, seen_sectors, unseen_headings
-from sim.diagnosis.heldout import Gain, HeldOutScorer, Ranking, gain_on_recordings, rank
+from sim.diagnosis.heldout import (
+    Gain,
+    HeldOutScorer,
+    RankedEffect,
+    Ranking,
+    gain_on_recordings,
+    rank,
+)
 from sim.effects.catalogue import named
 from sim.effects.effect import Shown
 from sim.model import Model
@@ -181,3 +188,21 @@ def test_on_which_headings_a_compass_was_seen_is_told_where_they_are_few() -> No
     assert unseen_headings(*seen_on(few | {280.0: 1.0})) == ""
     assert unseen_headings(*seen_on(few, "thruster_imbalance")) == ""
     assert in_words([0]) == "0° to 45°"
+
+
+@pytest.mark.parametrize(("moment", "is_told"), [(4.0, False), (60.0, True), (196.0, False)])
+@pytest.mark.parametrize("name", ["thruster_fault", "current_change"])
+def test_a_change_is_told_only_where_something_was_seen_before_and_after_it(
+    name: str, moment: float, is_told: bool
+) -> None:
+    """A motor that was weak from the first seconds on has not failed while she sailed."""
+    values = {p.name: p.start for p in named(name).parameters} | {"time": moment}
+    trials = [SimpleNamespace(time=np.linspace(0.0, end, 50)) for end in (100.0, 200.0)]
+    fit: Any = SimpleNamespace(
+        values=lambda effect: values, problem=SimpleNamespace(vessel=WAM_V, trials=trials)
+    )
+    nothing: Any = None
+    change = RankedEffect(named(name), fit, Gain(2.0, 0.5, 5.0, 700.0, 0.0), 0.5)
+    doubt = doubt_of(change, nothing, nothing)
+    assert ("one side of its moment" in doubt) is not is_told
+    assert bool(doubt) is not is_told
