@@ -426,7 +426,7 @@ class EffectSearch:
     def _in_place_by_forces(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Each of several effects chosen once more beside the others, among its look-alikes and
         what promised enough to be fitted: from numbers that the missing forces give. What needs
-        fewer numbers takes a place where it wins, all else where it is worth it.
+        fewer numbers takes a place more easily, see `_takes_place`.
         """
         if len(steps) < 2 or not _are_few(fit):
             return steps, fit
@@ -452,12 +452,14 @@ class EffectSearch:
         return steps, fit
 
     def _takes_place(self, other: Fit, fit: Fit) -> bool:
-        """Whether another fit is worth it, or wins with fewer numbers, be it little, under the
-        noise that either leaves.
+        """Whether another fit is worth it; or does as well with two numbers fewer, or wins with one
+        fewer, be it little, under the noise that either leaves.
         """
-        over = self._gain_over(other, fit)
-        fewer = len(other.z) < len(fit.z) and over.nats > 0.0
-        return is_worth_it(over) or (fewer and self._gain_over(fit, other).nats < 0.0)
+        over, under = self._gain_over(other, fit), self._gain_over(fit, other)
+        fewer = len(fit.z) - len(other.z)
+        if fewer > 1 and not is_better_than_special(under):
+            return True
+        return is_worth_it(over) or (fewer == 1 and over.nats > 0.0 > under.nats)
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: from where the

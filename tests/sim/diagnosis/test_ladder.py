@@ -692,19 +692,27 @@ LIFT = ("steady_current", "hull_lift")
 TOW = ("steady_current", "towed_load")
 
 
-def test_from_numbers_of_forces_fewer_that_win_take_a_place(
+def test_two_numbers_fewer_take_a_place_where_they_do_as_well(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A tow of two numbers for a lift of four, be it a little better; the lift must be much so."""
-    left = {"steady_current__hull_lift": 0.2, "steady_current__towed_load": 0.199}
-    assert in_place(monkeypatch, LIFT, "towed_load", **left)[0] == TOW
-    assert in_place(monkeypatch, LIFT, "towed_load", believed=False, **left)[0] == LIFT
-    alike = {**left, "steady_current__towed_load": 0.2}
-    assert in_place(monkeypatch, LIFT, "towed_load", **alike)[0] == LIFT
-    little = {**left, "steady_current__hull_lift": 0.198}
-    assert in_place(monkeypatch, TOW, "hull_lift", **little)[0] == TOW
-    much = {**left, "steady_current__hull_lift": 0.15}
-    assert in_place(monkeypatch, TOW, "hull_lift", **much)[0] == LIFT
+    """A tow of two numbers for a lift of four; not where the lift really is better."""
+    alike = {"steady_current__hull_lift": 0.2, "steady_current__towed_load": 0.2}
+    assert in_place(monkeypatch, LIFT, "towed_load", **alike)[0] == TOW
+    assert in_place(monkeypatch, LIFT, "towed_load", believed=False, **alike)[0] == LIFT
+    assert in_place(monkeypatch, TOW, "hull_lift", **alike)[0] == TOW
+    better = {**alike, "steady_current__hull_lift": 0.15}
+    assert in_place(monkeypatch, LIFT, "towed_load", **better)[0] == LIFT
+    assert in_place(monkeypatch, TOW, "hull_lift", **better)[0] == LIFT
+
+
+def test_one_number_fewer_takes_a_place_where_it_wins(monkeypatch: pytest.MonkeyPatch) -> None:
+    tow, loss = TOW, ("steady_current", "advance_loss")
+    left = {"steady_current__towed_load": 0.2, "steady_current__advance_loss": 0.199}
+    assert in_place(monkeypatch, tow, "advance_loss", **left)[0] == loss
+    alike = {**left, "steady_current__advance_loss": 0.2}
+    assert in_place(monkeypatch, tow, "advance_loss", **alike)[0] == tow
+    little = {**left, "steady_current__towed_load": 0.198}
+    assert in_place(monkeypatch, loss, "towed_load", **little)[0] == loss
 
 
 def test_forces_are_asked_for_look_alikes_of_several_causes_of_few_recordings(
