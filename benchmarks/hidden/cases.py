@@ -32,6 +32,7 @@ from benchmarks.hidden.strengths import (
     strong,
 )
 from benchmarks.hidden.talk import RATES
+from benchmarks.hidden.unasked import UNASKED
 from benchmarks.hidden.unheard import UNHEARD
 from benchmarks.hidden.unnamed import UNNAMED
 from benchmarks.hidden.untold import UNTOLD
@@ -271,6 +272,7 @@ FAMILIES: Mapping[str, Family] = {
     "unnamed": lambda seed: _once_each(UNNAMED),
     "later": _later,
     "untold": lambda seed: _once_each(UNTOLD),
+    "unasked": lambda seed: _once_each(UNASKED),
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

@@ -12,6 +12,7 @@ from numpy.random import Generator as Dice
 
 from benchmarks.hidden.boats import BOATS, FLEET, STEERED, Boat
 from benchmarks.hidden.dice import Recipe, Values, bearing, of, side
+from benchmarks.hidden.unasked import UNASKED
 from benchmarks.hidden.unheard import UNHEARD
 from benchmarks.hidden.unnamed import UNNAMED
 from benchmarks.hidden.untold import UNTOLD
@@ -184,6 +185,7 @@ WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 UNSEEN = {"cg_offset": ("iacquabot",), "astern_stall": ("teal", "grebe", "heron", "dory")}
 SKID_ONLY = frozenset({
     "actuator_wiring", "thruster_imbalance", "thruster_fault", "wake_of_the_other",
+    "power_budget",
 })  # fmt: skip
 STEERED_ONLY = frozenset({"steering_lag", "steering_offset"})
 GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -369,6 +371,6 @@ def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> V
     """Parameters of a cause at a share of its full strength."""
     known = {
         **RECIPES, **CHANGES, **LATER, **SEAS,
-        **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD,
+        **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD, **UNASKED,
     }  # fmt: skip
     return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

@@ -18,7 +18,7 @@ COLUMNS = (
 )  # fmt: skip
 STRANGERS = {
     "unlisted": "ten more kinds", "unheard": "ten again", "unnamed": "a third ten",
-    "untold": "a fourth ten",
+    "untold": "a fourth ten", "unasked": "a fifth ten",
 }  # fmt: skip
 COUNTS, PLAIN = ("cases", "failed"), ("before", "after", "oracle", "width")
 GOALS: Mapping[str, tuple[str, float, bool]] = {  # what, figure, whether more is better

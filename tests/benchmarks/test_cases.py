@@ -29,6 +29,7 @@ from benchmarks.hidden.strengths import (
     boats_for,
     strong,
 )
+from benchmarks.hidden.unasked import UNASKED
 from benchmarks.hidden.unheard import UNHEARD
 from benchmarks.hidden.unnamed import UNNAMED
 from benchmarks.hidden.untold import UNTOLD
@@ -45,7 +46,8 @@ def reporting():
 def test_there_are_recipes_for_all_that_can_be_hidden():
     assert set(RECIPES) | set(CHANGES) | set(LATER) == set(KNOWN)
     assert set(STRANGE) == set(UNKNOWN)
-    assert set(strengths.UNLISTED) | set(UNHEARD) | set(UNNAMED) | set(UNTOLD) == set(UNLISTED)
+    strangers = (strengths.UNLISTED, UNHEARD, UNNAMED, UNTOLD, UNASKED)
+    assert {name for kinds in strangers for name in kinds} == set(UNLISTED)
     assert set(strengths.SEAS) == set(SEAS)
 
 
@@ -75,7 +77,7 @@ def test_the_reporting_set_holds_what_was_asked_for(reporting):
     assert not any(c.voyage.hidden for c in complete)
     assert 2 * sum(c.voyage.pilot in MISSIONS for c in complete) == len(complete)
     assert {h.name for c in by_family["unknown"] for h in c.voyage.hidden} == set(UNKNOWN)
-    families = ("unlisted", "unheard", "unnamed", "untold")
+    families = ("unlisted", "unheard", "unnamed", "untold", "unasked")
     strangers = [c for f in families for c in by_family[f]]
     assert {h.name for c in strangers for h in c.voyage.hidden} == set(UNLISTED)
     assert all(len(c.voyage.hidden) == 2 for c in by_family["pair"])

@@ -132,6 +132,23 @@ EXAMPLES = {
     "loose_tarp": {"force": 10.0, "towards": 2.0, "x": 0.3},
     "steel_pier": {"angle": 0.3, "north": 4.0, "east": 2.0, "radius": 8.0},
     "aerator": {"north": 4.0, "east": 2.0, "radius": 8.0, "speed": 0.4},
+    "own_wake": {"drag": 15.0, "seconds": 5.0},
+    "one_way_board": {"gain": 2.5, "x": 0.2},
+    "snaking_tow": {"pull": 6.0, "x": -0.6, "period": 7.0},
+    "power_budget": {"share": 0.4},
+    "hot_motors": {"share": 0.5, "load": 0.2, "seconds": 8.0},
+    "notches": {"step": 0.3},
+    "lily_field": {"north": 4.0, "east": 2.0, "radius": 8.0, "share": 0.7},
+    "lying_across": {"moment": 1.3, "towards": 1.0},
+    "seiche": {
+        "speed": 0.4,
+        "towards": 1.0,
+        "period": 25.0,
+        "length": 70.0,
+        "north": 4.0,
+        "east": 2.0,
+    },
+    "soft_iron": {"angle": 0.2, "at": 1.0},
 }
 
 

@@ -11,6 +11,7 @@ from benchmarks.hidden.causes import (
     hull,
     motors,
     sensors,
+    unasked,
     unheard,
     unknown,
     unlisted,
@@ -26,6 +27,7 @@ KNOWN: Mapping[str, Callable[..., Cause]] = {
 UNKNOWN: Mapping[str, Callable[..., Cause]] = unknown.CAUSES
 UNLISTED: Mapping[str, Callable[..., Cause]] = {
     **unlisted.CAUSES, **unheard.CAUSES, **unnamed.CAUSES, **untold.CAUSES,
+    **unasked.CAUSES,
 }  # fmt: skip
 SEAS: Mapping[str, Callable[..., Cause]] = water.SEAS
 
