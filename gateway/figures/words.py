@@ -5,17 +5,17 @@ from collections.abc import Collection, Iterable, Mapping
 import numpy as np
 
 from gateway.figures import probability_text
-from sim.comparison.compare import Judgement, judge
+from sim.comparison.compare import Judgement, Standing, judge
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, fitted_values, recordings_of
 from sim.diagnosis.evidence import rivals
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
-from sim.identification import BASE
+from sim.identification import BASE, MASSES
 
 MAY_BE_NONE = "these data allow that there is none"
 MOST_MOVED = 4  # base numbers that are told beside the verdict
 # inertia and damping that all change by one factor: forces that changed by its inverse
-MIN_ALIKE, ALIKE, INERTIA = 4, 1.25, {"m11", "m22", "m33"}
+MIN_ALIKE, ALIKE = 4, 1.25
 
 
 def moved_numbers(step: LadderStep) -> str:
@@ -34,7 +34,7 @@ def moved_numbers(step: LadderStep) -> str:
     ]
     factors = [1.0 + share for share, e in far]
     alike = len(far) >= MIN_ALIKE and min(factors) > 0.0 and max(factors) < ALIKE * min(factors)
-    if alike and any(e.name in INERTIA for _, e in far):
+    if alike and any(e.name in MASSES for _, e in far):
         percent = 100.0 / float(np.median(factors))
         told.append(f"all alike, as if the motors gave {percent:.0f} % of what the file says")
     return ", ".join(told)
@@ -50,23 +50,42 @@ def base_text(d: Diagnosis) -> str:
     return "its numbers hold as they were given"
 
 
-def judgement_text(error: float, floor: float) -> str:
+RUNS_AWAY = (
+    "this vessel runs away from every start, as the boat did not: check its numbers, or compare "
+    "over a shorter --horizon"
+)
+
+
+def judgement_text(standing: Standing) -> str:
     """How an error stands beside the noise floor, as the end of a sentence."""
-    match judge(error, floor):
+    match standing.judgement:
         case Judgement.ADEQUATE:
             return "no more than noise"
         case Judgement.WRONG:
-            return f"{error / max(floor, 1e-9):.1f} times what noise alone would show"
-    return f"these data cannot judge it, noise alone would show {floor:.2f}"
+            if judge(standing.error, standing.floor) is Judgement.ADEQUATE:
+                return louder_text(standing.louder)
+            times = standing.error / max(standing.floor, 1e-9)
+            return f"{times:.1f} times what noise alone would show"
+    if standing.runs_away:
+        return f"it cannot be judged: {RUNS_AWAY}"
+    return f"these data cannot judge it, noise alone would show {standing.floor:.2f}"
 
 
-def nowhere_text(error: float, floor: float) -> str:
+def louder_text(louder: Mapping[str, float]) -> str:
+    """Channels that err more than noise where all together do not."""
+    each = " and ".join(f"{times:.1f} times in {name}" for name, times in louder.items())
+    return f"{each} what noise alone would show"
+
+
+def nowhere_text(standing: Standing) -> str:
     """What is said where no range of speed, heading or throttle stands out."""
-    match judge(error, floor):
+    match standing.judgement:
         case Judgement.ADEQUATE:
             return "nowhere worse than noise"
         case Judgement.WRONG:
             return "wrong everywhere alike"
+    if standing.runs_away:
+        return RUNS_AWAY
     return "these data cannot tell where: noise hides the motion"
 
 

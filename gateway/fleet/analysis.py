@@ -30,8 +30,8 @@ from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.comparison.compare import Comparison
 from sim.diagnosis.diagnose import DiagnoseSettings
+from sim.identification import MASSES
 from sim.identification.intervals import Estimate
-from sim.identification.parameters import MASSES
 from sim.model import Model
 from sim.state import Nu
 from sim.trial import Trial

@@ -17,7 +17,7 @@ from gateway.figures.matplotlib_draw import save_figures
 from gateway.files import write_whole
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
-from gateway.offline.usable_time import notices_of
+from gateway.offline.usable_time import notices_of, runs_without_thrust
 from gateway.result_json import result_json
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
@@ -79,6 +79,11 @@ class DiagnosisResult:
     def contradicted(self) -> bool:
         """Whether sensors contradict one another: no effect of one's own mends that."""
         return any(trial.contradictions for trial in self.trials)
+
+    @property
+    def _can_identify(self) -> bool:
+        """Whether it is of use to fit the numbers: they had to move, and these data tell them."""
+        return self.diagnosis.base_changed and not runs_without_thrust(self.trials, self.before)
 
     @property
     def found_beside(self) -> list[str]:
@@ -170,7 +175,7 @@ class DiagnosisResult:
             refit = " --refit voyage" if self.voyage_effects else ""
             both = f"--vessel {vessel} --vessel {better}"
             steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{own}")
-        elif self.diagnosis.base_changed and not out:
+        elif self._can_identify and not out:
             steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
         if curve is not None:
             steps.append(add_curve)

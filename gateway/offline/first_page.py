@@ -57,8 +57,7 @@ def not_borne_out(found: Sequence[TrialComparison]) -> tuple[str, ...]:
 def _tested(one: TrialComparison) -> str:
     """Which recording, of which day, how long, and how far each vessel is off."""
     errors = "; ".join(
-        f"{c.vessel}: error {c.nrmse:.2f}, {judgement_text(c.nrmse, c.noise_floor_nrmse)}"
-        for c in one.comparisons
+        f"{c.vessel}: error {c.nrmse:.2f}, {judgement_text(c.standing)}" for c in one.comparisons
     )
     return f"{one.trial.name}, {date_of(one.trial)}, {one.comparisons[0].seconds:.0f} s. {errors}."
 
@@ -125,6 +124,8 @@ def _actions(found: Sequence[TrialComparison], answer: DiagnosisResult | None) -
             return ["Find out what is missing: the same command with --diagnose."]
         if Judgement.ADEQUATE in verdicts:
             return ["Use the model as it is, for what these recordings hold of speeds and turns."]
+        if any(one.comparisons[0].standing.runs_away for one in found):
+            return ["Check the numbers of the vessel: mass, inertia, damping."]
         return ["Record a longer run with more turns and changes of speed: shadow plan writes one."]
     d, out = answer.diagnosis, list(answer.notices)
     if not_borne_out(found):

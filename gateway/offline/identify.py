@@ -26,11 +26,12 @@ from gateway.offline.usable_time import (
     exclude_stretches,
     limit_to_span,
     notices_of,
+    runs_without_thrust,
 )
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file, revised
 from gateway.vessel_tables import DynamicsTable, Provenance
 from sim.effects.effect import Effect
-from sim.identification import BASE, IdentifySettings
+from sim.identification import BASE, MASSES, IdentifySettings
 from sim.identification.by_recording import ByRecording, PooledNumber, identify_by_recording
 from sim.identification.identify import Identification, identify
 from sim.identification.intervals import Estimate
@@ -103,7 +104,13 @@ def identify_trials(
     progress: Progress = lambda text: None,
 ) -> Identification:
     """Fit on trials; BadInput, which begins with the name of what is to blame, where one cannot."""
-    vessel = file or boat.name
+    vessel, settings = file or boat.name, settings or IdentifySettings()
+    if settings.sizes_are_free and trials and runs_without_thrust(trials, boat):
+        raise BadInput(
+            f"{names}: no thruster of the vessel was commanded in the usable time: motion alone "
+            f"tells no force from a mass; record with motors running, or hold the masses "
+            f"({' '.join(f'--fix {name}' for name in MASSES)})"
+        )
     try:
         with numerical_errors(names, vessel, ADVICE):
             return identify(trials, boat, settings, others, progress)

@@ -27,7 +27,7 @@ from gateway.figures.diagnosis import LadderBar, evidence_figure, ladder_bars, r
 from gateway.figures.html_report import ReportFigure, ReportPage, ReportRecording, render
 from gateway.figures.matplotlib_draw import svg_text
 from gateway.figures.motion import horizon_velocities, track
-from gateway.figures.words import nowhere_text
+from gateway.figures.words import RUNS_AWAY, judgement_text, nowhere_text
 from gateway.files import write_whole
 from gateway.ingest.open import check_each_once
 from gateway.offline.compare import (
@@ -41,7 +41,7 @@ from gateway.offline.first_page import first_page
 from gateway.offline.from_log import learn_from
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import Comparison, Judgement
+from sim.comparison.compare import Comparison, Judgement, judge
 from sim.diagnosis.evidence import evidence_of, evidence_of_rivals
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -181,9 +181,11 @@ def _improved_vessel(answer: DiagnosisResult) -> Vessel:
 
 def _headline(found: Sequence[TrialComparison]) -> str:
     """One sentence: how far above the noise."""
-    worst = max((one.comparisons[0] for one in found), key=_times_floor)
+    worst = max((one.comparisons[0] for one in found), key=_how_far)
     floor = f"{worst.noise_floor_nrmse:.2f}"
     if worst.judgement is Judgement.UNJUDGED:
+        if worst.standing.runs_away:
+            return f"{worst.vessel} cannot be judged: {RUNS_AWAY}."
         return (
             f"These recordings cannot judge {worst.vessel}: noise alone would show an error of "
             f"{floor}, where 1 is as bad as knowing only the mean."
@@ -193,14 +195,15 @@ def _headline(found: Sequence[TrialComparison]) -> str:
             f"{worst.vessel} is as good as these recordings can tell: its error of "
             f"{worst.nrmse:.2f} is at the noise floor of {floor}."
         )
-    return (
-        f"Something is wrong with {worst.vessel}: on {worst.log} its error is {worst.nrmse:.2f}, "
-        f"{_times_floor(worst):.1f} times what noise alone would show ({floor})."
-    )
+    wrong = f"Something is wrong with {worst.vessel}: on {worst.log} its error"
+    if judge(worst.nrmse, worst.noise_floor_nrmse) is Judgement.ADEQUATE:
+        return f"{wrong} is {judgement_text(worst.standing)}."
+    return f"{wrong} is {worst.nrmse:.2f}, {judgement_text(worst.standing)} ({floor})."
 
 
-def _times_floor(c: Comparison) -> float:
-    return c.nrmse / max(c.noise_floor_nrmse, 1e-9)
+def _how_far(c: Comparison) -> tuple[bool, float]:
+    """The order of recordings: those on which something is wrong last."""
+    return c.judgement is Judgement.WRONG, c.nrmse / max(c.noise_floor_nrmse, 1e-9)
 
 
 def _recording(one: TrialComparison) -> ReportRecording:
@@ -216,7 +219,7 @@ def _recording(one: TrialComparison) -> ReportRecording:
 
 def _worst(c: Comparison) -> tuple[str, ...]:
     """Where it is worst, or why that is not said."""
-    nowhere = nowhere_text(c.nrmse, c.noise_floor_nrmse)
+    nowhere = nowhere_text(c.standing)
     sentences = tuple(b.sentence for b in c.worst(WORST))
     return sentences or (f"{nowhere[0].upper()}{nowhere[1:]}.",)
 

@@ -40,6 +40,8 @@ from gateway.shadow.sensor_checks import (
     SensorMemory,
 )
 from sim.identification.wiring import wiring_notices, wiring_of
+from sim.model import Model
+from sim.prediction import vessel_commands
 from sim.prediction.segments import usable_stretches
 from sim.state import Floats, Nu
 from sim.trial import Stretch, Trial
@@ -119,6 +121,17 @@ def thrust_commanded(
     neutral = np.array([neutrals.get(channel, default) for channel in channels])
     away = np.abs(pwm - neutral) > NEUTRAL_US  # NaN is not away
     return np.asarray(away.any(axis=1))
+
+
+NEUTRAL = 0.02  # of full command: no more is none
+
+
+def runs_without_thrust(trials: Sequence[Trial], boat: Vessel) -> bool:
+    """Whether no thruster of the vessel was commanded in any usable time."""
+    model = Model.of(boat)
+    count = len(boat.thrusters)
+    commands = (vessel_commands(model, t)[t.usable, :count] for t in trials)
+    return not any(bool((np.abs(c) > NEUTRAL).any()) for c in commands)
 
 
 def excluded_stretches(

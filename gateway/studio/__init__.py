@@ -22,6 +22,7 @@ from gateway.errors import BadInput
 from gateway.figures import FigureData
 from gateway.figures.diagnosis import LadderBar
 from gateway.files import write_whole
+from sim.comparison.compare import Standing
 from sim.state import Floats
 from sim.trial import Trial
 
@@ -88,7 +89,7 @@ class VesselView:
     rmse: Mapping[str, float]
     nrmse: float
     ci95: tuple[float, float] | None
-    floor: float
+    standing: Standing
     worst: tuple[RegimeView, ...]
     figures: Mapping[str, FigureData]
     motion: Floats | None = None

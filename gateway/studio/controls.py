@@ -58,7 +58,7 @@ def error_table(heading: str, trials: Sequence[TrialView], current: bool) -> str
     rows = [
         [escape(t.name), f"{t.vessels[0].nrmse:.3f}",
          f"{t.vessels[-1].nrmse:.3f}" if current else "comparing …",
-         f"{t.vessels[-1].floor:.3f}"] for t in trials
+         f"{t.vessels[-1].standing.floor:.3f}"] for t in trials
     ]  # fmt: skip
     return table([heading, "error as given", "error now", word("noise floor")], rows)
 

@@ -212,7 +212,7 @@ def _vessel_view(trial: Trial, c: Comparison, regimes: dict[str, Regime]) -> Ves
         RegimeView(b.sentence, _times_in(b, trial, regimes[b.by])) for b in c.worst(WORST)
     )
     return VesselView(
-        c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.noise_floor_nrmse, worst, figures,
+        c.vessel, dict(c.scores.rmse), c.nrmse, c.nrmse_ci95, c.standing, worst, figures,
         free_runs_on_rows(trial, c.prediction),
         np.column_stack([c.missing.force[:, :2], c.missing.std[:, :2]]),
     )  # fmt: skip

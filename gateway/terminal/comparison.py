@@ -35,7 +35,7 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
     out.notices(dict.fromkeys(n for comparison in found for n in comparison.notices))
     for one in found:
         worst = one.worst(WORST)
-        heading = "where it is worst" if worst else nowhere_text(one.nrmse, one.noise_floor_nrmse)
+        heading = "where it is worst" if worst else nowhere_text(one.standing)
         out.print(f"\n[bold]{escape(one.vessel)}[/bold] on {escape(one.log)}: {heading}")
         out.bullets(each.sentence for each in worst)
         if one.place is not None:

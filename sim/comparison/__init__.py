@@ -23,6 +23,8 @@ from sim.trial import Trial
 DEGREES = 180.0 / np.pi
 UNDER_WAY_MPS = 0.2  # below this speed a drift angle means nothing; chosen, not measured
 MIN_BIAS = 0.3  # mean error over rms error: less is no tendency; chosen, not measured
+NOISE_IN_A_BIN = 1.2  # times the noise of the whole, that a bin may show; chosen
+MIN_STEADY = 0.5  # of the largest error beyond noise, of one that errs one way; chosen
 THROTTLE_EDGES = np.array([-1.0, -0.75, -0.5, -0.25, -0.05, 0.05, 0.25, 0.5, 0.75, 1.0])
 REVERSE_EDGES = np.array([0.0, 0.05, 0.25, 0.5, 0.75, 1.0])
 ROUND_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
@@ -128,12 +130,12 @@ def round_edges(values: Floats, max_bins: int) -> Floats:
 
 def bin_sentence(
     regime: Regime, start: float, end: float, share: float, time_share: float, mean: Triple,
-    rmse: Triple, scales: Floats,
+    rmse: Triple, scales: Floats, noise: Floats,
 ) -> str:  # fmt: skip
     """The bin, its share of the squared error and of the time, and what the boat does there."""
     return (
         f"{_bin_name(regime, start, end)}: {100 * share:.0f} % of the squared error in "
-        f"{100 * time_share:.0f} % of the time; {_tendency(mean, rmse, scales)}"
+        f"{100 * time_share:.0f} % of the time; {_tendency(mean, rmse, scales, noise)}"
     )
 
 
@@ -161,15 +163,29 @@ def place_sentence(north: float, east: float, size: float, share: float, time_sh
     )
 
 
-def _tendency(mean: Triple, rmse: Triple, scales: Floats) -> str:
-    """Mean and rms error of u, v, r -> which way the boat differs from the model."""
-    worst = int(np.argmax(np.array(rmse) / scales))
+def _tendency(mean: Triple, rmse: Triple, scales: Floats, noise: Floats) -> str:
+    """Mean and rms error of u, v, r, and what noise alone shows -> which way the boat differs from
+    the model, in the channel that is furthest beyond its noise.
+    """
+    worst = telling_channel(np.array(mean), np.array(rmse), scales, noise)
     size, factor, unit = rmse[worst], *((DEGREES, "°/s") if worst == 2 else (1.0, "m/s"))
     if abs(mean[worst]) < MIN_BIAS * size:
         return f"errors of {size * factor:.2g} {unit} in {CHANNELS[worst]}, either way"
     verb = "turns" if worst == 2 else "moves"
     direction = DIRECTIONS[worst][0 if mean[worst] > 0 else 1]
     return f"the boat {verb} {abs(mean[worst]) * factor:.2g} {unit} {direction} than the model"
+
+
+def telling_channel(mean: Floats, rmse: Floats, scales: Floats, noise: Floats) -> int:
+    """Of u, v, r the one with the most error beyond noise; one that errs one way and nearly as much
+    says more than one that errs either way.
+    """
+    beyond = np.sqrt(np.maximum(rmse**2 - (NOISE_IN_A_BIN * noise) ** 2, 0.0)) / scales
+    if not beyond.any():
+        return int(np.argmax(rmse / scales))
+    steady = np.where(np.abs(mean) >= MIN_BIAS * rmse, beyond, 0.0)
+    told = steady if steady.max() >= MIN_STEADY * beyond.max() else beyond
+    return int(np.argmax(told))
 
 
 def _number(value: float) -> str:
@@ -287,9 +303,11 @@ def worst_place(cells: ErrorMap) -> Place | None:
 
 def error_bins(
     trial: Trial, regimes: tuple[Regime, ...], prediction: Prediction, force: MissingForce,
-    scales: Floats,
+    scales: Floats, noise: Floats,
 ) -> tuple[Bin, ...]:  # fmt: skip
-    """All bins that hold anything, those with the most error beyond their share of time first."""
+    """All bins that hold anything, those with the most error beyond their share of time first;
+    noise (3,): what it alone shows of u, v, r [m/s, m/s, rad/s].
+    """
     _, rows, error = prediction.predicted_rows()
     squares = scaled_squares(error, scales)
     total = max(float(squares.sum()), 1e-300)
@@ -309,7 +327,9 @@ def error_bins(
                 missing=_triple(missing.mean(axis=0)),
                 missing_std=_triple(np.sqrt(np.mean(force.std[usable] ** 2, axis=0))),
                 missing_spread=_triple(missing.std(axis=0)),
-                sentence=bin_sentence(regime, start, end, share, time_share, mean, rmse, scales),
+                sentence=bin_sentence(
+                    regime, start, end, share, time_share, mean, rmse, scales, noise
+                ),
             )
         )  # fmt: skip
     return tuple(sorted(out, key=lambda b: -b.excess))

@@ -7,7 +7,7 @@ blocks: what both suffer alike (waves, gusts) does not hide the difference.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -67,12 +67,51 @@ def judge(error: float, floor: float) -> Judgement:
     return Judgement.ADEQUATE if floor <= MAX_JUDGING_FLOOR else Judgement.UNJUDGED
 
 
+# A channel errs more than noise from so many times its own noise on, and of turning also from this
+# share of how much the boat turns: gyros are better than any model. Ten complete models of other
+# physics showed 0.76 to 1.03 times the noise of u and v, 0.9 to 2.0 of r.
+MIN_TIMES_NOISE = np.array([1.5, 1.5, 3.0])
+MIN_SHARE_OF_MOTION = np.array([0.0, 0.0, 0.1])
+CHANNEL_NAMES = ("surge", "sway", "turning")
+
+
+@dataclass(frozen=True)
+class Standing:
+    """An nrmse beside that of noise alone.
+
+    runs_away  the floor is so high because the vessel carries the noise of a start away within its
+            horizon, not because the recording is noisy
+    louder  channels whose own error is more than their own noise, and how many times that; where
+            one hardly moves its noise alone may hide the others in the nrmse
+    """
+
+    error: float
+    floor: float
+    louder: Mapping[str, float] = field(default_factory=dict)
+    runs_away: bool = False
+
+    @property
+    def judgement(self) -> Judgement:
+        """What that says of a model."""
+        judged = judge(self.error, self.floor)
+        return Judgement.WRONG if judged is Judgement.ADEQUATE and self.louder else judged
+
+
+def louder_channels(ruler: Ruler, rmse: Floats) -> dict[str, float]:
+    """Errors (3,) of u, v, r -> of those that stand above their noise how many times it."""
+    times = rmse / np.maximum(ruler.noise, 1e-12)
+    above = (times > MIN_TIMES_NOISE) & (rmse > MIN_SHARE_OF_MOTION * ruler.scales)
+    return {name: float(x) for name, x, is_so in zip(CHANNEL_NAMES, times, above, strict=True)
+            if is_so}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Comparison:
     """One trial and one vessel under the ruler of their comparison.
 
     seconds     usable time of the trial
     nrmse_ci95  from blocks of time; None on a trial of a single block
+    measured_noise  of u, v, r as the trial states it, in standard deviations of the motion
     noise_floor_nrmse  what noise alone shows at most (`sim.prediction.free_runs.shown_floor`)
     independence  of errors over one step from the commands; None where that was not asked
                   or the trial is too short
@@ -89,6 +128,7 @@ class Comparison:
     nrmse: float
     nrmse_ci95: tuple[float, float] | None
     noise_floor_nrmse: float
+    measured_noise: float
     free_run: FreeRun
     where: tuple[Bin, ...]
     error_map: ErrorMap
@@ -99,9 +139,17 @@ class Comparison:
     refit: tuple[Mapping[str, float], ...] = ()
 
     @property
+    def standing(self) -> Standing:
+        """The error beside what noise alone would show."""
+        rmse = np.array([self.scores.rmse[name] for name in ("u", "v", "r")])
+        far = self.noise_floor_nrmse > MAX_JUDGING_FLOOR >= self.measured_noise
+        louder = louder_channels(self.ruler, rmse)
+        return Standing(self.nrmse, self.noise_floor_nrmse, louder, runs_away=far)
+
+    @property
     def judgement(self) -> Judgement:
         """Whether the model is wrong, as far as these data can judge it."""
-        return judge(self.nrmse, self.noise_floor_nrmse)
+        return self.standing.judgement
 
     def worst(self, count: int = 5) -> tuple[Bin, ...]:
         """The bins that hold clearly more error than time, most excess first.
@@ -188,12 +236,19 @@ def comparison_of(
         nrmse=nrmse(error, ruler.scales),
         nrmse_ci95=nrmse_interval(squares, ruler.blocks[segment], ruler.settings.seed),
         noise_floor_nrmse=ruler.noise_floor,
+        measured_noise=_measured_noise(trial, ruler.scales),
         free_run=longest,
-        where=error_bins(trial, regimes, prediction, force, ruler.scales),
+        where=error_bins(trial, regimes, prediction, force, ruler.scales, ruler.noise),
         error_map=error_map(trial, prediction, ruler.scales),
         prediction=prediction,
         missing=force,
     )
+
+
+def _measured_noise(trial: Trial, scales: Floats) -> float:
+    """Noise of the measured u, v, r over usable time, as an nrmse."""
+    variance = np.einsum("tii->ti", trial.covariance)[trial.usable, 3:6]
+    return float(np.sqrt(np.mean(variance / scales**2)))
 
 
 MIN_SECONDS = 10.0  # of a condition in which an exception is looked for …
@@ -273,7 +328,7 @@ def improvement(first: Comparison, second: Comparison) -> Improvement:
     ratio = second.nrmse / max(first.nrmse, 1e-12)
     better, worse = (second, first) if ratio < 1.0 else (first, second)
     floor = ADEQUATE_FLOORS * first.noise_floor_nrmse
-    noise = first.nrmse <= floor and second.nrmse <= floor
+    noise = not any(one.judgement is Judgement.WRONG for one in (first, second))
     but = () if noise else _exceptions(better, worse, floor)
     return Improvement(
         first.log, first.vessel, second.vessel, ratio, _interval(first, second), noise, but

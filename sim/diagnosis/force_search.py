@@ -41,7 +41,7 @@ from sim.diagnosis.residual_terms import MEDIAN_OF_ABSOLUTE
 from sim.diagnosis.screening import Mapper
 from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Effect
-from sim.identification import IdentifySettings
+from sim.identification import MASSES, IdentifySettings
 from sim.identification.parameters import Unknowns
 from sim.identification.search import (
     damped_steps,
@@ -54,8 +54,6 @@ from sim.prediction import missing_force_only
 from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect
-
-INERTIA = ("m11", "m22", "m33")
 
 
 @dataclass(frozen=True)
@@ -317,7 +315,7 @@ def acts_at_once(effect: Effect) -> bool:
 def _inertia_share(trial: Trial, model: Model, force: Floats) -> Floats:
     """Inertia of each axis over that of the base (T, 3); `force` (T, 3): what is missing."""
     faster = missing_force_only(replace(trial, nu_dot=trial.nu_dot + 1.0), model)
-    base = model.theta[[model.names.index(name) for name in INERTIA]]
+    base = model.theta[[model.names.index(name) for name in MASSES]]
     return np.asarray((faster - force) / base)
 
 

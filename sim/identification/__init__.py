@@ -17,6 +17,9 @@ from sim.vessel import KNOT_PREFIX, AddedEffect, Dynamics, Rudder, Thruster, Ves
 METHODS = ("shooting", "simulation", "instrumental", "regression")
 
 
+MASSES = ("m11", "m22", "m33")
+
+
 @dataclass(frozen=True)
 class IdentifySettings:
     """Which parameters are estimated, and how.
@@ -57,6 +60,12 @@ class IdentifySettings:
         for name, share in self.priors.items():
             if not share > 0.0:
                 raise ValueError(f"prior of {name}: {share} is no relative standard deviation")
+
+    @property
+    def sizes_are_free(self) -> bool:
+        """Whether thrust alone says how large all forces are: no mass is held or known."""
+        held = {*self.fix, *self.priors}
+        return all(name in self.free and name not in held for name in MASSES)
 
     def with_speeds_of(self, trials: Sequence[Trial]) -> "IdentifySettings":
         """The same with what these trials reach, but for the fastest hundredth of their rows."""

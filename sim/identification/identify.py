@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.excitation.responses import StepResponses, step_responses
-from sim.identification import BASE, IdentifySettings, updated_vessel
+from sim.identification import BASE, MASSES, IdentifySettings, updated_vessel
 from sim.identification.estimators import (
     cross_check_by_instruments,
     fit_by_instruments,
@@ -33,7 +33,7 @@ from sim.identification.intervals import (
     uncertainty_of,
     undetermined,
 )
-from sim.identification.parameters import MASSES, OFFSETS, Unknowns, unknowns_of
+from sim.identification.parameters import OFFSETS, Unknowns, unknowns_of
 from sim.identification.regression import fit_by_regression
 from sim.identification.shooting import FitInputs, FitResult, fit_by_shooting
 from sim.model import Model

@@ -21,9 +21,9 @@ from scipy.special import stdtrit
 
 from sim.effects.catalogue import explaining
 from sim.effects.effect import Symptom
+from sim.identification import MASSES
 from sim.identification.parameters import (
     DAMPING,
-    MASSES,
     OFFSETS,
     ROUNDING,
     Unknown,

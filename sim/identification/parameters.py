@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects.effect import Parameter, Scope
-from sim.identification import AREAS, IdentifySettings
+from sim.identification import AREAS, MASSES, IdentifySettings
 from sim.identification.fast_damping import AXES, Axis, sizes_of_small_damping
 from sim.model import Model
 from sim.state import Floats
@@ -28,7 +28,6 @@ from sim.vessel import KNOT_PREFIX, next_knot
 
 OFFSETS = ("command_offset", "velocity_offset")  # [s] later than the other streams
 ROUNDING = "rounding"  # [s²] by which the motion's second derivative is added to it
-MASSES = ("m11", "m22", "m33")
 DAMPING = ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
 # Chosen, not measured:
 OFFSET_STD_S, OFFSET_LIMIT_S, OFFSET_STEP_S = 0.03, 0.06, 2e-3  # prior, bounds, difference step

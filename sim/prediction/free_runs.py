@@ -164,10 +164,16 @@ class Ruler:
         )  # fmt: skip
 
     @property
+    def noise(self) -> Floats:
+        """Errors of u, v, r (3,), root mean square, that a perfect model would show, by what the
+        trial states of its noise [m/s, m/s, rad/s].
+        """
+        return np.asarray(np.sqrt(mean_over_horizon(self.variance[..., 3:], self.segments)))
+
+    @property
     def noise_floor(self) -> float:
-        """The nrmse that a perfect model would show, by what the trial states of its noise."""
-        mean = mean_over_horizon(self.variance[..., 3:], self.segments)
-        return float(np.sqrt(np.mean(mean / self.scales**2)))
+        """The nrmse that a perfect model would show."""
+        return float(np.sqrt(np.mean((self.noise / self.scales) ** 2)))
 
 
 # nrmse below which no two models differ in anything that a person would want to know. Chosen.

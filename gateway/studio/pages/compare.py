@@ -36,7 +36,7 @@ from gateway.studio.page import (
 )
 from gateway.studio.session import Session
 from gateway.studio.time_marks import Playback, RangeControls, ScopeLine
-from sim.comparison.compare import Judgement, judge
+from sim.comparison.compare import Judgement
 
 THREE = f"{word('surge u')}, {word('sway v')} and {word('yaw rate r')}"
 FIGURES = {  # name -> heading, hint
@@ -220,8 +220,8 @@ class ComparePage(Page):
         if vessel is None:
             self._worst.objects = [html("<p class='faint'>not compared yet</p>")]
         elif not vessel.worst:
-            good = judge(vessel.nrmse, vessel.floor) is Judgement.ADEQUATE
-            text = nowhere_text(vessel.nrmse, vessel.floor)
+            good = vessel.standing.judgement is Judgement.ADEQUATE
+            text = nowhere_text(vessel.standing)
             self._worst.objects = [
                 html(f"<p class='{'good' if good else 'warn'}'>{text[0].upper()}{text[1:]}.</p>")
             ]
@@ -284,10 +284,10 @@ def _verdict(trial: TrialView, current: bool) -> str:
     """Of one recording; in grey where the vessel has been changed since."""
     first, last = trial.vessels[0], trial.vessels[-1]
     fell = f" (it was {first.nrmse:.2f} as given)" if len(trial.vessels) > 1 else ""
-    good = judge(last.nrmse, last.floor) is Judgement.ADEQUATE
+    good = last.standing.judgement is Judgement.ADEQUATE
     tone = ("good" if good else "warn") if current else "faint"
     since = "" if current else "; the vessel has been changed since"
-    says = judgement_text(last.nrmse, last.floor) + since
+    says = judgement_text(last.standing) + since
     return (f"<p>{escape(trial.name)}: error <strong>{last.nrmse:.2f}</strong>{fell}, "
             f"<span class='{tone}'>{says}</span>.</p>")  # fmt: skip
 
@@ -298,7 +298,7 @@ def _numbers(trials: tuple[TrialView, ...]) -> str:
              word("yaw rate r") + " °/s"]  # fmt: skip
     rows = [
         [f"{escape(t.name)}, {t.seconds:.0f} s", escape(v.name), f"{v.nrmse:.3f}",
-         f"{v.ci95[0]:.2f}–{v.ci95[1]:.2f}" if v.ci95 else "", f"{v.floor:.3f}",
+         f"{v.ci95[0]:.2f}–{v.ci95[1]:.2f}" if v.ci95 else "", f"{v.standing.floor:.3f}",
          *velocity_texts(v.rmse)]
         for t in trials for v in t.vessels
     ]  # fmt: skip

@@ -90,14 +90,24 @@ def undrawn(monkeypatch):
 def test_a_model_at_the_floor_is_called_good(page, undrawn):
     _, found = page
     first = found.comparisons[0]
-    good = replace(first, nrmse=first.noise_floor_nrmse)
+    loud = replace(first, nrmse=first.noise_floor_nrmse)
+    said = report_of([TrialComparison(found.trial, (loud,))], [WAM_V], None)
+    assert "times in surge" in said.headline  # all channels together are at the floor
+    assert "Use the model as it is" not in render(said)
+    quiet = dict.fromkeys(first.scores.rmse, 1e-4)
+    good = replace(loud, scores=replace(first.scores, rmse=quiet))
     headline = report_of([TrialComparison(found.trial, (good,))], [WAM_V], None).headline
     assert "as good as these recordings can tell" in headline
-    hidden = replace(first, nrmse=1.21, noise_floor_nrmse=12.4)
+    hidden = replace(first, nrmse=1.21, noise_floor_nrmse=12.4, measured_noise=3.0)
     said = report_of([TrialComparison(found.trial, (hidden,))], [WAM_V], None)
     assert "cannot judge" in said.headline
     assert "as good as" not in render(said)
     assert "owhere worse than noise" not in render(said)
+    ill = replace(hidden, measured_noise=0.1)  # the model, not the recording
+    said = report_of([TrialComparison(found.trial, (ill,))], [WAM_V], None)
+    assert "runs away from every start" in said.headline
+    assert "Check the numbers of the vessel" in render(said)
+    assert "noise hides the motion" not in render(said)
     assert "Use the model as it is" not in render(said)
 
 

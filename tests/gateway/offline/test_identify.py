@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gateway.cli import app
@@ -138,3 +139,23 @@ def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):
     monkeypatch.setattr("gateway.offline.identify.identify", lost)
     with pytest.raises(BadInput, match=r"demo_boat\.toml: plain diverges"):
         identify_logs([LOG], VESSEL)
+
+
+def without_thrust(trial):
+    return replace(trial, pwm=np.full_like(trial.pwm, 1500.0))
+
+
+def test_motors_that_never_ran_tell_no_force_from_a_mass(tmp_path):
+    """A boat that was towed: "throttle 0.5 from rest to 694 m/s" was written."""
+    out = tmp_path / "boat.toml"
+    with pytest.raises(BadInput, match=r"no thruster .* was commanded .*--fix m11"):
+        identify_logs([LOG], VESSEL, out, chosen=without_thrust)
+    assert not out.exists()
+
+
+def test_a_boat_that_coasts_tells_its_drag_where_its_mass_is_held():
+    settings = identify_settings([], ["m11", "m22", "m33"], [], "shooting")
+    assert not settings.sizes_are_free
+    assert not identify_settings([], [], ["m11=0.1"], "shooting").sizes_are_free
+    found = identify_logs([LOG], VESSEL, None, settings, chosen=without_thrust)
+    assert found.vessel.dynamics.m11 == load_vessel(VESSEL).dynamics.m11

@@ -27,7 +27,7 @@ from gateway.studio.session import GOOD_S, NOW, Session, with_values
 from gateway.studio.time_marks import range_text
 from gateway.studio.worker import JobMessage
 from gateway.topics import TOPICS
-from sim.comparison.compare import Judgement, judge
+from sim.comparison.compare import Judgement, Standing, judge
 from tests.conftest import ROOT
 from tests.gateway.studio.pages import context_of, message_of, write_log
 
@@ -48,7 +48,7 @@ def session(tmp_path):
 
 
 def seen(name: str, error: float, floor: float, *, label: str = "as given") -> TrialView:
-    one = VesselView(label, {"u": 0.1, "v": 0.1, "r": 0.1}, error, None, floor, (),
+    one = VesselView(label, {"u": 0.1, "v": 0.1, "r": 0.1}, error, None, Standing(error, floor), (),
                      {"velocities": EMPTY})  # fmt: skip
     axis = np.array([0.0, 1.0])
     return TrialView(name, f"{name}.tlog", 1.0, axis, axis, axis, EMPTY, EMPTY, (one,))
@@ -77,8 +77,10 @@ def came(session: Session, *trials: TrialView, refused: dict[str, str] | None = 
 )
 def test_an_error_below_a_floor_that_hides_the_motion_is_no_good_model(error, floor, verdict, says):
     assert judge(error, floor) is verdict
-    assert says in judgement_text(error, floor)
-    assert ("noise" in nowhere_text(error, floor)) == (verdict is not Judgement.WRONG)
+    standing = Standing(error, floor)
+    assert standing.judgement is verdict
+    assert says in judgement_text(standing)
+    assert ("noise" in nowhere_text(standing)) == (verdict is not Judgement.WRONG)
 
 
 def test_only_what_was_judged_good_is_green(session):
