@@ -19,7 +19,7 @@ import orjson
 from pymavlink.dialects.v20 import ardupilotmega as definitions
 
 from gateway.ingest.log import UNREADABLE, Boat, Log, Table, text
-from gateway.ingest.mavlink.log import MavlinkLog
+from gateway.ingest.mcap.log import recording_of
 from sim.state import Ints
 
 ARMED = 128  # bit of a heartbeat's base_mode
@@ -118,9 +118,10 @@ def _texts(table: Table, column: str) -> list[str]:
 
 def _of_the_shadow(log: Log) -> Iterator[Row]:
     """Events that a gateway recorded."""
-    if not isinstance(log, MavlinkLog) or log.recording is None:
+    recording = recording_of(log)
+    if recording is None:
         return
-    for rows in log.recording.rows("event"):
+    for rows in recording.rows("event"):
         for at, payload in zip(rows.receive_time_ns.tolist(), rows.payloads, strict=True):
             event = orjson.loads(payload)
             yield at, "shadow", str(event.get("severity", "")), str(event.get("says", ""))

@@ -40,6 +40,7 @@ from gateway.ingest import HEAD, read_bytes
 from gateway.ingest.log import Log, Statistics
 from gateway.ingest.mavlink.frames import definitions, ids_by_name
 from gateway.ingest.mavlink.log import Frames, MavlinkLog
+from gateway.ingest.mcap import MAGIC
 from gateway.recording.blocks import ALWAYS_UNPACKED, MAX_EXPANSION, Block
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import Attachment
@@ -264,6 +265,18 @@ def open_enclosed(recording: Recording, mapping: str | Path | None) -> "Log | No
             if ".mcap" not in one.suffixes and one.recognises(raw[:HEAD], Path(name)):
                 return one.open(path, raw, mapping)
     raise BadInput(f"{path}: encloses {name}, which is no log of a known format")
+
+
+def recording_of(log: Log) -> Recording | None:
+    """The gateway's own recording that holds the frames of a log or encloses it; None for others.
+
+    A log that is enclosed has the path of its recording.
+    """
+    if isinstance(log, MavlinkLog):
+        return log.recording
+    with Path(log.path).open("rb") as stream:
+        held = stream.read(len(MAGIC)) == MAGIC
+    return Recording.open(Path(log.path)) if held else None
 
 
 def _unpacked(path: Path, packed: bytes) -> bytes:

@@ -4,17 +4,23 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.ingest.log import boats_of
 from gateway.ingest.log_events import LogEvent, log_events
+from gateway.ingest.mcap.log import enclosure_of_file
 from gateway.ingest.open import open_log
 from gateway.json_rows import TopicRows, encode
 from gateway.recording.recorder import Recorder
 from tests.conftest import ROOT
 from tests.gateway.command_line import Run
+from tests.gateway.ingest import made_table
+from tests.gateway.ingest.dataflash_writer import voyage_log
+from tests.gateway.ingest.ulog_writer import as_ulog
 
 START_NS = 1_700_000_000_000_000_000
+PIECE = ROOT / "recordings" / "otter_piece.tlog"
 
 
 def beat(armed: bool, mode: int = 0) -> dialect.MAVLink_message:
@@ -38,13 +44,18 @@ def recording(path: Path) -> Path:
         (4.2, station, said("not the boat's")), (5.0, boat, beat(False, 10)),
     ]  # fmt: skip
     times = [START_NS + round(at * 1e9) for at, _, _ in script]
-    at = np.array([START_NS + 2_500_000_000])
-    event = {"kind": "test", "severity": "warning", "says": "gone", "vehicle_time_ns": int(at[0])}
-    payload = encode("event", event | {"receive_time_ns": int(at[0])})
     with Recorder(path, free=lambda _: 10**12) as recorder:
         recorder.write_raw([message.pack(mav) for _, mav, message in script], times)
-        recorder.write_rows(TopicRows("event", at, at, [payload or b""]))
+        recorder.write_rows(gone(START_NS + 2_500_000_000))
     return path
+
+
+def gone(time_ns: int) -> TopicRows:
+    """An event of the shadow."""
+    at = np.array([time_ns])
+    event = {"kind": "test", "severity": "warning", "says": "gone", "vehicle_time_ns": time_ns}
+    payload = encode("event", event | {"receive_time_ns": time_ns})
+    return TopicRows("event", at, at, [payload or b""])
 
 
 def test_all_that_happened_is_told_once_and_in_order(tmp_path: Path) -> None:
@@ -61,13 +72,38 @@ def test_all_that_happened_is_told_once_and_in_order(tmp_path: Path) -> None:
     ]
 
 
+def written_log(kind: str, folder: Path) -> Path:
+    """A log of a format that a recording encloses, not one of frames."""
+    if kind == ".csv":
+        return made_table.written(folder, made_table.Traps(), 20.0)[0]
+    content = voyage_log(2025, 20.0) if kind == ".BIN" else as_ulog(PIECE).bytes()
+    log = folder / f"voyage{kind}"
+    log.write_bytes(content)
+    return log
+
+
+@pytest.mark.parametrize("kind", [".csv", ".BIN", ".ulg"])
+def test_what_the_shadow_said_of_an_enclosed_log_is_told_too(tmp_path: Path, kind: str) -> None:
+    plain = written_log(kind, tmp_path)
+    mapping = plain.with_suffix(".toml") if kind == ".csv" else None
+    log = open_log(plain)
+    (boat,) = boats_of(log)
+    first = min(int(log.table(name).receive_time_ns.min()) for name in log.counts())
+    attachments = enclosure_of_file(plain, mapping)
+    held = tmp_path / "held.mcap"
+    with Recorder(held, attachments=attachments, free=lambda _: 10**12) as recorder:
+        recorder.write_rows(gone(first + 2_500_000_000))
+    told = log_events(open_log(held), boat)
+    assert LogEvent(2.5, "shadow", "warning", "gone") in told
+    assert [one for one in told if one.by != "shadow"] == log_events(log, boat)
+
+
 def test_the_command_prints_them_and_json_holds_them(run: Run) -> None:
-    log = ROOT / "recordings" / "otter_piece.tlog"
-    done = run("info", log, "--events")
+    done = run("info", PIECE, "--events")
     assert "Barometer 1 calibration complete" in done.out
     assert "armed" in done.out
-    found = json.loads(run("info", log, "--events", "--json").out)
+    found = json.loads(run("info", PIECE, "--events", "--json").out)
     ((boat, events),) = found["events"].items()
     assert boat.startswith("system 1")
     assert "Barometer 1 calibration complete" in [event["text"] for event in events]
-    assert "events" not in json.loads(run("info", log, "--json").out)
+    assert "events" not in json.loads(run("info", PIECE, "--json").out)
