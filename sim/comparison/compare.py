@@ -261,8 +261,8 @@ MAX_EXCEPTIONS = 3  # that are named
 class Improvement:
     """The second vessel beside the first on one recording.
 
-    ratio   nrmse of the second over that of the first
-    ci95    of the ratio, over blocks of time; None where there are too few
+    errors  nrmse of the first and of the second
+    ci95    of their ratio, over blocks of time; None where there are too few
     noise   both errors are no more than noise
     but     conditions in which the better one is worse, as people say them
     """
@@ -270,10 +270,15 @@ class Improvement:
     log: str
     first: str
     second: str
-    ratio: float
+    errors: tuple[float, float]
     ci95: tuple[float, float] | None
     noise: bool
     but: tuple[str, ...]
+
+    @property
+    def ratio(self) -> float:
+        """The error of the second over that of the first."""
+        return self.errors[1] / max(self.errors[0], 1e-12)
 
     @property
     def clear(self) -> bool:
@@ -289,9 +294,13 @@ class Improvement:
     def sentence(self) -> str:
         """What a person wants to know."""
         pair = f"{self.first} and {self.second} on {self.log}"
-        if self.ci95 is None or not self._differ:
-            at_noise = "both err by no more than noise, these data cannot tell which is better"
-            return f"{pair}: {at_noise if self.noise else 'no clear difference'}"
+        if self.noise and not self._differ:
+            return f"{pair}: both err by no more than noise, these data cannot tell which is better"
+        if self.ci95 is None:  # a single block: however far apart they are, chance is not known
+            errors = " and ".join(f"{error:.2f}" for error in self.errors)
+            return f"{pair}: the errors are {errors}, from too little time to tell how sure that is"
+        if not self._differ:
+            return f"{pair}: no clear difference"
         better, worse = (self.second, self.first)[:: 1 if self.ratio < 1.0 else -1]
         falls = sorted(1.0 - r if self.ratio < 1.0 else 1.0 - 1.0 / r for r in self.ci95)
         fall = 1.0 - (self.ratio if self.ratio < 1.0 else 1.0 / self.ratio)
@@ -325,14 +334,14 @@ def improvements(found: Sequence[Comparison]) -> list[Improvement]:
 
 def improvement(first: Comparison, second: Comparison) -> Improvement:
     """Two comparisons by one ruler."""
-    ratio = second.nrmse / max(first.nrmse, 1e-12)
-    better, worse = (second, first) if ratio < 1.0 else (first, second)
+    better, worse = (second, first) if second.nrmse < first.nrmse else (first, second)
     floor = ADEQUATE_FLOORS * first.noise_floor_nrmse
     noise = not any(one.judgement is Judgement.WRONG for one in (first, second))
     but = () if noise else _exceptions(better, worse, floor)
     return Improvement(
-        first.log, first.vessel, second.vessel, ratio, _interval(first, second), noise, but
-    )
+        first.log, first.vessel, second.vessel, (first.nrmse, second.nrmse),
+        _interval(first, second), noise, but,
+    )  # fmt: skip
 
 
 def _interval(first: Comparison, second: Comparison) -> tuple[float, float] | None:

@@ -82,10 +82,20 @@ def test_each_recording_is_judged_by_itself(found) -> None:
     assert np.isfinite(entry["ratio_ci95"]).all()
 
 
-def test_without_two_blocks_nothing_is_clear() -> None:
-    one = Improvement("log", "a", "b", 0.5, None, False, ())
+def test_of_a_single_block_of_time_the_errors_are_told_and_no_more() -> None:
+    trial = simulated(WAM_V, 12.0)
+    vessels = [vessel("truth"), vessel("far", X_u=3.0, N_r=2.0)]
+    truth, far = compare(trial, [Model.of(v) for v in vessels])
+    (one,) = improvements([replace(truth, nrmse=0.569), replace(far, nrmse=4.156)])
+    assert one.ci95 is None
     assert not one.clear
-    assert "no clear difference" in one.sentence
+    assert one.sentence == (
+        "truth and far on voyage: the errors are 0.57 and 4.16, from too little time to tell how "
+        "sure that is"
+    )
+    assert "ratio_ci95" not in one.to_dict()
+    quiet = replace(one, noise=True)
+    assert quiet.sentence.endswith("no more than noise, these data cannot tell which is better")
 
 
 @pytest.mark.parametrize(
@@ -98,6 +108,6 @@ def test_without_two_blocks_nothing_is_clear() -> None:
 )
 def test_of_two_at_the_noise_the_nearer_is_told_where_blocks_of_time_tell_it(ends, said) -> None:
     ratio = 0.87 if ends[0] < 1.0 else 1.0 / 0.87
-    one = Improvement("log", "a", "b", ratio, ends, True, ())
+    one = Improvement("log", "a", "b", (1.0, ratio), ends, True, ())
     assert one.sentence == f"a and b on log: {said}"
     assert not one.clear  # neither is wrong
