@@ -110,7 +110,7 @@ def residuals(trial: Trial, comparison: Comparison) -> FigureData:
     time, model = joined_runs(trial, comparison.prediction)
     rows = np.rint((time - trial.time[0]) / trial.dt).astype(np.int64)
     error = np.hstack([trial.eta, trial.nu])[rows] - model
-    label = f"measured − {comparison.vessel}, free for {_horizon(comparison)}"
+    label = f"measured − {comparison.vessel}, free for {comparison.horizon}"
     panels = tuple(
         replace(panel, marks=(Level(0.0, SeriesRole.CONTEXT), *panel.marks))
         for panel in velocity_panels([MotionSeries(time, error, SeriesRole.ERROR, label)])
@@ -138,12 +138,8 @@ def track(trial: Trial, comparison: Comparison) -> FigureData:
     return FigureData(f"{comparison.log}: track, {comparison.vessel}", panels, columns=2)
 
 
-def _horizon(comparison: Comparison) -> str:
-    return f"{comparison.ruler.settings.horizon:g} s"
-
-
 def _runs_label(comparison: Comparison) -> str:
-    return f"{comparison.vessel}, free for {_horizon(comparison)} at a time"
+    return f"{comparison.vessel}, free for {comparison.horizon} at a time"
 
 
 def joined_runs(trial: Trial, prediction: Prediction) -> tuple[Floats, Floats]:
@@ -284,9 +280,9 @@ LONGEST_WHISKER = 3.0  # times the largest change, at least 30 %; chosen for rea
 
 
 def identification_figures(
-    trial: Trial, before: Prediction, after: Prediction, horizon: float
+    trial: Trial, before: Prediction, after: Prediction
 ) -> dict[str, FigureData]:
-    """Velocities and tracks of one recording, models running freely for `horizon` seconds."""
+    """Velocities and tracks of one recording, both models running freely over the same times."""
     measured = measured_series(trial)
     models = [
         MotionSeries(*joined_runs(trial, before), SeriesRole.CONTEXT, "before"),
@@ -297,6 +293,7 @@ def identification_figures(
         map_panel((track_line(m.motion, m.role, m.label), boat), m.label.capitalize())
         for m in models
     )
+    horizon = round(float(after.steps.max()) * trial.dt, 1)
     caption = f"models run free for {horizon:g} s at a time"
     return {
         "velocities": FigureData(

@@ -30,6 +30,12 @@ class TrialComparison:
     trial: Trial
     comparisons: tuple[Comparison, ...]
 
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What is to be known before the numbers are read, a sentence each, each once."""
+        told = (text for one in self.comparisons for text in (*one.notices, one.cut_text))
+        return tuple(text for text in dict.fromkeys(told) if text)
+
     def with_notice(self, text: str) -> "TrialComparison":
         """The same, each comparison with one notice more."""
         told = (replace(one, notices=(*one.notices, text)) for one in self.comparisons)

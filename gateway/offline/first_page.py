@@ -73,9 +73,8 @@ def _picture(one: TrialComparison) -> ReportFigure:
     panel = _named(data.panels[axis], "after" if after is not before else "predicted")
     name = VELOCITIES[axis].label
     what = "before and after" if after is not before else "measured and predicted"
-    caption = (
-        f"The model starts anew from the measurement every {before.ruler.settings.horizon:g} s. "
-        + _errors_text(before, after)
+    caption = f"The model starts anew from the measurement every {before.horizon}. " + _errors_text(
+        before, after
     )
     figure = _window(FigureData("", (panel,)), one)
     return ReportFigure(f"{name[0].upper()}{name[1:]}, {what}", caption, svg_text(figure))

@@ -212,7 +212,7 @@ def _recording(one: TrialComparison) -> ReportRecording:
         one.comparisons[0].seconds,
         tuple(row for c in one.comparisons for row in _rows(c)),
         tuple((c.vessel, _worst(c)) for c in one.comparisons),
-        tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices)),
+        one.notices,
         tuple(_figures(one)),
     )
 
@@ -229,11 +229,10 @@ def _rows(c: Comparison) -> list[dict[str, Any]]:
     run = c.free_run.to_dict()["rmse"]
     interval = "" if c.nrmse_ci95 is None else f" ({c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f})"
     size = (f"{c.nrmse:.3f}{interval}", f"{c.noise_floor_nrmse:.3f}")
-    horizon = f"{c.ruler.settings.horizon:g} s"
     gone = ("diverged", "", "", "", "")
     free = gone if c.free_run.diverged or "u" not in run else _cells(run)
     return [
-        {"recording": c.log, "vessel": c.vessel, "run": horizon,
+        {"recording": c.log, "vessel": c.vessel, "run": c.horizon,
          "cells": (*size, *_cells(c.scores.rmse))},
         {"recording": "", "vessel": "", "run": "free", "cells": ("", "", *free)},
     ]  # fmt: skip

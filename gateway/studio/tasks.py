@@ -193,9 +193,8 @@ def trial_view(one: TrialComparison, measured: TrialView, models: Sequence[Model
     """A recording with all its vessels."""
     regimes = {regime.by: regime for regime in regimes_of(one.trial, models[0])}
     vessels = tuple(_vessel_view(one.trial, c, regimes) for c in one.comparisons)
-    notices = tuple(dict.fromkeys(n for c in one.comparisons for n in c.notices))
     seconds = float(one.trial.usable.sum()) * one.trial.dt
-    return replace(measured, vessels=vessels, notices=notices, seconds=seconds)
+    return replace(measured, vessels=vessels, notices=one.notices, seconds=seconds)
 
 
 def _vessel_view(trial: Trial, c: Comparison, regimes: dict[str, Regime]) -> VesselView:
@@ -285,7 +284,7 @@ def _motions(
             was, now = (predict(trial, Model.of(s.vessel), ruler) for s in (before, step))
         except DivergedError:  # no run of it lasts a step: there is no motion to show
             continue
-        figures = identification_figures(trial, was, now, ruler.settings.horizon)
+        figures = identification_figures(trial, was, now)
         out[step.effects] = figures["velocities"]
     return out
 

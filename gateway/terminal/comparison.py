@@ -30,6 +30,7 @@ def show_comparisons(found: Sequence[Comparison], pictures: Path | None) -> None
         "nrmse: error of free predictions over the horizon, in standard deviations of the motion; "
         "at the floor it is noise. A free run starts once and is never corrected."
     )
+    out.bullets(dict.fromkeys(one.cut_text for one in found if one.cut_text))
     out.bullets(each.sentence for each in improvements(found))
     out.bullets(_refits(found))
     out.notices(dict.fromkeys(n for comparison in found for n in comparison.notices))
@@ -67,7 +68,7 @@ def _table(found: Sequence[Comparison]) -> Table:
     for c in found:
         interval = "" if c.nrmse_ci95 is None else f" {c.nrmse_ci95[0]:.2f}–{c.nrmse_ci95[1]:.2f}"
         table.add_row(
-            f"{escape(c.vessel)}, {c.ruler.settings.horizon:g} s",
+            f"{escape(c.vessel)}, {c.horizon}",
             *motion_texts(c.scores.rmse), f"{c.nrmse:.3f}{interval}",
         )  # fmt: skip
         rmse = c.free_run.to_dict().get("rmse", {})

@@ -47,6 +47,7 @@ from sim.state import Floats
 from sim.trial import Trial, data_frame
 
 ADEQUATE_FLOORS = 1.2  # noise floors: an nrmse below is no failure; chosen, not measured
+TOLD_CUT = 0.1  # share of the runs that are cut short, from which on it is told; chosen
 MIN_EXCESS = 0.02  # share of the squared error beyond the share of time, to be named; chosen
 
 
@@ -110,6 +111,7 @@ class Comparison:
     """One trial and one vessel under the ruler of their comparison.
 
     seconds     usable time of the trial
+    horizon_s   the longest free run [s]: no longer than asked for, nor than a stretch of the trial
     nrmse_ci95  from blocks of time; None on a trial of a single block
     measured_noise  of u, v, r as the trial states it, in standard deviations of the motion
     noise_floor_nrmse  what noise alone shows at most (`sim.prediction.free_runs.shown_floor`)
@@ -123,6 +125,7 @@ class Comparison:
     log: str
     vessel: str
     seconds: float
+    horizon_s: float
     ruler: Ruler
     scores: Scores
     nrmse: float
@@ -145,6 +148,21 @@ class Comparison:
         far = self.noise_floor_nrmse > MAX_JUDGING_FLOOR >= self.measured_noise
         louder = louder_channels(self.ruler, rmse)
         return Standing(self.nrmse, self.noise_floor_nrmse, louder, runs_away=far)
+
+    @property
+    def horizon(self) -> str:
+        """The longest free run, to a tenth of a second: "10 s"."""
+        return f"{round(self.horizon_s, 1):g} s"
+
+    @property
+    def cut_text(self) -> str:
+        """Which share of the free runs is cut short; empty where that is less than a tenth."""
+        if self.ruler.cut_short < TOLD_CUT:
+            return ""
+        return (
+            f"on {self.log} {100.0 * self.ruler.cut_short:.0f} % of the free runs end early: an "
+            "error of their start grows on this hull until nothing is seen of the model's"
+        )
 
     @property
     def judgement(self) -> Judgement:
@@ -177,7 +195,7 @@ class Comparison:
             "log": self.log,
             "seconds": self.seconds,
             "vessel": self.vessel,
-            "horizon_s": self.ruler.settings.horizon,
+            "horizon_s": self.horizon_s,
             "cut_short": self.ruler.cut_short,
             **self.scores.to_dict(),
             "nrmse": self.nrmse,
@@ -231,6 +249,7 @@ def comparison_of(
         log=trial.name,
         vessel=vessel,
         seconds=float(trial.usable.sum()) * trial.dt,
+        horizon_s=float(prediction.steps.max()) * trial.dt,
         ruler=ruler,
         scores=scores(measured_motion(trial)[rows, :6], error),
         nrmse=nrmse(error, ruler.scales),

@@ -22,7 +22,7 @@ def drawn():
     true = Model.of(WAM_V)
     ruler = Ruler.of(trial, off)
     was, now = predict(trial, off, ruler), predict(trial, true, ruler)
-    return trial, identification_figures(trial, was, now, ruler.settings.horizon)
+    return trial, identification_figures(trial, was, now)
 
 
 def test_after_lies_on_what_was_measured_and_before_does_not(drawn):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import BadInput
-from gateway.offline.compare import as_json, compare_logs, distinct_vessels
+from gateway.offline.compare import TrialComparison, as_json, compare_logs, distinct_vessels
 from gateway.terminal.comparison import show_comparisons
 from gateway.vessel_file import load_vessel
 from sim.identification import updated_vessel
@@ -110,3 +110,13 @@ def test_names_are_shown_as_they_are_whatever_brackets_they_hold(logs, capsys):
     table, _, words = capsys.readouterr().out.partition("nrmse: ")
     assert "[b]x" in table
     assert "[b]x on voyage" in words
+
+
+def test_runs_that_end_early_are_told_once_where_numbers_are_read(logs, capsys):
+    found = compare_logs(["both.tlog"], [WAM_V, replace(WAM_V, name="other")])
+    show_comparisons(found, None)
+    assert "end early" not in capsys.readouterr().out
+    cut = tuple(replace(one, ruler=replace(one.ruler, cut_short=0.66)) for one in found)
+    show_comparisons(cut, None)
+    assert capsys.readouterr().out.count("66 % of the free runs end early") == 1
+    assert TrialComparison(simulated(WAM_V, 8.0), cut).notices == (cut[0].cut_text,)

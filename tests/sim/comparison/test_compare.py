@@ -8,6 +8,7 @@ import pytest
 
 from sim.comparison.compare import compare
 from sim.model import Model
+from sim.prediction.segments import CompareSettings
 from tests.sim.voyages import WAM_V, simulated
 
 KEYS = {"log", "seconds", "vessel", "horizon_s", "cut_short", "rmse", "mae", "r2", "fit_percent",
@@ -51,6 +52,23 @@ def test_the_floor_and_horizons_are_those_of_the_best_vessel_in_whatever_order(f
     turned = compare(simulated(WAM_V), [Model.of(v) for v in (AWAY, SLUGGISH, WAM_V)])
     assert [one.nrmse for one in turned] == [one.nrmse for one in reversed(found)]
     assert [one.noise_floor_nrmse for one in turned] == [right.noise_floor_nrmse] * 3
+
+
+@pytest.mark.parametrize(("seconds", "asked", "reached"), [(8.0, 10.0, "7.8 s"), (60.0, 5.0, "5 s"),
+                                                           (60.0, 3000.0, "59.8 s")])  # fmt: skip
+def test_the_horizon_that_is_told_is_the_longest_run(seconds, asked, reached):
+    trial, settings = simulated(WAM_V, seconds), CompareSettings(horizon=asked)
+    (one,) = compare(trial, [Model.of(WAM_V)], settings)
+    assert one.horizon == reached
+    assert one.to_dict()["horizon_s"] == pytest.approx(min(asked, seconds), abs=0.3)
+    assert one.cut_text == ""  # a short recording cuts no run short
+
+
+def test_runs_that_end_early_are_told_from_a_tenth_of_them_on(found):
+    one = found[0]
+    few, many = (replace(one, ruler=replace(one.ruler, cut_short=share)) for share in (0.099, 0.66))
+    assert one.cut_text == few.cut_text == ""
+    assert many.cut_text.startswith("on voyage 66 % of the free runs end early: ")
 
 
 def test_a_free_run_that_diverges_says_so(found):
