@@ -6,9 +6,11 @@
 Steps do not overlap. τ is made white by an autoregressive filter A(q) first, and ε goes through
 the same one: ρ is then the shape of the impulse response from commanded to missing force, and
 under independence its variance is 1/N whatever the colour of ε. Thrust that comes d late gives
-τ(t − d) − τ(t): a trough at lag 0 and a peak at d. A smoother that blurs fast motion gives peaks on
-both sides of 0: what counts is a lag's excess over its mirror image. Correlation at negative lags
-alone is feedback, an autopilot that answers what the model lacks: no fault of the model.
+τ(t − d) − τ(t): a trough at lag 0 and a peak at d. Thrust of another size, g times the model's,
+gives g τ(t − d) − τ(t): how late it comes is counted in units of g τ. A smoother that blurs fast
+motion gives peaks on both sides of 0: what counts is a lag's excess over its mirror image.
+Correlation at negative lags alone is feedback, an autopilot that answers what the model lacks: no
+fault of the model.
 Valid for: commands that come faster than the lateness in question. Source: Ljung, System
 Identification, 2nd ed. 1999, §16.6 (residual analysis) and §6.1 (prewhitening).
 """
@@ -33,6 +35,7 @@ STEP_S = 0.1  # h, or the trial's own step if that is longer
 FILTER_ORDER = 8  # of the whitening filter
 CONFIDENCE = 0.99  # of the band, and that a delay is no chance
 MIN_DELAY_S = STEP_S  # streams may be apart by half a step without anything being late
+MIN_GAIN = 0.25  # of the boat's thrust over the model's: of less it cannot be told when it comes
 MIN_STEPS = 20 * MAX_LAG
 FORCES = ("thrust ahead", "thrust to starboard", "turning moment")
 ERRORS = ("u", "v", "r")
@@ -142,8 +145,9 @@ def _delay(rho: Floats, gain: Floats, step: float, count: int) -> float:
     """Correlation, impulse response (2 L + 1,) -> how late the thrust comes [s], 0: it does not.
 
     Lags 1 … J less their mirror images, J where their sum stands out most; it must be beyond the
-    99 % band of the largest of L such sums. Late by the first moment h Σ j (g_j − g_−j), taken on
-    to where the response first ends: that of a lag has a tail.
+    99 % band of the largest of L such sums. Late by h Σ j (g_j − g_−j) / g, the first moment, taken
+    on to where the response first ends: that of a lag has a tail. g = 1 + Σ g_j, j = −J … J, is the
+    boat's own thrust over the model's: what the model has and what the boat lacks of it.
     """
     lags = np.arange(1, MAX_LAG + 1)
     excess = rho[MAX_LAG + 1 :] - rho[:MAX_LAG][::-1]
@@ -154,7 +158,10 @@ def _delay(rho: Floats, gain: Floats, step: float, count: int) -> float:
         return 0.0
     J += int(np.argmin(np.append(excess[J:], 0.0) > 0.0))
     response = gain[MAX_LAG + 1 :] - gain[:MAX_LAG][::-1]
-    delay = step * float(lags[:J] @ response[:J])
+    thrust = 1.0 + float(gain[MAX_LAG - J : MAX_LAG + J + 1].sum())
+    if thrust < MIN_GAIN:  # hardly any, or reversed
+        return 0.0
+    delay = step * float(lags[:J] @ response[:J]) / thrust
     return delay if delay > MIN_DELAY_S else 0.0
 
 

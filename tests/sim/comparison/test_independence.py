@@ -57,6 +57,33 @@ def test_a_delay_is_found_at_its_lag(steps: int) -> None:
     assert "a delay or lag is missing" in found.description
 
 
+@pytest.mark.parametrize("thrust", [0.4, 0.8, 1.25, 2.5])
+def test_thrust_of_another_size_is_late_by_as_much(thrust: float) -> None:
+    forces = held(3)
+    found = independence_of([noise(3) + thrust * late(forces, 3) + (thrust - 1.0) * forces],
+                            [forces], STEP)  # fmt: skip
+    for pair in found.pairs:
+        assert pair.delay == pytest.approx(0.3, rel=0.25)
+
+
+@pytest.mark.parametrize("thrust", [-1.0, -0.3, 0.0, 0.2])
+def test_of_thrust_that_hardly_comes_or_is_reversed_no_delay_is_told(thrust: float) -> None:
+    forces = held(3)
+    errors = 0.01 * noise(3) + thrust * late(forces, 3) + (thrust - 1.0) * forces
+    assert independence_of([errors], [forces], STEP).description == ""
+
+
+@pytest.mark.parametrize("thrust", [0.4, 0.8, 1.25, 2.5])
+def test_a_wrong_scale_is_no_delay_beside_streams_that_are_apart_by_less_than_a_step(
+    thrust: float,
+) -> None:
+    """Thrust that comes 0.08 s late, as of a right model; it is 0.1 s of thrust × 1.25."""
+    forces = held(3)
+    apart = 0.2 * forces + 0.8 * (forces + late(forces, 1))
+    found = independence_of([0.3 * noise(3) + thrust * apart - forces], [forces], STEP)
+    assert found.description == ""
+
+
 def test_a_lag_is_found_too() -> None:
     forces, tau = held(4), 0.5
     slow = np.empty_like(forces)
