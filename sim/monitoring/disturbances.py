@@ -169,16 +169,22 @@ class DisturbanceEstimate:
         return tuple(dict.fromkeys([*likely, *pair]))
 
     def cause_of(self, likely: tuple[Cause, ...]) -> Cause:
-        """One word for the likely causes."""
-        if not likely:
-            return Cause.NOTHING
+        """One word for the likely causes.
+
+        Nothing where none of them is clearly more than nothing: an explanation of no size may
+        predict a little better, but it cannot make an error for which the model is called wrong.
+        Of water and air alone it is told that it may be either.
+        """
+        if not likely or likely == (Cause.OTHER,):
+            return likely[0] if likely else Cause.NOTHING
         if set(likely) == {Cause.CURRENT, Cause.WIND}:
             return Cause.EITHER
+        clear = any(kind is not Cause.OTHER and self.best(kind).significant for kind in likely)
         if len(likely) > 1:
-            return Cause.SEVERAL
-        if likely[0] is Cause.OTHER or self.best(likely[0]).significant:
+            return Cause.SEVERAL if clear else Cause.NOTHING
+        if clear:
             return likely[0]
-        return Cause.EITHER if likely[0] in (Cause.CURRENT, Cause.WIND) else Cause.SEVERAL
+        return Cause.EITHER if likely[0] in (Cause.CURRENT, Cause.WIND) else Cause.NOTHING
 
 
 BOAT, WATER, AIR = 0, 1, 2  # the first filters

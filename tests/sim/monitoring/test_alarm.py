@@ -179,6 +179,29 @@ def test_a_wandering_force_is_none_of_the_causes_only_after_minutes(
     assert says in event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
 
 
+@pytest.mark.parametrize(
+    ("seconds_seen", "headings", "says"),
+    [
+        (MIN_SECONDS - 1, 3, "too little seen so far to tell what it looks like"),
+        (MIN_SECONDS, 2, "too little seen so far to tell what it looks like"),
+        (MIN_SECONDS, 3, "none of current, wind, thrusters, compass and drag explains it"),
+    ],
+)
+def test_a_compass_that_is_hardly_off_is_not_blamed(
+    estimator: DisturbanceEstimator, seconds_seen: int, headings: int, says: str
+) -> None:
+    """Of weak thrust an error of 1° predicted a little better than the boat's own small errors."""
+    alarm = in_trouble(estimator, headings, compass=15.0)
+    means = alarm.estimate.means / 10.0  # one standard deviation from nothing
+    end = alarm.estimate.opened + seconds_seen
+    estimate = replace(alarm.estimate, means=means, count=500, time=end)
+    alarm = replace(alarm, estimate=estimate)
+    assert alarm.likely == (Cause.COMPASS,)
+    text = event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
+    assert text.endswith(says)
+    assert alarm.cause in DOUBTS
+
+
 @pytest.mark.parametrize("late", [0, 1, 3, 4])
 @pytest.mark.parametrize("thrust", [-0.5, 0.6])
 def test_trouble_begins_where_it_set_in_not_where_it_was_noticed(

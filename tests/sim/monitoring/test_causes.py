@@ -356,13 +356,28 @@ def test_a_force_that_wanders_has_to_beat_all_by_far(plain: DisturbanceEstimator
 
 @pytest.mark.parametrize(
     ("law", "unclear"),
-    [("current", Cause.EITHER), ("wind", Cause.EITHER), ("drag", Cause.SEVERAL)],
-)
+    [("current", Cause.EITHER), ("wind", Cause.EITHER), ("drag", Cause.NOTHING),
+     ("compass", Cause.NOTHING), ("thrust", Cause.NOTHING)],
+)  # fmt: skip
 def test_what_may_as_well_be_nothing_is_not_named(
     plain: DisturbanceEstimator, law: str, unclear: Cause
 ) -> None:
     assert scored(plain, clear=False, **{law: 30.0}).cause is unclear
     assert scored(plain, **{law: 30.0}).cause is Cause(law)
+
+
+def test_of_several_one_has_to_be_clearly_more_than_nothing(plain: DisturbanceEstimator) -> None:
+    for others in ({"compass": 29.0}, {"current": 29.0}, {"anything": 31.0}):
+        nats = {"drag": 30.0, **others}
+        assert scored(plain, **nats).cause is Cause.SEVERAL
+        unclear = scored(plain, clear=False, **nats)
+        assert len(unclear.likely) == 2
+        assert unclear.cause is Cause.NOTHING
+        drag = plain.all.laws.index(Law.DRAG)
+        unclear.means[drag, BOAT_ERRORS] = 10.0 * plain.all.prior[drag, BOAT_ERRORS]
+        assert unclear.cause_of(unclear.likely) is Cause.SEVERAL
+    assert scored(plain, clear=False, current=30.0, wind=29.0).cause is Cause.EITHER
+    assert scored(plain, clear=False, drag=20.0, anything=40.0).cause is Cause.OTHER
 
 
 def test_clear_is_more_than_three_deviations_from_nothing(plain: DisturbanceEstimator) -> None:
