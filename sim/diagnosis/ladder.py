@@ -8,52 +8,29 @@ The first choice is made while the second effect is still missing, and may stand
 change of current for a wind that turned while a current ran. No swap of one effect for another
 leads from there to those two, or from a current and a steady wind to a wind that turned. So where
 the first leaves much, and several stand out in the missing forces (`force_search`), the search
-begins with these, and goes on from there as from any other beginning. The final
-fit is as `shadow identify` fits: moments of events once, then starts → noise → numbers in
-turn until they settle. While effects are compared, starts are taken from the measured motion and
-noise from a leader, the same for all; numbers with an interval deserve starts where this model has
-them, and the noise that it leaves.
+begins with these, and goes on from there as from any other beginning. At the end each is chosen
+once more from numbers that the forces give: a few steps may not lead there from a hull that was
+bent to go with another effect. The final fit is as `shadow identify` fits: moments of events once,
+then starts → noise → numbers in turn until they settle. While effects are compared, starts are
+taken from the measured motion and noise from a leader, the same for all; numbers with an interval
+deserve starts where this model has them, and the noise that it leaves.
 """
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import (
-    Fit,
-    final_fit,
-    fit_effects,
-    is_held,
-    start_values,
-    unknowns_for,
-)
-from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.candidates import CandidateSearch
+from sim.diagnosis.fit import Fit, final_fit
 from sim.diagnosis.force_search import (
     ForceProblem,
     fit_from_forces,
     in_place_by_forces,
     search_forces,
 )
-from sim.diagnosis.generality import doubt_of
-from sim.diagnosis.heldout import (
-    Gain,
-    HeldOutScorer,
-    RankedEffect,
-    Ranking,
-    gain_under,
-    is_better_than_special,
-    rank,
-    ranked_over,
-)
-from sim.diagnosis.screening import Mapper, Progress
-from sim.diagnosis.worth import (
-    helps,
-    is_at_floor,
-    is_missed,
-    is_worse_elsewhere,
-    is_worth_it,
-)
-from sim.effects.effect import Effect, Scope
+from sim.diagnosis.heldout import Ranking, is_better_than_special
+from sim.diagnosis.worth import is_at_floor, is_missed, is_worse_elsewhere, is_worth_it
+from sim.effects.effect import Scope
 from sim.vessel import AddedEffect
 
 
@@ -77,19 +54,8 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class EffectSearch:
-    """The catalogue of one diagnosis, how many effects may be added, and what scores them.
-
-    unshown effects that these trials cannot show: never added, but they may do as well
-    """
-
-    superset: SupersetModel
-    effects: tuple[Effect, ...]
-    most: int
-    progress: Progress
-    mapper: Mapper
-    scorer: HeldOutScorer
-    unshown: tuple[Effect, ...] = ()
+class EffectSearch(CandidateSearch):
+    """From the bare base to the effects that are justified."""
 
     def run(self, base: Fit) -> Selection:
         """Greedy, with swaps and exchanges, then backward."""
@@ -127,11 +93,6 @@ class EffectSearch:
                 if self.helps(one, fit):
                     return steps, fit
         return self._grown_and_exchanged([], base, [first] if more and self.most else [])
-
-    def _is_above_noise(self, fit: Fit) -> bool:
-        """Whether more is left than a complete model leaves."""
-        scorer = self.scorer.shared_with(fit)
-        return scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor
 
     def settled(self, base: Fit, fit: Fit) -> Fit:
         """The same effects with their last numbers, under the noise that these leave.
@@ -185,19 +146,6 @@ class EffectSearch:
                 steps, added = [*steps, ranking], [*added, each]
         return steps if len(steps) > 1 else []
 
-    def _led_by(
-        self, fit: Fit, before: Sequence[AddedEffect], added: AddedEffect, promising: Sequence[str]
-    ) -> Ranking:
-        """A ranking beside some effects of a fit that is led by another of its effects, as it is
-        there, with what else is promising.
-        """
-        reference, after = self._beside(before, fit), self._beside([*before, added], fit)
-        ranking = self.rank(reference, among={added.effect.name, *promising})
-        own = fit_effects(after.added, after.unknowns, ranking.reference.problem, after.z)
-        row = ranked_over(ranking.reference, own)
-        others = (r for r in ranking.finalists if r.name != row.name)
-        return replace(ranking, finalists=(row, *others))
-
     def _next(self, steps: list[Ranking], fit: Fit) -> list[Ranking]:
         """What should come next, one effect or two; empty where none should, or no more may."""
         if len(steps) >= self.most or not self._others(fit):
@@ -227,74 +175,6 @@ class EffectSearch:
         names = tuple(a.effect.name for a in added)
         chosen = (step.best.fit for step in steps if step.best.fit.names == names)
         return next(chosen, None) or self._beside(added, last)
-
-    def ranked(self, fit: Fit, steps: Sequence[Ranking]) -> tuple[Ranking, bool]:
-        """What could come next, led by the first that should; whether there is one.
-
-        The best may be worth much and yet improve no prediction, as long as a larger error hides
-        what it does: then that one is first in turn. Where none should come and the error stands
-        far above the noise, the promising ones are looked at closer.
-        """
-        ranking = self.rank(fit)
-        row = self._first_justified(ranking, steps, fit)
-        more = any(e.more_starts for e in self._others(fit))
-        if row is None and more and self._is_above_noise(fit):
-            ranking = self.rank(fit, closer=True, among={r.name for r in ranking.finalists})
-            row = self._first_justified(ranking, steps, fit)
-        return (ranking, False) if row is None else (ranking.led_by(row), True)
-
-    def _first_justified(
-        self, ranking: Ranking, steps: Sequence[Ranking], fit: Fit
-    ) -> RankedEffect | None:
-        worth = (r for r in ranking.finalists if self.justified(r, steps, fit))
-        return next((r for r in worth if self.is_believed(r, ranking.reference)), None)
-
-    def justified(self, row: RankedEffect, steps: Sequence[Ranking], fit: Fit) -> bool:
-        """Whether one of a ranking should be added to what was found so far."""
-        least = thresholds.MIN_NATS_IN_FEW_BLOCKS if steps else 0.0
-        if not is_missed(row.effect, row.gain) or row.gain.nats < least:
-            return False
-        won = sum(step.best.gain.nats for step in steps)
-        is_more_than_form = row.gain.nats >= thresholds.MIN_SHARE_OF_EARLIER * won
-        return self.helps(fit, row.fit) and (is_more_than_form or self._is_large(fit, row.fit))
-
-    def _is_large(self, before: Fit, after: Fit) -> bool:
-        """Whether an effect takes away more of the error on unseen time than the form of earlier
-        effects leaves: who has found a strong current has not yet found a small offset.
-        """
-        scorer = self.scorer.shared_with(after)
-        error, left = (scorer.score_fit(fit).nrmse for fit in (before, after))
-        above = scorer.given**2 - scorer.noise_floor**2
-        return error**2 - left**2 > thresholds.MIN_SHARE_OF_BASE_ERROR * above
-
-    def helps(self, before: Fit, after: Fit) -> bool:
-        """Whether predictions become noticeably better."""
-        return helps(self.scorer, [before], after)
-
-    def is_believed(self, row: RankedEffect, reference: Fit) -> bool:
-        """Whether nothing speaks against one of a ranking being true beyond these data."""
-        return not doubt_of(row, reference, self.scorer)
-
-    def rank(
-        self, fit: Fit, closer: bool = False, among: Container[str] | None = None,
-        present: Fit | None = None,
-    ) -> Ranking:  # fmt: skip
-        """What could come next, of the whole catalogue or `among` these effects; `closer`: and
-        among those that declare further starts; `present`: see `screen`.
-        """
-        beside = ", ".join(fit.names)
-        self.progress(f"looking for {f'more beside {beside}' if beside else 'effects'}")
-        others = self._others(fit)
-        if among is not None:
-            others = [e for e in others if e.name in among or (closer and e.more_starts)]
-        return rank(
-            self.superset, fit.model(), others, fit, self.progress, self.mapper, closer,
-            present=present,
-        )  # fmt: skip
-
-    def _others(self, fit: Fit) -> list[Effect]:
-        """The effects that a fit does not hold, whole or as a part of another."""
-        return [e for e in self.effects if not is_held(e, fit.added)]
 
     def _swapped(
         self, steps: list[Ranking], fit: Fit, last: bool = False
@@ -487,19 +367,6 @@ class EffectSearch:
                 steps, fit = [*(s for s in steps if s is not step), ranking], ranking.best.fit
         return steps, fit
 
-    def _special_of(self, fit: Fit, step: Ranking, special: Effect) -> Fit | None:
-        """A fit with the special case from where the general effect of a step ended; None where the
-        two do not share their numbers.
-        """
-        added = list(fit.effects())
-        i = fit.names.index(step.best.name)
-        names = {p.name for p in special.parameters}
-        values = {name: x for name, x in added[i].values.items() if name in names}
-        if len(values) < len(names):
-            return None
-        added[i] = AddedEffect(special, values)
-        return self._beside(added, fit, step.best.fit.problem)  # as all of its ranking
-
     def _backward(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """Without each effect in turn: one that is not missed goes, unless recordings left out are
         predicted worse without it. Where these are asked those of a day go first: beside one of
@@ -520,26 +387,6 @@ class EffectSearch:
             else:
                 break
         return steps, fit
-
-    def in_place_of(self, fit: Fit, at: Container[int], among: Container[str] | None) -> Ranking:
-        """What could stand where these effects of a fit stand, by place, beside the others."""
-        return self.rank(self._without(fit, at), among=among)
-
-    def _without(self, fit: Fit, at: Container[int]) -> Fit:
-        """A fit of all effects of another but those at these places."""
-        return self._beside([a for i, a in enumerate(fit.effects()) if i not in at], fit)
-
-    def _beside(
-        self, added: Sequence[AddedEffect], like: Fit, problem: FitProblem | None = None
-    ) -> Fit:
-        """The base with these effects, from where `like` ended; under the noise that it leaves."""
-        problem = problem or like.renewed_problem
-        unknowns = unknowns_for(self.superset, added, len(problem.trials), problem.settings)
-        return fit_effects(added, unknowns, problem, start_values(unknowns, like))
-
-    def _gain_over(self, fit: Fit, other: Fit) -> Gain:
-        """What one fit is worth over another, under the noise that the first leaves."""
-        return gain_under(fit.renewed_problem, other, fit)
 
 
 def _are_few(fit: Fit) -> bool:
