@@ -20,6 +20,7 @@ import numpy as np
 from gateway.errors import BadInput, ShadowError
 from gateway.fleet import Boat, local_file
 from gateway.ingest.log import choose_floating
+from gateway.ingest.mapping import moment_of
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
 from gateway.offline.compare import compare_models
@@ -182,8 +183,9 @@ def summary_of(trials: Sequence[Trial], ahead_s: float = 0.0) -> Row:
     speed = [np.hypot(t.nu[:, Nu.U], t.nu[:, Nu.V])[t.usable] for t in trials]
     lengths = [float(s.sum()) * t.dt for s, t in zip(speed, trials, strict=True)]
     latitude, longitude = first.origin_deg or (None, None)
+    began = moment_of(first.start_time_ns * 1e-9 + off)
     return {
-        "started": datetime.fromtimestamp(first.start_time_ns * 1e-9 + off, UTC).isoformat(),
+        "started": None if began is None else began.isoformat(),
         "seconds": sum(float(t.time[-1]) for t in trials),
         "usable_s": sum(float(t.usable.sum()) * t.dt for t in trials),
         "stretches": len(trials), "excluded": excluded_summary(trials),

@@ -39,7 +39,10 @@ RECORDINGS: Mapping[str, Column] = {
     "state": Column(TEXT, "done, partly, failed, fault (tried again on the next run), duplicate"),
     "why": Column(TEXT, "why it is not done, one sentence"),
     "format": Column(TEXT, "kind of recording"),
-    "started": Column(TIME, "first sample, by the boat's clock where the recording's is days off"),
+    "started": Column(
+        TIME,
+        "first sample, by the boat's clock where the recording's is days off; none without a date",
+    ),
     "seconds": Column(NUMBER, "length of its stretches"),
     "usable_s": Column(NUMBER, "of these armed, under way, with motion and commands"),
     "stretches": Column(COUNT, "pieces between boots and long silences"),

@@ -198,10 +198,9 @@ def wear_of(folder: str | Path, boats: Sequence[str] = ()) -> FleetWear:
         followed = row["origin"] == "identify" or (
             row["kind"] == "effect" and row["effect"] not in voyage
         )
-        known = row["identifiable"] and row["stretch"] is None and row["started"] is not None
-        if not (followed and known):
+        if not (followed and row["identifiable"] and row["stretch"] is None):
             continue
-        if not CLOCKS_BEGIN <= row["started"] < tomorrow:
+        if row["started"] is None or not CLOCKS_BEGIN <= row["started"] < tomorrow:
             undated[row["boat"]].add(row["recording"])
         elif row["recording"] in again:
             twice[row["boat"]].add(row["recording"])

@@ -19,6 +19,7 @@ Valid for: some kilometres around the origin, at sea level. Source: NIMA TR8350.
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from enum import IntEnum, IntFlag, StrEnum
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -36,6 +37,13 @@ FIX_2D = 2  # GNSS fix type
 LEVEL_RAD = 0.1  # of roll and pitch; chosen
 MIN_COS_PITCH = 0.4  # of a bow that points nearly straight up or down; chosen
 UNIX_FROM_US = 1_000_000_000_000_000  # larger counters are Unix time (2001), not time since boot
+
+
+def moment_of(unix_s: float) -> datetime | None:
+    """The moment in UTC of a time of the boat's clock [s]; None before 2001: such a clock counts
+    from something else, or was never set.
+    """
+    return datetime.fromtimestamp(unix_s, UTC) if unix_s * 1e6 >= UNIX_FROM_US else None
 
 
 class EstimatorFault(IntFlag):

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gateway.ingest.agreement import reconciled
-from gateway.ingest.clock import ClockReport
+from gateway.ingest.clock import SLEEP, ClockReport
 from gateway.ingest.log import Boat, BoatSamples, Log, Statistics, boats_of, choose_boat, not_a_boat
 from gateway.ingest.mapping import Actuator, OutputFunction, actuators
 from gateway.ingest.sources import PRIORITY, Choice, choose, uniform_grid
@@ -210,7 +210,7 @@ class BoatSurvey:
     boat: Boat
     firmware: str
     seconds: float
-    sessions_s: tuple[float, ...]  # length of each boot
+    sessions_s: tuple[float, ...]  # length of each boot, without leaps of a day or more
     clock: ClockReport
     unix_ahead_s: float | None  # the boat's own Unix time minus vehicle time, if it has one
     sources: Mapping[str, SourceSurvey]
@@ -251,9 +251,9 @@ def survey(log: Log, system: int | None = None) -> Survey:
 
 
 def _duration(receipts: Mapping[str, np.ndarray[Any, np.dtype[np.int64]]]) -> float:
-    """Sum of the time between successive receipts [s], where it is forward."""
-    steps = [_steps(times).sum() for times in receipts.values()]
-    return float(max(steps, default=0.0))
+    """Sum of the time between successive receipts [s], where it is forward and less than a day."""
+    steps = [_steps(times) for times in receipts.values()]
+    return float(max((some[some <= SLEEP * 1e-9].sum() for some in steps), default=0.0))
 
 
 def _steps(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -275,7 +275,7 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
     repaired = repair_table(decoded, choices)
     parameters = log.parameters(boat)
     outputs = actuators(parameters)
-    lengths = tuple((end - start) * 1e-9 for start, end in decoded.sessions)
+    lengths = session_lengths(decoded)
     return BoatSurvey(
         boat,
         log.firmware(boat),
@@ -293,6 +293,23 @@ def _boat(log: Log, boat: Boat) -> BoatSurvey:
             *repaired.notices,
         ),
     )
+
+
+def session_lengths(decoded: BoatSamples) -> tuple[float, ...]:
+    """Length of each boot [s].
+
+    Leaps are no part of it that no boat is silent for: where one voyage was appended to another,
+    messages without a counter bear times of both until the clock is sure of the new boot.
+    """
+    times = np.sort(
+        np.concatenate([np.zeros(0, np.int64), *(s.vehicle_time_ns for s in decoded.samples)])
+    )
+    lengths = []
+    for start, end in decoded.sessions:
+        inside = times[(times >= start) & (times <= end)]
+        steps = np.diff(np.concatenate([[start], inside, [end]]))
+        lengths.append(float(steps[steps <= SLEEP].sum()) * 1e-9)
+    return tuple(lengths)
 
 
 def _source(choice: Choice, decoded: BoatSamples) -> SourceSurvey:

@@ -213,9 +213,10 @@ def _parameters_by_recording(step: LadderStep, trials: Sequence[Trial]) -> dict[
 
 
 def _recording(trial: Trial) -> dict[str, Any]:
+    day = date_of(trial)
     return {
         "name": trial.name,
-        "date": date_of(trial),
+        **({"date": day} if day else {}),
         "seconds": float(trial.usable.sum()) * trial.dt,
     }
 

@@ -59,7 +59,9 @@ def _tested(one: TrialComparison) -> str:
     errors = "; ".join(
         f"{c.vessel}: error {c.nrmse:.2f}, {judgement_text(c.standing)}" for c in one.comparisons
     )
-    return f"{one.trial.name}, {date_of(one.trial)}, {one.comparisons[0].seconds:.0f} s. {errors}."
+    seconds = f"{one.comparisons[0].seconds:.0f} s"
+    which = ", ".join(filter(None, (one.trial.name, date_of(one.trial), seconds)))
+    return f"{which}. {errors}."
 
 
 def _picture(one: TrialComparison) -> ReportFigure:

@@ -7,7 +7,6 @@ Each boot and each stretch between long silences is a trial of its own.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
 from gateway.ingest.log import Log, choose_floating
-from gateway.ingest.mapping import Origin
+from gateway.ingest.mapping import Origin, moment_of
 from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
@@ -154,8 +153,9 @@ def excluded_summary(trials: Sequence[Trial]) -> str:
 
 
 def date_of(trial: Trial) -> str:
-    """The day on which a trial began, in UTC: 2026-05-01."""
-    return datetime.fromtimestamp(trial.start_time_ns * 1e-9, UTC).date().isoformat()
+    """The day on which a trial began, in UTC: 2026-05-01; empty where its clock tells no date."""
+    began = moment_of(trial.start_time_ns * 1e-9)
+    return "" if began is None else began.date().isoformat()
 
 
 def source_of(log: Log, options: TrialOptions) -> "TrialSource":

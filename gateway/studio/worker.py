@@ -13,7 +13,6 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from html import escape
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
@@ -25,6 +24,7 @@ import numpy as np
 
 from gateway.errors import BadInput, ShadowError
 from gateway.figures import FigureData
+from gateway.ingest.mapping import moment_of
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
 from gateway.offline.trials import FIRST_LOOK, trials_of
@@ -157,7 +157,6 @@ def outcome(task: Callable[..., Any], arguments: Any, send: Send) -> tuple[str, 
 POINTS = 200  # of a small track
 WIDTH, HEIGHT, EDGE = 150, 90, 6  # px of it
 MOST_RATES = 8  # messages whose rates are shown
-FIRST_YEAR = 2005  # a clock that says less was never set
 
 
 @dataclass(frozen=True)
@@ -256,8 +255,8 @@ def _minutes(seconds: float) -> str:
 
 def _when_and_where(view: CardView) -> str:
     """Date and place, as far as the recording knows them."""
-    when = datetime.fromtimestamp(view.start_time_ns * 1e-9, UTC) if view.start_time_ns else None
-    parts = [f"{when:%d %b %Y %H:%M} UTC"] if when and when.year >= FIRST_YEAR else []
+    when = moment_of(view.start_time_ns * 1e-9)
+    parts = [] if when is None else [f"{when:%d %b %Y %H:%M} UTC"]
     if view.origin_deg is not None:
         lat, lon = view.origin_deg
         parts.append(f"{abs(lat):.3f}° {'NS'[lat < 0]}, {abs(lon):.3f}° {'EW'[lon < 0]}")

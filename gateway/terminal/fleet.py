@@ -129,7 +129,7 @@ def by_boat(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, An
 def _cells(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     good = [row for row in rows if row["state"] in (DONE, PARTLY)]
     compared = [row for row in good if row.get("nrmse") is not None]
-    dates = sorted(row["started"][:10] for row in good)
+    dates = sorted(row["started"][:10] for row in good if row["started"])
 
     def mean(key: str) -> str:
         return f"{sum(row[key] for row in compared) / len(compared):.3f}" if compared else "–"

@@ -154,7 +154,11 @@ def test_a_diagnosis_is_told_whole(page):
 def test_the_first_page_says_what_was_tested_what_came_of_it_and_what_to_do(page):
     report, found = page
     first = report.first
-    assert first.tested[0].startswith(f"{found.trial.name}, ")
+    seconds = f"{found.comparisons[0].seconds:.0f} s. "
+    assert first.tested[0].startswith(f"{found.trial.name}, {seconds}")  # its clock has no date
+    dated = replace(found.trial, start_time_ns=1_777_600_000 * 10**9)
+    (tested,) = first_page([TrialComparison(dated, found.comparisons)], None, "").tested
+    assert tested.startswith(f"{found.trial.name}, 2026-05-01, {seconds}")
     assert "times what noise alone would show" in first.tested[0]
     assert first.verdict == (report.headline,)
     assert first.actions == ("Find out what is missing: the same command with --diagnose.",)

@@ -120,6 +120,17 @@ def test_a_run_over_another_list_says_what_the_table_has_no_more(run, folder, cl
     assert "not named now" not in back
 
 
+def test_a_boat_of_which_no_recording_has_a_date_has_none(capsys):
+    row = {"boat": "heron", "state": "done", "usable_s": 60.0, "nrmse": None}
+    days = {"a.csv": None, "b.csv": None, "c.tlog": "2026-05-01T09:00:00+00:00"}
+    rows = {name: row | {"recording": name, "started": day} for name, day in days.items()}
+    show_fleet(FleetResult(Path("out"), rows), FleetWear((), {}, {}, {}))
+    assert capsys.readouterr().out.count("2026-05-01") == 2  # from, to
+    del rows["c.tlog"]
+    show_fleet(FleetResult(Path("out"), rows), FleetWear((), {}, {}, {}))
+    assert "–" in capsys.readouterr().out
+
+
 def test_recordings_of_one_reason_are_one_line(capsys):
     why = "{}: the vehicle says that it is a submarine"
     rows = {

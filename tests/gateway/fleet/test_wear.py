@@ -71,10 +71,11 @@ def test_a_drift_that_begins_later_has_its_dates(tmp_path):
     assert first <= datetime(2026, 5, 16) <= last  # the tenth recording
 
 
-def test_what_has_no_real_date_is_left_out_and_told(tmp_path):
+@pytest.mark.parametrize("never", ["1970-01-01T00:00:10+00:00", None])
+def test_what_has_no_real_date_is_left_out_and_told(tmp_path, never):
     steady = 90.0 + np.random.default_rng(5).normal(0.0, 0.5, 12)
     rows = numbers("heron", "left.ahead", steady)
-    rows[0]["started"] = "1970-01-01T00:00:10+00:00"
+    rows[0]["started"] = never
     rows[1]["started"] = (datetime.now(UTC) + timedelta(days=400)).isoformat()
     write_table(tmp_path, [], rows)
     found = wear_of(tmp_path)

@@ -8,6 +8,7 @@ import pytest
 
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
+from tests.conftest import ROOT
 from tests.gateway.ingest.scripted import Script, attitude, heartbeat, local_position, servo
 
 
@@ -51,6 +52,20 @@ def test_three_sessions_are_three_boots(shared_data: Path) -> None:
     assert [round(seconds) for seconds in boat.sessions_s] == [524, 488, 138]
     assert boat.sources["velocity"].source == "GLOBAL_POSITION_INT"
     assert "LOCAL_POSITION_NED covers" in boat.sources["velocity"].why
+
+
+@pytest.mark.parametrize("first", ["otter_piece", "voyage_1"])
+def test_the_time_of_two_voyages_in_one_file_is_the_sum_of_both(tmp_path: Path, first) -> None:
+    """They lie 512 days apart, and which is the later one is nothing to the sum."""
+    logs = [ROOT / "recordings" / f"{name}.tlog" for name in ("otter_piece", "voyage_1")]
+    logs.sort(key=lambda log: log.stem != first)
+    both = tmp_path / "both.tlog"
+    both.write_bytes(b"".join(log.read_bytes() for log in logs))
+    found, alone = survey(open_log(both)), [survey(open_log(log)) for log in logs]
+    (boat,) = found.boats
+    assert boat.seconds == pytest.approx(sum(one.boats[0].seconds for one in alone), abs=2.0)
+    assert sum(boat.sessions_s) == boat.seconds
+    assert found.seconds <= sum(one.seconds for one in alone)
 
 
 def test_otter_is_told_as_it_is(shared_data: Path) -> None:

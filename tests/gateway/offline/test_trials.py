@@ -11,12 +11,14 @@ from gateway.errors import BadInput
 from gateway.estimation import FilterSettings, MeasurementKind
 from gateway.estimation.events import join, make_events
 from gateway.estimation.smoother import smooth
+from gateway.fleet.analysis import summary_of
 from gateway.ingest.open import open_log
 from gateway.offline import usable_time
 from gateway.offline.trials import (
     AS_REPORTED,
     DEFAULT_TRIALS,
     TrialOptions,
+    date_of,
     excluded_summary,
     load_trials,
     source_of,
@@ -37,6 +39,7 @@ from tests.gateway.ingest.scripted import (
     servo,
     vfr_hud,
 )
+from tests.sim.voyages import WAM_V, simulated
 
 SPEED, RATE = 1.5, 0.1  # m/s, rad/s
 
@@ -262,6 +265,18 @@ USABLE = {
     "bluerov.BIN": "nothing usable in it",
     "dataflash-dropped-messages.bin": "no servo outputs in it",
 }
+
+
+DATED = 1_777_600_000 * 10**9  # ns
+
+
+@pytest.mark.parametrize(("start_ns", "day"), [(DATED, "2026-05-01"), (10 * 10**9, ""), (0, "")])
+def test_a_clock_that_counts_from_its_own_start_tells_no_date(start_ns, day) -> None:
+    trial = replace(simulated(WAM_V, 8.0), start_time_ns=start_ns)
+    assert date_of(trial) == day
+    started = summary_of([trial])["started"]
+    assert (started or "")[:10] == day
+    assert summary_of([trial], DATED * 1e-9)["started"] is not None  # the boat's own clock has one
 
 
 @pytest.mark.parametrize(
