@@ -54,6 +54,7 @@ from gateway.toml_file import read_toml
 from sim.state import Floats, Ints
 
 JUMP_S, SLEEP_S, CONFIRM_S = JUMP / SECOND, SLEEP / SECOND, CONFIRM / SECOND
+LARGEST = 1e12  # of a cell that is no time, in any unit: degrees as integers reach 4e9; chosen
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,18 @@ def _believed(time: Floats) -> NDArray[np.bool_]:
         else:
             last = float(time[rows[-1]])
     return kept if kept.any() else np.ones(len(time), np.bool_)
+
+
+def without_damaged(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[str, ...]]:
+    """The same columns, empty where the number is a boat's in no unit; a note that counts them.
+
+    One such number hides all others: its square is larger than the sum of theirs, or infinite.
+    """
+    out = {name: np.where(np.abs(x) > LARGEST, np.nan, x) for name, x in columns.items()}
+    count = sum(int((np.isfinite(x) & np.isnan(out[name])).sum()) for name, x in columns.items())
+    cells = "1 cell" if count == 1 else f"{count} cells"
+    note = f"{cells} left out whose number no boat has: beyond {LARGEST:g}"
+    return out, (note,) if count else ()
 
 
 T = TypeVar("T")
@@ -273,6 +286,9 @@ class CsvLog(Log):
         `notes`: what was wrong with the text that they come from.
         """
         time = values[plan.time_column] * TIME[plan.time_unit]
+        others = {name: column for name, column in values.items() if name != plan.time_column}
+        others, damaged = without_damaged(others)
+        values = {**values, **others}
         check_time(file, plan.time_column, plan.time_unit, time)
         known = np.abs(time) < LATEST_S  # NaN is not
         repaired = repair_time(time[known])
@@ -283,7 +299,7 @@ class CsvLog(Log):
             accepted=len(kept),
             duplicates=int((np.diff(kept) == 0).sum()),
             time_backwards=int((np.diff(time[known][repaired.kept]) < 0).sum()),
-            notes=(*notes, *absent, *repaired.notes, *about_steps(kept, plan.time_unit)),
+            notes=(*notes, *absent, *damaged, *repaired.notes, *about_steps(kept, plan.time_unit)),
         )
         columns = {name: column[known][repaired.kept] for name, column in values.items()}
         for column in plan.columns:

@@ -10,6 +10,7 @@ from gateway.ingest.csv.log import CsvLog
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
 from gateway.samples import Quantity
+from tests.gateway.ingest import made_table
 
 TABLE = """t,heading,lat,lon,speed,left
 1000,90,63.4,10.3,2,1500
@@ -238,6 +239,22 @@ def test_delimiters_at_the_ends_of_lines_are_no_cells(tmp_path: Path) -> None:
         log = open_log(write(tmp_path, table))
         assert log.counts() == {"CSV": 20}
         assert log.statistics.notes == ()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("column", [4, 5, 9])  # yaw rate, surge, a channel
+def test_a_cell_of_absurd_size_is_an_empty_one_and_told(tmp_path: Path, column: int) -> None:
+    path, _ = made_table.written(tmp_path, made_table.Traps())
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    for row in rows[1:]:
+        row[4] = f"{float(row[4]) * 57.29578}"  # degrees, said to be radians: still seen
+    rows[600][column] = "1e300"
+    path.write_text("\n".join(map(",".join, rows)) + "\n")
+    log = open_log(path)
+    assert "1 cell left out whose number no boat has: beyond 1e+12" in log.statistics.notes
+    assert np.isnan(log.table("CSV").columns[rows[0][column]][599])
+    (boat,) = survey(log).boats
+    assert any("degrees taken for radians" in notice for notice in boat.notices)
 
 
 @pytest.mark.parametrize(
