@@ -26,8 +26,9 @@ from shlex import join
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
-from gateway.commands import PUBLISH, effects, fleet, live, model, recordings
+from gateway.commands import PUBLISH, effects, fleet, live, model, recordings, tell_unused_mapping
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
 
 app = typer.Typer(
@@ -43,6 +44,16 @@ app = typer.Typer(
     "An error is one line and an exit status; SHADOW_DEBUG=1 in the environment adds its "
     "traceback.",
 )
+
+
+class Command(TyperCommand):
+    """A command that says first what is of no use among its options."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it."""
+        tell_unused_mapping(ctx.params)
+        return super().invoke(ctx)
+
 
 # What does the work is imported when a command runs: `shadow --help` answers at once.
 COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
@@ -73,7 +84,7 @@ COMMANDS: dict[str, Callable[..., None]] = {  # in the order of `shadow --help`
 }
 for name, command in COMMANDS.items():
     about = " ".join((command.__doc__ or "").partition("\n\n")[0].split())  # whole: typer cuts it
-    app.command(name, short_help=about)(command)
+    app.command(name, cls=Command, short_help=about)(command)
 app.add_typer(model.app, name="vessel", short_help=model.app.info.help)
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.errors import BadInput
-from gateway.ingest.open import FORMATS, names_of
+from gateway.ingest.open import FORMATS, names_of, takes_mapping
 from gateway.long_running import print_line
 from gateway.result_json import result_json
 
@@ -80,6 +80,14 @@ def _published(where: str, zenoh: Any) -> Any:
 def print_progress(text: str) -> None:
     """Print a line about long work on standard error."""
     print_line(text)
+
+
+def tell_unused_mapping(given: dict[str, Any]) -> None:
+    """Say of a command's arguments where --mapping is given and none of the logs is a table."""
+    logs = given.get("logs") or filter(None, [given.get("log")])
+    names = [str(log) for log in logs]
+    if given.get("mapping") and names and not any(map(takes_mapping, names)):
+        print_progress(f"--mapping is of no use for {', '.join(names)}: only tables take one")
 
 
 def print_result(json: bool, to_dict: Callable[[], Any], show: Callable[[], None]) -> None:

@@ -27,12 +27,14 @@ class LogFormat:
     recognises  first `HEAD` bytes, path -> is it such a file?
     open        path, all bytes, mapping file of a table or None -> the opened log; BadInput with
                 one line where that is not possible. Imports what is heavy when called
+    mapped      whether it may hold a table, for which a mapping file is of use
     """
 
     name: str
     suffixes: tuple[str, ...]
     recognises: Callable[[bytes, Path], bool]
     open: Callable[[str, bytes, str | Path | None], "Log"]
+    mapped: bool = True
 
 
 def read_bytes(path: str | Path) -> bytes:

@@ -67,6 +67,17 @@ def _same_content(one: Path, other: Path) -> bool:
         return False
 
 
+def takes_mapping(path: str | Path) -> bool:
+    """May a mapping file be of use for a recording? Also said of what cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            head = stream.read(HEAD)
+    except OSError:
+        return True
+    found = (one.mapped for one in known_formats() if one.recognises(head, Path(path)))
+    return next(found, True)
+
+
 def open_log(path: str | Path, mapping: str | Path | None = None) -> "Log":
     """Any recording that can be read; `mapping` names what the columns of a table are."""
     raw = read_bytes(path)

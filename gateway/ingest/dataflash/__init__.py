@@ -24,4 +24,4 @@ def open_dataflash(path: str, raw: bytes, mapping: str | Path | None = None) -> 
     return DataflashLog.from_bytes(raw, path)
 
 
-FORMAT = LogFormat("a DataFlash .BIN", (".bin",), recognises, open_dataflash)
+FORMAT = LogFormat("a DataFlash .BIN", (".bin",), recognises, open_dataflash, mapped=False)

@@ -21,4 +21,4 @@ def open_tlog(path: str, raw: bytes, mapping: str | Path | None = None) -> "Log"
     return tlog_from_bytes(raw, path)
 
 
-FORMAT = LogFormat("a .tlog", (".tlog",), recognises, open_tlog)
+FORMAT = LogFormat("a .tlog", (".tlog",), recognises, open_tlog, mapped=False)

@@ -23,4 +23,4 @@ def open_ulog(path: str, raw: bytes, mapping: str | Path | None = None) -> "Log"
     return ulog_from_bytes(raw, path)
 
 
-FORMAT = LogFormat("a PX4 .ulg", (".ulg",), recognises, open_ulog)
+FORMAT = LogFormat("a PX4 .ulg", (".ulg",), recognises, open_ulog, mapped=False)

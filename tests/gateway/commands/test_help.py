@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
 
 from gateway import cli
+from gateway.commands import tell_unused_mapping
 from tests.conftest import ROOT
 from tests.gateway.command_line import Run
 
@@ -57,6 +59,33 @@ def test_a_script_for_the_shell_completes_commands(
     assert "_SHADOW_COMPLETE=complete_bash" in run("--show-completion", "bash").out
 
 
+def test_a_mapping_beside_logs_that_are_no_tables_is_said_to_be_of_no_use(
+    run: Run, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    log, mapping = ROOT / "recordings" / "otter_piece.tlog", tmp_path / "map.toml"
+    says = f"--mapping is of no use for {log}: only tables take one\n"
+    done = run("info", log, "--mapping", mapping)
+    assert (done.status, done.err) == (0, says)
+    assert run("info", log).err == ""
+    table, recording, gone = (tmp_path / name for name in ("a.csv", "b.mcap", "c.tlog"))
+    table.write_text("t,yaw\n0,0\n")
+    recording.write_bytes(b"\x89MCAP0\r\n")  # may enclose a table
+    for other in (table, recording, gone):
+        tell_unused_mapping({"log": str(other), "mapping": str(mapping)})
+        tell_unused_mapping({"logs": [str(log), str(other)], "mapping": str(mapping)})
+    tell_unused_mapping({"logs": None, "mapping": str(mapping)})  # the studio, of folders
+    assert capfd.readouterr().err == ""
+
+
+def test_every_command_with_a_mapping_tells_where_it_is_of_no_use() -> None:
+    found = typer.main.get_group(cli.app).commands.values()
+    told = [{p.name for p in one.params} for one in found if isinstance(one, cli.Command)]
+    assert len(told) == len(cli.COMMANDS)
+    takers = [names for names in told if "mapping" in names]
+    assert len(takers) >= 7
+    assert all(names & {"log", "logs"} for names in takers)
+
+
 def test_a_mistyped_word_is_answered_with_the_right_one(run: Run) -> None:
     assert "Did you mean 'compare'?" in run("comapre").err
     assert "--vessel" in run("compare", "x.tlog", "--vesel", "y").err
@@ -77,6 +106,7 @@ def test_the_studio_takes_a_vessel_that_ships_by_its_name(
 START = """
 import sys
 from gateway import cli
+from gateway.commands import tell_unused_mapping
 sys.argv, sys.stdout = ["shadow", "info", sys.argv[1]], sys.stderr
 heavy = {"matplotlib", "scipy.stats", "scipy.optimize", "bokeh", "zenoh"}
 print(*sorted({"numba", *heavy} & set(sys.modules)), "|", file=sys.__stdout__)
