@@ -280,9 +280,9 @@ LONGEST_WHISKER = 3.0  # times the largest change, at least 30 %; chosen for rea
 
 
 def identification_figures(
-    trial: Trial, before: Prediction, after: Prediction
+    trial: Trial, before: Prediction, after: Prediction, horizon: float
 ) -> dict[str, FigureData]:
-    """Velocities and tracks of one recording, both models running freely over the same times."""
+    """Velocities and tracks of one recording, models running freely for `horizon` seconds."""
     measured = measured_series(trial)
     models = [
         MotionSeries(*joined_runs(trial, before), SeriesRole.CONTEXT, "before"),
@@ -293,8 +293,7 @@ def identification_figures(
         map_panel((track_line(m.motion, m.role, m.label), boat), m.label.capitalize())
         for m in models
     )
-    horizon = round(float(after.steps.max()) * trial.dt, 1)
-    caption = f"models run free for {horizon:g} s at a time"
+    caption = f"models run free for {round(horizon, 1):g} s at a time"
     return {
         "velocities": FigureData(
             f"{trial.name}: velocities", velocity_panels([*models, measured]), shared_x=True,

@@ -194,7 +194,7 @@ def _figures(
         ruler = Ruler.of(trial, first)
         models, later = (first, Model.of(vessel)), found.command_offset
         was, now = (predict(trial, model, ruler, later) for model in models)
-        drawn = identification_figures(trial, was, now)
+        drawn = identification_figures(trial, was, now, ruler.longest_run(trial.dt))
         figures |= {f"{trial.name} {title}": figure for title, figure in drawn.items()}
     return figures
 

@@ -284,7 +284,7 @@ def _motions(
             was, now = (predict(trial, Model.of(s.vessel), ruler) for s in (before, step))
         except DivergedError:  # no run of it lasts a step: there is no motion to show
             continue
-        figures = identification_figures(trial, was, now)
+        figures = identification_figures(trial, was, now, ruler.longest_run(trial.dt))
         out[step.effects] = figures["velocities"]
     return out
 

@@ -249,7 +249,7 @@ def comparison_of(
         log=trial.name,
         vessel=vessel,
         seconds=float(trial.usable.sum()) * trial.dt,
-        horizon_s=float(prediction.steps.max()) * trial.dt,
+        horizon_s=ruler.longest_run(trial.dt),
         ruler=ruler,
         scores=scores(measured_motion(trial)[rows, :6], error),
         nrmse=nrmse(error, ruler.scales),

@@ -163,6 +163,15 @@ class Ruler:
             variance=self.variance[which], blocks=self.blocks[which],
         )  # fmt: skip
 
+    def longest_run(self, dt: float) -> float:
+        """The longest free run [s] on a grid of `dt` [s].
+
+        Runs are whole nodes: one that is off by less than a node is as long as was asked for.
+        """
+        longest, node = float(self.segments.steps.max()) * dt, self.segments.stride * dt
+        asked = self.settings.horizon
+        return asked if abs(longest - asked) < node else longest
+
     @property
     def noise(self) -> Floats:
         """Errors of u, v, r (3,), root mean square, that a perfect model would show, by what the

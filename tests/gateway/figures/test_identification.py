@@ -22,7 +22,7 @@ def drawn():
     true = Model.of(WAM_V)
     ruler = Ruler.of(trial, off)
     was, now = predict(trial, off, ruler), predict(trial, true, ruler)
-    return trial, identification_figures(trial, was, now)
+    return trial, identification_figures(trial, was, now, ruler.longest_run(trial.dt))
 
 
 def test_after_lies_on_what_was_measured_and_before_does_not(drawn):

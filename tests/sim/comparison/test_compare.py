@@ -61,7 +61,15 @@ def test_the_horizon_that_is_told_is_the_longest_run(seconds, asked, reached):
     (one,) = compare(trial, [Model.of(WAM_V)], settings)
     assert one.horizon == reached
     assert one.to_dict()["horizon_s"] == pytest.approx(min(asked, seconds), abs=0.3)
+    assert one.ruler.longest_run(trial.dt) == one.horizon_s
     assert one.cut_text == ""  # a short recording cuts no run short
+
+
+def test_a_horizon_that_is_no_whole_number_of_nodes_is_told_as_it_was_asked_for():
+    trial = simulated(WAM_V, 60.0, 0.1 / 1.2)  # nodes of 0.25 s
+    (one,) = compare(trial, [Model.of(WAM_V)], CompareSettings(horizon=9.9))
+    assert one.ruler.segments.steps.max() * trial.dt != pytest.approx(9.9)
+    assert (one.horizon, one.horizon_s) == ("9.9 s", 9.9)
 
 
 def test_runs_that_end_early_are_told_from_a_tenth_of_them_on(found):
