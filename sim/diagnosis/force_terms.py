@@ -27,6 +27,7 @@ from sim.state import Eta, Floats, Ints
 from sim.trial import Trial
 
 PER_TRIAL = frozenset({"place", "flow", "rhythm"})  # terms of one recording: its map, its time
+ALWAYS = "always"
 GROUPS = {
     "place": "where it is on the map",
     "flow": "where it is on the map, as water that does not flow alike everywhere would",
@@ -36,7 +37,7 @@ GROUPS = {
     "turn": "how it turns and slips",
     "thrust": "what the motors do",
     "rhythm": "a motor that comes and goes in a rhythm of its own",
-    "always": "nothing that varies: a constant push on board",
+    ALWAYS: "nothing that varies: a constant push on board",
 }
 
 
@@ -124,7 +125,7 @@ class _RunStates:
             "turn": _on_each_axis(turn),
             "thrust": _on_each_axis(thrust),
             "rhythm": _on_each_axis(_swinging(rhythms(self.model, self.trial), c, time)),
-            "always": _on_each_axis(np.ones((*self.rows.shape, 1))),
+            ALWAYS: _on_each_axis(np.ones((*self.rows.shape, 1))),
         }
 
     def flows(self, A: Floats) -> Floats:

@@ -11,7 +11,7 @@ from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking
 from sim.diagnosis.ladder import Selection
 from sim.diagnosis.limits import strain_of
-from sim.diagnosis.residual_terms import Dependence, dependences
+from sim.diagnosis.residual_terms import Dependence, dependences, without_repeats
 from sim.diagnosis.worth import is_worth_it
 from sim.effects.effect import Effect
 
@@ -126,11 +126,13 @@ def remaining_dependences(selection: Selection, above_noise: bool) -> list[Depen
 
     However small: a free run of ten seconds may hardly tell what six hundred of them do.
     """
-    return [
-        d
-        for d in dependences(selection.fit)
-        if is_more_than_form(d.gain, selection, above_noise, of_time=d.on == TIME)
-    ]
+    return without_repeats(
+        [
+            d
+            for d in dependences(selection.fit)
+            if is_more_than_form(d.gain, selection, above_noise, of_time=d.on == TIME)
+        ]
+    )
 
 
 def is_more_than_form(

@@ -234,7 +234,7 @@ def test_after_unknown_one_may_begin_an_effect_of_ones_own(found):
     """Like one that ships and asks for what the rest depends on."""
     answer = replace(found.diagnosis, verdict=Verdict.UNKNOWN)
     gain = Gain(1.5, 0.3, 5.0, 90.0, 0.0)
-    for left in ((), *((Dependence(on, gain, ("surge",)),) for on in GROUPS)):
+    for left in ((), *((Dependence(on, gain, ("surge",), 90.0),) for on in GROUPS)):
         told = replace(found, diagnosis=replace(answer, depends_on=left), logs=("a.tlog",))
         write, again = told.next_steps("d.json", "better.toml")[-2:]
         assert write.split()[:2] == ["shadow", "effects"]

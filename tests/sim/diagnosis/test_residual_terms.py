@@ -12,11 +12,17 @@ from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.force_terms import rhythms
-from sim.diagnosis.residual_terms import dependences, swing_period
+from sim.diagnosis.heldout import Gain
+from sim.diagnosis.residual_terms import (
+    Dependence,
+    dependences,
+    swing_period,
+    without_repeats,
+)
 from sim.diagnosis.thresholds import MAX_PERIOD_S
 from sim.effects.effect import Effect, Scope
 from sim.model import Model
-from sim.state import Pose, Water
+from sim.state import Floats, Pose, Water, Wrench
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 from tests.sim.diagnosis.sailed import DT, STD, sailed
@@ -41,9 +47,24 @@ def stuttering(F: float, drive: ThrusterParameters, flow: Flow, p: Nothing) -> f
     return F * (flow.time % PERIOD >= PERIOD / 3.0)
 
 
-def voyage(**law: Callable[..., Any]) -> Trial:
-    """The WAM-V with a law of nobody's catalogue."""
-    drive = commands(SECONDS, DT, 3)
+def pushed(flow: Flow, p: Nothing) -> Wrench:
+    """A constant push to starboard [N]."""
+    return Wrench(0.0, 40.0, 0.0)
+
+
+def pushed_on_course(flow: Flow, p: Nothing) -> Wrench:
+    """A harder one, and a moment [N m] that holds a heading of 0."""
+    return Wrench(0.0, 80.0, -400.0 * (flow.yaw + flow.r))
+
+
+def pushed_and_fouled(flow: Flow, p: Nothing) -> Wrench:
+    """The same, and a drag that has no speed at which it is nothing."""
+    return Wrench(-60.0 * np.tanh(4.0 * flow.u), 40.0, 0.0)
+
+
+def voyage(drive: Floats | None = None, **law: Callable[..., Any]) -> Trial:
+    """The WAM-V with a law of nobody's catalogue; `drive` (T, 2): other commands than usual."""
+    drive = commands(SECONDS, DT, 3) if drive is None else drive
     strange = Effect(
         "stranger", Scope.BOAT, parameters=(), looks_like="", mistaken_for=(), **law
     )  # fmt: skip
@@ -65,6 +86,43 @@ def test_water_that_flows_differently_from_place_to_place() -> None:
     assert best.gain.nats > 100.0
     assert best.gain.lost < 0.1
     assert "sway" in best.axes
+
+
+@pytest.mark.parametrize(
+    ("drive", "law", "alike"),
+    [
+        (np.full((900, 2), 0.3), pushed_on_course, {"heading", "speed", "thrust"}),
+        (None, pushed, {"speed", "thrust", "turn"}),
+    ],
+)
+def test_a_constant_push_is_told_and_not_that_it_depends_on_what_can_be_made_one(
+    drive: Floats | None, law: Callable[..., Any], alike: set[str]
+) -> None:
+    """At one heading and one speed any function is one; bumps over a speed that varies add up."""
+    found = dependences(base_on(voyage(drive, force=law)))
+    worth_it = [d for d in found if d.gain.nats > 25.0]
+    assert {"always", *alike} <= {d.on for d in worth_it}
+    assert [d.on for d in without_repeats(worth_it)] == ["always"]
+
+
+@pytest.mark.slow
+def test_beside_a_push_what_depends_on_a_speed_that_varies_is_told() -> None:
+    found = dependences(base_on(voyage(force=pushed_and_fouled)))
+    told = without_repeats([d for d in found if d.gain.nats > 25.0])
+    assert {"always", "speed"} <= {d.on for d in told}
+
+
+def test_a_group_has_to_add_to_a_push_only_where_the_push_is_told() -> None:
+    def of(on: str, nats: float, beside: float) -> Dependence:
+        return Dependence(on, Gain(2.0, 0.5, 5.0, nats, 0.0), ("sway",), beside)
+
+    small, large, push = of("speed", 90.0, 5.0), of("heading", 60.0, 5.1), of("always", 100.0, 0.0)
+    assert without_repeats([small, large]) == [small, large]
+    assert without_repeats([push, small, large]) == [push, large]
+    much = of("always", 1000.0, 0.0)
+    assert without_repeats([much, of("speed", 1020.0, 29.0)]) == [much]
+    assert len(without_repeats([much, of("speed", 1020.0, 31.0)])) == 2
+    assert without_repeats([]) == []
 
 
 @pytest.mark.slow
