@@ -155,7 +155,7 @@ def test_measured_motion_is_sent_before_anything_is_compared_and_regimes_have_th
     parts = [one for one in sent if isinstance(one, TrialView)]
     assert [one.vessels for one in parts] == [()]
     (vessel,) = view.vessels
-    assert vessel.nrmse > 2.0 * vessel.floor
+    assert vessel.nrmse > 2.0 * vessel.standing.floor
     assert set(vessel.figures) == {"velocities", "residuals", "track", "strips", "forces",
                                    "correlations"}  # fmt: skip
     speed = next(w for w in vessel.worst if w.text.startswith("speed"))
