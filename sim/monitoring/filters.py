@@ -31,7 +31,7 @@ SCORE_MEMORY_S = 180.0
 SECONDS_PER_INDEPENDENT_SECOND = 1.5
 DRIFT_S = 1800.0  # in which the random walk of o reaches its prior's width
 BOAT_DRIFT_S = 20000.0  # the same of b
-# errors of 24 currents were 1.45 times what the filters held for possible: what the model of a boat
+# errors of 16 currents were 1.45 times what the filters held for possible: what the model of a boat
 # lacks is more alike from one second to the next than they know (benchmarks/results/live_diagnosis)
 STATED_VARIANCE = 2.1
 SIGNIFICANT_SIGMAS = 3.0  # of o, to be called different from nothing
