@@ -62,7 +62,7 @@ def judgement_text(standing: Standing) -> str:
         case Judgement.ADEQUATE:
             return "no more than noise"
         case Judgement.WRONG:
-            if judge(standing.error, standing.floor) is Judgement.ADEQUATE:
+            if standing.by_channel:
                 return louder_text(standing.louder)
             times = standing.error / max(standing.floor, 1e-9)
             return f"{times:.1f} times what noise alone would show"

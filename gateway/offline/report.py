@@ -41,7 +41,7 @@ from gateway.offline.first_page import first_page
 from gateway.offline.from_log import learn_from
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions
 from gateway.vessel_file import dump_vessel
-from sim.comparison.compare import Comparison, Judgement, judge
+from sim.comparison.compare import Comparison, Judgement
 from sim.diagnosis.evidence import evidence_of, evidence_of_rivals
 from sim.effects.effect import Effect
 from sim.model import Model
@@ -196,7 +196,7 @@ def _headline(found: Sequence[TrialComparison]) -> str:
             f"{worst.nrmse:.2f} is at the noise floor of {floor}."
         )
     wrong = f"Something is wrong with {worst.vessel}: on {worst.log} its error"
-    if judge(worst.nrmse, worst.noise_floor_nrmse) is Judgement.ADEQUATE:
+    if worst.standing.by_channel:
         return f"{wrong} is {judgement_text(worst.standing)}."
     return f"{wrong} is {worst.nrmse:.2f}, {judgement_text(worst.standing)} ({floor})."
 

@@ -178,13 +178,16 @@ def _tendency(mean: Triple, rmse: Triple, scales: Floats, noise: Floats) -> str:
 
 def telling_channel(mean: Floats, rmse: Floats, scales: Floats, noise: Floats) -> int:
     """Of u, v, r the one with the most error beyond noise; one that errs one way and nearly as much
-    says more than one that errs either way.
+    says more than one that errs either way. Ahead and sideways go by one scale: a boat that is
+    4 m/s too slow is not told as 0.1 m/s to port, however little she slips.
     """
-    beyond = np.sqrt(np.maximum(rmse**2 - (NOISE_IN_A_BIN * noise) ** 2, 0.0)) / scales
+    scale = np.array([scales[:2].max(), scales[:2].max(), scales[2]])
+    beyond = np.sqrt(np.maximum(rmse**2 - (NOISE_IN_A_BIN * noise) ** 2, 0.0)) / scale
     if not beyond.any():
-        return int(np.argmax(rmse / scales))
-    steady = np.where(np.abs(mean) >= MIN_BIAS * rmse, beyond, 0.0)
-    told = steady if steady.max() >= MIN_STEADY * beyond.max() else beyond
+        return int(np.argmax(rmse / scale))
+    is_steady = (np.abs(mean) >= MIN_BIAS * rmse) & (beyond > 0.0)
+    steady = np.where(is_steady, np.abs(mean) / scale, 0.0)
+    told = steady if beyond[is_steady].max(initial=0.0) >= MIN_STEADY * beyond.max() else beyond
     return int(np.argmax(told))
 
 

@@ -93,10 +93,14 @@ class Standing:
     runs_away: bool = False
 
     @property
+    def by_channel(self) -> bool:
+        """Whether a channel alone is wrong, all together being no more than noise."""
+        return bool(self.louder) and judge(self.error, self.floor) is Judgement.ADEQUATE
+
+    @property
     def judgement(self) -> Judgement:
         """What that says of a model."""
-        judged = judge(self.error, self.floor)
-        return Judgement.WRONG if judged is Judgement.ADEQUATE and self.louder else judged
+        return Judgement.WRONG if self.by_channel else judge(self.error, self.floor)
 
 
 def louder_channels(ruler: Ruler, rmse: Floats) -> dict[str, float]:

@@ -335,11 +335,12 @@ class EffectSearch(CandidateSearch):
         """Whether another fit is worth it; or does as well with two numbers fewer, or wins with one
         fewer, be it little, under the noise that either leaves.
         """
-        over, under = self._gain_over(other, fit), self._gain_over(fit, other)
         fewer = len(fit.z) - len(other.z)
-        if fewer > 1 and not is_better_than_special(under):
+        if fewer > 1 and not is_better_than_special(self._gain_over(fit, other)):
             return True
-        return is_worth_it(over) or (fewer == 1 and over.nats > 0.0 > under.nats)
+        over = self._gain_over(other, fit)
+        wins = fewer == 1 and over.nats > 0.0
+        return is_worth_it(over) or (wins and self._gain_over(fit, other).nats < 0.0)
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: from where the

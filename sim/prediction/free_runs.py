@@ -36,6 +36,7 @@ the noise, so that noise is no more than the smallest error that a model has sho
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -172,7 +173,7 @@ class Ruler:
         asked = self.settings.horizon
         return asked if abs(longest - asked) < node else longest
 
-    @property
+    @cached_property
     def noise(self) -> Floats:
         """Errors of u, v, r (3,), root mean square, that a perfect model would show, by what the
         trial states of its noise [m/s, m/s, rad/s].

@@ -105,6 +105,8 @@ def test_a_vessel_that_runs_away_from_every_start_is_not_hidden_by_noise() -> No
     ("mean", "rmse", "told"),
     [
         ((3.99, -0.08, 0.0), (4.03, 0.215, 0.01), 0),  # a sway of noise beside a speed far off
+        ((3.99, -0.12, 0.0), (4.03, 0.215, 0.01), 0),  # … of a slip that is there
+        ((0.02, -0.13, 0.0), (0.03, 0.14, 0.01), 1),  # a slip, and hardly anything ahead
         ((0.10, 0.01, 0.0), (0.104, 0.042, 0.003), 0),
         ((0.0, 0.0, 0.1), (0.03, 0.03, 0.12), 2),
         ((0.0, 0.0, 0.0), (0.03, 0.2, 0.01), 1),  # either way, and the only one beyond noise
@@ -114,5 +116,5 @@ def test_a_vessel_that_runs_away_from_every_start_is_not_hidden_by_noise() -> No
 def test_what_is_told_of_a_bin_is_the_channel_that_is_off(
     mean: tuple[float, ...], rmse: tuple[float, ...], told: int
 ) -> None:
-    scales, noise = np.array([1.5, 0.08, 0.2]), np.array([0.03, 0.04, 0.002])
+    scales, noise = np.array([1.5, 0.05, 0.2]), np.array([0.03, 0.04, 0.002])
     assert telling_channel(np.array(mean), np.array(rmse), scales, noise) == told
