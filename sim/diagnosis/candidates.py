@@ -144,7 +144,7 @@ class CandidateSearch:
 
     def _gain_over(self, fit: Fit, other: Fit) -> Gain:
         """What one fit is worth over another, under the noise that the first leaves."""
-        return gain_under(fit.renewed_problem, other, fit)
+        return gain_under(fit.renewed_problem, other, fit, self.mapper)
 
     def _special_of(self, fit: Fit, step: Ranking, special: Effect) -> Fit | None:
         """A fit with the special case from where the general effect of a step ended; None where the

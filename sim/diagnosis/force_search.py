@@ -18,7 +18,7 @@ Control 50, 1989), with laws in the place of regressors; the equation-error form
 Morelli, Aircraft System Identification, 2nd ed. 2016, ch. 5.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -272,7 +272,8 @@ def in_place_by_forces(
     numbers fitted to the missing forces first and to predictions from there.
 
     From where another effect stood, with the base bent to go with that, a tow may end at the bow
-    and go no further. Not those that leave much more of the missing force than what stood there.
+    and go no further. Not those that leave much more than what stood there: of the missing force,
+    or of predictions under the noise that they leave themselves.
     """
     present = fit.effects()
     others = [a for k, a in enumerate(present) if k != place]
@@ -284,7 +285,17 @@ def in_place_by_forces(
     followed = mapper(problem.followed, [f for f in screened if f is not None])
     most = thresholds.MAX_FORCE_COST_IN_PLACE * whole.cost
     begun = sorted((f for f in followed if f.cost < most), key=_cost)
-    return list(mapper(partial(fit_from_forces, problem=fit.problem), begun))
+    before = fit.problem.deviance(fit.unknowns, fit.z)
+
+    def within_reach(start: ForceFit) -> Fit | None:
+        rounds = _rounds(start, fit.problem)
+        for other, most in zip(rounds, thresholds.MAX_NATS_BEHIND, strict=True):
+            behind = fit.problem.deviance(other.unknowns, other.z) - before
+            if 0.5 * behind / thresholds.ROWS_PER_INDEPENDENT_ROW > most:
+                return None
+        return other
+
+    return [other for other in mapper(within_reach, begun) if other is not None]
 
 
 def fit_from_forces(start: ForceFit, problem: FitProblem) -> Fit:
@@ -292,10 +303,16 @@ def fit_from_forces(start: ForceFit, problem: FitProblem) -> Fit:
     leave: under that of the bare base, and from what the base became without them, they would be
     lost again.
     """
+    *_, fit = _rounds(start, problem)
+    return fit
+
+
+def _rounds(start: ForceFit, problem: FitProblem) -> Iterator[Fit]:
+    """Fit and noise in turn, from the numbers of a fit of forces."""
     for _ in range(thresholds.NOISE_ROUNDS_FROM_FORCES):
         fit = fit_effects(start.added, start.unknowns, _problem_at(start, problem), start.z)
         start, problem = replace(start, z=fit.z), fit.problem
-    return fit
+        yield fit
 
 
 def _problem_at(start: ForceFit, old: FitProblem) -> FitProblem:

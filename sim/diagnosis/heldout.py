@@ -94,10 +94,14 @@ def gain(before: Floats, after: Floats, block: Ints) -> Gain:
     return Gain(ratio, float(log.mean()), t, up - down, down / max(up, 1e-9))
 
 
-def gain_under(problem: FitProblem, before: Fit, after: Fit) -> Gain:
+def gain_under(problem: FitProblem, before: Fit, after: Fit, mapper: Mapper = map) -> Gain:
     """What a fit is worth over another, both fitted anew under the noise of one problem."""
-    a, b = (fit_effects(f.added, f.unknowns, problem, f.z) for f in (before, after))
-    return gain(a.heldout_residual, b.heldout_residual, problem.block)
+
+    def unseen(fit: Fit) -> Floats:
+        return fit_effects(fit.added, fit.unknowns, problem, fit.z).heldout_residual
+
+    a, b = mapper(unseen, (before, after))
+    return gain(a, b, problem.block)
 
 
 def gain_on_recordings(before: Fit, after: Fit) -> Gain | None:
