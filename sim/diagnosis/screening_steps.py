@@ -5,7 +5,7 @@ whose slopes are worked out once. Starts, and moments of an event, are told apar
 slopes promise before any step is tried.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -27,10 +27,11 @@ from sim.identification.parameters import Unknowns
 from sim.identification.search import (
     MOMENT_STARTS,
     damped_steps,
+    residuals_and_jacobian,
     robust_cost,
     robust_weights,
 )
-from sim.identification.shooting import jacobian_of, residuals_and_slopes, residuals_of
+from sim.identification.shooting import jacobian_of, residuals_of, residuals_of_trials
 from sim.state import Floats, Ints
 from sim.vessel import AddedEffect
 
@@ -80,16 +81,16 @@ class Screening:
 
     def begun(self, begins: Sequence[ScreeningResult]) -> "Begun | None":
         """From every beginning one step, from the best a few; None where the model is lost."""
-        tried = [r for r in map(self._step, begins) if r is not None]
+        tried = self._steps(begins)
         if not tried:
             return None
         r, settled, promised = min(tried, key=least_cost), False, np.inf
         for _ in range(thresholds.LOOK_STEPS):
-            slopes = None if settled else self._slopes(r)
-            if slopes is None:
+            slopes = [] if settled else self._slopes([r])
+            if not slopes:
                 break
-            less, promised = r.cost * (1.0 - thresholds.SETTLED_DECREASE), slopes.promised
-            r = self._best_step(slopes)
+            less, promised = r.cost * (1.0 - thresholds.SETTLED_DECREASE), slopes[0].promised
+            (r,) = self._best_steps(slopes)
             settled = r.cost > less
         # what fell so much falls on, whatever slopes promise
         further = r.cost * (1.0 - thresholds.SETTLED_DECREASE)
@@ -98,10 +99,10 @@ class Screening:
     def to_the_end(self, r: ScreeningResult) -> ScreeningResult:
         """As many steps as lead on; an event is closed in on."""
         for _ in range(thresholds.MAX_SCREENING_STEPS):
-            further = self._step(r)
-            if further is None or further.cost >= r.cost * (1.0 - thresholds.MIN_COST_DECREASE):
+            further = self._steps([r])
+            if not further or further[0].cost >= r.cost * (1.0 - thresholds.MIN_COST_DECREASE):
                 break
-            r = further
+            (r,) = further
         moment = moment_of(r.added.effect)
         return r if moment is None else self.closed_in(r, moment)
 
@@ -150,10 +151,10 @@ class Screening:
         # they go on to other rows
         return [replace(r, residual=None) for r in left[: thresholds.MANY_STARTS // 2]]
 
-    def _stepped(self, results: Iterable[ScreeningResult], steps: int) -> list[ScreeningResult]:
+    def _stepped(self, results: Sequence[ScreeningResult], steps: int) -> list[ScreeningResult]:
         """So many steps from each, the least cost first."""
         for _ in range(steps):
-            results = [r for r in map(self._step, results) if r is not None]
+            results = self._steps(results)
         return sorted(results, key=least_cost)
 
     @cached_property
@@ -198,54 +199,103 @@ class Screening:
         return ScreeningResult(added, unknowns, z, np.inf, place)
 
     def _promised(
-        self, begins: Iterable[ScreeningResult], most: int, below: float = np.inf
+        self, begins: Sequence[ScreeningResult], most: int, below: float = np.inf
     ) -> list[ScreeningResult]:
         """One step from those for which the slopes promise the least cost, `below` some."""
-        known = [s for s in map(self._slopes, begins) if s is not None and s.promised < below]
-        chosen = sorted(known, key=lambda slopes: slopes.promised)[:most]
-        return [r for r in map(self._best_step, chosen) if r is not None]
+        known = [slopes for slopes in self._slopes(begins) if slopes.promised < below]
+        return self._best_steps(sorted(known, key=lambda slopes: slopes.promised)[:most])
 
-    def _step(self, r: ScreeningResult) -> ScreeningResult | None:
-        """The best of a few Levenberg–Marquardt steps; None where the model is lost."""
-        slopes = self._slopes(r)
-        return None if slopes is None else self._best_step(slopes)
+    def _steps(self, results: Sequence[ScreeningResult]) -> list[ScreeningResult]:
+        """From each the best of a few Levenberg–Marquardt steps; none where the model is lost."""
+        return self._best_steps(self._slopes(results))
 
-    def _slopes(self, r: ScreeningResult) -> "Slopes | None":
-        """Residuals and slopes at a result, and where they lead; None where the model is lost."""
-        unknowns, z = r.unknowns, np.clip(r.z, *r.unknowns.bounds)
-        own, shared = np.flatnonzero(r.place < 0), np.flatnonzero(r.place >= 0)
-        run_sets = self.problem.run_sets_for(unknowns, z)
-        residual, J = residuals_and_slopes(unknowns, run_sets, z, own, known=r.residual)
-        J[:, shared] = self.jacobian[:, r.place[shared]]
-        if not np.isfinite(J).all():
-            return None
+    def _slopes(self, results: Sequence[ScreeningResult]) -> list["Slopes"]:
+        """Residuals and slopes at results of one effect, and where they lead; none where the model
+        is lost.
+        """
+        return [slopes for some in self._together(results) for slopes in self._slopes_of(some)]
+
+    def _slopes_of(self, some: Sequence[ScreeningResult]) -> Iterator["Slopes"]:
+        unknowns, place = some[0].unknowns, some[0].place
+        lower, upper = unknowns.bounds
+        z = np.clip([r.z for r in some], lower, upper)
+        own, shared = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
+        before = [r.residual for r in some if r.residual is not None]
+        residual, J = residuals_and_jacobian(
+            lambda each: self._residuals(some, each), range(len(self.problem.trials)), unknowns, z,
+            own, np.stack(before) if len(before) == len(some) else None,
+        )  # fmt: skip
+        J[..., shared] = self.jacobian[:, place[shared]]
+        known = np.asarray(np.isfinite(J).all(axis=(-1, -2)))
+        z, residual, J = z[known], residual[known], J[known]
         weight = robust_weights(residual, thresholds.ROBUST_SIGMAS)
-        tried = np.clip(z + damped_steps(unknowns, z, residual, J, weight), *unknowns.bounds)
-        after = residual + (tried - z) @ J.T
-        promised = robust_cost(unknowns, tried, after, thresholds.ROBUST_SIGMAS)
-        here = replace(r, z=z, residual=residual, deviance=np.inf)
-        return Slopes(here, residual, tried, float(promised.min()))
+        steps = damped_steps(unknowns, z, residual, J, weight)
+        tried = np.clip(z[:, None] + steps, lower, upper)
+        after = residual[:, None] + (tried - z[:, None]) @ J.swapaxes(-1, -2)
+        promised = robust_cost(unknowns, tried, after, thresholds.ROBUST_SIGMAS).min(axis=-1)
+        cost = robust_cost(unknowns, z, residual, thresholds.ROBUST_SIGMAS)
+        for i, r in enumerate(r for r, is_known in zip(some, known, strict=True) if is_known):
+            here = replace(r, z=z[i], residual=residual[i], cost=float(cost[i]), deviance=np.inf)
+            yield Slopes(here, tried[i], float(promised[i]))
 
-    def _best_step(self, slopes: "Slopes") -> ScreeningResult:
-        """The best of the steps; where it stands if none leads down."""
-        r, tried = slopes.here, slopes.tried
-        unknowns, bend = r.unknowns, thresholds.ROBUST_SIGMAS
-        left = residuals_of(unknowns, self.problem.run_sets_for(unknowns, r.z), tried)
-        costs = robust_cost(unknowns, tried, left, bend)
-        k = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
-        here = float(robust_cost(unknowns, r.z, slopes.residual, bend))
-        if here <= costs[k]:
-            return replace(r, cost=here)
-        return replace(r, z=tried[k], cost=float(costs[k]), residual=left[k])
+    def _best_steps(self, slopes: Sequence["Slopes"]) -> list[ScreeningResult]:
+        """The best of the steps from each; where it stands if none leads down."""
+        best, done = [], 0
+        for some in self._together([s.here for s in slopes]):
+            own = slopes[done : done + len(some)]
+            tried = np.stack([s.tried for s in own])
+            each = [tried.reshape(-1, tried.shape[-1])] * len(self.problem.trials)
+            left = np.concatenate(self._residuals(some, each), axis=1)
+            left = left.reshape(*tried.shape[:-1], -1)
+            costs = robust_cost(some[0].unknowns, tried, left, thresholds.ROBUST_SIGMAS)
+            costs = np.where(np.isfinite(costs), costs, np.inf)
+            for i, (r, k) in enumerate(zip(some, np.argmin(costs, axis=1), strict=True)):
+                down = costs[i, k] < r.cost
+                further = replace(r, z=tried[i, k], cost=float(costs[i, k]), residual=left[i, k])
+                best.append(further if down else r)
+            done += len(some)
+        return best
+
+    def _together(self, results: Sequence[ScreeningResult]) -> Iterator[list[ScreeningResult]]:
+        """In groups that one call of the model can run; what has a memory of its own begins with
+        what its own numbers left in it.
+        """
+        if not results:
+            return
+        model = results[0].unknowns.model
+        is_shared = model.kernel is self.problem.run_sets[0].model.kernel or model.state_size == 6
+        most = thresholds.STARTS_TOGETHER if is_shared else 1
+        for i in range(0, len(results), most):
+            yield list(results[i : i + most])
+
+    def _residuals(
+        self, some: Sequence[ScreeningResult], each: Sequence[Floats]
+    ) -> Sequence[Floats]:
+        """Of each trial at z (K, n), as many of each result in turn -> (K, N).
+
+        Results differ in what is fitted, and in what is not: moments, choices.
+        """
+        unknowns = some[0].unknowns
+        thetas = np.stack([r.unknowns.model.theta for r in some])
+        fitted = {u.name for u in unknowns.each}
+        differ = [
+            i for i in np.flatnonzero(np.ptp(thetas, axis=0))
+            if unknowns.model.names[i] not in fitted
+        ]  # fmt: skip
+        run_sets = self.problem.run_sets_for(unknowns, some[0].z)
+        wide = [
+            np.hstack([z, np.repeat(thetas[:, differ], len(z) // len(some), axis=0)]) for z in each
+        ]
+        names = [unknowns.model.names[i] for i in differ]
+        return residuals_of_trials(unknowns.beside(names), run_sets, wide)
 
 
 class Slopes(NamedTuple):
-    """A result with its residuals (N,), numbers (K, n) that its slopes lead to, the least cost that
-    they promise there.
+    """A result with its residuals and cost, numbers (K, n) that its slopes lead to, the least cost
+    that they promise there.
     """
 
     here: ScreeningResult
-    residual: Floats
     tried: Floats
     promised: float
 

@@ -39,6 +39,7 @@ COARSE_STEPS = 2  # there from each start, and again from the best of them
 # From the best start. A hull that is unstable on course bends every way to a varying current: of 21
 # starts those that lead there take six steps and more.
 MAX_SCREENING_STEPS = 12
+STARTS_TOGETHER = 16  # in one call of the model, for the memory that it takes
 LOOK_STEPS = 2  # from the best start of every effect, before it is known which promise most
 PROMISED_MOMENTS = 2  # of an event, of those tried: what their slopes promise tells the others off
 MIN_FOLLOWED = 8  # effects that are followed as far as steps lead, at least …

@@ -192,6 +192,12 @@ class Unknowns:
         """Information (n, n) of the priors that are only assumed."""
         return np.diag([u.prior**-2.0 if u.assumed else 0.0 for u in self.each])
 
+    def beside(self, names: Sequence[str]) -> "Unknowns":
+        """With further parameters of the model, which each z then gives at its end."""
+        values = dict(zip(self.model.names, self.model.theta.tolist(), strict=True))
+        given = (Unknown(n, "", values[n], -np.inf, np.inf, scale=1.0, step=0.0) for n in names)
+        return replace(self, each=(*self.each, *given))
+
     def fixed(self, which: NDArray[np.bool_]) -> "Unknowns":
         """These unknowns, those of the mask (n,) held where they start."""
         pairs = zip(self.each, which, strict=True)

@@ -103,30 +103,35 @@ def robust_cost(
 def damped_steps(
     unknowns: Unknowns, z: Floats, residual: Floats, jacobian: Floats, weight: Floats
 ) -> Floats:
-    """Gauss–Newton steps (K, n) from z (n,), damped more and more.
+    """Gauss–Newton steps (..., K, n) from z (..., n), damped more and more.
 
-    residual (N,), jacobian (N, n), weight (N,). Damped, and not shortened: what the rows hardly
-    determine (the mass of a hull that does not slip) would run far along a line that is bent, and a
-    share of the whole step holds back with it all that they do. Source: Marquardt, J. SIAM 11,
-    1963.
+    residual (..., N), jacobian (..., N, n), weight (..., N). Damped, and not shortened: what the
+    rows hardly determine (the mass of a hull that does not slip) would run far along a line that is
+    bent, and a share of the whole step holds back with it all that they do. Source: Marquardt, J.
+    SIAM 11, 1963.
     """
     known = unknowns.prior**-2.0
-    H = jacobian.T @ (weight[:, None] * jacobian) + np.diag(known)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-    s = jacobian.T @ (weight * residual) + known * (z - unknowns.start)
-    w, V = np.linalg.eigh(H * np.outer(scale, scale))
-    stiff = np.where(w > MIN_CURVATURE * w[-1], w + DAMPING[:, None], np.inf)
-    return np.asarray(-scale * ((V.T @ (scale * s) / stiff) @ V.T))
+    transposed = jacobian.swapaxes(-1, -2)
+    H = transposed @ (weight[..., None] * jacobian) + np.diag(known)
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1), 1e-300))
+    s = np.einsum("...jn,...n->...j", transposed, weight * residual) + known * (z - unknowns.start)
+    w, V = np.linalg.eigh(H * scale[..., :, None] * scale[..., None, :])
+    w = w[..., None, :]
+    stiff = np.where(w > MIN_CURVATURE * w[..., -1:], w + DAMPING[:, None], np.inf)
+    along = np.einsum("...ij,...i->...j", V, scale * s)[..., None, :] / stiff
+    return np.asarray(-scale[..., None, :] * (along @ V.swapaxes(-1, -2)))
 
 
 def moved_by_steps(
     unknowns: Unknowns, z: Floats, columns: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """z (n,), then with some of its numbers moved within bounds: (k + 1, n), and the steps (k,)."""
+    """z (..., n), then with some of its numbers moved within bounds: (..., k + 1, n), and the steps
+    (..., k).
+    """
     _, upper = unknowns.bounds
-    step = np.where(z + unknowns.step > upper, -unknowns.step, unknowns.step)[columns]
-    moved = np.tile(z, (len(columns) + 1, 1))
-    moved[np.arange(len(columns)) + 1, columns] += step
+    step = np.where(z + unknowns.step > upper, -unknowns.step, unknowns.step)[..., columns]
+    moved = np.repeat(z[..., None, :], len(columns) + 1, axis=-2)
+    moved[..., np.arange(len(columns)) + 1, columns] += step
     return moved, step
 
 
@@ -134,22 +139,28 @@ def residuals_and_jacobian(
     residuals: ResidualsOfTrials, trials: Sequence[int], unknowns: Unknowns, z: Floats,
     columns: NDArray[np.int64] | None = None, known: Floats | None = None,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Residuals (N,) at z (n,) of trials by number, one after another, and their Jacobian (N, n).
+    """Residuals (..., N) at z (..., n) of trials by number, one after another, and their Jacobian
+    (..., N, n).
 
-    Only some `columns` of it, if given; the others are zero. A trial is run for those of its own.
+    Only some `columns` of it, if given; the others are zero. A trial is run for those of its own;
+    where there are several z, for all that belongs to the first, then the second, and so on.
     `known`: the residuals at z, where they are at hand.
     """
-    wanted = np.arange(len(z)) if columns is None else columns
+    wanted = np.arange(z.shape[-1]) if columns is None else columns
     mine = [np.intersect1d(wanted, unknowns.columns_of_trial(trial)) for trial in trials]
     moved = [moved_by_steps(unknowns, z, own) for own in mine]
     here = known if all(map(len, mine)) else None
-    each = residuals([points if here is None else points[1:] for points, _ in moved])
+    points = [p if here is None else p[..., 1:, :] for p, _ in moved]
+    found = residuals([p.reshape(-1, z.shape[-1]) for p in points])
+    each = [r.reshape(*p.shape[:-1], -1) for r, p in zip(found, points, strict=True)]
     if here is None:
-        here, each = np.concatenate([r[0] for r in each]), [r[1:] for r in each]
-    J, done = np.zeros((len(here), len(z))), 0
+        here = np.concatenate([r[..., 0, :] for r in each], axis=-1)
+        each = [r[..., 1:, :] for r in each]
+    J, done = np.zeros((*here.shape, z.shape[-1])), 0
     for r, own, (_, step) in zip(each, mine, moved, strict=True):
-        rows = slice(done, done + r.shape[1])
-        J[rows, own] = ((r - here[rows]) / step[:, None]).T
+        rows = slice(done, done + r.shape[-1])
+        slopes = (r - here[..., None, rows]) / step[..., None]
+        J[..., rows, own] = slopes.swapaxes(-1, -2)
         done = rows.stop
     return here, J
 

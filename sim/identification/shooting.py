@@ -205,13 +205,14 @@ def residuals_of(
     whitening: Whitening = projected_residuals,
 ) -> Floats:  # fmt: skip
     """Parameters z (K, n) -> residuals (K, N), without priors."""
-    each = _residuals_of_trials(unknowns, run_sets, [z] * len(run_sets), whitening)
+    each = residuals_of_trials(unknowns, run_sets, [z] * len(run_sets), whitening)
     return np.concatenate(each, axis=1)
 
 
-def _residuals_of_trials(
-    unknowns: Unknowns, run_sets: Sequence[RunSet], z: Sequence[Floats], whitening: Whitening
-) -> list[Floats]:
+def residuals_of_trials(
+    unknowns: Unknowns, run_sets: Sequence[RunSet], z: Sequence[Floats],
+    whitening: Whitening = projected_residuals,
+) -> list[Floats]:  # fmt: skip
     """Parameters z (K, n) of each trial -> residuals (K, N) of each."""
     errors = errors_of_trials(run_sets, unknowns, z)
     return [whitening(w, e) for w, e in zip(run_sets, errors, strict=True)]
@@ -226,7 +227,7 @@ def residuals_and_slopes(
     limit; only some `columns`, the others zero. `known`: the residuals, where they are at hand.
     """
     return residuals_and_jacobian(
-        lambda each: _residuals_of_trials(unknowns, run_sets, each, whitening),
+        lambda each: residuals_of_trials(unknowns, run_sets, each, whitening),
         [w.source.number for w in run_sets], unknowns, z, columns, known,
     )  # fmt: skip
 

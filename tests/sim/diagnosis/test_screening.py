@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import pytest
 
-from sim.diagnosis import screening
+from sim.diagnosis import screening, thresholds
 from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.screening import (
@@ -120,12 +120,37 @@ def test_what_fell_by_its_last_step_is_not_settled(
     steps: Any = [SimpleNamespace(cost=cost) for cost in costs]
     slopes = iter(SimpleNamespace(promised=p, to=k + 1) for k, p in enumerate(promises))
     made: Any = SimpleNamespace(
-        _step=lambda r: r, _slopes=lambda r: next(slopes), _best_step=lambda s: steps[s.to]
-    )
+        _steps=lambda some: some, _slopes=lambda _: [next(slopes)],
+        _best_steps=lambda some: [steps[s.to] for s in some],
+    )  # fmt: skip
     begun = Screening.begun(made, steps[:1])
     assert begun is not None
     assert begun.is_settled == settled
     assert begun.promised == pytest.approx(promised)
+
+
+@pytest.mark.parametrize("effect", ["current_change", "thruster_fault", "thruster_lag"])
+def test_starts_looked_at_together_lead_where_each_leads_alone(
+    effect: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Moments and choices, which no fit moves, are of each start its own; what has a memory is run
+    by itself.
+    """
+    law = named(effect)
+    superset = SupersetModel.of(WAM_V, [law])
+    base = fit_base(superset, Model.of(WAM_V), [sailed()], DiagnoseSettings())
+    look = Screening.of(superset, base, base.problem.thinned(200))
+    starts = superset.starts(law, Model.of(WAM_V), base.problem.trials)[:5]
+    begins = [look.at(law, start) for start in starts]
+    assert len({r.unknowns.model.theta.tobytes() for r in begins}) > 1 or effect == "thruster_lag"
+    together = look._stepped(begins, 2)
+    monkeypatch.setattr(thresholds, "STARTS_TOGETHER", 1)
+    alone = look._stepped(begins, 2)
+    assert len(alone) == len(begins)
+    for one, other in zip(together, alone, strict=True):
+        assert one.added == other.added
+        assert one.cost == pytest.approx(other.cost)
+        assert one.z == pytest.approx(other.z)
 
 
 @pytest.mark.slow
