@@ -64,7 +64,7 @@ class EffectSearch(CandidateSearch):
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
-        steps, fit = self._in_place_by_forces(*self._made_simpler(fewer, fit))
+        steps, fit = self._in_place_by_forces(first, *self._made_simpler(fewer, fit))
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
         first = next(alone, first)
@@ -303,21 +303,25 @@ class EffectSearch(CandidateSearch):
         before, after = (self.scorer.score_fit(each).nrmse for each in (fit, at))
         return (simpler, at) if after <= thresholds.MAX_RIVAL_RATIO * before else (steps, fit)
 
-    def _in_place_by_forces(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+    def _in_place_by_forces(
+        self, first: Ranking, steps: list[Ranking], fit: Fit
+    ) -> tuple[list[Ranking], Fit]:
         """Each of several effects chosen once more beside the others, among its look-alikes and
-        what promised enough to be fitted: from numbers that the missing forces give. What needs
+        what promised enough to be fitted, be it at the first look, but for its general forms, which
+        the rankings have compared with it: from numbers that the missing forces give. What needs
         fewer numbers takes a place more easily, see `_takes_place`.
         """
         if len(steps) < 2 or not _are_few(fit):
             return steps, fit
-        promising = sorted({row.name for step in steps for row in step.finalists})
+        promising = sorted({row.name for step in [first, *steps] for row in step.finalists})
         problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
         for step in list(steps):
             self.progress(f"what does as well as {step.best.name}, from the missing forces")
             place, present = fit.names.index(step.best.name), step.best.effect
             effects = [
                 e for e in self._others(fit)
-                if e.name in promising or e.looks_like_effect(present)
+                if (e.name in promising or e.looks_like_effect(present))
+                and e.general_of != present.name
             ]  # fmt: skip
             for other in in_place_by_forces(problem, fit, place, effects, self.mapper):
                 if not self._takes_place(other, fit):

@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from sim.body import Flow
-from sim.effects.effect import COAST_DOWN, Effect, EvidenceAxis, ForceAxis, Parameter, Scope
+from sim.effects.effect import (
+    COAST_DOWN,
+    TURN_SLOW_AND_FAST,
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+)
 from sim.effects.words import FittedValues
 from sim.state import Wrench
 
@@ -50,8 +58,12 @@ EFFECT = Effect(
         ),
     ),
     looks_like="too slow at speed, and swinging less (or more) behind the point that is held",
-    mistaken_for=("advance_loss",),
+    mistaken_for=("advance_loss", "hull_lift", "cubic_drag"),
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
-    separated={"advance_loss": COAST_DOWN},
+    separated={
+        "advance_loss": COAST_DOWN,
+        "hull_lift": COAST_DOWN,
+        "cubic_drag": TURN_SLOW_AND_FAST,
+    },
     in_words=in_words,
 )

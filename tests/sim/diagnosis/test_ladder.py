@@ -249,7 +249,7 @@ class Scripted(EffectSearch):
     def _begun_with_forces(self, base: Any) -> list[Ranking]:
         return []
 
-    def _in_place_by_forces(self, steps: Any, fit: Any) -> Any:
+    def _in_place_by_forces(self, first: Any, steps: Any, fit: Any) -> Any:
         return steps, fit
 
     def _beside(self, added: Any, like: Any, problem: Any = None) -> Any:
@@ -654,7 +654,7 @@ GREAT = Gain(2.0, 0.5, 5.7, 700.0, 0.0)
 
 def in_place(
     monkeypatch: pytest.MonkeyPatch, found: tuple[str, ...], told: str, recordings: int = 1,
-    believed: bool = True, **left: float,
+    believed: bool = True, looked: tuple[str, ...] = (), **left: float,
 ) -> tuple[tuple[str, ...], list[list[str]]]:  # fmt: skip
     """What stands after the forces have `told` one effect for the last place, and what was asked of
     each place.
@@ -683,7 +683,8 @@ def in_place(
     monkeypatch.setattr("sim.diagnosis.ladder.in_place_by_forces", from_forces)
     monkeypatch.setattr(InPlace, "is_believed", lambda self, row, reference: believed)
     steps = [Ranking(FIRST, (row(name, SOME.gain), LITTLE)) for name in found]
-    rankings, fit = search._in_place_by_forces(steps, numbered(search.fit_of(found)))
+    first = Ranking(FIRST, tuple(row(name, SOME.gain) for name in looked))
+    rankings, fit = search._in_place_by_forces(first, steps, numbered(search.fit_of(found)))
     assert sorted(r.best.name for r in rankings) == sorted(fit.names)
     return fit.names, asked
 
@@ -726,6 +727,13 @@ def test_forces_are_asked_for_look_alikes_of_several_causes_of_few_recordings(
     assert len(asked) == 2
     assert {"cubic_drag", "towed_load", "cg_offset"} <= set(asked[1])  # the last was promising
     assert not set(asked[1]) & {"steady_current", "current_change", "advance_loss", "hull_lift"}
+    seen = in_place(
+        monkeypatch, TOW, "cubic_drag", looked=("payload_change", "varying_current"),
+        steady_current__towed_load=0.2, **left,
+    )[1]  # fmt: skip
+    assert all("payload_change" in names for names in seen)  # at the first look alone
+    assert not {"varying_current", "current_change"} & set(seen[0])  # what is steady was decided
+    assert "varying_current" in seen[1]
     assert in_place(monkeypatch, ("hull_lift",), "towed_load", **left) == (("hull_lift",), [])
     alike = {"steady_current__hull_lift": 0.2, "steady_current__towed_load": 0.2}
     assert in_place(monkeypatch, LIFT, "towed_load", recordings=3, **alike) == (LIFT, [])
