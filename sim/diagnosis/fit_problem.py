@@ -234,6 +234,11 @@ class FitProblem:
         return out
 
 
+def nats_of(deviance: float) -> float:
+    """Nats that a difference of −2 log likelihood is worth, several rows counting as one."""
+    return 0.5 * deviance / thresholds.ROWS_PER_INDEPENDENT_ROW
+
+
 def _with_model(runs: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
     theta = unknowns.theta(z[None], runs.source.number)[0]
     model = replace(unknowns.model, theta=theta)

@@ -36,7 +36,7 @@ from sim.diagnosis.fit import (
     unknowns_for,
     with_event_at,
 )
-from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel, nats_of
 from sim.diagnosis.residual_terms import MEDIAN_OF_ABSOLUTE
 from sim.diagnosis.screening import Mapper
 from sim.diagnosis.screening_steps import moment_of
@@ -288,34 +288,41 @@ def in_place_by_forces(
     before = fit.problem.deviance(fit.unknowns, fit.z)
 
     def within_reach(start: ForceFit) -> Fit | None:
-        rounds = _rounds(start, fit.problem)
-        for other, most in zip(rounds, thresholds.MAX_NATS_BEHIND, strict=True):
-            behind = fit.problem.deviance(other.unknowns, other.z) - before
-            if 0.5 * behind / thresholds.ROWS_PER_INDEPENDENT_ROW > most:
+        last: tuple[Fit, float] | None = None
+        for last in _rounds(start, fit.problem):
+            if nats_of(last[1] - before) > thresholds.MAX_NATS_BEHIND_AT_FIRST:
                 return None
-        return other
+        if last is None or nats_of(last[1] - before) > thresholds.MAX_NATS_BEHIND:
+            return None
+        return last[0]
 
     return [other for other in mapper(within_reach, begun) if other is not None]
 
 
-def fit_from_forces(start: ForceFit, problem: FitProblem) -> Fit:
-    """The effects of a fit of forces, fitted to predictions from there, under the noise that they
-    leave: under that of the bare base, and from what the base became without them, they would be
-    lost again.
+def fit_under_its_noise(start: ForceFit | Fit, problem: FitProblem) -> Fit:
+    """The effects of a fit, of forces or of predictions, fitted to predictions from there under the
+    noise that they leave: under that of the bare base, and from what the base became without them,
+    they would be lost again.
     """
-    *_, fit = _rounds(start, problem)
+    *_, (fit, _) = _rounds(start, problem)
     return fit
 
 
-def _rounds(start: ForceFit, problem: FitProblem) -> Iterator[Fit]:
-    """Fit and noise in turn, from the numbers of a fit of forces."""
-    for _ in range(thresholds.NOISE_ROUNDS_FROM_FORCES):
-        fit = fit_effects(start.added, start.unknowns, _problem_at(start, problem), start.z)
-        start, problem = replace(start, z=fit.z), fit.problem
-        yield fit
+def _rounds(start: ForceFit | Fit, problem: FitProblem) -> Iterator[tuple[Fit, float]]:
+    """Fit and noise in turn, from the numbers of a fit, as long as that leads on; with the deviance
+    on the rows of the first problem.
+    """
+    before, now = np.inf, problem
+    for _ in range(thresholds.MAX_ROUNDS_FROM_FORCES):
+        fit = fit_effects(start.added, start.unknowns, _problem_at(start, now), start.z)
+        deviance = problem.deviance(fit.unknowns, fit.z)
+        yield fit, deviance
+        if nats_of(before - deviance) < thresholds.MIN_NATS_OF_A_ROUND:
+            return
+        start, now, before = fit, fit.problem, deviance
 
 
-def _problem_at(start: ForceFit, old: FitProblem) -> FitProblem:
+def _problem_at(start: ForceFit | Fit, old: FitProblem) -> FitProblem:
     """With the runs and the noise that some numbers leave."""
     noise = old.noise_of(start.unknowns, start.z)
     return FitProblem.of(old.vessel, old.trials, start.unknowns, start.z, noise, old.settings)

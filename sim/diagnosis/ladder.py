@@ -18,13 +18,15 @@ deserve starts where this model has them, and the noise that it leaves.
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.candidates import CandidateSearch
 from sim.diagnosis.fit import Fit, final_fit
+from sim.diagnosis.fit_problem import FitProblem, nats_of
 from sim.diagnosis.force_search import (
     ForceProblem,
-    fit_from_forces,
+    fit_under_its_noise,
     in_place_by_forces,
     search_forces,
 )
@@ -138,7 +140,7 @@ class EffectSearch(CandidateSearch):
         found = search_forces(problem, self.effects, self.most, self.mapper)
         if len(found.fit.added) < 2:
             return []
-        fit = fit_from_forces(found.fit, base.problem)
+        fit = fit_under_its_noise(found.fit, base.problem)
         steps, added = list[Ranking](), list[AddedEffect]()
         for each in fit.effects():
             ranking = self._led_by(fit, added, each, found.promising[each.effect.name])
@@ -317,15 +319,16 @@ class EffectSearch(CandidateSearch):
         problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
         for step in list(steps):
             self.progress(f"what does as well as {step.best.name}, from the missing forces")
+            fit = fit_under_its_noise(fit, fit.problem)  # as what is tried will be
             place, present = fit.names.index(step.best.name), step.best.effect
             effects = [
                 e for e in self._others(fit)
                 if (e.name in promising or e.looks_like_effect(present))
                 and e.general_of != present.name
             ]  # fmt: skip
-            for other in in_place_by_forces(problem, fit, place, effects, self.mapper):
-                if not self._takes_place(other, fit):
-                    continue
+            found = in_place_by_forces(problem, fit, place, effects, self.mapper)
+            taking = [other for other in found if self._takes_place(other, fit)]
+            for other in sorted(taking, key=partial(_unlikely, fit.problem)):
                 *others, last = other.effects()
                 ranking = self._led_by(other, others, last, promising)
                 if self.is_believed(ranking.best, ranking.reference):
@@ -336,15 +339,30 @@ class EffectSearch(CandidateSearch):
         return steps, fit
 
     def _takes_place(self, other: Fit, fit: Fit) -> bool:
-        """Whether another fit is worth it; or does as well with two numbers fewer, or wins with one
-        fewer, be it little, under the noise that either leaves.
+        """Whether another fit is worth it; or is the more likely with no more numbers; or has two
+        numbers fewer and does as well under the noise that this leaves, or better under its own, or
+        one fewer and does better under both.
         """
         fewer = len(fit.z) - len(other.z)
-        if fewer > 1 and not is_better_than_special(self._gain_over(fit, other)):
+        least = 0.0 if fewer else thresholds.MIN_NATS_IN_FEW_BLOCKS
+        if fewer >= 0 and self._is_more_likely(other, fit, least):
             return True
-        over = self._gain_over(other, fit)
-        wins = fewer == 1 and over.nats > 0.0
-        return is_worth_it(over) or (wins and self._gain_over(fit, other).nats < 0.0)
+        over, under = self._gain_over(other, fit), self._gain_over(fit, other)
+        if is_worth_it(over):
+            return True
+        if fewer > 1 and (over.nats > 0.0 or not is_better_than_special(under)):
+            return True
+        return fewer == 1 and over.nats > 0.0 > under.nats
+
+    def _is_more_likely(self, other: Fit, fit: Fit, nats: float) -> bool:
+        """Whether another fit is ahead by so many nats, each under the noise that it leaves, and
+        predicts as well: of two that each win under their own the gains on unseen time say nothing.
+        """
+        left, before = (_unlikely(fit.problem, each) for each in (other, fit))
+        if before - left <= nats:
+            return False
+        error, before = (self.scorer.score_fit(each).nrmse for each in (other, fit))
+        return error <= thresholds.MAX_RIVAL_RATIO * before
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: from where the
@@ -392,6 +410,14 @@ class EffectSearch(CandidateSearch):
             else:
                 break
         return steps, fit
+
+
+def _unlikely(problem: FitProblem, fit: Fit) -> float:
+    """Key of the order in which fits are preferred, the most likely first, each under the noise
+    that it leaves: nats, and one for each number. Source: Akaike, IEEE Trans. Automatic Control 19,
+    1974.
+    """
+    return nats_of(problem.deviance(fit.unknowns, fit.z)) + len(fit.z)
 
 
 def _are_few(fit: Fit) -> bool:

@@ -21,7 +21,7 @@ from sim.diagnosis.fit import (
     unknowns_for,
     with_event_at,
 )
-from sim.diagnosis.fit_problem import FitProblem, SupersetModel
+from sim.diagnosis.fit_problem import FitProblem, SupersetModel, nats_of
 from sim.effects.effect import Effect, Kind, Values
 from sim.identification.parameters import Unknowns
 from sim.identification.search import (
@@ -176,8 +176,7 @@ class Screening:
     def is_better(self, r: ScreeningResult, before: float) -> bool:
         """Whether a result is worth as much over a deviance as what is left has to be."""
         thinned = len(self.reference.problem.block) / len(self.problem.block)
-        nats = 0.5 * (before - r.deviance) * thinned / thresholds.ROWS_PER_INDEPENDENT_ROW
-        return nats > thresholds.MIN_RESIDUAL_NATS
+        return nats_of((before - r.deviance) * thinned) > thresholds.MIN_RESIDUAL_NATS
 
     def with_deviance(self, r: ScreeningResult) -> ScreeningResult:
         """The same, judged under its own noise."""

@@ -106,11 +106,11 @@ FORCE_ROUNDS, FORCE_STEPS = 3, 6  # of fit and spread in turn; of a fit
 FOLLOWED_FORCES = 6  # effects whose numbers are fitted beside all others
 LONGEST_SHARE_TO_A_MOMENT = 0.04  # of the recording: half the way between two that are tried
 MAX_FORCE_COST_IN_PLACE = 2.0  # over that of what stands there: of what may do as well
-NOISE_ROUNDS_FROM_FORCES = 3  # of fit and noise in turn, from numbers that forces gave …
-# … and how many nats behind what stands there another may be after each, to be looked at further.
-# Of 73 on seven days four took a place: two were 165 and 207 behind after the first round, two
-# ahead; all were at the end, when 64 others were more than 50 behind.
-MAX_NATS_BEHIND = (400.0, 200.0, 50.0)
+MAX_ROUNDS_FROM_FORCES = 8  # of fit and noise in turn, from numbers that forces gave, …
+MIN_NATS_OF_A_ROUND = 5.0  # … as long as one brings so much: most settle in two, one tow took six
+# Nats behind what stands there, of another to be looked at further: what took a place on ten days
+# was up to 335 behind after its first round, and -626 to 15 at the end.
+MAX_NATS_BEHIND_AT_FIRST, MAX_NATS_BEHIND = 1000.0, 50.0
 
 # --- Rivals (heldout.py, verdict.py) ---
 MIN_T_BETTER = 3.0  # over the blocks: one is really better than the other

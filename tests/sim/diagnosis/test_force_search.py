@@ -10,7 +10,7 @@ from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.force_search import (
     ForceProblem,
     acts_at_once,
-    fit_from_forces,
+    fit_under_its_noise,
     in_place_by_forces,
     search_forces,
 )
@@ -73,7 +73,7 @@ def test_all_causes_of_a_day_stand_out(hard: tuple[ForceProblem, Any, list[Effec
     assert speeds == pytest.approx([np.hypot(0.3, 0.2)], abs=0.06)
     fault = next(a for a in last.added if a.effect.name == "thruster_fault")
     assert fault.values["time"] == pytest.approx(FAILS, abs=3.0)
-    fit = fit_from_forces(last, base.problem)
+    fit = fit_under_its_noise(last, base.problem)
     assert fit.names == last.names
     assert max(fit.noise_share) < 0.5 * max(base.noise_share)
 
@@ -93,7 +93,7 @@ def test_what_leaves_as_little_of_the_forces_may_stand_in_a_place(
     leaves all of the water's force, and no load for a compass that is off.
     """
     problem, base, effects = hard
-    fit = fit_from_forces(search_forces(problem, effects, 4).fit, base.problem)
+    fit = fit_under_its_noise(search_forces(problem, effects, 4).fit, base.problem)
     waters = {"steady_current", "current_change"}
     present = next(iter(waters & set(fit.names)))
     place = fit.names.index(present)

@@ -654,10 +654,11 @@ GREAT = Gain(2.0, 0.5, 5.7, 700.0, 0.0)
 
 def in_place(
     monkeypatch: pytest.MonkeyPatch, found: tuple[str, ...], told: str, recordings: int = 1,
-    believed: bool = True, looked: tuple[str, ...] = (), **left: float,
+    believed: bool = True, looked: tuple[str, ...] = (), nats: dict[str, float] | None = None,
+    **left: float,
 ) -> tuple[tuple[str, ...], list[list[str]]]:  # fmt: skip
     """What stands after the forces have `told` one effect for the last place, and what was asked of
-    each place.
+    each place. By `nats` one that ends with an effect is the more likely; else as what is left.
     """
     nothing: Any = None
     search = InPlace(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
@@ -672,15 +673,17 @@ def in_place(
 
     def numbered(fit: Any) -> Any:
         count = sum(len(named(name).fit_parameters) for name in fit.names)
-        fit.z, fit.problem.trials, fit.problem.settings = (
-            np.zeros(count),
-            (None,) * recordings,
-            None,
+        known = {"": 1e3 * np.log(fit.nrmse)} if nats is None else nats
+        fit.unknowns = -6.0 * known.get(fit.names[-1], 0.0) if nats else 6.0 * known[""]
+        fit.z = np.zeros(count)
+        fit.problem = SimpleNamespace(
+            trials=(None,) * recordings, settings=None, deviance=lambda unknowns, z: unknowns
         )
         return fit
 
     monkeypatch.setattr("sim.diagnosis.ladder.ForceProblem", SimpleNamespace(of=lambda *_: None))
     monkeypatch.setattr("sim.diagnosis.ladder.in_place_by_forces", from_forces)
+    monkeypatch.setattr("sim.diagnosis.ladder.fit_under_its_noise", lambda fit, _: fit)
     monkeypatch.setattr(InPlace, "is_believed", lambda self, row, reference: believed)
     steps = [Ranking(FIRST, (row(name, SOME.gain), LITTLE)) for name in found]
     first = Ranking(FIRST, tuple(row(name, SOME.gain) for name in looked))
@@ -706,14 +709,31 @@ def test_two_numbers_fewer_take_a_place_where_they_do_as_well(
     assert in_place(monkeypatch, TOW, "hull_lift", **better)[0] == LIFT
 
 
-def test_one_number_fewer_takes_a_place_where_it_wins(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_number_fewer_takes_a_place_where_it_is_as_likely(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     tow, loss = TOW, ("steady_current", "advance_loss")
-    left = {"steady_current__towed_load": 0.2, "steady_current__advance_loss": 0.199}
+    left = {"steady_current__towed_load": 0.2, "steady_current__advance_loss": 0.2}
     assert in_place(monkeypatch, tow, "advance_loss", **left)[0] == loss
-    alike = {**left, "steady_current__advance_loss": 0.2}
-    assert in_place(monkeypatch, tow, "advance_loss", **alike)[0] == tow
+    assert in_place(monkeypatch, loss, "towed_load", **left)[0] == loss
     little = {**left, "steady_current__towed_load": 0.198}
-    assert in_place(monkeypatch, loss, "towed_load", **little)[0] == loss
+    assert in_place(monkeypatch, tow, "advance_loss", **little)[0] == tow
+    assert (
+        in_place(monkeypatch, loss, "towed_load", **little)[0] == loss
+    )  # too little, for one more
+
+
+@pytest.mark.parametrize(
+    ("ahead", "error", "takes"), [(25.0, 0.202, True), (15.0, 0.202, False), (25.0, 0.3, False)]
+)
+def test_of_two_with_as_many_numbers_the_more_likely_takes_the_place(
+    monkeypatch: pytest.MonkeyPatch, ahead: float, error: float, takes: bool
+) -> None:
+    """Be its error on unseen time a little larger: each wins that under its own noise."""
+    loss, drag = ("steady_current", "advance_loss"), ("steady_current", "cubic_drag")
+    left = {"steady_current__advance_loss": 0.2, "steady_current__cubic_drag": error}
+    found, _ = in_place(monkeypatch, loss, "cubic_drag", nats={"cubic_drag": ahead}, **left)
+    assert found == (drag if takes else loss)
 
 
 def test_forces_are_asked_for_look_alikes_of_several_causes_of_few_recordings(
