@@ -1,10 +1,13 @@
 """Several causes at once, told from missing forces: voyages by physics written anew."""
 
+from itertools import count
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from sim.diagnosis import force_search, thresholds
 from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
 from sim.diagnosis.fit_problem import SupersetModel
 from sim.diagnosis.force_search import (
@@ -76,6 +79,33 @@ def test_all_causes_of_a_day_stand_out(hard: tuple[ForceProblem, Any, list[Effec
     fit = fit_under_its_noise(last, base.problem)
     assert fit.names == last.names
     assert max(fit.noise_share) < 0.5 * max(base.noise_share)
+
+
+@pytest.mark.parametrize(
+    ("deviances", "rounds"),
+    [
+        ([2000.0, 1700.0, 1000.0, 300.0, 290.0, 280.0], 5),  # a tow that comes down slowly
+        ([2000.0, 1990.0, 0.0], 2),
+        (list(range(20000, 0, -1000)), thresholds.MAX_ROUNDS_FROM_FORCES),
+    ],
+)
+def test_fit_and_noise_take_turns_as_long_as_that_leads_on(
+    monkeypatch: pytest.MonkeyPatch, deviances: list[float], rounds: int
+) -> None:
+    left = iter(deviances)
+    problem: Any = SimpleNamespace(deviance=lambda *_: next(left))
+    made = count()
+
+    def fitted(*_: Any) -> Any:
+        return SimpleNamespace(
+            added=(), unknowns=None, z=None, problem=problem, number=next(made)
+        )  # fmt: skip
+
+    monkeypatch.setattr(force_search, "fit_effects", fitted)
+    monkeypatch.setattr(force_search, "_problem_at", lambda *_: problem)
+    start: Any = SimpleNamespace(added=(), unknowns=None, z=None)
+    last: Any = fit_under_its_noise(start, problem)
+    assert last.number == rounds - 1
 
 
 def test_no_more_stand_out_than_were_asked_for(
