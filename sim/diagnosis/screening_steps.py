@@ -217,7 +217,8 @@ class Screening:
     def _slopes_of(self, some: Sequence[ScreeningResult]) -> Iterator["Slopes"]:
         unknowns, place = some[0].unknowns, some[0].place
         lower, upper = unknowns.bounds
-        z = np.clip([r.z for r in some], lower, upper)
+        some = [replace(r, z=np.clip(r.z, lower, upper)) for r in some]
+        z = np.stack([r.z for r in some])
         own, shared = np.flatnonzero(place < 0), np.flatnonzero(place >= 0)
         before = [r.residual for r in some if r.residual is not None]
         residual, J = residuals_and_jacobian(
@@ -233,8 +234,8 @@ class Screening:
         after = residual[:, None] + (tried - z[:, None]) @ J.swapaxes(-1, -2)
         promised = robust_cost(unknowns, tried, after, thresholds.ROBUST_SIGMAS).min(axis=-1)
         cost = robust_cost(unknowns, z, residual, thresholds.ROBUST_SIGMAS)
-        for i, r in enumerate(r for r, is_known in zip(some, known, strict=True) if is_known):
-            here = replace(r, z=z[i], residual=residual[i], cost=float(cost[i]), deviance=np.inf)
+        for i, k in enumerate(np.flatnonzero(known)):
+            here = replace(some[k], residual=residual[i], cost=float(cost[i]), deviance=np.inf)
             yield Slopes(here, tried[i], float(promised[i]))
 
     def _best_steps(self, slopes: Sequence["Slopes"]) -> list[ScreeningResult]:
@@ -245,7 +246,7 @@ class Screening:
             tried = np.stack([s.tried for s in own])
             each = [tried.reshape(-1, tried.shape[-1])] * len(self.problem.trials)
             left = np.concatenate(self._residuals(some, each), axis=1)
-            left = left.reshape(*tried.shape[:-1], -1)
+            left = left.reshape(*tried.shape[:-1], left.shape[-1])
             costs = robust_cost(some[0].unknowns, tried, left, thresholds.ROBUST_SIGMAS)
             costs = np.where(np.isfinite(costs), costs, np.inf)
             for i, (r, k) in enumerate(zip(some, np.argmin(costs, axis=1), strict=True)):
@@ -285,8 +286,8 @@ class Screening:
         wide = [
             np.hstack([z, np.repeat(thetas[:, differ], len(z) // len(some), axis=0)]) for z in each
         ]
-        names = [unknowns.model.names[i] for i in differ]
-        return residuals_of_trials(unknowns.beside(names), run_sets, wide)
+        further = unknowns.beside([unknowns.model.names[i] for i in differ]) if differ else unknowns
+        return residuals_of_trials(further, run_sets, wide)
 
 
 class Slopes(NamedTuple):

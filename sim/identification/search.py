@@ -152,7 +152,7 @@ def residuals_and_jacobian(
     here = known if all(map(len, mine)) else None
     points = [p if here is None else p[..., 1:, :] for p, _ in moved]
     found = residuals([p.reshape(-1, z.shape[-1]) for p in points])
-    each = [r.reshape(*p.shape[:-1], -1) for r, p in zip(found, points, strict=True)]
+    each = [r.reshape(*p.shape[:-1], r.shape[-1]) for r, p in zip(found, points, strict=True)]
     if here is None:
         here = np.concatenate([r[..., 0, :] for r in each], axis=-1)
         each = [r[..., 1:, :] for r in each]

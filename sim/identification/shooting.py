@@ -218,26 +218,16 @@ def residuals_of_trials(
     return [whitening(w, e) for w, e in zip(run_sets, errors, strict=True)]
 
 
-def residuals_and_slopes(
-    unknowns: Unknowns, run_sets: Sequence[RunSet], z: Floats,
-    columns: NDArray[np.int64] | None = None, whitening: Whitening = projected_residuals,
-    known: Floats | None = None,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Residuals (N,) at z (n,), and ∂ residuals / ∂ z (N, n) by differences, away from the nearer
-    limit; only some `columns`, the others zero. `known`: the residuals, where they are at hand.
-    """
-    return residuals_and_jacobian(
-        lambda each: residuals_of_trials(unknowns, run_sets, each, whitening),
-        [w.source.number for w in run_sets], unknowns, z, columns, known,
-    )  # fmt: skip
-
-
 def jacobian_of(
     unknowns: Unknowns, run_sets: Sequence[RunSet], z: Floats,
     whitening: Whitening = projected_residuals,
 ) -> Floats:  # fmt: skip
-    """∂ residuals / ∂ z by differences, away from the nearer limit: (N, n)."""
-    return residuals_and_slopes(unknowns, run_sets, z, whitening=whitening)[1]
+    """∂ residuals / ∂ z at z (n,) by differences, away from the nearer limit: (N, n)."""
+    _, jacobian = residuals_and_jacobian(
+        lambda each: residuals_of_trials(unknowns, run_sets, each, whitening),
+        [w.source.number for w in run_sets], unknowns, z,
+    )  # fmt: skip
+    return jacobian
 
 
 def best_parameters(
