@@ -10,10 +10,10 @@ leads from there to those two, or from a current and a steady wind to a wind tha
 the first leaves much, and several stand out in the missing forces (`force_search`), the search
 begins with these, and goes on from there as from any other beginning. At the end each is chosen
 once more from numbers that the forces give, by likelihood: a few steps may not lead there from a
-hull that was bent to go with another effect. The final fit is as `shadow identify` fits: moments of events once,
-then starts → noise → numbers in turn until they settle. While effects are compared, starts are
-taken from the measured motion and noise from a leader, the same for all; numbers with an interval
-deserve starts where this model has them, and the noise that it leaves.
+hull that was bent to go with another effect. The final fit is as `shadow identify` fits: moments of
+events once, then starts → noise → numbers in turn until they settle. While effects are compared,
+starts are taken from the measured motion and noise from a leader, the same for all; numbers with an
+interval deserve starts where this model has them, and the noise that it leaves.
 """
 
 from collections.abc import Container, Iterator, Mapping, Sequence
