@@ -226,4 +226,5 @@ def test_one_of_two_that_look_alike_declares_it():
     assert mistaken_for(named("hull_lift"), (*EFFECTS, stranger)) == (
         "cross_damping",
         "crossflow_drag",
+        "towed_load",
     )
