@@ -155,3 +155,12 @@ def test_what_swings_is_white_once_its_colour_is_out() -> None:
     assert left[:, first + 1] == pytest.approx(
         plain[:, first + 1] - coloured.colour[0] * plain[:, first]
     )
+
+
+def test_errors_without_a_covariance_are_an_error_and_no_numbers() -> None:
+    """What command timing is said to add may be no covariance at all; NaN would go on unseen."""
+    e = runs(True)
+    assert e.timing_covariance is not None
+    none = e._replace(timing_covariance=-e.timing_covariance * 1e6)
+    with pytest.raises(np.linalg.LinAlgError):
+        Chain.of(none, NOISE._replace(command_timing=1.0), FOLLOWS, PROCESS, MEAN_S)
