@@ -61,6 +61,7 @@ class Trouble:
     says: str  # what is hidden, in words
     pilot: str = "excitation"
     current: tuple[float, float] = (0.0, 0.0)  # speed [m/s], towards [degrees]
+    turns: tuple[float, float, float] | None = None  # time [s] from which on it is another: these
     payload: float = 0.0  # kg more
     changed: Callable[[Otter], None] = lambda otter: None  # its numbers
     command: Callable[[Floats, float, Floats], Floats] = lambda c, t, nu: c  # (2,), as it is taken
@@ -274,6 +275,8 @@ def write(path: Path, trouble: Trouble, seed: int, payload: float = 25.0) -> Non
         asked = np.array([m.command(int(p)) for m, p in zip(known.motors, pulses[k], strict=True)])
         taken = trouble.command(asked, float(time_s[k]), nu)
         turns = np.where(taken > 0.0, taken * otter.n_max, -taken * otter.n_min)
+        if trouble.turns and time_s[k] >= trouble.turns[0]:
+            otter.V_c, otter.beta_c = trouble.turns[1], math.radians(trouble.turns[2])
         for _ in range(SUBSTEPS):
             step = TICK / SUBSTEPS
             outside = otter.Minv @ trouble.push(otter, float(time_s[k]), eta, nu)

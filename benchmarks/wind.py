@@ -1,13 +1,15 @@
 """Is a wind told by boats whose areas above water nobody knows: named, from where, how strong?
 
-    python -m benchmarks.wind [--kind steady gusts areas calm] [--boats grebe …] [--rivals]
+    python -m benchmarks.wind [--kind steady gusts areas masts calm] [--boats grebe …] [--rivals]
 
 Voyages of the blind test's generator (`benchmarks.hidden`: Blendermann's coefficients; it shares no
 code with `sim`), tuning seeds. The areas are taken out of the vessel file. Kinds: a steady
 wind; the same with gusts (turbulence of 20 %, direction ± 10°); areas of half and of twice what is
-assumed; calm, where no wind may be named. Printed: the verdict, the effects found, the error of the
-direction, of the force abeam, the range of the speed and whether it holds the true (mean) one.
-`--rivals` tries what looks like a wind alone, not the whole catalogue: a few times faster.
+assumed; masts, which bring the centre of what the wind presses on by an eighth of the length ahead
+of midships or aft; calm, where no wind may be named. Printed: the verdict, the effects found, the
+error of the direction, of the force abeam, the range of the speed and whether it holds the true
+(mean) one. `--rivals` tries what looks like a wind alone, not the whole catalogue: a few times
+faster.
 """
 
 import argparse
@@ -48,7 +50,8 @@ RIVALS = (
     "steady_wind", "steady_current", "varying_current", "inertial_force", "compass_deviation",
     "heading_offset", "thruster_imbalance", "thruster_misalignment", "hull_lift", "cross_damping",
 )  # fmt: skip
-KINDS = ("steady", "gusts", "areas", "calm")
+KINDS = ("steady", "gusts", "areas", "masts", "calm")
+OFF = 0.125  # lengths that masts bring the centre of the lateral area ahead or aft
 
 
 class Voyage(NamedTuple):
@@ -60,6 +63,7 @@ class Voyage(NamedTuple):
     seed: int
     speed: float  # m/s, of the mean
     direction: float  # rad, from
+    centre: float = 0.0  # of what it presses on, lengths ahead of midships
 
 
 def voyages(kind: str, boats: Sequence[str]) -> Iterator[Voyage]:
@@ -73,6 +77,9 @@ def voyages(kind: str, boats: Sequence[str]) -> Iterator[Voyage]:
             if k < 4:
                 boat = with_areas(boat, 0.5 if k % 2 else 2.0)
                 yield Voyage(kind, boat, pilot, SEED + 300 + k, speed, direction)
+        elif kind == "masts":
+            centre = -OFF if k % 2 else OFF
+            yield Voyage(kind, boat, pilot, SEED + 400 + k, speed, direction, centre)
         elif kind == "calm":
             yield Voyage(kind, boat, pilot, SEED + 200 + k, 0.0, 0.0)
         else:
@@ -109,7 +116,7 @@ def write(voyage: Voyage, folder: Path, seconds: float) -> tuple[Path, Path]:
     wind = (
         gusty_wind(v.speed, v.direction, v.seed)
         if v.kind == "gusts"
-        else steady_wind(v.speed, v.direction)
+        else steady_wind(v.speed, v.direction, v.centre)
     )
     nature = Nature(v.boat, [wind] if v.speed > 0.0 else [])
     noise = estimate_error(ticks_of(seconds), dice[0])

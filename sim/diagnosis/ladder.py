@@ -8,17 +8,19 @@ The first choice is made while the second effect is still missing, and may stand
 change of current for a wind that turned while a current ran. No swap of one effect for another
 leads from there to those two, or from a current and a steady wind to a wind that turned. So where
 the first leaves much, and several stand out in the missing forces (`force_search`), the search
-begins with these, and goes on from there as from any other beginning. At the end each is chosen
-once more from numbers that the forces give, by likelihood: a few steps may not lead there from a
-hull that was bent to go with another effect. The final fit is as `shadow identify` fits: moments of
-events once, then starts → noise → numbers in turn until they settle. While effects are compared,
-starts are taken from the measured motion and noise from a leader, the same for all; numbers with an
-interval deserve starts where this model has them, and the noise that it leaves.
+begins with these, and goes on from there as from any other beginning. Where more than noise is
+left at the end, one current or wind is looked for in the place of any two effects. Then each is
+chosen once more from numbers that the forces give, by likelihood: a few steps may not lead there
+from a hull that was bent to go with another effect. The final fit is as `shadow identify` fits:
+moments of events once, then starts → noise → numbers in turn until they settle. While effects are
+compared, starts are taken from the measured motion and noise from a leader, the same for all;
+numbers with an interval deserve starts where this model has them, and the noise that it leaves.
 """
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.candidates import CandidateSearch
@@ -66,6 +68,7 @@ class EffectSearch(CandidateSearch):
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
+        fewer, fit = self._one_for_pairs(fewer, fit)
         steps, fit = self._in_place_by_forces(first, *self._made_simpler(fewer, fit))
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
@@ -292,6 +295,36 @@ class EffectSearch(CandidateSearch):
             return []
         return [first, second]
 
+    def _one_for_pairs(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+        """One current or wind, looked for anew, in the place of two effects, as long as more is
+        left than noise: beside a lift that stood in for a part of it a wind is found bent, and
+        without the lift no step leads from there to the wind that blew.
+        """
+        _, weather = self._weather
+        while len(steps) > 2 and _are_few(fit) and not is_at_floor(fit.noise_share):
+            pairs = [p for p in combinations(range(len(steps)), 2) if weather & _names(fit, p)]
+            found = (self._one_for_pair(steps, fit, pair, weather) for pair in pairs)
+            better = [one for one in found if one is not None]
+            if not better:
+                break
+            steps, fit = min(better, key=lambda one: _unlikely(fit.problem, one[1]))
+        return steps, fit
+
+    def _one_for_pair(
+        self, steps: list[Ranking], fit: Fit, pair: Sequence[int], among: set[str]
+    ) -> tuple[list[Ranking], Fit] | None:
+        """The best of some effects in the place of two; None where it is not the more likely."""
+        self.progress(f"one in the place of {' and '.join(sorted(_names(fit, pair)))}")
+        one = self.in_place_of(fit, pair, among)
+        if not one.finalists or not self.is_believed(one.best, one.reference):
+            return None
+        if not self._is_more_likely(one.best.fit, fit, 0.0):
+            return None
+        return [
+            *(step for step in steps if step.best.name not in _names(fit, pair)),
+            one,
+        ], one.best.fit
+
     def _made_simpler(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """With special cases in the place of general effects, what stands beside them chosen again:
         a wind that turned may have taken the part of a current, and kept it from its place.
@@ -418,6 +451,11 @@ def _unlikely(problem: FitProblem, fit: Fit) -> float:
     1974.
     """
     return nats_of(problem.deviance(fit.unknowns, fit.z)) + len(fit.z)
+
+
+def _names(fit: Fit, places: Iterable[int]) -> set[str]:
+    """Of the effects of a fit at some places."""
+    return {fit.names[i] for i in places}
 
 
 def _are_few(fit: Fit) -> bool:

@@ -1,21 +1,22 @@
 """Steady wind: the air pushes the boat sideways and turns it on quartering headings.
 
     X = ½ ρ V² C_X A_F,   Y = ½ ρ V² C_Y A_L,   N = ½ ρ V² C_N A_L L
-    C_X = −c_x cos γ,     C_Y = c_y sin γ,      C_N = c_n sin 2γ
+    C_X = −c_x cos γ,     C_Y = c_y sin γ,      C_N = c_n sin 2γ + centre C_Y
     γ = −atan2(v_rw, u_rw)
 
 V, u_rw, v_rw [m/s] of the boat through the air; A_F, A_L [m²] frontal and lateral area, L [m]
 length of the hull; ρ = 1.225 kg/m³; c_x = 0.7, c_y = 0.825, c_n = 0.125, the middle of the
-published ranges, where nothing else is given. c_x and c_n are found along with the wind, near those
-values: the moment of a hull is known no better, and what it lacks would be taken for lift of the
-hull. c_y stays: a force abeam tells ½ ρ V² c_y A_L and no more. The wind blows at speed [m/s] from
-direction [rad from north]; where the boat measured the wind, that wind acts and the two parameters
-do not count. Gusts are not modelled: what they leave is no sign of anything else (`unsteady`).
-Valid for: hulls symmetric fore and aft and to the sides. Areas that nobody measured are assumed
-from length and beam (`sim.wind`): the motion then tells a force and a direction, and the
-speed as a range. Where the wind was measured, the areas are what is fitted. Source: Fossen,
-Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, §10.1 (wind coefficients of symmetrical
-craft).
+published ranges, where nothing else is given; the centre of the lateral area lies midships then.
+c_x, c_n and centre [lengths ahead] are found along with the wind, near those values: the moment of
+a hull is known no better, and what it lacks would be taken for lift or damping of the hull. c_y
+stays: a force abeam tells ½ ρ V² c_y A_L and no more. The wind blows at speed [m/s] from direction
+[rad from north]; where the boat measured the wind, that wind acts and the two parameters do not
+count. Gusts are not modelled: what they leave is no sign of anything else (`unsteady`). Valid for:
+hulls symmetric to the sides. Areas that nobody measured are assumed from length and beam
+(`sim.wind`): the motion then tells a force and a direction, and the speed as a range. Where the
+wind was measured, the areas are what is fitted. Source: Fossen, Handbook of Marine Craft
+Hydrodynamics, 2nd ed. 2021, §10.1 (wind coefficients of symmetrical craft; the lever of the lateral
+area is s_L of Blendermann, J. Wind Eng. Ind. Aerodyn. 51, 1994).
 """
 
 from collections.abc import Sequence
@@ -64,7 +65,7 @@ def force(flow: Flow, p: Any) -> Wrench:
     assumed = (flow.wind_known - 1.0) * p.speed  # it blows from there: hence the sign
     north = flow.wind_known * flow.wind_north + assumed * np.cos(p.direction)
     east = flow.wind_known * flow.wind_east + assumed * np.sin(p.direction)
-    return wind_load(flow, north, east, p.c_x, p.c_n)
+    return wind_load(flow, north, east, p.c_x, p.c_n, p.centre)
 
 
 def more_starts(length: float) -> Sequence[Values]:
@@ -103,7 +104,7 @@ def _newtons(force: float) -> str:
 
 
 # The published range of C_N is two standard deviations, that of C_X one: the ratio of the areas
-# counts with it, and is off too.
+# counts with it, and is off too. A mast or a cabin lies by a few tenths of the length off midships.
 COEFFICIENTS = (
     Parameter(
         "c_x", "1", lower=0.1, upper=1.5, start=C_X, scale=0.1, default=C_X,
@@ -112,6 +113,10 @@ COEFFICIENTS = (
     Parameter(
         "c_n", "1", lower=-0.1, upper=0.4, start=C_N, scale=0.02, default=C_N,
         prior=0.04, description="coefficient of the moment",
+    ),
+    Parameter(
+        "centre", "1", lower=-0.4, upper=0.4, start=0.0, scale=0.02, default=0.0,
+        prior=0.08, description="of the lateral area, lengths ahead of midships",
     ),
 )  # fmt: skip
 CIRCLES = Separation(
@@ -162,7 +167,9 @@ EFFECT = Effect(
     },
     more_starts=more_starts,
     in_words=in_words,
-    measured=Measured("wind", ("area_front", "area_side", "c_n"), {"speed": 0.0, "direction": 0.0}),
+    measured=Measured(
+        "wind", ("area_front", "area_side", "c_n", "centre"), {"speed": 0.0, "direction": 0.0}
+    ),
     assumption=assumption,
     pattern_for=("heading",),
 )

@@ -53,6 +53,7 @@ def force(flow: Flow, p: Any) -> Wrench:
         flow.wind_known * flow.wind_east + assumed * east,
         p.c_x,
         p.c_n,
+        p.centre,
     )
 
 

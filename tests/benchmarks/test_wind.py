@@ -86,6 +86,21 @@ def test_the_moment_of_a_wind_need_not_be_the_catalogues(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+def test_a_wind_that_presses_ahead_of_midships_is_no_damping(tmp_path: Path) -> None:
+    """With its centre held midships the moment was told as cross damping or lift of the hull."""
+    (voyage,) = voyages("masts", ["grebe"])
+    log, file = write(voyage, tmp_path, 300.0)
+    beside = ("steady_wind", "cross_damping", "hull_lift", "cg_offset")
+    only = DiagnoseSettings(effects=tuple(map(named, beside)))
+    found = diagnose_logs([log], file, settings=only).diagnosis
+    assert found.effects == ("steady_wind",)
+    numbers = {e.name.partition(".")[2]: e for e in found.ladder[-1].parameters["steady_wind"]}
+    low, high = numbers["centre"].ci95
+    assert low < voyage.centre < high
+    assert low > 0.0
+
+
+@pytest.mark.slow
 def test_in_a_calm_nothing_is_named_and_nothing_assumed(tmp_path: Path) -> None:
     found, _, voyage = diagnosed(tmp_path, 0.0)
     answer = found.to_dict()

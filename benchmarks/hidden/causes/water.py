@@ -58,10 +58,10 @@ def varying_current(speed: float, direction: float, period: float, phase: float)
     return Cause(water=water)
 
 
-def steady_wind(speed: float, direction: float) -> Cause:
-    """Wind from `direction` at `speed`."""
+def steady_wind(speed: float, direction: float, centre: float = 0.0) -> Cause:
+    """Wind from `direction` at `speed`; it presses so many lengths ahead of midships."""
     air = _towards(-speed, direction)
-    return Cause(push=lambda s, thrusts: _blown(s, *air))
+    return Cause(push=lambda s, thrusts: _blown(s, *air, centre))
 
 
 def wind_change(
@@ -77,7 +77,7 @@ def wind_change(
     return Cause(push=push)
 
 
-def _blown(s: Scene, north: float, east: float) -> Push:
+def _blown(s: Scene, north: float, east: float, centre: float = 0.0) -> Push:
     """Of air that moves to north and east: Blendermann's coefficients (Trondheim 1994)."""
     resistance, cross, shape = 0.6, 0.85, 0.5  # ahead, abeam, cross-force parameter
 
@@ -89,7 +89,8 @@ def _blown(s: Scene, north: float, east: float) -> Push:
     full = 1.0 - 0.5 * shape * (1.0 - thin) * math.sin(2.0 * off_bow) ** 2
     X = -q * s.hull.frontal * resistance * math.cos(off_bow) / full
     Y = -q * s.hull.lateral * cross * math.sin(off_bow) / full
-    return Push(X, Y, 0.18 * (math.pi / 2.0 - abs(off_bow)) * s.hull.length * Y)
+    lever = centre + 0.18 * (math.pi / 2.0 - abs(off_bow))
+    return Push(X, Y, lever * s.hull.length * Y)
 
 
 def inertial_force(force: float, direction: float) -> Cause:

@@ -71,10 +71,10 @@ def test_what_was_measured_is_not_fitted_but_what_it_acts_on() -> None:
     """In all recordings, nearly all the time; else the wind is what nobody knows."""
     whole, none = measured_in(80.0), measured_in(80.0, known=False)
     half = replace(whole, wind=np.where(whole.time[:, None] < 40.0, whole.wind, np.nan))
-    own = [f"steady_wind.{key}" for key in ("speed", "direction", "c_x", "c_n")]
+    own = [f"steady_wind.{key}" for key in ("speed", "direction", "c_x", "c_n", "centre")]
     for trials, expected in (
-        ([whole], ["area_front", "area_side", "steady_wind.c_n"]), ([none], own), ([half], own),
-        ([whole, none], own), ([], own),
+        ([whole], ["area_front", "area_side", "steady_wind.c_n", "steady_wind.centre"]),
+        ([none], own), ([half], own), ([whole, none], own), ([], own),
     ):  # fmt: skip
         assert SupersetModel.of(WAM_V, [WIND], trials).free_names(WIND) == expected
     current = named("steady_current")

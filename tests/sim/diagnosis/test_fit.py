@@ -161,9 +161,11 @@ def test_what_is_known_of_a_coefficient_does_not_follow_the_fit() -> None:
     wind, settings = named("steady_wind"), DiagnoseSettings().identify(WAM_V)
     superset = SupersetModel.of(WAM_V, [wind])
     known = {p.name: p for p in wind.parameters if p.prior}
-    found = AddedEffect(wind, {"speed": 8.0, "direction": 1.0, "c_x": 0.9, "c_n": 0.05})
+    found = AddedEffect(
+        wind, {"speed": 8.0, "direction": 1.0, "c_x": 0.9, "c_n": 0.05, "centre": 0.1}
+    )
     unknowns = {u.name: u for u in unknowns_for(superset, [found], 1, settings).each}
-    assert set(known) == {"c_x", "c_n"}
+    assert set(known) == {"c_x", "c_n", "centre"}
     for key, p in known.items():
         own = unknowns[f"steady_wind.{key}"]
         assert (own.start, own.prior, own.assumed) == (p.start, p.prior, False)

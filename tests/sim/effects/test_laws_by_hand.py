@@ -79,10 +79,10 @@ def test_cross_flow_drag_is_that_of_many_strips_beyond_what_slip_and_turn_do_alo
 def test_the_wind_of_two_is_that_which_blows_then() -> None:
     """Before its moment as the first, from then on as the second; a measured one counts instead."""
     both = p(speed=6.0, direction=0.4, later_speed=9.0, later_direction=2.5, time=30.0,
-             c_x=0.6, c_n=0.1)  # fmt: skip
+             c_x=0.6, c_n=0.1, centre=-0.1)  # fmt: skip
     moving: dict[str, float] = {"u_ground": 1.0, "v_ground": -0.3, "yaw": 0.8}
     for time, speed, direction in ((29.9, 6.0, 0.4), (30.0, 9.0, 2.5)):
-        alone = p(speed=speed, direction=direction, c_x=0.6, c_n=0.1)
+        alone = p(speed=speed, direction=direction, c_x=0.6, c_n=0.1, centre=-0.1)
         at = flow(**moving, time=time)
         steady = law("steady_wind", "force")(at, alone)
         np.testing.assert_allclose(law("wind_change", "force")(at, both), steady, rtol=1e-12)

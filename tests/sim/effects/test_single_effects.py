@@ -42,9 +42,12 @@ def first_push(vessel, x0, commands=None, **air):
 
 
 @pytest.mark.parametrize(("u", "v", "yaw"), [(0.0, 0.0, 0.0), (1.0, 0.3, 2.1), (-0.5, -0.4, -1.0)])
-@pytest.mark.parametrize("given", [{}, {"c_x": 0.5, "c_n": 0.07}], ids=["as published", "own"])
-def test_wind_has_fossens_symmetric_form(u, v, yaw, given):
-    """Coefficients that a file does not name are the middle of the published ranges."""
+@pytest.mark.parametrize(
+    "given", [{}, {"c_x": 0.5, "c_n": 0.07, "centre": 0.2}], ids=["as published", "own"]
+)
+def test_wind_has_fossens_form(u, v, yaw, given):
+    """Coefficients that a file does not name are the middle of the published ranges, and the
+    centre of the lateral area lies midships: what lies ahead of there is pushed with its lever."""
     vessel = with_effect(WAMV, "steady_wind", speed=6.0, direction=0.8, **given)
     air = 6.0 * np.array([np.cos(0.8 + np.pi), np.sin(0.8 + np.pi)])
     u_rw = u - (np.cos(yaw) * air[0] + np.sin(yaw) * air[1])
@@ -55,7 +58,12 @@ def test_wind_has_fossens_symmetric_form(u, v, yaw, given):
         [
             -given.get("c_x", 0.7) * np.cos(angle) * front,
             0.825 * np.sin(angle) * side,
-            given.get("c_n", 0.125) * np.sin(2.0 * angle) * side * WAMV.hull.length,
+            (
+                given.get("c_n", 0.125) * np.sin(2.0 * angle)
+                + given.get("centre", 0.0) * 0.825 * np.sin(angle)
+            )
+            * side
+            * WAMV.hull.length,
         ]
     )
     np.testing.assert_allclose(first_push(vessel, [0, 0, yaw, u, v, 0]), expected, atol=1e-9)
