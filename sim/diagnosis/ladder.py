@@ -9,15 +9,16 @@ change of current for a wind that turned while a current ran. No swap of one eff
 leads from there to those two, or from a current and a steady wind to a wind that turned. So where
 the first leaves much, and several stand out in the missing forces (`force_search`), the search
 begins with these, and goes on from there as from any other beginning. Where more than noise is
-left at the end, one current or wind is looked for in the place of any two effects. Then each is
-chosen once more from numbers that the forces give, by likelihood: a few steps may not lead there
-from a hull that was bent to go with another effect. The final fit is as `shadow identify` fits:
-moments of events once, then starts → noise → numbers in turn until they settle. While effects are
-compared, starts are taken from the measured motion and noise from a leader, the same for all;
-numbers with an interval deserve starts where this model has them, and the noise that it leaves.
+left at the end, what is more likely is looked for: another effect in the place of one, or one
+current or wind in the place of two. Then each is chosen once more from numbers that the forces
+give, by likelihood: a few steps may not lead there from a hull that was bent to go with another
+effect. The final fit is as `shadow identify` fits: moments of events once, then starts → noise →
+numbers in turn until they settle. While effects are compared, starts are taken from the measured
+motion and noise from a leader, the same for all; numbers with an interval deserve starts where
+this model has them, and the noise that it leaves.
 """
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -68,7 +69,7 @@ class EffectSearch(CandidateSearch):
         fewer, fit = self._backward(steps, fit)
         if 1 < len(fewer) < len(steps):  # what went may have kept another from its place
             fewer, fit = self._swapped(fewer, fit, last=True)
-        fewer, fit = self._one_for_pairs(fewer, fit)
+        fewer, fit = self._more_likely(first, fewer, fit)
         steps, fit = self._in_place_by_forces(first, *self._made_simpler(fewer, fit))
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
@@ -295,35 +296,59 @@ class EffectSearch(CandidateSearch):
             return []
         return [first, second]
 
-    def _one_for_pairs(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """One current or wind, looked for anew, in the place of two effects, as long as more is
-        left than noise: beside a lift that stood in for a part of it a wind is found bent, and
-        without the lift no step leads from there to the wind that blew.
+    def _more_likely(
+        self, first: Ranking, steps: list[Ranking], fit: Fit
+    ) -> tuple[list[Ranking], Fit]:
+        """As long as more is left than noise, the most likely of what can be had by one effect in
+        the place of another, or by one current or wind in the place of two, and what comes next.
+
+        On unseen time an exchange may win nothing yet: two errors of a compass show together
+        alone. And beside a lift that stood in for a part of it a wind is found bent; without the
+        lift no step leads from there to the wind that blew.
         """
-        _, weather = self._weather
-        while len(steps) > 2 and _are_few(fit) and not is_at_floor(fit.noise_share):
-            pairs = [p for p in combinations(range(len(steps)), 2) if weather & _names(fit, p)]
-            found = (self._one_for_pair(steps, fit, pair, weather) for pair in pairs)
-            better = [one for one in found if one is not None]
-            if not better:
+        for _ in range(thresholds.MAX_SWAPS):
+            if len(steps) < 2 or not _are_few(fit) or is_at_floor(fit.noise_share):
                 break
-            steps, fit = min(better, key=lambda one: _unlikely(fit.problem, one[1]))
+            found = list(self._likelier(first, steps, fit))
+            if not found:
+                break
+            steps, fit = min(found, key=lambda one: _unlikely(fit.problem, one[1]))
+            self.progress(f"more likely: {', '.join(fit.names)}")
+            steps, fit = self._grown(steps, fit, self._next(steps, fit))
         return steps, fit
 
-    def _one_for_pair(
-        self, steps: list[Ranking], fit: Fit, pair: Sequence[int], among: set[str]
-    ) -> tuple[list[Ranking], Fit] | None:
-        """The best of some effects in the place of two; None where it is not the more likely."""
-        self.progress(f"one in the place of {' and '.join(sorted(_names(fit, pair)))}")
-        one = self.in_place_of(fit, pair, among)
-        if not one.finalists or not self.is_believed(one.best, one.reference):
-            return None
-        if not self._is_more_likely(one.best.fit, fit, 0.0):
-            return None
-        return [
-            *(step for step in steps if step.best.name not in _names(fit, pair)),
-            one,
-        ], one.best.fit
+    def _likelier(
+        self, first: Ranking, steps: list[Ranking], fit: Fit
+    ) -> Iterator[tuple[list[Ranking], Fit]]:
+        """What is more likely with another effect in the place of one, or one of two."""
+        _, weather = self._weather
+        weather = weather | {e.name for e in self.effects if e.general_of in weather}
+        promising = {row.name for step in [first, *steps] for row in step.finalists}
+        for i, step in enumerate(steps):
+            present = step.best.effect
+            like = {e.name for e in self.effects if e.looks_like_effect(present)}
+            general = {e.name for e in self.effects if e.general_of == present.name}
+            among = (promising | like) - general - {present.name}
+            yield from self._likelier_at(steps, fit, {i}, among)
+        for pair in combinations(range(len(steps)), 2) if len(steps) > 2 else ():
+            if any(fit.names[i] in weather for i in pair):
+                yield from self._likelier_at(steps, fit, set(pair), weather)
+
+    def _likelier_at(
+        self, steps: list[Ranking], fit: Fit, at: set[int], among: set[str]
+    ) -> Iterator[tuple[list[Ranking], Fit]]:
+        """The most likely of some effects in these places, where it is more likely and believed."""
+        self.progress(f"in the place of {' and '.join(fit.names[i] for i in sorted(at))}")
+        ranking = self.in_place_of(fit, at, among)
+        rows = sorted(ranking.finalists, key=lambda r: _unlikely(fit.problem, r.fit))
+        for row in rows:
+            fewer = len(fit.z) - len(row.fit.z)
+            least = 0.0 if fewer > 0 else thresholds.MIN_NATS_IN_FEW_BLOCKS
+            likely = self._is_more_likely(row.fit, fit, least)
+            if likely and self.is_believed(row, ranking.reference):
+                kept = [step for i, step in enumerate(steps) if i not in at]
+                yield [*kept, ranking.led_by(row)], row.fit
+                break
 
     def _made_simpler(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """With special cases in the place of general effects, what stands beside them chosen again:
@@ -372,16 +397,16 @@ class EffectSearch(CandidateSearch):
         return steps, fit
 
     def _takes_place(self, other: Fit, fit: Fit) -> bool:
-        """Whether another fit is worth it; or is the more likely with no more numbers; or has two
-        numbers fewer and does as well under the noise that this leaves, or better under its own, or
-        one fewer and does better under both.
+        """Whether another fit is worth it, and more so where it has more numbers; or is the more
+        likely with no more numbers; or has two numbers fewer and does as well under the noise that
+        this leaves, or better under its own, or one fewer and does better under both.
         """
         fewer = len(fit.z) - len(other.z)
         least = 0.0 if fewer else thresholds.MIN_NATS_IN_FEW_BLOCKS
         if fewer >= 0 and self._is_more_likely(other, fit, least):
             return True
         over, under = self._gain_over(other, fit), self._gain_over(fit, other)
-        if is_worth_it(over):
+        if is_worth_it(over) and (fewer >= 0 or under.nats <= 0.0):
             return True
         if fewer > 1 and (over.nats > 0.0 or not is_better_than_special(under)):
             return True
@@ -451,11 +476,6 @@ def _unlikely(problem: FitProblem, fit: Fit) -> float:
     1974.
     """
     return nats_of(problem.deviance(fit.unknowns, fit.z)) + len(fit.z)
-
-
-def _names(fit: Fit, places: Iterable[int]) -> set[str]:
-    """Of the effects of a fit at some places."""
-    return {fit.names[i] for i in places}
 
 
 def _are_few(fit: Fit) -> bool:
