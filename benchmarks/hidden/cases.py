@@ -1,8 +1,8 @@
 """The cases of the blind test: which boat sails how, what is hidden, and what the owner believes.
 
-Eight sets that share no seed: `tuning` to build with, `reporting` for the figures, `small` for
-`make test-slow`, and `second` to `seventh` for figures once those before have been looked at. A case
-stays the same when other families grow. Its name says nothing.
+Nine sets that share no seed: `tuning` to build with, `reporting` for the figures, `small` for
+`make test-slow`, and `second` to `seventh` for figures once those before have been looked at. A
+case stays the same when other families grow. Its name says nothing.
 """
 
 import math
