@@ -83,8 +83,10 @@ def wind(speed: float, towards: float) -> Wrench6:
 
 
 def towed(otter: Otter, t: float, eta: Floats, nu: Floats) -> Floats:
-    """A drogue on a line from the middle of the stern."""
-    u, v = nu[0], nu[1] - 1.0 * nu[5]
+    """A drogue in the water, on a line from the middle of the stern."""
+    off = otter.beta_c - eta[5]
+    u = nu[0] - otter.V_c * math.cos(off)
+    v = nu[1] - otter.V_c * math.sin(off) - 1.0 * nu[5]
     X, Y = -9.0 * math.hypot(u, v) * np.array([u, v])
     return np.array([X, Y, 0.0, 0.0, 0.0, -1.0 * Y])
 

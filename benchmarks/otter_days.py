@@ -173,7 +173,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--source", type=Path, required=True, help="src of PythonVehicleSimulator")
-    parser.add_argument("--days", type=int, default=20)
+    parser.add_argument("--days", type=int, default=20, help="so many, from number 1000 × seed")
+    parser.add_argument("--only", type=int, action="append", help="this day alone")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/otter-days"))
     a = parser.parse_args(arguments)
@@ -185,7 +186,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     named = clean = 0
     print("| day | hidden | answer | named | none invented | s |\n|---|---|---|---|---|---|")
-    for number in range(1000 * a.seed, 1000 * a.seed + a.days):
+    numbers = a.only or range(1000 * a.seed, 1000 * a.seed + a.days)
+    for number in numbers:
         hidden, trouble = day(number)
         log = a.out / f"day-{number:04d}.tlog"
         write(log, trouble, 20_000 + number, 0.0)
@@ -205,7 +207,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"| {'yes' if none_invented else 'no'} | {took:.0f} |",
             flush=True,
         )
-    print(f"\nevery cause named on {named} of {a.days}, none invented on {clean}")
+    print(f"\nevery cause named on {named} of {len(numbers)}, none invented on {clean}")
     return 0
 
 
