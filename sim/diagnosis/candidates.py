@@ -45,6 +45,12 @@ class CandidateSearch:
         scorer = self.scorer.shared_with(fit)
         return scorer.score_fit(fit).nrmse > thresholds.MAX_FLOORS * scorer.noise_floor
 
+    @property
+    def _weather(self) -> tuple[set[str], set[str]]:
+        """Changes of water and wind; and these with the steady cases that they hold as a whole."""
+        changes = {e.name: e.contains for e in self.effects if e.contains}
+        return set(changes), {*changes, *changes.values()}
+
     def _led_by(
         self, fit: Fit, before: Sequence[AddedEffect], added: AddedEffect, promising: Sequence[str]
     ) -> Ranking:

@@ -20,20 +20,12 @@ this model has them, and the noise that it leaves.
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import combinations
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.candidates import CandidateSearch
 from sim.diagnosis.fit import Fit, final_fit
-from sim.diagnosis.fit_problem import FitProblem, nats_of
-from sim.diagnosis.force_search import (
-    ForceProblem,
-    fit_under_its_noise,
-    in_place_by_forces,
-    search_forces,
-)
+from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, search_forces
 from sim.diagnosis.heldout import Ranking, is_better_than_special
+from sim.diagnosis.likelier import LikelihoodSearch, are_few, unlikely
 from sim.diagnosis.worth import is_at_floor, is_missed, is_worse_elsewhere, is_worth_it
 from sim.effects.effect import Scope
 from sim.vessel import AddedEffect
@@ -59,7 +51,7 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class EffectSearch(CandidateSearch):
+class EffectSearch(LikelihoodSearch):
     """From the bare base to the effects that are justified."""
 
     def run(self, base: Fit) -> Selection:
@@ -91,7 +83,7 @@ class EffectSearch(CandidateSearch):
         three times as long as all else on eleven of them.
         """
         one = first.best.fit if more else base
-        if _are_few(base) and self.most > 1 and self._is_above_noise(one):
+        if are_few(base) and self.most > 1 and self._is_above_noise(one):
             steps = self._begun_with_forces(base)
             if steps:
                 steps, fit = self._swapped(steps, steps[-1].best.fit)
@@ -164,7 +156,7 @@ class EffectSearch(CandidateSearch):
         the second is beside the first: a load and a wind may hide each other. Else empty.
         """
         is_full = len(steps) + 1 >= self.most
-        if not steps or is_full or not _are_few(fit) or not self._is_above_noise(fit):
+        if not steps or is_full or not are_few(fit) or not self._is_above_noise(fit):
             return []
         missed = (r for r in ranking.finalists if is_missed(r.effect, r.gain))
         helping = (r for r in missed if self.helps(fit, r.fit))
@@ -215,12 +207,6 @@ class EffectSearch(CandidateSearch):
             if better and self.is_believed(best, ranking.reference):
                 self.progress(f"{best.name} in the place of {old}")
                 yield [*(s for k, s in enumerate(steps) if k != i), ranking], best.fit
-
-    @property
-    def _weather(self) -> tuple[set[str], set[str]]:
-        """Changes of water and wind; and these with the steady cases that they hold as a whole."""
-        changes = {e.name: e.contains for e in self.effects if e.contains}
-        return set(changes), {*changes, *changes.values()}
 
     def _exchanged(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit] | None:
         """Among what may change while a boat sails, water and wind: a change of one in the place of
@@ -306,49 +292,16 @@ class EffectSearch(CandidateSearch):
         alone. And beside a lift that stood in for a part of it a wind is found bent; without the
         lift no step leads from there to the wind that blew.
         """
-        for _ in range(thresholds.MAX_SWAPS):
-            if len(steps) < 2 or not _are_few(fit) or is_at_floor(fit.noise_share):
+        for _ in range(thresholds.MAX_EXCHANGES):
+            if len(steps) < 2 or not are_few(fit) or is_at_floor(fit.noise_share):
                 break
             found = list(self._likelier(first, steps, fit))
             if not found:
                 break
-            steps, fit = min(found, key=lambda one: _unlikely(fit.problem, one[1]))
+            steps, fit = min(found, key=lambda one: unlikely(fit.problem, one[1]))
             self.progress(f"more likely: {', '.join(fit.names)}")
             steps, fit = self._grown(steps, fit, self._next(steps, fit))
         return steps, fit
-
-    def _likelier(
-        self, first: Ranking, steps: list[Ranking], fit: Fit
-    ) -> Iterator[tuple[list[Ranking], Fit]]:
-        """What is more likely with another effect in the place of one, or one of two."""
-        _, weather = self._weather
-        weather = weather | {e.name for e in self.effects if e.general_of in weather}
-        promising = {row.name for step in [first, *steps] for row in step.finalists}
-        for i, step in enumerate(steps):
-            present = step.best.effect
-            like = {e.name for e in self.effects if e.looks_like_effect(present)}
-            general = {e.name for e in self.effects if e.general_of == present.name}
-            among = (promising | like) - general - {present.name}
-            yield from self._likelier_at(steps, fit, {i}, among)
-        for pair in combinations(range(len(steps)), 2) if len(steps) > 2 else ():
-            if any(fit.names[i] in weather for i in pair):
-                yield from self._likelier_at(steps, fit, set(pair), weather)
-
-    def _likelier_at(
-        self, steps: list[Ranking], fit: Fit, at: set[int], among: set[str]
-    ) -> Iterator[tuple[list[Ranking], Fit]]:
-        """The most likely of some effects in these places, where it is more likely and believed."""
-        self.progress(f"in the place of {' and '.join(fit.names[i] for i in sorted(at))}")
-        ranking = self.in_place_of(fit, at, among)
-        rows = sorted(ranking.finalists, key=lambda r: _unlikely(fit.problem, r.fit))
-        for row in rows:
-            fewer = len(fit.z) - len(row.fit.z)
-            least = 0.0 if fewer > 0 else thresholds.MIN_NATS_IN_FEW_BLOCKS
-            likely = self._is_more_likely(row.fit, fit, least)
-            if likely and self.is_believed(row, ranking.reference):
-                kept = [step for i, step in enumerate(steps) if i not in at]
-                yield [*kept, ranking.led_by(row)], row.fit
-                break
 
     def _made_simpler(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """With special cases in the place of general effects, what stands beside them chosen again:
@@ -362,65 +315,6 @@ class EffectSearch(CandidateSearch):
         simpler, at = self._backward(*self._swapped(simpler, at))
         before, after = (self.scorer.score_fit(each).nrmse for each in (fit, at))
         return (simpler, at) if after <= thresholds.MAX_RIVAL_RATIO * before else (steps, fit)
-
-    def _in_place_by_forces(
-        self, first: Ranking, steps: list[Ranking], fit: Fit
-    ) -> tuple[list[Ranking], Fit]:
-        """Each of several effects chosen once more beside the others, among its look-alikes and
-        what promised enough to be fitted, be it at the first look, but for its general forms, which
-        the rankings have compared with it: from numbers that the missing forces give. What needs
-        fewer numbers takes a place more easily, see `_takes_place`.
-        """
-        if len(steps) < 2 or not _are_few(fit):
-            return steps, fit
-        promising = sorted({row.name for step in [first, *steps] for row in step.finalists})
-        problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
-        for step in list(steps):
-            self.progress(f"what does as well as {step.best.name}, from the missing forces")
-            fit = fit_under_its_noise(fit, fit.problem)  # as what is tried will be
-            place, present = fit.names.index(step.best.name), step.best.effect
-            effects = [
-                e for e in self._others(fit)
-                if (e.name in promising or e.looks_like_effect(present))
-                and e.general_of != present.name
-            ]  # fmt: skip
-            found = in_place_by_forces(problem, fit, place, effects, self.mapper)
-            taking = [other for other in found if self._takes_place(other, fit)]
-            for other in sorted(taking, key=partial(_unlikely, fit.problem)):
-                *others, last = other.effects()
-                ranking = self._led_by(other, others, last, promising)
-                if self.is_believed(ranking.best, ranking.reference):
-                    self.progress(f"{last.effect.name} in the place of {present.name}")
-                    steps = [*(s for s in steps if s is not step), ranking]
-                    fit = ranking.best.fit
-                    break
-        return steps, fit
-
-    def _takes_place(self, other: Fit, fit: Fit) -> bool:
-        """Whether another fit is worth it, and more so where it has more numbers; or is the more
-        likely with no more numbers; or has two numbers fewer and does as well under the noise that
-        this leaves, or better under its own, or one fewer and does better under both.
-        """
-        fewer = len(fit.z) - len(other.z)
-        least = 0.0 if fewer else thresholds.MIN_NATS_IN_FEW_BLOCKS
-        if fewer >= 0 and self._is_more_likely(other, fit, least):
-            return True
-        over, under = self._gain_over(other, fit), self._gain_over(fit, other)
-        if is_worth_it(over) and (fewer >= 0 or under.nats <= 0.0):
-            return True
-        if fewer > 1 and (over.nats > 0.0 or not is_better_than_special(under)):
-            return True
-        return fewer == 1 and over.nats > 0.0 > under.nats
-
-    def _is_more_likely(self, other: Fit, fit: Fit, nats: float) -> bool:
-        """Whether another fit is ahead by so many nats, each under the noise that it leaves, and
-        predicts as well: of two that each win under their own the gains on unseen time say nothing.
-        """
-        left, before = (_unlikely(fit.problem, each) for each in (other, fit))
-        if before - left <= nats:
-            return False
-        error, before = (self.scorer.score_fit(each).nrmse for each in (other, fit))
-        return error <= thresholds.MAX_RIVAL_RATIO * before
 
     def _simplified(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
         """A general effect gives way to its special case where that does as well: from where the
@@ -468,16 +362,3 @@ class EffectSearch(CandidateSearch):
             else:
                 break
         return steps, fit
-
-
-def _unlikely(problem: FitProblem, fit: Fit) -> float:
-    """Key of the order in which fits are preferred, the most likely first, each under the noise
-    that it leaves: nats, and one for each number. Source: Akaike, IEEE Trans. Automatic Control 19,
-    1974.
-    """
-    return nats_of(problem.deviance(fit.unknowns, fit.z)) + len(fit.z)
-
-
-def _are_few(fit: Fit) -> bool:
-    """Whether a fit is of so few recordings that none can be left out in turn."""
-    return len(fit.problem.trials) < thresholds.MIN_RECORDINGS

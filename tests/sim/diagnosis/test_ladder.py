@@ -1,7 +1,8 @@
 """Which effect comes next on the ladder: the rules, on made-up rankings."""
 
-from collections.abc import Container
+from collections.abc import Collection, Container
 from dataclasses import replace
+from itertools import combinations
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
 
@@ -681,9 +682,9 @@ def in_place(
         )
         return fit
 
-    monkeypatch.setattr("sim.diagnosis.ladder.ForceProblem", SimpleNamespace(of=lambda *_: None))
-    monkeypatch.setattr("sim.diagnosis.ladder.in_place_by_forces", from_forces)
-    monkeypatch.setattr("sim.diagnosis.ladder.fit_under_its_noise", lambda fit, _: fit)
+    monkeypatch.setattr("sim.diagnosis.likelier.ForceProblem", SimpleNamespace(of=lambda *_: None))
+    monkeypatch.setattr("sim.diagnosis.likelier.in_place_by_forces", from_forces)
+    monkeypatch.setattr("sim.diagnosis.likelier.fit_under_its_noise", lambda fit, _: fit)
     monkeypatch.setattr(InPlace, "is_believed", lambda self, row, reference: believed)
     steps = [Ranking(FIRST, (row(name, SOME.gain), LITTLE)) for name in found]
     first = Ranking(FIRST, tuple(row(name, SOME.gain) for name in looked))
@@ -757,6 +758,76 @@ def test_forces_are_asked_for_look_alikes_of_several_causes_of_few_recordings(
     assert in_place(monkeypatch, ("hull_lift",), "towed_load", **left) == (("hull_lift",), [])
     alike = {"steady_current__hull_lift": 0.2, "steady_current__towed_load": 0.2}
     assert in_place(monkeypatch, LIFT, "towed_load", recordings=3, **alike) == (LIFT, [])
+
+
+class Likely(Weather):
+    """How likely each set of effects is, in nats; what comes next is nothing."""
+
+    nats: dict[frozenset[str], float]
+    recordings = 1
+
+    def fit_of(self, names: tuple[str, ...]) -> Any:
+        fit = super().fit_of(names)
+        fit.z = np.zeros(sum(len(named(name).fit_parameters) for name in names))
+        fit.unknowns = -6.0 * self.nats.get(frozenset(names), 0.0)
+        fit.problem = SimpleNamespace(
+            trials=(None,) * self.recordings, block=BLOCK, vessel=WAM_V,
+            deviance=lambda unknowns, z: unknowns,
+        )  # fmt: skip
+        return fit
+
+    def _next(self, steps: Any, fit: Any) -> list[Ranking]:
+        return []
+
+
+def likelier(
+    found: tuple[str, ...], nats: dict[str, float], recordings: int = 1, **left: float
+) -> set[str]:
+    """What stands in the end, given what each set of effects leaves, and how likely it is."""
+    nothing: Any = None
+    search = Likely(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
+    sets = {frozenset(key.split("__")): value for key, value in left.items()}
+    parts = [part for names in (found, *sets) for part in subsets(names)]
+    object.__setattr__(search, "left", {**dict.fromkeys(parts, 0.9), **sets})
+    ahead = {frozenset(key.split("__")): value for key, value in nats.items()}
+    object.__setattr__(search, "nats", ahead)
+    object.__setattr__(search, "recordings", recordings)
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in found]
+    rankings, fit = search._more_likely(steps[0], steps, search.fit_of(found))
+    assert tuple(r.best.name for r in rankings) == fit.names
+    return set(fit.names)
+
+
+def subsets(names: Collection[str]) -> list[frozenset[str]]:
+    """All of them that lack one or two of the names, or more."""
+    return [frozenset(some) for k in range(len(names)) for some in combinations(names, k)]
+
+
+BENT = ("current_change", "hull_lift", "wind_change")  # a lift beside a wind that it bent
+BLEW = ("current_change", "wind_change")
+
+
+def test_one_wind_takes_the_place_of_two_effects_where_it_is_more_likely() -> None:
+    left = {"current_change__hull_lift__wind_change": 0.2, "current_change__wind_change": 0.19}
+    bent, blew = left
+    assert likelier(BENT, {blew: 20.0}, **left) == set(BLEW)
+    assert likelier(BENT, {bent: 30.0}, **left) == set(BENT)
+    worse = {**left, blew: 0.25}  # what is more likely must predict as well
+    assert likelier(BENT, {blew: 20.0}, **worse) == set(BENT)
+    assert likelier(BENT, {blew: 20.0}, **{**left, bent: 0.08}) == set(BENT)  # only noise is left
+    assert likelier(BENT, {blew: 20.0}, recordings=3, **left) == set(BENT)
+
+
+def test_another_takes_the_place_of_one_by_many_nats_but_not_its_general_form() -> None:
+    left = {"steady_wind__advance_loss": 0.2, "steady_wind__cubic_drag": 0.2,
+            "wind_change__advance_loss": 0.2}  # fmt: skip
+    found = ("steady_wind", "advance_loss")
+    drag = {"steady_wind", "cubic_drag"}
+    assert likelier(found, {"steady_wind__cubic_drag": 25.0}, **left) == drag
+    assert likelier(found, {"steady_wind__cubic_drag": 15.0}, **left) == set(found)
+    assert likelier(found, {"wind_change__advance_loss": 50.0}, **left) == set(found)
+    alone = {"advance_loss": 0.2, "cubic_drag": 0.2}
+    assert likelier(("advance_loss",), {"cubic_drag": 50.0}, **alone) == {"advance_loss"}
 
 
 def next_two(most: int = 4, recordings: int = 1, believed: bool = True, **left: float) -> list[str]:
