@@ -1,7 +1,7 @@
 """Whether an effect that was found is true of the boat, or of these recordings only.
 
     on recordings   each left out in turn: squared errors there, without and with the effect
-    its numbers     none that no boat has
+    its numbers     none that no boat has, or that a good sensor errs by
     its moment      something is seen on both sides of it
     on headings     nats won on unseen time by the sector of the heading that they were won in
 
@@ -16,7 +16,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.feedback import NOT_BEFORE_MOTION, acts_before_motion
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain_on_recordings, nats_won
-from sim.diagnosis.limits import strain_of
+from sim.diagnosis.limits import smallness_of, strain_of
 from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Scope, Shown
 from sim.state import Eta, Floats
@@ -33,6 +33,9 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
     strain = strain_of(row.found, row.fit.problem.vessel)
     if strain:
         return f"{strain}: it stands in for something else"
+    small = smallness_of(row.found)
+    if small:
+        return small
     if not _shows_both_sides(row):
         return "nothing was seen on one side of its moment: a change is not told"
     if row.effect.scope is not Scope.BOAT:

@@ -1,9 +1,12 @@
-"""Whether an effect only fits with numbers that no boat has: then it stands in for something else.
+"""Whether an effect only fits with numbers that no boat has: then it stands in for something else;
+or is so small that it would say nothing of the boat.
 
 An effect that is not the cause takes the cause's form as far as its law can. Where that ends at the
 limit of a number (a boat three times as heavy from one moment on), or far beyond the hull (an
 antenna over the water), what was found is a shape, and no finding.
 """
+
+import numpy as np
 
 from sim.effects.effect import Kind, Parameter
 from sim.vessel import AddedEffect, Vessel
@@ -33,6 +36,24 @@ def strain_of(added: AddedEffect, vessel: Vessel) -> str:
             told = f"{p.name} of {effect.name} is {value:.3g}{unit}"
             return f"{told}, and the hull ends at {end:.3g}{unit}"
     return ""
+
+
+def smallness_of(added: AddedEffect) -> str:
+    """That an effect is no more than a good sensor errs by, in words; empty where it is more, or
+    where nothing is known of that.
+    """
+    known = [p for p in added.effect.parameters if p.least]
+    if not known or any(abs(added.values[p.name]) >= p.least for p in known):
+        return ""
+    told = " and ".join(_told(p, added.values[p.name]) for p in known)
+    return f"{told} is less than a good sensor errs by ({_told(known[0], known[0].least)})"
+
+
+def _told(p: Parameter, value: float) -> str:
+    """A size with its unit."""
+    if p.unit == "rad":
+        return f"{np.degrees(abs(value)):.1f}°"
+    return f"{abs(value):.2g} {p.unit}"
 
 
 def _limit_at(p: Parameter, value: float) -> float | None:

@@ -177,6 +177,7 @@ class Parameter:
     prior      standard deviation of what is known beforehand, about `start`: a search for the
                effect keeps to it; 0: anything within the bounds
     sided      in a mirror, where port and starboard are exchanged, it changes its sign
+    least      what a good sensor errs by anyway: of a smaller size the effect is not told
     """
 
     name: str
@@ -194,6 +195,7 @@ class Parameter:
     prior: float = 0.0
     default: float | None = None
     sided: bool = False
+    least: float = 0.0
     says: InitVar[str | None] = None  # the name of `description` in 0.1
 
     def __post_init__(self, says: str | None) -> None:

@@ -9,9 +9,14 @@ Multisensor Integrated Navigation Systems, 2nd ed. 2013, §6.1.
 
 from typing import Any
 
+import numpy as np
+
 from sim.body import Report, with_heading_off
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Shown
 from sim.effects.words import DEG, FittedValues
+
+# The mean heading of a voyage is hardly known better, however well the compass is calibrated.
+ACCURACY = float(np.radians(1.0))
 
 
 def observe(report: Report, p: Any) -> Report:
@@ -32,7 +37,15 @@ EFFECT = Effect(
     observe=observe,
     parameters=(
         Parameter(
-            "angle", "rad", lower=-0.8, upper=0.8, start=0.0, scale=0.02, neutral=0.0, sided=True
+            "angle",
+            "rad",
+            lower=-0.8,
+            upper=0.8,
+            start=0.0,
+            scale=0.02,
+            neutral=0.0,
+            sided=True,
+            least=ACCURACY,
         ),
     ),
     looks_like="sideways speed in proportion to forward speed, on every heading, other sign astern",

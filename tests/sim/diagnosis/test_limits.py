@@ -8,7 +8,7 @@ import pytest
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.heldout import HeldOutScore, Ranking
 from sim.diagnosis.ladder import EffectSearch
-from sim.diagnosis.limits import strain_of
+from sim.diagnosis.limits import smallness_of, strain_of
 from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.verdict import summary_of
 from sim.effects.catalogue import EFFECTS, named
@@ -50,6 +50,20 @@ def test_an_antenna_is_no_further_out_than_the_hull_is_long() -> None:
     beside = strain("antenna_offset", x=0.0, y=-1.3 * half)
     assert beside == "y of antenna_offset is -3.19 m, and the hull ends at -2.45 m"
     assert "hull ends at 2.45 m" in strain("antenna_offset", x=1.3 * half)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "told"),
+    [
+        ("heading_offset", {"angle": -0.009}, "0.5° is less than a good sensor errs by (1.0°)"),
+        ("heading_offset", {"angle": 0.018}, ""),
+        ("steady_current", {"speed": 0.001, "direction": 0.0}, ""),  # nothing is known of that
+    ],
+)
+def test_what_a_good_sensor_errs_by_is_not_told(
+    effect: str, values: dict[str, float], told: str
+) -> None:
+    assert smallness_of(AddedEffect(named(effect), values)) == told
 
 
 def test_the_sentence_says_what_is_beyond_belief() -> None:
