@@ -100,9 +100,11 @@ def _is_more_than(
     share: float, error: float, after: float, ladder: Sequence[LadderStep], floor: float
 ) -> bool:
     """Whether the squared error between two is more than a share of what the base alone left above
-    the noise.
+    the noise; of the whole motion (1) at most: free runs of a hull that is unstable on course may
+    err by ten times that, and a share of it would be as much as there is to explain.
     """
-    return error**2 - after**2 > share * (ladder[1].heldout.nrmse ** 2 - floor**2)
+    base = min(ladder[1].heldout.nrmse, 1.0)
+    return error**2 - after**2 > share * (base**2 - floor**2)
 
 
 def _share_of_form(effects: Sequence[Effect]) -> float:
