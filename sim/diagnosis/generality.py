@@ -16,7 +16,7 @@ from sim.diagnosis import thresholds
 from sim.diagnosis.feedback import NOT_BEFORE_MOTION, acts_before_motion
 from sim.diagnosis.fit import Fit
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain_on_recordings, nats_won
-from sim.diagnosis.limits import smallness_of, strain_of
+from sim.diagnosis.limits import sameness_of, smallness_of, strain_of
 from sim.diagnosis.screening_steps import moment_of
 from sim.effects.effect import Scope, Shown
 from sim.state import Eta, Floats
@@ -33,7 +33,7 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
     strain = strain_of(row.found, row.fit.problem.vessel)
     if strain:
         return f"{strain}: it stands in for something else"
-    small = smallness_of(row.found)
+    small = smallness_of(row.found) or sameness_of(row.found)
     if small:
         return small
     if not _shows_both_sides(row):

@@ -8,6 +8,7 @@ antenna over the water), what was found is a shape, and no finding.
 
 import numpy as np
 
+from sim.diagnosis import thresholds
 from sim.effects.effect import Kind, Parameter
 from sim.vessel import AddedEffect, Vessel
 
@@ -47,6 +48,22 @@ def smallness_of(added: AddedEffect) -> str:
         return ""
     told = " and ".join(_told(p, added.values[p.name]) for p in known)
     return f"{told} is less than a good sensor errs by ({_told(known[0], known[0].least)})"
+
+
+def sameness_of(added: AddedEffect) -> str:
+    """That a current or a wind that changed is nearly the same on both sides of its moment, in
+    words; empty where it is not.
+    """
+    values, steady = added.values, added.effect.general_of
+    if not {"direction", "later_speed", "later_direction"} <= values.keys():
+        return ""
+    before, after = (
+        values[f"{side}speed"] * np.exp(1j * values[f"{side}direction"]) for side in ("", "later_")
+    )
+    larger = max(abs(before), abs(after))
+    if abs(after - before) >= thresholds.MIN_CHANGE * larger:
+        return ""
+    return f"it changes by {100.0 * abs(after - before) / larger:.0f} % only, as good as {steady}"
 
 
 def _told(p: Parameter, value: float) -> str:

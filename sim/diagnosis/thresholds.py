@@ -80,6 +80,7 @@ MAX_NRMSE_RATIO_AT_FLOOR = 0.98
 # Of the decrease that an effect has, of one in its place, to be fitted whole: what took a place on
 # twenty tuning voyages (5 of 39 that were looked at) promised 1.19 and more.
 MIN_PROMISE_IN_PLACE = 0.7
+MIN_CHANGE = 1 / 6  # of the larger of two currents or winds that one becomes the other by
 MAX_EXCHANGES = 2  # of two effects for one, or one for two
 MAX_SWAPS = 4  # of effects for others after each that was added; chosen for the time it takes
 MIN_SHARE_OF_EARLIER = 0.05  # of the nats that earlier effects won: less is their form

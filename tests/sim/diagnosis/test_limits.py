@@ -3,12 +3,13 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.heldout import HeldOutScore, Ranking
 from sim.diagnosis.ladder import EffectSearch
-from sim.diagnosis.limits import smallness_of, strain_of
+from sim.diagnosis.limits import sameness_of, smallness_of, strain_of
 from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.verdict import summary_of
 from sim.effects.catalogue import EFFECTS, named
@@ -64,6 +65,30 @@ def test_what_a_good_sensor_errs_by_is_not_told(
     effect: str, values: dict[str, float], told: str
 ) -> None:
     assert smallness_of(AddedEffect(named(effect), values)) == told
+
+
+@pytest.mark.parametrize(
+    ("later_speed", "later_direction", "told"),
+    [
+        (7.48, 1.748, "it changes by 15 % only, as good as steady_wind"),
+        (7.48, 1.9, "it changes by 1 % only, as good as steady_wind"),
+        (7.40, 1.7, ""),
+        (8.90, 1.9, ""),
+        (7.40, 1.9 - np.pi, ""),
+    ],
+)
+def test_a_wind_that_hardly_changes_has_not_changed(
+    later_speed: float, later_direction: float, told: str
+) -> None:
+    """As found where one wind blew all along: its form is not quite the catalogue's."""
+    values = {"speed": 7.40, "direction": 1.9, "time": 205.6}
+    later = {"later_speed": later_speed, "later_direction": later_direction}
+    found = AddedEffect(named("wind_change"), {**values, **later})
+    assert sameness_of(found) == told
+
+
+def test_a_steady_wind_is_no_change() -> None:
+    assert sameness_of(AddedEffect(named("steady_wind"), {"speed": 0.1, "direction": 0.0})) == ""
 
 
 def test_the_sentence_says_what_is_beyond_belief() -> None:
