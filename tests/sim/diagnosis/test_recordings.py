@@ -162,7 +162,7 @@ def seen_on(won: dict[float, float], effect: str = "heading_offset") -> tuple[An
     after = np.sqrt(6.0 + 6.0 * np.maximum(-nats, 0.0))
     fit = SimpleNamespace(problem=problem, heldout_residual=after)
     law = named(effect)
-    found = AddedEffect(law, {p.name: p.start for p in law.parameters})
+    found = AddedEffect(law, {p.name: max(p.start, p.least) for p in law.parameters})
     row = SimpleNamespace(effect=law, name=effect, fit=fit, found=found)
     return row, SimpleNamespace(problem=problem, heldout_residual=before)
 
@@ -196,7 +196,8 @@ def test_a_change_is_told_only_where_something_was_seen_before_and_after_it(
     name: str, moment: float, is_told: bool
 ) -> None:
     """A motor that was weak from the first seconds on has not failed while she sailed."""
-    values = {p.name: p.start for p in named(name).parameters} | {"time": moment}
+    values = {p.name: p.start for p in named(name).parameters}
+    values |= {"time": moment, "later_direction": 2.0}
     trials = [SimpleNamespace(time=np.linspace(0.0, end, 50)) for end in (100.0, 200.0)]
     fit: Any = SimpleNamespace(
         values=lambda effect: values, problem=SimpleNamespace(vessel=WAM_V, trials=trials)
