@@ -292,6 +292,13 @@ def write(path: Path, trouble: Trouble, seed: int, payload: float = 25.0) -> Non
     path.write_bytes(recorded(conversation(known, sensors, truth, RAISED, clock), clock, dice[3]))
 
 
+def use_source(parser: argparse.ArgumentParser, source: Path) -> None:
+    """Let the simulator be imported from its folder `src`; an error of the command if it is not."""
+    if not (source / "python_vehicle_simulator" / "vehicles" / "otter.py").exists():
+        parser.error(f"there is no python_vehicle_simulator in {source}")
+    sys.path.insert(0, str(source))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.otter", description=__doc__)
@@ -302,9 +309,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--together", action="store_true", help="three voyages at once, a fourth")
     parser.add_argument("--seed", type=int, default=0)
     a = parser.parse_args(arguments)
-    if not (a.source / "python_vehicle_simulator" / "vehicles" / "otter.py").exists():
-        parser.error(f"there is no python_vehicle_simulator in {a.source}")
-    sys.path.insert(0, str(a.source))
+    use_source(parser, a.source)
 
     def sail(name: str, log: Path) -> str:
         seed = 2000 + 100 * a.seed + list(TROUBLES).index(name)

@@ -20,18 +20,18 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator as Dice
 
-from benchmarks.hidden.nature import Cause
 from benchmarks.otter import (
+    SECONDS,
     TROUBLES,
     Otter,
     Trouble,
     Wrench6,
     boat,
-    calm,
     dead_band,
     lag,
     says,
     towed,
+    use_source,
     wind,
     write,
 )
@@ -41,8 +41,7 @@ from sim.state import Floats
 Draw = Callable[[Dice, Trouble], tuple[str, Trouble]]  # -> the effect's name, the trouble with it
 PILOTS = ("excitation", "survey", "wander", "drills")
 AWAY = 120.0  # s between a change and either end of the voyage, at least
-SECONDS = 600.0
-DIFFERENT = 0.12, 4.0  # m/s by which a current, a wind that changes becomes another, at least
+OTHER_CURRENT, OTHER_WIND = 0.12, 4.0  # m/s by which one that changes becomes another, at least
 
 
 def _moment(dice: Dice) -> float:
@@ -71,7 +70,7 @@ def _current(dice: Dice, t: Trouble) -> tuple[str, Trouble]:
 
 def _current_change(dice: Dice, t: Trouble) -> tuple[str, Trouble]:
     first = _velocity(dice, 0.1, 0.4)
-    later = _another(dice, first, 0.1, 0.4, DIFFERENT[0])
+    later = _another(dice, first, 0.1, 0.4, OTHER_CURRENT)
     return "current_change", replace(t, current=first, turns=(_moment(dice), *later))
 
 
@@ -81,7 +80,7 @@ def _wind(dice: Dice, t: Trouble) -> tuple[str, Trouble]:
 
 def _wind_change(dice: Dice, t: Trouble) -> tuple[str, Trouble]:
     first = _velocity(dice, 3.0, 10.0)
-    later = _another(dice, first, 5.0, 11.0, DIFFERENT[1])
+    later = _another(dice, first, 5.0, 11.0, OTHER_WIND)
     before, after, at = wind(*first), wind(*later), _moment(dice)
 
     def push(otter: Otter, now: float, eta: Floats, nu: Floats) -> Floats:
@@ -91,8 +90,6 @@ def _wind_change(dice: Dice, t: Trouble) -> tuple[str, Trouble]:
 
 
 def _sum(one: Wrench6, other: Wrench6) -> Wrench6:
-    if one is calm:
-        return other
     return lambda otter, t, eta, nu: one(otter, t, eta, nu) + other(otter, t, eta, nu)
 
 
@@ -156,7 +153,7 @@ SHARES = (0.3, 0.3, 0.25, 0.05, 0.1)  # of the draws; the drogue is hardly told 
 def day(number: int) -> tuple[list[str], Trouble]:
     """Names of what is hidden, and a day with it."""
     dice = np.random.default_rng([0x0DA7, number])
-    trouble = Trouble("", str(dice.choice(PILOTS)), cause=Cause())
+    trouble = Trouble("", str(dice.choice(PILOTS)))
     count = int(dice.integers(2, 5))
     names = []
     for where in dice.choice(list(WHERE), size=count, replace=False, p=SHARES):
@@ -178,9 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/otter-days"))
     a = parser.parse_args(arguments)
-    if not (a.source / "python_vehicle_simulator" / "vehicles" / "otter.py").exists():
-        parser.error(f"there is no python_vehicle_simulator in {a.source}")
-    sys.path.insert(0, str(a.source))
+    use_source(parser, a.source)
     vessel = first_voyage(
         a.out, boat(0.0), lambda log: write(log, TROUBLES["none"], 1000 + a.seed, 0.0)
     )

@@ -8,7 +8,7 @@ numbers that the missing forces give: a few steps may not lead there from a hull
 with what stood there. Source: Akaike, IEEE Trans. Automatic Control 19, 1974.
 """
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -20,6 +20,7 @@ from sim.diagnosis.fit_problem import FitProblem, nats_of
 from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, in_place_by_forces
 from sim.diagnosis.heldout import Ranking, is_better_than_special
 from sim.diagnosis.worth import is_worth_it
+from sim.effects.effect import Effect
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,11 @@ class LikelihoodSearch(CandidateSearch):
         """What is more likely with another effect in the place of one, or one of two."""
         _, weather = self._weather
         weather = weather | {e.name for e in self.effects if e.general_of in weather}
-        promising = {row.name for step in [first, *steps] for row in step.finalists}
+        promising = _promising(first, steps)
         for i, step in enumerate(steps):
             present = step.best.effect
-            like = {e.name for e in self.effects if e.looks_like_effect(present)}
-            general = {e.name for e in self.effects if e.general_of == present.name}
-            among = (promising | like) - general - {present.name}
+            others = (e for e in self.effects if e.name != present.name)
+            among = {e.name for e in others if _may_stand_for(e, present, promising)}
             yield from self._likelier_at(steps, fit, {i}, among)
         for pair in combinations(range(len(steps)), 2) if len(steps) > 2 else ():
             if any(fit.names[i] in weather for i in pair):
@@ -62,29 +62,23 @@ class LikelihoodSearch(CandidateSearch):
     def _in_place_by_forces(
         self, first: Ranking, steps: list[Ranking], fit: Fit
     ) -> tuple[list[Ranking], Fit]:
-        """Each of several effects chosen once more beside the others, among its look-alikes and
-        what promised enough to be fitted, be it at the first look, but for its general forms, which
-        the rankings have compared with it: from numbers that the missing forces give. What needs
-        fewer numbers takes a place more easily, see `_takes_place`.
+        """Each of several effects chosen once more beside the others, from numbers that the missing
+        forces give. What needs fewer numbers takes a place more easily, see `_takes_place`.
         """
         if len(steps) < 2 or not are_few(fit):
             return steps, fit
-        promising = sorted({row.name for step in [first, *steps] for row in step.finalists})
+        promising = _promising(first, steps)
         problem = ForceProblem.of(self.superset, fit.problem.trials, fit.problem.settings)
         for step in list(steps):
             self.progress(f"what does as well as {step.best.name}, from the missing forces")
             fit = fit_under_its_noise(fit, fit.problem)  # as what is tried will be
             place, present = fit.names.index(step.best.name), step.best.effect
-            effects = [
-                e for e in self._others(fit)
-                if (e.name in promising or e.looks_like_effect(present))
-                and e.general_of != present.name
-            ]  # fmt: skip
+            effects = [e for e in self._others(fit) if _may_stand_for(e, present, promising)]
             found = in_place_by_forces(problem, fit, place, effects, self.mapper)
             taking = [other for other in found if self._takes_place(other, fit)]
             for other in sorted(taking, key=partial(unlikely, fit.problem)):
                 *others, last = other.effects()
-                ranking = self._led_by(other, others, last, promising)
+                ranking = self._led_by(other, others, last, sorted(promising))
                 if self.is_believed(ranking.best, ranking.reference):
                     self.progress(f"{last.effect.name} in the place of {present.name}")
                     steps = [*(s for s in steps if s is not step), ranking]
@@ -117,6 +111,19 @@ class LikelihoodSearch(CandidateSearch):
             return False
         error, before = (self.scorer.score_fit(each).nrmse for each in (other, fit))
         return error <= thresholds.MAX_RIVAL_RATIO * before
+
+
+def _promising(first: Ranking, steps: Sequence[Ranking]) -> set[str]:
+    """What promised enough to be fitted whole, be it at the first look."""
+    return {row.name for step in [first, *steps] for row in step.finalists}
+
+
+def _may_stand_for(effect: Effect, present: Effect, promising: Container[str]) -> bool:
+    """Whether one effect is tried in the place of another: its look-alikes and what is promising,
+    but not its general forms, which the rankings have compared with it.
+    """
+    alike = effect.name in promising or effect.looks_like_effect(present)
+    return alike and effect.general_of != present.name
 
 
 def unlikely(problem: FitProblem, fit: Fit) -> float:

@@ -54,7 +54,7 @@ def sameness_of(added: AddedEffect) -> str:
     """That a current or a wind that changed is nearly the same on both sides of its moment, in
     words; empty where it is not.
     """
-    values, steady = added.values, added.effect.general_of
+    values = added.values
     if not {"direction", "later_speed", "later_direction"} <= values.keys():
         return ""
     before, after = (
@@ -63,7 +63,7 @@ def sameness_of(added: AddedEffect) -> str:
     larger = max(abs(before), abs(after))
     if abs(after - before) >= thresholds.MIN_CHANGE * larger:
         return ""
-    return f"it changes by {100.0 * abs(after - before) / larger:.0f} % only, as good as {steady}"
+    return f"it changes by {100.0 * abs(after - before) / larger:.0f} % only: that is no change"
 
 
 def _told(p: Parameter, value: float) -> str:

@@ -70,8 +70,8 @@ def test_what_a_good_sensor_errs_by_is_not_told(
 @pytest.mark.parametrize(
     ("later_speed", "later_direction", "told"),
     [
-        (7.48, 1.748, "it changes by 15 % only, as good as steady_wind"),
-        (7.48, 1.9, "it changes by 1 % only, as good as steady_wind"),
+        (7.48, 1.748, "it changes by 15 % only: that is no change"),
+        (7.48, 1.9, "it changes by 1 % only: that is no change"),
         (7.40, 1.7, ""),
         (8.90, 1.9, ""),
         (7.40, 1.9 - np.pi, ""),

@@ -67,6 +67,7 @@ def test_an_error_far_above_the_noise_is_not_explained() -> None:
     assert is_above_noise(found, [step(0.9), step(0.9), step(0.6, *names)], 0.1)
     assert not is_above_noise(found, [step(0.9), step(0.9), step(0.4, *names)], 0.1)  # its form
     assert not is_above_noise(found, [step(9.0), step(9.0), step(0.4, *names)], 0.1)
+    assert is_above_noise(found, [step(9.0), step(9.0), step(0.6, *names)], 0.1)  # of the motion
     half_way = [step(0.6), step(0.54), step(0.348, *names)]
     assert is_above_noise(found, half_way, 0.079)  # a third and more is left: a river's mouth
     assert not is_above_noise(found, half_way, 0.26)  # no more than a complete model may leave
