@@ -50,10 +50,12 @@ from sim.identification.search import (
     robust_weights,
 )
 from sim.model import Model
-from sim.prediction import missing_force_only
+from sim.prediction import ForceInputs
 from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect
+
+UNIT_ACCELERATION = np.repeat([0.0, 1.0], [6, 3])  # m/s², rad/s², in reported motion (9,)
 
 
 @dataclass(frozen=True)
@@ -95,10 +97,14 @@ class StandingOut(NamedTuple):
 
 @dataclass(frozen=True)
 class ForceProblem:
-    """Missing forces of trials, each axis in its own spread (3,) [N, N, N m]."""
+    """Missing forces of trials, each axis in its own spread (3,) [N, N, N m].
+
+    inputs  of each trial, as the superset reads it
+    """
 
     superset: SupersetModel
     trials: tuple[Trial, ...]
+    inputs: tuple[ForceInputs, ...]
     settings: IdentifySettings
     spread: Floats
 
@@ -107,29 +113,52 @@ class ForceProblem:
         cls, superset: SupersetModel, trials: Sequence[Trial], settings: IdentifySettings
     ) -> "ForceProblem":
         """Before any fit has told how wide the forces are spread."""
-        return cls(superset, tuple(trials), settings, np.ones(3))
+        inputs = tuple(ForceInputs.of(trial, superset.model) for trial in trials)
+        return cls(superset, tuple(trials), inputs, settings, np.ones(3))
 
     def missing(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> Floats:
-        """Means of the missing force (N, 3) [N, N, N m] over usable seconds, at z (n,)."""
-        out = []
-        for k, trial in enumerate(self.trials):
-            model = replace(unknowns.model, theta=unknowns.theta(z[None], k)[0])
-            force = missing_force_only(trial, model)
-            if any(a.effect.inertia is not None for a in added):
-                force /= np.minimum(_inertia_share(trial, model, force), 1.0)
-            size = max(round(thresholds.MEAN_FORCE_S / trial.dt), 1)
-            whole = len(trial) // size * size
-            means = force[:whole].reshape(-1, size, 3).mean(axis=1)
-            out.append(means[trial.usable[:whole].reshape(-1, size).all(axis=1)])
-        return np.concatenate(out)
+        """Means of the missing force (K, N, 3) [N, N, N m] over usable seconds, at z (K, n)."""
+        lighter = any(a.effect.inertia is not None for a in added)
+        each = (
+            self._means(trial, inputs, unknowns.model, unknowns.theta(z, k), lighter)
+            for k, (trial, inputs) in enumerate(zip(self.trials, self.inputs, strict=True))
+        )
+        return np.concatenate(list(each), axis=1)
+
+    def _means(
+        self, trial: Trial, inputs: ForceInputs, model: Model, thetas: Floats, lighter: bool
+    ) -> Floats:
+        """Of one trial, with parameters (K, P)."""
+        if model.vessel is not self.superset.model.vessel:  # plugs may be mixed up in it
+            inputs = ForceInputs.of(trial, model)
+        force = inputs.forces(trial, model, thetas)
+        if lighter:
+            faster = inputs._replace(motion=inputs.motion + UNIT_ACCELERATION)
+            inertia = faster.forces(trial, model, thetas) - force
+            base = thetas[:, [model.names.index(name) for name in MASSES]]
+            force /= np.minimum(inertia / base[:, None], 1.0)
+        size = max(round(thresholds.MEAN_FORCE_S / trial.dt), 1)
+        whole = len(trial) // size * size
+        usable = trial.usable[:whole].reshape(-1, size).all(axis=1)
+        return np.asarray(force[:, :whole].reshape(len(thetas), -1, size, 3)[:, usable].mean(axis=2))
+
+    def residuals(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> Floats:
+        """What is left (K, 3 N) in spreads, at z (K, n)."""
+        far = thresholds.FAR_FORCE
+        r = np.nan_to_num(self.missing(added, unknowns, z) / self.spread, nan=far)
+        return np.clip(r, -far, far).reshape(len(z), -1)
+
+    def fits(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> list[ForceFit]:
+        """A fit at each z (K, n)."""
+        z = np.clip(z, *unknowns.bounds)
+        left = self.residuals(added, unknowns, z)
+        costs = robust_cost(unknowns, z, left, thresholds.ROBUST_SIGMAS)
+        each = zip(z, left, costs.tolist(), strict=True)
+        return [ForceFit(tuple(added), unknowns, *one) for one in each]
 
     def at(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> ForceFit:
         """A fit where it begins, at z (n,)."""
-        z = np.clip(z, *unknowns.bounds)
-        r = np.nan_to_num(self.missing(added, unknowns, z) / self.spread, nan=thresholds.FAR_FORCE)
-        r = np.clip(r, -thresholds.FAR_FORCE, thresholds.FAR_FORCE).ravel()
-        cost = robust_cost(unknowns, z[None], r[None], thresholds.ROBUST_SIGMAS)
-        return ForceFit(tuple(added), unknowns, z, r, float(cost[0]))
+        return self.fits(added, unknowns, z[None])[0]
 
     def with_effects(self, fit: Fitted, added: Sequence[AddedEffect]) -> ForceFit:
         """Other effects from where a fit ended, of forces or of predictions, those that it lacks
@@ -143,13 +172,13 @@ class ForceProblem:
         wanted = np.arange(len(fit.z)) if columns is None else columns
         J = np.zeros((len(fit.residual), len(fit.z)))
         moved, step = moved_by_steps(fit.unknowns, fit.z, wanted)
-        for i, z, h in zip(wanted, moved[1:], step, strict=True):
-            J[:, i] = (self.at(fit.added, fit.unknowns, z).residual - fit.residual) / h
+        left = self.residuals(fit.added, fit.unknowns, moved[1:])
+        J[:, wanted] = ((left - fit.residual) / step[:, None]).T
         return J
 
     def stepped(self, fit: ForceFit, jacobian: Floats) -> ForceFit:
         """The best of a few steps; where it stands if none leads down."""
-        tried = (self.at(fit.added, fit.unknowns, z) for z in fit.tried(jacobian))
+        tried = self.fits(fit.added, fit.unknowns, fit.tried(jacobian))
         return min([fit, *tried], key=_cost)
 
     def fitted(self, fit: ForceFit) -> ForceFit:
@@ -162,7 +191,7 @@ class ForceProblem:
 
     def under_what_is_left(self, fit: ForceFit) -> tuple["ForceProblem", ForceFit]:
         """The same in spreads of what a fit leaves."""
-        left = np.median(np.abs(self.missing(fit.added, fit.unknowns, fit.z)), axis=0)
+        left = np.median(np.abs(self.missing(fit.added, fit.unknowns, fit.z[None])[0]), axis=0)
         left /= MEDIAN_OF_ABSOLUTE
         problem = replace(self, spread=np.where(left > 0.0, left, self.spread))
         return problem, problem.at(fit.added, fit.unknowns, fit.z)
@@ -334,13 +363,6 @@ def acts_at_once(effect: Effect) -> bool:
     """
     has_memory = effect.thrust_rate or effect.angle_rate or effect.rate
     return not (has_memory or effect.wiring or effect.is_curve or effect.partial)
-
-
-def _inertia_share(trial: Trial, model: Model, force: Floats) -> Floats:
-    """Inertia of each axis over that of the base (T, 3); `force` (T, 3): what is missing."""
-    faster = missing_force_only(replace(trial, nu_dot=trial.nu_dot + 1.0), model)
-    base = model.theta[[model.names.index(name) for name in MASSES]]
-    return np.asarray((faster - force) / base)
 
 
 def _special_first(found: Sequence[ForceFit]) -> ForceFit:

@@ -9,6 +9,7 @@ J comes from central differences, so that sensor effects and currents have their
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,32 @@ class MissingForce:
 def missing_force(trial: Trial, model: Model) -> MissingForce:
     """The missing force along the whole trial and its standard deviation."""
     return MissingForce(missing_force_only(trial, model), _std(trial, model))
+
+
+class ForceInputs(NamedTuple):
+    """What missing forces of a trial are worked out from, whatever a model's numbers are: reported
+    motion (T, 9), commands (T, na) over the interval before each row and at it.
+    """
+
+    motion: Floats
+    before: Floats
+    around: Floats
+
+    @classmethod
+    def of(cls, trial: Trial, model: Model) -> "ForceInputs":
+        """As the model reads the trial."""
+        before, after = commands_around(model, trial)
+        return cls(measured_motion(trial), before, 0.5 * (before + after))
+
+    def forces(self, trial: Trial, model: Model, thetas: Floats) -> Floats:
+        """The missing force (K, T, 3) with each of the parameters (K, P)."""
+        out = np.empty((len(thetas), len(trial), 3))
+        for k, theta in enumerate(thetas):
+            out[k], _ = model.missing_force(
+                self.motion, trial.time, self.before, self.around, theta=theta,
+                voltage=trial.voltage, wind=trial.wind,
+            )  # fmt: skip
+        return out
 
 
 def missing_force_only(trial: Trial, model: Model) -> Floats:
