@@ -74,7 +74,13 @@ def _made_private(folder: Path) -> bool:
         for file in folder.iterdir():
             if not file.is_dir():
                 file.unlink()
-    return all(_owner(file) in (found.st_uid, None) for file in folder.iterdir())
+    return _holds_only_files_of(found.st_uid, folder)
+
+
+@lru_cache(maxsize=32)  # once a process: while a folder is private nobody else puts a file there
+def _holds_only_files_of(user: int, folder: Path) -> bool:
+    """Whether all that is in a folder belongs to a user."""
+    return all(_owner(file) in (user, None) for file in folder.iterdir())
 
 
 def _owner(file: Path) -> int | None:

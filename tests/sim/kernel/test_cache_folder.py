@@ -38,7 +38,7 @@ def test_what_others_could_write_is_emptied_and_closed(cache: Path, mode: int, p
 @pytest.mark.skipif(os.getuid() != 0, reason="only the administrator can give files away")
 @pytest.mark.parametrize("place", [".", "kernel_x.py", "__pycache__", "__pycache__/x.nbi", ".."])
 def test_what_belongs_to_somebody_else_is_not_used(cache: Path, place: str) -> None:
-    (_cache_folder() / "__pycache__").mkdir()
+    (cache / "__pycache__").mkdir(parents=True)  # before this process looks
     (cache / "kernel_x.py").touch()
     (cache / "__pycache__" / "x.nbi").touch()
     os.chown(cache / place, 12345, 12345)
