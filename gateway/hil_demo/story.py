@@ -64,8 +64,10 @@ def error_sentence(what: str, before: Comparison, after: Comparison) -> str:
 
 
 def effect_text(added: AddedEffect) -> str:
-    """`NAME (PARAMETER 0.8, …)`."""
-    numbers = ", ".join(f"{name} {value:.3g}" for name, value in added.values.items())
+    """`NAME (PARAMETER 0.8, …)`, without what a file need not say."""
+    usual = {p.name: p.default for p in added.effect.parameters}
+    told = ((name, value) for name, value in added.values.items() if value != usual[name])
+    numbers = ", ".join(f"{name} {value:.3g}" for name, value in told)
     return f"{added.effect.name} ({numbers})"
 
 

@@ -140,7 +140,9 @@ class ForceProblem:
         size = max(round(thresholds.MEAN_FORCE_S / trial.dt), 1)
         whole = len(trial) // size * size
         usable = trial.usable[:whole].reshape(-1, size).all(axis=1)
-        return np.asarray(force[:, :whole].reshape(len(thetas), -1, size, 3)[:, usable].mean(axis=2))
+        return np.asarray(
+            force[:, :whole].reshape(len(thetas), -1, size, 3)[:, usable].mean(axis=2)
+        )
 
     def residuals(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> Floats:
         """What is left (K, 3 N) in spreads, at z (K, n)."""

@@ -1,28 +1,45 @@
-"""Thruster imbalance: the thrusters to port pull more, or less, than those to starboard.
+"""Thruster imbalance: the thrusters on one side pull more, or less, than those on the other.
 
-    F → port_gain F   for thrusters with y < 0        port_gain [-]
+    F → port_gain F         for thrusters with y < 0, if it is these that changed
+    F → (2 − port_gain) F   for thrusters with y > 0, if it is these (starboard = 1)
 
-Valid for: a damaged propeller, a worn motor, weed on one side; ahead and astern alike. Source:
-Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficient matrix).
+port_gain − 1 [-] is the difference between the two sides as a share of what is modelled. Two thirds
+of the thrust on one side turn a boat as one and a half times as much on the other, but leave her
+slower: which side it is tells what the hull is like. Valid for: a damaged propeller, a worn motor,
+weed on one side; ahead and astern alike. Source: Fossen, Handbook of Marine Craft Hydrodynamics,
+2nd ed. 2021, ch. 9 (thrust coefficient matrix).
 """
 
 from typing import Any
 
 from sim.body import Flow, ThrusterParameters
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Kind,
+    Need,
+    Parameter,
+    Scope,
+    Separation,
+)
 from sim.effects.words import THAN, FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
-    return F * (1.0 + (drive.y < 0.0) * (p.port_gain - 1.0))
+    port, starboard = (drive.y < 0.0) * (1.0 - p.starboard), (drive.y > 0.0) * p.starboard
+    return F * (1.0 + (port - starboard) * (p.port_gain - 1.0))
 
 
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
-    return "beside the starboard motor, the port motor pushes " + p.size(
-        "port_gain", "%", 100.0, 1.0, p.side("port_gain", " harder", " weaker", 1.0) + THAN
-    )
+    sides = ("port", "starboard", " harder", " weaker")
+    if p.values.get("starboard", 0.0) > 0.0:
+        sides = ("starboard", "port", " weaker", " harder")
+    one, other, more, less = sides
+    size = p.size("port_gain", "%", 100.0, 1.0, p.side("port_gain", more, less, 1.0) + THAN)
+    return f"beside the {other} motor, the {one} motor pushes {size}"
 
 
 EFFECT = Effect(
@@ -32,6 +49,18 @@ EFFECT = Effect(
     needs=(Need.PORT_THRUSTER,),
     parameters=(
         Parameter("port_gain", "-", lower=0.0, upper=2.0, start=1.0, scale=0.02, neutral=1.0),
+        Parameter(
+            "starboard",
+            "-",
+            lower=0.0,
+            upper=1.0,
+            start=0.0,
+            scale=1.0,
+            kind=Kind.CHOICE,
+            starts=(0.0, 1.0),
+            default=0.0,
+            description="0: the port motors are not as modelled; 1: those to starboard are not",
+        ),
     ),
     looks_like="pulls to one side in proportion to the throttle, on every heading, and to the "
     "other side astern",

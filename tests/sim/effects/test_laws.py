@@ -22,6 +22,7 @@ TAKE_ENERGY = ("cubic_drag", "crossflow_drag", "drag_growth", "learned_drag", "t
 PORT_AND_STARBOARD = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # of a report
 OTHER_SIDE = {
     "thruster_fault": {"thruster": 2.0},
+    "thruster_imbalance": {"port_gain": 1.2, "starboard": 1.0},
     "actuator_wiring": {"reversed": 1.0},
     "learned_drag": {"east": -VALUES["learned_drag"]["east"]},
     "learned_history": {f"g{k}": -VALUES["learned_history"][f"g{k}"] for k in range(9)},
@@ -51,7 +52,6 @@ OTHER_SIDE = {
         },
     },
 }
-ONE_SIDED = ("thruster_imbalance",)  # knows port only
 HARDLY_TOLD = ("thruster_deadband.jump",)  # a shape between two, which hardly anything tells
 every_parameter = pytest.mark.parametrize(
     ("name", "parameter"),
@@ -170,9 +170,7 @@ def test_inertia_stays_that_of_a_mass():
         assert (np.linalg.eigvalsh(matrix, UPLO="U") > 0.0).all(), effect.name
 
 
-@pytest.mark.parametrize(
-    "effect", [e for e in EFFECTS if e.name not in ONE_SIDED], ids=lambda e: e.name
-)
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
 def test_seen_in_a_mirror_it_is_the_same_effect_on_the_other_side(effect):
     vessel, item = home(effect), added(effect)
     sided = {p.name for p in effect.parameters if p.sided}

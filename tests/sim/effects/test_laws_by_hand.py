@@ -112,8 +112,13 @@ def test_the_water_moves_towards_its_direction_as_fast_as_it_is_said() -> None:
 
 THRUSTS = (
     ("reverse_loss", {"factor": 0.7}, DRIVE, flow(), ((50.0, 50.0), (-50.0, -35.0))),
-    ("thruster_imbalance", {"port_gain": 0.7}, DRIVE, flow(), ((50.0, 35.0), (-50.0, -35.0))),
-    ("thruster_imbalance", {"port_gain": 0.7}, DRIVE._replace(y=0.7), flow(), ((50.0, 50.0),)),
+    ("thruster_imbalance", {"port_gain": 0.7, "starboard": 0.0}, DRIVE, flow(),
+     ((50.0, 35.0), (-50.0, -35.0))),
+    ("thruster_imbalance", {"port_gain": 0.7, "starboard": 0.0}, DRIVE._replace(y=0.7), flow(),
+     ((50.0, 50.0),)),
+    ("thruster_imbalance", {"port_gain": 1.3, "starboard": 1.0}, DRIVE, flow(), ((50.0, 50.0),)),
+    ("thruster_imbalance", {"port_gain": 1.3, "starboard": 1.0}, DRIVE._replace(y=0.7), flow(),
+     ((50.0, 35.0), (-50.0, -35.0))),
     ("thruster_fault", {"thruster": 1.0, "gain": 0.2, "time": 9.0}, DRIVE, flow(time=9.0),
      ((50.0, 10.0),)),
     ("thruster_fault", {"thruster": 1.0, "gain": 0.2, "time": 9.0}, DRIVE, flow(time=8.9),
