@@ -1,7 +1,7 @@
 """Whether an effect that was found is true of the boat, or of these recordings only.
 
     on recordings   each left out in turn: squared errors there, without and with the effect
-    its numbers     none that no boat has, or that a good sensor errs by
+    its numbers     none that no boat has, or that a good sensor is off by anyway
     its moment      something is seen on both sides of it
     on headings     nats won on unseen time by the sector of the heading that they were won in
 

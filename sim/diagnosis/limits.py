@@ -40,14 +40,16 @@ def strain_of(added: AddedEffect, vessel: Vessel) -> str:
 
 
 def smallness_of(added: AddedEffect) -> str:
-    """That an effect is no more than a good sensor errs by, in words; empty where it is more, or
-    where nothing is known of that.
+    """That an effect is no more than a good sensor, or what is known of a boat, is off by anyway,
+    in words; empty where it is more, or where nothing is known of that.
     """
     known = [p for p in added.effect.parameters if p.least]
-    if not known or any(abs(added.values[p.name]) >= p.least for p in known):
+    sizes = [abs(added.values[p.name] - (p.neutral or 0.0)) for p in known]
+    if not known or any(size >= p.least for p, size in zip(known, sizes, strict=True)):
         return ""
-    told = " and ".join(_told(p, added.values[p.name]) for p in known)
-    return f"{told} is less than a good sensor errs by ({_told(known[0], known[0].least)})"
+    told = " and ".join(_told(p, size) for p, size in zip(known, sizes, strict=True))
+    what = "a boat's numbers are" if added.effect.thrust else "a good sensor is"
+    return f"{told} is less than {what} off by anyway ({_told(known[0], known[0].least)})"
 
 
 def sameness_of(added: AddedEffect) -> str:
@@ -70,6 +72,8 @@ def _told(p: Parameter, value: float) -> str:
     """A size with its unit."""
     if p.unit == "rad":
         return f"{np.degrees(abs(value)):.1f}°"
+    if p.unit == "-":
+        return f"{100.0 * abs(value):.0f} %"
     return f"{abs(value):.2g} {p.unit}"
 
 

@@ -177,7 +177,8 @@ class Parameter:
     prior      standard deviation of what is known beforehand, about `start`: a search for the
                effect keeps to it; 0: anything within the bounds
     sided      in a mirror, where port and starboard are exchanged, it changes its sign
-    least      what a good sensor errs by anyway: of a smaller size the effect is not told
+    least      what a good sensor, or what is known of a boat, is off by anyway: of a smaller size
+               the effect is not told
     """
 
     name: str

@@ -56,7 +56,11 @@ def test_an_antenna_is_no_further_out_than_the_hull_is_long() -> None:
 @pytest.mark.parametrize(
     ("effect", "values", "told"),
     [
-        ("heading_offset", {"angle": -0.009}, "0.5° is less than a good sensor errs by (1.0°)"),
+        (
+            "heading_offset",
+            {"angle": -0.009},
+            "0.5° is less than a good sensor is off by anyway (1.0°)",
+        ),
         ("heading_offset", {"angle": 0.018}, ""),
         ("steady_current", {"speed": 0.001, "direction": 0.0}, ""),  # nothing is known of that
     ],

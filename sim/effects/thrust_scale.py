@@ -1,0 +1,46 @@
+"""Thrust scale: all motors push more, or less, than the vessel file says, everywhere alike.
+
+    F → gain F        gain [-]
+
+Motors that push two thirds move a boat as she would go who is one and a half times as heavy and as
+hard to drive: a boat is known well enough that this is told only where her own numbers would have
+to move much further than they are known. Valid for: a tired or another battery, fouled or other
+propellers, a thrust that was measured at the bollard. Source: Fossen, Handbook of Marine Craft
+Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficient matrix).
+"""
+
+from typing import Any
+
+from sim.body import Flow, ThrusterParameters
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
+from sim.effects.words import THAN, FittedValues
+
+
+def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
+    """Thrust -> thrust [N]."""
+    return F * p.gain
+
+
+def in_words(p: FittedValues) -> str:
+    """What was found, in a sentence."""
+    return "all motors push " + p.size(
+        "gain", "%", 100.0, 1.0, p.side("gain", " harder", " weaker", 1.0) + THAN
+    )
+
+
+EFFECT = Effect(
+    name="thrust_scale",
+    scope=Scope.BOAT,
+    thrust=thrust,
+    parameters=(
+        Parameter("gain", "-", lower=0.1, upper=3.0, start=1.0, scale=0.05, neutral=1.0, least=0.1),
+    ),
+    looks_like="slower to start, to turn and at the top than modelled, all in proportion to the "
+    "throttle",
+    mistaken_for=("battery_sag",),
+    evidence=EvidenceAxis(ForceAxis.SURGE, "throttle"),
+    separated={
+        "battery_sag": Separation("one run with a full and one with a tired battery", "steps")
+    },
+    in_words=in_words,
+)
