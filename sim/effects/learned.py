@@ -54,6 +54,7 @@ from sim.jit import jitable
 from sim.state import Wrench
 
 LEAST_SAG = 0.05  # of the highest voltage: less tells of no battery; chosen, not measured
+LEVEL = 1 / 6  # of the largest value: a table that changes by less is told as one that does not
 AFT = 0.4  # hull lengths behind the origin, where skegs and rudders stand
 
 
@@ -179,8 +180,8 @@ def evidence_axis(values: Values) -> EvidenceAxis:
     return EvidenceAxis(axis, DRAWN_AGAINST[values["by"]])
 
 
-def acts_in_words(values: FittedValues) -> str:
-    """What a table is of, before what it goes with."""
+def acts_in_words(values: FittedValues, level: bool = False) -> str:
+    """What a table is of, before what it goes with; `level`: which hardly matters."""
     pushed = values["acts"] in {SWAY, OUTWARD}
     at = f" {values['x']:+.2f} m from the origin" if pushed else ""
     return {
@@ -188,8 +189,8 @@ def acts_in_words(values: FittedValues) -> str:
         SWAY: f"a force to starboard{at}",
         OUTWARD: f"a share of the thrust as a force outward{at}, to port of a motor on that side,",
         YAW: "a moment to starboard, as a force at half the hull's length,",
-        THRUST: "a share of the thrust that changes",
-        ANGLE: "an angle of the steering that differs",
+        THRUST: "a share of the thrust" + ("" if level else " that changes"),
+        ANGLE: "an angle of the steering" + ("" if level else " that differs"),
     }[values["acts"]]
 
 
@@ -208,7 +209,9 @@ def in_words(values: FittedValues) -> str:
     else:
         told = [f"{y * values['full']:+.3g} N" for y in shares]
     points = told_at_bends(told, places / size, np.array(shares), unit)
-    return f"{acts_in_words(values)} with the {NAMES[by]}: {points}"
+    level = bool(np.ptp(shares) < LEVEL * np.abs(shares).max())
+    goes = f"nearly the same whatever the {NAMES[by]}" if level else f"with the {NAMES[by]}"
+    return f"{acts_in_words(values, level)}{',' if level else ''} {goes}: {points}"
 
 
 EFFECT = Effect(

@@ -181,6 +181,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
     "steering_offset": {"angle": 0.1},
     "thrust_curve": {"exponent": 1.5},
     "thruster_fault": {"thruster": 1.0, "gain": 0.3, "time": 4.01},
+    "thrust_scale": {"gain": 0.7},
     "thruster_imbalance": {"port_gain": 0.8, "starboard": 0.0},
     "thruster_misalignment": {"angle": 0.12},
     "towed_load": {"drag": 9.0, "x": -1.5},

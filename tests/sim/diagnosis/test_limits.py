@@ -62,6 +62,12 @@ def test_an_antenna_is_no_further_out_than_the_hull_is_long() -> None:
             "0.5° is less than a good sensor is off by anyway (1.0°)",
         ),
         ("heading_offset", {"angle": 0.018}, ""),
+        (
+            "thrust_scale",
+            {"gain": 0.93},
+            "7 % is less than a boat's numbers are off by anyway (10 %)",
+        ),
+        ("thrust_scale", {"gain": 1.11}, ""),
         ("steady_current", {"speed": 0.001, "direction": 0.0}, ""),  # nothing is known of that
     ],
 )

@@ -111,6 +111,7 @@ def test_the_water_moves_towards_its_direction_as_fast_as_it_is_said() -> None:
 
 
 THRUSTS = (
+    ("thrust_scale", {"gain": 0.7}, DRIVE, flow(), ((50.0, 35.0), (-50.0, -35.0))),
     ("reverse_loss", {"factor": 0.7}, DRIVE, flow(), ((50.0, 50.0), (-50.0, -35.0))),
     ("thruster_imbalance", {"port_gain": 0.7, "starboard": 0.0}, DRIVE, flow(),
      ((50.0, 35.0), (-50.0, -35.0))),

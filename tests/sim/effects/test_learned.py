@@ -138,6 +138,15 @@ def test_it_is_told_in_the_units_of_its_variable(values, parts, never) -> None:
     assert never not in said
 
 
+def test_a_share_that_is_the_same_everywhere_does_not_change() -> None:
+    level = {f"f{k}": -0.31 - 0.01 * (k % 2) for k in range(KNOTS)}
+    turning = {**EFFECT.example, "by": TURNING, "acts": THRUST, "high": np.pi / 3}
+    said = in_words({**turning, **level})
+    assert "a share of the thrust, nearly the same whatever the yaw rate: -31 %" in said
+    assert "changes" not in said
+    assert "changes" in in_words({**turning, **level, "f8": -0.41})
+
+
 def test_the_first_knot_is_where_the_table_begins() -> None:
     x = np.linspace(-2.0, 3.0, 101)
     knots = np.linspace(-0.8, 1.6, KNOTS)
