@@ -1,0 +1,112 @@
+"""Are weak motors told as that: those to starboard, those to port, all of them?
+
+    python -m benchmarks.motors [--kind starboard port all second] [--every 1] [--seed 0]
+
+Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`) with
+motors at 60 to 88 % of their thrust from the first moment on; its own imbalance is one of the port
+motors, now weaker, now stronger. Kinds: the motors to starboard; those to port; all of them; those
+to starboard beside a second cause. Every other vessel file is 10 % off in each of its nine numbers.
+Printed: what is hidden, the verdict, the effects found, the error before and after and the noise.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.hidden.boats import EVERY, Boat
+from benchmarks.hidden.causes import Hidden
+from benchmarks.hidden.vessel_toml import vessel_toml
+from benchmarks.hidden.voyage import write_voyage
+from gateway.offline.diagnose import diagnose_logs
+
+SEED = 46_000
+SECONDS = 300.0
+KINDS = ("starboard", "port", "all", "second")
+WEAK = (0.6, 0.88)  # of the thrust, drawn
+PAIRS = (
+    ("grebe", "survey"), ("wam-v", "excitation"), ("light-5", "survey"), ("light-7", "wander"),
+    ("teal", "drills"), ("iacquabot", "excitation"), ("light-18", "wander"), ("wam-v", "survey"),
+    ("light-21", "drills"), ("teal", "survey"),
+)  # fmt: skip
+
+
+class Voyage(NamedTuple):
+    """One voyage; share: of their thrust, that the weak motors give."""
+
+    boat: Boat
+    pilot: str
+    seed: int
+    share: float
+    hidden: tuple[Hidden, ...]
+
+    @property
+    def second(self) -> str:
+        """Name of what is hidden beside the motors; empty where nothing is."""
+        return next((h.name for h in self.hidden if h.name != "thruster_fault"), "")
+
+
+def voyages(kind: str, seed: int = 0) -> Iterator[Voyage]:
+    """Those of one kind; the same for the same seed, whatever else is run."""
+    for k, (name, pilot) in enumerate(PAIRS):
+        dice, boat = np.random.default_rng([SEED, seed, KINDS.index(kind), k]), EVERY[name]
+        share = float(dice.uniform(*WEAK))
+        sides = {"port": (-1.0,), "all": (-1.0, 1.0)}.get(kind, (1.0,))
+        weak = [m.channel for m in boat.motors if np.sign(m.y) in sides]
+        hidden = [
+            Hidden("thruster_fault", {"channel": float(c), "gain": share, "time": -1.0})
+            for c in weak
+        ]
+        way = float(dice.uniform(-np.pi, np.pi))
+        more = (
+            Hidden("steady_current", {"speed": 0.3, "direction": way}),
+            Hidden("heading_offset", {"angle": 0.15}),
+            Hidden("towed_load", {"drag": 8.0, "x": -0.5 * boat.hull.length}),
+            Hidden("steady_wind", {"speed": 8.0, "direction": way}),
+        )
+        hidden += [more[k % len(more)]] if kind == "second" else []
+        yield Voyage(boat, pilot, SEED + 1000 * seed + 100 * KINDS.index(kind) + k, share,
+                     tuple(hidden))  # fmt: skip
+
+
+def write(voyage: Voyage, folder: Path) -> tuple[Path, Path]:
+    """Sail it: the log, and a vessel file that is right or 10 % off."""
+    log, file = folder / "voyage.tlog", folder / "vessel.toml"
+    boat = voyage.boat.misjudged(voyage.seed) if voyage.seed % 2 else voyage.boat
+    file.write_text(vessel_toml(boat), encoding="utf-8")
+    write_voyage(log, voyage.boat, voyage.hidden, voyage.pilot, voyage.seed, SECONDS)
+    return log, file
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.motors", description=__doc__)
+    parser.add_argument("--kind", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--every", type=int, default=1, help="only every so many of ten voyages")
+    parser.add_argument("--seed", type=int, default=0, help="other dice")
+    a = parser.parse_args(arguments)
+    heads = ("kind", "boat, pilot", "share", "beside it", "answer", "error (noise)", "s")
+    print(f"| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
+    for kind in a.kind:
+        for v in list(voyages(kind, a.seed))[:: a.every]:
+            with tempfile.TemporaryDirectory() as folder:
+                log, file = write(v, Path(folder))
+                begun = time.perf_counter()
+                found = diagnose_logs([log], file).to_dict()
+                took = time.perf_counter() - begun
+            answer = f"`{found['verdict']}` {', '.join(found['effects']) or 'nothing'}"
+            errors = [step["heldout_nrmse"] for step in found["ladder"]]
+            noise = found["noise_floor_nrmse"]
+            row = [kind, f"{v.boat.name}, {v.pilot}", f"{v.share:.2f}", v.second or "–", answer,
+                   f"{errors[0]:.3f} → {errors[-1]:.3f} ({noise:.3f})", f"{took:.0f}"]  # fmt: skip
+            print(f"| {' | '.join(row)} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

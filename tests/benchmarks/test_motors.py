@@ -1,0 +1,40 @@
+"""Weak motors of the generator's own physics are told by side, and where all are weak as that."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.motors import KINDS, Voyage, voyages, write
+from gateway.offline.diagnose import diagnose_logs
+from sim.diagnosis.diagnose import DiagnoseSettings
+from sim.effects.catalogue import named
+
+RIVALS = ("thruster_imbalance", "thrust_scale", "towed_load", "thruster_misalignment")
+FEW = DiagnoseSettings(effects=tuple(map(named, RIVALS)))
+
+
+def voyage(kind: str, number: int) -> Voyage:
+    return list(voyages(kind))[number]
+
+
+def test_a_voyage_is_the_same_whatever_else_is_run_and_other_dice_are_other_voyages() -> None:
+    for kind in KINDS:
+        assert list(voyages(kind)) == list(voyages(kind))
+        assert all(0.6 <= v.share <= 0.88 for v in voyages(kind, seed=1))
+    assert [v.second for v in voyages("second")][:2] == ["steady_current", "heading_offset"]
+    assert {len(v.hidden) for v in voyages("all")} == {2, 4}  # the IAcquaBot has four motors
+    assert list(voyages("port", 1)) != list(voyages("port"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "starboard"), [("starboard", 1.0), ("port", 0.0)])
+def test_the_side_that_is_weak_is_named(tmp_path: Path, kind: str, starboard: float) -> None:
+    """And no tow is told because the hull would have to be bent."""
+    v = voyage(kind, 2)
+    log, file = write(v, tmp_path)
+    found = diagnose_logs([log], file, settings=FEW).diagnosis
+    assert found.effects == ("thruster_imbalance",)
+    (added,) = found.ladder[-1].vessel.effects
+    assert added.values["starboard"] == starboard
+    share = 2.0 - added.values["port_gain"] if starboard else added.values["port_gain"]
+    assert share == pytest.approx(v.share, abs=0.04)
