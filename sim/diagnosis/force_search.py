@@ -313,8 +313,10 @@ def in_place_by_forces(
     beside = problem.fitted(problem.with_effects(whole, others))
     tried = [e for e in effects if acts_at_once(e) and not is_held(e, others)]
     screened = mapper(partial(problem.screened, beside, problem.jacobian(beside)), tried)
-    followed = mapper(problem.followed, [f for f in screened if f is not None])
     most = thresholds.MAX_FORCE_COST_IN_PLACE * whole.cost
+    little = thresholds.MIN_SHARE_OF_FIRST_STEP * (beside.cost - whole.cost)
+    limit = max(most, beside.cost - little)
+    followed = mapper(problem.followed, [f for f in screened if f and f.cost < limit])
     begun = sorted((f for f in followed if f.cost < most), key=_cost)
     before = fit.problem.deviance(fit.unknowns, fit.z)
 

@@ -106,6 +106,7 @@ FAR_FORCE = 30.0  # spreads from which on no more counts, nor a force that is no
 FORCE_ROUNDS, FORCE_STEPS = 3, 6  # of fit and spread in turn; of a fit
 FOLLOWED_FORCES = 6  # effects whose numbers are fitted beside all others
 LONGEST_SHARE_TO_A_MOMENT = 0.04  # of the recording: half the way between two that are tried
+MIN_SHARE_OF_FIRST_STEP = 0.05  # of what stands there: what gains less with one step is left
 MAX_FORCE_COST_IN_PLACE = 2.0  # over that of what stands there: of what may do as well
 MAX_ROUNDS_FROM_FORCES = 8  # of fit and noise in turn, from numbers that forces gave, …
 MIN_NATS_OF_A_ROUND = 5.0  # … as long as one brings so much: most settle in two, one tow took six
