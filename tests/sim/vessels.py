@@ -179,6 +179,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
     "payload_change": {"factor": 1.4, "time": 4.01},
     "steady_current": {"speed": 0.3, "direction": 1.2},
     "steering_offset": {"angle": 0.1},
+    "steering_scale": {"gain": 0.75},
     "thrust_curve": {"exponent": 1.5},
     "thruster_fault": {"thruster": 1.0, "gain": 0.3, "time": 4.01},
     "thrust_scale": {"gain": 0.7},

@@ -31,7 +31,12 @@ def test_a_rich_voyage_is_refused_only_what_the_vessel_lacks_and_nobody_measured
     pwm = turning.pwm.copy()
     pwm[:100] = 1300.0
     rich = replace(turning, eta=eta, pwm=pwm)
-    assert set(reasons(rich)) == {"steering_offset", "steering_lag", "battery_sag"}
+    assert set(reasons(rich)) == {
+        "steering_scale",
+        "steering_offset",
+        "steering_lag",
+        "battery_sag",
+    }
     assert WAM_V.hull.wind_area == (0.0, 0.0)  # areas that nobody gave are assumed
 
 

@@ -68,6 +68,11 @@ def test_an_antenna_is_no_further_out_than_the_hull_is_long() -> None:
             "7 % is less than a boat's numbers are off by anyway (10 %)",
         ),
         ("thrust_scale", {"gain": 1.11}, ""),
+        (
+            "steering_scale",
+            {"gain": 1.02},
+            "2 % is less than a boat's numbers are off by anyway (5 %)",
+        ),
         ("steady_current", {"speed": 0.001, "direction": 0.0}, ""),  # nothing is known of that
     ],
 )

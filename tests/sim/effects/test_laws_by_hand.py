@@ -155,6 +155,7 @@ def test_commands_angles_and_lags_are_what_their_equations_give() -> None:
     assert band(0.21, DRIVE, p(width=0.2, jump=1.0)) == pytest.approx(0.5 * 0.21)  # half started
     assert band(-0.6, DRIVE, p(width=0.2, jump=0.5)) == pytest.approx(-0.5 * (0.6 + 0.5))
     assert law("thruster_misalignment", "turn")(0.3, DRIVE, flow(), p(angle=0.1)) == 0.4
+    assert law("steering_scale", "angle")(0.4, BLADE, p(gain=0.75)) == pytest.approx(0.3)
     assert law("steering_offset", "angle")(0.3, BLADE, p(angle=-0.1)) == pytest.approx(0.2)
     assert law("steering_lag", "angle_rate")(0.3, 0.1, BLADE, p(tau=0.5)) == pytest.approx(0.4)
     assert law("thruster_lag", "thrust_rate")(90.0, 60.0, DRIVE, p(tau=0.5)) == pytest.approx(60.0)
