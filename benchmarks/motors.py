@@ -1,11 +1,13 @@
-"""Are weak motors told as that: those to starboard, those to port, all of them?
+"""Are weak motors told as that, those to starboard, to port, all of them? And a wrong steering?
 
-    python -m benchmarks.motors [--kind starboard port all second] [--every 1] [--seed 0]
+    python -m benchmarks.motors [--kind starboard port all second steering] [--every 1] [--seed 0]
 
 Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`) with
 motors at 60 to 88 % of their thrust from the first moment on; its own imbalance is one of the port
 motors, now weaker, now stronger. Kinds: the motors to starboard; those to port; all of them; those
-to starboard beside a second cause. Every other vessel file is 10 % off in each of its nine numbers.
+to starboard beside a second cause; and, with nothing hidden, a file that lets rudders and steered
+motors turn further than they do, of which they turn such a share. Every other vessel file is 10 %
+off in each of its nine numbers.
 Printed: what is hidden, the verdict, the effects found, the error before and after and the noise.
 """
 
@@ -14,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,17 +30,23 @@ from gateway.offline.diagnose import diagnose_logs
 
 SEED = 46_000
 SECONDS = 300.0
-KINDS = ("starboard", "port", "all", "second")
+KINDS = ("starboard", "port", "all", "second", "steering")
 WEAK = (0.6, 0.88)  # of the thrust, drawn
 PAIRS = (
     ("grebe", "survey"), ("wam-v", "excitation"), ("light-5", "survey"), ("light-7", "wander"),
     ("teal", "drills"), ("iacquabot", "excitation"), ("light-18", "wander"), ("wam-v", "survey"),
     ("light-21", "drills"), ("teal", "survey"),
 )  # fmt: skip
+STEERED = (
+    ("heron", "survey"), ("dory", "wander"), ("heron", "excitation"), ("dory", "survey"),
+    ("heron", "drills"), ("dory", "excitation"), ("heron", "wander"), ("dory", "drills"),
+)  # fmt: skip
 
 
 class Voyage(NamedTuple):
-    """One voyage; share: of their thrust, that the weak motors give."""
+    """One voyage; share: of their thrust, that the weak motors give, or of the angle in the file
+    that the steering turns.
+    """
 
     boat: Boat
     pilot: str
@@ -53,10 +62,10 @@ class Voyage(NamedTuple):
 
 def voyages(kind: str, seed: int = 0) -> Iterator[Voyage]:
     """Those of one kind; the same for the same seed, whatever else is run."""
-    for k, (name, pilot) in enumerate(PAIRS):
+    for k, (name, pilot) in enumerate(STEERED if kind == "steering" else PAIRS):
         dice, boat = np.random.default_rng([SEED, seed, KINDS.index(kind), k]), EVERY[name]
         share = float(dice.uniform(*WEAK))
-        sides = {"port": (-1.0,), "all": (-1.0, 1.0)}.get(kind, (1.0,))
+        sides = {"port": (-1.0,), "all": (-1.0, 1.0), "steering": ()}.get(kind, (1.0,))
         weak = [m.channel for m in boat.motors if np.sign(m.y) in sides]
         hidden = [
             Hidden("thruster_fault", {"channel": float(c), "gain": share, "time": -1.0})
@@ -78,6 +87,9 @@ def write(voyage: Voyage, folder: Path) -> tuple[Path, Path]:
     """Sail it: the log, and a vessel file that is right or 10 % off."""
     log, file = folder / "voyage.tlog", folder / "vessel.toml"
     boat = voyage.boat.misjudged(voyage.seed) if voyage.seed % 2 else voyage.boat
+    if not voyage.hidden:
+        turn = [replace(rudder, most=rudder.most / voyage.share) for rudder in boat.rudders]
+        boat = replace(boat, rudders=tuple(turn))
     file.write_text(vessel_toml(boat), encoding="utf-8")
     write_voyage(log, voyage.boat, voyage.hidden, voyage.pilot, voyage.seed, SECONDS)
     return log, file

@@ -9,7 +9,10 @@ from gateway.offline.diagnose import diagnose_logs
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.effects.catalogue import named
 
-RIVALS = ("thruster_imbalance", "thrust_scale", "towed_load", "thruster_misalignment")
+RIVALS = (
+    "thruster_imbalance", "thrust_scale", "towed_load", "thruster_misalignment", "hull_lift",
+    "steering_scale", "steering_offset",
+)  # fmt: skip
 FEW = DiagnoseSettings(effects=tuple(map(named, RIVALS)))
 
 
@@ -22,6 +25,7 @@ def test_a_voyage_is_the_same_whatever_else_is_run_and_other_dice_are_other_voya
         assert list(voyages(kind)) == list(voyages(kind))
         assert all(0.6 <= v.share <= 0.88 for v in voyages(kind, seed=1))
     assert [v.second for v in voyages("second")][:2] == ["steady_current", "heading_offset"]
+    assert not any(v.hidden for v in voyages("steering"))
     assert {len(v.hidden) for v in voyages("all")} == {2, 4}  # the IAcquaBot has four motors
     assert list(voyages("port", 1)) != list(voyages("port"))
 
@@ -38,3 +42,25 @@ def test_the_side_that_is_weak_is_named(tmp_path: Path, kind: str, starboard: fl
     assert added.values["starboard"] == starboard
     share = 2.0 - added.values["port_gain"] if starboard else added.values["port_gain"]
     assert share == pytest.approx(v.share, abs=0.04)
+
+
+@pytest.mark.slow
+def test_a_steering_that_turns_less_far_than_the_file_says_is_named(tmp_path: Path) -> None:
+    """And no lift of the hull is told, that turns her less too."""
+    v = voyage("steering", 1)
+    log, file = write(v, tmp_path)
+    found = diagnose_logs([log], file, settings=FEW).diagnosis
+    assert found.effects == ("steering_scale",)
+    (added,) = found.ladder[-1].vessel.effects
+    assert added.values["gain"] == pytest.approx(v.share, abs=0.06)
+
+
+@pytest.mark.slow
+def test_all_motors_that_push_less_are_no_curve_and_no_tow(tmp_path: Path) -> None:
+    v = voyage("all", 2)
+    weaker = [h._replace(values={**h.values, "gain": 0.55}) for h in v.hidden]
+    log, file = write(v._replace(hidden=tuple(weaker)), tmp_path)
+    found = diagnose_logs([log], file, settings=FEW).diagnosis
+    assert found.effects == ("thrust_scale",)
+    (added,) = found.ladder[-1].vessel.effects
+    assert added.values["gain"] == pytest.approx(0.55, abs=0.06)
