@@ -24,6 +24,7 @@ from benchmarks.hidden.strengths import (
     LATER,
     OF_A_VOYAGE,
     RECIPES,
+    SCALES,
     SEAS,
     STRANGE,
     UNLISTED,
@@ -250,6 +251,16 @@ def _later(seed: int) -> Iterator[Plan]:
             yield Plan((name,), pilots, misjudged=i > 1, boat=f"light-{first + i}")
 
 
+def _scale(seed: int) -> Iterator[Plan]:
+    """Motors and steering of another scale: all pilots, half of the files off, light hulls."""
+    for name in SCALES:
+        for i in range(8):
+            yield Plan((name,), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i % 4 > 1)
+    for i in range(4):
+        boat = f"light-{LIGHT_FROM[seed] + i}"
+        yield Plan(("thrust_scale",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i > 1, boat=boat)
+
+
 def _once_each(names: Iterable[str]) -> list[Plan]:
     """More kinds of strangers, each open loop and on a mission."""
     return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in names]
@@ -274,6 +285,7 @@ FAMILIES: Mapping[str, Family] = {
     "later": _later,
     "untold": lambda seed: _once_each(UNTOLD),
     "unasked": lambda seed: _once_each(UNASKED),
+    "scale": _scale,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

@@ -26,6 +26,7 @@ class Cause:
     rudder_lag: float = 0.0  # s, until a rudder stands as commanded
     turned: float = 0.0  # rad, of all motors, clockwise
     rudder_turned: float = 0.0  # rad, of all rudders, to starboard
+    rudder_gain: float = 1.0  # of the angle of all rudders
     tired: float = 1.0  # how many times as fast the battery empties and sags
     latency: float = 0.0  # s, age of reported position and velocity
     command: Callable[[list[float]], list[float]] | None = None
@@ -48,6 +49,7 @@ class Nature:
         self.latency = sum(c.latency for c in causes)
         self._turned = sum(c.turned for c in causes)
         self._rudder_turned = sum(c.rudder_turned for c in causes)
+        self._rudder_gain = math.prod(c.rudder_gain for c in causes)
         self._commands = [c.command for c in causes if c.command]
         self._thrusts = [c.thrust for c in causes if c.thrust]
         self._waters = [c.water for c in causes if c.water]
@@ -112,7 +114,7 @@ class Nature:
 
     def _angles(self, commands: Sequence[float]) -> list[float]:
         rudders = zip(commands, self.boat.rudders, strict=True)
-        return [c * rudder.most + self._rudder_turned for c, rudder in rudders]
+        return [c * rudder.most * self._rudder_gain + self._rudder_turned for c, rudder in rudders]
 
     def _push(self, scene: Scene, shafts: Sequence[float], angles: Sequence[float]) -> Push:
         motors, rudders = self.boat.motors, list(zip(self.boat.rudders, angles, strict=True))

@@ -187,7 +187,7 @@ SKID_ONLY = frozenset({
     "actuator_wiring", "thruster_imbalance", "thruster_fault", "wake_of_the_other",
     "power_budget",
 })  # fmt: skip
-STEERED_ONLY = frozenset({"steering_lag", "steering_offset"})
+STEERED_ONLY = frozenset({"steering_lag", "steering_offset", "steering_scale"})
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "water": ("steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion"),
     "hull": ("cubic_drag", "drag_growth", "payload_change", "cg_offset", "cross_damping",
@@ -242,6 +242,20 @@ def _crossflow_drag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
 
 # effects that came to the catalogue later; the recipes above stay as they are
 LATER: Mapping[str, Recipe] = {"crossflow_drag": _crossflow_drag}
+
+
+def _thrust_scale(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"gain": 1.0 - k * of(d, 0.35, 0.45)}
+
+
+def _steering_scale(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"gain": 1.0 + k * side(d) * of(d, 0.2, 0.35)}
+
+
+SCALES: Mapping[str, Recipe] = {  # came later still
+    "thrust_scale": _thrust_scale,
+    "steering_scale": _steering_scale,
+}
 
 
 def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:
@@ -370,7 +384,7 @@ UNLISTED: Mapping[str, Recipe] = {
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
     known = {
-        **RECIPES, **CHANGES, **LATER, **SEAS,
+        **RECIPES, **CHANGES, **LATER, **SCALES, **SEAS,
         **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD, **UNASKED,
     }  # fmt: skip
     return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

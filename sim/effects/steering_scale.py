@@ -11,8 +11,14 @@ angle).
 from typing import Any
 
 from sim.body import RudderParameters
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope
+from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
 from sim.effects.words import THAN, FittedValues
+
+AMIDSHIPS = Separation(
+    "turns to both sides, and in each the helm amidships while she still turns: what is left then "
+    "is the hull's",
+    "zigzag",
+)
 
 
 def angle(δ: float, blade: RudderParameters, p: Any) -> float:
@@ -39,5 +45,6 @@ EFFECT = Effect(
     looks_like="turns less, or more, than modelled for the same helm, to both sides alike",
     mistaken_for=("hull_lift", "cross_damping"),
     evidence=EvidenceAxis(ForceAxis.YAW, "helm"),
+    separated={"hull_lift": AMIDSHIPS, "cross_damping": AMIDSHIPS},
     in_words=in_words,
 )

@@ -72,6 +72,8 @@ EXAMPLES = {
     "astern_stall": {"per_mps": 0.8, "above": 0.1},
     "steering_lag": {"tau": 0.5},
     "steering_offset": {"angle": 0.1},
+    "steering_scale": {"gain": 0.7},
+    "thrust_scale": {"gain": 0.7},
     "heading_offset": {"angle": 0.1},
     "compass_deviation": {"b": 0.1, "c": -0.05},
     "antenna_offset": {"x": 0.5, "y": 0.2},

@@ -35,6 +35,8 @@ SAME = {
     "reverse_loss": {"factor": 0.6},
     "battery_sag": {"nominal": 17.5},
     "steering_offset": {"angle": 0.1},
+    "steering_scale": {"gain": 0.7},
+    "thrust_scale": {"gain": 0.7},
 }
 ALIKE = {  # nature has its own form: least correlation of what they do
     "varying_current": ({"speed": 0.3, "direction": 1.0, "period": 90.0, "phase": 0.4}, 0.97),

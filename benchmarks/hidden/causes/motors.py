@@ -28,6 +28,11 @@ def steering_offset(angle: float) -> Cause:
     return Cause(rudder_turned=angle)
 
 
+def steering_scale(gain: float) -> Cause:
+    """The rudders turn `gain` times as far."""
+    return Cause(rudder_gain=gain)
+
+
 def thruster_misalignment(angle: float) -> Cause:
     """All motors turned clockwise by `angle` [rad]."""
     return Cause(turned=angle)
@@ -51,6 +56,11 @@ def actuator_wiring() -> Cause:
 def thruster_imbalance(port_gain: float) -> Cause:
     """The motors to port thrust `port_gain` times as much."""
     return Cause(thrust=lambda F, motor, s: F * port_gain if motor.y < 0.0 else F)
+
+
+def thrust_scale(gain: float) -> Cause:
+    """All motors thrust `gain` times as much."""
+    return Cause(thrust=lambda F, motor, s: F * gain)
 
 
 def reverse_loss(factor: float) -> Cause:
@@ -97,6 +107,6 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
     for law in (
         thruster_lag, command_delay, thruster_misalignment, thruster_deadband, thrust_curve,
         actuator_wiring, thruster_imbalance, reverse_loss, thruster_fault, battery_sag,
-        advance_loss, astern_stall, steering_lag, steering_offset,
+        advance_loss, astern_stall, steering_lag, steering_offset, thrust_scale, steering_scale,
     )
 }  # fmt: skip
