@@ -351,14 +351,36 @@ class EffectSearch(LikelihoodSearch):
         while len(steps) > 1:
             added = fit.effects()
             is_later = [asked and a.effect.scope is Scope.BOAT for a in added]
-            for i in sorted(range(len(added)), key=is_later.__getitem__):
-                without, effect = self._without(fit, {i}), added[i].effect
-                missed = is_missed(effect, self._gain_over(fit, without))
-                if not missed and not is_worse_elsewhere(self.scorer, fit, without):
-                    self.progress(f"{effect.name} no longer earns its place")
-                    steps = [s for s in steps if s.best.name != effect.name]
-                    fit = without
-                    break
-            else:
+            order = sorted(range(len(added)), key=is_later.__getitem__)
+            fewer = next((found for i in order if (found := self._fewer(steps, fit, i))), None)
+            if fewer is None:
                 break
+            steps, fit = fewer
         return steps, fit
+
+    def _fewer(self, steps: list[Ranking], fit: Fit, i: int) -> tuple[list[Ranking], Fit] | None:
+        """Without the i-th effect, where it is not missed."""
+        effect = fit.effects()[i].effect
+        for left, other in self._without_one(steps, fit, i):
+            missed = is_missed(effect, self._gain_over(fit, other))
+            if not missed and not is_worse_elsewhere(self.scorer, fit, other):
+                self.progress(f"{effect.name} no longer earns its place")
+                return left, other
+        return None
+
+    def _without_one(
+        self, steps: list[Ranking], fit: Fit, i: int
+    ) -> Iterator[tuple[list[Ranking], Fit]]:
+        """The others as they are; then with what looks like the i-th and has a choice chosen anew:
+        a weak motor to starboard was told as a strong one to port of a boat with two weak motors.
+        """
+        effect = fit.effects()[i].effect
+        left = [step for step in steps if step.best.name != effect.name]
+        yield left, self._without(fit, {i})
+        for step in left:
+            other = step.best.effect
+            if not other.has_sides or not other.looks_like_effect(effect):
+                continue
+            ranking = self.in_place_of(fit, {i, fit.names.index(other.name)}, {other.name})
+            if ranking.finalists and self.is_believed(ranking.best, ranking.reference):
+                yield [*(s for s in left if s is not step), ranking], ranking.best.fit

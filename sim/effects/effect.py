@@ -420,6 +420,12 @@ class Effect:
         return other.name in self.mistaken_for or self.name in other.mistaken_for
 
     @property
+    def has_sides(self) -> bool:
+        """Whether it is one of a few things, whenever it acts: a search has to begin with each."""
+        kinds = {p.kind for p in self.parameters}
+        return Kind.CHOICE in kinds and Kind.MOMENT not in kinds
+
+    @property
     def module(self) -> str:
         """Name of the module that the laws stand in."""
         return next(iter(self.laws.values())).__module__

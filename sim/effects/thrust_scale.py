@@ -37,10 +37,13 @@ EFFECT = Effect(
     ),
     looks_like="slower to start, to turn and at the top than modelled, all in proportion to the "
     "throttle",
-    mistaken_for=("battery_sag",),
+    mistaken_for=("battery_sag", "thruster_imbalance"),
     evidence=EvidenceAxis(ForceAxis.SURGE, "throttle"),
     separated={
-        "battery_sag": Separation("one run with a full and one with a tired battery", "steps")
+        "battery_sag": Separation("one run with a full and one with a tired battery", "steps"),
+        "thruster_imbalance": Separation(
+            "straight runs at two throttles: motors that differ turn the boat", "steps"
+        ),
     },
     in_words=in_words,
 )

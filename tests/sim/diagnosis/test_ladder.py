@@ -620,6 +620,37 @@ def test_no_effect_goes_without_which_recordings_left_out_are_predicted_worse(
     assert set(fit.names) == (both if stays else wind)
 
 
+class Sides(Weather):
+    """One of two motors is weak: what an imbalance leaves alone depends on where it begins."""
+
+    anew: float
+
+    def rank(self, fit: Any, *asked: Any, **more: Any) -> Ranking:
+        with_other_side = {**self.left, frozenset({"thruster_imbalance"}): self.anew}
+        before = self.left
+        object.__setattr__(self, "left", with_other_side)
+        ranking = super().rank(fit, *asked, **more)
+        object.__setattr__(self, "left", before)
+        return ranking
+
+
+@pytest.mark.parametrize(("anew", "stays"), [(0.301, False), (0.5, True)])
+def test_two_weak_motors_and_a_strong_one_give_way_to_one_weak_motor_on_the_other_side(
+    anew: float, stays: bool
+) -> None:
+    nothing: Any = None
+    search = Sides(nothing, EFFECTS, 4, lambda _: None, map, made_scorer())
+    names = ("thruster_imbalance", "thrust_scale")
+    left = {frozenset(names): 0.3, frozenset(names[:1]): 0.6, frozenset(names[1:]): 0.9}
+    left[frozenset()] = 1.0
+    for key, value in (("left", left), ("left_out", {}), ("anew", anew)):
+        object.__setattr__(search, key, value)
+    steps = [Ranking(FIRST, (row(name, SOME.gain),)) for name in names]
+    steps, fit = search._backward(steps, search.fit_of(names))
+    assert fit.names == (names if stays else names[:1])
+    assert [step.best.name for step in steps] == list(fit.names)
+
+
 def test_what_is_of_a_day_goes_before_what_recordings_left_out_want_of_the_boat() -> None:
     """Beside a wind the compass seems needless; without the wind it is not, and would be gone."""
     nothing: Any = None
