@@ -82,4 +82,4 @@ def _limit_at(p: Parameter, value: float) -> float | None:
     """The limit that a number stands at; None where it stands at none."""
     near = NEAR * (p.upper - p.lower)
     at = (end for end in (p.lower, p.upper) if abs(value - end) <= near)
-    return next((end for end in at if end not in {0.0, p.neutral}), None)
+    return next((end for end in at if end not in {0.0, p.neutral, p.reached}), None)

@@ -179,6 +179,7 @@ class Parameter:
     sided      in a mirror, where port and starboard are exchanged, it changes its sign
     least      what a good sensor, or what is known of a boat, is off by anyway: of a smaller size
                the effect is not told
+    reached    a limit that nature reaches, beside zero and neutral: of a motor that is dead
     """
 
     name: str
@@ -197,6 +198,7 @@ class Parameter:
     default: float | None = None
     sided: bool = False
     least: float = 0.0
+    reached: float | None = None
     says: InitVar[str | None] = None  # the name of `description` in 0.1
 
     def __post_init__(self, says: str | None) -> None:

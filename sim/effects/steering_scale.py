@@ -39,7 +39,7 @@ EFFECT = Effect(
     needs=(Need.STEERING,),
     parameters=(
         Parameter(
-            "gain", "-", lower=0.1, upper=3.0, start=1.0, scale=0.05, neutral=1.0, least=0.05
+            "gain", "-", lower=0.0, upper=3.0, start=1.0, scale=0.05, neutral=1.0, least=0.05
         ),
     ),
     looks_like="turns less, or more, than modelled for the same helm, to both sides alike",

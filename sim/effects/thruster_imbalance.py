@@ -48,7 +48,9 @@ EFFECT = Effect(
     thrust=thrust,
     needs=(Need.PORT_THRUSTER,),
     parameters=(
-        Parameter("port_gain", "-", lower=0.0, upper=2.0, start=1.0, scale=0.02, neutral=1.0),
+        Parameter(
+            "port_gain", "-", lower=0.0, upper=2.0, start=1.0, scale=0.02, neutral=1.0, reached=2.0
+        ),
         Parameter(
             "starboard",
             "-",

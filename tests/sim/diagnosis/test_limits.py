@@ -33,6 +33,8 @@ def strain(effect: str, **values: float) -> str:
         ("heading_offset", "angle", -0.8, "angle of heading_offset stands at its limit, -0.8 rad"),
         ("payload_change", "factor", 2.9, ""),
         ("thruster_fault", "gain", 0.0, ""),  # a motor that is dead
+        ("thruster_imbalance", "port_gain", 2.0, ""),  # the other motor is dead
+        ("thruster_imbalance", "port_gain", 0.0, ""),
         ("towed_load", "drag", 0.35, ""),  # little, far from 2000
         ("thruster_deadband", "jump", 1.0, ""),  # a shape
         ("payload_change", "time", 93.0, ""),
