@@ -138,17 +138,17 @@ class ForceProblem:
             base = thetas[:, [model.names.index(name) for name in MASSES]]
             force /= np.minimum(inertia / base[:, None], 1.0)
         size = max(round(thresholds.MEAN_FORCE_S / trial.dt), 1)
-        whole = len(trial) // size * size
-        usable = trial.usable[:whole].reshape(-1, size).all(axis=1)
-        return np.asarray(
-            force[:, :whole].reshape(len(thetas), -1, size, 3)[:, usable].mean(axis=2)
-        )
+        seconds = len(trial) // size
+        whole = slice(seconds * size)
+        usable = trial.usable[whole].reshape(seconds, size).all(axis=1)
+        means = force[:, whole].reshape(len(thetas), seconds, size, 3).mean(axis=2)
+        return np.asarray(means[:, usable])
 
     def residuals(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> Floats:
         """What is left (K, 3 N) in spreads, at z (K, n)."""
         far = thresholds.FAR_FORCE
         r = np.nan_to_num(self.missing(added, unknowns, z) / self.spread, nan=far)
-        return np.clip(r, -far, far).reshape(len(z), -1)
+        return np.clip(r, -far, far).reshape(len(z), 3 * r.shape[1])
 
     def fits(self, added: Sequence[AddedEffect], unknowns: Unknowns, z: Floats) -> list[ForceFit]:
         """A fit at each z (K, n)."""

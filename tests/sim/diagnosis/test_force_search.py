@@ -21,6 +21,7 @@ from sim.effects.catalogue import EFFECTS, named
 from sim.effects.effect import Effect
 from sim.model import Model
 from sim.trial import Trial
+from sim.vessel import AddedEffect
 from tests.sim.voyages import WAM_V, commands, trial_of, voyage
 
 DT = 0.1
@@ -114,6 +115,21 @@ def test_no_more_stand_out_than_were_asked_for(
     problem, _, effects = hard
     assert len(search_forces(problem, effects, 1).fit.added) == 1
     assert search_forces(problem, [], 4).fit.added == ()
+
+
+def test_slopes_are_those_of_the_residuals_and_of_the_columns_asked_for(
+    hard: tuple[ForceProblem, Any, list[Effect]],
+) -> None:
+    """An effect that trials measured may have no number of its own: no column at all."""
+    problem, base, _ = hard
+    fit = problem.with_effects(base, [AddedEffect(named("heading_offset"), {"angle": 0.1})])
+    whole, some = problem.jacobian(fit), np.array([1, 3])
+    assert not problem.jacobian(fit, np.array([], np.int64)).any()
+    np.testing.assert_array_equal(problem.jacobian(fit, some)[:, some], whole[:, some])
+    moved = fit.z + 1e-4 * np.arange(1.0, len(fit.z) + 1.0)
+    there = problem.at(fit.added, fit.unknowns, moved).residual - fit.residual
+    predicted = whole @ (moved - fit.z)
+    assert np.abs(there - predicted).max() < 0.02 * np.abs(there).max()
 
 
 def test_what_leaves_as_little_of_the_forces_may_stand_in_a_place(
