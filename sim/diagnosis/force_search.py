@@ -55,6 +55,7 @@ from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 
+LIKE_THE_BASE = {"thrust_scale"}  # before others are found it stands in for all that slows a boat
 UNIT_ACCELERATION = np.repeat([0.0, 1.0], [6, 3])  # m/s², rad/s², in reported motion (9,)
 
 
@@ -242,7 +243,7 @@ def search_forces(
     """Effects that each leave much less of the missing force than the others do without it, at
     `most` so many.
     """
-    candidates = [e for e in effects if acts_at_once(e)]
+    candidates = [e for e in effects if acts_at_once(e) and e.name not in LIKE_THE_BASE]
     unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
     fit = problem.at([], unknowns, unknowns.start)
     promising: dict[str, tuple[str, ...]] = {}

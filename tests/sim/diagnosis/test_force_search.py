@@ -115,6 +115,7 @@ def test_no_more_stand_out_than_were_asked_for(
     problem, _, effects = hard
     assert len(search_forces(problem, effects, 1).fit.added) == 1
     assert search_forces(problem, [], 4).fit.added == ()
+    assert search_forces(problem, [named("thrust_scale")], 4).fit.added == ()  # like the base
 
 
 def test_slopes_are_those_of_the_residuals_and_of_the_columns_asked_for(
