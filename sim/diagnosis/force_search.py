@@ -55,7 +55,6 @@ from sim.state import Floats, Ints
 from sim.trial import Trial
 from sim.vessel import AddedEffect
 
-LIKE_THE_BASE = {"thrust_scale"}  # before others are found it stands in for all that slows a boat
 UNIT_ACCELERATION = np.repeat([0.0, 1.0], [6, 3])  # m/s², rad/s², in reported motion (9,)
 
 
@@ -243,7 +242,7 @@ def search_forces(
     """Effects that each leave much less of the missing force than the others do without it, at
     `most` so many.
     """
-    candidates = [e for e in effects if acts_at_once(e) and e.name not in LIKE_THE_BASE]
+    candidates = [e for e in effects if acts_at_once(e) and not _is_like_the_base(e)]
     unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
     fit = problem.at([], unknowns, unknowns.start)
     promising: dict[str, tuple[str, ...]] = {}
@@ -368,6 +367,13 @@ def acts_at_once(effect: Effect) -> bool:
     """
     has_memory = effect.thrust_rate or effect.angle_rate or effect.rate
     return not (has_memory or effect.wiring or effect.is_curve or effect.partial)
+
+
+def _is_like_the_base(effect: Effect) -> bool:
+    """Whether it is told only beyond what the numbers of a hull are known to: before others are
+    found it stands in for all that slows a boat.
+    """
+    return effect.thrust is not None and any(p.least for p in effect.parameters)
 
 
 def _special_first(found: Sequence[ForceFit]) -> ForceFit:
