@@ -10,7 +10,7 @@ from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
-from sim.effects.words import THAN, FittedValues
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -20,9 +20,7 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
-    return "astern the motors push " + p.size(
-        "factor", "%", 100.0, 1.0, p.side("factor", " harder", " weaker", 1.0) + THAN
-    )
+    return f"astern the motors push {p.scaled('factor', 'harder', 'weaker')}"
 
 
 EFFECT = Effect(

@@ -12,7 +12,7 @@ from typing import Any
 
 from sim.body import RudderParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Need, Parameter, Scope, Separation
-from sim.effects.words import THAN, FittedValues
+from sim.effects.words import FittedValues
 
 AMIDSHIPS = Separation(
     "turns to both sides, and in each the helm amidships while she still turns: what is left then "
@@ -28,8 +28,7 @@ def angle(δ: float, blade: RudderParameters, p: Any) -> float:
 
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
-    size = p.size("gain", "%", 100.0, 1.0, p.side("gain", " further", " less far", 1.0) + THAN)
-    return f"the steering turns {size}"
+    return f"the steering turns {p.scaled('gain', 'further', 'less far')}"
 
 
 EFFECT = Effect(

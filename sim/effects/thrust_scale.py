@@ -13,7 +13,7 @@ from typing import Any
 
 from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
-from sim.effects.words import THAN, FittedValues
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -23,9 +23,7 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
-    return "all motors push " + p.size(
-        "gain", "%", 100.0, 1.0, p.side("gain", " harder", " weaker", 1.0) + THAN
-    )
+    return f"all motors push {p.scaled('gain', 'harder', 'weaker')}"
 
 
 EFFECT = Effect(

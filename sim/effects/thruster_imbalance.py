@@ -23,7 +23,7 @@ from sim.effects.effect import (
     Scope,
     Separation,
 )
-from sim.effects.words import THAN, FittedValues
+from sim.effects.words import FittedValues
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -34,12 +34,11 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 
 def in_words(p: FittedValues) -> str:
     """What was found, in a sentence."""
-    sides = ("port", "starboard", " harder", " weaker")
     if p.values.get("starboard", 0.0) > 0.0:
-        sides = ("starboard", "port", " weaker", " harder")
-    one, other, more, less = sides
-    size = p.size("port_gain", "%", 100.0, 1.0, p.side("port_gain", more, less, 1.0) + THAN)
-    return f"beside the {other} motor, the {one} motor pushes {size}"
+        size = p.scaled("port_gain", "weaker", "harder")
+        return f"beside the port motor, the starboard motor pushes {size}"
+    size = p.scaled("port_gain", "harder", "weaker")
+    return f"beside the starboard motor, the port motor pushes {size}"
 
 
 EFFECT = Effect(

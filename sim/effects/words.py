@@ -53,6 +53,10 @@ class FittedValues:
         """One of two words, by the sign."""
         return positive if self.values[name] >= neutral else negative
 
+    def scaled(self, name: str, more: str, less: str) -> str:
+        """How far a factor is from one: "25 % LESS than modelled (20–30 %)"."""
+        return self.size(name, "%", 100.0, 1.0, f" {self.side(name, more, less, 1.0)}{THAN}")
+
     def moment(self, name: str) -> str:
         """A time after the first sample, by the clock too: "338 s (332–345 s), 14:20:10 UTC"."""
         text = self.size(name, "s")
