@@ -1,13 +1,14 @@
 """Are weak motors told as that, those to starboard, to port, all of them? And a wrong steering?
 
-    python -m benchmarks.motors [--kind starboard port all second steering] [--every 1] [--seed 0]
+    python -m benchmarks.motors [--kind starboard port all second steering later] [--every 1]
+        [--seed 0]
 
 Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`) with
 motors at 60 to 88 % of their thrust from the first moment on; its own imbalance is one of the port
 motors, now weaker, now stronger. Kinds: the motors to starboard; those to port; all of them; those
-to starboard beside a second cause; and, with nothing hidden, a file that lets rudders and steered
-motors turn further than they do, of which they turn such a share. Every other vessel file is 10 %
-off in each of its nine numbers.
+to starboard beside a second cause; with nothing hidden, a file that lets rudders and steered
+motors turn further than they do, of which they turn such a share; and all of them from a moment on
+alone. Every other vessel file is 10 % off in each of its nine numbers.
 Printed: what is hidden, the verdict, the effects found, the error before and after and the noise.
 """
 
@@ -30,7 +31,7 @@ from gateway.offline.diagnose import diagnose_logs
 
 SEED = 46_000
 SECONDS = 300.0
-KINDS = ("starboard", "port", "all", "second", "steering")
+KINDS = ("starboard", "port", "all", "second", "steering", "later")
 WEAK = (0.6, 0.88)  # of the thrust, drawn
 PAIRS = (
     ("grebe", "survey"), ("wam-v", "excitation"), ("light-5", "survey"), ("light-7", "wander"),
@@ -65,10 +66,12 @@ def voyages(kind: str, seed: int = 0) -> Iterator[Voyage]:
     for k, (name, pilot) in enumerate(STEERED if kind == "steering" else PAIRS):
         dice, boat = np.random.default_rng([SEED, seed, KINDS.index(kind), k]), EVERY[name]
         share = float(dice.uniform(*WEAK))
-        sides = {"port": (-1.0,), "all": (-1.0, 1.0), "steering": ()}.get(kind, (1.0,))
+        both = (-1.0, 1.0)
+        sides = {"port": (-1.0,), "all": both, "later": both, "steering": ()}.get(kind, (1.0,))
+        since = float(dice.uniform(0.3, 0.7)) * SECONDS if kind == "later" else -1.0
         weak = [m.channel for m in boat.motors if np.sign(m.y) in sides]
         hidden = [
-            Hidden("thruster_fault", {"channel": float(c), "gain": share, "time": -1.0})
+            Hidden("thruster_fault", {"channel": float(c), "gain": share, "time": since})
             for c in weak
         ]
         way = float(dice.uniform(-np.pi, np.pi))

@@ -24,6 +24,8 @@ from sim.effects.effect import Symptom
 from sim.identification import MASSES
 from sim.identification.parameters import (
     DAMPING,
+    DIRECTION,
+    MAGNITUDE,
     OFFSETS,
     ROUNDING,
     Unknown,
@@ -198,7 +200,10 @@ def _within_sign(u: Unknown, low: float, high: float) -> tuple[float, float]:
     key = u.name.rpartition(".")[2]
     if key in DAMPING or key == "astern":
         return low, min(high, 0.0)
-    positive = key in MASSES or key == "ahead" or u.polar == 0 or u.lower == 0.0
+    if u.polar is None:
+        positive = key in MASSES or key == "ahead" or u.lower == 0.0
+    else:
+        positive = u.polar == MAGNITUDE  # not its direction, whose bounds are of an east part
     return (max(low, 0.0), high) if positive else (low, high)
 
 
@@ -224,7 +229,9 @@ def named_covariance(unknowns: Unknowns, z: Floats, covariance: Floats) -> Float
     """Covariance (n, n) of the named parameters from that of z, which holds parts and shares."""
     step = DIFFERENCE_STEP * np.array([u.scale for u in unknowns.each])
     moved = unknowns.to_named(z + np.diag(step)) - unknowns.to_named(z - np.diag(step))
-    J = (np.remainder(moved + np.pi, 2.0 * np.pi) - np.pi).T / (2.0 * step)
+    turned = np.array([u.polar == DIRECTION for u in unknowns.each])
+    moved[:, turned] = np.remainder(moved[:, turned] + np.pi, 2.0 * np.pi) - np.pi
+    J = moved.T / (2.0 * step)
     return np.asarray(J @ covariance @ J.T)
 
 

@@ -29,6 +29,7 @@ from sim.vessel import KNOT_PREFIX, next_knot
 OFFSETS = ("command_offset", "velocity_offset")  # [s] later than the other streams
 ROUNDING = "rounding"  # [s²] by which the motion's second derivative is added to it
 DAMPING = ("X_u", "X_uu", "Y_v", "Y_vv", "N_r", "N_rr")
+MAGNITUDE, DIRECTION = 0, 1  # of a pair that is estimated as north and east parts
 # Chosen, not measured:
 OFFSET_STD_S, OFFSET_LIMIT_S, OFFSET_STEP_S = 0.03, 0.06, 2e-3  # prior, bounds, difference step
 ROUNDING_STD_S2, ROUNDING_LIMIT_S2, ROUNDING_STEP_S2 = 0.001, 0.004, 1e-4
@@ -59,7 +60,7 @@ class Unknown:
     prior      standard deviation of what is known beforehand
     assumed    the prior was not given: it keeps what the data do not determine, and is no evidence
     trial      the only trial that it belongs to; None: all
-    polar      it is the magnitude (0) or the direction (1) of a pair with the unknown beside it
+    polar      MAGNITUDE or DIRECTION, of a pair with the unknown beside it; None: of no pair
     share_of   name of the parameter that it is estimated as a share of
     direction  the parameter of the same effect that is the angle of this magnitude
     """
@@ -241,7 +242,7 @@ class Unknowns:
 
     @cached_property
     def _pairs(self) -> list[int]:
-        return [i for i, u in enumerate(self.each) if u.polar == 0]
+        return [i for i, u in enumerate(self.each) if u.polar == MAGNITUDE]
 
 
 def _held(values: Floats) -> Floats:
@@ -398,8 +399,9 @@ def _paired(each: Sequence[Unknown]) -> tuple[Unknown, ...]:
     for i, (a, b) in enumerate(pairwise(out)):
         label = a.name.partition(".")[0]
         if a.direction and b.name == f"{label}.{a.direction}" and a.trial == b.trial:
-            out[i] = replace(a, polar=0)
+            out[i] = replace(a, polar=MAGNITUDE)
             out[i + 1] = replace(
-                b, polar=1, lower=0.0, upper=a.upper, scale=a.scale, step=a.step, prior=a.prior
-            )
+                b, polar=DIRECTION, lower=0.0, upper=a.upper, scale=a.scale, step=a.step,
+                prior=a.prior,
+            )  # fmt: skip
     return tuple(out)

@@ -220,7 +220,9 @@ def _values(p: Parameter, paired: bool, vessel: Vessel, longest: float) -> Seque
     if p.kind is Kind.MOMENT:
         return [float(t) for t in np.linspace(0.0, longest, MOMENT_STARTS + 2)[1:-1]]
     if p.kind is Kind.CHOICE:
-        return [float(i + 1) for i in range(len(vessel.thrusters))]
+        count = len(vessel.thrusters)
+        first = 1 if count == 1 else int(p.lower)  # of a single one "all" would say the same again
+        return [float(i) for i in range(first, count + 1)]
     if p.role is Role.PERIOD:
         shortest = max(p.lower, SHORTEST_PERIOD_S)
         return [float(t) for t in np.geomspace(shortest, LONGEST_PERIOD * longest, PERIOD_STARTS)]

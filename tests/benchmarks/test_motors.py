@@ -11,7 +11,7 @@ from sim.effects.catalogue import named
 
 RIVALS = (
     "thruster_imbalance", "thrust_scale", "towed_load", "thruster_misalignment", "hull_lift",
-    "steering_scale", "steering_offset",
+    "steering_scale", "steering_offset", "thruster_fault", "drag_growth", "payload_change",
 )  # fmt: skip
 FEW = DiagnoseSettings(effects=tuple(map(named, RIVALS)))
 
@@ -28,6 +28,8 @@ def test_a_voyage_is_the_same_whatever_else_is_run_and_other_dice_are_other_voya
     assert not any(v.hidden for v in voyages("steering"))
     assert {len(v.hidden) for v in voyages("all")} == {2, 4}  # the IAcquaBot has four motors
     assert list(voyages("port", 1)) != list(voyages("port"))
+    moments = [{h.values["time"] for h in v.hidden} for v in voyages("later")]
+    assert all(len(m) == 1 and 90.0 <= min(m) <= 210.0 for m in moments)
 
 
 @pytest.mark.slow
@@ -64,3 +66,18 @@ def test_all_motors_that_push_less_are_no_curve_and_no_tow(tmp_path: Path) -> No
     assert found.effects == ("thrust_scale",)
     (added,) = found.ladder[-1].vessel.effects
     assert added.values["gain"] == pytest.approx(0.55, abs=0.06)
+
+
+@pytest.mark.slow
+def test_motors_that_all_weaken_at_one_moment_are_no_growing_drag_and_no_payload(
+    tmp_path: Path,
+) -> None:
+    v = voyage("later", 2)
+    log, file = write(v, tmp_path)
+    found = diagnose_logs([log], file, settings=FEW).diagnosis
+    assert (found.verdict.value, found.effects) == ("explained", ("thruster_fault",))
+    (added,) = found.ladder[-1].vessel.effects
+    assert added.values["thruster"] == 0.0
+    assert added.values["gain"] == pytest.approx(v.share, abs=0.04)
+    armed = 5.8  # s of the log before the voyage begins
+    assert added.values["time"] == pytest.approx(v.hidden[0].values["time"] + armed, abs=5.0)

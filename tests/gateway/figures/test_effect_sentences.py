@@ -118,6 +118,8 @@ SENTENCES = (
     ("thruster_deadband", {"width": 0.08}, "do not answer the first 8.0 % of throttle"),
     ("thruster_fault", {"thruster": 2.0, "gain": 0.4, "time": 60.0},
      "thruster 2 gives 40 % of its thrust from 60 s on"),
+    ("thruster_fault", {"thruster": 0.0, "gain": 0.4, "time": 60.0},
+     "all thrusters give 40 % of their thrust from 60 s on"),
     ("thruster_imbalance", {"port_gain": 1.12}, "the port motor pushes 12 % harder than modelled"),
     ("thruster_imbalance", {"port_gain": 1.12, "starboard": 1.0},
      "beside the port motor, the starboard motor pushes 12 % weaker than modelled"),

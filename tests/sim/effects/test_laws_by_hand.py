@@ -126,6 +126,10 @@ THRUSTS = (
      ((50.0, 50.0),)),
     ("thruster_fault", {"thruster": 1.0, "gain": 0.2, "time": 9.0}, DRIVE._replace(number=1.0),
      flow(time=9.0), ((50.0, 50.0),)),
+    ("thruster_fault", {"thruster": 0.0, "gain": 0.2, "time": 9.0}, DRIVE._replace(number=1.0),
+     flow(time=9.0), ((50.0, 10.0),)),
+    ("thruster_fault", {"thruster": 0.0, "gain": 0.2, "time": 9.0}, DRIVE, flow(time=8.9),
+     ((50.0, 50.0),)),
     # (12 / 16)²
     ("battery_sag", {"nominal": 16.0}, DRIVE, flow(voltage=12.0), ((64.0, 36.0), (-64.0, -36.0))),
     # along the shaft: 0.6 · 2 + 0.8 · 1 = 2 m/s; a quarter each, above 0.5 m/s

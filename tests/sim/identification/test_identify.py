@@ -112,8 +112,9 @@ def test_each_recording_has_a_current_of_its_own():
         assert value(found, "steady_current.speed", f"day {i}").value == pytest.approx(
             speed, abs=0.03
         )
-        angle = value(found, "steady_current.direction", f"day {i}").value
-        assert angle == pytest.approx(direction, abs=0.15)
+        angle = value(found, "steady_current.direction", f"day {i}")
+        assert angle.value == pytest.approx(direction, abs=0.15)
+        assert angle.ci95[0] < angle.value < angle.ci95[1]
 
 
 @pytest.mark.slow

@@ -1,14 +1,16 @@
 """Intervals of numbers, from uncertainties that are given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sim.effects.catalogue import named
 from sim.identification import BASE, IdentifySettings
-from sim.identification.intervals import Estimate, Uncertainty, estimates_of
+from sim.identification.intervals import Estimate, Uncertainty, estimates_of, named_covariance
 from sim.identification.parameters import DAMPING, MASSES, OFFSET_LIMIT_S, OFFSETS, unknowns_of
 from sim.model import Model
-from sim.vessel import Vessel
+from sim.vessel import AddedEffect, Vessel
 from tests.sim.vessels import WAMV, added
 
 
@@ -48,6 +50,31 @@ def test_an_interval_of_what_an_effect_declares_to_begin_at_zero_does_not_reach_
     vague = estimates(20.0, WAMV.with_effects(item), names)
     assert vague["learned_drag.more"].ci95[0] == 0.0
     assert vague["learned_drag.north"].ci95[0] < 0.0
+
+
+@pytest.mark.parametrize("direction", [-2.0, -0.05, 0.05, 2.0])
+def test_an_interval_of_a_direction_may_lie_to_west_as_to_east(direction: float) -> None:
+    """Only the speed of a pair begins at zero: a direction below zero once had 0 as its lower end,
+    above its upper one.
+    """
+    item = AddedEffect(named("steady_current"), {"speed": 0.3, "direction": direction})
+    found = estimates(0.5, WAMV.with_effects(item), ("steady_current.*",))
+    e = found["steady_current.direction"]
+    assert sum(e.ci95) == pytest.approx(2.0 * direction)
+    assert e.ci95[0] < direction < e.ci95[1]
+    assert found["steady_current.speed"].ci95[0] >= 0.0
+
+
+def test_an_interval_of_a_large_boat_grows_with_what_is_not_known_of_her() -> None:
+    """Numbers that are no angles are not folded at π: a ship's differences are larger than that."""
+    dynamics = replace(WAMV.dynamics, m33=5e7)
+    unknowns = unknowns_of(Model.of(replace(WAMV, dynamics=dynamics)), 1, IdentifySettings())
+    names = [u.name for u in unknowns.each]
+    variance = np.diag(np.array([0.1 * u.scale for u in unknowns.each]) ** 2)
+    told = named_covariance(unknowns, unknowns.start, variance)
+    i = names.index("m33")
+    assert np.sqrt(told[i, i]) == pytest.approx(0.1 * unknowns.each[i].scale)
+    assert np.sqrt(told[i, i]) > 1e5
 
 
 @pytest.mark.parametrize("name", OFFSETS)

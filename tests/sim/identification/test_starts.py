@@ -1,5 +1,6 @@
 """Trains of waves are met closely enough to begin a fit, however far the boat has moved."""
 
+from dataclasses import replace
 from math import pi, remainder
 
 import numpy as np
@@ -45,6 +46,15 @@ def test_the_power_of_a_grid_is_that_of_each_of_its_points() -> None:
     sums = np.stack([filtered[..., time // window == k].sum(axis=-1) for k in range(5)])
     expected = np.sum(np.abs(sums) ** 2, axis=0)
     np.testing.assert_allclose(samples.power(omega, direction, window), expected, rtol=1e-9)
+
+
+def test_a_fault_may_be_of_each_thruster_or_of_all() -> None:
+    """Of a single thruster "all" would say the same again."""
+    trial = sailed("thruster_fault", 40.0, thruster=0.0, gain=0.5, time=20.0)
+    single = replace(WAM_V, thrusters=WAM_V.thrusters[:1])
+    for vessel, thrusters in ((WAM_V, {0.0, 1.0, 2.0}), (single, {1.0})):
+        starts = start_points(named("thruster_fault"), Model.of(vessel), [trial])
+        assert {s["thruster"] for s in starts} == thrusters
 
 
 def two_trains() -> Trial:
