@@ -152,7 +152,9 @@ class Model:
         At velocities nu (3,) or (B, 3) it is also short enough to stay stable, down to `shortest`:
         damping rises with speed, and so does the Munk moment. Damping so strong that it is over
         within a few hundredths of a second (of a hull that was fitted to too little) is not
-        followed, only kept stable.
+        followed, only kept stable. How closely damping is followed is decided by the vessel's own
+        numbers and not by theta: all candidates of a fit take the same steps, else slopes by small
+        differences would show the steps.
         """
         lags = self._time_constants
         rows = np.atleast_2d(self.theta if theta is None else theta)

@@ -320,6 +320,8 @@ def run_loops(
     for loop in loops:
         if loop.failure is not None:
             raise ShadowError(f"{loop.plan.name}: {loop.failure}") from loop.failure
+        if loop.recording is not None and loop.recording.failure is not None:
+            raise ShadowError(f"{loop.plan.name}: {loop.recording.failure}")
     return loops
 
 
@@ -328,8 +330,6 @@ def _report(loop: BoatLoop, progress: Progress) -> None:
     if loop.recording is not None:
         for path in loop.recording.paths:
             progress(f"{loop.plan.name}: recorded to {path}")
-        if loop.recording.failure is not None:
-            progress(f"{loop.plan.name}: {loop.recording.failure}")
 
 
 def run_until_stopped(

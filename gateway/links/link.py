@@ -119,7 +119,7 @@ class Link:
         self._reader = FrameReader(self._counts, self._peers, self._signatures, self._reporter)
         self._up: bool | None = None  # None: not tried yet
         self._attempt = 0  # to open the transport again
-        self._lock = threading.Lock()  # it is never closed while another thread sends
+        self._lock = threading.Lock()  # the transport is never closed while another thread sends
         self._thread = threading.Thread(target=self._run, name=self.name, daemon=True)
         self._scope = ExitStack()
 

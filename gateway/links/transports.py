@@ -7,6 +7,7 @@ tcpin:HOST:PORT    is one
 /dev/ttyUSB0,57600 a serial device; POSIX only, what it needs is in the standard library
 """
 
+import errno
 import os
 import selectors
 import socket
@@ -108,6 +109,7 @@ USER_TIMEOUT_MS = 5000  # … also where our heartbeats wait for an acknowledgem
 SILENT_S = (
     3.0  # a boat sends a heartbeat a second: a line that is silent for longer may be half open
 )
+BEGUN = (0, errno.EINPROGRESS)  # what `connect_ex` says of a connection that may come
 MAX_CONNECTIONS = 16  # at once: peers may not use up the files of this process
 
 
@@ -131,7 +133,10 @@ class TcpClientTransport:
         self._socket = socket.socket(family, socket.SOCK_STREAM)
         _prepare(self._socket)
         self._selector = LineSelector(waker)
-        self._socket.connect_ex(address)  # the result is there when the socket can be written to
+        code = self._socket.connect_ex(address)
+        if code not in BEGUN:  # an unreachable network is known at once, and asked for only once
+            raise OSError(code, os.strerror(code))
+        # the result is there when the socket can be written to
         self._selector.add(self._socket, events=selectors.EVENT_WRITE)
         if not self._selector.wait(timeout_s):
             raise TimeoutError("no answer")

@@ -28,7 +28,7 @@ from gateway.links import (
 
 ROUTER = "tcp/127.0.0.1:7447"  # of BlueOS, on the vehicle itself
 FORM = "zenoh:KEY[@tcp/HOST:PORT]"
-MAX_WAITING = 20_000  # samples: those that come while it is full are lost
+MAX_WAITING = 20_000  # samples: of more the oldest are lost
 MAX_SAMPLE_BYTES = 65_536  # a longer sample is no frame of anybody
 KEY = re.compile(r"[^\s/#?$*]+(/[^\s/#?$*]+)*")  # a key without wildcards
 

@@ -326,12 +326,18 @@ class Fleet:
                 list(boat.datagram(warm_up_messages(1000 + 300 * k), (k + 1) * 300_000_000))
             list(boat.tick(2_200_000_000))
 
-    def datagram(self, datagram: Datagram) -> Iterator[FleetOutput]:
-        """The frames of a datagram, each to its boat -> what comes of them, as it is made."""
-        return self.datagrams([datagram])
-
     def datagrams(self, datagrams: Iterable[Datagram]) -> Iterator[FleetOutput]:
-        """The same for those that wait, in their order, boat by boat."""
+        """Datagrams in their order, boat by boat -> what comes of them, as it is made."""
+        for boat, messages in self.received(datagrams):
+            for output in boat.datagrams(messages):
+                yield FleetOutput(boat, output)
+
+    def received(
+        self, datagrams: Iterable[Datagram]
+    ) -> list[tuple[LiveBoat, list[tuple[Any, int]]]]:
+        """The messages of each boat that is followed, each with its receipt [ns]; boats that are
+        heard for the first time are found.
+        """
         by_system: dict[int, list[tuple[Any, int]]] = {}
         for datagram in datagrams:
             for frame in datagram.frames:
@@ -344,10 +350,7 @@ class Fleet:
                 if boat is not None and message.get_srcComponent() == boat.boat.component:
                     received = message, datagram.receive_time_ns
                     by_system.setdefault(boat.boat.system, []).append(received)
-        for system, messages in by_system.items():
-            boat = self.boats[system]
-            for output in boat.datagrams(messages):
-                yield FleetOutput(boat, output)
+        return [(self.boats[system], messages) for system, messages in by_system.items()]
 
     def due(self, now_ns: int) -> list[LiveBoat]:
         """The boats that have been silent for so long that they want a tick."""

@@ -157,6 +157,12 @@ class Gateway:
             self.turn(item)
         self.catch_up()
 
+    def unfinished(self) -> list[str]:
+        """Why recordings could not be written to their ends, once they are closed."""
+        boats = self.fleet.boats
+        failures = {boats[n].name: out.new_failure() for n, out in self.outputs.items()}
+        return [f"{name}: {failure}" for name, failure in failures.items() if failure]
+
     def catch_up(self) -> None:
         """Hold all rows that still wait for it against their models."""
         while self._unjudged:
@@ -170,7 +176,7 @@ class Gateway:
         oldest = item
         if isinstance(item, Datagram):
             datagrams, item = self._waiting(item)
-            self._datagrams(datagrams)
+            self._guarded(self._datagrams, datagrams)
         if isinstance(item, LinkEvent):
             self._link_event(item)
         now_ns = self._clock()
@@ -203,33 +209,36 @@ class Gateway:
         """Publish as it is made; all else can wait until then. Frames are recorded in any case."""
         published = list[tuple[LiveBoat, list[TopicRows]]]()
         try:
-            self._publish(datagrams, published)
+            for boat, messages in self.fleet.received(datagrams):
+                self._guarded(self._publish, boat, messages, published)
         finally:
             for datagram in datagrams:
                 self._record_frames(datagram)
-        for boat, rows in published:
-            self.outputs[boat.boat.system].record(rows)
-            self.outputs[boat.boat.system].show(rows)
+            for boat, rows in published:
+                self.outputs[boat.boat.system].record(rows)
+                self.outputs[boat.boat.system].show(rows)
         for datagram in datagrams:
             self._rate_requests.take(datagram, self.fleet.boats, self._steady())
 
     def _publish(
-        self, datagrams: Sequence[Datagram], published: list[tuple[LiveBoat, list[TopicRows]]]
+        self,
+        boat: LiveBoat,
+        messages: Sequence[tuple[Any, int]],
+        published: list[tuple[LiveBoat, list[TopicRows]]],
     ) -> None:
-        """What comes of datagrams goes out, and is added to what was published."""
-        told, receipts = list[LogLine](), dict[int, int]()
-        for boat, output in self.fleet.datagrams(datagrams):
+        """What comes of a boat's messages goes out, and is added to what was published."""
+        told, first_ns = list[LogLine](), None
+        for output in boat.datagrams(messages):
             if output.rows:
                 self.outputs[boat.boat.system].publish(output.rows)
                 published.append((boat, output.rows))
             if output.out is not None and len(output.out):
                 self._unjudged[boat.boat.system] = boat
-                receipts.setdefault(boat.boat.system, int(output.out.receive_time_ns[0]))
-            if output.events:
-                told += [_line(boat, event) for event in output.events]
-        now_ns = self._clock()
-        for system, receive_time_ns in receipts.items():
-            self.fleet.boats[system].health.late_by(now_ns - receive_time_ns)
+                if first_ns is None:
+                    first_ns = int(output.out.receive_time_ns[0])
+            told += [_line(boat, event) for event in output.events]
+        if first_ns is not None:
+            boat.health.late_by(self._clock() - first_ns)
         for text in told:
             self._progress(text)
 
@@ -426,4 +435,6 @@ def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress:
         gc.freeze()  # what was loaded by now stays: it is not searched again and again
         progress(f"listening on {', '.join(options.endpoints)}; Ctrl-C ends")
         gateway.run(stop)
+    if unfinished := gateway.unfinished():
+        raise ShadowError("; ".join(unfinished))
     progress("finished")

@@ -263,10 +263,11 @@ class MessageIntake:
         received = self._received.setdefault(name, {})
         received[rank] = now
         assert self._first_ns is not None
-        if rank > 0 and now - self._first_ns < BETTER_SOURCE_NS and name in MOTION:
+        # a clock that was set back makes times to come of those before
+        if rank > 0 and 0 <= now - self._first_ns < BETTER_SOURCE_NS and name in MOTION:
             return None  # a better one may yet come
         for other, at in received.items():
-            if other < rank and now - at <= BETTER_SOURCE_NS:
+            if other < rank and 0 <= now - at <= BETTER_SOURCE_NS:
                 return None
         return name
 

@@ -82,7 +82,7 @@ def _outputs(
     if given.link == TICK_LINK:
         return fleet.tick(given.receive_time_ns)
     received = tuple(Frame(frame, _message(frame, decoder)) for frame in frames)
-    return fleet.datagram(Datagram(given.link, given.receive_time_ns, received))
+    return fleet.datagrams([Datagram(given.link, given.receive_time_ns, received)])
 
 
 def _message(frame: bytes, decoder: Any) -> Any:

@@ -219,6 +219,8 @@ def _step_with(
                 "own needs --effects FILE"
             )
     every = (*diagnosis.alternatives, *diagnosis.ladder)
+    if not names and all(s.base != "refitted" for s in every if not s.effects):
+        raise BadInput(f"{source}: it kept the base as it is: there is nothing to add")
     steps = [s for s in every if set(s.effects) == set(names) and s.base == "refitted"]
     if steps:
         return steps[-1]

@@ -205,7 +205,8 @@ def _exclude(trial: Trial, exclusions: Sequence[Exclusion]) -> Trial:
         if one.recording in (None, trial.name):
             usable[(trial.time >= one.start) & (trial.time < one.end)] = False
             end = min(one.end, float(trial.time[-1]))
-            excluded.append(Stretch(one.start, end, LEFT_OUT))
+            if one.start < end:  # else the recording is over before it begins
+                excluded.append(Stretch(one.start, end, LEFT_OUT))
     return replace(trial, usable=usable, excluded=tuple(excluded))
 
 

@@ -1,8 +1,9 @@
 """Reads MCAP record by record, so that a file whose writer was killed opens all the same.
 
 A record is an opcode (1 byte), a length (8 bytes) and that many bytes. What does not fit into the
-file any more was being written when the writer died, and ends the recording. Messages inside a
-chunk are found by a compiled walk: the library's own takes ten times as long.
+file any more was being written when the writer died, and ends the recording. Records of a kind that
+is not known are passed over, as the format asks (0x80 and above belong to applications). Messages
+inside a chunk are found by a compiled walk: the library's own takes ten times as long.
 """
 
 import struct
@@ -28,7 +29,7 @@ from sim.kernel.compiled import compiled
 Integers = NDArray[np.int64]
 
 PREFIX = struct.Struct("<BQ")
-LAST_OPCODE = max(Opcode)
+NO_OPCODE = 0  # of a file that was made longer than what was written
 CHANNEL_ID, SEQUENCE, LOG_TIME, PUBLISH_TIME, DATA = (
     0,
     2,
@@ -83,7 +84,7 @@ def read_spans(stream: IO[bytes], size: int) -> Spans:
         stream.seek(at)
         opcode, length = PREFIX.unpack(stream.read(PREFIX_BYTES))
         at += PREFIX_BYTES
-        if not 0 < opcode <= LAST_OPCODE or at + length > size:
+        if opcode == NO_OPCODE or at + length > size:
             break
         records.append(Span(opcode, at, length))
         at += length
@@ -171,7 +172,9 @@ def _unpacked(stream: IO[bytes], span: Span, room: int) -> bytes | None:
         chunk = Chunk.read(read_content(stream, span))
         size = chunk.uncompressed_size
         if chunk.compression == "zstd":  # what the packed data themselves ask for goes first
-            size = max(size, zstandard.get_frame_parameters(chunk.data).content_size)
+            asked = zstandard.get_frame_parameters(chunk.data).content_size
+            if asked != zstandard.CONTENTSIZE_UNKNOWN:  # of a stream, which gets `size` at most
+                size = max(size, asked)
         if size > room:
             raise BadInput(
                 f"it unpacks to more than {MAX_EXPANSION} times its size (MAX_EXPANSION): "

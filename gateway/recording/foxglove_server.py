@@ -41,6 +41,7 @@ from gateway.recording.recorder import JSON, JSON_SCHEMA
 from gateway.topics import TOPICS
 
 MAX_CLIENTS = 32
+ACCEPT_AGAIN_S = 0.1  # after a connection could not be taken
 MAX_HEAD_BYTES = 16_384
 HEAD_TIMEOUT_S = 5.0  # for the handshake of a client, all of it: one that trickles keeps others out
 PIECE = 65_536
@@ -124,8 +125,11 @@ class OriginGate:
         while True:
             try:
                 client, _ = listener.accept()
-            except OSError:  # closed
-                return
+            except OSError:  # closed; or the client is gone again, or no more files may be opened
+                if self._listener is None:
+                    return
+                time.sleep(ACCEPT_AGAIN_S)
+                continue
             with self._lock:
                 full = self._clients >= MAX_CLIENTS or self._listener is None
                 self._clients += not full

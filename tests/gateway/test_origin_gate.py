@@ -1,5 +1,6 @@
 """Which pages may open the Foxglove socket; everything else passes the gate byte for byte."""
 
+import errno
 import socket
 import threading
 import time
@@ -113,6 +114,27 @@ def test_listed_pages_pass_and_others_are_told_to_go() -> None:
         with line:
             assert heard(line, 1000).startswith(b"HTTP/1.1 403 ")
     assert refused == ["https://theirs"]
+
+
+def test_a_connection_that_cannot_be_taken_does_not_close_the_gate() -> None:
+    """No more files may be opened for a moment, or a client is gone before it is taken."""
+    with echo() as inner, OriginGate(("127.0.0.1", 0), inner, []) as gate:
+        assert gate._listener is not None
+        good, failed = gate._listener, threading.Event()
+
+        class Starved:
+            def accept(self) -> tuple[socket.socket, object]:
+                if failed.is_set():
+                    return good.accept()
+                failed.set()
+                raise OSError(errno.EMFILE, "Too many open files")
+
+        threading.Thread(target=gate._accept, args=(Starved(),), daemon=True).start()
+        assert failed.wait(PATIENCE_S)
+        for _ in range(4):  # the first listener's thread and the starved one's take turns
+            line, said = ask(gate.port, None)
+            with line:
+                assert heard(line, len(said)) == said
 
 
 def test_no_handshake_no_entry(monkeypatch: pytest.MonkeyPatch) -> None:

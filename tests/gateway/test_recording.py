@@ -5,15 +5,22 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.records import Chunk
+from mcap.writer import MCAP0_MAGIC, Writer
 
 from gateway.errors import BadInput, ShadowError
 from gateway.ingest.open import open_log
+from gateway.recording.blocks import PREFIX, PREFIX_BYTES, read_spans
 from gateway.recording.reader import Recording, repair
 from gateway.recording.recorder import Recorder, RecordingSettings
 from gateway.recording.writer import Compression
@@ -91,6 +98,61 @@ def test_a_tail_of_rubbish_ends_an_unfinished_file(tmp_path: Path, tail: bytes) 
     whole = Recording.open(path)._spans.records[-1]
     path.write_bytes(path.read_bytes()[: whole.start + whole.length] + tail)
     assert Recording.open(path).counts() == before
+
+
+def test_records_of_a_kind_that_nobody_knows_are_passed_over(tmp_path: Path) -> None:
+    """An application may write its own among the others (0x80 and above), also into a file that
+    was never finished.
+    """
+    (path,) = record(tmp_path / "a.mcap", rows=40, settings=SMALL)
+    data, frames = path.read_bytes(), Recording.open(path).raw().frames()
+    spans = read_spans(BytesIO(data), len(data)).records
+    second = [span for span in spans if span.opcode == Opcode.CHUNK][1].start - PREFIX_BYTES
+    own = PREFIX.pack(0x91, 12) + b"of ourselves"
+    path.write_bytes(data[:second] + own + data[second:])
+    assert Recording.open(path).finished
+    assert Recording.open(path).raw().frames() == frames
+    path.write_bytes(data[:second] + own + data[second : spans[-1].start - PREFIX_BYTES])
+    assert not Recording.open(path).finished
+    assert Recording.open(path).raw().frames() == frames
+
+
+def streamed(path: Path, size: int | None = None) -> None:
+    """Pack its chunks anew as a writer does that streams: the packed data do not tell how much
+    they hold; size: what the chunk says of that [bytes], else the truth.
+    """
+    data, out = path.read_bytes(), MCAP0_MAGIC
+    for span in read_spans(BytesIO(data), len(data)).records:
+        content = data[span.start : span.start + span.length]
+        if span.opcode == Opcode.CHUNK:
+            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            packer = zstandard.ZstdCompressor().compressobj()
+            packed = packer.compress(zstandard.decompress(chunk.data)) + packer.flush()
+            assert zstandard.frame_content_size(packed) == -1
+            told = chunk.uncompressed_size if size is None else size
+            record_of = RecordBuilder()
+            replace(chunk, data=packed, uncompressed_size=told).write(record_of)
+            out += record_of.end()
+        elif span.opcode != Opcode.FOOTER:
+            out += PREFIX.pack(span.opcode, span.length) + content
+    path.write_bytes(out)
+
+
+def test_a_chunk_that_was_packed_as_a_stream_is_read(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap", rows=40, settings=SMALL)
+    frames = Recording.open(path).raw().frames()
+    streamed(path)
+    assert Recording.open(path).raw().frames() == frames
+
+
+def test_a_stream_is_unpacked_as_far_as_its_chunk_says(tmp_path: Path) -> None:
+    (path,) = record(tmp_path / "a.mcap", rows=40, settings=SMALL)
+    streamed(path, size=100)
+    assert Recording.open(path).raw().frames() == []
+    (path,) = record(tmp_path / "b.mcap", rows=40, settings=SMALL)
+    streamed(path, size=1 << 40)
+    with pytest.raises(BadInput, match="unpacks to more than 200 times its size"):
+        Recording.open(path).raw()
 
 
 def test_damage_inside_a_finished_file_is_said(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import os
 import socket
 import threading
 import time
+from queue import Empty
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -138,6 +139,15 @@ def test_tcp_client_connects_loses_and_comes_back(inbox):
             assert "closed by the other side" in event(inbox, LinkEventKind.LOST).text
             assert not link.send_message(heartbeat())
     assert link.counts().losses == 2
+
+
+def test_an_unreachable_network_is_no_connection_and_told_once(inbox):
+    """As while a wireless link is down; a socket says so at once, and only once."""
+    with Link("tcp:255.255.255.255:5760", inbox, US) as link:
+        assert "unreachable" in event(inbox, LinkEventKind.LOST).text
+        with pytest.raises(Empty):
+            inbox.get(timeout=1.5)  # four attempts
+    assert link.counts().losses == 0
 
 
 def test_tcp_server_takes_several_and_accepts_again(inbox):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.errors import BadInput
+from gateway.offline.add import add_effects
 from gateway.user_effects import trust
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
 from tests.gateway.offline.diagnosis import FEW, KEEL, found_current, refused
@@ -183,3 +184,12 @@ def test_a_users_effect_that_was_found_is_named_with_its_file(run, saved, folder
         load_vessel(tmp_path / "better.toml")
     trust(tmp_path / "keel.py")
     assert load_vessel(tmp_path / "better.toml").effects[0].values == {"k": 9.0}
+
+
+def test_without_names_a_base_that_was_kept_is_nothing_to_add(saved, folder, tmp_path):
+    diagnosis = json.loads(saved.read_text())
+    diagnosis["ladder"] = [{**s, "base": "given"} for s in diagnosis["ladder"] if not s["effects"]]
+    source = tmp_path / "kept.json"
+    source.write_text(json.dumps(diagnosis))
+    with pytest.raises(BadInput, match="it kept the base as it is: there is nothing to add"):
+        add_effects([], folder / "boat.toml", source, tmp_path / "out.toml")

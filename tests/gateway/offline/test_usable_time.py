@@ -39,6 +39,13 @@ def test_only_the_stretch_is_left_out_and_it_is_told():
     ]
 
 
+def test_a_stretch_behind_the_end_leaves_nothing_out():
+    trial = simulated(WAM_V, 60.0)
+    (cut,) = exclude_stretches([trial], parse_exclusions(["5000:6000"]))
+    np.testing.assert_array_equal(cut.usable, trial.usable)
+    assert cut.excluded == trial.excluded
+
+
 def test_a_recording_that_is_not_there_is_named():
     with pytest.raises(BadInput, match="no recording 'other'"):
         exclude_stretches([simulated(WAM_V, 30.0)], parse_exclusions(["other:1:2"]))

@@ -33,7 +33,9 @@ class Harbour:
     def beat(self, *systems: int, kind: tuple[int, int] = BOAT, component: int = 1) -> "Harbour":
         for system in systems:
             message = dialect.MAVLink_heartbeat_message(*kind, 0, 0, 4, 3)
-            list(self.fleet.datagram(Datagram("l", 10**18, (framed(message, system, component),))))
+            list(
+                self.fleet.datagrams([Datagram("l", 10**18, (framed(message, system, component),))])
+            )
         return self
 
     def _found(self, boat: LiveBoat, plan: BoatPlan) -> None:
@@ -81,7 +83,7 @@ def test_only_the_autopilots_own_words_are_heard() -> None:
     harbour = Harbour(BoatPlan(WAMV)).beat(1)
     said = dialect.MAVLink_attitude_message(1000, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
     frames = (framed(said, 1, 100), framed(said, 2), framed(said, 1), Frame(b"unknown", None))
-    answers = harbour.fleet.datagram(Datagram("l", 10**18 + 1, frames))
+    answers = harbour.fleet.datagrams([Datagram("l", 10**18 + 1, frames)])
     assert {answer.boat.boat.system for answer in answers} == {1}
     (payload,) = harbour.fleet.boats[1].health.row(10**18 + 2, 0, 0).payloads
     assert orjson.loads(payload)["rate_hz"] == 2 / 5

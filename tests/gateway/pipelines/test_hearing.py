@@ -90,6 +90,16 @@ def test_a_worse_source_is_heard_only_while_the_better_one_is_silent() -> None:
     assert boat.hear(patience + 0.4, place(patience + 0.4)) is None
 
 
+def test_a_clock_set_back_by_an_hour_does_not_silence_a_boat_without_the_best_source() -> None:
+    """What came before it is of no time to come, for which a worse source would have to wait."""
+    boat, patience, back = Boatswain(), BETTER_SOURCE_NS / SECOND, -3600.0
+    assert boat.hear(0.0, local(0.0)) is not None
+    assert boat.hear(0.1, place(0.1)) is None
+    for k in range(3):  # the boat's own clock goes on
+        message = place(2.0 * patience + 0.1 * k)
+        assert boat.hear(back + 0.1 * k, message) is not None
+
+
 def test_ports_of_one_message_join_and_another_message_does_not_mix_in() -> None:
     boat = Boatswain()
     boat.hear(0.0, servo(0.0, 1600, 1400))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gateway.config import FollowingSettings
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.links import Datagram, LinkEvent, LinkEventKind
-from gateway.live.boats import BoatPlan, Fleet
+from gateway.live.boats import BoatPlan, Fleet, sender
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import TICK_LINK
 from gateway.simulated_boat import THIN, Faults, Reboot, Silence
@@ -134,7 +134,7 @@ def test_errors_of_predictions_are_those_of_a_run_by_hand() -> None:
         message = datagram.frames[0].message
         if message.get_type() == "SERVO_OUTPUT_RAW":
             pulses = np.array([getattr(message, f"servo{i}_raw") for i in range(1, 17)], float)
-        for said in fleet.datagram(datagram):
+        for said in fleet.datagrams([datagram]):
             for out in filter(None, [said.output.out]):
                 commands = WAMV.commands(range(1, 17), pulses)
                 rows += [
@@ -226,16 +226,67 @@ def test_a_defect_is_told_and_counted_but_does_not_end_the_shadow(
     with Deck() as deck:
         deck.hear(heard[:200])
         deck.gateway._strict = False
-        good = deck.gateway.fleet.datagrams
-        monkeypatch.setattr(deck.gateway.fleet, "datagrams", lambda d: 1 // 0)
+        good = deck.gateway.fleet.received
+        monkeypatch.setattr(deck.gateway.fleet, "received", lambda d: 1 // 0)
         deck.hear(heard[200:210])
-        monkeypatch.setattr(deck.gateway.fleet, "datagrams", good)
+        monkeypatch.setattr(deck.gateway.fleet, "received", good)
         before = len(deck.heard().payloads["shadow"])
         deck.hear(heard[210:])
     assert deck.gateway.faults == 10
     assert sum("defect" in says for says in deck.told) == 1
     assert deck.heard().events().count("fault") == 1
     assert len(deck.heard().payloads["shadow"]) > before + 50
+
+
+def test_a_defect_in_one_boat_costs_the_others_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of datagrams that waited together, and of an event that waited behind them."""
+    first, second = played(3.0, system_id=1), played(3.0, system_id=2)
+    given = datagrams(first, second)
+    plans = [BoatPlan(WAMV, system=1, name="a"), BoatPlan(WAMV, system=2, name="b")]
+    with Deck(plans, tmp_path) as deck:
+        deck.hear(given[:200])
+        deck.gateway._strict = False
+        before = len(deck.heard(2).payloads["shadow"])
+        monkeypatch.setattr(deck.gateway.fleet.boats[1], "datagrams", lambda messages: 1 // 0)
+        lost = LinkEvent(LINK, given[230].receive_time_ns, LinkEventKind.LOST, "closed")
+        for item in (*given[201:230], lost):
+            deck.gateway.inbox.put(item)
+        deck.gateway.turn(given[200])
+        assert deck.gateway.faults == 1
+        assert len(deck.heard(2).payloads["shadow"]) > before + 4
+        assert f"{LINK}: closed" in deck.told
+        recorded = {n: out.recording.paths[-1] for n, out in deck.gateway.outputs.items()}
+    for n, path in recorded.items():
+        frames = Recording.open(path).raw().frames()
+        sent = [f.raw for d in given[:230] for f in d.frames if sender(f.raw) == n]
+        assert [frame for frame in frames if sender(frame) == n] == sent
+    kept = [
+        payload for rows in Recording.open(recorded[2]).rows("shadow") for payload in rows.payloads
+    ]
+    assert kept == deck.heard(2).payloads["shadow"]
+
+
+def test_a_recording_that_cannot_be_finished_is_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The disk is full when the last of it is written: "finished" would be false."""
+    with Deck(out=tmp_path) as deck:
+        deck.hear(datagrams(played(3.0)))
+        (outputs,) = deck.gateway.outputs.values()
+        recorder = outputs.recording._recorder
+        finish = recorder.finish
+
+        def full() -> None:
+            finish()
+            raise ShadowError("the disk is full")
+
+        monkeypatch.setattr(recorder, "finish", full)
+    assert deck.gateway.unfinished() == ["wam-v: the disk is full"]
+    with Deck(out=tmp_path) as deck:
+        deck.hear(datagrams(played(3.0)))
+    assert deck.gateway.unfinished() == []
 
 
 def test_a_defect_while_the_last_rows_are_judged_is_told_and_ends_nothing(

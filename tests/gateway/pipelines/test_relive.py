@@ -84,7 +84,7 @@ def test_how_frames_are_packed_into_datagrams_makes_no_difference() -> None:
     for heard, items in ((one, alone), (other, packed)):
         fleet = Fleet([BoatPlan(WAMV)], SETTINGS)
         for item in items:
-            for said in fleet.datagram(item):
+            for said in fleet.datagrams([item]):
                 heard.add(said.output.rows)
     check(one, other, rows=300)
 
