@@ -8,7 +8,7 @@ Publishing never waits: a slow subscriber loses samples (DROP). zenoh's callback
 its own and only look at the last value kept here, under a lock.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,7 @@ import zenoh
 from zenoh import ext
 
 from gateway.errors import BadInput, ShadowError
+from gateway.json_rows import TopicRows
 from gateway.keelson import KeelsonPublisher
 from gateway.topics import TOPICS, Overflow, Topic
 
@@ -67,11 +68,11 @@ def _open_file(path: Path) -> zenoh.Session:
         config = zenoh.Config.from_file(path)
         config.insert_json5("timestamping/enabled", "true")
     except (zenoh.ZError, ValueError) as error:
-        raise BadInput(f"{path}: not a zenoh configuration: {_first_line(error)}") from error
+        raise BadInput(f"{path}: not a zenoh configuration: {first_line_of(error)}") from error
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise ShadowError(f"{path}: zenoh cannot start so: {_first_line(error)}") from error
+        raise ShadowError(f"{path}: zenoh cannot start so: {first_line_of(error)}") from error
 
 
 def open_session(settings: BusSettings) -> zenoh.Session:
@@ -85,12 +86,12 @@ def open_session(settings: BusSettings) -> zenoh.Session:
         return zenoh.open(session_config("client", {"connect": [endpoint]}))
     except zenoh.ZError as error:
         raise ShadowError(
-            f"{endpoint}: can neither listen nor join: {_first_line(error)}: is another program "
+            f"{endpoint}: can neither listen nor join: {first_line_of(error)}: is another program "
             "on that port? choose another endpoint"
         ) from error
 
 
-def _first_line(error: Exception) -> str:
+def first_line_of(error: Exception) -> str:
     """zenoh's own words without the places in its source code."""
     return str(error).splitlines()[0].split(" at /")[0].strip()
 
@@ -173,7 +174,7 @@ class Bus:
         settings: BusSettings | None = None,
         session: zenoh.Session | None = None,
     ) -> None:
-        self._root = f"shadow/{vessel}"
+        self._vessel, self._root = vessel, f"shadow/{vessel}"
         self._model, self._status = model, status
         self._settings = settings or BusSettings()
         self._given = session
@@ -183,7 +184,7 @@ class Bus:
         self.others = False  # does another gateway publish under the same name?
 
     def __enter__(self) -> Self:
-        _check_name(self._root)
+        _check_name(self._vessel)
         with ExitStack() as scope:
             session = self._given or scope.enter_context(open_session(self._settings))
             for name, topic in TOPICS.items():
@@ -196,8 +197,7 @@ class Bus:
             token = session.liveliness().declare_token(alive)
             scope.callback(token.undeclare)
             if self._settings.keelson is not None:
-                vessel = self._root.removeprefix("shadow/")
-                beside = KeelsonPublisher(session, self._settings.keelson, vessel)
+                beside = KeelsonPublisher(session, self._settings.keelson, self._vessel)
                 self._keelson = scope.enter_context(beside)
             self._scope = scope.pop_all()
         return self
@@ -225,6 +225,17 @@ class Bus:
             self._keelson.publish(topic, payload)
         self._channels[topic].publish(payload)
 
+    def publish_rows(self, rows: Iterable[TopicRows]) -> None:
+        """All messages of topics that anyone listens to, of the others the last: it is kept for
+        whoever asks or comes late, and encoded for them.
+        """
+        for part in rows:
+            if self.wants(part.topic):
+                for payload in part.payloads:
+                    self.publish(part.topic, payload)
+            elif len(part):
+                self.publish(part.topic, part.last)
+
     def _serve(
         self,
         session: zenoh.Session,
@@ -243,8 +254,7 @@ class Bus:
         scope.callback(queryable.undeclare)
 
 
-def _check_name(root: str) -> None:
+def _check_name(name: str) -> None:
     """A vessel's name becomes one part of a key: it must not hold what keys use otherwise."""
-    name = root.removeprefix("shadow/")
     if not name or any(letter in name for letter in "/*$?#@"):
         raise BadInput(f"vessel name {name!r}: must not be empty nor contain / * $ ? # @")

@@ -153,7 +153,7 @@ def backward_update(trace: Trace, n: int, lam: Floats, Lam: Floats, work: Worksp
 
 @compiled
 def transpose_times(F: Floats, x: Floats) -> None:
-    """x (13,) becomes Fᵀ x in place, last column first: F is that of `motion.transition`."""
+    """x (13,) becomes Fᵀ x in place, last column first: F is that of `model.transition`."""
     for i in range(State.U_DOT, STATES):
         x[i] *= F[i, i]
     for n in range(len(ROWS) - 1, -1, -1):

@@ -5,8 +5,8 @@ autopilot whose loop runs at 50 Hz denies 50 and gives 40.
 
 Default telemetry is thin. Each boat is asked once for the rates configured, again after a reboot,
 and again when what it accepted does not arrive (a ground station may have set its own). Nothing but
-these requests, those for parameters (`parameter_requests`) and our own heartbeat is ever sent, and
-nothing at all on a silent link.
+these requests, those for parameters (`transmitter.ParameterRequests`) and our own heartbeat is ever
+sent, and nothing at all on a silent link.
 
 COMMAND_ACK names the command and the result, not the message that was asked for. So one boat is
 asked for one message at a time, and the next request waits for the answer to the one before; an

@@ -63,7 +63,7 @@ class ZenohTransport:
     def open(self, waker: Waker, report: EventSink, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
         import zenoh
 
-        from gateway.bus import session_config
+        from gateway.bus import first_line_of, session_config
 
         config = session_config("client", {"connect": [self.router]})
         config.insert_json5("connect/timeout_ms", str(round(timeout_s * 1000)))
@@ -76,8 +76,7 @@ class ZenohTransport:
             self._session = zenoh.open(config)
             self._subscriber = self._session.declare_subscriber(self.key, self._take)
         except zenoh.ZError as error:
-            reason = str(error).splitlines()[0].split(" at /")[0].strip()
-            raise OSError(f"no zenoh router at {self.router}: {reason}") from None
+            raise OSError(f"no zenoh router at {self.router}: {first_line_of(error)}") from None
         report(LinkEventKind.CONNECTED, f"subscribed to {self.key} at {self.router}")
 
     def _take(self, sample: Any) -> None:

@@ -72,12 +72,7 @@ class BoatOutputs:
     def publish(self, rows: Sequence[TopicRows]) -> None:
         """To zenoh."""
         if self.bus is not None:
-            for part in rows:
-                if self.bus.wants(part.topic):
-                    for payload in part.payloads:
-                        self.bus.publish(part.topic, payload)
-                elif len(part):  # kept for whoever asks or comes late, and encoded for them
-                    self.bus.publish(part.topic, part.last)
+            self.bus.publish_rows(rows)
 
     def record(self, rows: Sequence[TopicRows]) -> None:
         """To disk."""

@@ -74,13 +74,10 @@ class ReplayOutputs:
         if self.recorder is not None:
             raw = step.raw()
             self.recorder.write_raw(raw.frames, raw.receive_time_ns, link=raw.link)
-        for part in step.rows:
-            if self.recorder is not None:
+            for part in step.rows:
                 self.recorder.write_rows(part)
-            if self.bus is not None and len(part):
-                wanted = part.payloads if self.bus.wants(part.topic) else [part.last()]
-                for payload in wanted:
-                    self.bus.publish(part.topic, payload)
+        if self.bus is not None:
+            self.bus.publish_rows(step.rows)
 
     @property
     def files(self) -> tuple[Path, ...]:

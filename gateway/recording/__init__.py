@@ -1,1 +1,1 @@
-"""recording."""
+"""MCAP recordings, written and read back, and the same rows for Foxglove and its kin."""

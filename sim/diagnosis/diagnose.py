@@ -5,19 +5,20 @@ re-fit the base → search for effects → score each step on held-out time → 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict, candidates_of, falling
+from sim.diagnosis.answer import Diagnosis, Verdict, candidates_of
 from sim.diagnosis.feedback import said_of_times, times_of, with_times_one_step
+from sim.diagnosis.findings import Doubts, Findings
 from sim.diagnosis.fit import Fit, fit_effects, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
 from sim.diagnosis.ladder import EffectSearch, Selection
-from sim.diagnosis.limits import strain_of
 from sim.diagnosis.next_experiment import (
     RecordingContent,
     Refusal,
@@ -27,16 +28,11 @@ from sim.diagnosis.next_experiment import (
     refusals,
 )
 from sim.diagnosis.residual_terms import swing_period
-from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.screening import Mapper, Progress
 from sim.diagnosis.verdict import (
     does_without_effects,
-    is_above_noise,
-    is_above_stated,
     is_curve_above_form,
     is_more_than_form,
-    remaining_dependences,
-    rivals_of,
     seen_one_step_ahead,
     summary_of,
     unexplained_share,
@@ -49,7 +45,6 @@ from sim.identification import BASE, IdentifySettings
 from sim.identification.parameters import unknowns_of
 from sim.identification.shooting import FitInputs, fit_by_shooting
 from sim.model import Model
-from sim.prediction.free_runs import shown_floor
 from sim.prediction.segments import NoUsableTimeError
 from sim.trial import Trial
 from sim.vessel import Vessel
@@ -94,125 +89,128 @@ def diagnose(
     `mapper` maps as `map` does, perhaps on several threads.
     """
     settings = settings or DiagnoseSettings()
-    trials = [t for t in trials if t.usable.any()]
-    seconds = sum(float(t.usable.sum()) * t.dt for t in trials)
-    if seconds < (needed := thresholds.MIN_USABLE_S):
-        raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {needed:.0f} s are needed")
+    trials = _long_enough(trials)
     plain = Model.of(vessel)
-    present = {added.effect.name for added in vessel.effects}
-    effects = [e for e in settings.effects if e.name not in present and not e.is_curve]
     content = RecordingContent.of(plain, trials)
-    refused = refusals(effects, content, vessel)
-    shown = [e for e in effects if e.name not in {r.effect for r in refused}]
-    unshown = [e for e in effects if e not in shown and not vessel.unmet_needs(e)]
+    effects = _effects_to_try(vessel, content, settings.effects)
     progress("re-fitting the base")
-    superset = SupersetModel.of(vessel, shown, trials)
+    superset = SupersetModel.of(vessel, effects.shown, trials)
     base = fit_base(superset, plain, trials, settings)
     search = EffectSearch(
-        superset, tuple(shown), settings.most, progress, mapper,
-        HeldOutScorer.of(trials, plain), tuple(unshown),
+        superset, effects.shown, settings.most, progress, mapper, HeldOutScorer.of(trials, plain),
+        effects.unshown,
     )  # fmt: skip
     selection, on_times = _with_times_in_a_sea(search.run(base), search)
     progress("what is left")
-    scorer = search.scorer.shared_with(selection.fit)
-    search = replace(search, scorer=scorer)
-    given = LadderStep((), "plain", scorer.score_model(plain), (), {}, vessel)
-    if len(trials) >= thresholds.MIN_RECORDINGS:
-        given = replace(given, left_out=given.heldout)
-    fits = (selection.base, *selection.fits)
-    refitted, *added = (LadderStep.of(fit, scorer).with_left_out(fit, scorer) for fit in fits)
-    first = refitted if _predicts_better(refitted, given) else replace(given, base="kept")
-    ladder, floor = falling([given, first, *added]), scorer.noise_floor
-    last = ladder[-1]
-    noise_share = selection.fit.noise_share
-    above = last.heldout.nrmse > thresholds.MAX_FLOORS * floor
-    predicted = bool(selection.fits) and last.heldout.nrmse <= floor
-    whole = is_at_floor(noise_share) and not above
-    left = [] if predicted or whole else remaining_dependences(selection, above)
-    alone = [LadderStep.of(row.fit, scorer) for row in selection.first.finalists]
-    rivals = [all_rivals_of(step, search, selection) for step in selection.steps]
-    later = [
-        LadderStep.of(row.fit, scorer)
-        for step, of in zip(selection.steps, rivals, strict=True)
-        for row in of
-        if step is not selection.first or row.name not in {r.name for r in step.finalists}
-    ]
-    effects_found = [a.effect for a in selection.fit.added]
-    beyond = is_above_noise(effects_found, ladder, floor) or is_above_stated(
-        effects_found, noise_share
-    )
-    contradictions = tuple(dict.fromkeys(said for t in trials for said in t.contradictions))
-    beyond_belief = [
-        strain for added in last.vessel.effects
-        if added.effect.name in last.effects and (strain := strain_of(added, last.vessel))
-    ]  # fmt: skip
-    no_noise = beyond or bool(contradictions) or bool(beyond_belief)
-    verdict = verdict_of(selection, rivals, left, no_noise)
-    notes = [each.description for each in last.assumed]
-    notes += filter(
-        None, (*(unseen_headings(s.best, s.reference) for s in selection.steps), on_times)
-    )
-    led = bool(selection.steps) and selection.steps[0].best is selection.first.best
-    of_first = rivals[0] if led else rivals_of(selection.first, last.effects)
-    names = [row.name for row in of_first]
-    short_of = {r.effect for r in refusals(FREE_FORMS, content, vessel)}
-    of_a_day = len(trials) <= thresholds.MAX_RECORDINGS_OF_TABLES
-    forms = [
-        form for form in FREE_FORMS
-        if form.name not in short_of and (of_a_day or form.scope is Scope.BOAT)
-        # where sensors contradict one another a curve of the boat would be one of their errors
-        and (form.observe is not None or not contradictions)
-    ]  # fmt: skip
-    verdict, curve = _held_against_a_curve(verdict, vessel, search, selection, ladder, forms)
-    told = left or contradictions or beyond_belief
-    nameless = verdict is Verdict.UNKNOWN and not told and curve is None
-    period = swing_period(selection.fit) if nameless else None
-    small = seen_one_step_ahead(selection) if verdict is Verdict.ADEQUATE else None
-    if small is not None and not search.is_believed(small, selection.first.reference):
-        small = None
-    steps = (*ladder, *([curve.step] if curve else ()))
-    told_floor = shown_floor(floor, [step.heldout.nrmse for step in steps])
-    said = summary_of(
-        verdict, ladder, rivals, left, told_floor, curve, period, contradictions, beyond_belief,
-        small,
-    )  # fmt: skip
-    if curve is not None:  # the sentence has the curve in its place
-        notes += beyond_belief
+    search = replace(search, scorer=search.scorer.shared_with(selection.fit))
+    found = Findings.of(selection, search, plain, trials)
+    doubts = Doubts.of(found, trials)
+    verdict = verdict_of(selection, found.rivals, found.left, doubts.any)
+    forms = _forms_to_try(vessel, content, trials, doubts)
+    verdict, curve = _held_against_a_curve(verdict, vessel, search, found, forms)
+    said = _in_words(verdict, search, found, doubts, curve)
+    notes = [each.description for each in found.last.assumed]
+    notes += [unseen_headings(step.best, step.reference) for step in selection.steps]
+    notes += [on_times, *(doubts.strained if curve is not None else ())]
+    steps = (*found.alone, *found.later, *((curve.step,) if curve else ()))
     return Diagnosis(
         verdict=verdict,
-        summary="; ".join((said, *notes)),
-        base_changed=first is refitted and _base_changed(selection.base),
-        effects=last.effects,
-        ladder=ladder,
-        ranking=candidates_of(selection.first, alone, names),
-        unexplained=unexplained_share(ladder, floor),
-        depends_on=tuple(left),
-        refused=(*refused, *_doubted(selection, scorer)),
-        noise_floor=told_floor,
-        vessel=last.vessel,
-        suggested=_suggested(selection, rivals, settings.plan, progress),
-        noise_share=noise_share,
-        alternatives=tuple(
-            step
-            for step in (*alone, *later, *([curve.step] if curve else ()))
-            if step.effects not in {s.effects for s in ladder}
-        ),
+        summary="; ".join((said, *filter(None, notes))),
+        base_changed=found.base.base == "refitted" and _base_changed(selection.base),
+        effects=found.last.effects,
+        ladder=found.ladder,
+        ranking=candidates_of(selection.first, found.alone, found.rivals_of_first),
+        unexplained=unexplained_share(found.ladder, found.floor),
+        depends_on=found.left,
+        refused=(*effects.refused, *_doubted(selection, search.scorer)),
+        noise_floor=found.told_floor(curve),
+        vessel=found.last.vessel,
+        suggested=_suggested(selection, found.rivals, settings.plan, progress),
+        noise_share=selection.fit.noise_share,
+        alternatives=found.not_on_the_ladder(steps),
         curve=curve.step if curve else None,
         formula=curve.formula if curve else None,
         start_time_ns=trials[0].start_time_ns if len(trials) == 1 else 0,
     )
 
 
+def _long_enough(trials: Sequence[Trial]) -> list[Trial]:
+    """Those with usable time; NoUsableTimeError where that is too short in all."""
+    usable = [t for t in trials if t.usable.any()]
+    seconds = sum(float(t.usable.sum()) * t.dt for t in usable)
+    if seconds < (needed := thresholds.MIN_USABLE_S):
+        raise NoUsableTimeError(f"{seconds:.0f} s of usable time: {needed:.0f} s are needed")
+    return usable
+
+
+class _EffectsToTry(NamedTuple):
+    """Effects that the recordings can show, and those that the vessel could have but they cannot;
+    refused: why not.
+    """
+
+    shown: tuple[Effect, ...]
+    unshown: tuple[Effect, ...]
+    refused: Sequence[Refusal]
+
+
+def _effects_to_try(
+    vessel: Vessel, content: RecordingContent, catalogue: Sequence[Effect]
+) -> _EffectsToTry:
+    """Of the catalogue, without those that the vessel has already."""
+    present = {added.effect.name for added in vessel.effects}
+    effects = [e for e in catalogue if e.name not in present and not e.is_curve]
+    refused = refusals(effects, content, vessel)
+    names = {r.effect for r in refused}
+    shown = tuple(e for e in effects if e.name not in names)
+    unshown = tuple(e for e in effects if e.name in names and not vessel.unmet_needs(e))
+    return _EffectsToTry(shown, unshown, refused)
+
+
+def _forms_to_try(
+    vessel: Vessel, content: RecordingContent, trials: Sequence[Trial], doubts: Doubts
+) -> list[Effect]:
+    """Free curves that the recordings can show; of many recordings none of a single voyage.
+
+    Where sensors contradict one another a curve of the boat would be one of their errors.
+    """
+    short_of = {r.effect for r in refusals(FREE_FORMS, content, vessel)}
+    of_a_day = len(trials) <= thresholds.MAX_RECORDINGS_OF_TABLES
+    return [
+        form for form in FREE_FORMS
+        if form.name not in short_of and (of_a_day or form.scope is Scope.BOAT)
+        and (form.observe is not None or not doubts.contradictions)
+    ]  # fmt: skip
+
+
+def _in_words(
+    verdict: Verdict, search: EffectSearch, found: Findings, doubts: Doubts,
+    curve: FreeCurve | None,
+) -> str:  # fmt: skip
+    """The answer in one sentence, without notes."""
+    selection = found.selection
+    told = found.left or doubts.contradictions or doubts.strained
+    nameless = verdict is Verdict.UNKNOWN and not told and curve is None
+    period = swing_period(selection.fit) if nameless else None
+    small = seen_one_step_ahead(selection) if verdict is Verdict.ADEQUATE else None
+    if small is not None and not search.is_believed(small, selection.first.reference):
+        small = None
+    return summary_of(
+        verdict, found.ladder, found.rivals, found.left, found.told_floor(curve), curve, period,
+        doubts.contradictions, doubts.strained, small,
+    )  # fmt: skip
+
+
 def _held_against_a_curve(
-    verdict: Verdict, vessel: Vessel, search: EffectSearch, selection: Selection,
-    ladder: Sequence[LadderStep], forms: Sequence[Effect],
+    verdict: Verdict, vessel: Vessel, search: EffectSearch, found: Findings,
+    forms: Sequence[Effect],
 ) -> tuple[Verdict, FreeCurve | None]:  # fmt: skip
     """The verdict, and the curve of what the catalogue does not hold; else as it was, and None.
 
     A curve is tried in the place of all that was found, be it nothing; and where more than noise is
     left beside it.
     """
-    left, floor = ladder[-1].heldout.nrmse, search.scorer.noise_floor
+    selection, ladder, floor = found.selection, found.ladder, found.floor
+    left = found.last.heldout.nrmse
     predicted = bool(selection.fits) and left <= floor
     more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
     more = more or verdict is Verdict.UNKNOWN
@@ -279,15 +277,6 @@ def _doubted(selection: Selection, scorer: HeldOutScorer) -> list[Refusal]:
         if row.name not in selection.fit.names and is_missed(row.effect, row.gain)
     ]
     return list({row.name: Refusal(row.name, doubt) for row, doubt in rows if doubt}.values())
-
-
-def _predicts_better(fitted: LadderStep, given: LadderStep) -> bool:
-    """Whether re-fitted numbers predict unseen time, and recordings left out, better than as given.
-
-    Numbers that suit the recordings they were fitted to and no other are not kept.
-    """
-    pairs = ((fitted.heldout, given.heldout), (fitted.left_out, given.left_out))
-    return all(a.nrmse < b.nrmse for a, b in pairs if a is not None and b is not None)
 
 
 def _suggested(

@@ -7,7 +7,7 @@ that decides comes later, for the few that promise most.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -61,80 +61,104 @@ def screen(
     # of a stiff hull fewer rows, for the same work
     stiffness = max(like.problem.stiffness(like.unknowns, like.z) for like in references)
     share = max(1.0 / stiffness, thresholds.MIN_SCREENED_SHARE)
+    main = _Base.of(superset, reference, share, rival)
+    trials = reference.problem.trials
+    length = max(float(t.time[-1]) for t in trials)
 
-    def screened(like: Fit) -> tuple[Screening, Screening, float]:
-        """On the rows that decide, on fewer, and what a rival leaves of these."""
+    def begun(tried: tuple[Effect, Sequence[Values]]) -> list[Begun]:
+        effect, _ = tried
+        progress(effect.name)
+        found = [main.begun(tried)]
+        if closer and effect.more_starts is not None and effect.name not in superset.measured:
+            found.append(_closer(effect, effect.more_starts(length), main.fine, main.coarse))
+        return [each for each in found if each is not None]
+
+    effects = list(effects)
+    starts = list(mapper(lambda effect: superset.starts(effect, model, trials), effects))
+    pairs, judged = list(zip(effects, starts, strict=True)), partial(_best_judged, main.fine)
+    found = list(mapper(begun, pairs))
+    if not reference.names and rival is None and any(found):
+        # the search from the other base goes on while this is read
+        found = list(mapper(judged, found))
+        progress(first_impression(sorted((s[0].result for s in found if s), key=_deviance)))
+    for like in references[1:]:
+        also = mapper(_Base.of(superset, like, share, rival).begun, pairs)
+        found = [[*some, *([r] if r else [])] for some, r in zip(found, also, strict=True)]
+    every = {some[0].result.name: some for some in mapper(judged, found) if some}
+    results = _to_the_end(main.fine, every, main.fine.deviance_of(reference), mapper)
+    in_order = sorted(mapper(main.fine.with_deviance, results), key=_deviance)
+    if present is not None:
+        without, with_it = (main.fine.deviance_of(fit) for fit in (reference, present))
+        in_order = in_its_place(in_order, without, with_it)
+    if rival is None:
+        return in_order
+    before = main.fine.deviance_of(rival)
+    return [r for r in in_order if main.fine.is_better(r, before)]
+
+
+@dataclass(frozen=True)
+class _Base:
+    """Numbers of the base that effects begin from, on the rows that decide and on fewer.
+
+    enough  what a rival leaves of the fewer [cost]; infinite where there is none
+    """
+
+    fine: Screening
+    coarse: Screening
+    enough: float
+
+    @classmethod
+    def of(cls, superset: SupersetModel, like: Fit, share: float, rival: Fit | None) -> "_Base":
+        """The numbers of a fit; `share`: of the rows that are screened on otherwise."""
         fine, coarse = (
             Screening.of(superset, like, like.problem.thinned(round(share * rows)))
             for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
         )
-        return fine, coarse, np.inf if rival is None else coarse.cost_of(rival)
+        return cls(fine, coarse, np.inf if rival is None else coarse.cost_of(rival))
 
-    bases = [screened(reference)]
-    main = bases[0][0]
-    starts: dict[str, list[Values]] = {}
-
-    def begun_on(base: int, effect: Effect) -> Begun | None:
-        """From its starts on one of the bases; None where none leads further than the rival."""
-        fine, coarse, enough = bases[base]
-        begins = [fine.at(effect, start) for start in starts[effect.name]]
-        if len(begins) > thresholds.MANY_STARTS or rival is not None:
-            most = promised = thresholds.MAX_PROMISED_COST * enough
-            if rival is not None:  # many times its error: slopes promise but a part of the way
-                promised = max(most, np.sqrt(enough * coarse.own_cost))
-            begins = coarse.few(begins, promised)
+    def begun(self, tried: tuple[Effect, Sequence[Values]]) -> Begun | None:
+        """An effect from its starts; None where none leads further than the rival."""
+        effect, starts = tried
+        begins, has_rival = [self.fine.at(effect, start) for start in starts], self.enough < np.inf
+        if has_rival or len(begins) > thresholds.MANY_STARTS:
+            most = promised = thresholds.MAX_PROMISED_COST * self.enough
+            if has_rival:  # many times its error: slopes promise but a part of the way
+                promised = max(most, np.sqrt(self.enough * self.coarse.own_cost))
+            begins = self.coarse.few(begins, promised)
             if min((r.cost for r in begins), default=np.inf) >= most:
                 return None
-        return fine.begun(begins)
+        return self.fine.begun(begins)
 
-    def begun(effect: Effect) -> list[Begun]:
-        progress(effect.name)
-        starts[effect.name] = superset.starts(effect, model, reference.problem.trials)
-        on_main = [begun_on(0, effect)]
-        measured = effect.name in superset.measured
-        if closer and effect.more_starts is not None and not measured:
-            length = max(float(t.time[-1]) for t in reference.problem.trials)
-            on_main.append(_closer(effect, effect.more_starts(length), *bases[0][:2]))
-        return [each for each in on_main if each is not None]
 
-    def to_the_end(begun: Sequence[Begun]) -> ScreeningResult:
-        return min((each.screening.to_the_end(each.result) for each in begun), key=least_cost)
+def _best_judged(screening: Screening, begun: Sequence[Begun]) -> list[Begun]:
+    """What was begun of one effect, the best first, that with its deviance."""
+    if not begun:
+        return []
+    first, *others = sorted(begun, key=lambda each: each.result.cost)
+    return [first._replace(result=screening.with_deviance(first.result)), *others]
 
-    def best_judged(some: Sequence[Begun]) -> list[Begun]:
-        """The best of an effect first, with its deviance."""
-        if not some:
-            return []
-        first, *others = sorted(some, key=lambda each: each.result.cost)
-        return [first._replace(result=main.with_deviance(first.result)), *others]
 
-    tried = list(effects)
-    found = list(mapper(begun, tried))
-    if not reference.names and rival is None and any(found):
-        # the search from the other base goes on while this is read
-        found = list(mapper(best_judged, found))
-        progress(first_impression(sorted((s[0].result for s in found if s), key=_deviance)))
-    if given is not None:
-        bases.append(screened(replace(reference, z=given)))
-        also = mapper(partial(begun_on, 1), tried)
-        found = [[*some, *([r] if r else [])] for some, r in zip(found, also, strict=True)]
-    every = {some[0].result.name: some for some in mapper(best_judged, found) if some}
+def _to_the_end(
+    screening: Screening, every: Mapping[str, Sequence[Begun]], before: float, mapper: Mapper
+) -> list[ScreeningResult]:
+    """One result of each effect, of those that promise most after as many steps as lead on, and
+    special cases also from where their general form ended; `before`: deviance without any.
+    """
     looked = sorted((some[0].result for some in every.values()), key=_deviance)
-    followed = _followed(looked, every, main.deviance_of(reference))
     results = {r.name: r for r in looked}
-    for r in mapper(to_the_end, followed):
+    for r in mapper(_best_at_the_end, _followed(looked, every, before)):
         results[r.name] = min(results[r.name], r, key=least_cost)
     for general in list(results.values()):
         special = results.get(general.added.effect.general_of)
-        again = _from_general(main, special, general) if special else None
+        again = _from_general(screening, special, general) if special else None
         if again is not None and again.cost < results[again.name].cost:
             results[again.name] = again
-    judged = sorted(mapper(main.with_deviance, results.values()), key=_deviance)
-    if present is not None:
-        judged = in_its_place(judged, main.deviance_of(reference), main.deviance_of(present))
-    if rival is None:
-        return judged
-    before = main.deviance_of(rival)
-    return [r for r in judged if main.is_better(r, before)]
+    return list(results.values())
+
+
+def _best_at_the_end(begun: Sequence[Begun]) -> ScreeningResult:
+    """Of one effect, from each of its beginnings as far as steps lead on."""
+    return min((each.screening.to_the_end(each.result) for each in begun), key=least_cost)
 
 
 def _followed(

@@ -179,6 +179,8 @@ MAX_EVENT_NATS = 0.5 * EVENT_SIGMAS**2 * ROWS_PER_INDEPENDENT_ROW
 MAX_MANOEUVRE_S = 240.0  # of a manoeuvre that is simulated
 MAX_THROTTLE = 0.7  # of full: no need to run full ahead to settle a question
 RIVAL_STEPS = 2  # Gauss–Newton steps of the rival on the simulated voyage
+
+# --- What is left swings (residual_terms.py) ---
 # Power of half an octave of the missing force over that of the octaves beside it, from which on it
 # swings: 4.6 to 25 in eight voyages in a sea (benchmarks/hidden, tuning), but for one of 5 cm; 1.5
 # at most without (three recordings that ship, one of another day). Autopilots that hunt: 5.

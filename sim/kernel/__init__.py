@@ -92,7 +92,7 @@ def rollout_numpy(
     latency = np.broadcast_to(kernel.latency_of(p) / dt, len(x0))
     for b in np.flatnonzero(latency):
         run = slice(np.isfinite(reports[b, :, 0]).sum())
-        kernel.apply_latency(reports[b, run], undelayed[b], latency[b], dt)
+        kernel.apply_latency(reports[b, run], undelayed[b], latency[b])
 
 
 def _mean_commands(total: Floats, table: NDArray[np.int64], position: Floats) -> Floats:

@@ -93,8 +93,8 @@ def report_of_state(x: State, time: float, inputs: HeldInputs, p: Numbers) -> Re
 
 
 @jit
-def apply_latency(rows: Floats, undelayed: Floats, steps: float, dt: float) -> None:
-    """Delay position and velocity over ground in reports (K, 9), dt [s] apart, by `steps` steps.
+def apply_latency(rows: Floats, undelayed: Floats, steps: float) -> None:
+    """Delay position and velocity over ground in reports (K, 9) by `steps` rows.
 
     Heading, yaw rate and accelerations have sensors of their own, which are not late. `undelayed`
     (>= K, 9) are the reports without delay. Rows before the first of them are left as they are.
@@ -194,7 +194,7 @@ def rollout(
             if not np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]) or abs(x[3]) > 1e3:
                 break
         if latency != 0.0:
-            apply_latency(reports[b, : last + 1], undelayed, latency, dt)
+            apply_latency(reports[b, : last + 1], undelayed, latency)
 
 
 @entry

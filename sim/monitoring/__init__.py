@@ -23,7 +23,6 @@ from sim.monitoring.causes import (
     wind_force,
     write_air,
     write_motions,
-    write_wind_slope,
 )
 from sim.state import Eta, Floats, Nu, to_body
 from sim.vessel import Vessel
@@ -167,12 +166,6 @@ class WindModel:
     def numbers(self) -> Floats:
         """(4,), as `causes.Hull.wind` has them."""
         return np.array([self.front, self.side, self.length, self.prior])
-
-    def force_and_slope(self, g: Floats, second: SecondMeans) -> tuple[Floats, Floats]:
-        """g north, east (2,) -> X, Y, N (3,) and their slope against g (3, 2)."""
-        slope = np.empty((3, 2))
-        write_wind_slope(g, second.motion, self.numbers, slope, 0)
-        return self.force(g, second), slope
 
     def force(self, g: Floats, second: SecondMeans) -> Floats:
         """g north, east (2,) -> X, Y, N (3,) [N, N, N m]."""

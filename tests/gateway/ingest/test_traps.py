@@ -207,7 +207,9 @@ def test_real_tables_raise_no_alarm_and_mistakes_in_them_do(
     shared_data: Path, tmp_path: Path
 ) -> None:
     mapping = (Path(__file__).parents[3] / "configs" / "csv" / "blueboat-lake.toml").read_text()
-    for run in sorted((shared_data / "blueboat-lake" / "runs").glob("*.csv")):
+    runs = sorted((shared_data / "blueboat-lake" / "runs").glob("*.csv"))
+    assert runs
+    for run in runs:
         table = tmp_path / run.name
         table.write_bytes(run.read_bytes())
         assert said_of(table, mapping, {}) == []

@@ -98,11 +98,8 @@ class Listener:
     def __init__(self) -> None:
         self.heard = Heard()
 
-    def wants(self, topic: str) -> bool:
-        return True
-
-    def publish(self, topic: str, payload: bytes) -> None:
-        self.heard.payloads[topic].append(payload)
+    def publish_rows(self, rows: Iterable[TopicRows]) -> None:
+        self.heard.add(rows)
 
 
 class Deck:
