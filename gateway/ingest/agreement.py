@@ -61,18 +61,38 @@ LATE_ROUNDS, NEAR_LATE_S = 3, 0.05
 SCALE_OFF, LATE_S = 0.06, 0.25  # that are told
 NEAR = 0.25  # of a scale: values that are off by more may be of another axis
 NEAR_UNIT = 0.03
+LEAST_TURN_SHARE = 0.02  # of a turn: less is within what is assumed of compass and gyro
 DEGREE, FULL_CIRCLE = np.pi / 180.0, 2.0 * np.pi  # rad
 MOST_YAW = 0.99  # of the headings: a few may be damaged
 LEAST_UPRIGHT = 0.8  # the cosine of a gyro that lies over
 
 
 class RateAgreement(NamedTuple):
-    """Scale of a rate over what its values say, how much later the values come [s], and both σ."""
+    """Scale of a rate over what its values say, how much later the values come [s], and both σ.
+
+    deviation, deviation_std   of a compass (4,) [rad]: of the sine and cosine of the heading, then
+                               of twice the heading; empty where the boat's turns do not tell it
+    """
 
     scale: float
     scale_std: float
     late_s: float
     late_std: float
+    deviation: tuple[float, ...] = ()
+    deviation_std: tuple[float, ...] = ()
+
+    @property
+    def turn_share(self) -> float:
+        """Root mean square of dψ'/dψ − 1, ψ' the heading that is shown: the share of a turn by
+        which a compass that surely deviates contradicts a gyro; 0 where none surely does.
+        """
+        sure = [
+            k * angle
+            for k, angle, std in zip((1, 1, 2, 2), self.deviation, self.deviation_std, strict=False)
+            if abs(angle) > SURE * std
+        ]
+        share = float(np.sqrt(0.5 * np.sum(np.square(sure))))
+        return share if share > LEAST_TURN_SHARE else 0.0
 
     @property
     def contradicts(self) -> bool:
@@ -177,7 +197,11 @@ def _agreement(
         return None
     # y = g (∫ rate − τ change): the rate's scale is 1 / g
     late, late_std = b[1] / g, std[1] / abs(g)
-    return RateAgreement(float(1.0 / g), float(std[0] / g**2), float(late), float(late_std))
+    of_compass = slice(3, None) if turns is not None and turns.are_values else slice(0)
+    return RateAgreement(
+        float(1.0 / g), float(std[0] / g**2), float(late), float(late_std),
+        tuple(b[of_compass].tolist()), tuple(std[of_compass].tolist()),
+    )  # fmt: skip
 
 
 def _is_seen(y: Floats, least: float, block: Ints) -> bool:
@@ -226,22 +250,25 @@ def _of_an_arm(turns: Turns, begin: Floats, end: Floats) -> Floats:
 class Reconciled(NamedTuple):
     """The sources of a boat, set right where it is plain which of two is wrong, and a sentence for
     each pair of sensors that do not tell of one motion.
+
+    turn_share  `RateAgreement.turn_share` of the heading and the yaw rate
     """
 
     choices: Mapping[str, Choice]
     contradictions: tuple[str, ...]
+    turn_share: float = 0.0
 
 
 def reconciled(choices: Mapping[str, Choice]) -> Reconciled:
     """What contradicts, and the sources without what is surely wrong of it."""
-    out, told = _reconciled(choices)
+    out, told, turn_share = _reconciled(choices)
     plain = plain_mistakes(choices)
     more = (text for name, text in plain.items() if not any(name in t for t in told))
-    return Reconciled(out, (*told, *more))
+    return Reconciled(out, (*told, *more), turn_share)
 
 
 def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
-    right, out = dict(choices), list[str]()
+    right, out, turn_share = dict(choices), list[str](), 0.0
     if "yaw" not in choices:
         return Reconciled(right, ())
     start = int(choices["yaw"].samples.vehicle_time_ns[0])
@@ -262,6 +289,7 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
             )  # fmt: skip
             out += told
             right |= mended
+            turn_share = found.turn_share if found is not None and not told else 0.0
             at, heading = ascending(right["yaw"].samples, start)
             turned = np.unwrap(heading[:, :1], axis=0)
     if "velocity" in choices and "position" in choices:
@@ -290,7 +318,7 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
             )  # fmt: skip
             out += told
             right |= mended
-    return Reconciled(right, tuple(out))
+    return Reconciled(right, tuple(out), turn_share)
 
 
 def _judged(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput, numerical_errors, printable, shell_path
-from gateway.estimation import SOURCES, FilterSettings
+from gateway.estimation import SOURCES, FilterSettings, MeasurementKind
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
@@ -163,7 +163,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     boat = choose_floating(log, options.system, options.anyway)
     decoded = log.decode(boat)
     table = repair_table(decoded, choose(decoded.samples))
-    choices, contradictions = reconciled(table.choices)
+    choices, contradictions, turn_share = reconciled(table.choices)
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
@@ -174,13 +174,28 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         decoded.sessions,
         choices,
         origin,
-        motion_events(choices, origin, settings, epoch_ns),
+        _following_the_compass(motion_events(choices, origin, settings, epoch_ns), turn_share),
         held_inputs(decoded, choices, epoch_ns),
         parameters,
         settings,
         table.notices,
         contradictions,
     )
+
+
+def _following_the_compass(events: Events, turn_share: float) -> Events:
+    """Yaw rates that count for less in turns, by the share in which a compass that deviates shows
+    another turn than the gyro.
+
+    A trial holds the heading as it was reported. Taken for a rate without errors, the gyro would
+    pull the heading off it by several degrees, and gates would then refuse the compass.
+    """
+    if turn_share == 0.0:
+        return events
+    rate = events.kind == MeasurementKind.YAW_RATE
+    std = events.std.copy()
+    std[rate] = np.hypot(std[rate], turn_share * np.abs(events.z[rate, :1]))
+    return replace(events, std=std)
 
 
 def _check(path: str, choices: Mapping[str, Choice], options: TrialOptions) -> None:

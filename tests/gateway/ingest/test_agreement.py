@@ -64,7 +64,7 @@ def said(**change: Any) -> tuple[str, ...]:
 
 def test_sensors_that_agree_contradict_nothing() -> None:
     given = of_a_boat()
-    assert reconciled(given) == (given, ())
+    assert reconciled(given) == (given, (), 0.0)
     ahead = np.stack([SPEED, np.zeros_like(SPEED)], axis=1)
     np.testing.assert_allclose(over_ground(ahead, YAW), VELOCITY)
     assert said(velocity=ahead, body=True) == ()
@@ -132,7 +132,7 @@ def test_which_is_plainly_wrong_is_set_right_and_nothing_else(
     change: dict[str, Floats], name: str
 ) -> None:
     given = of_a_boat(**change)
-    right, (text,) = reconciled(given)
+    right, (text,), _ = reconciled(given)
     assert "comparisons and fits take" in text
     assert [n for n, choice in right.items() if choice is not given[n]] == [name]
     assert reconciled(right).contradictions == ()
@@ -158,7 +158,7 @@ ZIGZAG = 0.8 * np.sin(0.9 * T) + 0.02 * T
 def test_a_filtered_compass_on_a_zigzag_is_no_fault_of_the_gyro(tau: float) -> None:
     """It lacks what is fast, so that the gyro seems to turn too far."""
     given = of_a_boat(yaw=lagged(ZIGZAG, tau), yaw_rate=np.gradient(ZIGZAG, T))
-    right, told = reconciled(given)
+    right, told, _ = reconciled(given)
     assert right["yaw rate"] is given["yaw rate"]
     assert any(text.startswith("yaw (YAW) comes ") for text in told)
 
@@ -167,13 +167,13 @@ def test_a_filtered_compass_on_a_zigzag_is_no_fault_of_the_gyro(tau: float) -> N
 def test_nor_is_a_heading_that_is_smoothed_to_both_sides(seconds: float) -> None:
     wide = np.ones(int(seconds * RATE_HZ)) / int(seconds * RATE_HZ)
     smooth = np.convolve(np.pad(ZIGZAG, 40, mode="edge"), wide, mode="same")[40:-40]
-    right, _ = reconciled(given := of_a_boat(yaw=smooth, yaw_rate=np.gradient(ZIGZAG, T)))
+    right, *_ = reconciled(given := of_a_boat(yaw=smooth, yaw_rate=np.gradient(ZIGZAG, T)))
     assert right["yaw rate"] is given["yaw rate"]
 
 
 def test_a_scale_and_a_time_are_both_told_and_neither_is_set_right() -> None:
     given = of_a_boat(yaw=np.interp(T - 0.4, T, YAW), yaw_rate=0.85 * YAW_RATE)
-    right, told = reconciled(given)
+    right, told, _ = reconciled(given)
     assert right == given
     assert [text.split(" (")[0] for text in told] == ["yaw rate", "yaw"]
 
@@ -230,7 +230,7 @@ def test_a_log_of_the_firmware_whose_sensor_was_spoilt_is_nearly_as_it_was(
 )
 def test_where_it_is_not_plain_which_is_wrong_all_stay(change: dict[str, Floats]) -> None:
     given = of_a_boat(**change)
-    right, told = reconciled(given)
+    right, told, _ = reconciled(given)
     assert told
     assert not any("fits take" in text for text in told)
     assert all(choice is given[name] for name, choice in right.items())
@@ -351,8 +351,8 @@ def test_damaged_values_and_times_are_no_contradiction() -> None:
     lost[300] = np.nan
     assert said(place=lost, velocity=np.where(T[:, None] == 7.0, np.inf, VELOCITY)) == ()
     once = {"yaw": choice("yaw", YAW[:1], Quantity.YAW, T[:1])}
-    assert reconciled(once) == (once, ())
-    assert reconciled({}) == ({}, ())
+    assert reconciled(once) == (once, (), 0.0)
+    assert reconciled({}) == ({}, (), 0.0)
 
 
 def test_what_is_not_sure_is_not_told() -> None:
