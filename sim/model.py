@@ -182,7 +182,7 @@ class Model:
 
     def _fastest_rate(self, rows: Floats, nu: Floats) -> float:
         """The fastest rate [1/s] of the hull, over theta (K, P) and velocities (B, 3)."""
-        m11, m22, m33, X_u, X_uu, Y_v, Y_vv, N_r, N_rr = rows[:, self._hull].T
+        m11, m22, m33, X_u, X_uu, Y_v, Y_vv, N_r, N_rr = rows[:, self.hull_columns].T
         u, v, r = np.abs(np.atleast_2d(nu)).max(axis=0)
         damped = np.maximum(-(X_u + 2.0 * X_uu * u) / m11, -(Y_v + 2.0 * Y_vv * v) / m22)
         damped = np.maximum(damped, -(N_r + 2.0 * N_rr * r) / m33)
@@ -190,7 +190,7 @@ class Model:
         return float(np.max(damped + munk, initial=1e-9))
 
     @cached_property
-    def _hull(self) -> list[int]:
+    def hull_columns(self) -> list[int]:
         """Columns of theta with the inertia and the damping of the hull."""
         return [self.names.index(name) for name in BASE]
 

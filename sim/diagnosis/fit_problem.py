@@ -29,7 +29,6 @@ from sim.identification.shooting import (
     noise_of_runs,
 )
 from sim.model import Model
-from sim.prediction.free_runs import memory_at
 from sim.prediction.segments import BLOCK_S, GUARD_S
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -165,7 +164,7 @@ class FitProblem:
         return cls(vessel, tuple(trials), settings, tracks, tuple(noise), run_sets)
 
     def run_sets_for(self, unknowns: Unknowns, z: Floats) -> tuple[RunSet, ...]:
-        """The same runs for another model: its own kernel and memory, all else the same."""
+        """The same runs for another model with numbers z (n,), all else the same."""
         if unknowns.model.kernel is self.run_sets[0].model.kernel:
             return self.run_sets
         return tuple(_with_model(runs, unknowns, z) for runs in self.run_sets)
@@ -242,9 +241,7 @@ def nats_of(deviance: float) -> float:
 def _with_model(runs: RunSet, unknowns: Unknowns, z: Floats) -> RunSet:
     theta = unknowns.theta(z[None], runs.source.number)[0]
     model = replace(unknowns.model, theta=theta)
-    return replace(
-        runs, model=model, memory=memory_at(model, runs.source.trial, runs.rows.first)
-    )  # fmt: skip
+    return replace(runs, model=model)
 
 
 def _places(runs: RunSet) -> tuple[Floats, Floats, Ints]:

@@ -32,7 +32,7 @@ from sim.identification.noise import (
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
 from sim.model import InputTable, Model, Runs
 from sim.prediction import input_table
-from sim.prediction.free_runs import memory_at, scales_of
+from sim.prediction.free_runs import memory_of_each, scales_of
 from sim.prediction.segments import VELOCITY_STEP, transitions, usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -156,7 +156,6 @@ class RunSet:
     Rows are compared in means of `every`; n of them in the longest run.
 
     within  (S, n) means that count, as 0 and 1
-    memory  (S, nx − 6) of actuators and effects at the starts
     basis   (S, n, 3, 3) of what a start explains in the whitened residuals
     timing_covariance  (S, 3n, 3n) that command timing may add; whitener (S, 3n, 3n) of it
     kappa   sharpening of commands that are shifted by part of a row
@@ -169,7 +168,6 @@ class RunSet:
     rows: RunRows
     every: int
     within: Floats
-    memory: Floats
     noise: Noise
     basis: Floats
     timing_covariance: Floats | None = None
@@ -186,9 +184,8 @@ class RunSet:
         """Before any whitening; `tied`: by a filter, see `sim.identification.innovations`."""
         means = rows.size // every
         within = (np.arange(int(means.max(initial=1))) < means[:, None]).astype(float)
-        memory = memory_at(model, source.trial, rows.first)
         follows = follows_of(rows.first, rows.size) if tied else None
-        return cls(source, model, rows, every, within, memory, noise, np.zeros(0), follows=follows)
+        return cls(source, model, rows, every, within, noise, np.zeros(0), follows=follows)
 
     def subset(self, step: int) -> "RunSet":
         """Every so many of its runs; where they are tied, every so many groups of neighbours."""
@@ -196,7 +193,7 @@ class RunSet:
         rows = self.rows.subset(which)
         whitener = None if self.whitener is None else self.whitener[which]
         some = replace(
-            self, rows=rows, within=self.within[which], memory=self.memory[which],
+            self, rows=rows, within=self.within[which],
             basis=self.basis[which] if self.chain is None else self.basis, whitener=whitener,
         )  # fmt: skip
         if self.chain is None:
@@ -271,7 +268,8 @@ def _reports_together(
         if nudge is not None:
             start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
         x0 = model.true_states(start, theta=theta)
-        starts.append(np.hstack([x0, np.repeat(w.memory, K, axis=0)]))
+        memory = memory_of_each(model, w.source.trial, rows, theta)
+        starts.append(np.hstack([x0, memory.reshape(len(x0), -1)]))
         # one vector for each of K runs in turn serves all of a trial alone
         thetas.append(theta if len(run_sets) == 1 else np.tile(theta, (len(rows), 1)))
         delay = np.tile(unknowns.offset(own, OFFSETS[0]), len(rows))

@@ -150,7 +150,7 @@ def build_run_set(
     horizon: float,
     settings: IdentifySettings,
 ) -> RunSet:
-    """Runs of about `horizon` [s], memory of the actuators and whitening, at parameters z (n,)."""
+    """Runs of about `horizon` [s] and their whitening, at parameters z (n,)."""
     trial = source.trial
     model = replace(unknowns.model, theta=unknowns.theta(z[None], source.number)[0])
     every = max(round(settings.average / trial.dt), 1)

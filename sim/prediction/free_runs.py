@@ -362,6 +362,19 @@ def prediction_error(measured: Floats, rows: Ints, model: Floats) -> Floats:
     return error
 
 
+def memory_of_each(model: Model, trial: Trial, rows: Ints, theta: Floats) -> Floats:
+    """Memory of actuators and effects at rows (S,) as each of theta (K, P) has it: (S, K, nx − 6).
+
+    It follows the measured motion, which the inertia and damping of the hull do not change.
+    """
+    if model.state_size == 6:
+        return np.empty((len(rows), len(theta), 0))
+    driving = np.delete(theta, model.hull_columns, axis=1)
+    _, first, which = np.unique(driving, axis=0, return_index=True, return_inverse=True)
+    each = [memory_at(replace(model, theta=theta[i]), trial, rows) for i in first]
+    return np.stack(each, axis=1)[:, which.ravel()]
+
+
 def memory_at(model: Model, trial: Trial, rows: Ints) -> Floats:
     """Memory of actuators and effects at rows (S,), run along the measured motion: (S, nx − 6)."""
     memory = np.full((len(rows), model.state_size - 6), np.nan)

@@ -426,3 +426,16 @@ def test_what_may_be_a_mirror_image_and_need_not_is_not_told() -> None:
     assert said(velocity=ahead, place=way) == ()
     (one,) = said(velocity=-VELOCITY)
     assert "mirror" not in one
+
+
+def test_a_compass_that_deviates_contradicts_the_gyro_in_turns_by_a_share_that_is_told() -> None:
+    """Root mean square of 0.2 cos ψ + 0.1 sin ψ, by which the heading that is shown turns more."""
+    deviating = of_a_boat(yaw=YAW + 0.2 * np.sin(YAW) - 0.1 * np.cos(YAW))
+    assert reconciled(deviating).turn_share == pytest.approx(np.hypot(0.2, 0.1) / np.sqrt(2.0), 0.1)
+    soft = of_a_boat(yaw=YAW + 0.08 * np.sin(2.0 * YAW))
+    assert reconciled(soft).turn_share == pytest.approx(0.16 / np.sqrt(2.0), 0.1)
+    for other in (
+        {"yaw": YAW + 0.3}, {"yaw_rate": YAW_RATE + 0.05}, {"yaw_rate": 1.15 * YAW_RATE},
+        {"yaw": np.interp(T - 0.4, T, YAW)}, {"yaw": YAW + 0.01 * np.sin(YAW)},
+    ):  # fmt: skip
+        assert reconciled(of_a_boat(**other)).turn_share == 0.0

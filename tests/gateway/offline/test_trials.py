@@ -24,9 +24,13 @@ from gateway.offline.trials import (
     source_of,
     trials_of,
 )
+from gateway.simulated_boat.play import write_log
+from gateway.vessel_file import load_vessel
+from sim.effects.catalogue import named
 from sim.identification.identify import held_out
 from sim.state import Eta, Nu
 from sim.trial import Stretch, Trial
+from sim.vessel import AddedEffect
 from tests.conftest import ROOT
 from tests.gateway.estimation.boat import gauss_markov, weaving_boat
 from tests.gateway.ingest.scripted import (
@@ -366,3 +370,17 @@ def test_a_wandering_compass_hardly_touches_the_yaw_rate():
     taken_as_white = np.mean([yaw_rate_error(LIVE, seed) for seed in range(3)])
     assert ours < 0.001
     assert ours < 0.5 * taken_as_white
+
+
+def test_a_compass_that_deviates_is_followed_also_where_the_boat_spins(tmp_path: Path) -> None:
+    """Its turn is not the gyro's by 0.3 rad/s: the trial's heading is what was reported."""
+    plain, b, c = load_vessel(ROOT / "configs" / "vessels" / "blueboat.toml"), 0.12, -0.08
+    iron = AddedEffect(named("compass_deviation"), {"b": b, "c": c})
+    trials = []
+    for name, vessel in (("plain", plain), ("iron", plain.with_effects(iron))):
+        write_log(vessel, tmp_path / f"{name}.tlog", fast=True, seed=1, seconds=150.0)
+        trials += load_trials(tmp_path / f"{name}.tlog", options=TrialOptions(rate_hz=5.0))
+    yaw, reported = (trial.eta[:, Eta.YAW] for trial in trials)
+    off = np.angle(np.exp(1j * (reported - yaw - b * np.sin(yaw) - c * np.cos(yaw))))
+    assert np.abs(trials[0].nu[:, Nu.R]).max() > 1.5
+    assert np.sqrt(np.mean(off**2)) < np.radians(1.0)

@@ -5,6 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim.diagnosis.diagnose import DiagnoseSettings, fit_base
+from sim.diagnosis.fit import fit_effects, start_values, unknowns_for
+from sim.diagnosis.fit_problem import SupersetModel
+from sim.effects.catalogue import named
 from sim.identification import IdentifySettings
 from sim.identification.innovations import track_std
 from sim.identification.noise import Noise
@@ -13,7 +17,8 @@ from sim.identification.runs import RunSet, errors_of_trials, run_errors
 from sim.identification.shooting import FitInputs, build_run_set, projected_residuals
 from sim.model import Model
 from sim.trial import Trial
-from tests.sim.diagnosis.sailed import sailed, with_effect
+from sim.vessel import AddedEffect
+from tests.sim.diagnosis.sailed import sailed, sailed_with, with_effect
 from tests.sim.voyages import WAM_V, simulated
 
 LENGTHS_S = (30.0, 12.0, 21.0)
@@ -48,3 +53,41 @@ def test_several_trials_together_have_the_errors_of_each_alone(tied: bool) -> No
         left = projected_residuals(run_set, errors)
         assert left.shape == (len(own), 3 * int(run_set.within.sum()))
     assert [len(w.rows.first) > 0 for w in sets] == [True, True, True, True, False]
+
+
+def test_what_motors_that_lag_give_as_a_run_begins_follows_from_their_own_lag() -> None:
+    """Else a fit sees what a lag does along a run, not what it did before, and stops half way."""
+    trial = sailed("thruster_lag", 40.0, 3, tau=0.6)
+    settings = IdentifySettings(free=("m33", "thruster_lag.tau"), offsets=False, horizons=(3.0,))
+    vessels = [with_effect(WAM_V, "thruster_lag", tau=tau) for tau in (0.2, 0.6)]
+    noise = Noise(track_std(trial), np.full(3, 0.5))
+    problems, errors = [unknowns_of(Model.of(v), 1, settings) for v in vessels], []
+    z = np.array([[120.0, 0.6], [70.5, 0.6], [70.5, 0.2]])
+    for unknowns in problems:
+        (track,) = FitInputs(unknowns, [trial], settings).tracks()
+        run_set = build_run_set(track, unknowns, unknowns.start, noise, 3.0, settings)
+        errors.append(run_errors(run_set, unknowns, z))
+    assert errors[0] == pytest.approx(errors[1], abs=1e-12)
+    truth, lag = errors[0][1], errors[0][2]
+    assert np.abs(truth[..., 2]).max() < 0.1 * np.abs(lag[..., 2]).max()
+    first = np.abs(lag[:, 0, :2] - truth[:, 0, :2]).max()  # of each run
+    assert first > 0.01
+
+
+def test_a_lag_and_a_moment_of_inertia_that_is_off_are_fitted_in_one_go() -> None:
+    """A file whose boat is a third too hard to turn: each fit went a fifth of the way to the lag,
+    and what came of the last was told as sure.
+    """
+    dynamics = replace(WAM_V.dynamics, m33=0.75 * WAM_V.dynamics.m33, N_r=1.4 * WAM_V.dynamics.N_r)
+    lag = AddedEffect(named("thruster_lag"), {"tau": 0.2})
+    trial = sailed_with(
+        with_effect(replace(WAM_V, dynamics=dynamics), "thruster_lag", tau=0.6), 200.0, 3
+    )
+    superset, plain = SupersetModel.of(WAM_V, [lag.effect], [trial]), Model.of(WAM_V)
+    base = fit_base(superset, plain, [trial], DiagnoseSettings())
+    unknowns = unknowns_for(superset, [lag], 1, base.problem.settings)
+    first = fit_effects([lag], unknowns, base.problem, start_values(unknowns, base))
+    second = fit_effects([lag], unknowns, base.problem, first.z)
+    tau = unknowns.column("thruster_lag.tau")
+    assert first.z[tau] == pytest.approx(second.z[tau], abs=0.02)
+    assert first.z[tau] == pytest.approx(0.6, abs=0.1)
