@@ -11,9 +11,11 @@ from sim.diagnosis.evidence import rivals
 from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE, MASSES
+from sim.identification.intervals import Estimate
 
 MAY_BE_NONE = "these data allow that there is none"
 MOST_MOVED = 4  # base numbers that are told beside the verdict
+FARTHEST_SHARE = 9.99  # of a number, that a change is told as a percentage of it
 # inertia and damping that all change by one factor: forces that changed by its inverse
 MIN_ALIKE, ALIKE = 4, 1.25
 
@@ -28,16 +30,22 @@ def moved_numbers(step: LadderStep) -> str:
         if e.name in BASE and e.before and not e.ci95[0] <= e.before <= e.ci95[1]
     ]
     far.sort(key=lambda each: -abs(each[0]))
-    told = [
-        f"{e.name} {e.before:.4g} → {e.value:.4g} {e.unit} ({100.0 * share:+.0f} %)"
-        for share, e in far[:MOST_MOVED]
-    ]
+    told = [_moved(e, share) for share, e in far[:MOST_MOVED]]
     factors = [1.0 + share for share, e in far]
     alike = len(far) >= MIN_ALIKE and min(factors) > 0.0 and max(factors) < ALIKE * min(factors)
     if alike and any(e.name in MASSES for _, e in far):
         percent = 100.0 / float(np.median(factors))
         told.append(f"all alike, as if the motors gave {percent:.0f} % of what the file says")
     return ", ".join(told)
+
+
+def _moved(e: Estimate, share: float) -> str:
+    """One number before and after; `share` of what it was that it changed by.
+
+    From next to nothing every change is millions of percent.
+    """
+    percent = f" ({100.0 * share:+.0f} %)" if abs(share) < FARTHEST_SHARE else ""
+    return f"{e.name} {e.before:.4g} → {e.value:.4g} {e.unit}{percent}"
 
 
 def base_text(d: Diagnosis) -> str:

@@ -210,6 +210,32 @@ def _exclude(trial: Trial, exclusions: Sequence[Exclusion]) -> Trial:
     return replace(trial, usable=usable, excluded=tuple(excluded))
 
 
+MOVES_US = 30.0  # standard deviation of a pulse width; chosen, not measured
+
+
+def outputs_without_actuator(trials: Sequence[Trial], vessel: Vessel) -> list[str]:
+    """That outputs move which the vessel file does not have: motors may be missing from it."""
+    known = {actuator.servo.channel for actuator in vessel.actuators}
+    moving = {
+        channel
+        for trial in trials
+        for channel, pwm in zip(trial.channels, trial.pwm[trial.usable].T, strict=True)
+        if channel not in known and _spread(pwm) > MOVES_US
+    }
+    if not moving:
+        return []
+    names = " and ".join(map(str, sorted(moving)))
+    what, verb = ("output", "moves") if len(moving) == 1 else ("outputs", "move")
+    return [f"{what} {names} {verb} too, and {vessel.name} has nothing there: a motor that the "
+            "file lacks, another boat's log, or a camera?"]  # fmt: skip
+
+
+def _spread(pwm: Floats) -> float:
+    """Standard deviation of the pulses that there are [µs]."""
+    pulses = pwm[np.isfinite(pwm)]
+    return float(np.std(pulses)) if len(pulses) else 0.0
+
+
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
@@ -228,7 +254,8 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
     for trial in trials:
         for notice in trial.notices:
             alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
-    out = [*wiring_notices(wiring_of(trials, vessel), vessel), *assumed_by(vessel)]
+    wiring = wiring_notices(wiring_of(trials, vessel), vessel)
+    out = [*wiring, *outputs_without_actuator(trials, vessel), *assumed_by(vessel)]
     for group in alike.values():
         names = list(dict.fromkeys(name for name, _ in group))
         listed = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"

@@ -21,7 +21,7 @@ import struct
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any, Self
@@ -335,7 +335,8 @@ def play_until_stopped(
     )
 
 
-LONGEST_S = 86_400.0
+LONGEST_S = DAY_S = 86_400.0
+MOST_DAYS = 3000  # that seeds are spread over: what comes later is no date of a log
 
 
 def write_log(
@@ -356,6 +357,8 @@ def write_log(
     if not 0.0 < duration <= LONGEST_S:
         raise BadInput(f"{duration:g} s: a voyage lasts more than 0 s and at most a day")
     settings = SimulatedBoatSettings(system_id=system, rates=FAST if fast else THIN)
+    # of another seed on another day: a boat cannot have been on two voyages at once
+    settings = replace(settings, unix_s=settings.unix_s + DAY_S * (seed % MOST_DAYS))
     boat = SimulatedBoat(vessel, settings, seed, commands)
     _, frames = boat.advance(boat.start(), duration)
     write_whole(file, tlog_bytes(frames, settings.unix_s), "the telemetry log")

@@ -63,7 +63,9 @@ def in_words(p: FittedValues) -> str:
     ]
     parts = []
     if len(moved) == 2:
-        parts.append(f"outputs {moved[0][0]} and {moved[1][0]} are exchanged")
+        parts.append(
+            f"actuators {moved[0][0]} and {moved[1][0]} of the file get each other's commands"
+        )
     elif moved:
         parts.append(", ".join(f"actuator {i} gets what is meant for {j}" for i, j in moved))
     if backwards != "0":

@@ -86,13 +86,15 @@ def test_directions_are_points_of_the_compass():
     assert "from 0° (north)" in said("steady_wind", direction=0.0)
 
 
-def test_wiring_is_told_by_outputs():
-    assert said("actuator_wiring", order=21.0, reversed=0.0) == "Outputs 1 and 2 are exchanged"
+def test_wiring_is_told_by_places_in_the_file():
+    assert said("actuator_wiring", order=21.0, reversed=0.0) == (
+        "Actuators 1 and 2 of the file get each other's commands"
+    )
     assert (
         "actuator 2 runs the wrong way" in said("actuator_wiring", order=0.0, reversed=2.0).lower()
     )
     both = said("actuator_wiring", order=21.0, reversed=12.0)
-    assert "exchanged and actuator 1 and 2 run the wrong way round" in both
+    assert "commands and actuator 1 and 2 run the wrong way round" in both
 
 
 SENTENCES = (

@@ -18,7 +18,11 @@ def moved(half: float = 0.05, **factors: float) -> str:
         Estimate(name, "kg", 100.0, 100.0 * f, (100.0 * (f - half), 100.0 * (f + half)), True)
         for name, f in factors.items()
     )
-    return moved_numbers(LadderStep((), "refitted", HeldOutScore(0.2, None), numbers, {}, WAM_V))
+    return moved_numbers(_step(*numbers))
+
+
+def _step(*numbers: Estimate) -> LadderStep:
+    return LadderStep((), "refitted", HeldOutScore(0.2, None), numbers, {}, WAM_V)
 
 
 def test_only_what_left_its_interval_is_told_the_furthest_first() -> None:
@@ -27,6 +31,11 @@ def test_only_what_left_its_interval_is_told_the_furthest_first() -> None:
         "X_u 100 → 80 kg (-20 %), m11 100 → 110 kg (+10 %)"
     )
     assert moved(**ALIKE, Y_v=3.0).count("→") == 4
+
+
+def test_from_next_to_nothing_no_percentage_is_told() -> None:
+    told = moved_numbers(_step(Estimate("X_uu", "N s²/m²", -7.5e-11, -1.4, (-1.5, -1.3), True)))
+    assert told == "X_uu -7.5e-11 → -1.4 N s²/m²"
 
 
 def test_all_alike_are_as_if_the_motors_gave_less() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BadInput, ShadowError
-from gateway.offline.vessel import init_vessel
+from gateway.offline.vessel import check_size, init_vessel
 from gateway.vessel_file import load_vessel
 from sim.model import Model
 from tests.gateway.pipelines.sailing import SERVOS, parameters, tlog, voyage
@@ -124,9 +124,21 @@ def test_sizes_are_positive_numbers(tmp_path: Path, value: float) -> None:
     assert says == f"--top-speed {value}: expected a positive number"
 
 
+@pytest.mark.parametrize("size", [
+    {"length": 160.0, "beam": 95.0}, {"mass": 38000.0}, {"length": 1600.0, "beam": 950.0},
+])  # fmt: skip
+def test_sizes_in_another_unit_are_no_boat(size: dict[str, float]) -> None:
+    """Centimetres, grams, millimetres: what is made of them would look like a missing effect."""
+    given = {"length": 1.6, "beam": 0.95, "mass": 38.0}
+    check_size(given)
+    check_size({"length": 4.9, "beam": 2.4, "mass": 180.0})
+    with pytest.raises(BadInput, match="in metres and kilograms"):
+        check_size(given | size)
+
+
 def test_a_size_that_rounds_to_nothing_is_said(tmp_path: Path) -> None:
     assert "m33 = 0.0: input should be greater" in refused(
-        tmp_path, log(tmp_path), {"length": 1e-4, "beam": 1e-4}
+        tmp_path, log(tmp_path), {"length": 1e-4, "beam": 1e-4, "mass": 1e-9}
     )
 
 
