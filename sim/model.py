@@ -231,6 +231,30 @@ class Model:
         """(nx + 1,) state and time of `missing_force` before its first row."""
         return np.full(self.state_size + 1, np.nan)
 
+    def ages(self, theta: Floats) -> Floats:
+        """Ages [s] of reported position and velocity over ground as each of theta (K, P) has them:
+        (K,).
+        """
+        out = np.zeros(len(theta))
+        for label, added in _labelled(self.vessel):
+            if added.effect.latency is not None:
+                keys = [p.name for p in added.effect.parameters]
+                columns = (theta[:, self.names.index(f"{label}.{key}")] for key in keys)
+                out += added.effect.latency(
+                    SimpleNamespace(**dict(zip(keys, columns, strict=True)))
+                )
+        return out
+
+    def in_time(self, theta: Floats) -> Floats:
+        """theta (K, P) with effects that make reports late at their neutral numbers."""
+        out = theta.copy()
+        for label, added in _labelled(self.vessel):
+            if added.effect.latency is not None:
+                for p in added.effect.parameters:
+                    if p.neutral is not None:
+                        out[:, self.names.index(f"{label}.{p.name}")] = p.neutral
+        return out
+
     def true_states(self, motion: Floats, *, theta: Floats | None = None) -> Floats:
         """Reported motion (B, 9) -> true pose and velocity (B, 6)."""
         out = np.empty((len(motion), 6))

@@ -31,8 +31,9 @@ from sim.identification.noise import (
 )
 from sim.identification.parameters import OFFSETS, ROUNDING, Unknowns
 from sim.model import InputTable, Model, Runs
-from sim.prediction import input_table
+from sim.prediction import input_table, measured_motion
 from sim.prediction.free_runs import memory_of_each, scales_of
+from sim.prediction.late import reported_before, true_starts
 from sim.prediction.segments import VELOCITY_STEP, transitions, usable_stretches
 from sim.state import Floats, Ints
 from sim.trial import Trial
@@ -147,6 +148,11 @@ class TrialTrack:
     trial: Trial
     usable: NDArray[np.bool_]
     track: Floats
+
+    @cached_property
+    def reported(self) -> Floats:
+        """The motion as it was reported (T, 9)."""
+        return measured_motion(self.trial)
 
 
 @dataclass(frozen=True)
@@ -264,24 +270,28 @@ def _reports_together(
     for i, (w, own) in enumerate(zip(run_sets, z, strict=True)):
         K, rows = len(own), w.rows.first
         theta = unknowns.theta(own, w.source.number)
-        start = np.repeat(w.source.track[rows], K, axis=0)
+        reported = w.source.reported
+        moved = np.repeat(w.source.track[rows] - reported[rows], K, axis=0)
         if nudge is not None:
-            start[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
-        x0 = model.true_states(start, theta=theta)
+            moved[:, NU] += np.swapaxes(nudge, 0, 1).reshape(-1, 3)
+        x0 = true_starts(model, theta, reported, rows, w.source.trial.dt, moved)
         memory = memory_of_each(model, w.source.trial, rows, theta)
         starts.append(np.hstack([x0, memory.reshape(len(x0), -1)]))
         # one vector for each of K runs in turn serves all of a trial alone
         thetas.append(theta if len(run_sets) == 1 else np.tile(theta, (len(rows), 1)))
         delay = np.tile(unknowns.offset(own, OFFSETS[0]), len(rows))
-        table = np.full(len(start), i)
+        table = np.full(len(x0), i)
         runs.append(Runs(table, np.repeat(rows, K), np.repeat(w.steps, K), delay))
     together = Runs(*map(np.concatenate, zip(*(vars(r).values() for r in runs), strict=True)))
     inputs = InputTable.stacked(tuple(w.inputs for w in run_sets))
     _, reports = model.run(np.concatenate(starts), together, inputs, theta=np.concatenate(thetas))
-    out, done = [], 0
+    out, done = list[Floats](), 0
     for w, start in zip(run_sets, starts, strict=True):
         part = reports[done : done + len(start), : int(w.steps.max(initial=0)) + 1]
-        out.append(part.reshape(len(w.rows.first), -1, *part.shape[1:]))
+        own = part.reshape(len(w.rows.first), -1, *part.shape[1:])
+        theta = thetas[len(out)][: own.shape[1]]
+        reported_before(model, theta, own, w.source.reported, w.rows.first, w.source.trial.dt)
+        out.append(own)
         done += len(start)
     return out
 

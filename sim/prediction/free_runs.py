@@ -44,6 +44,7 @@ from numpy.typing import NDArray
 
 from sim.model import Model
 from sim.prediction import commands_around, input_table, measured_motion, runs_from
+from sim.prediction.late import reported_before, true_starts
 from sim.prediction.segments import (
     STATE,
     CompareSettings,
@@ -349,9 +350,13 @@ def free_reports(
     trial: Trial, model: Model, rows: Ints, steps: Ints, command_offset: float = 0.0
 ) -> Floats:
     """Free runs from the measured state at rows (S,) -> reports (S, H+1, 9), NaN past the end."""
-    start = model.true_states(measured_motion(trial)[rows])
+    motion, theta = measured_motion(trial), model.theta[None]
+    start = true_starts(model, theta, motion, rows, trial.dt)
     x0 = np.hstack([start, memory_at(model, trial, rows)])
-    return model.run(x0, runs_from(rows, steps, command_offset), input_table(model, trial))[1]
+    runs = runs_from(rows, steps, command_offset)
+    reports = model.run(x0, runs, input_table(model, trial))[1]
+    reported_before(model, theta, reports[:, None], motion, rows, trial.dt)
+    return reports
 
 
 def prediction_error(measured: Floats, rows: Ints, model: Floats) -> Floats:
