@@ -91,3 +91,20 @@ def test_a_lag_and_a_moment_of_inertia_that_is_off_are_fitted_in_one_go() -> Non
     tau = unknowns.column("thruster_lag.tau")
     assert first.z[tau] == pytest.approx(second.z[tau], abs=0.02)
     assert first.z[tau] == pytest.approx(0.6, abs=0.1)
+
+
+def test_runs_of_reports_that_are_late_begin_where_the_boat_was() -> None:
+    """Half a second late in hard turns: with the exact model no more is left than rounding, where
+    starts from one moment alone were off by a tenth of the speed.
+    """
+    trial = sailed_with(with_effect(WAM_V, "velocity_latency", delay=0.5), 60.0, 3, noise=0.0)
+    settings = IdentifySettings(free=("velocity_latency.delay",), offsets=False)
+    unknowns = unknowns_of(Model.of(with_effect(WAM_V, "velocity_latency", delay=0.2)), 1, settings)
+    (track,) = FitInputs(unknowns, [trial], settings).tracks()
+    noise = Noise(np.full(3, 0.01), np.full(3, 0.5))
+    run_set = build_run_set(track, unknowns, unknowns.start, noise, 3.0, settings)
+    z = np.array([[0.5], [0.2]])
+    late, early = np.abs(run_errors(run_set, unknowns, z))
+    assert late[..., :2].max() < 0.02
+    assert early[..., :2].max() > 10.0 * late[..., :2].max()
+    assert late[..., 2].max() < 1e-3
