@@ -96,6 +96,9 @@ def _widened(e: Estimate, ci95: tuple[float, float] | None) -> Estimate:
     return replace(e, ci95=ci95, doubt="; ".join(filter(None, (e.doubt, DOUBT))))
 
 
+MOST = 0.5  # a share that is more is most of a thing
+
+
 class Verdict(StrEnum):
     """The four answers there are."""
 
@@ -107,7 +110,10 @@ class Verdict(StrEnum):
     def in_words(self, unexplained: float) -> str:
         """What it means, beside a share of the squared error above the noise that is left."""
         if self is Verdict.EXPLAINED and unexplained >= thresholds.MIN_UNEXPLAINED_TOLD:
-            return f"found most of what is missing, but not the last {100.0 * unexplained:.0f} %"
+            left = f"{100.0 * unexplained:.0f} %"
+            if unexplained > MOST:
+                return f"found a part of what is missing: {left} of it is left"
+            return f"found most of what is missing, but not the last {left}"
         return {
             Verdict.ADEQUATE: "nothing is missing that these data could tell",
             Verdict.EXPLAINED: "found what is missing",

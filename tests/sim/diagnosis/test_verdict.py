@@ -402,6 +402,9 @@ def test_what_is_left_of_an_explained_error_is_in_the_verdict() -> None:
     assert Verdict.EXPLAINED.in_words(0.27) == (
         "found most of what is missing, but not the last 27 %"
     )
+    assert Verdict.EXPLAINED.in_words(0.85) == (
+        "found a part of what is missing: 85 % of it is left"
+    )
     assert Verdict.EXPLAINED.in_words(0.04) == "found what is missing"
     assert Verdict.ADEQUATE.in_words(1.0) == "nothing is missing that these data could tell"
 
