@@ -153,7 +153,7 @@ def _found_beside(found: DiagnosisResult) -> list[str]:
     several = len(found.diagnosis.effects) > 1
     how = "found beside what else was found" if several else "it took the place of another"
     return [
-        f"{name}: {how}; alone it was not among the first of the first look"
+        f"{name}: {how}; by itself it was not among the best at first"
         for name in found.found_beside
     ]
 

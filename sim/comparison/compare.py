@@ -166,7 +166,7 @@ class Comparison:
             return ""
         return (
             f"on {self.log} {100.0 * self.ruler.cut_short:.0f} % of the free runs end early: an "
-            "error of their start grows on this hull until nothing is seen of the model's"
+            "error at their start grows on this hull until it hides what the model errs by"
         )
 
     @property

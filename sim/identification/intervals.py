@@ -248,7 +248,9 @@ def _doubt(unknowns: Unknowns, i: int, z: Floats, vague: bool, scaled: bool) -> 
             cause = _offset_text(u.name, early=name == "lower")
             doubts.append(f"stands at its {name} limit, {limit:g} {u.unit}{cause}")
     if u.name in unknowns.faster_than_rows(z):
-        doubts.append("held: this damping is over sooner than these rows show, whatever it is")
+        doubts.append(
+            "held at the strongest that these rows can tell: any stronger would look the same"
+        )
     elif vague and scaled:
         doubts.append(
             "not identifiable: known only as a share of thrust; fix the thrust, or a mass"
