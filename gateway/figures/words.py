@@ -15,6 +15,7 @@ from sim.identification.intervals import Estimate
 
 MAY_BE_NONE = "these data allow that there is none"
 MOST_MOVED = 4  # base numbers that are told beside the verdict
+LITTLE_MOVED = 0.03  # of a number: no vessel file is known to that
 FARTHEST_SHARE = 9.99  # of a number, that a change is told as a percentage of it
 # inertia and damping that all change by one factor: forces that changed by its inverse
 MIN_ALIKE, ALIKE = 4, 1.25
@@ -33,10 +34,18 @@ def moved_numbers(step: LadderStep) -> str:
     told = [_moved(e, share) for share, e in far[:MOST_MOVED]]
     factors = [1.0 + share for share, e in far]
     alike = len(far) >= MIN_ALIKE and min(factors) > 0.0 and max(factors) < ALIKE * min(factors)
-    if alike and any(e.name in MASSES for _, e in far):
+    if alike and any(e.name in MASSES for _, e in far) and not _is_little(step):
         percent = 100.0 / float(np.median(factors))
         told.append(f"all alike, as if the motors gave {percent:.0f} % of what the file says")
     return ", ".join(told)
+
+
+def _is_little(step: LadderStep) -> bool:
+    """Whether no base number moved further than what no file is known to."""
+    moved = [
+        abs(e.value / e.before - 1.0) for e in step.base_parameters if e.name in BASE and e.before
+    ]
+    return max(moved, default=0.0) < LITTLE_MOVED
 
 
 def _moved(e: Estimate, share: float) -> str:
@@ -51,6 +60,9 @@ def _moved(e: Estimate, share: float) -> str:
 def base_text(d: Diagnosis) -> str:
     """What became of the base numbers: alone, and in the vessel that is handed over."""
     numbers = moved_numbers(d.ladder[-1])
+    if d.base_changed and _is_little(d.ladder[-1]):
+        few = f"by less than {100.0 * LITTLE_MOVED:.0f} % each"
+        return f"re-fitted, its numbers moved {few}{f': {numbers}' if numbers else ''}"
     if d.base_changed:
         return f"re-fitted, its numbers had to move{f': {numbers}' if numbers else ''}"
     if d.effects and numbers:

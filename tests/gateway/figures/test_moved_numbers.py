@@ -41,6 +41,7 @@ def test_from_next_to_nothing_no_percentage_is_told() -> None:
 def test_all_alike_are_as_if_the_motors_gave_less() -> None:
     assert moved(**ALIKE).endswith(f"{SENTENCE} 70 % of what the file says")
     assert moved(m33=0.8, X_u=0.82, Y_v=0.78, N_r=0.8).endswith("125 % of what the file says")
+    assert SENTENCE not in moved(0.001, m33=1.02, X_u=1.015, Y_v=1.02, N_r=1.01)  # as good as right
 
 
 @pytest.mark.parametrize(

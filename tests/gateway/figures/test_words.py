@@ -76,9 +76,9 @@ def test_of_several_recordings_each_tells_its_own_and_none_speaks_for_another():
     )
 
 
-def moved(*effects: str, changed: bool, ends: tuple[float, float]) -> str:
+def moved(*effects: str, changed: bool, ends: tuple[float, float], to: float = 70.0) -> str:
     """What is said of a base whose m11 went from 60 to 70 kg on the last step."""
-    m11 = SimpleNamespace(name="m11", before=60.0, value=70.0, ci95=ends, unit="kg")
+    m11 = SimpleNamespace(name="m11", before=60.0, value=to, ci95=ends, unit="kg")
     last = SimpleNamespace(base_parameters=[m11])
     d: Any = SimpleNamespace(ladder=[last], base_changed=changed, effects=effects)
     return base_text(d)
@@ -89,6 +89,8 @@ def test_what_is_said_of_the_base_is_true_of_the_vessel_that_is_handed_over():
     assert moved("hull_lift", changed=True, ends=far).endswith("m11 60 → 70 kg (+17 %)")
     beside = moved("hull_lift", changed=False, ends=far)
     assert beside == ("fitted along with what was found, its numbers moved: m11 60 → 70 kg (+17 %)")
+    little = moved(changed=True, ends=(60.4, 61.6), to=61.0)
+    assert little == "re-fitted, its numbers moved by less than 3 % each: m11 60 → 61 kg (+2 %)"
     for effects, ends in ((("hull_lift",), near), ((), far)):  # within its interval; not handed on
         assert "hold as they were given" in moved(*effects, changed=False, ends=ends)
 
