@@ -201,7 +201,7 @@ def _datagram(data: bytes) -> None:
     for k, start in enumerate(range(0, len(data), 280)):
         now_ns = 1_700_000_000_000_000_000 + k * 20_000_000
         got = reader.read(Arrival(data[start : start + 280], ("10.0.0.1", 1), now_ns))
-        for _ in fleet.datagram(Datagram("fuzz", now_ns, got)):
+        for _ in fleet.datagrams([Datagram("fuzz", now_ns, got)]):
             pass
     for boat in fleet.boats.values():
         boat.status(now_ns, 0, 0)

@@ -10,6 +10,7 @@ import pytest
 
 from gateway.ingest.agreement import (
     RateAgreement,
+    Reconciled,
     Turns,
     rate_agreement,
     reconciled,
@@ -195,7 +196,9 @@ def test_a_log_of_the_firmware_whose_sensor_was_spoilt_is_nearly_as_it_was(
 
     def motion(chosen: Callable[..., Any], right: bool = True) -> Trial:
         monkeypatch.setattr(trials, "choose", chosen)
-        monkeypatch.setattr(trials, "reconciled", reconciled if right else lambda c: (c, ()))
+        monkeypatch.setattr(
+            trials, "reconciled", reconciled if right else lambda c: Reconciled(c, ())
+        )
         return load_trials(shared_data / "sitl" / "otter_calm.tlog")[0]
 
     def spoilt(samples: Any) -> dict[str, Choice]:
