@@ -82,17 +82,17 @@ class RateAgreement(NamedTuple):
     deviation_std: tuple[float, ...] = ()
 
     @property
-    def turn_share(self) -> float:
-        """Root mean square of dψ'/dψ − 1, ψ' the heading that is shown: the share of a turn by
-        which a compass that surely deviates contradicts a gyro; 0 where none surely does.
+    def sure_deviation(self) -> tuple[float, ...]:
+        """What a compass surely deviates by, of `deviation`, the rest 0; empty where that makes the
+        heading turn by no other rate than is assumed of compass and gyro anyhow.
         """
-        sure = [
-            k * angle
-            for k, angle, std in zip((1, 1, 2, 2), self.deviation, self.deviation_std, strict=False)
-            if abs(angle) > SURE * std
-        ]
-        share = float(np.sqrt(0.5 * np.sum(np.square(sure))))
-        return share if share > LEAST_TURN_SHARE else 0.0
+        sure = tuple(
+            angle if abs(angle) > SURE * std else 0.0
+            for angle, std in zip(self.deviation, self.deviation_std, strict=True)
+        )
+        # root mean square of dψ'/dψ − 1, ψ' the heading that is shown
+        share = np.sqrt(0.5 * sum((k * d) ** 2 for k, d in zip((1, 1, 2, 2), sure, strict=False)))
+        return sure if share > LEAST_TURN_SHARE else ()
 
     @property
     def contradicts(self) -> bool:
@@ -251,24 +251,25 @@ class Reconciled(NamedTuple):
     """The sources of a boat, set right where it is plain which of two is wrong, and a sentence for
     each pair of sensors that do not tell of one motion.
 
-    turn_share  `RateAgreement.turn_share` of the heading and the yaw rate
+    deviation   of the compass, where the gyro surely tells one (`RateAgreement.sure_deviation`)
     """
 
     choices: Mapping[str, Choice]
     contradictions: tuple[str, ...]
-    turn_share: float = 0.0
+    deviation: tuple[float, ...] = ()
 
 
 def reconciled(choices: Mapping[str, Choice]) -> Reconciled:
     """What contradicts, and the sources without what is surely wrong of it."""
-    out, told, turn_share = _reconciled(choices)
+    out, told, deviation = _reconciled(choices)
     plain = plain_mistakes(choices)
     more = (text for name, text in plain.items() if not any(name in t for t in told))
-    return Reconciled(out, (*told, *more), turn_share)
+    return Reconciled(out, (*told, *more), deviation)
 
 
 def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
-    right, out, turn_share = dict(choices), list[str](), 0.0
+    right, out = dict(choices), list[str]()
+    deviation: tuple[float, ...] = ()
     if "yaw" not in choices:
         return Reconciled(right, ())
     start = int(choices["yaw"].samples.vehicle_time_ns[0])
@@ -289,7 +290,7 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
             )  # fmt: skip
             out += told
             right |= mended
-            turn_share = found.turn_share if found is not None and not told else 0.0
+            deviation = found.sure_deviation if found is not None and not told else ()
             at, heading = ascending(right["yaw"].samples, start)
             turned = np.unwrap(heading[:, :1], axis=0)
     if "velocity" in choices and "position" in choices:
@@ -318,7 +319,7 @@ def _reconciled(choices: Mapping[str, Choice]) -> Reconciled:
             )  # fmt: skip
             out += told
             right |= mended
-    return Reconciled(right, tuple(out), turn_share)
+    return Reconciled(right, tuple(out), deviation)
 
 
 def _judged(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import BadInput, numerical_errors, printable, shell_path
-from gateway.estimation import SOURCES, FilterSettings, MeasurementKind
+from gateway.estimation import SOURCES, FilterSettings
 from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
@@ -22,6 +22,7 @@ from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
 from gateway.offline import usable_time
+from gateway.offline.deviation import Deviation, with_deviation, without_deviation
 from gateway.offline.rate_bias import smooth_with_bias
 from gateway.offline.usable_time import Bools, compass_jumped, frozen
 from gateway.shadow import (
@@ -163,7 +164,7 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     boat = choose_floating(log, options.system, options.anyway)
     decoded = log.decode(boat)
     table = repair_table(decoded, choose(decoded.samples))
-    choices, contradictions, turn_share = reconciled(table.choices)
+    choices, contradictions, deviation = reconciled(table.choices)
     _check(log.path, choices, options)
     epoch_ns = decoded.sessions[0][0]
     origin = origin_of(decoded, choices)
@@ -174,28 +175,14 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
         decoded.sessions,
         choices,
         origin,
-        _following_the_compass(motion_events(choices, origin, settings, epoch_ns), turn_share),
+        without_deviation(motion_events(choices, origin, settings, epoch_ns), deviation),
         held_inputs(decoded, choices, epoch_ns),
         parameters,
         settings,
         table.notices,
         contradictions,
+        deviation,
     )
-
-
-def _following_the_compass(events: Events, turn_share: float) -> Events:
-    """Yaw rates that count for less in turns, by the share in which a compass that deviates shows
-    another turn than the gyro.
-
-    A trial holds the heading as it was reported. Taken for a rate without errors, the gyro would
-    pull the heading off it by several degrees, and gates would then refuse the compass.
-    """
-    if turn_share == 0.0:
-        return events
-    rate = events.kind == MeasurementKind.YAW_RATE
-    std = events.std.copy()
-    std[rate] = np.hypot(std[rate], turn_share * np.abs(events.z[rate, :1]))
-    return replace(events, std=std)
 
 
 def _check(path: str, choices: Mapping[str, Choice], options: TrialOptions) -> None:
@@ -210,7 +197,10 @@ def _check(path: str, choices: Mapping[str, Choice], options: TrialOptions) -> N
 
 @dataclass(frozen=True)
 class TrialSource:
-    """All that the trials of one log are cut from; times in seconds after `epoch_ns`."""
+    """All that the trials of one log are cut from; times in seconds after `epoch_ns`.
+
+    events     without what the compass deviates by, where the gyro tells that (`deviation`)
+    """
 
     epoch_ns: int
     sessions: tuple[tuple[int, int], ...]
@@ -222,6 +212,7 @@ class TrialSource:
     settings: FilterSettings
     notices: tuple[str, ...]
     contradictions: tuple[str, ...] = ()
+    deviation: Deviation = ()
 
     def spans(self) -> list[tuple[float, float]]:
         """Stretches [s] in which heading and velocity are known without a long silence."""
@@ -262,6 +253,7 @@ class TrialSource:
         if options.measured_hz is not None:
             events = events.thinned(options.measured_hz)
         motion = smooth_with_bias(events, grid, self.settings)
+        motion = with_deviation(motion, self.deviation)
         edges = np.append(grid, grid[-1] + dt)
         channels, pwm = self._commands(edges)
         reasons = self._reasons(motion, grid, pwm, channels) | {
