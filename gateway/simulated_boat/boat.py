@@ -25,6 +25,7 @@ from gateway.simulated_boat.command_responder import (
 )
 from gateway.simulated_boat.hull import (
     ActuatorOutputs,
+    GroundMotion,
     Program,
     SensedValues,
     SensorModel,
@@ -71,6 +72,7 @@ class BoatState:
     sensor_rng: Any  # state of the random generator of sensor errors …
     fault_rng: Any  # … and of faults: they do not change what the boat sends
     held: dict[str, SensedValues] = field(default_factory=dict)  # by frozen sensors
+    track: tuple[GroundMotion, ...] = ()  # that is still to be reported
 
 
 class SimulatedBoat:
@@ -160,6 +162,8 @@ class SimulatedBoat:
         armed = self._armed(state, now)
         past = (*state.past, self._hull.outputs_at(now, armed))[-self._hull.remembered :]
         hull, truth = self._hull.step(state.hull, state.tick, past, state.used_as)
+        track, report = self._hull.late(state.track, truth.report)
+        truth = truth._replace(report=report)
         sensors, sensed = self._sensors.read(state.sensors, truth, sensor_rng)
         faults = self.settings.sensor_faults
         sensed, held = faults.reported(sensed, state.held, now)
@@ -187,6 +191,7 @@ class SimulatedBoat:
             sensors=sensors,
             used_as=used_as,
             held=held,
+            track=track,
         )
         return self._transmit(state, snapshot, now, fault_rng)
 

@@ -6,7 +6,8 @@ of `sim.excitation`; a table of a user's own (CSV) names each actuator.
 Sensors and the autopilot's estimate are the true state with their errors. The estimate errs as a
 GNSS-aided filter does: a slow first-order Gauss-Markov error with a little white noise on top. The
 gyro goes through the autopilot's second-order low-pass (INS_GYRO_FILTER), which delays it. The
-sizes are chosen like those of a small autopilot, not fitted to one.
+sizes are chosen like those of a small autopilot, not fitted to one. Where an effect makes position
+and velocity late, they are those of that moment: the boat remembers them.
 """
 
 import math
@@ -27,7 +28,7 @@ from sim.excitation import Manoeuvre, manoeuvre_commands
 from sim.excitation.catalogue import BY_NAME, Circles, Mixed, Spin
 from sim.hil import Battery
 from sim.model import InputTable, Model, Runs
-from sim.state import Floats
+from sim.state import Floats, to_body, to_world
 from sim.vessel import Vessel
 
 STEP_S = 0.04
@@ -87,6 +88,15 @@ class TrueState(NamedTuple):
     amperes: float
 
 
+class GroundMotion(NamedTuple):
+    """Position [m] and velocity over ground [m/s] of one moment."""
+
+    north: float
+    east: float
+    north_mps: float
+    east_mps: float
+
+
 @dataclass(frozen=True)
 class SimulatedHull:
     """A vessel under a program: state (nx,) -> state, what is true of it."""
@@ -106,6 +116,36 @@ class SimulatedHull:
         """The number of outputs that `step` needs: the present one and those that act late."""
         delay = self.model.delay
         return int(np.ceil(delay / self.dt)) + 2 if delay > 0.0 else 1
+
+    @cached_property
+    def age_s(self) -> float:
+        """Of reported position and velocity over ground."""
+        return float(self.model.ages(self.model.theta[None])[0])
+
+    @cached_property
+    def _theta(self) -> Floats:
+        """Parameters of what is reported in time."""
+        return self.model.in_time(self.model.theta[None])
+
+    def late(
+        self, track: tuple[GroundMotion, ...], report: Report
+    ) -> tuple[tuple[GroundMotion, ...], Report]:
+        """What is remembered of the way, the latest last, and a report of now with position and
+        velocity as old as they are reported; before that the boat was where it began.
+        """
+        if self.age_s == 0.0:
+            return track, report
+        north, east = to_world(report.u, report.v, report.yaw)
+        steps = self.age_s / self.dt
+        whole = int(steps)
+        track = (*track, GroundMotion(report.north, report.east, north, east))[-whole - 2 :]
+        after, before = track[max(-1 - whole, -len(track))], track[max(-2 - whole, -len(track))]
+        share = steps - whole
+        then = GroundMotion(
+            *(b * share + a * (1.0 - share) for a, b in zip(after, before, strict=True))
+        )
+        u, v = to_body(then.north_mps, then.east_mps, report.yaw)
+        return track, report._replace(north=then.north, east=then.east, u=u, v=v)
 
     @cached_property
     def _table(self) -> list[ActuatorOutputs]:
@@ -133,7 +173,9 @@ class SimulatedHull:
     def step(
         self, state: Floats, tick: int, past: tuple[ActuatorOutputs, ...], used_as: float
     ) -> tuple[Floats, TrueState]:
-        """State (nx,), the last `remembered` outputs with the present one last -> state, truth."""
+        """State (nx,), the last `remembered` outputs with the present one last -> state, truth, of
+        which nothing is late yet.
+        """
         volts = self.battery.voltage(past[-1].effort, used_as)
         rows = np.array([outputs.command for outputs in past])[None]
         before = rows.shape[1] - 1
@@ -141,7 +183,7 @@ class SimulatedHull:
             rows, self.dt, np.full(before + 1, volts), None, (tick - before) * self.dt
         )
         runs = Runs(0 * ONE, before * ONE, ONE, np.zeros(1))
-        states, reports = self.model.run(state[None], runs, inputs)
+        states, reports = self.model.run(state[None], runs, inputs, theta=self._theta)
         if not np.isfinite(states[0, 1]).all():
             raise ShadowError(
                 f"{self.model.vessel.name}: its motion left all bounds after {tick * self.dt:.0f} "

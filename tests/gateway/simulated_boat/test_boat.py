@@ -11,7 +11,10 @@ from gateway.errors import BadInput
 from gateway.simulated_boat import FAST, THIN, Faults, Reboot, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.user_effects import load_effects
+from gateway.vessel_file import load_vessel
+from sim.effects.catalogue import named
 from sim.vessel import AddedEffect
+from tests.conftest import ROOT
 from tests.gateway.simulated_boat.frames import (
     decoded,
     frames_of,
@@ -227,3 +230,26 @@ def test_signed_frames_verify_and_only_with_the_key():
 def test_wrong_settings_are_one_line(settings, text):
     with pytest.raises(BadInput, match=text):
         SimulatedBoatSettings(**settings)
+
+
+def test_a_late_receiver_says_what_was_half_a_second_ago_also_in_a_hard_turn():
+    """Heading and turn rate are in time; before its first words the boat lay where it began."""
+    boat = load_vessel(ROOT / "configs" / "vessels" / "blueboat.toml")
+    late = boat.with_effects(AddedEffect(named("velocity_latency"), {"delay": 0.5}))
+    said = []
+    for vessel in (boat, late):
+        frames = frames_of(SimulatedBoat(vessel, SimulatedBoatSettings(rates=FAST), 3), 90.0)
+        motion = messages_named(frames, "LOCAL_POSITION_NED")
+        time = np.array([m.time_boot_ms for m in motion]) * 1e-3
+        rows = np.array([(m.x, m.y, m.vx, m.vy) for m in motion])
+        turns = [(m.yaw, m.yawspeed) for m in messages_named(frames, "ATTITUDE")]
+        said.append((time, rows, np.array(turns)))
+    (time, now, turns), (_, then, same) = said
+    np.testing.assert_array_equal(turns, same)
+    assert np.abs(turns[:, 1]).max() > 1.5
+    inside = time > time[0] + 1.0
+    shifted = np.stack([np.interp(time - 0.5, time, column) for column in now.T], axis=1)
+    off = (then - shifted)[inside]
+    assert np.sqrt(np.mean(off[:, :2] ** 2)) < 0.1
+    assert np.sqrt(np.mean(off[:, 2:] ** 2)) < 0.05
+    assert np.sqrt(np.mean((then - now)[inside][:, 2:] ** 2)) > 0.3
