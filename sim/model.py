@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.body import Body, RudderParameters, ThrusterParameters
 from sim.effects.catalogue import EFFECTS
-from sim.effects.effect import Role
+from sim.effects.effect import Law, Role
 from sim.kernel import air, floats, rollout_numpy
 from sim.kernel.cache import Kernel, kernel_for
 from sim.kernel.compiled import compiled
@@ -231,28 +231,34 @@ class Model:
         """(nx + 1,) state and time of `missing_force` before its first row."""
         return np.full(self.state_size + 1, np.nan)
 
+    @cached_property
+    def _late(self) -> list[tuple[Law, dict[str, int], Floats]]:
+        """Of each effect that makes reports late, and has a neutral: its law, the columns of its
+        parameters in theta, and their neutral numbers.
+        """
+        out = []
+        for label, added in _labelled(self.vessel):
+            parameters = added.effect.parameters
+            neutral = [p.neutral for p in parameters if p.neutral is not None]
+            if added.effect.latency is not None and len(neutral) == len(parameters):
+                columns = {p.name: self.names.index(f"{label}.{p.name}") for p in parameters}
+                out.append((added.effect.latency, columns, np.array(neutral)))
+        return out
+
     def ages(self, theta: Floats) -> Floats:
         """Ages [s] of reported position and velocity over ground as each of theta (K, P) has them:
         (K,).
         """
         out = np.zeros(len(theta))
-        for label, added in _labelled(self.vessel):
-            if added.effect.latency is not None:
-                keys = [p.name for p in added.effect.parameters]
-                columns = (theta[:, self.names.index(f"{label}.{key}")] for key in keys)
-                out += added.effect.latency(
-                    SimpleNamespace(**dict(zip(keys, columns, strict=True)))
-                )
+        for latency, columns, _ in self._late:
+            out += latency(SimpleNamespace(**{key: theta[:, i] for key, i in columns.items()}))
         return out
 
     def in_time(self, theta: Floats) -> Floats:
-        """theta (K, P) with effects that make reports late at their neutral numbers."""
+        """theta (K, P) with the effects that make reports late at their neutral numbers."""
         out = theta.copy()
-        for label, added in _labelled(self.vessel):
-            if added.effect.latency is not None:
-                for p in added.effect.parameters:
-                    if p.neutral is not None:
-                        out[:, self.names.index(f"{label}.{p.name}")] = p.neutral
+        for _, columns, neutral in self._late:
+            out[:, list(columns.values())] = neutral
         return out
 
     def true_states(self, motion: Floats, *, theta: Floats | None = None) -> Floats:

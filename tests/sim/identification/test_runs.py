@@ -108,3 +108,17 @@ def test_runs_of_reports_that_are_late_begin_where_the_boat_was() -> None:
     assert late[..., :2].max() < 0.02
     assert early[..., :2].max() > 10.0 * late[..., :2].max()
     assert late[..., 2].max() < 1e-3
+
+
+def test_a_law_of_lateness_that_cannot_be_switched_off_is_left_to_the_effect_itself() -> None:
+    """Starts that were shifted as well would count it twice."""
+    plain = named("velocity_latency")
+    own = replace(
+        plain, name="own_latency", parameters=(replace(plain.parameters[0], neutral=None),)
+    )
+    with_own, with_it = (
+        Model.of(WAM_V.with_effects(AddedEffect(e, {"delay": 0.4}))) for e in (own, plain)
+    )
+    assert with_own.ages(with_own.theta[None]).tolist() == [0.0]
+    assert with_it.ages(with_it.theta[None]).tolist() == [0.4]
+    assert with_it.ages(with_it.in_time(with_it.theta[None])).tolist() == [0.0]
