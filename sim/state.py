@@ -107,6 +107,13 @@ def to_body(north: float, east: float, yaw: float) -> tuple[float, float]:
     return c * north + s * east, c * east - s * north
 
 
+def turned(vectors: Floats, angle: Floats) -> Floats:
+    """Vectors (N, 2) by angles (N,) [rad]: body to world by the heading, back by minus that."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors.T
+    return np.stack([c * x - s * y, s * x + c * y], axis=1)
+
+
 @jitable
 def to_world(forward: float, starboard: float, yaw: float) -> tuple[float, float]:
     """A body vector seen in the world frame: forward, starboard, yaw [rad] -> north, east."""

@@ -26,9 +26,7 @@ def moved_numbers(step: LadderStep) -> str:
     whether all changed alike; empty where none left it.
     """
     far = [
-        (e.value / e.before - 1.0, e)
-        for e in step.base_parameters
-        if e.name in BASE and e.before and not e.ci95[0] <= e.before <= e.ci95[1]
+        each for each in _changes(step) if not each[1].ci95[0] <= each[1].before <= each[1].ci95[1]
     ]
     far.sort(key=lambda each: -abs(each[0]))
     told = [_moved(e, share) for share, e in far[:MOST_MOVED]]
@@ -42,10 +40,13 @@ def moved_numbers(step: LadderStep) -> str:
 
 def _is_little(step: LadderStep) -> bool:
     """Whether no base number moved further than what no file is known to."""
-    moved = [
-        abs(e.value / e.before - 1.0) for e in step.base_parameters if e.name in BASE and e.before
-    ]
-    return max(moved, default=0.0) < LITTLE_MOVED
+    return max((abs(share) for share, _ in _changes(step)), default=0.0) < LITTLE_MOVED
+
+
+def _changes(step: LadderStep) -> list[tuple[float, Estimate]]:
+    """By which share of what it was each base number changed, of those that were not zero."""
+    known = (e for e in step.base_parameters if e.name in BASE and e.before)
+    return [(e.value / e.before - 1.0, e) for e in known]
 
 
 def _moved(e: Estimate, share: float) -> str:

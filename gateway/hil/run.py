@@ -216,6 +216,12 @@ class BoatLoop:
         """Close the port; allowed in any state."""
         self._transport.close()
 
+    @property
+    def failures(self) -> list[Exception | str]:
+        """What ended it, and what kept its recording from being finished."""
+        of_recording = None if self.recording is None else self.recording.failure
+        return [why for why in (self.failure, of_recording) if why is not None]
+
     def run(self) -> None:
         """Answer until woken."""
         try:
@@ -317,11 +323,10 @@ def run_loops(
             thread.join()
     for loop in loops:
         _report(loop, progress)
-    for loop in loops:
-        if loop.failure is not None:
-            raise ShadowError(f"{loop.plan.name}: {loop.failure}") from loop.failure
-        if loop.recording is not None and loop.recording.failure is not None:
-            raise ShadowError(f"{loop.plan.name}: {loop.recording.failure}")
+    failures = [f"{loop.plan.name}: {why}" for loop in loops for why in loop.failures]
+    if failures:
+        cause = next((loop.failure for loop in loops if loop.failure is not None), None)
+        raise ShadowError("; ".join(failures)) from cause
     return loops
 
 

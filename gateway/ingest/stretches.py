@@ -4,7 +4,7 @@ import numpy as np
 
 from gateway.ingest.mapping import Origin, to_local
 from gateway.samples import Quantity, Samples
-from sim.state import Floats
+from sim.state import Floats, turned
 
 GAP_S = 0.6  # a longer silence ends a stretch
 HUGE = 1e6  # rad or m in a stretch, in whatever unit: no boat
@@ -25,9 +25,7 @@ def metres(place: Floats, quantity: Quantity) -> Floats:
 
 def over_ground(velocity: Floats, yaw: Floats) -> Floats:
     """Velocities ahead and to starboard (K, 2), headings (K,) -> towards north, east (K, 2)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    u, v = velocity.T
-    return np.stack([c * u - s * v, s * u + c * v], axis=1)
+    return turned(velocity, yaw)
 
 
 def ascending(samples: Samples, start_ns: int) -> tuple[Floats, Floats]:

@@ -210,21 +210,18 @@ def _held_against_a_curve(
     left beside it.
     """
     selection, ladder, floor = found.selection, found.ladder, found.floor
-    left = found.last.heldout.nrmse
-    predicted = bool(selection.fits) and left <= floor
-    more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not predicted
+    more = max(selection.fit.noise_share) > thresholds.MAX_NOISE_SHARE and not found.is_predicted
     more = more or verdict is Verdict.UNKNOWN
     curve = find_free_curve(
         vessel, selection, search.scorer, search.progress, search.mapper, forms, beside=more,
     )  # fmt: skip
     if curve is None or verdict is Verdict.UNKNOWN:
         return verdict, curve
-    above = left > thresholds.MAX_FLOORS * floor
     if curve.replaces:
-        beyond_form = does_without_effects(curve, selection, ladder, floor, above)
+        beyond_form = does_without_effects(curve, selection, ladder, floor, found.is_above)
     else:
         effects = [a.effect for a in selection.fit.added]
-        beyond_form = is_more_than_form(curve.gain, selection, above)
+        beyond_form = is_more_than_form(curve.gain, selection, found.is_above)
         beyond_form &= is_curve_above_form(curve, effects, ladder, floor)
     return (Verdict.UNKNOWN, curve) if beyond_form else (verdict, None)
 

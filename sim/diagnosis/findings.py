@@ -6,6 +6,7 @@ another, numbers were found that no boat has.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 from sim.diagnosis import thresholds
@@ -37,7 +38,6 @@ class Findings:
     alone   each of the effects that came closest at first, by itself
     rivals  of each step of the selection, the effects that did as well
     later   steps with these in their place
-    left    what the rest depends on, where it is more than noise
     """
 
     selection: Selection
@@ -46,7 +46,6 @@ class Findings:
     alone: tuple[LadderStep, ...]
     rivals: tuple[Sequence[RankedEffect], ...]
     later: tuple[LadderStep, ...]
-    left: tuple[Dependence, ...]
 
     @classmethod
     def of(
@@ -64,8 +63,7 @@ class Findings:
             if step is not selection.first or row.name not in at_first
         )
         alone = tuple(LadderStep.of(row.fit, scorer) for row in selection.first.finalists)
-        left = _dependences(selection, ladder[-1].heldout.nrmse, floor)
-        return cls(selection, ladder, floor, alone, rivals, later, left)
+        return cls(selection, ladder, floor, alone, rivals, later)
 
     @property
     def base(self) -> LadderStep:
@@ -76,6 +74,24 @@ class Findings:
     def last(self) -> LadderStep:
         """The step with all that was found."""
         return self.ladder[-1]
+
+    @property
+    def is_above(self) -> bool:
+        """Whether more is left than noise may leave."""
+        return self.last.heldout.nrmse > thresholds.MAX_FLOORS * self.floor
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether effects were found, and no more than noise is left beside them."""
+        return bool(self.selection.fits) and self.last.heldout.nrmse <= self.floor
+
+    @cached_property
+    def left(self) -> tuple[Dependence, ...]:
+        """What the rest depends on; nothing where it is predicted, or no more than noise."""
+        whole = is_at_floor(self.selection.fit.noise_share) and not self.is_above
+        if self.is_predicted or whole:
+            return ()
+        return tuple(remaining_dependences(self.selection, self.is_above))
 
     @property
     def rivals_of_first(self) -> list[str]:
@@ -146,12 +162,3 @@ def _predicts_better(fitted: LadderStep, given: LadderStep) -> bool:
     """
     pairs = ((fitted.heldout, given.heldout), (fitted.left_out, given.left_out))
     return all(a.nrmse < b.nrmse for a, b in pairs if a is not None and b is not None)
-
-
-def _dependences(selection: Selection, left: float, floor: float) -> tuple[Dependence, ...]:
-    """What the rest depends on; nothing where it is predicted, or no more than noise."""
-    above = left > thresholds.MAX_FLOORS * floor
-    predicted = bool(selection.fits) and left <= floor
-    if predicted or (is_at_floor(selection.fit.noise_share) and not above):
-        return ()
-    return tuple(remaining_dependences(selection, above))

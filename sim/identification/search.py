@@ -28,7 +28,7 @@ from sim.effects.effect import QUARTERS, Effect, Kind, Parameter, ResidualForce,
 from sim.identification.parameters import Unknowns
 from sim.model import Model
 from sim.prediction import missing_force_only, vessel_commands
-from sim.state import Eta, Floats
+from sim.state import Eta, Floats, turned
 from sim.trial import Trial
 from sim.vessel import Vessel
 
@@ -202,8 +202,7 @@ def start_points(effect: Effect, model: Model, trials: Sequence[Trial]) -> list[
 def residual_force(model: Model, trial: Trial) -> ResidualForce:
     """Horizontal missing force of a model in a trial's usable rows, without its mean."""
     force, yaw = missing_force_only(trial, model), trial.eta[:, Eta.YAW]
-    c, s = np.cos(yaw), np.sin(yaw)
-    world = np.stack([c * force[:, 0] - s * force[:, 1], s * force[:, 0] + c * force[:, 1]], 1)
+    world = turned(force[:, :2], yaw)
     use = trial.usable
     world = (world - world[use].mean(axis=0))[use]
     commands = vessel_commands(model, trial)[use, : len(model.vessel.thrusters)]

@@ -9,7 +9,7 @@ one moment alone and is right to second order; in half a second of a hard turn t
 import numpy as np
 
 from sim.model import Model
-from sim.state import Eta, Floats, Ints, Nu
+from sim.state import Eta, Floats, Ints, Nu, turned
 
 U, V = 3 + Nu.U, 3 + Nu.V  # columns of reported motion
 OVER_GROUND = [Eta.NORTH, Eta.EAST, U, V]  # that are late
@@ -27,19 +27,12 @@ def true_starts(
         before = np.minimum(np.floor(at).astype(np.int64), len(motion) - 2)
         share = (at - before)[:, None]
         ground = motion[:, OVER_GROUND]
-        ground[:, 2:] = _turned(motion[:, [U, V]], motion[:, Eta.YAW])
+        ground[:, 2:] = turned(motion[:, [U, V]], motion[:, Eta.YAW])
         then = (1.0 - share) * ground[before] + share * ground[before + 1]
-        then[:, 2:] = _turned(then[:, 2:], -reported[:, Eta.YAW])
+        then[:, 2:] = turned(then[:, 2:], -reported[:, Eta.YAW])
         reported[:, OVER_GROUND] = then
         theta = model.in_time(theta)
     return model.true_states(reported if moved is None else reported + moved, theta=theta)
-
-
-def _turned(vectors: Floats, angle: Floats) -> Floats:
-    """Vectors (N, 2) turned by angles (N,) [rad]: body to world, by minus the heading back."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = vectors.T
-    return np.stack([c * x - s * y, s * x + c * y], axis=1)
 
 
 def reported_before(
@@ -48,12 +41,10 @@ def reported_before(
     """In reports (S, K, H, 9) of runs from rows (S,), what is older than their beginning becomes
     the reported motion (T, 9).
     """
-    for k, age in enumerate(model.ages(theta)):
-        first = np.arange(min(int(np.ceil(age / dt)), reports.shape[2]))
-        if len(first):
-            at = np.minimum(rows[:, None] + first, len(motion) - 1)
-            known = np.isfinite(reports[:, k, first, :1])
-            old = reports[:, k, first][..., OVER_GROUND]
-            for i, column in enumerate(OVER_GROUND):
-                new = motion[at][..., column]
-                reports[:, k, : len(first), column] = np.where(known[..., 0], new, old[..., i])
+    ages = model.ages(theta)
+    for k in np.flatnonzero(ages):
+        old = slice(0, int(np.ceil(ages[k] / dt)))
+        run = reports[:, k, old]
+        at = np.minimum(rows[:, None] + np.arange(run.shape[1]), len(motion) - 1)
+        known = np.isfinite(run[..., :1])
+        run[..., OVER_GROUND] = np.where(known, motion[at][..., OVER_GROUND], np.nan)

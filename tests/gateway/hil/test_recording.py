@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, ShadowError
 from gateway.hil.day_file import load_day
 from gateway.hil.run import LoopOptions, LoopPlan
 from gateway.ingest.open import open_log
 from gateway.recording.reader import Recording
+from gateway.recording.recorder import Recorder
 from gateway.vessel_file import load_vessel
 from tests.gateway.hil.firmware import StandIn, free_port, looping
 
@@ -34,6 +35,26 @@ def sailed(tmp_path):
             firmware.close()
     (path,) = running.loops[0].recording.paths
     return Recording.open(path), values, running
+
+
+def test_recordings_that_cannot_be_finished_are_an_error_that_names_each(tmp_path, monkeypatch):
+    """The disk is full when the last of it is written: each boat's is told."""
+    finish = Recorder.finish
+
+    def full(recorder):
+        finish(recorder)
+        raise ShadowError("the disk is full")
+
+    monkeypatch.setattr(Recorder, "finish", full)
+    otter = load_vessel("otter")
+    plans = [LoopPlan(f"json:127.0.0.1:{free_port()}", name, otter) for name in ("one", "two")]
+
+    def scene():
+        with looping(plans, LoopOptions(out=tmp_path)):
+            pass
+
+    with pytest.raises(ShadowError, match=r"^one: the disk is full; two: the disk is full$"):
+        scene()
 
 
 def test_truth_and_outputs_fifty_times_a_second(sailed):
