@@ -1,14 +1,16 @@
 """Are weak motors told as that, those to starboard, to port, all of them? And a wrong steering?
 
-    python -m benchmarks.motors [--kind starboard port all second steering later] [--every 1]
-        [--seed 0]
+    python -m benchmarks.motors [--kind starboard port all second steering later arm]
+        [--every 1] [--seed 0]
 
 Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`) with
 motors at 60 to 88 % of their thrust from the first moment on; its own imbalance is one of the port
 motors, now weaker, now stronger. Kinds: the motors to starboard; those to port; all of them; those
 to starboard beside a second cause; with nothing hidden, a file that lets rudders and steered
-motors turn further than they do, of which they turn such a share; and all of them from a moment on
-alone. Every other vessel file is 10 % off in each of its nine numbers.
+motors turn further than they do, of which they turn such a share; all of them from a moment on
+alone; and with nothing hidden, a file that has the motors too far from the centre line by 50 to
+78 %, or on half of the voyages too near. Every other vessel file is 10 % off in each of its nine
+numbers.
 Printed: what is hidden, the verdict, the effects found, the error before and after and the noise.
 """
 
@@ -31,7 +33,7 @@ from gateway.offline.diagnose import diagnose_logs
 
 SEED = 46_000
 SECONDS = 300.0
-KINDS = ("starboard", "port", "all", "second", "steering", "later")
+KINDS = ("starboard", "port", "all", "second", "steering", "later", "arm")
 WEAK = (0.6, 0.88)  # of the thrust, drawn
 PAIRS = (
     ("grebe", "survey"), ("wam-v", "excitation"), ("light-5", "survey"), ("light-7", "wander"),
@@ -46,7 +48,7 @@ STEERED = (
 
 class Voyage(NamedTuple):
     """One voyage; share: of their thrust, that the weak motors give, or of the angle in the file
-    that the steering turns.
+    that the steering turns, or of the distance in the file that the motors are from the middle.
     """
 
     boat: Boat
@@ -67,7 +69,10 @@ def voyages(kind: str, seed: int = 0) -> Iterator[Voyage]:
         dice, boat = np.random.default_rng([SEED, seed, KINDS.index(kind), k]), EVERY[name]
         share = float(dice.uniform(*WEAK))
         both = (-1.0, 1.0)
-        sides = {"port": (-1.0,), "all": both, "later": both, "steering": ()}.get(kind, (1.0,))
+        none = {"steering": (), "arm": ()}
+        sides = {"port": (-1.0,), "all": both, "later": both, **none}.get(kind, (1.0,))
+        if kind == "arm":
+            share = (share - 0.1) ** (1.0 if k // 2 % 2 else -1.0)
         since = float(dice.uniform(0.3, 0.7)) * SECONDS if kind == "later" else -1.0
         weak = [m.channel for m in boat.motors if np.sign(m.y) in sides]
         hidden = [
@@ -90,7 +95,10 @@ def write(voyage: Voyage, folder: Path) -> tuple[Path, Path]:
     """Sail it: the log, and a vessel file that is right or 10 % off."""
     log, file = folder / "voyage.tlog", folder / "vessel.toml"
     boat = voyage.boat.misjudged(voyage.seed) if voyage.seed % 2 else voyage.boat
-    if not voyage.hidden:
+    if not voyage.hidden and not boat.rudders:
+        motors = [replace(motor, y=motor.y / voyage.share) for motor in boat.motors]
+        boat = replace(boat, motors=tuple(motors))
+    elif not voyage.hidden:
         turn = [replace(rudder, most=rudder.most / voyage.share) for rudder in boat.rudders]
         boat = replace(boat, rudders=tuple(turn))
     file.write_text(vessel_toml(boat), encoding="utf-8")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.state import Floats
+from sim.vessel import Servo
 
 
 def data_frame(columns: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Any:
@@ -69,6 +70,7 @@ class Trial:
     excluded: tuple[Stretch, ...] = ()
     start_time_ns: int = 0
     origin_deg: tuple[float, float] | None = None
+    outputs: tuple[Servo, ...] = ()  # that move the boat, as the autopilot's parameters have them
     sources: Mapping[str, str] = field(default_factory=dict)
     rates_hz: Mapping[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = ()  # what was wrong with the recording, one sentence each

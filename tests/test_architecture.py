@@ -118,8 +118,8 @@ LAYERS = {
         body
         wind
         balance actuators sensing effects
-        vessel trial
-        kernel
+        vessel
+        trial kernel
         model
         prediction excitation plants
         following identification hil

@@ -261,6 +261,15 @@ def _scale(seed: int) -> Iterator[Plan]:
         yield Plan(("thrust_scale",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i > 1, boat=boat)
 
 
+def _arm(seed: int) -> Iterator[Plan]:
+    """Motors at another distance from the centre line than in the file; as `_scale`."""
+    for i in range(8):
+        yield Plan(("lever_arm",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i % 4 > 1)
+    for i in range(4):
+        boat = f"light-{LIGHT_FROM[seed] + i}"
+        yield Plan(("lever_arm",), OPEN_LOOP if i % 2 else MISSIONS, misjudged=i > 1, boat=boat)
+
+
 def _once_each(names: Iterable[str]) -> list[Plan]:
     """More kinds of strangers, each open loop and on a mission."""
     return [Plan((name,), pilots) for pilots in (OPEN_LOOP, MISSIONS) for name in names]
@@ -286,6 +295,7 @@ FAMILIES: Mapping[str, Family] = {
     "untold": lambda seed: _once_each(UNTOLD),
     "unasked": lambda seed: _once_each(UNASKED),
     "scale": _scale,
+    "arm": _arm,
 }
 SMALL: Mapping[str, Family] = {
     "excitation": lambda seed: _all(OPEN_LOOP)[::4],

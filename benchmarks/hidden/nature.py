@@ -25,6 +25,7 @@ class Cause:
     shaft_lag: float = 0.0  # s, until a shaft turns as commanded
     rudder_lag: float = 0.0  # s, until a rudder stands as commanded
     turned: float = 0.0  # rad, of all motors, clockwise
+    arms: float = 1.0  # of the distance of all motors from the centre line
     rudder_turned: float = 0.0  # rad, of all rudders, to starboard
     rudder_gain: float = 1.0  # of the angle of all rudders
     tired: float = 1.0  # how many times as fast the battery empties and sags
@@ -48,6 +49,7 @@ class Nature:
         self.tired = math.prod(c.tired for c in causes)
         self.latency = sum(c.latency for c in causes)
         self._turned = sum(c.turned for c in causes)
+        self._arms = math.prod(c.arms for c in causes)
         self._rudder_turned = sum(c.rudder_turned for c in causes)
         self._rudder_gain = math.prod(c.rudder_gain for c in causes)
         self._commands = [c.command for c in causes if c.command]
@@ -136,7 +138,7 @@ class Nature:
     def _motor(self, force: float, motor: Motor, steered: float) -> Push:
         angle = self._turned + steered
         X, Y = force * math.cos(angle), force * math.sin(angle)
-        return Push(X, Y, motor.x * Y - motor.y * X)
+        return Push(X, Y, motor.x * Y - self._arms * motor.y * X)
 
 
 def _following(asked: Sequence[float], now: Sequence[float], lag: float) -> list[float]:

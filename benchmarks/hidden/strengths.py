@@ -184,7 +184,7 @@ WHOLE = frozenset({"actuator_wiring"})  # there, or not there: never weak
 # full strength who knows the effect gains less than a tenth there
 UNSEEN = {"cg_offset": ("iacquabot",), "astern_stall": ("teal", "grebe", "heron", "dory")}
 SKID_ONLY = frozenset({
-    "actuator_wiring", "thruster_imbalance", "thruster_fault", "wake_of_the_other",
+    "actuator_wiring", "thruster_imbalance", "thruster_fault", "lever_arm", "wake_of_the_other",
     "power_budget",
 })  # fmt: skip
 STEERED_ONLY = frozenset({"steering_lag", "steering_offset", "steering_scale"})
@@ -252,10 +252,15 @@ def _steering_scale(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     return {"gain": 1.0 + k * side(d) * of(d, 0.2, 0.35)}
 
 
+def _lever_arm(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return {"gain": (1.0 - k * of(d, 0.35, 0.5)) ** side(d)}
+
+
 SCALES: Mapping[str, Recipe] = {  # came later still
     "thrust_scale": _thrust_scale,
     "steering_scale": _steering_scale,
 }
+ARMS: Mapping[str, Recipe] = {"lever_arm": _lever_arm}  # and later than these
 
 
 def _sea(b: Boat, d: Dice, k: float, seconds: float) -> Values:
@@ -384,7 +389,7 @@ UNLISTED: Mapping[str, Recipe] = {
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
     known = {
-        **RECIPES, **CHANGES, **LATER, **SCALES, **SEAS,
+        **RECIPES, **CHANGES, **LATER, **SCALES, **ARMS, **SEAS,
         **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD, **UNASKED,
     }  # fmt: skip
     return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

@@ -9,8 +9,8 @@ from gateway.errors import BadInput, numerical_errors, printable
 from gateway.figures.comparison import comparison_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.ingest.open import check_each_once
+from gateway.offline.notices import notices_of
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, excluded_summary, load_trials
-from gateway.offline.usable_time import notices_of
 from gateway.vessel_file import load_vessel
 from sim.comparison.compare import Comparison, compare, improvements
 from sim.comparison.refit import TooShortError, compare_refitted

@@ -16,8 +16,9 @@ from gateway.figures.diagnosis import diagnosis_figures
 from gateway.figures.matplotlib_draw import save_figures
 from gateway.files import write_whole
 from gateway.offline.add import DiagnosisFile, add_from_diagnosis
+from gateway.offline.notices import notices_of
 from gateway.offline.trials import TrialOptions, date_of, usable_trials
-from gateway.offline.usable_time import notices_of, runs_without_thrust
+from gateway.offline.usable_time import runs_without_thrust
 from gateway.result_json import result_json
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file

@@ -27,8 +27,9 @@ from gateway.offline.diagnose import (
     diagnosed_trials,
 )
 from gateway.offline.identify import identify_trials
+from gateway.offline.notices import notices_of
 from gateway.offline.trials import TrialOptions, usable_trials
-from gateway.offline.usable_time import TimeSpan, limit_to_span, notices_of
+from gateway.offline.usable_time import TimeSpan, limit_to_span
 from gateway.offline.vessel import ASTERN, BoatSize, check_size, first_vessel
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel

@@ -19,13 +19,13 @@ from gateway.figures.matplotlib_draw import save_figures
 from gateway.figures.motion import identification_figures, parameter_changes
 from gateway.files import check_place, write_whole
 from gateway.ingest.open import check_each_once
+from gateway.offline.notices import notices_of
 from gateway.offline.trials import DEFAULT_TRIALS, TrialOptions, date_of, usable_trials
 from gateway.offline.usable_time import (
     Exclusion,
     TimeSpan,
     exclude_stretches,
     limit_to_span,
-    notices_of,
     runs_without_thrust,
 )
 from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file, revised

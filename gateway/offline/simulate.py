@@ -15,7 +15,7 @@ import numpy as np
 from gateway.errors import BadInput
 from gateway.ingest.mcap.log import enclosure
 from gateway.json_rows import encode_rows
-from gateway.offline.usable_time import assumed_by
+from gateway.offline.notices import assumed_by
 from gateway.recording.recorder import Attachment, Recorder, RecordingSettings, TopicsKept
 from gateway.shadow.path import follower_of
 from gateway.shadow.topic_rows import MOTION_FIELDS

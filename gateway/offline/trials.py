@@ -17,7 +17,7 @@ from gateway.estimation.events import Events
 from gateway.estimation.smoother import SmoothedMotion
 from gateway.ingest.agreement import reconciled
 from gateway.ingest.log import Log, choose_floating
-from gateway.ingest.mapping import Origin, moment_of
+from gateway.ingest.mapping import Origin, actuators, moment_of
 from gateway.ingest.open import check_each_once, open_log
 from gateway.ingest.sources import Choice, choose
 from gateway.ingest.table_repair import repair_table, settings_for
@@ -35,6 +35,7 @@ from gateway.shadow import (
 )
 from sim.state import Floats, Progress
 from sim.trial import Trial
+from sim.vessel import Servo
 
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
 SHORTEST_S = 5.0  # of a trial; chosen, not measured
@@ -276,11 +277,16 @@ class TrialSource:
             excluded=usable_time.excluded_stretches(grid - start, dt, reasons),
             start_time_ns=self.epoch_ns + round(start * 1e9),
             origin_deg=self.origin,
+            outputs=self._outputs(),
             sources={name: choice.source for name, choice in self.choices.items()},
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
             notices=(*self.contradictions, *self.notices),
             contradictions=self.contradictions,
         )
+
+    def _outputs(self) -> tuple[Servo, ...]:
+        """The outputs that move the boat, as the parameters of the log have them."""
+        return tuple(Servo(a.channel, a.pwm, a.reversed) for a in actuators(self.parameters))
 
     def _commands(self, edges: Floats) -> tuple[tuple[int, ...], Floats]:
         """Channels that ever have a pulse, and their mean over each interval, NaN if disarmed."""

@@ -10,11 +10,8 @@ One reason are sensors of the recording that contradict each other: no model may
 
 Live, a value that stands still is enough. Afterwards the whole stretch is known, and a value that
 rightly stands still (a table without noise on a straight leg) contradicts nothing and is kept.
-
-Also the notices on recordings that every result repeats: wiring, then what looks odd in them.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -39,7 +36,6 @@ from gateway.shadow.sensor_checks import (
     SensorFault,
     SensorMemory,
 )
-from sim.identification.wiring import wiring_notices, wiring_of
 from sim.model import Model
 from sim.prediction import vessel_commands
 from sim.prediction.segments import usable_stretches
@@ -208,59 +204,6 @@ def _exclude(trial: Trial, exclusions: Sequence[Exclusion]) -> Trial:
             if one.start < end:  # else the recording is over before it begins
                 excluded.append(Stretch(one.start, end, LEFT_OUT))
     return replace(trial, usable=usable, excluded=tuple(excluded))
-
-
-MOVES_US = 30.0  # standard deviation of a pulse width; chosen, not measured
-
-
-def outputs_without_actuator(trials: Sequence[Trial], vessel: Vessel) -> list[str]:
-    """That outputs move which the vessel file does not have: motors may be missing from it."""
-    known = {actuator.servo.channel for actuator in vessel.actuators}
-    moving = {
-        channel
-        for trial in trials
-        for channel, pwm in zip(trial.channels, trial.pwm[trial.usable].T, strict=True)
-        if channel not in known and _spread(pwm) > MOVES_US
-    }
-    if not moving:
-        return []
-    names = " and ".join(map(str, sorted(moving)))
-    what, verb = ("output", "moves") if len(moving) == 1 else ("outputs", "move")
-    return [f"{what} {names} {verb} too, and {vessel.name} has nothing there: a motor that the "
-            "file lacks, another boat's log, or a camera?"]  # fmt: skip
-
-
-def _spread(pwm: Floats) -> float:
-    """Standard deviation of the pulses that there are [µs]."""
-    pulses = pwm[np.isfinite(pwm)]
-    return float(np.std(pulses)) if len(pulses) else 0.0
-
-
-NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
-
-
-def assumed_by(vessel: Vessel) -> list[str]:
-    """What was assumed for the vessel's effects to act."""
-    return [f"{vessel.name}: {text}" for text in vessel.assumptions]
-
-
-def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
-    """Notices on the wiring and on what the vessel's effects assume, then those of the recordings,
-    like ones in one sentence.
-
-    Notices are alike where they differ in numbers alone; the numbers shown are the first one's.
-    """
-    alike: dict[str, list[tuple[str, str]]] = {}
-    for trial in trials:
-        for notice in trial.notices:
-            alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
-    wiring = wiring_notices(wiring_of(trials, vessel), vessel)
-    out = [*wiring, *outputs_without_actuator(trials, vessel), *assumed_by(vessel)]
-    for group in alike.values():
-        names = list(dict.fromkeys(name for name, _ in group))
-        listed = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
-        out.append(f"{listed}: {group[0][1]}")
-    return tuple(out)
 
 
 # All chosen, not measured: what two sources may be apart, at once and with time.

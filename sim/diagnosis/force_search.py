@@ -373,7 +373,8 @@ def _is_like_the_base(effect: Effect) -> bool:
     """Whether it is told only beyond what the numbers of a hull are known to: before others are
     found it stands in for all that slows a boat.
     """
-    return effect.thrust is not None and any(p.least for p in effect.parameters)
+    acts = effect.thrust or effect.reaction
+    return acts is not None and any(p.least for p in effect.parameters)
 
 
 def _special_first(found: Sequence[ForceFit]) -> ForceFit:

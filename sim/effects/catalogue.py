@@ -11,7 +11,7 @@ NAMES = """
     cross_damping crossflow_drag hull_lift cg_offset
     cubic_drag drag_growth payload_change towed_load
     actuator_wiring thruster_deadband thrust_curve reverse_loss thruster_imbalance thruster_fault
-    thrust_scale battery_sag advance_loss astern_stall
+    thrust_scale lever_arm battery_sag advance_loss astern_stall
     thruster_lag command_delay thruster_misalignment steering_scale steering_offset steering_lag
     antenna_offset velocity_latency compass_deviation heading_offset yaw_rate_bias
     learned learned_drag learned_spot learned_profile learned_map learned_history

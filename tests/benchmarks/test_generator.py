@@ -74,6 +74,7 @@ EXAMPLES = {
     "steering_offset": {"angle": 0.1},
     "steering_scale": {"gain": 0.7},
     "thrust_scale": {"gain": 0.7},
+    "lever_arm": {"gain": 0.6},
     "heading_offset": {"angle": 0.1},
     "compass_deviation": {"b": 0.1, "c": -0.05},
     "antenna_offset": {"x": 0.5, "y": 0.2},

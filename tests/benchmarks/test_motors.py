@@ -12,6 +12,7 @@ from sim.effects.catalogue import named
 RIVALS = (
     "thruster_imbalance", "thrust_scale", "towed_load", "thruster_misalignment", "hull_lift",
     "steering_scale", "steering_offset", "thruster_fault", "drag_growth", "payload_change",
+    "lever_arm",
 )  # fmt: skip
 FEW = DiagnoseSettings(effects=tuple(map(named, RIVALS)))
 
@@ -23,9 +24,13 @@ def voyage(kind: str, number: int) -> Voyage:
 def test_a_voyage_is_the_same_whatever_else_is_run_and_other_dice_are_other_voyages() -> None:
     for kind in KINDS:
         assert list(voyages(kind)) == list(voyages(kind))
-        assert all(0.6 <= v.share <= 0.88 for v in voyages(kind, seed=1))
+        low, high = (0.5, 2.0) if kind == "arm" else (0.6, 0.88)
+        assert all(low <= v.share <= high for v in voyages(kind, seed=1))
     assert [v.second for v in voyages("second")][:2] == ["steady_current", "heading_offset"]
-    assert not any(v.hidden for v in voyages("steering"))
+    assert not any(v.hidden for kind in ("steering", "arm") for v in voyages(kind))
+    assert {(v.share > 1.0, v.seed % 2) for v in voyages("arm")} == {
+        (further, off) for further in (True, False) for off in (0, 1)
+    }
     assert {len(v.hidden) for v in voyages("all")} == {2, 4}  # the IAcquaBot has four motors
     assert list(voyages("port", 1)) != list(voyages("port"))
     moments = [{h.values["time"] for h in v.hidden} for v in voyages("later")]
@@ -55,6 +60,20 @@ def test_a_steering_that_turns_less_far_than_the_file_says_is_named(tmp_path: Pa
     assert found.effects == ("steering_scale",)
     (added,) = found.ladder[-1].vessel.effects
     assert added.values["gain"] == pytest.approx(v.share, abs=0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
+def test_motors_nearer_or_further_out_than_in_the_file_are_named(
+    tmp_path: Path, number: int
+) -> None:
+    """And neither are all said to push less, nor is a lift of the hull that turns her."""
+    v = voyage("arm", number)
+    log, file = write(v, tmp_path)
+    found = diagnose_logs([log], file, settings=FEW).diagnosis
+    assert found.effects == ("lever_arm",)
+    (added,) = found.ladder[-1].vessel.effects
+    assert added.values["gain"] == pytest.approx(v.share, rel=0.12)
 
 
 @pytest.mark.slow

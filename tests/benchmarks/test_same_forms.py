@@ -37,6 +37,7 @@ SAME = {
     "steering_offset": {"angle": 0.1},
     "steering_scale": {"gain": 0.7},
     "thrust_scale": {"gain": 0.7},
+    "lever_arm": {"gain": 0.6},
 }
 ALIKE = {  # nature has its own form: least correlation of what they do
     "varying_current": ({"speed": 0.3, "direction": 1.0, "period": 90.0, "phase": 0.4}, 0.97),

@@ -38,6 +38,11 @@ def thruster_misalignment(angle: float) -> Cause:
     return Cause(turned=angle)
 
 
+def lever_arm(gain: float) -> Cause:
+    """All motors `gain` times as far from the centre line."""
+    return Cause(arms=gain)
+
+
 def thruster_deadband(width: float) -> Cause:
     """Nothing up to `width`; beyond it thrust as commanded, not rescaled."""
     return Cause(command=lambda cs: [c if abs(c) > width else 0.0 for c in cs])
@@ -108,5 +113,6 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
         thruster_lag, command_delay, thruster_misalignment, thruster_deadband, thrust_curve,
         actuator_wiring, thruster_imbalance, reverse_loss, thruster_fault, battery_sag,
         advance_loss, astern_stall, steering_lag, steering_offset, thrust_scale, steering_scale,
+        lever_arm,
     )
 }  # fmt: skip

@@ -128,6 +128,8 @@ SENTENCES = (
     ("thruster_imbalance", {"port_gain": 0.88, "starboard": 1.0},
      "the starboard motor pushes 12 % harder than modelled"),
     ("thrust_scale", {"gain": 0.68}, "all motors push 32 % weaker than modelled"),
+    ("lever_arm", {"gain": 0.6}, "the motors are 40 % nearer to the centre line than in the file"),
+    ("lever_arm", {"gain": 1.5}, "the motors are 50 % further from the centre line than in"),
     ("thruster_lag", {"tau": 1.25}, "thrust follows the throttle 1.2 s late"),
     ("thruster_misalignment", {"angle": -0.1}, "the motors point 5.7° to port"),
     ("towed_load", {"drag": 20.0, "x": -1.5}, "1.5 m aft of the middle, with 20 N at 1 m/s"),

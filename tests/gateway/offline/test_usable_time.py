@@ -1,7 +1,5 @@
 """Stretches that a user leaves out."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,6 @@ from gateway.errors import BadInput
 from gateway.offline.usable_time import (
     Exclusion,
     exclude_stretches,
-    notices_of,
-    outputs_without_actuator,
     parse_exclusions,
 )
 from tests.sim.voyages import WAM_V, simulated
@@ -57,15 +53,3 @@ def test_a_stretch_behind_the_end_leaves_nothing_out():
 def test_a_recording_that_is_not_there_is_named():
     with pytest.raises(BadInput, match="no recording 'other'"):
         exclude_stretches([simulated(WAM_V, 30.0)], parse_exclusions(["other:1:2"]))
-
-
-def test_outputs_that_move_and_are_not_in_the_file_are_told() -> None:
-    """As of another boat's log; not those that only hold a pulse."""
-    trial = simulated(WAM_V, 60.0)
-    more = np.column_stack([trial.pwm, np.full(len(trial), 1500.0), trial.pwm[:, 0]])
-    channels = (*trial.channels, 7, 8)
-    other = replace(trial, channels=channels, pwm=more)
-    assert outputs_without_actuator([trial], WAM_V) == []
-    (told,) = outputs_without_actuator([other], WAM_V)
-    assert told.startswith("output 8 moves too, and plain has nothing there")
-    assert told in notices_of([other], WAM_V)

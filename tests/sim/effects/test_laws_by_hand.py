@@ -167,6 +167,13 @@ def test_commands_angles_and_lags_are_what_their_equations_give() -> None:
     assert law("velocity_latency", "latency")(p(delay=0.7)) == 0.7
 
 
+def test_arms_of_another_length_give_another_moment_and_no_other_force() -> None:
+    more = law("lever_arm", "reaction")  # 0.7 m to port, 50 N ahead: 35 N m, of which 40 % less
+    assert more(50.0, DRIVE, flow(), p(gain=0.6)) == pytest.approx((0.0, 0.0, -14.0))
+    assert more(50.0, DRIVE._replace(y=0.7), flow(), p(gain=0.6)) == pytest.approx((0.0, 0.0, 14.0))
+    assert more(50.0, DRIVE._replace(azimuth=HALF_PI), flow(), p(gain=2.0)).N == pytest.approx(0.0)
+
+
 def test_the_mass_is_where_it_is_and_as_much_as_there_is() -> None:
     M = Inertia(10.0, 1.0, 2.0, 20.0, 3.0, 30.0)
     aft = law("cg_offset", "inertia")(M, flow(), p(x_g=-0.25))

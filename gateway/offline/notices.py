@@ -1,0 +1,90 @@
+"""The notices on recordings and on the vessel file that every result repeats.
+
+Wiring, outputs of which the autopilot says something else than the file, what the vessel's effects
+assume, then what looks odd in the recordings.
+"""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.identification.wiring import wiring_notices, wiring_of
+from sim.state import Floats
+from sim.trial import Trial
+from sim.vessel import Servo, Vessel
+
+MOVES_US = 30.0  # standard deviation of a pulse width; chosen, not measured
+ALIKE_US = 20.0  # pulse limits that differ by less are the same; chosen, not measured
+NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
+
+
+def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
+    """All of them in sentences, like ones of several recordings in one.
+
+    Notices are alike where they differ in numbers alone; the numbers shown are the first one's.
+    """
+    alike: dict[str, list[tuple[str, str]]] = {}
+    for trial in trials:
+        for notice in (*outputs_set_otherwise(trial, vessel), *trial.notices):
+            alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
+    wiring = wiring_notices(wiring_of(trials, vessel), vessel)
+    out = [*wiring, *outputs_without_actuator(trials, vessel), *assumed_by(vessel)]
+    for group in alike.values():
+        names = list(dict.fromkeys(name for name, _ in group))
+        listed = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+        out.append(f"{listed}: {group[0][1]}")
+    return tuple(out)
+
+
+def outputs_without_actuator(trials: Sequence[Trial], vessel: Vessel) -> list[str]:
+    """That outputs move which the vessel file does not have: motors may be missing from it."""
+    known = {actuator.servo.channel for actuator in vessel.actuators}
+    moving = {
+        channel
+        for trial in trials
+        for channel, pwm in zip(trial.channels, trial.pwm[trial.usable].T, strict=True)
+        if channel not in known and _spread(pwm) > MOVES_US
+    }
+    if not moving:
+        return []
+    names = " and ".join(map(str, sorted(moving)))
+    what, verb = ("output", "moves") if len(moving) == 1 else ("outputs", "move")
+    return [f"{what} {names} {verb} too, and {vessel.name} has nothing there: a motor that the "
+            "file lacks, another boat's log, or a camera?"]  # fmt: skip
+
+
+def _spread(pwm: Floats) -> float:
+    """Standard deviation of the pulses that there are [µs]."""
+    pulses = pwm[np.isfinite(pwm)]
+    return float(np.std(pulses)) if len(pulses) else 0.0
+
+
+def outputs_set_otherwise(trial: Trial, vessel: Vessel) -> list[str]:
+    """Pulse limits and directions of the file that are not those of the autopilot's parameters."""
+    own, out = {servo.channel: servo for servo in trial.outputs}, []
+    for actuator in vessel.actuators:
+        ours, theirs = actuator.servo, own.get(actuator.servo.channel)
+        if theirs is None:
+            continue
+        where = f"output {ours.channel} ({actuator.name})"
+        if not np.allclose(ours.pwm, theirs.pwm, rtol=0.0, atol=ALIKE_US):
+            out.append(f"{where}: pulses of {_limits(ours)} µs in the vessel file, but of "
+                       f"{_limits(theirs)} µs in the autopilot's parameters: what is full throttle "
+                       "or full helm for one is not for the other")  # fmt: skip
+        if ours.reversed != theirs.reversed:
+            does, does_not = "the vessel file", "the autopilot's parameters"
+            if theirs.reversed:
+                does, does_not = does_not, does
+            out.append(f"{where}: reversed in {does}, and not in {does_not}")
+    return out
+
+
+def _limits(servo: Servo) -> str:
+    """Lowest, neutral, highest [µs]."""
+    return " – ".join(f"{pulse:g}" for pulse in servo.pwm)
+
+
+def assumed_by(vessel: Vessel) -> list[str]:
+    """What was assumed for the vessel's effects to act."""
+    return [f"{vessel.name}: {text}" for text in vessel.assumptions]
