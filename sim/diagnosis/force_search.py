@@ -242,7 +242,7 @@ def search_forces(
     """Effects that each leave much less of the missing force than the others do without it, at
     `most` so many.
     """
-    candidates = [e for e in effects if acts_at_once(e) and not _is_like_the_base(e)]
+    candidates = [e for e in effects if acts_at_once(e) and not e.is_like_the_base]
     unknowns = unknowns_for(problem.superset, [], len(problem.trials), problem.settings)
     fit = problem.at([], unknowns, unknowns.start)
     promising: dict[str, tuple[str, ...]] = {}
@@ -367,14 +367,6 @@ def acts_at_once(effect: Effect) -> bool:
     """
     has_memory = effect.thrust_rate or effect.angle_rate or effect.rate
     return not (has_memory or effect.wiring or effect.is_curve or effect.partial)
-
-
-def _is_like_the_base(effect: Effect) -> bool:
-    """Whether it is told only beyond what the numbers of a hull are known to: before others are
-    found it stands in for all that slows a boat.
-    """
-    acts = effect.thrust or effect.reaction
-    return acts is not None and any(p.least for p in effect.parameters)
 
 
 def _special_first(found: Sequence[ForceFit]) -> ForceFit:

@@ -82,7 +82,7 @@ def screen(
         found = list(mapper(judged, found))
         progress(first_impression(sorted((s[0].result for s in found if s), key=_deviance)))
     for like in references[1:]:
-        also = mapper(_Base.of(superset, like, share, rival).begun, pairs)
+        also = mapper(_Base.of(superset, like, share, rival, given=True).begun, pairs)
         found = [[*some, *([r] if r else [])] for some, r in zip(found, also, strict=True)]
     every = {some[0].result.name: some for some in mapper(judged, found) if some}
     results = _to_the_end(main.fine, every, main.fine.deviance_of(reference), mapper)
@@ -101,25 +101,32 @@ class _Base:
     """Numbers of the base that effects begin from, on the rows that decide and on fewer.
 
     enough  what a rival leaves of the fewer [cost]; infinite where there is none
+    given   whether they are those of the vessel as it was given
     """
 
     fine: Screening
     coarse: Screening
     enough: float
+    given: bool = False
 
     @classmethod
-    def of(cls, superset: SupersetModel, like: Fit, share: float, rival: Fit | None) -> "_Base":
+    def of(
+        cls, superset: SupersetModel, like: Fit, share: float, rival: Fit | None,
+        given: bool = False,
+    ) -> "_Base":  # fmt: skip
         """The numbers of a fit; `share`: of the rows that are screened on otherwise."""
         fine, coarse = (
             Screening.of(superset, like, like.problem.thinned(round(share * rows)))
             for rows in (thresholds.SCREENED_ROWS, thresholds.COARSE_ROWS)
         )
-        return cls(fine, coarse, np.inf if rival is None else coarse.cost_of(rival))
+        return cls(fine, coarse, np.inf if rival is None else coarse.cost_of(rival), given)
 
     def begun(self, tried: tuple[Effect, Sequence[Values]]) -> Begun | None:
         """An effect from its starts; None where none leads further than the rival."""
         effect, starts = tried
         begins, has_rival = [self.fine.at(effect, start) for start in starts], self.enough < np.inf
+        if self.given and effect.is_like_the_base:
+            begins = [self.fine.beside_base(r) for r in begins]
         if has_rival or len(begins) > thresholds.MANY_STARTS:
             most = promised = thresholds.MAX_PROMISED_COST * self.enough
             if has_rival:  # many times its error: slopes promise but a part of the way

@@ -23,6 +23,7 @@ from sim.diagnosis.fit import (
 )
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel, nats_of
 from sim.effects.effect import Effect, Kind, Values
+from sim.identification import BASE
 from sim.identification.parameters import Unknowns
 from sim.identification.search import (
     MOMENT_STARTS,
@@ -134,9 +135,19 @@ class Screening:
 
     def fitted(self, r: ScreeningResult) -> ScreeningResult:
         """Everything fitted from there, with slopes of its own at each step."""
+        return self._fitted(r, r.unknowns)
+
+    def beside_base(self, r: ScreeningResult) -> ScreeningResult:
+        """All but the base fitted from there, the base held as it was given: together the first
+        steps would go along what the two have in common, and far beyond it.
+        """
+        base = np.array([u.name in BASE for u in r.unknowns.each])
+        return self._fitted(r, r.unknowns.fixed(base))
+
+    def _fitted(self, r: ScreeningResult, unknowns: Unknowns) -> ScreeningResult:
         added = (*self.reference.added, r.added)
         try:
-            fit = fit_effects(added, r.unknowns, self.problem, np.clip(r.z, *r.unknowns.bounds))
+            fit = fit_effects(added, unknowns, self.problem, np.clip(r.z, *unknowns.bounds))
         except (ValueError, np.linalg.LinAlgError):  # the model is lost at this start
             return replace(r, cost=np.inf)
         return replace(r, z=fit.z, cost=fit.cost, residual=None, deviance=np.inf)

@@ -409,6 +409,14 @@ class Effect:
         return self.tables is not None or bool(self.pattern)
 
     @property
+    def is_like_the_base(self) -> bool:
+        """Whether numbers of a hull that are off do the same: it is told only beyond what these are
+        known to, and before others are found it stands in for all that slows a boat.
+        """
+        acts = self.thrust or self.reaction
+        return acts is not None and any(p.least for p in self.parameters)
+
+    @property
     def fit_parameters(self) -> tuple[str, ...]:
         """Names of the parameters that a fit moves."""
         return tuple(p.name for p in self.parameters if p.is_fitted)

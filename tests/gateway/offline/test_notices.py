@@ -25,8 +25,8 @@ def test_outputs_that_move_and_are_not_in_the_file_are_told() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"pwm": (1000.0, 1500.0, 2000.0)}, "pulses of 1100 – 1500 – 1900 µs in the vessel file, but of "
-         "1000 – 1500 – 2000 µs in the autopilot's parameters"),
+        ({"pwm": (1000.0, 1500.0, 2000.0)}, "pulses of 1100 – 1500 – 1900 µs in the vessel file, "
+         "but of 1000 – 1500 – 2000 µs in the autopilot's parameters"),
         ({"pwm": (1100.0, 1540.0, 1900.0)}, "but of 1100 – 1540 – 1900 µs"),
         ({"pwm": (1105.0, 1515.0, 1900.0)}, ""),
         ({"reversed": True}, "reversed in the autopilot's parameters, and not in the vessel file"),
