@@ -1,6 +1,6 @@
 """Are weak motors told as that, those to starboard, to port, all of them? And a wrong steering?
 
-    python -m benchmarks.motors [--kind starboard port all second steering later arm]
+    python -m benchmarks.motors [--kind starboard port all second steering later arm one_arm]
         [--every 1] [--seed 0]
 
 Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`) with
@@ -9,8 +9,8 @@ motors, now weaker, now stronger. Kinds: the motors to starboard; those to port;
 to starboard beside a second cause; with nothing hidden, a file that lets rudders and steered
 motors turn further than they do, of which they turn such a share; all of them from a moment on
 alone; and with nothing hidden, a file that has the motors too far from the centre line by 50 to
-78 %, or on half of the voyages too near. Every other vessel file is 10 % off in each of its nine
-numbers.
+78 %, or on half of the voyages too near; and the same of those on one side alone. Every other
+vessel file is 10 % off in each of its nine numbers.
 Printed: what is hidden, the verdict, the effects found, the error before and after and the noise.
 """
 
@@ -33,7 +33,7 @@ from gateway.offline.diagnose import diagnose_logs
 
 SEED = 46_000
 SECONDS = 300.0
-KINDS = ("starboard", "port", "all", "second", "steering", "later", "arm")
+KINDS = ("starboard", "port", "all", "second", "steering", "later", "arm", "one_arm")
 WEAK = (0.6, 0.88)  # of the thrust, drawn
 PAIRS = (
     ("grebe", "survey"), ("wam-v", "excitation"), ("light-5", "survey"), ("light-7", "wander"),
@@ -56,6 +56,7 @@ class Voyage(NamedTuple):
     seed: int
     share: float
     hidden: tuple[Hidden, ...]
+    arms_off: tuple[float, ...] = (-1.0, 1.0)  # sides whose motors the file has elsewhere
 
     @property
     def second(self) -> str:
@@ -69,9 +70,9 @@ def voyages(kind: str, seed: int = 0) -> Iterator[Voyage]:
         dice, boat = np.random.default_rng([SEED, seed, KINDS.index(kind), k]), EVERY[name]
         share = float(dice.uniform(*WEAK))
         both = (-1.0, 1.0)
-        none = {"steering": (), "arm": ()}
+        none = {"steering": (), "arm": (), "one_arm": ()}
         sides = {"port": (-1.0,), "all": both, "later": both, **none}.get(kind, (1.0,))
-        if kind == "arm":
+        if kind in ("arm", "one_arm"):
             share = (share - 0.1) ** (1.0 if k // 2 % 2 else -1.0)
         since = float(dice.uniform(0.3, 0.7)) * SECONDS if kind == "later" else -1.0
         weak = [m.channel for m in boat.motors if np.sign(m.y) in sides]
@@ -87,8 +88,9 @@ def voyages(kind: str, seed: int = 0) -> Iterator[Voyage]:
             Hidden("steady_wind", {"speed": 8.0, "direction": way}),
         )
         hidden += [more[k % len(more)]] if kind == "second" else []
+        off = (both[k % 2],) if kind == "one_arm" else both
         yield Voyage(boat, pilot, SEED + 1000 * seed + 100 * KINDS.index(kind) + k, share,
-                     tuple(hidden))  # fmt: skip
+                     tuple(hidden), off)  # fmt: skip
 
 
 def write(voyage: Voyage, folder: Path) -> tuple[Path, Path]:
@@ -96,7 +98,10 @@ def write(voyage: Voyage, folder: Path) -> tuple[Path, Path]:
     log, file = folder / "voyage.tlog", folder / "vessel.toml"
     boat = voyage.boat.misjudged(voyage.seed) if voyage.seed % 2 else voyage.boat
     if not voyage.hidden and not boat.rudders:
-        motors = [replace(motor, y=motor.y / voyage.share) for motor in boat.motors]
+        off = voyage.arms_off
+        motors = [
+            replace(m, y=m.y / voyage.share) if np.sign(m.y) in off else m for m in boat.motors
+        ]
         boat = replace(boat, motors=tuple(motors))
     elif not voyage.hidden:
         turn = [replace(rudder, most=rudder.most / voyage.share) for rudder in boat.rudders]

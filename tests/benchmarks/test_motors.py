@@ -24,10 +24,10 @@ def voyage(kind: str, number: int) -> Voyage:
 def test_a_voyage_is_the_same_whatever_else_is_run_and_other_dice_are_other_voyages() -> None:
     for kind in KINDS:
         assert list(voyages(kind)) == list(voyages(kind))
-        low, high = (0.5, 2.0) if kind == "arm" else (0.6, 0.88)
+        low, high = (0.5, 2.0) if kind in ("arm", "one_arm") else (0.6, 0.88)
         assert all(low <= v.share <= high for v in voyages(kind, seed=1))
     assert [v.second for v in voyages("second")][:2] == ["steady_current", "heading_offset"]
-    assert not any(v.hidden for kind in ("steering", "arm") for v in voyages(kind))
+    assert not any(v.hidden for kind in ("steering", "arm", "one_arm") for v in voyages(kind))
     assert {(v.share > 1.0, v.seed % 2) for v in voyages("arm")} == {
         (further, off) for further in (True, False) for off in (0, 1)
     }

@@ -129,6 +129,8 @@ SENTENCES = (
      "the starboard motor pushes 12 % harder than modelled"),
     ("thrust_scale", {"gain": 0.68}, "all motors push 32 % weaker than modelled"),
     ("lever_arm", {"gain": 0.6}, "the motors are 40 % nearer to the centre line than in the file"),
+    ("lever_arm", {"gain": 0.6, "side": 1.0}, "the port motor is 40 % nearer to the centre line"),
+    ("lever_arm", {"gain": 2.0, "side": 2.0}, "the starboard motor is 100 % further from the"),
     ("lever_arm", {"gain": 1.5}, "the motors are 50 % further from the centre line than in"),
     ("thruster_lag", {"tau": 1.25}, "thrust follows the throttle 1.2 s late"),
     ("thruster_misalignment", {"angle": -0.1}, "the motors point 5.7° to port"),

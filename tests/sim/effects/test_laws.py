@@ -225,5 +225,6 @@ def test_one_of_two_that_look_alike_declares_it():
         "cross_damping",
         "crossflow_drag",
         "towed_load",
+        "lever_arm",
         "steering_scale",
     )

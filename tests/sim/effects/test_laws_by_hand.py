@@ -169,9 +169,13 @@ def test_commands_angles_and_lags_are_what_their_equations_give() -> None:
 
 def test_arms_of_another_length_give_another_moment_and_no_other_force() -> None:
     more = law("lever_arm", "reaction")  # 0.7 m to port, 50 N ahead: 35 N m, of which 40 % less
-    assert more(50.0, DRIVE, flow(), p(gain=0.6)) == pytest.approx((0.0, 0.0, -14.0))
-    assert more(50.0, DRIVE._replace(y=0.7), flow(), p(gain=0.6)) == pytest.approx((0.0, 0.0, 14.0))
-    assert more(50.0, DRIVE._replace(azimuth=HALF_PI), flow(), p(gain=2.0)).N == pytest.approx(0.0)
+    port, starboard = DRIVE, DRIVE._replace(y=0.7)
+    for side, moments in ((0.0, (-14.0, 14.0)), (1.0, (-14.0, 0.0)), (2.0, (0.0, 14.0))):
+        for drive, moment in zip((port, starboard), moments, strict=True):
+            found = more(50.0, drive, flow(), p(gain=0.6, side=side))
+            assert found == pytest.approx((0.0, 0.0, moment))
+    across = more(50.0, DRIVE._replace(azimuth=HALF_PI), flow(), p(gain=2.0, side=0.0))
+    assert across.N == pytest.approx(0.0)
 
 
 def test_the_mass_is_where_it_is_and_as_much_as_there_is() -> None:
