@@ -63,7 +63,7 @@ def test_a_steering_that_turns_less_far_than_the_file_says_is_named(tmp_path: Pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("number", [2, 4])
 def test_motors_nearer_or_further_out_than_in_the_file_are_named(
     tmp_path: Path, number: int
 ) -> None:
