@@ -49,6 +49,14 @@ def axis_of(azimuth: float) -> tuple[float, float]:
 
 
 @jitable
+def pointing(drive: ThrusterParameters, azimuth: float) -> ThrusterParameters:
+    """The same thruster, turned to another azimuth [rad]."""
+    return ThrusterParameters(
+        drive.number, drive.x, drive.y, azimuth, drive.astern, drive.ahead, drive.exponent
+    )
+
+
+@jitable
 def thruster_force(thrust: float, axis: tuple[float, float], drive: ThrusterParameters) -> Wrench:
     """Thrust [N] along an axis (`axis_of`) -> X, Y, N [N, N, N m]."""
     forward, starboard = thrust * axis[0], thrust * axis[1]

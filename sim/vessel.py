@@ -294,6 +294,8 @@ class Vessel:
         has = {
             Need.WIND_AREA: True,
             Need.PORT_THRUSTER: any(t.position[1] < 0.0 for t in self.thrusters),
+            Need.ARM: any(t.position[1] for t in self.thrusters)
+            or any(rudder.motor for rudder in self.rudders),
             Need.STEERING: bool(self.rudders),
         }
         return " and ".join(need.value for need in effect.needs if not has[need])

@@ -10,7 +10,8 @@ others at every stage of a step. An effect acts in one or more places:
     thrust(F, drive, flow, p) -> F       the thrust of a thruster [N]
     thrust_rate(F, state, drive, p)      the thrust that acts becomes a state with this rate [N/s]
     turn(azimuth, drive, flow, p)        the direction of a thruster [rad]
-    reaction(F, drive, flow, p)          -> Wrench: force on the hull beside a thruster's own
+    reaction(F, drive, flow, p)          -> Wrench: force on the hull beside a thruster's own;
+                                         drive.azimuth as it points just then
     angle(δ, blade, p) -> δ              the angle of a rudder or steered motor [rad]
     angle_rate(δ, state, blade, p)       the angle that acts becomes a state with this rate [rad/s]
     delay(p) -> s                        all commands act that much later
@@ -70,6 +71,7 @@ class Need(Enum):
 
     WIND_AREA = "hull.wind_area, the frontal and lateral area above water [m²]"  # else assumed
     PORT_THRUSTER = "a thruster to port of the centre line"
+    ARM = "a motor off the centre line, or one that is steered"
     STEERING = "a rudder or a steered motor"
 
 

@@ -5,8 +5,9 @@
 Motors that push two thirds move a boat as she would go who is one and a half times as heavy and as
 hard to drive: a boat is known well enough that this is told only where her own numbers would have
 to move much further than they are known. Valid for: a tired or another battery, fouled or other
-propellers, a thrust that was measured at the bollard. Source: Fossen, Handbook of Marine Craft
-Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficient matrix).
+propellers, a thrust that was measured at the bollard, or stands in the file in pounds or kilograms.
+Source: Fossen, Handbook of Marine Craft Hydrodynamics, 2nd ed. 2021, ch. 9 (thrust coefficient
+matrix).
 """
 
 from typing import Any
@@ -15,6 +16,9 @@ from sim.body import Flow, ThrusterParameters
 from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation
 from sim.effects.words import FittedValues
 
+UNITS_N = ((4.448, "pounds"), (9.807, "kilograms"))  # in which data sheets tell thrust
+OF_A_UNIT = 0.15  # a factor so near to it may be it; chosen, not measured
+
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     """Thrust -> thrust [N]."""
@@ -22,8 +26,12 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 
 
 def in_words(p: FittedValues) -> str:
-    """What was found, in a sentence."""
-    return f"all motors push {p.scaled('gain', 'harder', 'weaker')}"
+    """What was found, in a sentence; a factor between two units of force is told as that."""
+    found = f"all motors push {p.scaled('gain', 'harder', 'weaker')}"
+    for factor, unit in UNITS_N:
+        if abs(p["gain"] / factor - 1.0) < OF_A_UNIT:
+            return f"{found}, as if the thrust in the file were in {unit} and not in newtons"
+    return found
 
 
 EFFECT = Effect(
@@ -31,7 +39,17 @@ EFFECT = Effect(
     scope=Scope.BOAT,
     thrust=thrust,
     parameters=(
-        Parameter("gain", "-", lower=0.1, upper=3.0, start=1.0, scale=0.05, neutral=1.0, least=0.1),
+        Parameter(
+            "gain",
+            "-",
+            lower=0.05,
+            upper=15.0,
+            start=1.0,
+            scale=0.05,
+            neutral=1.0,
+            least=0.1,
+            starts=(1.0, 4.0, 9.0),
+        ),
     ),
     looks_like="slower to start, to turn and at the top than modelled, all in proportion to the "
     "throttle",

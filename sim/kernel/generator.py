@@ -36,7 +36,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.actuators import (
-    angle_of, axis_of, ramp, rudder_force, slipstream, thrust_at, thrust_of, thruster_force,
+    angle_of, axis_of, pointing, ramp, rudder_force, slipstream, thrust_at, thrust_of,
+    thruster_force,
 )
 from sim.balance import (
     acceleration_through, balance_residual, base_inertia, kinematics, relative_velocity, solve,
@@ -294,7 +295,7 @@ def _actuator_wrench(s: Structure) -> str:
             lines.append(s.applied(e, "turn", f"axis{i}", f"axis_of(a{i})"))
         lines.append(f"tau = add_wrench(tau, thruster_force(F{i}, axis{i}, p.t{i}))")
         for e in s.acting("reaction"):
-            own = f"add_wrench(tau, reaction_{e}(F{i}, p.t{i}, flow, p.e{e}))"
+            own = f"add_wrench(tau, reaction_{e}(F{i}, pointing(p.t{i}, a{i}), flow, p.e{e}))"
             lines.append(s.applied(e, "reaction", "tau", own))
     for i, (motor, wash) in enumerate(s.rudders):
         if motor < 0:

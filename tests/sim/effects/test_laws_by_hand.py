@@ -172,10 +172,14 @@ def test_arms_of_another_length_give_another_moment_and_no_other_force() -> None
     port, starboard = DRIVE, DRIVE._replace(y=0.7)
     for side, moments in ((0.0, (-14.0, 14.0)), (1.0, (-14.0, 0.0)), (2.0, (0.0, 14.0))):
         for drive, moment in zip((port, starboard), moments, strict=True):
-            found = more(50.0, drive, flow(), p(gain=0.6, side=side))
+            found = more(50.0, drive, flow(), p(gain=0.6, which=side))
             assert found == pytest.approx((0.0, 0.0, moment))
-    across = more(50.0, DRIVE._replace(azimuth=HALF_PI), flow(), p(gain=2.0, side=0.0))
+    across = more(50.0, DRIVE._replace(azimuth=HALF_PI), flow(), p(gain=2.0, which=0.0))
     assert across.N == pytest.approx(0.0)
+    # 1 m astern, 50 N to starboard: −50 N m, and half as much again
+    steered = more(50.0, DRIVE._replace(azimuth=HALF_PI), flow(), p(gain=1.5, which=3.0))
+    assert steered == pytest.approx((0.0, 0.0, -25.0))
+    assert more(50.0, DRIVE, flow(), p(gain=1.5, which=3.0)).N == pytest.approx(0.0)
 
 
 def test_the_mass_is_where_it_is_and_as_much_as_there_is() -> None:
