@@ -24,13 +24,14 @@ from gateway.ingest.mapping import moment_of
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import survey
 from gateway.offline.compare import compare_models
-from gateway.offline.diagnose import DIAGNOSIS_TRIALS, GUESSED_PRIOR, diagnosed_trials
+from gateway.offline.diagnose import DIAGNOSIS_TRIALS, diagnosed_trials
 from gateway.offline.identify import identify_settings, identify_trials
 from gateway.offline.trials import TrialOptions, excluded_summary, trials_of
 from gateway.user_effects import known_effects, load_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.comparison.compare import Comparison
 from sim.diagnosis.diagnose import DiagnoseSettings
+from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.identification import MASSES
 from sim.identification.intervals import Estimate
 from sim.model import Model

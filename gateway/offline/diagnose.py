@@ -24,12 +24,12 @@ from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel, read_vessel_file
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.diagnosis.more_room import numbers_at_limit
 from sim.diagnosis.next_experiment import separations
-from sim.diagnosis.thresholds import MAX_BASE_SIGMAS
+from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Effect, Scope, Separation
 from sim.excitation.catalogue import BY_NAME
-from sim.identification import BASE
 from sim.model import parameters_of
 from sim.prediction.free_runs import DivergedError
 from sim.prediction.segments import NoUsableTimeError
@@ -39,10 +39,6 @@ from sim.vessel import Vessel
 
 # A diagnosis compares means over 0.4 s: a finer grid costs three times as much and tells no more.
 DIAGNOSIS_TRIALS = TrialOptions(rate_hz=5.0)
-GUESSED_PRIOR = (
-    1.0  # share by which base numbers that were guessed may be off; chosen, not measured
-)
-LIMIT_SHARE = 0.98  # of the furthest that a number may go: it is there
 WORKERS = 2  # threads; the compiled kernels release the interpreter lock
 DEFAULT_PATTERN = "always"  # of `Effect.pattern_for`: the pattern where no other is declared
 
@@ -51,7 +47,6 @@ DEFAULT_PATTERN = "always"  # of `Effect.pattern_for`: the pattern where no othe
 class DiagnosisResult:
     """The diagnosis, the vessel as it was given, and the recordings.
 
-    prior         share by which the base numbers were allowed to be off
     effect_files  with effects of one's own that were tried too
     flags         of the command line that the recordings were read with, each after a space
     """
@@ -62,19 +57,13 @@ class DiagnosisResult:
     logs: tuple[str, ...]
     vessel_file: str
     notices: tuple[str, ...] = ()
-    prior: float = DiagnoseSettings.prior
     effect_files: tuple[str, ...] = ()
     flags: str = ""
 
     @property
     def at_limit(self) -> list[str]:
         """Names of base numbers that went as far as they were allowed to."""
-        far = LIMIT_SHARE * MAX_BASE_SIGMAS * self.prior
-        numbers = self.diagnosis.ladder[-1].base_parameters
-        return [
-            e.name for e in numbers
-            if e.name in BASE and e.before and abs(e.value - e.before) >= far * abs(e.before)
-        ]  # fmt: skip
+        return numbers_at_limit(self.diagnosis.ladder[-1], self.diagnosis.prior)
 
     @property
     def contradicted(self) -> bool:
@@ -258,7 +247,7 @@ def diagnose_logs(
     )
     notices = (*([notice] if guessed else []), *notices_of(trials, boat))
     return DiagnosisResult(
-        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices, settings.prior,
+        diagnosis, boat, tuple(trials), tuple(map(str, logs)), str(vessel), notices,
         flags=options.flags,
     )  # fmt: skip
 

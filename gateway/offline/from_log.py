@@ -22,7 +22,6 @@ from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, a
 from gateway.ingest.open import open_log
 from gateway.offline.diagnose import (
     DIAGNOSIS_TRIALS,
-    GUESSED_PRIOR,
     DiagnosisResult,
     diagnosed_trials,
 )
@@ -34,6 +33,7 @@ from gateway.offline.vessel import ASTERN, BoatSize, check_size, first_vessel
 from gateway.user_effects import known_effects
 from gateway.vessel_file import load_vessel
 from sim.diagnosis.diagnose import DiagnoseSettings
+from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.effects.effect import Effect
 from sim.identification.wiring import CommandResponse, command_response
 from sim.state import Floats, Nu, Progress

@@ -143,8 +143,8 @@ def _at_limit(found: DiagnosisResult) -> list[str]:
     names = found.at_limit
     if not names:
         return []
-    farther = "" if found.prior >= 1.0 else "; if the file was guessed, add --prior 1"
-    share = f"{100.0 * MAX_BASE_SIGMAS * found.prior:.0f} %"
+    farther = "" if found.diagnosis.prior >= 1.0 else "; if the file was guessed, add --prior 1"
+    share = f"{100.0 * MAX_BASE_SIGMAS * found.diagnosis.prior:.0f} %"
     return [f"{', '.join(names)}: as far from the file as is allowed ({share}){farther}"]
 
 

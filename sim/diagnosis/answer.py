@@ -282,6 +282,7 @@ class Diagnosis:
                    that predicts unseen time best; None where none does
     formula        a short law that does as well as the curve; None where none does
     start_time_ns  UTC of the first sample; 0: not known, or of several recordings
+    prior          relative standard deviation that the base numbers as given were taken to have
     """
 
     verdict: Verdict
@@ -301,6 +302,7 @@ class Diagnosis:
     curve: LadderStep | None = None
     formula: ScoredFormula | None = None
     start_time_ns: int = 0
+    prior: float = 0.15
 
     @property
     def next_manoeuvre(self) -> str | None:

@@ -19,6 +19,7 @@ from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
 from sim.diagnosis.ladder import EffectSearch, Selection
+from sim.diagnosis.more_room import does_with_less, is_simpler, numbers_at_limit
 from sim.diagnosis.next_experiment import (
     RecordingContent,
     Refusal,
@@ -90,6 +91,32 @@ def diagnose(
     """
     settings = settings or DiagnoseSettings()
     trials = _long_enough(trials)
+    first, selection, search = _diagnosed(trials, vessel, settings, progress, mapper)
+    wide = replace(settings, prior=thresholds.GUESSED_PRIOR)
+    if settings.prior >= wide.prior or not numbers_at_limit(first.ladder[-1], settings.prior):
+        return first
+    progress("more room for the numbers of the file")
+    base = fit_base(search.superset, Model.of(vessel), trials, wide)
+    if not does_with_less(selection.fit, base, search):
+        return first
+    second, *_ = _diagnosed(trials, vessel, wide, progress, mapper)
+    if not is_simpler(second, first):
+        return first
+    return replace(second, summary=f"{second.summary}; {_instead_of(first, settings.prior)}")
+
+
+def _instead_of(first: Diagnosis, prior: float) -> str:
+    """What would have been told of a file that is trusted further than it should be."""
+    stood_in = " and ".join(first.effects) or "something that the catalogue does not hold"
+    far = 100.0 * thresholds.MAX_BASE_SIGMAS * prior
+    return f"numbers of the file are off by more than {far:.0f} %, else {stood_in} would stand in"
+
+
+def _diagnosed(
+    trials: Sequence[Trial], vessel: Vessel, settings: DiagnoseSettings, progress: Progress,
+    mapper: Mapper,
+) -> tuple[Diagnosis, Selection, EffectSearch]:  # fmt: skip
+    """The answer with one prior of the base numbers, and what it was found with."""
     plain = Model.of(vessel)
     content = RecordingContent.of(plain, trials)
     effects = _effects_to_try(vessel, content, settings.effects)
@@ -113,7 +140,7 @@ def diagnose(
     notes += [unseen_headings(step.best, step.reference) for step in selection.steps]
     notes += [on_times, *(doubts.strained if curve is not None else ())]
     steps = (*found.alone, *found.later, *((curve.step,) if curve else ()))
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict,
         summary="; ".join((said, *filter(None, notes))),
         base_changed=found.base.base == "refitted" and _base_changed(selection.base),
@@ -131,7 +158,9 @@ def diagnose(
         curve=curve.step if curve else None,
         formula=curve.formula if curve else None,
         start_time_ns=trials[0].start_time_ns if len(trials) == 1 else 0,
+        prior=settings.prior,
     )
+    return diagnosis, selection, search
 
 
 def _long_enough(trials: Sequence[Trial]) -> list[Trial]:

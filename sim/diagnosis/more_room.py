@@ -1,0 +1,70 @@
+"""Whether numbers of the hull are further off than they were trusted to be.
+
+One number that is off by a factor of three stops at the limit that its prior sets. Then the others
+go to theirs, and an effect that scales all forces, or bends one of them, stands in for it: a moment
+of inertia that is three times too large was told as motors that push half as much again. So where
+numbers stand at their limits, what was found is fitted with more room for them; where fewer effects
+do as well then, or the error falls further, the whole search is worth another run.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from sim.diagnosis import thresholds
+from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
+from sim.diagnosis.candidates import CandidateSearch
+from sim.diagnosis.fit import (
+    Fit,
+    fit_effects,
+    start_values,
+    unknowns_for,
+    with_given_base,
+)
+from sim.identification import BASE
+from sim.vessel import AddedEffect
+
+
+def numbers_at_limit(step: LadderStep, prior: float) -> list[str]:
+    """Names of base numbers that went as far from the file as that relative prior allows."""
+    far = thresholds.LIMIT_SHARE * thresholds.MAX_BASE_SIGMAS * prior
+    return [
+        e.name
+        for e in step.base_parameters
+        if e.name in BASE and e.before and abs(e.value - e.before) >= far * abs(e.before)
+    ]
+
+
+def does_with_less(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
+    """Whether some of the effects of a fit, or none, do as well as all of them with more room for
+    the base numbers, or much better; `base`: without effects, with that room.
+    """
+    scorer = search.scorer.shared_with(fit)
+    error, alone = scorer.score_fit(fit).nrmse, scorer.score_fit(base).nrmse
+    if alone < (thresholds.MAX_RIVAL_RATIO if fit.added else thresholds.MAX_NRMSE_RATIO) * error:
+        return True
+    effects = fit.effects()
+    some = ([a for a in effects if a is not one] for one in effects if len(effects) > 1)
+    enough = thresholds.MAX_ROOM_RATIO * error
+    return any(scorer.score_fit(_with_room(f, fit, base, search)).nrmse < enough for f in some)
+
+
+def _with_room(added: Sequence[AddedEffect], like: Fit, base: Fit, search: CandidateSearch) -> Fit:
+    """These effects fitted as another fit has them, with the priors of `base`."""
+    problem = replace(like.renewed_problem, settings=base.problem.settings)
+    unknowns = unknowns_for(search.superset, added, len(problem.trials), problem.settings)
+    z = start_values(unknowns, like)
+    starts = [z, start_values(unknowns, base), with_given_base(unknowns, z)]
+    fits = (fit_effects(added, unknowns, problem, z) for z in starts if z is not None)
+    best = min(fits, key=lambda fit: fit.cost)
+    return fit_effects(added, unknowns, problem, best.z)
+
+
+def is_simpler(other: Diagnosis, than: Diagnosis) -> bool:
+    """Whether a diagnosis with more room for the base says as much with fewer effects, or knows
+    where the first did not.
+    """
+    errors = [d.ladder[-1].heldout.nrmse / d.noise_floor for d in (other, than)]
+    if than.verdict is Verdict.UNKNOWN and other.verdict is not Verdict.UNKNOWN:
+        return errors[0] < errors[1]
+    fewer = len(other.effects) < len(than.effects)
+    return fewer and errors[0] < thresholds.MAX_ROOM_RATIO * errors[1]
