@@ -19,6 +19,8 @@ LITTLE_MOVED = 0.03  # of a number: no vessel file is known to that
 FARTHEST_SHARE = 9.99  # of a number, that a change is told as a percentage of it
 # inertia and damping that all change by one factor: forces that changed by its inverse
 MIN_ALIKE, ALIKE = 4, 1.25
+YAW, SURGE = ("m33", "N_r", "N_rr"), ("m11", "X_u", "X_uu")
+FAR_MOVED = 0.2  # of a number: further than that of a file that was measured
 
 
 def moved_numbers(step: LadderStep) -> str:
@@ -35,7 +37,24 @@ def moved_numbers(step: LadderStep) -> str:
     if alike and any(e.name in MASSES for _, e in far) and not _is_little(step):
         percent = 100.0 / float(np.median(factors))
         told.append(f"all alike, as if the motors gave {percent:.0f} % of what the file says")
+    elif (share := _turned_by(step)) is not None:
+        told.append(f"those of yaw alike, as if what turns her gave {100.0 * share:.0f} % of the "
+                    "moment in the file (arms of the motors?)")  # fmt: skip
     return ", ".join(told)
+
+
+def _turned_by(step: LadderStep) -> float | None:
+    """The share of the moment in the file that turns the boat, where inertia and damping in yaw all
+    changed by one factor and those of surge hardly did; else None.
+    """
+    factors = {e.name: 1.0 + share for share, e in _changes(step)}
+    yaw = [factors[name] for name in YAW if name in factors]
+    surge = [abs(factors[name] - 1.0) for name in SURGE if name in factors]
+    if len(yaw) < 2 or "m33" not in factors or min(yaw) <= 0.0 or not surge:
+        return None
+    alike = max(yaw) < ALIKE * min(yaw)
+    far = min(abs(f - 1.0) for f in yaw) > FAR_MOVED and max(surge) < 0.5 * FAR_MOVED
+    return 1.0 / float(np.median(yaw)) if alike and far else None
 
 
 def _is_little(step: LadderStep) -> bool:
@@ -232,7 +251,11 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
         error = min(step.heldout.nrmse for step in d.ladder)
         if judge(error, d.noise_floor) is Judgement.UNJUDGED:
             return ("These data cannot tell whether anything is missing: noise hides the motion.",)
-        return ("Nothing is missing that these data could tell.",)
+        nothing = "othing is missing that these data could tell."
+        moved = moved_numbers(last)
+        if d.base_changed and moved and not _is_little(last):
+            return (f"Numbers of the vessel file are off: {moved}.", f"Else n{nothing}")
+        return (f"N{nothing}",)
     if d.verdict is Verdict.UNKNOWN:
         helps = tuple(f"What helps, but not enough: {text}" for text in found)
         return ("Something is missing that the catalogue does not hold.", *helps)

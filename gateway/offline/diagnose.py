@@ -161,7 +161,7 @@ class DiagnosisResult:
         if found and not out:
             steps.append(f"shadow add {' '.join(found)} --vessel {vessel} --from {source} "
                          f"--out {better}{own}")  # fmt: skip
-        if found:
+        if found or (out and self.improves):
             refit = " --refit voyage" if self.voyage_effects else ""
             both = f"--vessel {vessel} --vessel {better}"
             steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{own}")

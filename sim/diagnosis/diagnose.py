@@ -102,12 +102,14 @@ def diagnose(
     second, *_ = _diagnosed(trials, vessel, wide, progress, mapper)
     if not is_simpler(second, first):
         return first
-    return replace(second, summary=f"{second.summary}; {_instead_of(first, settings.prior)}")
+    note = _instead_of(first, second, settings.prior)
+    return replace(second, summary=f"{second.summary}; {note}")
 
 
-def _instead_of(first: Diagnosis, prior: float) -> str:
+def _instead_of(first: Diagnosis, second: Diagnosis, prior: float) -> str:
     """What would have been told of a file that is trusted further than it should be."""
-    stood_in = " and ".join(first.effects) or "something that the catalogue does not hold"
+    others = [name for name in first.effects if name not in second.effects]
+    stood_in = " and ".join(others) or "something that the catalogue does not hold"
     far = 100.0 * thresholds.MAX_BASE_SIGMAS * prior
     return f"numbers of the file are off by more than {far:.0f} %, else {stood_in} would stand in"
 

@@ -70,7 +70,7 @@ def in_words(p: FittedValues) -> str:
         parts.append(", ".join(f"actuator {i} gets what is meant for {j}" for i, j in moved))
     if backwards != "0":
         verb = "runs" if len(backwards) == 1 else "run"
-        parts.append(f"actuator {' and '.join(backwards)} {verb} the wrong way round")
+        parts.append(f"actuator {' and '.join(backwards)} of the file {verb} the wrong way round")
     return " and ".join(parts) or "the actuators are wired as the vessel file says"
 
 

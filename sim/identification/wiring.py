@@ -262,5 +262,6 @@ def _swap_notice(vessel: Vessel) -> str:
     return (
         "port and starboard commands look swapped: the boat turns away from its commanded side; "
         f"in the vessel file exchange `channel`{turned} of {a.name} ({a.servo.channel}) and "
-        f"{b.name} ({b.servo.channel}), or add the effect {wiring} with order = {digits}"
+        f"{b.name} ({b.servo.channel}), or, where the channels are right, the signs of `position`; "
+        f"or add the effect {wiring} with order = {digits}"
     )

@@ -44,6 +44,28 @@ def test_all_alike_are_as_if_the_motors_gave_less() -> None:
     assert SENTENCE not in moved(0.001, m33=1.02, X_u=1.015, Y_v=1.02, N_r=1.01)  # as good as right
 
 
+YAW = {"m33": 0.6, "N_r": 0.62, "N_rr": 0.58}
+ARMS = "those of yaw alike, as if what turns her gave 167 % of the moment in the file"
+
+
+def test_those_of_yaw_alike_are_as_if_the_arms_of_the_motors_were_longer() -> None:
+    assert ARMS in moved(**YAW, m11=1.02, X_u=0.97)
+    assert ARMS in moved(m33=0.6, N_r=0.6, X_uu=1.01)  # a file without N_rr
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"N_r": 0.9},  # damping did not go with the inertia
+        {"m33": 1.0},  # damping alone
+        {"m11": 0.75},  # she is another boat
+        {"m33": 0.9, "N_r": 0.9, "N_rr": 0.9},  # not far
+    ],
+)
+def test_what_turns_her_is_not_called_weaker_where_it_is_not(other: dict[str, float]) -> None:
+    assert "what turns her" not in moved(**(YAW | {"m11": 1.02, "X_u": 0.97} | other))
+
+
 @pytest.mark.parametrize(
     "other",
     [

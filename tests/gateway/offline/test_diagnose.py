@@ -297,7 +297,7 @@ def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
     *before, last = found.diagnosis.ladder
     assert found.at_limit == []
     first = next(e for e in last.base_parameters if e.name in BASE)
-    far = replace(first, before=10.0, value=10.0 * (1.0 + 3.0 * found.prior))
+    far = replace(first, before=10.0, value=10.0 * (1.0 + 3.0 * found.diagnosis.prior))
     ladder = (*before, replace(last, base_parameters=(far,)))
     off = replace(found, diagnosis=replace(found.diagnosis, ladder=ladder))
     assert off.at_limit == [first.name]
@@ -305,7 +305,7 @@ def test_base_numbers_that_went_as_far_as_they_may_are_told(found, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert f"{first.name}: as far from the file as is allowed (45 %)" in said
     assert "add --prior 1" in said
-    show_diagnosis(replace(off, prior=1.0), None, None, None)
+    show_diagnosis(replace(off, diagnosis=replace(off.diagnosis, prior=1.0)), None, None, None)
     assert "add --prior 1" not in " ".join(capsys.readouterr().out.split())
 
 
