@@ -30,14 +30,9 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
 
     `reference` is that of its ranking. What is of a day is learnt on each day anew.
     """
-    strain = strain_of(row.found, row.fit.problem.vessel)
-    if strain:
-        return f"{strain}: it stands in for something else"
-    small = smallness_of(row.found) or sameness_of(row.found)
-    if small:
-        return small
-    if not _shows_both_sides(row):
-        return "nothing was seen on one side of its moment: a change is not told"
+    doubt = doubt_of_numbers(row)
+    if doubt:
+        return doubt
     if row.effect.scope is not Scope.BOAT:
         return ""
     if not _wins_on_recordings(row, reference, scorer):
@@ -48,6 +43,17 @@ def doubt_of(row: RankedEffect, reference: Fit, scorer: HeldOutScorer) -> str:
     if Shown.COMMANDS in row.effect.shown_by and not acts_before_motion(reference, row.fit):
         return NOT_BEFORE_MOTION
     return ""
+
+
+def doubt_of_numbers(row: RankedEffect) -> str:
+    """Why what was fitted to a ranked effect is nothing that would be told, as a rival neither."""
+    strain = strain_of(row.found, row.fit.problem.vessel)
+    if strain:
+        return f"{strain}: it stands in for something else"
+    small = smallness_of(row.found) or sameness_of(row.found)
+    if small or _shows_both_sides(row):
+        return small
+    return "nothing was seen on one side of its moment: a change is not told"
 
 
 def _shows_both_sides(row: RankedEffect) -> bool:

@@ -8,9 +8,9 @@ from sim.comparison.compare import Judgement, judge
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import LadderStep, Verdict
 from sim.diagnosis.free_curve import FreeCurve
+from sim.diagnosis.generality import doubt_of_numbers
 from sim.diagnosis.heldout import Gain, RankedEffect, Ranking
 from sim.diagnosis.ladder import Selection
-from sim.diagnosis.limits import strain_of
 from sim.diagnosis.residual_terms import Dependence, dependences, without_repeats
 from sim.diagnosis.worth import is_worth_it
 from sim.effects.effect import Effect
@@ -21,7 +21,7 @@ TIME = "time"  # of `force_terms.GROUPS`
 def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]:
     """Effects that explain held-out time as well as the best, as far as blocks of it can tell.
 
-    What was found beside it in the end is no rival, nor what has numbers that no boat has.
+    What was found beside it in the end is no rival, nor what has numbers that would not be told.
     """
     if not ranking.finalists or not is_worth_it(ranking.best.gain):
         return []
@@ -30,7 +30,7 @@ def rivals_of(ranking: Ranking, found: Sequence[str] = ()) -> list[RankedEffect]
         better = best.gain_over(row)
         if row.effect.general_of == best.name or row.name in found:
             continue
-        if strain_of(row.found, row.fit.problem.vessel):
+        if doubt_of_numbers(row):
             continue
         close = row.gain.log_ratio > thresholds.MIN_SHARE_OF_BEST * best.gain.log_ratio
         if close and better.t < thresholds.MIN_T_BETTER:
