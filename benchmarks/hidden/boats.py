@@ -213,5 +213,5 @@ def light_hull(number: int) -> Boat:
     )  # fmt: skip
 
 
-LIGHT: Mapping[str, Boat] = {f"light-{number}": light_hull(number) for number in range(84)}
+LIGHT: Mapping[str, Boat] = {f"light-{number}": light_hull(number) for number in range(94)}
 EVERY: Mapping[str, Boat] = {**FLEET, **LIGHT}
