@@ -6,7 +6,7 @@ Bounds are wide: they stop what no boat is, no integration can follow, no compil
 from pathlib import Path
 from typing import Annotated, Any
 
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator
 
 from gateway.errors import BadInput, one_line
@@ -26,11 +26,26 @@ NotNegative = Annotated[float, Ge(0.0), Le(LARGEST)]
 Area = NotNegative
 Metres = Annotated[float, Ge(-LARGEST_PLACE_M), Le(LARGEST_PLACE_M)]
 Place = tuple[Metres, Metres]
-Azimuth = Annotated[float, Ge(-3.1416), Le(3.1416)]
-Steering = Annotated[float, Gt(-1.58), Lt(1.58)]  # rad: degrees by mistake are caught
 Channel = Annotated[int, Ge(1), Le(32)]
 Point = tuple[float, float]
 Column = tuple[Metres, Metres, Positive]
+
+
+def _azimuth(angle: float) -> float:
+    if not abs(angle) <= HALF_TURN:
+        raise ValueError("expected -3.1416 to 3.1416, in radians: is it in degrees?")
+    return angle
+
+
+def _steering(angle: float) -> float:
+    if not abs(angle) < MOST_STEERED:
+        raise ValueError("expected less than a quarter turn, in radians: is it in degrees?")
+    return angle
+
+
+HALF_TURN, MOST_STEERED = 3.1416, 1.58  # rad
+Azimuth = Annotated[float, AfterValidator(_azimuth)]
+Steering = Annotated[float, AfterValidator(_steering)]
 
 
 def _one_line(name: str) -> str:

@@ -170,10 +170,16 @@ def _tendency(mean: Triple, rmse: Triple, scales: Floats, noise: Floats) -> str:
     worst = telling_channel(np.array(mean), np.array(rmse), scales, noise)
     size, factor, unit = rmse[worst], *((DEGREES, "°/s") if worst == 2 else (1.0, "m/s"))
     if abs(mean[worst]) < MIN_BIAS * size:
-        return f"errors of {size * factor:.2g} {unit} in {CHANNELS[worst]}, either way"
+        return f"errors of {_plain(size * factor)} {unit} in {CHANNELS[worst]}, either way"
     verb = "turns" if worst == 2 else "moves"
     direction = DIRECTIONS[worst][0 if mean[worst] > 0 else 1]
-    return f"the boat {verb} {abs(mean[worst]) * factor:.2g} {unit} {direction} than the model"
+    off = _plain(abs(mean[worst]) * factor)
+    return f"the boat {verb} {off} {unit} {direction} than the model"
+
+
+def _plain(value: float) -> str:
+    """Two digits that count, and no power of ten."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def telling_channel(mean: Floats, rmse: Floats, scales: Floats, noise: Floats) -> int:

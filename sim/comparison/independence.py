@@ -76,7 +76,10 @@ class Independence:
         if not late:
             return ""
         by = ", ".join(f"{p.delay:.2g} s ({p.error} after {p.input})" for p in late)
-        return f"errors follow the commands by {by}: a delay or lag is missing"
+        return (
+            f"errors follow the commands by {by}: a delay or lag is missing, or a time constant of "
+            "the hull (inertia over damping) is off"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON: no nulls, no NaN."""

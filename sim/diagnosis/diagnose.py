@@ -19,7 +19,7 @@ from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
 from sim.diagnosis.ladder import EffectSearch, Selection
-from sim.diagnosis.more_room import does_with_less, is_simpler, numbers_at_limit
+from sim.diagnosis.more_room import is_simpler, is_worth_more_room, numbers_at_limit
 from sim.diagnosis.next_experiment import (
     RecordingContent,
     Refusal,
@@ -97,7 +97,7 @@ def diagnose(
         return first
     progress("more room for the numbers of the file")
     base = fit_base(search.superset, Model.of(vessel), trials, wide)
-    if not does_with_less(selection.fit, base, search):
+    if not is_worth_more_room(selection.fit, base, search):
         return first
     second, *_ = _diagnosed(trials, vessel, wide, progress, mapper)
     if not is_simpler(second, first):

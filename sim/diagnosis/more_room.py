@@ -34,18 +34,23 @@ def numbers_at_limit(step: LadderStep, prior: float) -> list[str]:
     ]
 
 
-def does_with_less(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
-    """Whether some of the effects of a fit, or none, do as well as all of them with more room for
-    the base numbers, or much better; `base`: without effects, with that room.
+def is_worth_more_room(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
+    """Whether with more room for the base numbers some of the effects of a fit, or none, do as well
+    as all of them, or all do much better; `base`: without effects, with that room.
     """
     scorer = search.scorer.shared_with(fit)
     error, alone = scorer.score_fit(fit).nrmse, scorer.score_fit(base).nrmse
-    if alone < (thresholds.MAX_RIVAL_RATIO if fit.added else thresholds.MAX_NRMSE_RATIO) * error:
+    if alone < (thresholds.MAX_RIVAL_RATIO if fit.added else thresholds.MUCH_BETTER_RATIO) * error:
         return True
     effects = fit.effects()
-    some = ([a for a in effects if a is not one] for one in effects if len(effects) > 1)
-    enough = thresholds.MAX_ROOM_RATIO * error
-    return any(scorer.score_fit(_with_room(f, fit, base, search)).nrmse < enough for f in some)
+    tried = [(effects, thresholds.MUCH_BETTER_RATIO)] if effects else []
+    if len(effects) > 1:
+        fewer = (tuple(a for a in effects if a is not one) for one in effects)
+        tried += [(some, thresholds.MAX_ROOM_RATIO) for some in fewer]
+    return any(
+        scorer.score_fit(_with_room(some, fit, base, search)).nrmse < ratio * error
+        for some, ratio in tried
+    )
 
 
 def _with_room(added: Sequence[AddedEffect], like: Fit, base: Fit, search: CandidateSearch) -> Fit:
@@ -60,11 +65,13 @@ def _with_room(added: Sequence[AddedEffect], like: Fit, base: Fit, search: Candi
 
 
 def is_simpler(other: Diagnosis, than: Diagnosis) -> bool:
-    """Whether a diagnosis with more room for the base says as much with fewer effects, or knows
-    where the first did not.
+    """Whether a diagnosis with more room for the base says as much with fewer effects, or predicts
+    much better with as many, or knows where the first did not.
     """
-    errors = [d.ladder[-1].heldout.nrmse / d.noise_floor for d in (other, than)]
+    error, before = (d.ladder[-1].heldout.nrmse / d.noise_floor for d in (other, than))
     if than.verdict is Verdict.UNKNOWN and other.verdict is not Verdict.UNKNOWN:
-        return errors[0] < errors[1]
-    fewer = len(other.effects) < len(than.effects)
-    return fewer and errors[0] < thresholds.MAX_ROOM_RATIO * errors[1]
+        return error < before
+    more = len(other.effects) - len(than.effects)
+    if more < 0:
+        return error < thresholds.MAX_ROOM_RATIO * before
+    return more == 0 and error < thresholds.MUCH_BETTER_RATIO * before

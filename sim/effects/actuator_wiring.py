@@ -70,7 +70,8 @@ def in_words(p: FittedValues) -> str:
         parts.append(", ".join(f"actuator {i} gets what is meant for {j}" for i, j in moved))
     if backwards != "0":
         verb = "runs" if len(backwards) == 1 else "run"
-        parts.append(f"actuator {' and '.join(backwards)} of the file {verb} the wrong way round")
+        of_file = "" if moved else " of the file"
+        parts.append(f"actuator {' and '.join(backwards)}{of_file} {verb} the wrong way round")
     return " and ".join(parts) or "the actuators are wired as the vessel file says"
 
 

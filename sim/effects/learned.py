@@ -54,6 +54,7 @@ from sim.jit import jitable
 from sim.state import Wrench
 
 LEAST_SAG = 0.05  # of the highest voltage: less tells of no battery; chosen, not measured
+LEAST = 1e-3  # of the largest of a curve's values: less is none
 LEVEL = 1 / 6  # of the largest value: a table that changes by less is told as one that does not
 AFT = 0.4  # hull lengths behind the origin, where skegs and rudders stand
 
@@ -207,7 +208,8 @@ def in_words(values: FittedValues) -> str:
     elif acts == ANGLE:
         told = [f"{math.degrees(y):+.1f}°" for y in shares]
     else:
-        told = [f"{y * values['full']:+.3g} N" for y in shares]
+        least = LEAST * np.abs(shares).max()  # of what is next to nothing no digit counts
+        told = [f"{y * values['full'] if abs(y) > least else 0.0:+.3g} N" for y in shares]
     points = told_at_bends(told, places / size, np.array(shares), unit)
     level = bool(np.ptp(shares) < LEVEL * np.abs(shares).max())
     goes = f"nearly the same whatever the {NAMES[by]}" if level else f"with the {NAMES[by]}"

@@ -178,8 +178,16 @@ MISTAKES = {
     "curve": ('"quadratic"', '"cubic"', "thrusters[0].curve = 'cubic': expected linear, quadratic"),
     "table": ('"quadratic"', "[[-1, -1], [0, 0.1], [1, 1]]", "must run from [-1, -1] through"),
     "falls": ('"quadratic"', TABLE, "share of full thrust must not fall"),
-    "degrees": ("[-0.6, 0.6]", "[-35.0, 35.0]", "rudders[0].angle[0] = -35.0: input should be"),
-    "azimuth": ("channel = 4", "channel = 4\nazimuth = 90.0", "thrusters[1].azimuth = 90.0: inp"),
+    "degrees": (
+        "[-0.6, 0.6]",
+        "[-35.0, 35.0]",
+        "rudders[0].angle[0] = -35.0: expected less than a quarter turn, in radi",
+    ),
+    "azimuth": (
+        "channel = 4",
+        "channel = 4\nazimuth = 90.0",
+        "thrusters[1].azimuth = 90.0: expected -3.1416 to 3.1416, in radians: is",
+    ),
     "wash": ('wash = "main"', 'wash = "mian"', "rudders[0]: no thruster named 'mian': there are"),
     "motor": ('motor = "outboard"', 'motor = "x"', "rudders[1]: no thruster named 'x': there are"),
     "blade": ("area = 0.02", "", "rudders[0]: a blade needs its area"),

@@ -90,9 +90,8 @@ def test_wiring_is_told_by_places_in_the_file():
     assert said("actuator_wiring", order=21.0, reversed=0.0) == (
         "Actuators 1 and 2 of the file get each other's commands"
     )
-    assert (
-        "actuator 2 runs the wrong way" in said("actuator_wiring", order=0.0, reversed=2.0).lower()
-    )
+    backwards = said("actuator_wiring", order=0.0, reversed=2.0).lower()
+    assert "actuator 2 of the file runs the wrong way" in backwards
     both = said("actuator_wiring", order=21.0, reversed=12.0)
     assert "commands and actuator 1 and 2 run the wrong way round" in both
 

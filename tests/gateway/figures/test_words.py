@@ -15,6 +15,7 @@ from sim.effects import learned_anomaly, learned_drag
 from sim.effects.catalogue import EFFECTS
 from sim.effects.tables import EVENLY, MapField
 from sim.effects.words import FittedValues
+from sim.identification.intervals import Estimate
 from sim.vessel import AddedEffect
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
@@ -34,7 +35,7 @@ def step(*effects: str, error: float = 0.1) -> Any:
     return SimpleNamespace(
         effects=effects, vessel=SimpleNamespace(effects=added),
         parameters={name: [angle] for name in effects if name == "heading_offset"},
-        heldout=SimpleNamespace(nrmse=error),
+        heldout=SimpleNamespace(nrmse=error), base_parameters=(),
     )  # fmt: skip
 
 
@@ -43,7 +44,7 @@ def diagnosis(verdict: Verdict, *effects: str, floor: float = 0.1, error: float 
     return SimpleNamespace(
         verdict=verdict, effects=effects, ladder=[step(error=error), step(*effects, error=error)],
         noise_floor=floor, ranking=[tied] if verdict is Verdict.CONFOUNDED else [],
-        alternatives=[step("cg_offset")], start_time_ns=0,
+        alternatives=[step("cg_offset")], start_time_ns=0, base_changed=False,
     )  # fmt: skip
 
 
@@ -139,6 +140,23 @@ def test_the_first_sentence_is_what_matters_most(answer, first, more):
     assert ("cannot tell whether" in texts[0]) == (answer.noise_floor > 1.0)
     certain = answer.verdict is Verdict.EXPLAINED
     assert certain == (texts == (f"{COMPASS}.",))
+
+
+@pytest.mark.parametrize(
+    ("m33", "changed", "first"),
+    [
+        (2.9, True, "Numbers of the vessel file are off: m33 8.7 → 2.9 kg m² (-67 %)."),
+        (8.6, True, "Nothing is missing"),  # no file is known to that
+        (2.9, False, "Nothing is missing"),  # the numbers as given do as well
+    ],
+)
+def test_numbers_that_are_off_come_first_where_nothing_else_is(m33, changed, first):
+    answer = diagnosis(Verdict.ADEQUATE)
+    moved = Estimate("m33", "kg m²", 8.7, m33, (m33 - 0.1, m33 + 0.05), True)
+    answer.ladder[-1].base_parameters, answer.base_changed = (moved,), changed
+    texts = diagnosis_texts(answer)
+    assert texts[0].startswith(first)
+    assert texts[-1].lower().endswith("nothing is missing that these data could tell.")
 
 
 def test_what_may_be_none_is_told_after_what_is_sure():

@@ -24,8 +24,8 @@ def row(name: str, gain: Gain, left: float = 1.0, nrmse: float = 0.495) -> Ranke
 
 
 def starts(effect: str) -> dict[str, float]:
-    """The numbers of an effect as no fit has moved them yet."""
-    return {p.name: p.start for p in named(effect).parameters}
+    """The numbers of an effect a little from where it does nothing."""
+    return {p.name: min(p.start + 3.0 * p.scale, p.upper) for p in named(effect).parameters}
 
 
 SOME = row("heading_offset", Gain(1.1, 0.075, 4.1, 104.0, 0.06))

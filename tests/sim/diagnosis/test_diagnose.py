@@ -412,7 +412,7 @@ def test_no_map_is_drawn_from_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
         f"{diagnose.__module__}.find_free_curve",
         lambda *given, **_: asked.append([form.name for form in given[5]]),
     )
-    few = DiagnoseSettings(effects=(named("cubic_drag"),), most=0)
+    few = DiagnoseSettings(prior=1.0, effects=(named("cubic_drag"),), most=0)
     for seconds in (100.0, 200.0):
         diagnose([sailed("cross_damping", seconds, Y_r=0.0, N_v=250.0)], WAM_V, few)
     of_a_boat = ["learned", "learned_pair", "learned_reading"]

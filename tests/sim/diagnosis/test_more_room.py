@@ -50,7 +50,9 @@ def answer(verdict: Verdict, error: float, *effects: str, floor: float = 0.1) ->
         (answer(Verdict.ADEQUATE, 0.1), answer(Verdict.EXPLAINED, 0.1, "thrust_scale"), True),
         # an effect is more than a number that is off, where it predicts better
         (answer(Verdict.ADEQUATE, 0.12), answer(Verdict.EXPLAINED, 0.1, "cubic_drag"), False),
-        (answer(Verdict.EXPLAINED, 0.1, "a"), answer(Verdict.EXPLAINED, 0.11, "b"), False),
+        (answer(Verdict.EXPLAINED, 0.1, "a"), answer(Verdict.EXPLAINED, 0.101, "b"), False),
+        (answer(Verdict.EXPLAINED, 0.1, "a"), answer(Verdict.EXPLAINED, 0.2, "b"), True),
+        (answer(Verdict.EXPLAINED, 0.1, "a", "c"), answer(Verdict.EXPLAINED, 0.2, "b"), False),
         (answer(Verdict.EXPLAINED, 0.1, "a"), answer(Verdict.UNKNOWN, 0.2), True),
         (answer(Verdict.EXPLAINED, 0.2, "a"), answer(Verdict.UNKNOWN, 0.1), False),
         (answer(Verdict.UNKNOWN, 0.1), answer(Verdict.UNKNOWN, 0.2, "a"), True),

@@ -174,7 +174,8 @@ def test_a_rival_does_nearly_as_well_and_no_block_tells_it_apart() -> None:
         gain = Gain(2.0, log_ratio, 5.0, 100.0, 0.0)
         over = SimpleNamespace(t=t_of_best)
         return SimpleNamespace(
-            name=name, gain=gain, effect=SimpleNamespace(general_of=general_of), over=over,
+            name=name, gain=gain, over=over,
+            effect=SimpleNamespace(general_of=general_of, parameters=()),
             found=AddedEffect(named("cubic_drag"), starts("cubic_drag")),
             fit=SimpleNamespace(problem=SimpleNamespace(vessel=WAM_V)),
         )  # fmt: skip
