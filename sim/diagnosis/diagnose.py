@@ -109,9 +109,11 @@ def diagnose(
 def _instead_of(first: Diagnosis, second: Diagnosis, prior: float) -> str:
     """What would have been told of a file that is trusted further than it should be."""
     others = [name for name in first.effects if name not in second.effects]
-    stood_in = " and ".join(others) or "something that the catalogue does not hold"
     far = 100.0 * thresholds.MAX_BASE_SIGMAS * prior
-    return f"numbers of the file are off by more than {far:.0f} %, else {stood_in} would stand in"
+    off = f"numbers of the file are off by more than {far:.0f} %"
+    if not others:
+        return f"{off}: within that, more seemed to be missing"
+    return f"{off}, else {' and '.join(others)} would stand in"
 
 
 def _diagnosed(

@@ -38,8 +38,7 @@ def is_worth_more_room(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
     """Whether with more room for the base numbers some of the effects of a fit, or none, do as well
     as all of them, or all do much better; `base`: without effects, with that room.
     """
-    scorer = search.scorer.shared_with(fit)
-    error, alone = scorer.score_fit(fit).nrmse, scorer.score_fit(base).nrmse
+    error, alone = _floors(fit, search), _floors(base, search)
     if alone < (thresholds.MAX_RIVAL_RATIO if fit.added else thresholds.MUCH_BETTER_RATIO) * error:
         return True
     effects = fit.effects()
@@ -48,9 +47,15 @@ def is_worth_more_room(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
         fewer = (tuple(a for a in effects if a is not one) for one in effects)
         tried += [(some, thresholds.MAX_ROOM_RATIO) for some in fewer]
     return any(
-        scorer.score_fit(_with_room(some, fit, base, search)).nrmse < ratio * error
+        _floors(_with_room(some, fit, base, search), search) < ratio * error
         for some, ratio in tried
     )
+
+
+def _floors(fit: Fit, search: CandidateSearch) -> float:
+    """Error of a fit on unseen time in noise floors, by its own rulers where these are better."""
+    scorer = search.scorer.shared_with(fit)
+    return scorer.score_fit(fit).nrmse / scorer.noise_floor
 
 
 def _with_room(added: Sequence[AddedEffect], like: Fit, base: Fit, search: CandidateSearch) -> Fit:
@@ -61,7 +66,7 @@ def _with_room(added: Sequence[AddedEffect], like: Fit, base: Fit, search: Candi
     starts = [z, start_values(unknowns, base), with_given_base(unknowns, z)]
     fits = (fit_effects(added, unknowns, problem, z) for z in starts if z is not None)
     best = min(fits, key=lambda fit: fit.cost)
-    return fit_effects(added, unknowns, problem, best.z)
+    return fit_effects(added, unknowns, best.renewed_problem, best.z)
 
 
 def is_simpler(other: Diagnosis, than: Diagnosis) -> bool:
