@@ -50,6 +50,10 @@ def doubt_of_numbers(row: RankedEffect) -> str:
     strain = strain_of(row.found, row.fit.problem.vessel)
     if strain:
         return f"{strain}: it stands in for something else"
+    if row.effect.disbelieved is not None:
+        why = row.effect.disbelieved(row.found.values, row.fit.problem.trials)
+        if why:
+            return f"{why}: it stands in for something else"
     small = smallness_of(row.found) or sameness_of(row.found)
     if small or _shows_both_sides(row):
         return small

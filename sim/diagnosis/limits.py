@@ -48,7 +48,7 @@ def smallness_of(added: AddedEffect) -> str:
     if not known or any(size >= p.least for p, size in zip(known, sizes, strict=True)):
         return ""
     told = " and ".join(_told(p, size) for p, size in zip(known, sizes, strict=True))
-    of_boat = added.effect.thrust or added.effect.angle
+    of_boat = added.effect.thrust or added.effect.angle or added.effect.reaction
     what = "a boat's numbers are" if of_boat else "a good sensor is"
     return f"{told} is less than {what} off by anyway ({_told(known[0], known[0].least)})"
 

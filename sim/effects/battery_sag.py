@@ -9,13 +9,25 @@ the sag relative to the mean. Source: Fossen, Handbook of Marine Craft Hydrodyna
 ch. 9 (thrust ∝ n², n ∝ armature voltage).
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from sim.body import Flow, ThrusterParameters
-from sim.effects.effect import Effect, EvidenceAxis, ForceAxis, Parameter, Scope, Separation, Shown
+from sim.effects.effect import (
+    Effect,
+    EvidenceAxis,
+    ForceAxis,
+    Parameter,
+    Scope,
+    Separation,
+    Shown,
+    Values,
+)
 from sim.effects.words import FittedValues
+
+MOST_SHARE = 2.5  # of the thrust in the file, or its inverse, that a battery may make
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
@@ -23,6 +35,15 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
     known = 1.0 * np.isfinite(flow.voltage)
     ratio = np.fmax(flow.voltage, 0.0) / p.nominal  # fmax: NaN becomes 0
     return F * (1.0 + known * (ratio * ratio - 1.0))
+
+
+def disbelieved(values: Values, trials: Sequence[Any]) -> str:
+    """That the motors would push so much harder or weaker throughout that it is no battery's."""
+    voltage = np.concatenate([t.voltage[t.usable] for t in trials])
+    share = float(np.nanmedian(voltage) / values["nominal"]) ** 2
+    if not np.isfinite(share) or 1.0 / MOST_SHARE < share < MOST_SHARE:
+        return ""
+    return f"the motors would give {100.0 * share:.0f} % of the thrust in the file throughout"
 
 
 def in_words(p: FittedValues) -> str:
@@ -48,5 +69,6 @@ EFFECT = Effect(
         ),
         "thrust_curve": Separation("one run with a full and one with a tired battery", "ramp"),
     },
+    disbelieved=disbelieved,
     in_words=in_words,
 )

@@ -322,6 +322,8 @@ class Effect:
     mismatch      (vessel, values) -> why numbers that each are possible do not go together, or not
                   with that vessel, so that the effect would do nothing or something else; empty
                   where they do
+    disbelieved   (values, trials) -> why numbers that are possible cannot be true of these trials;
+                  empty where they may be
     pattern_for   what an error may depend on (`sim.diagnosis.force_terms.GROUPS`): this file is
                   then proposed as the pattern for an effect of one's own
     pattern       of a curve: the effect whose file is the pattern for a law in its place
@@ -358,6 +360,7 @@ class Effect:
     assumption: Callable[[Any, Values, Intervals], Assumption | None] | None = None
     within: Callable[[Any], Intervals] | None = None
     mismatch: Callable[[Any, Values], str] | None = None
+    disbelieved: Callable[[Values, Sequence[Any]], str] | None = None
     pattern_for: tuple[str, ...] = ()
     pattern: str = ""
     acts_when: Mapping[str, Mapping[str, tuple[float, ...]]] = field(

@@ -71,6 +71,11 @@ def test_an_antenna_is_no_further_out_than_the_hull_is_long() -> None:
         ),
         ("thrust_scale", {"gain": 1.11}, ""),
         (
+            "lever_arm",
+            {"gain": 1.07, "which": 0.0},
+            "7 % is less than a boat's numbers are off by anyway (10 %)",
+        ),
+        (
             "steering_scale",
             {"gain": 1.02},
             "2 % is less than a boat's numbers are off by anyway (5 %)",

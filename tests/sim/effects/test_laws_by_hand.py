@@ -363,3 +363,21 @@ def test_a_wind_on_assumed_areas_is_worth_a_range_of_speeds() -> None:
         0.25 * found.numbers["force_abeam_N"]
     )
     assert both(WAMV, later, {}) is None
+
+
+@pytest.mark.parametrize(
+    ("nominal", "told"),
+    [
+        (16.0, ""),
+        (10.0, ""),  # 225 %: another battery
+        (7.0, "the motors would give 459 % of the thrust in the file throughout"),
+        (50.0, "the motors would give 9 % of the thrust in the file throughout"),
+    ],
+)
+def test_no_battery_makes_motors_push_several_times_as_hard(nominal: float, told: str) -> None:
+    """As it would where the thrust in the file is in pounds."""
+    voltage = np.array([15.0, 15.0, 15.0, np.nan, 99.0])
+    trial = SimpleNamespace(voltage=voltage, usable=np.array([True, True, True, True, False]))
+    doubt = named("battery_sag").disbelieved
+    assert doubt is not None
+    assert doubt({"nominal": nominal}, [trial]) == told
