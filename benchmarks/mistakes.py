@@ -19,7 +19,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -103,6 +103,11 @@ def write(case: Mistake, folder: Path) -> tuple[Path, Path]:
     return log, file
 
 
+def is_right(case: Mistake, said: Mapping[str, Any]) -> bool:
+    """Whether what is there is named, and nothing else, and no more is said to be missing."""
+    return set(said["effects"]) == case.effects and said["verdict"] != "unknown"
+
+
 def off_by(case: Mistake, found: DiagnosisResult) -> str:
     """How far each wrong number of the hull is from the truth in the end."""
     boat = found.diagnosis.vessel
@@ -135,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             row = [wrong, f"{case.boat.name}, {case.pilot}",
                    ", ".join(sorted({h.name for h in case.hidden})) or "–",
                    f"`{said['verdict']}` {', '.join(said['effects']) or 'nothing'}",
-                   "yes" if set(said["effects"]) == case.effects else "**no**",
+                   "yes" if is_right(case, said) else "**no**",
                    f"{errors[0]:.3f} → {errors[-1]:.3f} ({said['noise_floor_nrmse']:.3f})",
                    off_by(case, found), f"{took:.0f}"]  # fmt: skip
             print(f"| {' | '.join(row)} |", flush=True)

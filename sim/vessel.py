@@ -294,11 +294,23 @@ class Vessel:
         has = {
             Need.WIND_AREA: True,
             Need.PORT_THRUSTER: any(t.position[1] < 0.0 for t in self.thrusters),
-            Need.ARM: any(t.position[1] for t in self.thrusters)
-            or any(rudder.motor for rudder in self.rudders),
+            Need.ARM: self.has_arms,
             Need.STEERING: bool(self.rudders),
         }
         return " and ".join(need.value for need in effect.needs if not has[need])
+
+    @property
+    def has_arms(self) -> bool:
+        """Whether thrust turns the boat by how far a motor is from the middle."""
+        return any(t.position[1] for t in self.thrusters) or self.has_arms_along
+
+    @property
+    def has_arms_along(self) -> bool:
+        """Whether it does by how far ahead or astern: a motor that is steered, or points aside."""
+        steered = {rudder.motor for rudder in self.rudders}
+        return any(
+            t.position[0] and (t.name in steered or np.sin(t.azimuth)) for t in self.thrusters
+        )
 
     @property
     def assumes_wind_area(self) -> bool:

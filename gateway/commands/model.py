@@ -210,8 +210,8 @@ def diagnose(
         float | None,
         typer.Option(
             metavar="SHARE",
-            help="How far off the base numbers may be; left out: 0.15 (15 %), or 1 where the file "
-            "says that they were guessed.",
+            help="How far off the base numbers may be; left out: 0.15 (15 %), and 1 where the file "
+            "says that they were guessed or does better so.",
         ),
     ] = None,
     effects: EffectFiles = None,

@@ -12,6 +12,7 @@ from sim.effects.effect import Effect
 from sim.effects.words import FittedValues
 from sim.identification import BASE, MASSES
 from sim.identification.intervals import Estimate
+from sim.vessel import Vessel
 
 MAY_BE_NONE = "these data allow that there is none"
 MOST_MOVED = 4  # base numbers that are told beside the verdict
@@ -27,39 +28,49 @@ def moved_numbers(step: LadderStep) -> str:
     """Base numbers whose interval no longer holds what the file gave, the furthest first, and
     whether all changed alike; empty where none left it.
     """
-    far = [
-        each for each in _changes(step) if not each[1].ci95[0] <= each[1].before <= each[1].ci95[1]
-    ]
-    far.sort(key=lambda each: -abs(each[0]))
+    far = sorted(_beyond_interval(step), key=lambda each: -abs(each[0]))
     told = [_moved(e, share) for share, e in far[:MOST_MOVED]]
     factors = [1.0 + share for share, e in far]
     alike = len(far) >= MIN_ALIKE and min(factors) > 0.0 and max(factors) < ALIKE * min(factors)
     if alike and any(e.name in MASSES for _, e in far) and not _is_little(step):
         percent = 100.0 / float(np.median(factors))
         told.append(f"all alike, as if the motors gave {percent:.0f} % of what the file says")
-    elif (share := _turned_by(step)) is not None:
+    elif (share := _turned_by(step, {e.name for _, e in far})) is not None:
         told.append(f"those of yaw alike, as if what turns her gave {100.0 * share:.0f} % of the "
-                    "moment in the file (arms of the motors?)")  # fmt: skip
+                    f"moment in the file{_arms(step.vessel)}")  # fmt: skip
     return ", ".join(told)
 
 
-def _turned_by(step: LadderStep) -> float | None:
+def _turned_by(step: LadderStep, moved: Collection[str]) -> float | None:
     """The share of the moment in the file that turns the boat, where inertia and damping in yaw all
-    changed by one factor and those of surge hardly did; else None.
+    moved by one factor and those of surge hardly did; else None.
     """
     factors = {e.name: 1.0 + share for share, e in _changes(step)}
     yaw = [factors[name] for name in YAW if name in factors]
     surge = [abs(factors[name] - 1.0) for name in SURGE if name in factors]
-    if len(yaw) < 2 or "m33" not in factors or min(yaw) <= 0.0 or not surge:
+    known = "m33" in factors and all(name in moved for name in YAW if name in factors)
+    if not known or len(yaw) < 2 or min(yaw) <= 0.0 or not surge:
         return None
     alike = max(yaw) < ALIKE * min(yaw)
     far = min(abs(f - 1.0) for f in yaw) > FAR_MOVED and max(surge) < 0.5 * FAR_MOVED
     return 1.0 / float(np.median(yaw)) if alike and far else None
 
 
+def _arms(vessel: Vessel) -> str:
+    """A hint, where motors turn the boat by their arms."""
+    return " (arms of the motors?)" if vessel.has_arms else ""
+
+
 def _is_little(step: LadderStep) -> bool:
     """Whether no base number moved further than what no file is known to."""
     return max((abs(share) for share, _ in _changes(step)), default=0.0) < LITTLE_MOVED
+
+
+def _beyond_interval(step: LadderStep) -> list[tuple[float, Estimate]]:
+    """The changes of base numbers whose interval no longer holds what the file gave."""
+    return [
+        each for each in _changes(step) if not each[1].ci95[0] <= each[1].before <= each[1].ci95[1]
+    ]
 
 
 def _changes(step: LadderStep) -> list[tuple[float, Estimate]]:
@@ -251,11 +262,12 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
         error = min(step.heldout.nrmse for step in d.ladder)
         if judge(error, d.noise_floor) is Judgement.UNJUDGED:
             return ("These data cannot tell whether anything is missing: noise hides the motion.",)
-        nothing = "othing is missing that these data could tell."
         moved = moved_numbers(last)
-        if d.base_changed and moved and not _is_little(last):
-            return (f"Numbers of the vessel file are off: {moved}.", f"Else n{nothing}")
-        return (f"N{nothing}",)
+        far = max((abs(share) for share, _ in _beyond_interval(last)), default=0.0)
+        if d.base_changed and far > FAR_MOVED:
+            return (f"Numbers of the vessel file are off: {moved}.",
+                    "Nothing else is missing that these data could tell.")  # fmt: skip
+        return ("Nothing is missing that these data could tell.",)
     if d.verdict is Verdict.UNKNOWN:
         helps = tuple(f"What helps, but not enough: {text}" for text in found)
         return ("Something is missing that the catalogue does not hold.", *helps)

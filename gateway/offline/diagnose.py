@@ -233,8 +233,10 @@ def diagnose_logs(
     more = tuple(effects)
     settings = replace(settings, effects=(*settings.effects, *more))
     guessed = prior is None and read_vessel_file(vessel).guessed
-    if prior is not None or guessed:
-        settings = replace(settings, prior=GUESSED_PRIOR if prior is None else prior)
+    if prior is not None:
+        settings = replace(settings, prior=prior, trusted=True)
+    elif guessed:
+        settings = replace(settings, prior=GUESSED_PRIOR)
     if not improve:
         settings = replace(settings, most=1)
     boat = load_vessel(vessel, more)

@@ -26,7 +26,9 @@ def notices_of(trials: Sequence[Trial], vessel: Vessel) -> tuple[str, ...]:
     """
     alike: dict[str, list[tuple[str, str]]] = {}
     for trial in trials:
-        for notice in (*outputs_set_otherwise(trial, vessel), *trial.notices):
+        for notice in outputs_set_otherwise(trial, vessel):  # each output has its own
+            alike.setdefault(notice, []).append((trial.name, notice))
+        for notice in trial.notices:
             alike.setdefault(NUMBER.sub("", notice), []).append((trial.name, notice))
     wiring = wiring_notices(wiring_of(trials, vessel), vessel)
     out = [*wiring, *outputs_without_actuator(trials, vessel), *assumed_by(vessel)]
@@ -68,10 +70,14 @@ def outputs_set_otherwise(trial: Trial, vessel: Vessel) -> list[str]:
         if theirs is None:
             continue
         where = f"output {ours.channel} ({actuator.name})"
-        if not np.allclose(ours.pwm, theirs.pwm, rtol=0.0, atol=ALIKE_US):
+        low, neutral, high = (
+            abs(a - b) > ALIKE_US for a, b in zip(ours.pwm, theirs.pwm, strict=True)
+        )
+        if low or neutral or high:
+            what = "full throttle or full helm" if low or high else "neutral"
             out.append(f"{where}: pulses of {_limits(ours)} µs in the vessel file, but of "
-                       f"{_limits(theirs)} µs in the autopilot's parameters: what is full throttle "
-                       "or full helm for one is not for the other")  # fmt: skip
+                       f"{_limits(theirs)} µs in the autopilot's parameters: what is {what} "
+                       "for one is not for the other")  # fmt: skip
         if ours.reversed != theirs.reversed:
             does, does_not = "the vessel file", "the autopilot's parameters"
             if theirs.reversed:

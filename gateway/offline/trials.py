@@ -38,6 +38,7 @@ from sim.trial import Trial
 from sim.vessel import Servo
 
 SPLIT_S = 30.0  # a longer silence of heading or velocity ends a trial; chosen, not measured
+SERVO_SETTINGS = ("MIN", "TRIM", "MAX", "REVERSED")  # of an output
 SHORTEST_S = 5.0  # of a trial; chosen, not measured
 
 # A trial holds the heading that the compass reported: what the filter would set aside as a slow
@@ -186,6 +187,15 @@ def source_of(log: Log, options: TrialOptions) -> "TrialSource":
     )
 
 
+def outputs_of(parameters: Mapping[str, float]) -> tuple[Servo, ...]:
+    """The outputs that move the boat, as parameters have them; not those of which some lack."""
+    return tuple(
+        Servo(a.channel, a.pwm, a.reversed)
+        for a in actuators(parameters)
+        if all(f"SERVO{a.channel}_{name}" in parameters for name in SERVO_SETTINGS)
+    )
+
+
 def _check(path: str, choices: Mapping[str, Choice], options: TrialOptions) -> None:
     """One line about what is missing."""
     if "yaw" not in choices:
@@ -277,16 +287,12 @@ class TrialSource:
             excluded=usable_time.excluded_stretches(grid - start, dt, reasons),
             start_time_ns=self.epoch_ns + round(start * 1e9),
             origin_deg=self.origin,
-            outputs=self._outputs(),
+            outputs=outputs_of(self.parameters),
             sources={name: choice.source for name, choice in self.choices.items()},
             rates_hz={name: choice.rate_hz for name, choice in self.choices.items()},
             notices=(*self.contradictions, *self.notices),
             contradictions=self.contradictions,
         )
-
-    def _outputs(self) -> tuple[Servo, ...]:
-        """The outputs that move the boat, as the parameters of the log have them."""
-        return tuple(Servo(a.channel, a.pwm, a.reversed) for a in actuators(self.parameters))
 
     def _commands(self, edges: Floats) -> tuple[tuple[int, ...], Floats]:
         """Channels that ever have a pulse, and their mean over each interval, NaN if disarmed."""

@@ -179,7 +179,7 @@ def _tendency(mean: Triple, rmse: Triple, scales: Floats, noise: Floats) -> str:
 
 def _plain(value: float) -> str:
     """Two digits that count, and no power of ten."""
-    return f"{float(f'{value:.2g}'):g}"
+    return np.format_float_positional(float(f"{value:.2g}"), trim="-")
 
 
 def telling_channel(mean: Floats, rmse: Floats, scales: Floats, noise: Floats) -> int:

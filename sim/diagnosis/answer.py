@@ -297,12 +297,12 @@ class Diagnosis:
     noise_floor: float
     vessel: Vessel
     noise_share: tuple[float, float, float]
+    prior: float
     suggested: tuple[SuggestedManoeuvre, ...] = ()
     alternatives: tuple[LadderStep, ...] = ()
     curve: LadderStep | None = None
     formula: ScoredFormula | None = None
     start_time_ns: int = 0
-    prior: float = 0.15
 
     @property
     def next_manoeuvre(self) -> str | None:
@@ -325,7 +325,7 @@ class Diagnosis:
         """What `shadow diagnose --json` prints."""
         return {
             "verdict": str(self.verdict), "summary": self.summary,
-            "base_changed": self.base_changed, "effects": list(self.effects),
+            "prior": self.prior, "base_changed": self.base_changed, "effects": list(self.effects),
             "ladder": [step.to_dict() for step in self.ladder],
             "alternatives": [step.to_dict() for step in self.alternatives],
             "ranking": [row.to_dict() for row in self.ranking],

@@ -19,7 +19,12 @@ from sim.diagnosis.free_curve import FREE_FORMS, FreeCurve, find_free_curve
 from sim.diagnosis.generality import doubt_of, unseen_headings
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect, gain
 from sim.diagnosis.ladder import EffectSearch, Selection
-from sim.diagnosis.more_room import is_simpler, is_worth_more_room, numbers_at_limit
+from sim.diagnosis.more_room import (
+    is_simpler,
+    is_worth_more_room,
+    numbers_at_limit,
+    numbers_beyond,
+)
 from sim.diagnosis.next_experiment import (
     RecordingContent,
     Refusal,
@@ -56,6 +61,7 @@ class DiagnoseSettings:
     """How a diagnosis is made.
 
     prior     relative standard deviation of the base numbers as given
+    trusted   that was asked for: no second look with more room for them
     most      effects that are added at most; 1: only the first, 0: only the ranking
     horizons  of the free runs [s]
     effects   the catalogue that is tried
@@ -67,6 +73,7 @@ class DiagnoseSettings:
     horizons: tuple[float, ...] = (1.0, 3.0, 6.0)
     effects: tuple[Effect, ...] = field(default=EFFECTS)
     plan: bool = False
+    trusted: bool = False
 
     def identify(self, vessel: Vessel) -> IdentifySettings:
         """How the base is fitted along: near what was given, where that is a number at all.
@@ -92,28 +99,38 @@ def diagnose(
     settings = settings or DiagnoseSettings()
     trials = _long_enough(trials)
     first, selection, search = _diagnosed(trials, vessel, settings, progress, mapper)
-    wide = replace(settings, prior=thresholds.GUESSED_PRIOR)
-    if settings.prior >= wide.prior or not numbers_at_limit(first.ladder[-1], settings.prior):
+    at_limit = numbers_at_limit(first.ladder[-1], settings.prior)
+    if settings.trusted or settings.prior >= thresholds.GUESSED_PRIOR or not at_limit:
         return first
     progress("more room for the numbers of the file")
-    base = fit_base(search.superset, Model.of(vessel), trials, wide)
-    if not is_worth_more_room(selection.fit, base, search):
+    wide = replace(settings, prior=thresholds.GUESSED_PRIOR)
+    try:
+        base = fit_base(search.superset, Model.of(vessel), trials, wide)
+        if not is_worth_more_room(selection.fit, base, search):
+            return first
+        second, *_ = _diagnosed(trials, vessel, wide, progress, mapper)
+    except (ValueError, np.linalg.LinAlgError):  # the model is lost: what is known stays
         return first
-    second, *_ = _diagnosed(trials, vessel, wide, progress, mapper)
     if not is_simpler(second, first):
         return first
-    note = _instead_of(first, second, settings.prior)
-    return replace(second, summary=f"{second.summary}; {note}")
+    note = _further_off(first, second, thresholds.MAX_BASE_SIGMAS * settings.prior)
+    return replace(second, summary="; ".join(filter(None, (second.summary, note))))
 
 
-def _instead_of(first: Diagnosis, second: Diagnosis, prior: float) -> str:
-    """What would have been told of a file that is trusted further than it should be."""
+def _further_off(first: Diagnosis, second: Diagnosis, share: float) -> str:
+    """Which numbers are off by more than a share, and what was told while they were trusted to be
+    no further off.
+    """
+    names = numbers_beyond(second.ladder[-1], share)
+    if not names:
+        return ""
+    verb = "is" if len(names) == 1 else "are"
+    off = f"{', '.join(names)} of the file {verb} off by more than {100.0 * share:.0f} %"
     others = [name for name in first.effects if name not in second.effects]
-    far = 100.0 * thresholds.MAX_BASE_SIGMAS * prior
-    off = f"numbers of the file are off by more than {far:.0f} %"
-    if not others:
-        return f"{off}: within that, more seemed to be missing"
-    return f"{off}, else {' and '.join(others)} would stand in"
+    if others and first.verdict is not Verdict.UNKNOWN:
+        return f"{off}, else {' and '.join(others)} would stand in"
+    left = first.ladder[-1].heldout.nrmse
+    return f"{off}: with less room for them the error was {left:.3f}"
 
 
 def _diagnosed(
@@ -135,7 +152,7 @@ def _diagnosed(
     progress("what is left")
     search = replace(search, scorer=search.scorer.shared_with(selection.fit))
     found = Findings.of(selection, search, plain, trials)
-    doubts = Doubts.of(found, trials)
+    doubts = Doubts.of(found, trials, settings.prior)
     verdict = verdict_of(selection, found.rivals, found.left, doubts.any)
     forms = _forms_to_try(vessel, content, trials, doubts)
     verdict, curve = _held_against_a_curve(verdict, vessel, search, found, forms)

@@ -15,6 +15,7 @@ from sim.diagnosis.free_curve import FreeCurve
 from sim.diagnosis.heldout import HeldOutScorer, RankedEffect
 from sim.diagnosis.ladder import EffectSearch, Selection
 from sim.diagnosis.limits import strain_of
+from sim.diagnosis.more_room import numbers_at_limit
 from sim.diagnosis.residual_terms import Dependence
 from sim.diagnosis.rivals import all_rivals_of
 from sim.diagnosis.verdict import (
@@ -115,7 +116,8 @@ class Findings:
 class Doubts(NamedTuple):
     """Why what was found may not be all.
 
-    above           what is left is more than noise
+    above           what is left is more than noise, by a wide margin, or beside numbers of the base
+                    that stand at their limits
     contradictions  of sensors: what a model of the boat leaves may be theirs
     strained        numbers of what was found that no boat has
     """
@@ -130,12 +132,13 @@ class Doubts(NamedTuple):
         return self.above or bool(self.contradictions) or bool(self.strained)
 
     @classmethod
-    def of(cls, found: Findings, trials: Sequence[Trial]) -> "Doubts":
-        """About what was found in these trials."""
+    def of(cls, found: Findings, trials: Sequence[Trial], prior: float) -> "Doubts":
+        """About what was found in these trials, with a prior of the base numbers."""
         fit, last = found.selection.fit, found.last
         effects = [a.effect for a in fit.added]
         above = is_above_noise(effects, found.ladder, found.floor)
         above = above or is_above_stated(effects, fit.noise_share)
+        above = above or (found.is_above and bool(numbers_at_limit(last, prior)))
         new = [added for added in last.vessel.effects if added.effect.name in last.effects]
         strained = tuple(strain for a in new if (strain := strain_of(a, last.vessel)))
         contradictions = tuple(dict.fromkeys(said for t in trials for said in t.contradictions))

@@ -8,7 +8,10 @@ do as well then, or the error falls further, the whole search is worth another r
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+
+import numpy as np
 
 from sim.diagnosis import thresholds
 from sim.diagnosis.answer import Diagnosis, LadderStep, Verdict
@@ -26,12 +29,13 @@ from sim.vessel import AddedEffect
 
 def numbers_at_limit(step: LadderStep, prior: float) -> list[str]:
     """Names of base numbers that went as far from the file as that relative prior allows."""
-    far = thresholds.LIMIT_SHARE * thresholds.MAX_BASE_SIGMAS * prior
-    return [
-        e.name
-        for e in step.base_parameters
-        if e.name in BASE and e.before and abs(e.value - e.before) >= far * abs(e.before)
-    ]
+    return numbers_beyond(step, thresholds.LIMIT_SHARE * thresholds.MAX_BASE_SIGMAS * prior)
+
+
+def numbers_beyond(step: LadderStep, share: float) -> list[str]:
+    """Names of base numbers that are off by that share of what the file says, or further."""
+    known = (e for e in step.base_parameters if e.name in BASE and e.before)
+    return [e.name for e in known if abs(e.value - e.before) >= share * abs(e.before)]
 
 
 def is_worth_more_room(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
@@ -46,10 +50,12 @@ def is_worth_more_room(fit: Fit, base: Fit, search: CandidateSearch) -> bool:
     if len(effects) > 1:
         fewer = (tuple(a for a in effects if a is not one) for one in effects)
         tried += [(some, thresholds.MAX_ROOM_RATIO) for some in fewer]
-    return any(
-        _floors(_with_room(some, fit, base, search), search) < ratio * error
-        for some, ratio in tried
-    )
+    for some, ratio in tried:
+        search.progress(f"more room beside {' and '.join(a.effect.name for a in some)}")
+        other = _with_room(some, fit, base, search)
+        if other is not None and _floors(other, search) < ratio * error:
+            return True
+    return False
 
 
 def _floors(fit: Fit, search: CandidateSearch) -> float:
@@ -58,13 +64,22 @@ def _floors(fit: Fit, search: CandidateSearch) -> float:
     return scorer.score_fit(fit).nrmse / scorer.noise_floor
 
 
-def _with_room(added: Sequence[AddedEffect], like: Fit, base: Fit, search: CandidateSearch) -> Fit:
-    """These effects fitted as another fit has them, with the priors of `base`."""
+def _with_room(
+    added: Sequence[AddedEffect], like: Fit, base: Fit, search: CandidateSearch
+) -> Fit | None:
+    """These effects fitted as another fit has them, with the priors of `base`; None where the model
+    is lost from every start.
+    """
     problem = replace(like.renewed_problem, settings=base.problem.settings)
     unknowns = unknowns_for(search.superset, added, len(problem.trials), problem.settings)
     z = start_values(unknowns, like)
-    starts = [z, start_values(unknowns, base), with_given_base(unknowns, z)]
-    fits = (fit_effects(added, unknowns, problem, z) for z in starts if z is not None)
+    fits = []
+    for start in (z, start_values(unknowns, base), with_given_base(unknowns, z)):
+        if start is not None:
+            with suppress(ValueError, np.linalg.LinAlgError):
+                fits.append(fit_effects(added, unknowns, problem, start))
+    if not fits:
+        return None
     best = min(fits, key=lambda fit: fit.cost)
     return fit_effects(added, unknowns, best.renewed_problem, best.z)
 
@@ -74,6 +89,8 @@ def is_simpler(other: Diagnosis, than: Diagnosis) -> bool:
     much better with as many, or knows where the first did not.
     """
     error, before = (d.ladder[-1].heldout.nrmse / d.noise_floor for d in (other, than))
+    if other.verdict is Verdict.UNKNOWN and than.verdict is not Verdict.UNKNOWN:
+        return False
     if than.verdict is Verdict.UNKNOWN and other.verdict is not Verdict.UNKNOWN:
         return error < before
     more = len(other.effects) - len(than.effects)

@@ -27,7 +27,7 @@ from sim.effects.effect import (
 )
 from sim.effects.words import FittedValues
 
-MOST_SHARE = 2.5  # of the thrust in the file, or its inverse, that a battery may make
+MOST_SHARE = 4.2  # of the thrust in the file, or its inverse: as on a battery of twice the voltage
 
 
 def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:

@@ -34,12 +34,14 @@ from sim.effects.words import FittedValues
 from sim.state import Wrench
 
 STRAIGHT = Separation(
-    "steps of throttle on a straight course: there the arms of the motors play no part", "steps"
+    "steps of throttle on a straight course: arms of both sides alike neither turn the boat there "
+    "nor make her slower",
+    "steps",
 )
 WHOSE = (
     ("the motors are", "the centre line"),
-    ("the port motor is", "the centre line"),
-    ("the starboard motor is", "the centre line"),
+    ("the motors to port are", "the centre line"),
+    ("the motors to starboard are", "the centre line"),
     ("the motors are", "midships"),
 )
 ATHWART, ALONG = (0.0, 1.0, 2.0), 3.0
@@ -55,9 +57,9 @@ def reaction(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> Wrench:
 
 def arms_of(vessel: Any, residual: Callable[[], ResidualForce]) -> list[Values]:
     """Where a search begins: the arms that turn this boat."""
-    off_centre = any(t.position[1] for t in vessel.thrusters)
-    steered = any(rudder.motor for rudder in vessel.rudders)
-    which = (*(ATHWART if off_centre else ()), *((ALONG,) if steered else ()))
+    sides = {np.sign(t.position[1]) for t in vessel.thrusters} - {0.0}
+    athwart = ATHWART if len(sides) > 1 else ATHWART[: len(sides)]
+    which = (*athwart, *((ALONG,) if vessel.has_arms_along else ()))
     return [{"gain": 1.0, "which": one} for one in which]
 
 

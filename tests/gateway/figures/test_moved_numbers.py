@@ -1,5 +1,7 @@
 """What is said of base numbers that had to move: which, how far, and whether all of them alike."""
 
+from dataclasses import replace
+
 import pytest
 
 from gateway.figures.words import moved_numbers
@@ -60,10 +62,23 @@ def test_those_of_yaw_alike_are_as_if_the_arms_of_the_motors_were_longer() -> No
         {"m33": 1.0},  # damping alone
         {"m11": 0.75},  # she is another boat
         {"m33": 0.9, "N_r": 0.9, "N_rr": 0.9},  # not far
+        {"half": 0.5},  # nothing is known to have moved
     ],
 )
 def test_what_turns_her_is_not_called_weaker_where_it_is_not(other: dict[str, float]) -> None:
     assert "what turns her" not in moved(**(YAW | {"m11": 1.02, "X_u": 0.97} | other))
+
+
+def test_a_boat_that_only_her_rudder_turns_is_not_asked_about_the_arms_of_motors() -> None:
+    numbers = [
+        Estimate(n, "kg", 100.0, 100.0 * f, (99.0 * f, 101.0 * f), True) for n, f in YAW.items()
+    ]
+    numbers.append(Estimate("m11", "kg", 100.0, 100.0, (99.0, 101.0), True))
+    step = _step(*numbers)
+    middle = replace(WAM_V.thrusters[0], position=(-1.0, 0.0))
+    alone = replace(step, vessel=replace(WAM_V, thrusters=(middle,)))
+    assert "(arms of the motors?)" in moved_numbers(step)
+    assert moved_numbers(alone).endswith("of the moment in the file")
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ def test_the_first_sentence_is_what_matters_most(answer, first, more):
     ("m33", "changed", "first"),
     [
         (2.9, True, "Numbers of the vessel file are off: m33 8.7 → 2.9 kg m² (-67 %)."),
-        (8.6, True, "Nothing is missing"),  # no file is known to that
+        (7.4, True, "Nothing is missing"),  # 15 %: as files are
         (2.9, False, "Nothing is missing"),  # the numbers as given do as well
     ],
 )
@@ -156,7 +156,7 @@ def test_numbers_that_are_off_come_first_where_nothing_else_is(m33, changed, fir
     answer.ladder[-1].base_parameters, answer.base_changed = (moved,), changed
     texts = diagnosis_texts(answer)
     assert texts[0].startswith(first)
-    assert texts[-1].lower().endswith("nothing is missing that these data could tell.")
+    assert texts[-1].endswith("is missing that these data could tell.")
 
 
 def test_what_may_be_none_is_told_after_what_is_sure():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.offline.notices import notices_of, outputs_set_otherwise, outputs_without_actuator
+from gateway.offline.trials import outputs_of
 from sim.vessel import Servo
 from tests.sim.voyages import WAM_V, simulated
 
@@ -27,7 +28,8 @@ def test_outputs_that_move_and_are_not_in_the_file_are_told() -> None:
     [
         ({"pwm": (1000.0, 1500.0, 2000.0)}, "pulses of 1100 – 1500 – 1900 µs in the vessel file, "
          "but of 1000 – 1500 – 2000 µs in the autopilot's parameters"),
-        ({"pwm": (1100.0, 1540.0, 1900.0)}, "but of 1100 – 1540 – 1900 µs"),
+        ({"pwm": (1100.0, 1540.0, 1900.0)}, "what is neutral for one is not for the other"),
+        ({"pwm": (1000.0, 1500.0, 1900.0)}, "what is full throttle or full helm for one is not"),
         ({"pwm": (1105.0, 1515.0, 1900.0)}, ""),
         ({"reversed": True}, "reversed in the autopilot's parameters, and not in the vessel file"),
         ({"channel": 9}, ""),  # another output: nothing is said of this one
@@ -46,3 +48,22 @@ def test_outputs_of_which_the_autopilot_says_something_else_are_told(
         assert told in notices[0]
         (line,) = [n for n in notices_of([trial], WAM_V) if notices[0] in n]
         assert line.startswith(f"{trial.name}: ")
+
+
+def test_each_output_has_a_notice_of_its_own_though_names_differ_by_a_digit() -> None:
+    motors = [
+        replace(m, name=f"motor_{i}", servo=replace(m.servo, channel=i))
+        for i, m in enumerate(WAM_V.thrusters, 1)
+    ]
+    boat = replace(WAM_V, thrusters=tuple(motors))
+    own = tuple(Servo(m.servo.channel, (1000.0, 1500.0, 2000.0)) for m in motors)
+    trial = replace(simulated(WAM_V, 60.0), outputs=own)
+    told = [n for n in notices_of([trial], boat) if "autopilot's parameters" in n]
+    assert [f"motor_{i}" in n for i, n in enumerate(told, 1)] == [True] * len(motors)
+
+
+def test_of_outputs_whose_parameters_are_not_all_in_the_log_nothing_is_said() -> None:
+    known = {"FUNCTION": 73.0, "MIN": 1000.0, "TRIM": 1500.0, "MAX": 2000.0, "REVERSED": 1.0}
+    parameters = {f"SERVO1_{name}": value for name, value in known.items()}
+    parameters |= {f"SERVO3_{name}": known[name] for name in ("FUNCTION", "MIN", "MAX")}
+    assert outputs_of(parameters) == (Servo(1, (1000.0, 1500.0, 2000.0), reversed=True),)

@@ -369,7 +369,7 @@ def test_a_wind_on_assumed_areas_is_worth_a_range_of_speeds() -> None:
     ("nominal", "told"),
     [
         (16.0, ""),
-        (10.0, ""),  # 225 %: another battery
+        (7.5, ""),  # 400 %: a battery of twice the voltage
         (7.0, "the motors would give 459 % of the thrust in the file throughout"),
         (50.0, "the motors would give 9 % of the thrust in the file throughout"),
     ],
