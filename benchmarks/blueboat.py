@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 
 from gateway.ingest.csv.log import CsvLog
+from gateway.offline.notices import notices_of
 from gateway.offline.trials import load_trials
-from gateway.offline.usable_time import notices_of
 from gateway.samples import Quantity
 from gateway.vessel_file import load_vessel
 from sim.effects.catalogue import EFFECTS
