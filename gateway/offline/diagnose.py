@@ -133,51 +133,96 @@ class DiagnosisResult:
         return {"own_parameters": own} if own else {}
 
     def next_steps(self, saved: str | None, out: str | None) -> list[str]:
-        """Command lines to go on with, the likeliest first."""
-        vessel, logs = shell_path(self.vessel_file), " ".join(map(shell_path, self.logs))
-        better = shell_path(out or f"{Path(self.vessel_file).stem}-better.toml")
-        source = shell_path(saved or "diagnosis.json")
+        """Command lines to go on with, the likeliest first.
+
+        saved, out: where the answer and the better vessel file were written; None: they were not
+        """
+        if self.contradicted:
+            return self._steps_to_sensors(saved)
+        kept = saved is not None or (self.diagnosis.curve is None and not self._can_add(out))
+        save = [] if kept else [f"{self._again} --save diagnosis.json"]
+        beyond = self._steps_beyond_catalogue(saved)
+        return [*dict.fromkeys(self._plans), *save, *self._steps_to_better(saved, out), *beyond]
+
+    @property
+    def _vessel(self) -> str:
+        return shell_path(self.vessel_file)
+
+    @property
+    def _own(self) -> str:
+        """The files of effects of one's own, as options."""
+        return "".join(f" --effects {shell_path(file)}" for file in self.effect_files)
+
+    @property
+    def _again(self) -> str:
+        """The same diagnosis once more."""
+        logs = " ".join(map(shell_path, self.logs))
+        return f"shadow diagnose {logs} --vessel {self._vessel}{self.flags}{self._own}"
+
+    @property
+    def _plans(self) -> list[str]:
+        """Manoeuvres that would tell more."""
         manoeuvre = (self.diagnosis.next_manoeuvre or "").partition(",")[0]
         excitations = [manoeuvre] if manoeuvre in BY_NAME else []
         excitations += [s.excitation for s in self.separations.values()]
-        plan = [f"shadow plan --vessel {vessel} --excitation {name}" for name in excitations]
-        own = "".join(f" --effects {shell_path(file)}" for file in self.effect_files)
-        again = f"shadow diagnose {logs} --vessel {vessel}{self.flags}{own}"
-        found, curve, steps = self.diagnosis.effects, self.diagnosis.curve, list[str]()
-        with_curve = shell_path(f"{Path(self.vessel_file).stem}-curve.toml")
-        names = curve.effects if curve is not None else ()
-        if self.contradicted:  # no effect of the boat's is told, but what such a sensor does
-            names = names[-1:]
-        add_curve = (
-            f"shadow add {' '.join(names)} --vessel {vessel} --from {source} "
-            f"--out {with_curve}{own}"
-        )
-        if self.contradicted:
-            steps += [f"shadow info {shell_path(log)}{self.flags}" for log in self.logs]
-            kept = [] if saved else [f"{again} --save diagnosis.json"]
-            return [*steps, *kept, add_curve] if names else steps
-        if saved is None and (curve is not None or (found and not out)):
-            steps.append(f"{again} --save diagnosis.json")
-        if found and not out:
-            steps.append(f"shadow add {' '.join(found)} --vessel {vessel} --from {source} "
-                         f"--out {better}{own}")  # fmt: skip
-        if found or (out and self.improves):
+        return [f"shadow plan --vessel {self._vessel} --excitation {name}" for name in excitations]
+
+    def _can_add(self, out: str | None) -> bool:
+        """Whether effects were found that no file has yet."""
+        return bool(self.diagnosis.effects) and not out
+
+    def _add(self, names: Sequence[str], saved: str | None, out: str) -> str:
+        """What puts effects into a vessel file."""
+        source = shell_path(saved or "diagnosis.json")
+        return (f"shadow add {' '.join(names)} --vessel {self._vessel} --from {source} "
+                f"--out {out}{self._own}")  # fmt: skip
+
+    def _add_curve(self, names: Sequence[str], saved: str | None) -> str:
+        return self._add(names, saved, shell_path(f"{Path(self.vessel_file).stem}-curve.toml"))
+
+    def _steps_to_sensors(self, saved: str | None) -> list[str]:
+        """Where sensors contradict one another: no effect of the boat's is told, but what such a
+        sensor does.
+        """
+        curve = self.diagnosis.curve
+        steps = [f"shadow info {shell_path(log)}{self.flags}" for log in self.logs]
+        if curve is None:
+            return steps
+        save = [] if saved else [f"{self._again} --save diagnosis.json"]
+        return [*steps, *save, self._add_curve(curve.effects[-1:], saved)]
+
+    def _steps_to_better(self, saved: str | None, out: str | None) -> list[str]:
+        """From what was found to a better vessel file, and to the proof on another recording."""
+        better = shell_path(out or f"{Path(self.vessel_file).stem}-better.toml")
+        steps = []
+        if self._can_add(out):
+            steps.append(self._add(self.diagnosis.effects, saved, better))
+        if self.diagnosis.effects or (out and self.improves):
             refit = " --refit voyage" if self.voyage_effects else ""
-            both = f"--vessel {vessel} --vessel {better}"
-            steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{own}")
+            both = f"--vessel {self._vessel} --vessel {better}"
+            steps.append(f"shadow compare ANOTHER_LOG {both}{refit}{self.flags}{self._own}")
         elif self._can_identify and not out:
-            steps.append(f"shadow identify {logs} --vessel {vessel} --out {better}{self.flags}")
+            logs = " ".join(map(shell_path, self.logs))
+            steps.append(
+                f"shadow identify {logs} --vessel {self._vessel} --out {better}{self.flags}"
+            )
+        return steps
+
+    def _steps_beyond_catalogue(self, saved: str | None) -> list[str]:
+        """The curve of what the catalogue does not hold, and the file of an effect of one's own."""
+        curve, steps = self.diagnosis.curve, []
         if curve is not None:
-            steps.append(add_curve)
+            steps.append(self._add_curve(curve.effects, saved))
         if curve is not None and self.diagnosis.formula is not None:
+            source = shell_path(saved or "diagnosis.json")
             steps.append(f"shadow effects {curve.effects[-1]} --write own.py --from {source}")
-            steps.append(f"{again} --effects own.py")
         elif self.diagnosis.verdict is Verdict.UNKNOWN:
             on = next((d.on for d in self.diagnosis.depends_on), "")
             like = curve.vessel.effects[-1].effect.pattern if curve is not None else ""
             steps.append(f"shadow effects {like or pattern_for(on)} --write own.py")
-            steps.append(f"{again} --effects own.py")
-        return [*dict.fromkeys(plan), *steps]
+        else:
+            return steps
+        return [*steps, f"{self._again} --effects own.py"]
 
 
 def pattern_for(depends_on: str) -> str:
