@@ -126,7 +126,7 @@ class _Base:
         effect, starts = tried
         begins, has_rival = [self.fine.at(effect, start) for start in starts], self.enough < np.inf
         if self.given and effect.is_like_the_base:
-            begins = [self.fine.beside_base(r) for r in begins]
+            begins = [self.coarse.beside_base(r) for r in begins]
         if has_rival or len(begins) > thresholds.MANY_STARTS:
             most = promised = thresholds.MAX_PROMISED_COST * self.enough
             if has_rival:  # many times its error: slopes promise but a part of the way
