@@ -89,9 +89,9 @@ def is_simpler(other: Diagnosis, than: Diagnosis) -> bool:
     much better with as many, or knows where the first did not.
     """
     error, before = (d.ladder[-1].heldout.nrmse / d.noise_floor for d in (other, than))
-    if other.verdict is Verdict.UNKNOWN and than.verdict is not Verdict.UNKNOWN:
+    if other.verdict is Verdict.UNKNOWN:  # a hull that is bent to go with it explains nothing
         return False
-    if than.verdict is Verdict.UNKNOWN and other.verdict is not Verdict.UNKNOWN:
+    if than.verdict is Verdict.UNKNOWN:
         return error < before
     more = len(other.effects) - len(than.effects)
     if more < 0:
