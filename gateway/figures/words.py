@@ -262,10 +262,9 @@ def diagnosis_texts(d: Diagnosis) -> tuple[str, ...]:
         error = min(step.heldout.nrmse for step in d.ladder)
         if judge(error, d.noise_floor) is Judgement.UNJUDGED:
             return ("These data cannot tell whether anything is missing: noise hides the motion.",)
-        moved = moved_numbers(last)
         far = max((abs(share) for share, _ in _beyond_interval(last)), default=0.0)
         if d.base_changed and far > FAR_MOVED:
-            return (f"Numbers of the vessel file are off: {moved}.",
+            return (f"Numbers of the vessel file are off: {moved_numbers(last)}.",
                     "Nothing else is missing that these data could tell.")  # fmt: skip
         return ("Nothing is missing that these data could tell.",)
     if d.verdict is Verdict.UNKNOWN:

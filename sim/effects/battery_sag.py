@@ -40,8 +40,11 @@ def thrust(F: float, drive: ThrusterParameters, flow: Flow, p: Any) -> float:
 def disbelieved(values: Values, trials: Sequence[Any]) -> str:
     """That the motors would push so much harder or weaker throughout that it is no battery's."""
     voltage = np.concatenate([t.voltage[t.usable] for t in trials])
-    share = float(np.nanmedian(voltage) / values["nominal"]) ** 2
-    if not np.isfinite(share) or 1.0 / MOST_SHARE < share < MOST_SHARE:
+    known = voltage[np.isfinite(voltage)]
+    if len(known) == 0:  # then there is no sag
+        return ""
+    share = float(np.median(known) / values["nominal"]) ** 2
+    if 1.0 / MOST_SHARE < share < MOST_SHARE:
         return ""
     return f"the motors would give {100.0 * share:.0f} % of the thrust in the file throughout"
 

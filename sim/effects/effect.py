@@ -71,7 +71,7 @@ class Need(Enum):
 
     WIND_AREA = "hull.wind_area, the frontal and lateral area above water [m²]"  # else assumed
     PORT_THRUSTER = "a thruster to port of the centre line"
-    ARM = "a motor off the centre line, or one that is steered"
+    ARM = "a motor off the centre line, or one that is steered or points aside"
     STEERING = "a rudder or a steered motor"
 
 

@@ -1,5 +1,6 @@
 """Each law at one point, against numbers worked out by hand from the equation of its file."""
 
+import warnings
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -381,3 +382,6 @@ def test_no_battery_makes_motors_push_several_times_as_hard(nominal: float, told
     doubt = named("battery_sag").disbelieved
     assert doubt is not None
     assert doubt({"nominal": nominal}, [trial]) == told
+    nobody_measured = SimpleNamespace(voltage=np.full(5, np.nan), usable=trial.usable)
+    with warnings.catch_warnings(action="error"):
+        assert doubt({"nominal": nominal}, [nobody_measured]) == ""
