@@ -66,7 +66,13 @@ def identify(
     effects: EffectFiles = None,
     system: System = None,
     mapping: Mapping = None,
-    anyway: Anyway = False,
+    anyway: Annotated[
+        bool,
+        typer.Option(
+            "--anyway",
+            help="Fit though motors seem wired otherwise, or though it is no boat's log.",
+        ),
+    ] = False,
     force: Force = False,
     json: AsJson = False,
 ) -> None:

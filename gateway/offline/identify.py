@@ -74,6 +74,8 @@ def identify_logs(
     read = map(chosen, usable_trials(logs, options, progress))
     trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
     others = usable_trials(validate, options, progress)
+    if not options.anyway:
+        _require_wiring(trials, [""] * len(trials), boat, vessel)
     found = identify_trials(
         trials, boat, settings, others, names=names, file=vessel, progress=progress
     )
@@ -280,15 +282,18 @@ def identify_logs_by_recording(
 def _require_wiring(
     trials: Sequence[Trial], whose: Sequence[str], boat: Vessel, file: str | Path
 ) -> None:
-    """BadInput where a boat does not go where it is commanded: every fit would be of nonsense."""
+    """BadInput where a boat does not go where it is commanded: every fit would be of nonsense.
+
+    `whose`: of each trial its boat's name.
+    """
     for name in dict.fromkeys(whose):
         own = [trial for trial, each in zip(trials, whose, strict=True) if each == name]
         wrong = wiring_notices(wiring_of(own, boat), boat)
         if wrong:
             label = f" ({name})" if name else ""
             raise BadInput(
-                f"{file}{label}: {'; '.join(wrong)}. Set that first: each recording would be "
-                "fitted to motors that it does not have (--anyway fits all the same)"
+                f"{file}{label}: {'; '.join(wrong)}. Set that first: the numbers would be those of "
+                "a boat with other motors (--anyway fits all the same)"
             )
 
 

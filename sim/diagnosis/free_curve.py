@@ -87,6 +87,9 @@ def find_free_curve(
     least = min(curve.step.heldout.nrmse for curve in found)
     enough = thresholds.MAX_FORMULA_RATIO * least
     best = next(curve for curve in found if curve.step.heldout.nrmse <= enough)
+    without = scorer.score_fit(selection.base if best.replaces else selection.fit).nrmse
+    if without <= thresholds.MAX_FORMULA_RATIO * best.step.heldout.nrmse:
+        return best  # no law at all does as well: none of them is the law
     progress("looking for a short formula")
     return replace(best, formula=_short_formula(best, scorer))
 

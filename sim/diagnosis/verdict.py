@@ -212,7 +212,8 @@ def summary_of(
         contradict = (f"the sensors contradict one another ({'; '.join(contradictions)}): that "
                       "comes before any effect")  # fmt: skip
     if curve is not None:
-        below = f"{_changed(first, curve.step.heldout.nrmse)} (noise {floor:.3f})"
+        without = first if curve.replaces else last  # beside effects, what it adds to them
+        below = f"{_changed(without, curve.step.heldout.nrmse)} (noise {floor:.3f})"
         nearest = f"; nearest to it come{one} {names}, {fell}" if names and curve.replaces else ""
         if curve.over is not None and (less := _percent_less(curve.over)) > 0:
             below += f"; from one moment to the next it leaves {less} % less of the squared error"

@@ -228,7 +228,8 @@ def wiring_notices(wiring: Wiring, vessel: Vessel) -> tuple[str, ...]:
             f"vessel file exchange `reversed` of {one.name} ({one.servo.channel}) ({where})"
         )
     if wiring.swapped:
-        notices.append(f"{_swap_notice(vessel)} ({where})")
+        after = "" if wiring.backwards is None else "with that motor turned "
+        notices.append(f"{after}{_swap_notice(vessel)} ({where})")
     if wiring.reversed:
         notices.append(
             "the motors look as if they ran the wrong way round: the boat goes astern where it is "

@@ -15,6 +15,7 @@ from gateway.offline.identify import (
     provenance,
     voyage_notices,
 )
+from gateway.offline.trials import TrialOptions
 from gateway.offline.usable_time import parse_exclusions
 from gateway.terminal.identification import show_identification
 from gateway.vessel_file import load_vessel, read_vessel_file
@@ -22,6 +23,8 @@ from sim.identification.identify import Identification
 from sim.identification.intervals import Estimate
 from sim.prediction.free_runs import DivergedError
 from tests.conftest import ROOT
+from tests.gateway.ingest.made_table import Traps, boat_toml
+from tests.gateway.ingest.made_table import written as written_table
 from tests.sim.voyages import WAM_V, simulated
 
 LOG = ROOT / "recordings" / "voyage_1.tlog"
@@ -139,6 +142,24 @@ def test_a_model_that_no_prediction_can_be_made_with_is_bad_input(monkeypatch):
     monkeypatch.setattr("gateway.offline.identify.identify", lost)
     with pytest.raises(BadInput, match=r"demo_boat\.toml: plain diverges"):
         identify_logs([LOG], VESSEL)
+
+
+def test_motors_that_are_wired_otherwise_are_put_right_before_anything_is_fitted(tmp_path):
+    """Numbers that make up for the wrong side are the boat's no more."""
+    table, _ = written_table(tmp_path, Traps(swapped=True))
+    out, settings = tmp_path / "out.toml", identify_settings([], [], [], "shooting")
+    for channels in ((1, 3), (3, 1)):
+        (tmp_path / f"boat{channels[0]}.toml").write_text(boat_toml(*channels), encoding="utf-8")
+    with pytest.raises(BadInput, match=r"boat1.toml: port and starboard.* Set that first") as told:
+        identify_logs([table], tmp_path / "boat1.toml", out, settings)
+    assert "\n" not in str(told.value)
+    assert not out.exists()
+    anyway = TrialOptions(anyway=True)
+    found = identify_logs([table], tmp_path / "boat1.toml", out, settings, options=anyway)
+    assert any("look swapped" in notice for notice in found.notices)
+    assert out.exists()
+    found = identify_logs([table], tmp_path / "boat3.toml", None, settings)
+    assert not any("swapped" in notice for notice in found.notices)
 
 
 def without_thrust(trial):

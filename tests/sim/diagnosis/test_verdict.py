@@ -236,6 +236,7 @@ def test_a_curve_in_the_place_of_an_effect_is_told_before_it() -> None:
     beside, instead = said("hull_lift", "x"), said("x")
     assert beside.startswith("hull_lift helps, ")
     assert "nearest" not in beside
+    assert "with that curve the error on unseen time falls from 0.300 to 0.200" in beside
     assert instead.startswith("something is missing that the catalogue does not hold: a force; ")
     assert (
         "falls from 0.500 to 0.200 (noise 0.100); nearest to it comes hull_lift, the error on"
@@ -273,8 +274,9 @@ def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
         none: Any = None
         return FreeCurve(step(errors[fit], *effects), none, fit)
 
+    formula: Any = SimpleNamespace()
     monkeypatch.setattr(free_curve, "_fitted", curve)
-    monkeypatch.setattr(free_curve, "_short_formula", lambda *_: None)
+    monkeypatch.setattr(free_curve, "_short_formula", lambda *_: formula)
 
     def found(**how: bool) -> tuple[str, ...]:
         best = find_free_curve(WAM_V, chosen, scorer, **how)
@@ -285,6 +287,11 @@ def test_a_curve_alone_comes_before_one_beside_effects_that_is_hardly_better(
     errors["effects"] = 0.19
     assert found() == ("hull_lift", "x")
     assert found(beside=False) == ("x",)
+    for without, law in ((0.3, formula), (0.195, None)):  # what nothing explains as well has no law
+        scorer.score_fit = lambda fit, without=without: SimpleNamespace(nrmse=without)
+        best = find_free_curve(WAM_V, chosen, scorer)
+        assert best is not None
+        assert best.formula is law
 
 
 def test_a_curve_is_told_by_the_last_effect_of_its_vessel() -> None:

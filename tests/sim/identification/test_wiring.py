@@ -65,6 +65,7 @@ def test_one_motor_the_wrong_way_round_is_told_and_put_right(sailed, swap, which
     assert "one motor" in told[0]
     assert name in told[0]
     assert sum("swapped" in text for text in told) == swap
+    assert sum(text.startswith("with that motor turned port and") for text in told) == swap
 
 
 def test_no_motor_is_turned_of_a_boat_that_only_drifted(sailed):
