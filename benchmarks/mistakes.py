@@ -1,12 +1,13 @@
 """One thing in the vessel file is wrong, as people get it wrong: is that told, and nothing else?
 
-    python -m benchmarks.mistakes [--kind number unit arm] [--beside] [--every 1] [--seed 0]
+    python -m benchmarks.mistakes [--kind number unit arm two] [--beside] [--every 1] [--seed 0]
 
 Voyages of the blind test's generator (`benchmarks.hidden`; it shares no code with `sim`). The file
 is right but for one thing: one of its nine numbers or two of one axis, at a third to half or at
 twice to three times (`number`); thrust in pounds or kilograms where newtons are asked for (`unit`);
-a steered motor at half its distance from midships or twice that (`arm`). With `--beside` a second
-thing is true of the voyage, that the file does not know: a current, a compass, a starboard motor.
+a steered motor at half its distance from midships or twice that (`arm`). Of `two` it is two numbers
+of different axes, each by its own factor. With `--beside` a second thing is true of the voyage,
+that the file does not know: a current, a compass, a starboard motor.
 Right is who names the effects that are there and no other. Printed: what is wrong, the verdict, the
 effects found, the error before and after and the noise, and how far each wrong number is from the
 truth in the end.
@@ -32,11 +33,15 @@ from gateway.offline.diagnose import DiagnosisResult, diagnose_logs
 
 SEED = 91_000
 SECONDS = 300.0
-KINDS = ("number", "unit", "arm")
+KINDS = ("number", "unit", "arm", "two")
 FAR = (2.0, 3.0)  # times the true number, or its part
 WRONG = (
     ("m33",), ("X_u",), ("N_r",), ("Y_v",), ("m11",), ("X_uu",), ("N_r", "N_rr"), ("Y_v", "Y_vv"),
     ("m22",), ("X_u", "X_uu"),
+)  # fmt: skip
+TWO = (
+    ("m33", "X_u"), ("N_r", "m11"), ("Y_v", "m33"), ("X_uu", "N_r"), ("m11", "Y_v"), ("m22", "N_r"),
+    ("X_u", "Y_vv"), ("m33", "m11"), ("N_rr", "X_uu"), ("Y_v", "N_r"),
 )  # fmt: skip
 UNITS_N = (4.448, 9.807)
 STEERED = (("dory", "survey"), ("dory", "excitation"), ("dory", "wander"), ("dory", "drills"))
@@ -70,6 +75,10 @@ def mistakes(kind: str, beside: bool, seed: int = 0) -> Iterator[Mistake]:
         factor = float(dice.uniform(*FAR)) ** (1.0 if dice.random() < 0.5 else -1.0)
         if kind == "number":
             wrong = dict.fromkeys(WRONG[(k + seed) % len(WRONG)], factor)
+        elif kind == "two":
+            first, second = TWO[(k + seed) % len(TWO)]
+            other = float(dice.uniform(*FAR)) ** (1.0 if dice.random() < 0.5 else -1.0)
+            wrong = {first: factor, second: other}
         elif kind == "unit":
             wrong = {"thrust": 1.0 / UNITS_N[k % len(UNITS_N)]}
         else:
