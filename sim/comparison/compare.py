@@ -49,6 +49,8 @@ from sim.trial import Trial, data_frame
 ADEQUATE_FLOORS = 1.2  # noise floors: an nrmse below is no failure; chosen, not measured
 TOLD_CUT = 0.1  # share of the runs that are cut short, from which on it is told; chosen
 MIN_EXCESS = 0.02  # share of the squared error beyond the share of time, to be named; chosen
+DRIVES_VOLTAGE = ("throttle", "speed")
+OWN_EXCESS = 1.5  # times the excess of those: the voltage tells something itself; chosen
 
 
 class Judgement(StrEnum):
@@ -177,11 +179,15 @@ class Comparison:
     def worst(self, count: int = 5) -> tuple[Bin, ...]:
         """The bins that hold clearly more error than time, most excess first.
 
-        None where the whole error is no more than noise, or where noise hides the motion.
+        None where the whole error is no more than noise, or where noise hides the motion. A battery
+        sags under throttle: its bins are none of their own where those of throttle or speed tell as
+        much.
         """
         if self.judgement is not Judgement.WRONG:
             return ()
-        return tuple(b for b in self.where if b.excess > MIN_EXCESS)[:count]
+        told = [b for b in self.where if b.excess > MIN_EXCESS]
+        driven = max((b.excess for b in told if b.by in DRIVES_VOLTAGE), default=0.0)
+        return tuple(b for b in told if b.by != "voltage" or b.excess > OWN_EXCESS * driven)[:count]
 
     @property
     def place(self) -> Place | None:

@@ -87,6 +87,19 @@ def test_a_free_run_that_diverges_says_so(found):
     assert len(away.free_run.model) < len(right.free_run.model)
 
 
+def test_a_battery_that_sags_under_throttle_is_not_told_beside_it(found):
+    wrong, one = found[1], found[1].where[0]
+
+    def told(*bins: tuple[str, float]) -> list[str]:
+        where = tuple(replace(one, by=by, share=0.1 + e, time_share=0.1) for by, e in bins)
+        return [b.by for b in replace(wrong, where=where).worst()]
+
+    assert told(("voltage", 0.1), ("throttle", 0.09), ("time", 0.05)) == ["throttle", "time"]
+    assert told(("voltage", 0.2), ("throttle", 0.09)) == ["voltage", "throttle"]
+    assert told(("voltage", 0.1), ("heading", 0.09)) == ["voltage", "heading"]
+    assert told(("voltage", 0.1), ("throttle", 0.01)) == ["voltage"]  # too little to be told
+
+
 def test_nothing_is_called_worst_where_all_is_noise(found):
     right, wrong, _ = found
     loud = replace(right, noise_floor_nrmse=right.nrmse)
