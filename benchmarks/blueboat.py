@@ -88,17 +88,20 @@ def labelled() -> Vessel:
     )
 
 
-def fitted(runs: Sequence[Run], others: Sequence[Run], effects: Sequence[str]) -> Identification:
-    """One vessel from some recordings, wired as they say."""
+def fitted(
+    runs: Sequence[Run], others: Sequence[Run], effects: Sequence[AddedEffect]
+) -> Identification:
+    """One vessel with effects from some recordings, wired as they say."""
     trials = [run.trial for run in runs]
     vessel = labelled()
-    vessel = rewired(vessel, wiring_of(trials, vessel)).with_effects(*_added(effects))
-    free = (*BASE, *FREE, *(f"{name}.*" for name in effects))
+    vessel = rewired(vessel, wiring_of(trials, vessel)).with_effects(*effects)
+    free = (*BASE, *FREE, *(f"{added.effect.name}.*" for added in effects))
     settings = IdentifySettings(free, method="simulation")
     return identify(trials, vessel, settings, [run.trial for run in others])
 
 
-def _added(names: Sequence[str]) -> list[AddedEffect]:
+def begun(names: Sequence[str]) -> list[AddedEffect]:
+    """Effects by their names, where a fit begins."""
     known = {effect.name: effect for effect in EFFECTS}
     return [AddedEffect(known[n], {p.name: p.start for p in known[n].parameters}) for n in names]
 
@@ -124,7 +127,7 @@ def _mean(left: Sequence[Run], runs: Sequence[Run], effects: Sequence[str]) -> F
     """Figures (3, 3) of recordings by a fit on all others, as their mean."""
     numbers = {run.number for run in left}
     others = [run for run in runs if run.number not in numbers]
-    vessel = fitted(others, left, effects).vessel
+    vessel = fitted(others, left, begun(effects)).vessel
     each = [judged(vessel, run) for run in left]
     for run, figures in zip(left, each, strict=True):
         print(f"  {run.number}: u {figures[0, 0]:.3f}, r {figures[0, 2]:.3f}", flush=True)
@@ -164,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n".join(lines(rows)))
         return 0
     begun = time.perf_counter()
-    found = fitted(fit, judges, a.effects)
+    found = fitted(fit, judges, begun(a.effects))
     print(f"\nfit on {len(fit)} runs without {' and '.join(JUDGE)}, "
           f"{time.perf_counter() - begun:.0f} s")  # fmt: skip
     table = [(run.number, judged(found.vessel, run)) for run in judges]

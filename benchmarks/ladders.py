@@ -71,9 +71,8 @@ def blueboat_ladder(folder: Path, left_out: Sequence[str] = blueboat.JUDGE) -> F
     found = diagnose(trials, plain)
     _told(found, time.perf_counter() - begun)
     for k in range(1, len(found.effects) + 1):
-        names = found.effects[:k]
-        print(f"\nwith {', '.join(names)}, all fitted anew")
-        figures = _judged(blueboat.fitted(fit, [], names).vessel, judges)
+        print(f"\nwith {', '.join(found.effects[:k])}, all fitted anew")
+        figures = _judged(blueboat.fitted(fit, [], found.vessel.effects[:k]).vessel, judges)
     return figures
 
 

@@ -102,6 +102,8 @@ def diagnose(
     at_limit = numbers_at_limit(first.ladder[-1], settings.prior)
     if settings.trusted or settings.prior >= thresholds.GUESSED_PRIOR or not at_limit:
         return first
+    if first.verdict is Verdict.UNKNOWN and len(trials) >= thresholds.MIN_RECORDINGS:
+        return first  # of many another search takes minutes, and what explains them is no number
     progress("more room for the numbers of the file")
     wide = replace(settings, prior=thresholds.GUESSED_PRIOR)
     try:
@@ -158,6 +160,7 @@ def _diagnosed(
     verdict, curve = _held_against_a_curve(verdict, vessel, search, found, forms)
     said = _in_words(verdict, search, found, doubts, curve)
     notes = [each.description for each in found.last.assumed]
+    notes += [_alike(added.effect, len(trials)) for added in selection.fit.added]
     notes += [unseen_headings(step.best, step.reference) for step in selection.steps]
     notes += [on_times, *(doubts.strained if curve is not None else ())]
     steps = (*found.alone, *found.later, *((curve.step,) if curve else ()))
@@ -182,6 +185,13 @@ def _diagnosed(
         prior=settings.prior,
     )
     return diagnosis, selection, search
+
+
+def _alike(effect: Effect, recordings: int) -> str:
+    """That what a day may bring was the same on every one; empty where each has its own numbers."""
+    if not effect.alike or effect.scope is not Scope.BOAT:
+        return ""
+    return f"{effect.name} is alike on all {recordings} recordings, as of {effect.alike}"
 
 
 def _long_enough(trials: Sequence[Trial]) -> list[Trial]:

@@ -21,13 +21,15 @@ this model has them, and the noise that it leaves.
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, final_fit
+from sim.diagnosis.fit import Fit, final_fit, fit_effects
 from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, search_forces
-from sim.diagnosis.heldout import Ranking, is_better_than_special
+from sim.diagnosis.heldout import Ranking, is_better_than_special, ranked_over
 from sim.diagnosis.likelier import LikelihoodSearch, are_few, unlikely
 from sim.diagnosis.worth import is_at_floor, is_missed, is_worse_elsewhere, is_worth_it
-from sim.effects.effect import Scope
+from sim.effects.effect import Effect, Scope
 from sim.vessel import AddedEffect
 
 
@@ -63,6 +65,7 @@ class EffectSearch(LikelihoodSearch):
             fewer, fit = self._swapped(fewer, fit, last=True)
         fewer, fit = self._more_likely(first, fewer, fit)
         steps, fit = self._in_place_by_forces(first, *self._made_simpler(fewer, fit))
+        steps, fit = self._alike_on_all(steps, fit)
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
         first = next(alone, first)
@@ -91,6 +94,29 @@ class EffectSearch(LikelihoodSearch):
                 if self.helps(one, fit):
                     return steps, fit
         return self._grown_and_exchanged([], base, [first] if more and self.most else [])
+
+    def _alike_on_all(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+        """What is of a day with one set of numbers for all recordings where that does as well: it
+        is the boat's then, and tells of recordings that no fit has seen.
+        """
+        if len(fit.problem.trials) < thresholds.MIN_RECORDINGS:
+            return steps, fit
+        for step in list(steps):
+            effect = step.best.effect
+            if not effect.alike or effect.scope is Scope.BOAT:
+                continue
+            self.progress(f"{effect.name} alike on all recordings")
+            others = self._without(fit, {fit.names.index(effect.name)})
+            alike = self._beside([*others.effects(), _with_one_set(fit, effect)], fit)
+            if is_worth_it(self._gain_over(fit, alike)):  # they differ from day to day
+                continue
+            reference = fit_effects(others.added, others.unknowns, alike.problem, others.z)
+            row = ranked_over(reference, alike)
+            if self.is_believed(row, reference):
+                one = Ranking(reference, (row,))
+                steps, fit = [*(s for s in steps if s is not step), one], alike
+                steps, fit = self._grown(steps, fit, self._next(steps, fit))
+        return steps, fit
 
     def settled(self, base: Fit, fit: Fit) -> Fit:
         """The same effects with their last numbers, under the noise that these leave.
@@ -384,3 +410,10 @@ class EffectSearch(LikelihoodSearch):
             ranking = self.in_place_of(fit, {i, fit.names.index(other.name)}, {other.name})
             if ranking.finalists and self.is_believed(ranking.best, ranking.reference):
                 yield [*(s for s in left if s is not step), ranking], ranking.best.fit
+
+
+def _with_one_set(fit: Fit, effect: Effect) -> AddedEffect:
+    """One of the effects of a fit, with the middle of its numbers on the recordings for all."""
+    each = [fit.values(effect.name, k) for k in range(len(fit.problem.trials))]
+    middle = {key: float(np.median([values[key] for values in each])) for key in each[0]}
+    return AddedEffect(effect.of_the_boat, middle)

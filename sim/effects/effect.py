@@ -31,7 +31,7 @@ manoeuvre tells it from another effect, which values show it.
 import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, fields
+from dataclasses import InitVar, dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from pathlib import PurePath
 from typing import Any, NamedTuple
@@ -292,6 +292,7 @@ class Effect:
     general_of    the simpler effect that this one can always stand in for: that one comes first
     contains      the effect that it holds as a whole: the two never stand side by side
     of_each_day   every voyage has some of it: fits of many recordings give each its own
+    alike         of an effect of a day: what of the boat it is where it is the same on every day
     partial       one such effect follows only part of what nature does: a sea has many waves
     unsteady      share of what it explains that it leaves by being taken for steady: gusts
     evidence      what its evidence is drawn against, or that by its values; None: found from the
@@ -341,6 +342,7 @@ class Effect:
     general_of: str = ""
     contains: str = ""
     of_each_day: bool = False
+    alike: str = ""
     partial: bool = False
     unsteady: float = 0.0
     evidence: EvidenceAxis | Callable[[Values], EvidenceAxis] | None = None
@@ -405,6 +407,11 @@ class Effect:
             for f in fields(self)
             if f.name in LAWS and getattr(self, f.name) is not None
         }
+
+    @property
+    def of_the_boat(self) -> "Effect":
+        """The same effect with one set of numbers, whatever the day."""
+        return replace(self, scope=Scope.BOAT)
 
     @property
     def is_curve(self) -> bool:

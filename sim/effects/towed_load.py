@@ -59,6 +59,7 @@ EFFECT = Effect(
     ),
     looks_like="too slow at speed, and swinging less (or more) behind the point that is held",
     mistaken_for=("advance_loss", "hull_lift", "cubic_drag"),
+    alike="motors, a skeg or a keel that hold the hull at one point",
     evidence=EvidenceAxis(ForceAxis.SURGE, "surge"),
     separated={
         "advance_loss": COAST_DOWN,
