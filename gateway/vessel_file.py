@@ -47,6 +47,7 @@ from sim.vessel import (
 )
 
 _VESSEL_FILE = TypeAdapter(VesselFile)
+OF, OF_THE_BOAT = "of", "boat"  # in the entry of an effect of a day that this boat has every day
 
 
 def load_vessel(path: str | Path, more_effects: Iterable[Effect] = ()) -> Vessel:
@@ -160,7 +161,7 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
     if name not in known:
         where = f"{file}: {key}.type = {shortened(repr(name))}"
         raise BadInput(f"{where}: expected one of {', '.join(sorted(known))}")
-    effect = known[str(name)]
+    effect = _of_whom(f"{file}: {key}.{OF}", known[str(name)], values.pop(OF, None))
     for parameter, value in values.items():
         if not _is_number(value):
             where = f"{file}: {key}.{shortened(parameter)} = {shortened(repr(value))}"
@@ -172,6 +173,24 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
 
     _check_effect(f"{file}: {key}", effect.parameters, added.values)
     return added
+
+
+def _of_whom(where: str, effect: Effect, whose: Any) -> Effect:
+    """An effect of a day as the boat's, where its entry says that every day has it alike."""
+    if whose is None:
+        return effect
+    if whose != OF_THE_BOAT:
+        raise BadInput(f"{where} = {shortened(repr(whose))}: expected {OF_THE_BOAT!r}, or none")
+    if not effect.alike:
+        able = ", ".join(each.name for each in known_effects() if each.alike)
+        raise BadInput(f"{where}: {effect.name} is none that a boat has every day ({able})")
+    return effect.of_the_boat
+
+
+def _of_entry(added: AddedEffect) -> dict[str, Any]:
+    """An effect as an entry of the file."""
+    whose = {OF: OF_THE_BOAT} if added.effect.is_alike else {}
+    return {"type": added.effect.name, **whose, **added.values}
 
 
 def _is_number(value: Any) -> bool:
@@ -232,7 +251,7 @@ def vessel_tables(
         rudders=tuple(RudderTable(**_flat(r)) for r in vessel.rudders),
         sensors=SensorsTable(**vars(vessel.sensors)),
         floating=FloatingTable(**vars(vessel.floating)),
-        effects=tuple({"type": a.effect.name, **a.values} for a in vessel.effects),
+        effects=tuple(map(_of_entry, vessel.effects)),
         provenance=provenance,
         history=tuple(history),
     )

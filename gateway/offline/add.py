@@ -52,6 +52,7 @@ class StepEntry(Entry):
     base: str
     heldout_nrmse: float
     left_out_nrmse: float | None = None
+    alike: tuple[str, ...] = ()
     base_parameters: dict[str, NumberEntry] = Field(default_factory=dict)
     parameters: dict[str, dict[str, NumberEntry]] = Field(default_factory=dict)
     own_parameters: dict[str, dict[str, float]] = Field(default_factory=dict)
@@ -245,7 +246,10 @@ def _with_numbers(
     values |= {f"{e}.{key}": v for e, own in step.own_parameters.items() for key, v in own.items()}
     try:
         effects = [
-            AddedEffect(known[name], {k: n.value for k, n in step.parameters[name].items()})
+            AddedEffect(
+                known[name].of_the_boat if name in step.alike else known[name],
+                {k: n.value for k, n in step.parameters[name].items()},
+            )
             for name in step.effects
         ]
         return updated_vessel(boat, values).with_effects(*effects)

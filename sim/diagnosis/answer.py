@@ -166,6 +166,9 @@ class LadderStep:
                 for effect, numbers in self.parameters.items()
             },
         }  # fmt: skip
+        effects = (added.effect for added in self.vessel.effects)
+        if alike := [e.name for e in effects if e.is_alike and e.name in self.effects]:
+            out["alike"] = alike
         if self.heldout.ci95:
             out["ci95"] = list(self.heldout.ci95)
         if self.left_out:

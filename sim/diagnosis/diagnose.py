@@ -189,7 +189,7 @@ def _diagnosed(
 
 def _alike(effect: Effect, recordings: int) -> str:
     """That what a day may bring was the same on every one; empty where each has its own numbers."""
-    if not effect.alike or effect.scope is not Scope.BOAT:
+    if not effect.is_alike:
         return ""
     return f"{effect.name} is alike on all {recordings} recordings, as of {effect.alike}"
 

@@ -103,7 +103,7 @@ class EffectSearch(LikelihoodSearch):
             return steps, fit
         for step in list(steps):
             effect = step.best.effect
-            if not effect.alike or effect.scope is Scope.BOAT:
+            if not effect.alike or effect.is_alike:
                 continue
             self.progress(f"{effect.name} alike on all recordings")
             others = self._without(fit, {fit.names.index(effect.name)})

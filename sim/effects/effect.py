@@ -414,6 +414,11 @@ class Effect:
         return replace(self, scope=Scope.BOAT)
 
     @property
+    def is_alike(self) -> bool:
+        """Whether it is an effect of a day that this boat has alike on every one."""
+        return bool(self.alike) and self.scope is Scope.BOAT
+
+    @property
     def is_curve(self) -> bool:
         """Whether it has no law but takes any shape: no hypothesis of a search, fitted where none
         of them explains the data.

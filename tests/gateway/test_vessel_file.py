@@ -108,6 +108,26 @@ def test_every_vessel_that_ships_is_read(path: Path) -> None:
     assert vessel.source
 
 
+LOAD = '[[effects]]\ntype = "towed_load"\n{of}drag = 4.0\nx = -1.0\n'
+
+
+def test_an_effect_of_a_day_that_the_boat_has_every_day_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "boat.toml"
+    for of, alike in (("", False), ('of = "boat"\n', True)):
+        file.write_text(STEERED + LOAD.format(of=of), encoding="utf-8")
+        vessel = load_vessel(file)
+        assert vessel.effects[-1].effect.is_alike is alike
+        file.write_text(dump_vessel(vessel), encoding="utf-8")
+        assert load_vessel(file) == vessel
+        assert ('of = "boat"' in file.read_text(encoding="utf-8")) is alike
+    file.write_text(STEERED + LOAD.format(of='of = "day"\n'), encoding="utf-8")
+    with pytest.raises(BadInput, match=r"\.of = 'day': expected 'boat', or none"):
+        load_vessel(file)
+    file.write_text(STEERED + CURRENT + 'of = "boat"\n', encoding="utf-8")
+    with pytest.raises(BadInput, match=r"steady_current is none that a boat has every .*towed_lo"):
+        load_vessel(file)
+
+
 @given(vessel=vessels())
 def test_what_is_written_is_what_is_read(
     vessel: Vessel, tmp_path_factory: pytest.TempPathFactory

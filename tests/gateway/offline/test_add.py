@@ -54,6 +54,25 @@ def test_what_was_ranked_but_not_chosen_is_added_with_numbers_of_its_own(
     assert read_vessel_file(better).provenance["heading_offset.angle"].recording == "voyage"
 
 
+@pytest.mark.parametrize("alike", [True, False])
+def test_what_all_recordings_have_alike_is_added_as_the_boats(run, saved, folder, tmp_path, alike):
+    told = json.loads(saved.read_text())
+    last, number = told["ladder"][-1], {"ci95": [0.0, 9.0], "unit": ""}
+    last["effects"] = ["towed_load"]
+    last["parameters"] = {
+        "towed_load": {"drag": number | {"value": 4.0}, "x": number | {"value": -1.0}}
+    }
+    last |= {"alike": ["towed_load"]} if alike else {}
+    (tmp_path / "d.json").write_text(json.dumps(told))
+    status, out, _ = run("add", "towed_load", "-v", folder / "boat.toml", "--from",
+                         tmp_path / "d.json", "--out", tmp_path / "b.toml")  # fmt: skip
+    assert status == 0
+    assert ("--refit voyage" in out) is not alike  # what is the boat's needs no other day
+    (added,) = load_vessel(tmp_path / "b.toml").effects
+    assert added.effect.is_alike is alike
+    assert ('of = "boat"' in (tmp_path / "b.toml").read_text()) is alike
+
+
 @pytest.mark.parametrize(
     ("share", "warned"), [(None, False), (0.6, False), (1.0, True), (1.2, True)]
 )
