@@ -33,6 +33,7 @@ from gateway.vessel_file import load_vessel
 from sim.comparison.compare import compare
 from sim.diagnosis.answer import Diagnosis
 from sim.diagnosis.diagnose import DiagnoseSettings, diagnose
+from sim.effects.effect import Scope
 from sim.identification import IdentifySettings
 from sim.identification.identify import identify
 from sim.identification.wiring import rewired, wiring_of
@@ -112,6 +113,9 @@ def short_ladder(folder: Path) -> None:
 
 
 def _judged(vessel: Vessel, judges: Sequence[blueboat.Run]) -> Floats:
+    """Figures of the vessel on other days: without what was of the days it was fitted to."""
+    of_the_boat = tuple(a for a in vessel.effects if a.effect.scope is Scope.BOAT)
+    vessel = replace(vessel, effects=of_the_boat)
     rows = [(run.number, blueboat.judged(vessel, run)) for run in judges]
     print("\n".join(blueboat.lines(rows)), flush=True)
     return np.asarray(np.mean([figures for _, figures in rows], axis=0))

@@ -6,6 +6,7 @@ docs/vessel.md describes the format. Every mistake is one line: file, key, what 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from difflib import get_close_matches
 from importlib.metadata import version
 from math import isclose, isfinite, nan, radians
 from pathlib import Path
@@ -160,7 +161,10 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
         known = known | {e.name: e for e in _effects_in(file, f"{key}.file", source)}
     if name not in known:
         where = f"{file}: {key}.type = {shortened(repr(name))}"
-        raise BadInput(f"{where}: expected one of {', '.join(sorted(known))}")
+        near = get_close_matches(str(name), known, 1)
+        own = "an effect of your own needs --effects FILE.py"
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise BadInput(f"{where}: {meant}{own}; those known are {', '.join(sorted(known))}")
     effect = _of_whom(f"{file}: {key}.{OF}", known[str(name)], values.pop(OF, None))
     for parameter, value in values.items():
         if not _is_number(value):
@@ -171,7 +175,7 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
     except ValueError as error:
         raise BadInput(f"{file}: {key}: {error}") from None
 
-    _check_effect(f"{file}: {key}", effect.parameters, added.values)
+    check_effect(f"{file}: {key}", effect.parameters, added.values)
     return added
 
 
@@ -199,7 +203,7 @@ def _is_number(value: Any) -> bool:
     return whole or (isinstance(value, float) and isfinite(value))
 
 
-def _check_effect(where: str, known: Sequence[Parameter], values: Mapping[str, float]) -> None:
+def check_effect(where: str, known: Sequence[Parameter], values: Mapping[str, float]) -> None:
     """BadInput where a number is far beyond what its effect declares: mostly degrees; or where one
     that stands for a choice is none of those.
     """

@@ -37,13 +37,20 @@ def _azimuth(angle: float) -> float:
     return angle
 
 
+def _bearing(angle: float) -> float:
+    if not abs(angle) <= WHOLE_TURN:
+        raise ValueError("expected -6.2832 to 6.2832, in radians: is it in degrees?")
+    return angle
+
+
 def _steering(angle: float) -> float:
     if not abs(angle) < MOST_STEERED:
         raise ValueError("expected less than a quarter turn, in radians: is it in degrees?")
     return angle
 
 
-HALF_TURN, MOST_STEERED = 3.1416, 1.58  # rad
+WHOLE_TURN, HALF_TURN, MOST_STEERED = 6.2832, 3.1416, 1.58  # rad
+Bearing = Annotated[float, AfterValidator(_bearing)]
 Azimuth = Annotated[float, AfterValidator(_azimuth)]
 Steering = Annotated[float, AfterValidator(_steering)]
 

@@ -185,10 +185,15 @@ def simulate(
     from gateway.offline.simulate import recording_file
     from gateway.offline.simulate import simulate as work
     from gateway.plants import load_plant
+    from gateway.simulated_boat.hull import PROGRAMS
     from gateway.terminal.recordings import show_simulation
 
     if commands is None:
         raise BadInput("no commands: give a CSV, or play the boat: --live ENDPOINT or --log FILE")
+    if commands in PROGRAMS and not Path(commands).exists():
+        raise BadInput(
+            f"{commands} is what a played boat does: say where, --live ENDPOINT or --log FILE"
+        )
     options = settings_from(config, None, None).following.follower
     inputs = (Path(commands), vessel_path(vessel), follow, config, *(effects or ()))
     with guarded_outputs("simulate", inputs, [recording_file(Path(commands), out)], force):

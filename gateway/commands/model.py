@@ -280,7 +280,7 @@ def add(
     print_result(
         json,
         lambda: {"written": str(out)} | done.to_dict(),
-        lambda: show_addition(done, names, vessel, out),
+        lambda: show_addition(done, names, vessel, out, effects or ()),
     )
 
 

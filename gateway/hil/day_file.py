@@ -14,20 +14,22 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from gateway.errors import BadInput
 from gateway.toml_file import explain, read_toml, validated
 from gateway.user_effects import known_effects
-from gateway.vessel_tables import StrictTable
+from gateway.vessel_file import check_effect
+from gateway.vessel_tables import Bearing, StrictTable
 from sim.effects.effect import Effect
 from sim.hil.day import Day, Moment, Wind
 from sim.plants.waves import Sea
 from sim.vessel import AddedEffect
 
 NotNegative = Annotated[float, Ge(0.0)]
+MAX_GAIN = 2.0  # of a thruster: more than twice its thrust is a mistake; chosen
 
 
 class WindTable(StrictTable):
     """[wind]: speed [m/s], direction that it blows from [rad from north]"""
 
     speed: NotNegative
-    direction: float
+    direction: Bearing
 
 
 class WavesTable(StrictTable):
@@ -35,7 +37,7 @@ class WavesTable(StrictTable):
 
     height: NotNegative
     period: Annotated[float, Gt(0.0)]
-    direction: float = 0.0
+    direction: Bearing = 0.0
 
 
 class StartTable(StrictTable):
@@ -43,7 +45,7 @@ class StartTable(StrictTable):
 
     north: float = 0.0
     east: float = 0.0
-    yaw: float = 0.0
+    yaw: Bearing = 0.0
     latitude: Annotated[float, Ge(-89.0), Le(89.0)] = Day().place[0]
     longitude: Annotated[float, Ge(-180.0), Le(180.0)] = Day().place[1]
 
@@ -57,7 +59,7 @@ class MomentTable(StrictTable):
     over: NotNegative = 0.0
     effect: str | None = None
     thruster: str | None = None
-    gain: NotNegative | None = None
+    gain: Annotated[float, Ge(0.0), Le(MAX_GAIN)] | None = None
     wind: WindTable | None = None
 
 
@@ -84,7 +86,7 @@ def load_day(file: Path, more_effects: Sequence[Effect] = ()) -> tuple[Day, str]
         raise BadInput(f"{file}: {explain(error)}") from None
     try:
         return _day(read, known), file.read_text(encoding="utf-8")
-    except ValueError as error:
+    except (ValueError, BadInput) as error:
         raise BadInput(f"{file}: {error}") from None
 
 
@@ -103,7 +105,9 @@ def _day(read: DayFile, known: Mapping[str, Effect]) -> Day:
 def _effect(i: int, entry: dict[str, Any], known: Mapping[str, Effect]) -> AddedEffect:
     values = dict(entry)
     effect = _known(f"effects[{i}].type", values.pop("type", None), known)
-    return AddedEffect(effect, _numbers(f"effects[{i}]", values))
+    added = AddedEffect(effect, _numbers(f"effects[{i}]", values))
+    check_effect(f"effects[{i}]", effect.parameters, added.values)
+    return added
 
 
 def _moment(i: int, table: MomentTable, known: Mapping[str, Effect]) -> Moment:
@@ -117,11 +121,13 @@ def _moment(i: int, table: MomentTable, known: Mapping[str, Effect]) -> Moment:
     if table.effect is None and values:
         raise ValueError(f"{key}: unknown key {next(iter(values))}")
     effect = None if table.effect is None else _known(f"{key}.effect", table.effect, known)
-    names = [p.name for p in effect.parameters] if effect is not None else []
+    parameters = effect.parameters if effect is not None else ()
+    names = [p.name for p in parameters]
     unknown = [name for name in values if name not in names]
     if effect is not None and (unknown or not values):
         what = f"unknown key {unknown[0]}" if unknown else "no number of it changes"
         raise ValueError(f"{key}: {what}: {effect.name} has {', '.join(names)}")
+    check_effect(key, [p for p in parameters if p.name in values], values)
     wind = None if table.wind is None else Wind(**dict(table.wind))
     gain = 1.0 if table.gain is None else table.gain
     return Moment(table.at, table.over, effect, values, table.thruster, gain, wind)

@@ -124,7 +124,10 @@ def hil_demo_files(out: Path) -> list[Path]:
 def hidden_effects(day: Day) -> tuple[AddedEffect, ...]:
     """What a day hides; BadInput where it hides nothing."""
     if not day.effects:
-        raise BadInput("the day has no [[effects]]: the demo needs something to hide")
+        raise BadInput(
+            "the day has no [[effects]], and what its moments bring comes too late to be learned: "
+            "the demo needs one"
+        )
     return day.effects
 
 

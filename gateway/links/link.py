@@ -7,6 +7,7 @@ them: `udpin:127.0.0.1:14550`. A plug-in registers a `LinkSource` under the entr
 `shadow.links`.
 """
 
+import errno
 import threading
 import time
 from collections.abc import Callable
@@ -179,9 +180,11 @@ class Link:
         except OSError as error:
             self._transport.close()
             self._scope.close()
+            asks = "is another program using the port?"
+            if error.errno == errno.EADDRNOTAVAIL:
+                asks = "that address is none of this machine's (0.0.0.0: all of them)"
             raise BadInput(
-                f'endpoint "{self.name}": cannot listen there: {error.strerror or error}; '
-                "is another program using the port?"
+                f'endpoint "{self.name}": cannot listen there: {error.strerror or error}; {asks}'
             ) from None
 
     def _run(self) -> None:

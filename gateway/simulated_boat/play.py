@@ -252,15 +252,18 @@ def playing(boats: Sequence[SimulatedBoat], endpoint: str) -> Iterator[PlayStatu
 
 
 class ListenerNotice:
-    """Reports when nobody listens for a while, and when somebody does; once each."""
+    """Reports that it plays, when nobody listens for a while, and when somebody does; once each."""
 
-    def __init__(self, endpoint: str, progress: Progress) -> None:
-        self._endpoint, self._progress = endpoint, progress
+    def __init__(self, endpoint: str, progress: Progress, playing: str = "") -> None:
+        self._endpoint, self._progress, self._playing = endpoint, progress, playing
         self._since_s = 0.0
         self._reported = False
 
     def note(self, status: PlayStatus) -> None:
         """Report what has changed; called each turn."""
+        if self._playing:
+            self._progress(self._playing)
+            self._playing = ""
         if status.no_listener is None:
             if self._reported:
                 self._progress(f"{self._endpoint}: connected")
@@ -325,10 +328,13 @@ def play_until_stopped(
 ) -> None:
     """Play a program over and over until SIGINT, SIGTERM, or that long has passed."""
     stop = stop_on_signals()
-    progress(f"playing {vessel.name} as system {system} on {endpoint}; Ctrl-C ends")
+    boat_transport(endpoint)  # what names no place to play to is told first
+    progress(f"making {vessel.name} ready (the first time its model is compiled)")
+    notice = ListenerNotice(endpoint, progress, f"playing {vessel.name} as system {system} on "
+                            f"{endpoint}; Ctrl-C ends")  # fmt: skip
     status = simulate_live(
         [vessel], endpoint, stop, system=system, program=program, fast=fast, seed=seed,
-        seconds=seconds, each_turn=ListenerNotice(endpoint, progress).note,
+        seconds=seconds, each_turn=notice.note,
     )  # fmt: skip
     progress(
         f"played {status.seconds:.0f} s, {status.frames} frames, heard {status.received} messages"

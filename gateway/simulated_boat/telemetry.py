@@ -111,6 +111,7 @@ class SensorFaults:
 
 
 Message = Any
+MAX_CENTIAMPERES = 32767  # 16 bits with a sign
 MANUAL = 0  # custom mode of ArduRover
 SENSORS = 0x2C  # gyro, accelerometer, compass, GPS: present, enabled, healthy
 FIRMWARE = (4, 6, 0)
@@ -209,9 +210,14 @@ def vfr_hud(m: BoatSnapshot) -> Message:
     )
 
 
+def _centiamperes(m: BoatSnapshot) -> int:
+    """Current [0.01 A]; of a large boat the most that 16 bits hold."""
+    return min(round(m.amperes * 100.0), MAX_CENTIAMPERES)
+
+
 def sys_status(m: BoatSnapshot) -> Message:
     return mavlink.MAVLink_sys_status_message(
-        SENSORS, SENSORS, SENSORS, 180, round(m.sensed.volts * 1000.0), round(m.amperes * 100.0),
+        SENSORS, SENSORS, SENSORS, 180, round(m.sensed.volts * 1000.0), _centiamperes(m),
         round(m.remaining * 100.0), 0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
@@ -219,7 +225,7 @@ def sys_status(m: BoatSnapshot) -> Message:
 def battery_status(m: BoatSnapshot) -> Message:
     cells = [round(m.sensed.volts * 1000.0)] + [65535] * 9  # ArduPilot: the whole pack as one
     return mavlink.MAVLink_battery_status_message(
-        0, 0, 1, 32767, cells, round(m.amperes * 100.0), round(m.used_as / 3.6), -1,
+        0, 0, 1, 32767, cells, _centiamperes(m), round(m.used_as / 3.6), -1,
         round(m.remaining * 100.0),
     )  # fmt: skip
 

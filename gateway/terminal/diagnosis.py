@@ -211,8 +211,13 @@ def _worse(left_out: float, before: float) -> str:
     return ", no better than before: what was fitted suits these recordings and may suit no other"
 
 
-def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out: Path) -> None:
-    """Numbers with intervals, error before and after, the next command line."""
+def show_addition(
+    done: AdditionResult, names: Sequence[str], vessel: Path, out: Path, own: Sequence[Path] = ()
+) -> None:
+    """Numbers with intervals, error before and after, the next command line.
+
+    own  files of effects of one's own that the vessels need
+    """
     console = ResultConsole(highlight=False)
     rows = (
         (f"{effect}.{key}", f"{n.value:.4g}", _interval(*n.ci95), n.unit)
@@ -233,7 +238,8 @@ def show_addition(done: AdditionResult, names: Sequence[str], vessel: Path, out:
     refit = " --refit voyage" if _voyage_effects(done.vessel, names) else ""
     old, new = shell_path(vessel), shell_path(out)
     line = f"shadow compare ANOTHER_LOG --vessel {old} --vessel {new}"
-    console.print(f"next: {line}{refit}", soft_wrap=True, markup=False)
+    files = "".join(f" --effects {shell_path(file)}" for file in own)
+    console.print(f"next: {line}{refit}{files}", soft_wrap=True, markup=False)
 
 
 BRAILLE = 0x2800  # code of the letter without dots

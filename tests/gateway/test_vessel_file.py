@@ -303,7 +303,7 @@ def test_an_effect_of_ones_own_is_found_beside_the_vessel_file(tmp_path: Path) -
     given_too = load_vessel(path, load_effects(tmp_path / "line.py")).effects
     assert [(a.effect.name, a.values) for a in named] == [("line_drag", {"k": 20.0})]
     assert given_too == named
-    with pytest.raises(BadInput, match=r"type = 'line_drag': expected one of .*cubic_drag, "):
+    with pytest.raises(BadInput, match=r"type = 'line_drag': .*--effects FILE.py; .*cubic_drag, "):
         load_vessel(path)
 
 
