@@ -212,7 +212,7 @@ MISTAKES = {
     "motor": ('motor = "outboard"', 'motor = "x"', "rudders[1]: no thruster named 'x': there are"),
     "blade": ("area = 0.02", "", "rudders[0]: a blade needs its area"),
     "twins": ('"outboard_steering"', '"blade"', "the name 'blade' is given to 2 actuators"),
-    "effect": ("[hull]", '[[effects]]\ntype = "x"\n[hull]', "effects[0].type = 'x': expected one"),
+    "effect": ("[hull]", '[[effects]]\ntype = "x"\n[hull]', "effects[0].type = 'x': an effect of"),
     "no type": ("[hull]", "[[effects]]\nspeed = 1.0\n[hull]", "missing key effects[0].type"),
     "parameter": ("[hull]", CURRENT.replace("direction", "to") + "[hull]", "missing direction; u"),
     "no number": ("[hull]", CURRENT.replace("0.3", '"a"') + "[hull]", "effects[0].speed = 'a': e"),

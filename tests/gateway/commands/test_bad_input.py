@@ -112,6 +112,12 @@ def test_a_typo_in_a_vessel_file_is_one_line(
     assert not out.exists()
 
 
+def test_a_program_without_a_place_to_play_it_is_told(run: Run, boat: Path) -> None:
+    done = run("simulate", "circles", "-v", boat)
+    assert done.status == 2
+    assert "circles is what a played boat does: say where, --live ENDPOINT or --log" in done.err
+
+
 OPTIONS = {
     "--speed 3": ("replay", "--speed 3: expected 1 or max"),
     "--reference both": ("replay", "--reference both: expected measured, model, auto"),

@@ -82,6 +82,21 @@ def test_an_empty_day_is_a_calm_one(tmp_path):
         ('[[moments]]\nat = 1.0\neffect = "steady_current"', "no number of it changes"),
         ('[[moments]]\nat = 1.0\neffect = "steady_current"\nknots = 1', "unknown key knots"),
         ('[[moments]]\nat = 1.0\nthruster = "left"\ngain = 0\nspeed = 1', "unknown key speed"),
+        (
+            '[[effects]]\ntype = "steady_current"\nspeed = 1\ndirection = 120',
+            "rad: 120° are 2.094 rad",
+        ),
+        (
+            '[[moments]]\nat = 1.0\neffect = "steady_current"\ndirection = 120',
+            "moments[0].direction",
+        ),
+        (
+            "[wind]\nspeed = 1\ndirection = 220",
+            "wind.direction = 220: expected -6.2832 to 6.2832",
+        ),
+        ("[waves]\nheight = 0.1\nperiod = 2\ndirection = 180", "radians: is it in degrees?"),
+        ("[start]\nyaw = 90", "start.yaw = 90: expected"),
+        ('[[moments]]\nat = 1.0\nthruster = "left"\ngain = 50', "moments[0].gain = 50:"),
         ("not toml", "not a TOML file"),
     ],
 )

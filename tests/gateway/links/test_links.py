@@ -265,6 +265,13 @@ def test_a_port_in_use_is_said_at_once(inbox, kind):
     assert "another program" in str(caught.value)
 
 
+def test_an_address_of_another_machine_is_no_port_in_use(inbox):
+    with pytest.raises(BadInput) as caught, Link("udpin:192.0.2.9:14550", inbox):
+        pass
+    assert "none of this machine's" in str(caught.value)
+    assert "another program" not in str(caught.value)
+
+
 def test_a_host_that_is_none_is_said_and_tried_again(inbox):
     with Link("tcp:a..b:5760", inbox):
         assert "no host name" in event(inbox, LinkEventKind.LOST).text

@@ -196,9 +196,10 @@ def test_a_users_effect_that_was_found_is_named_with_its_file(run, saved, folder
     (tmp_path / "d.json").write_text(json.dumps(told))
     words = ("add", "keel", "-v", folder / "boat.toml", "--from", tmp_path / "d.json")
     refused(run(*words, "--out", tmp_path / "better.toml"), "'keel'", "--effects FILE")
-    status, _, _ = run(*words, "--out", tmp_path / "better.toml", "--effects",
+    status, out, _ = run(*words, "--out", tmp_path / "better.toml", "--effects",
                           tmp_path / "keel.py")  # fmt: skip
     assert status == 0
+    assert f" --effects {tmp_path / 'keel.py'}" in out  # the next command can be run as it stands
     with pytest.raises(BadInput, match="was not trusted as it is now"):
         load_vessel(tmp_path / "better.toml")
     trust(tmp_path / "keel.py")

@@ -154,5 +154,16 @@ def test_the_command_reports_it(monkeypatch: pytest.MonkeyPatch) -> None:
         WAMV, f"tcp:{HOST}:{number}", lines.append, program="mixed", system=1, fast=False, seed=0,
         seconds=0.5,
     )  # fmt: skip
-    assert lines[1] == f"tcp:{HOST}:{number}: Connection refused; calling again every second"
-    assert lines[2].startswith("played ")
+    ready, plays, refused, *_, end = lines
+    assert ready.startswith(f"making {WAMV.name} ready")
+    assert plays == f"playing {WAMV.name} as system 1 on tcp:{HOST}:{number}; Ctrl-C ends"
+    assert refused == f"tcp:{HOST}:{number}: Connection refused; calling again every second"
+    assert end.startswith("played ")
+
+
+def test_nothing_is_made_ready_to_play_where_there_is_no_place() -> None:
+    lines: list[str] = []
+    with pytest.raises(BadInput, match="expected"):
+        play_until_stopped(WAMV, "127.0.0.1:9", lines.append, program="mixed", system=1, fast=False,
+                           seed=0, seconds=0.5)  # fmt: skip
+    assert lines == []

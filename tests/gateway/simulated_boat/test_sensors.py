@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.random import PCG64, Generator
+from pymavlink.dialects.v20.ardupilotmega import MAVLink
 
 from gateway.simulated_boat import FAST, SimulatedBoatSettings
 from gateway.simulated_boat.boat import SimulatedBoat
 from gateway.simulated_boat.hull import GRAVITY, TABLE, SensedValues, SensorModel, TrueState
+from gateway.simulated_boat.telemetry import BoatSnapshot, battery_status, sys_status
 from sim.body import Report
 from sim.vessel import Sensors
 from tests.gateway.simulated_boat.frames import frames_of, messages_named, simulated_boat
@@ -98,3 +100,15 @@ def test_an_imu_ahead_of_the_origin_feels_the_turn_pull_it_forward():
     assert np.ptp(rate) > 0.2
     assert off[:, 0] == pytest.approx(-2.0 * rate**2, abs=0.03)
     assert np.std(off[:, 1] - 2.0 * np.gradient(rate, 0.04)) < 0.2 * np.std(off[:, 1])
+
+
+@pytest.mark.parametrize(("amperes", "told"), [(12.34, 1234), (900.0, 32767)])
+def test_a_current_beyond_what_its_message_holds_is_sent_as_the_most(amperes, told):
+    """Of a boat of twice 1000 N: its motors draw more than 16 bits hold."""
+    sensed = SensedValues(*[0.0] * len(SensedValues._fields))
+    snapshot = BoatSnapshot(0, 0, True, sensed, (0,) * 32, 1.0, amperes, 10.0, 0.9, (0.0, 0.0),
+                            (0.0, 0.0))  # fmt: skip
+    for name in (sys_status, battery_status):
+        message = name(snapshot)
+        message.pack(MAVLink(None))
+        assert message.current_battery == told
