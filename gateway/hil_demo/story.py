@@ -125,7 +125,7 @@ def hidden_effects(day: Day) -> tuple[AddedEffect, ...]:
     """What a day hides; BadInput where it hides nothing."""
     if not day.effects:
         raise BadInput(
-            "the day has no [[effects]], and what its moments bring comes too late to be learned: "
+            "the day has no [[effects]], and what its moments bring comes too late to be learnt: "
             "the demo needs one"
         )
     return day.effects

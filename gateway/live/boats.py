@@ -88,7 +88,7 @@ class LiveBoat:
         self._path = path
         self._settings = path.estimator.settings
         self._state = path.start()
-        self._event_detector = EventDetector()
+        self._event_detector = EventDetector.of(path.model.vessel)
         self._force_range = MissingForceRange.start(path.model.vessel)
         self._model_monitor = ModelMonitor.of(path.model, adapt is not Adapt.OFF)
         self._applies = adapt is Adapt.APPLY

@@ -253,7 +253,7 @@ def _log_steps(
 ) -> Iterator[ReplayStep]:
     """A log, chunk by chunk."""
     adapt = given.settings.following.adapt
-    state, detector = path.start(), EventDetector()
+    state, detector = path.start(), EventDetector.of(path.model.vessel)
     monitor = ModelMonitor.of(path.model, adapt is not Adapt.OFF)
     applies = adapt is Adapt.APPLY
     health = LogHealth.of(given.log, given.decoded)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gateway.estimation import Flag
 from gateway.estimation.filter import FilterRows
 from gateway.shadow import FilterInputs
+from gateway.shadow.driven import undriven_text
 from gateway.shadow.health import STEADY_S
 from gateway.shadow.path import BROKEN, ShadowRows, discontinuous
 from gateway.shadow.sensor_checks import (
@@ -195,6 +196,12 @@ class EventDetector:
     unfit_s: float = -np.inf  # since when
     well: int = ALWAYS_WELL  # faults whose absence the boat has reported
     lost: int = 0  # of `faults` those that were in `well` before: what comes back does so again
+    outputs: tuple[tuple[int, str], ...] = ()  # channel and name of each of the vessel's actuators
+
+    @classmethod
+    def of(cls, vessel: Vessel) -> "EventDetector":
+        """Before the first row, for a vessel."""
+        return cls(outputs=tuple((a.servo.channel, a.name) for a in vessel.actuators))
 
     def observe(
         self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows
@@ -252,7 +259,7 @@ class EventDetector:
             if found := reasons_in(new):
                 lost |= new & well
                 since, told = time if not told else since, told | bits
-                what = _joined([WORDS[fault][0] for fault in found])
+                what = _joined([self._failed(fault, inputs, k) for fault in found])
                 text = f"{what}: until that is over the model is not judged"
                 words = "sensor_failed", "warning", text
             elif told and not bits:
@@ -265,6 +272,12 @@ class EventDetector:
                 at = int(inputs.vehicle_time_ns[k]), int(inputs.receive_time_ns[k])
                 events.append(EventRow(*at, *words))
         return replace(self, faults=told, unfit_s=since, well=well, lost=lost), events
+
+    def _failed(self, fault: SensorFault, inputs: FilterInputs, k: int) -> str:
+        """What is said of a fault that begins at one of the inputs."""
+        if fault is SensorFault.UNDRIVEN and self.outputs:
+            return undriven_text(self.outputs, inputs.pulse_table.pulses[inputs.pulse_row[k]])
+        return WORDS[fault][0]
 
 
 def _reported(inputs: FilterInputs) -> Iterator[int]:

@@ -21,6 +21,7 @@ from gateway.estimation import FilterSettings, Flag, MeasurementKind
 from gateway.estimation.filter import Estimator, FilterRows, FilterState
 from gateway.samples import CHANNELS as CHANNEL_COUNT
 from gateway.shadow import FilterInputs
+from gateway.shadow.driven import DrivenOutputs
 from gateway.shadow.residuals import ModelResiduals, ResidualEvaluator, ResidualState
 from gateway.shadow.sensor_checks import SensorMemory
 from sim.following.follower import (
@@ -123,6 +124,7 @@ class PathState:
     commands: Floats  # … and what was commanded then
     memory: RowMemory = field(default_factory=RowMemory)
     sensors: SensorMemory = field(default_factory=SensorMemory)
+    outputs: DrivenOutputs = field(default_factory=DrivenOutputs)
 
 
 @dataclass(frozen=True)
@@ -250,6 +252,7 @@ class ShadowPath:
             self.residuals.start(),
             np.zeros(0),
             np.zeros((0, self.model.actuator_count)),
+            outputs=DrivenOutputs.start(self.model.vessel),
         )
 
     def advance(
@@ -261,12 +264,15 @@ class ShadowPath:
         """
         filter_state, estimates = self.estimator.advance(state.filter, inputs.events, True, spend)
         sensors, faults = state.sensors.check(inputs)
+        outputs, undriven = state.outputs.check(inputs)
+        if undriven is not None:
+            faults = faults | undriven
         rows = estimates.with_faults(faults)
         choice = self._choose(state, inputs, rows)
         if not len(choice.row):
             state = PathState(
                 filter_state, state.reference, state.follower, state.residuals,
-                state.command_times, state.commands, choice.memory, sensors,
+                state.command_times, state.commands, choice.memory, sensors, outputs,
             )  # fmt: skip
             return state, self._no_rows, rows
         fresh, jumped, chosen = choice.fresh, choice.jumped, choice.part
@@ -289,7 +295,7 @@ class ShadowPath:
             residuals.missing[~fit] = np.nan
         state = PathState(
             filter_state, reference.state, following.state, residual_state, kept_times, kept,
-            choice.memory, sensors,
+            choice.memory, sensors, outputs,
         )  # fmt: skip
         return (
             state,

@@ -59,6 +59,7 @@ class SensorFault(IntFlag):
     FROZEN_VELOCITY = 512
     FROZEN_POSITION = 1024
     SETTLING = 2048  # all is well again, but only just
+    UNDRIVEN = 4096  # a motor of the vessel file has never had a pulse, others have
 
 
 REASONS = tuple(fault for fault in SensorFault if fault is not SensorFault.SETTLING)
@@ -89,6 +90,9 @@ WORDS: dict[SensorFault, tuple[str, str]] = {
     SensorFault.FROZEN_TURN: ("the gyro is frozen", "the gyro moves again"),
     SensorFault.FROZEN_VELOCITY: ("the velocity is frozen", "the velocity moves again"),
     SensorFault.FROZEN_POSITION: ("the position is frozen", "the position moves again"),
+    SensorFault.UNDRIVEN: (
+        "an output of the vessel file gets no pulse", "all outputs of the vessel file get pulses",
+    ),
 }  # fmt: skip
 
 YAW, YAW_RATE = int(MeasurementKind.YAW), int(MeasurementKind.YAW_RATE)
@@ -245,7 +249,8 @@ def check_events(
 
 
 REPORTED = sum(int(fault) << EKF_SHIFT for fault in EstimatorFault) | GPS  # by the boat itself
-ALWAYS_WELL = sum(int(fault) for fault in REASONS) & ~REPORTED  # until it was seen to fail
+UNDRIVEN = int(SensorFault.UNDRIVEN)
+ALWAYS_WELL = sum(map(int, REASONS)) & ~REPORTED & ~UNDRIVEN  # until it was seen to fail
 
 
 def reported_well(fix: float, estimator: float) -> int:
