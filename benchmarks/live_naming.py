@@ -63,8 +63,9 @@ SOON_S = 60.0
 # which names are right for a kind; one that says less than it could is no wrong name
 RIGHT = {
     "current": {"current"}, "wind": {"wind"}, "thrust": {"thrust"}, "compass": {"compass"},
-    "drag": {"drag"}, "other": {"none of these"}, "complete": set(),
+    "drag": {"drag"}, "other": {"none of these", "none clear"}, "complete": set(),
 }  # fmt: skip
+NONE_CLEAR = "none clear"  # no one cause stands out: less than could be said, and not wrong
 
 
 def cases(which: str) -> Iterator[Case]:
@@ -219,7 +220,7 @@ def told(case: Case, vessel: Vessel, seconds: list[SecondMeans | None]) -> Told:
 def name_of(alarm: Alarm) -> str:
     """The cause that an event told now would name; empty where it names none."""
     if alarm.cause.value == "none":
-        return "" if alarm.too_early else "none of these"
+        return "" if alarm.too_early else NONE_CLEAR
     if alarm.cause.value == "several":
         return " or ".join(kind.value for kind in alarm.likely)
     return alarm.cause.value
@@ -246,7 +247,8 @@ class Score:
         self.voyages += 1
         self.wrong_model += found.wrong is not None
         hits = [at for at, name in found.names if name in right]
-        bad = [name for _, name in found.names if right.isdisjoint(name.split(" or "))]
+        said = [name.split(" or ") for _, name in found.names if name != NONE_CLEAR]
+        bad = [names for names in said if right.isdisjoint(names)]
         self.right += bool(hits)
         self.soon += bool(hits) and hits[0] <= SOON_S
         early = [name.split(" or ") for at, name in found.names if at <= SOON_S]

@@ -25,6 +25,7 @@ from sim.monitoring.disturbances import (
     DisturbanceEstimate,
     DisturbanceEstimator,
 )
+from sim.monitoring.explanations import ALL_THRUSTERS
 from sim.monitoring.filters import DisturbanceFilter
 from sim.state import Floats, Nu
 
@@ -40,6 +41,9 @@ MIN_CHANGE = 0.5  # of the disturbance that was reported, and …
 MIN_CHANGE_SIGMAS = 4.0  # … of its present standard deviation: it is reported again
 MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
+MAX_SINGLE_GAIN = 0.5  # of its thrust that one motor alone may push more than its file says
+MIN_SCORE_HELD_NATS = 4.0  # by which what was told has to beat the boat alone, to be told still
+MIN_SCORE_NEAREST_NATS = 2.0  # … and what comes nearest, to be told beside that nothing stands out
 FEW_HEADINGS = 2  # on so few, water and air are hard to tell apart
 # Where the model is wrong
 REGIME_MEMORY_S = 300.0
@@ -199,8 +203,21 @@ class Alarm:
         if not np.isfinite(self.misfit.since) or self.just_begun:
             return Cause.NOTHING
         found = self.estimate.cause_of(self.likely)
+        if found is Cause.NOTHING and self._is_held:
+            return self.reported[0]
         # What grows over seconds looks like a wandering force until it has grown.
         return Cause.NOTHING if found is Cause.OTHER and self.too_young else found
+
+    @property
+    def _is_held(self) -> bool:
+        """Whether what was told still does better than nothing: evidence fades, and what the boat's
+        own errors learn meanwhile takes a part of it.
+        """
+        kind, estimate = self.reported[0], self.estimate
+        if kind in DOUBTS or not any(kind is each for _, each, _ in estimate.named):
+            return False
+        best = estimate.best(kind)
+        return best.score - estimate.boat.score >= MIN_SCORE_HELD_NATS and best.significant
 
     @cached_property
     def likely(self) -> tuple[Cause, ...]:
@@ -298,9 +315,21 @@ def _cause_text(alarm: Alarm, air: WindModel) -> str:
             return f"looks like {several}: turns, other headings and speeds tell"
         case Cause.NOTHING if alarm.too_early:
             return "too little seen so far to tell what it looks like"
-        case Cause.NOTHING | Cause.OTHER:
+        case Cause.NOTHING:
+            return f"no one cause stands out{_nearest_text(estimate, air)}"
+        case Cause.OTHER:
             return "none of current, wind, thrusters, compass and drag explains it"
     return f"looks like {_kind_text(alarm.cause, estimate, air)}"
+
+
+def _nearest_text(estimate: DisturbanceEstimate, air: WindModel) -> str:
+    """What explains it best where nothing is clearly more than nothing, if anything is."""
+    named = [(score, kind) for score, kind, _ in estimate.named if kind is not Cause.OTHER]
+    score, kind = named[0]
+    clear = score - float(estimate.boat.score) >= MIN_SCORE_NEAREST_NATS
+    if not clear or not estimate.best(kind).significant:
+        return ""
+    return f", nearest comes {_kind_text(kind, estimate, air)}"
 
 
 def _kind_text(kind: Cause, estimate: DisturbanceEstimate, air: WindModel) -> str:
@@ -313,7 +342,7 @@ def _kind_text(kind: Cause, estimate: DisturbanceEstimate, air: WindModel) -> st
         case Cause.WIND:
             return wind_text(best.disturbance, air)
         case Cause.THRUST:
-            return f"{_thrusters(estimate)} giving {_percent(size)} thrust"
+            return _thrust_text(estimate)
         case Cause.COMPASS:
             side = "starboard" if size > 0.0 else "port"
             return f"the compass reading {abs(np.degrees(size)):.0f}° too far to {side}"
@@ -327,14 +356,24 @@ def _percent(share: float) -> str:
     return f"{abs(100.0 * share):.0f} % {'less' if share < 0.0 else 'more'}"
 
 
-def _thrusters(estimate: DisturbanceEstimate) -> str:
-    """The thruster that explains it best, and those that do so about as well."""
+def _thrust_text(estimate: DisturbanceEstimate) -> str:
+    """The thruster that explains it best, those that do so about as well, and all of them if they
+    do; alone where one would have to push much more than its file says.
+    """
     each, scores = estimate.all, estimate.scores.tolist()
-    thrusters = [f for f, law in enumerate(each.laws) if law is Law.THRUST]
-    one_by_one = [(scores[f], each.names[f]) for f in thrusters]
-    best = max(one_by_one)[0]
-    near = [name for score, name in one_by_one if best - score < MIN_SCORE_BETWEEN_NATS]
-    return f"thruster {' or '.join(near)}"
+    ranked = sorted(
+        ((scores[f], f) for f, law in enumerate(each.laws) if law is Law.THRUST), reverse=True
+    )
+    near = [f for score, f in ranked if ranked[0][0] - score < MIN_SCORE_BETWEEN_NATS]
+    share = {f: float(estimate.filter(f).disturbance[0]) for f in near}
+    whole = [f for f in near if each.names[f] == ALL_THRUSTERS]
+    single = [f for f in near if f not in whole]
+    if whole and single and share[single[0]] > MAX_SINGLE_GAIN:
+        single = []
+    names = " or ".join(each.names[f] for f in single)
+    texts = [f"thruster {names} giving {_percent(share[single[0]])} thrust"] if single else []
+    texts += [f"all thrusters giving {_percent(share[f])} thrust" for f in whole]
+    return " or ".join(texts if not whole or near[0] != whole[0] else reversed(texts))
 
 
 def current_text(current: Floats) -> str:

@@ -280,7 +280,8 @@ class DisturbanceEstimator:
         return np.concatenate([balances, self.thrusts(second, np.array(thrust))])
 
     def thrusts(self, second: SecondMeans, shares: Floats) -> Floats:
-        """What each thruster adds per share of its thrust too much, about `shares` (T,): (T, 3).
+        """What each thruster, and then all of them, add per share of their thrust too much, about
+        `shares` (T,): (T, 3).
 
         By the vessel's balance with and without that share: a thruster may be steered, and lose its
         push through the water, and a rudder may stand in its stream.
@@ -296,11 +297,13 @@ class DisturbanceEstimator:
         return out
 
     @cached_property
-    def thrust_numbers(self) -> Ints:
-        """Columns of theta with the thrust of each thruster, ahead and astern: (T, 2)."""
+    def thrust_numbers(self) -> list[Ints]:
+        """Columns of theta with the thrust, ahead and astern, of each thruster; then of all."""
         names, each = self.model.names, self.model.vessel.thrusters
-        found = [[names.index(f"{t.name}.{end}") for end in ("ahead", "astern")] for t in each]
-        return np.array(found, np.int64).reshape(-1, 2)
+        found = [
+            np.array([names.index(f"{t.name}.{end}") for end in ("ahead", "astern")]) for t in each
+        ]
+        return [*found, np.concatenate(found)] if found else []
 
     def measured(
         self, estimate: DisturbanceEstimate, second: SecondMeans, f: int

@@ -24,6 +24,9 @@ ANYTHING_PRIOR = 0.25  # of the thrust full ahead, and of that at half the beam
 ANYTHING_DRIFT_S = 120.0  # in which it wanders by its prior
 
 
+ALL_THRUSTERS = ""  # one share for all of them: another battery, other propellers
+
+
 class Explanation(NamedTuple):
     """One explanation: prior standard deviations of o (n,), time of its walk [s]."""
 
@@ -31,7 +34,7 @@ class Explanation(NamedTuple):
     prior: Floats
     drift_s: float = DRIFT_S
     thruster: int = 0
-    name: str = ""  # of the thruster
+    name: str = ALL_THRUSTERS  # of the thruster
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,9 @@ def explanations(vessel: Vessel, thrust: float, wind: float) -> Iterator[Explana
     yield Explanation(Law.WIND, np.full(2, wind))
     for i, thruster in enumerate(vessel.thrusters):
         yield Explanation(Law.THRUST, np.array([THRUST_PRIOR]), DRIFT_S, i, thruster.name)
+    if len(vessel.thrusters) > 1:
+        prior, count = np.array([THRUST_PRIOR]), len(vessel.thrusters)
+        yield Explanation(Law.THRUST, prior, DRIFT_S, count, ALL_THRUSTERS)
     yield Explanation(Law.COMPASS, np.array([COMPASS_PRIOR_RAD]))
     yield Explanation(Law.DRAG, np.array([DRAG_PRIOR]))
     size = ANYTHING_PRIOR * thrust * np.array([1.0, 1.0, 0.5 * vessel.hull.beam])

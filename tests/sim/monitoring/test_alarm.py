@@ -184,7 +184,7 @@ def test_a_wandering_force_is_none_of_the_causes_only_after_minutes(
     [
         (MIN_SECONDS - 1, 3, "too little seen so far to tell what it looks like"),
         (MIN_SECONDS, 2, "too little seen so far to tell what it looks like"),
-        (MIN_SECONDS, 3, "none of current, wind, thrusters, compass and drag explains it"),
+        (MIN_SECONDS, 3, "no one cause stands out"),
     ],
 )
 def test_a_compass_that_is_hardly_off_is_not_blamed(
@@ -200,6 +200,42 @@ def test_a_compass_that_is_hardly_off_is_not_blamed(
     text = event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
     assert text.endswith(says)
     assert alarm.cause in DOUBTS
+
+
+def test_what_comes_nearest_is_told_where_nothing_stands_out(
+    estimator: DisturbanceEstimator,
+) -> None:
+    """Of a weak motor "none of current, wind, thrusters …" was told: the right one came nearest."""
+
+    def said(**nats: float) -> str:
+        alarm = in_trouble(estimator, 3, **nats)
+        estimate = replace(alarm.estimate, count=500, time=alarm.estimate.opened + MIN_SECONDS)
+        alarm = replace(alarm, estimate=estimate)
+        assert alarm.cause is Cause.NOTHING
+        return event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now")
+
+    assert said(drag=5.0).endswith("no one cause stands out, nearest comes 800 % more drag ahead")
+    assert said(drag=1.9).endswith("no one cause stands out")
+    assert said(anything=9.0).endswith("no one cause stands out")
+
+
+@pytest.mark.parametrize(
+    ("reported", "nats", "cause"),
+    [
+        (Cause.DRAG, {"drag": 5.0}, Cause.DRAG),  # evidence fades: what was told is true still
+        (Cause.DRAG, {"drag": 3.9}, Cause.NOTHING),
+        (Cause.NOTHING, {"drag": 5.0}, Cause.NOTHING),
+        (Cause.SEVERAL, {"drag": 5.0}, Cause.NOTHING),
+        (Cause.DRAG, {"drag": 5.0, "compass": 11.0}, Cause.COMPASS),
+        (Cause.DRAG, {"drag": 5.0, "anything": 20.0}, Cause.OTHER),
+    ],
+)
+def test_a_name_stays_until_something_else_explains_it_better(
+    estimator: DisturbanceEstimator, reported: Cause, nats: dict[str, float], cause: Cause
+) -> None:
+    alarm = in_trouble(estimator, 3, **nats)
+    estimate = replace(alarm.estimate, count=500, time=alarm.estimate.opened + MIN_SECONDS)
+    assert replace(alarm, estimate=estimate, reported=(reported, False)).cause is cause
 
 
 @pytest.mark.parametrize("late", [0, 1, 3, 4])
@@ -237,6 +273,14 @@ WRONGS: dict[str, tuple[dict[str, Any], str]] = {
     "current": ({"stream": STREAM}, r"looks like 0\.3\d* m/s of current towards 2[89]\d°"),
     "port": ({"thrust": np.array([-0.5, 0.0])}, r"looks like thruster left giving [45]\d % less"),
     "starboard": ({"thrust": np.array([0.0, 0.6])}, r"thruster right giving [56]\d % more thrust"),
+    "all weak": (
+        {"thrust": np.array([-0.4, -0.4])},
+        r"looks like all thrusters giving [34]\d % less",
+    ),
+    "all strong": (
+        {"thrust": np.array([0.9, 0.9])},
+        r"like all thrusters giving [789]\d % more thr",
+    ),
     "compass": ({"compass": 0.2}, r"the compass reading 1[0-3]° too far to starboard"),
     "compass to port": ({"compass": -0.2}, r"the compass reading 1[0-3]° too far to port"),
     "drag": ({"drag": 0.8}, r"looks like [78]\d % more drag ahead"),

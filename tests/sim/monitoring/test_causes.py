@@ -11,7 +11,7 @@ from sim.model import Model
 from sim.monitoring import SecondMeans, causes
 from sim.monitoring.causes import BALANCES, BOAT_ERRORS, DIFFERENCE_STEP, WITH_COMPASS, Hull, Law
 from sim.monitoring.disturbances import BOAT, Cause, DisturbanceEstimate, DisturbanceEstimator
-from sim.monitoring.explanations import hull_of
+from sim.monitoring.explanations import ALL_THRUSTERS, hull_of
 from sim.monitoring.filters import change_noise, noise_step, white_noise_after
 from sim.state import Floats
 from sim.wind import AIR_DENSITY
@@ -391,9 +391,10 @@ def test_clear_is_more_than_three_deviations_from_nothing(plain: DisturbanceEsti
 
 def test_the_filter_of_a_cause_is_the_one_that_predicts_best(plain: DisturbanceEstimator) -> None:
     estimate = scored(plain, current=3.0)
-    port, starboard = (f for f, law in enumerate(plain.all.laws) if law is Law.THRUST)
+    port, starboard, both = (f for f, law in enumerate(plain.all.laws) if law is Law.THRUST)
+    assert [plain.all.names[f] for f in (port, starboard, both)] == ["left", "right", ALL_THRUSTERS]
     estimate.scores[starboard] = 5.0
-    assert [f for _, kind, f in estimate.named if kind is Cause.THRUST] == [starboard, port]
+    assert [f for _, kind, f in estimate.named if kind is Cause.THRUST] == [starboard, port, both]
     assert estimate.best(Cause.THRUST).score == 5.0
     assert estimate.named[0][1] is Cause.THRUST
     assert BOAT not in {f for _, _, f in estimate.named}
