@@ -37,7 +37,7 @@ import numpy as np
 from sim.model import Model
 from sim.monitoring import Balance, SecondMeans, WindModel, balances_at, thrust_ahead
 from sim.monitoring.causes import BOAT_ERRORS, Hull, Law
-from sim.monitoring.explanations import Explanations, explanations, hull_of
+from sim.monitoring.explanations import ALL_THRUSTERS, Explanations, explanations, hull_of
 from sim.monitoring.filters import (
     NOISE_START,
     DisturbanceFilter,
@@ -53,6 +53,7 @@ MIN_SCORE_NATS = 10.0  # by which an explanation must beat the boat itself …
 MIN_SCORE_BETWEEN_NATS = 5.0  # … and each other one
 MIN_SCORE_APART_NATS = 15.0  # of water and air on few headings, by which one must beat the other
 MIN_SCORE_OTHER_NATS = 12.0  # by which a wandering force must beat all of them: none of these
+ALL_THRUSTERS_NATS = 5.0  # by which all thrusters at once have to do better than any other cause
 MIN_CALM_SECONDS = 60  # before trouble, for the boat's own errors to be known
 MIN_NOISE = 0.01  # of the priors of b as forces: no estimate is perfect
 MAX_SILENCE_S = 600.0  # a longer silence counts as this long
@@ -131,10 +132,20 @@ class DisturbanceEstimate:
 
     @cached_property
     def named(self) -> list[tuple[float, Cause, int]]:
-        """Score, cause and number of each explanation, the one that predicts best first."""
-        scores, laws = self.scores.tolist(), self.all.laws
+        """Score, cause and number of each explanation, the one that predicts best first.
+
+        All thrusters at once have to do better: motors that lag look like weak ones.
+        """
+        scores, laws = (self.scores - self._handicap).tolist(), self.all.laws
         each = [(scores[f], CAUSE_OF[laws[f]], f) for f in range(WATER, len(laws))]
         return sorted(each, key=lambda one: -one[0])
+
+    @property
+    def _handicap(self) -> Floats:
+        """What is taken off the score of each explanation (F,) [nats]."""
+        pairs = zip(self.all.laws, self.all.names, strict=True)
+        whole = [law is Law.THRUST and name == ALL_THRUSTERS for law, name in pairs]
+        return ALL_THRUSTERS_NATS * np.array(whole)
 
     def best(self, cause: Cause) -> DisturbanceFilter:
         """The filter of that cause which predicts best."""
