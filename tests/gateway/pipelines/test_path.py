@@ -10,6 +10,8 @@ import pytest
 from gateway.estimation import Flag, MeasurementKind
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import ReplayInput, replay_input_of
+from gateway.shadow import PulseTable
+from gateway.shadow.driven import GRACE_S
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
 from gateway.shadow.path import LOST_S, STALE_S, ShadowPath, ShadowRows, discontinuous
@@ -292,3 +294,57 @@ def test_what_happened_is_told_once_each() -> None:
         ("telemetry_back", 11.1),
         ("reference_measured", 11.1),
     ]
+
+
+def wired(*channels: int) -> Vessel:
+    """The WAM-V with its motors on these outputs."""
+    pairs = zip(WAMV.thrusters, channels, strict=True)
+    return replace(
+        WAMV,
+        thrusters=tuple(replace(t, servo=replace(t.servo, channel=c)) for t, c in pairs),
+    )
+
+
+def told_of(vessel: Vessel, size: int = 10**6) -> tuple[list[tuple[str, str]], ShadowRows]:
+    """Kind and text of the events about its data, with the facts taken in `size` at a time; the
+    rows of the last chunk.
+    """
+    given, path = material(NEVER), path_of(ReferenceMode.MEASURED, vessel)
+    state, detector, events = path.start(), EventDetector.of(vessel), list[tuple[str, str]]()
+    for begin in range(0, len(given.feed), size):
+        chunk = given.feed[begin : begin + size]
+        state, out, filtered = path.advance(state, chunk)
+        detector, happened = detector.observe(chunk, filtered, out)
+        events += [(h.kind, h.text) for h in happened if h.kind.startswith("sensor")]
+    return events, out
+
+
+@pytest.mark.parametrize("size", [10**6, 7])
+def test_a_motor_on_an_output_without_pulses_is_told_and_nothing_is_judged(size: int) -> None:
+    """Motors on the wrong channel were told as a current, a drag or another motor that is weak."""
+    left, right = (t.servo.channel for t in WAMV.thrusters)
+    events, out = told_of(WAMV, size)
+    assert events == []
+    assert out.fit.all()
+    events, out = told_of(wired(left, 9), size)
+    assert events == [(
+        "sensor_failed",
+        f"output 9 (right) of the vessel file gets no pulse, while {left}, {right} do (is "
+        "`channel` right?): until that is over the model is not judged",
+    )]  # fmt: skip
+    assert not out.fit[out.time_s > out.time_s[0] + GRACE_S + 1.0].any()
+    ((_, text),), _ = told_of(wired(8, 9), size)
+    assert text.startswith("output 8 (left) and output 9 (right) of the vessel file get no pulse")
+
+
+def test_an_output_that_had_a_pulse_once_is_wired() -> None:
+    """A motor that stops, or an autopilot that is disarmed, is no wrong channel."""
+    given, right = material(NEVER), WAMV.thrusters[1].servo.channel
+    pulses = given.feed.pulse_table.pulses.copy()
+    pulses[len(pulses) // 4 :, right - 1] = np.nan
+    feed = replace(given.feed, pulse_table=PulseTable.of(pulses))
+    path = path_of(ReferenceMode.MEASURED)
+    _, out, filtered = path.advance(path.start(), feed)
+    _, told = EventDetector.of(WAMV).observe(feed, filtered, out)
+    assert not [h for h in told if h.kind.startswith("sensor")]
+    assert out.fit.all()
