@@ -18,6 +18,12 @@ from sim.comparison.compare import Comparison, Judgement
 from sim.diagnosis.answer import Verdict
 
 AXES = ("u", "v", "r")
+PUT_RIGHT = "Correct the outputs in the vessel file first: the errors are of motors elsewhere."
+GUESSED = (  # what is said of a vessel file, and of what was assumed in its place
+    (" than modelled", " than was assumed"),
+    (" than in the file", " than was assumed"),
+    ("where the file says", "where it was assumed"),
+)
 PICTURE_S = 120.0  # of time that the picture shows: more is too dense for half a page
 
 
@@ -26,19 +32,43 @@ def first_page(
     answer: DiagnosisResult | None,
     headline: str,
     assumed: Sequence[str] = (),
+    wiring: Sequence[str] = (),
 ) -> FirstPage:
-    """The page for comparisons of the same vessels each, the last being the best."""
+    """The page for comparisons of the same vessels each, the last being the best.
+
+    assumed  what stood in for a vessel file; wiring: where its outputs contradict the recordings
+    """
     verdict = (headline,) if answer is None else diagnosis_texts(answer.diagnosis)
+    if assumed:
+        verdict = tuple(map(of_a_guess, verdict))
+    if answer is not None and _is_predicted(found, answer):
+        verdict = (headline, *(f"From one moment to the next alone: {text}" for text in verdict))
     if failed := not_borne_out(found):
         verdict = (*failed, *(f"What was found: {text}" for text in verdict))
+    verdict = (*(f"{text[0].upper()}{text[1:]}." for text in wiring), *verdict)
     shown = max(found, key=lambda one: one.comparisons[0].nrmse)
     return FirstPage(
         tested=tuple(map(_tested, found)),
         verdict=verdict,
         picture=_picture(shown),
-        actions=tuple(dict.fromkeys(_actions(found, answer))),
+        actions=tuple(dict.fromkeys([*([PUT_RIGHT] if wiring else []), *_actions(found, answer)])),
         assumed=tuple(f"{text[0].upper()}{text[1:]}." for text in assumed),
     )
+
+
+def _is_predicted(found: Sequence[TrialComparison], answer: DiagnosisResult) -> bool:
+    """Whether something is said to be missing without a name, though the first vessel predicts all
+    recordings to the noise.
+    """
+    judged = {one.comparisons[0].judgement for one in found}
+    return answer.diagnosis.verdict is Verdict.UNKNOWN and judged == {Judgement.ADEQUATE}
+
+
+def of_a_guess(text: str) -> str:
+    """A sentence about a vessel of whom nobody wrote a file: what is off was assumed."""
+    for given, guessed in GUESSED:
+        text = text.replace(given, guessed)
+    return text
 
 
 def not_borne_out(found: Sequence[TrialComparison]) -> tuple[str, ...]:

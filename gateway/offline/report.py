@@ -44,6 +44,7 @@ from gateway.vessel_file import dump_vessel
 from sim.comparison.compare import Comparison, Judgement
 from sim.diagnosis.evidence import evidence_of, evidence_of_rivals
 from sim.effects.effect import Effect
+from sim.identification.wiring import wiring_notices, wiring_of
 from sim.model import Model
 from sim.state import Progress
 from sim.vessel import Vessel
@@ -156,7 +157,9 @@ def report_of(
 
     `assumed`: what had to be assumed, a sentence each.
     """
-    first = first_page(found, answer, _headline(found), assumed)
+    trials = [one.trial for one in found]
+    wiring = wiring_notices(wiring_of(trials, vessels[0]), vessels[0])
+    first = first_page(found, answer, _headline(found), assumed, wiring)
     names = ", ".join(one.trial.name for one in found)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     return ReportPage(

@@ -17,7 +17,7 @@ from gateway.figures.html_report import (
     render,
 )
 from gateway.offline.compare import TrialComparison
-from gateway.offline.first_page import first_page
+from gateway.offline.first_page import first_page, of_a_guess
 from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
 from sim.diagnosis.answer import Verdict
@@ -198,3 +198,43 @@ def test_what_does_worse_where_it_is_judged_is_not_to_be_used(page, after):
     assert any("The compass reads" in text for text in first.verdict)
     assert any("Do not use" in text for text in first.actions) == failed
     assert any("Use the better vessel" in text for text in first.actions) != failed
+
+
+def test_a_first_page_begins_with_outputs_that_are_not_the_boats(page):
+    """It was a note below the list of where the error is worst."""
+    _, found = page
+    first = first_page([found], None, "It is wrong.", wiring=["left (channel 5): never driven"])
+    assert first.verdict == ("Left (channel 5): never driven.", "It is wrong.")
+    assert first.actions[0].startswith("Correct the outputs in the vessel file first")
+    assert first_page([found], None, "It is wrong.").verdict == ("It is wrong.",)
+    port, starboard = WAM_V.thrusters
+    swapped = (replace(port, servo=starboard.servo), replace(starboard, servo=port.servo))
+    text = report_of([found], [replace(WAM_V, thrusters=swapped)], None).headline
+    assert text.startswith("Port and starboard commands look swapped")
+
+
+def test_of_a_vessel_that_was_assumed_nothing_is_said_of_its_file():
+    assert of_a_guess("53 % nearer to the centre line than in the file (50–56 %)") == (
+        "53 % nearer to the centre line than was assumed (50–56 %)"
+    )
+    assert of_a_guess("weaker than modelled") == "weaker than was assumed"
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_what_no_prediction_needs_is_not_the_first_thing_that_is_said(page, noise):
+    """A vessel at the noise floor, and "Something is missing" above it."""
+    _, found = page
+    one = found.comparisons[0]
+    judged = replace(one, noise_floor_nrmse=one.nrmse if noise else one.noise_floor_nrmse)
+    answer = SimpleNamespace(
+        diagnosis=diagnosis(Verdict.UNKNOWN), notices=(), improves=False, voyage_effects=[],
+        separations={},
+    )  # fmt: skip
+    answer.diagnosis.next_manoeuvre = None
+    first = first_page(
+        [TrialComparison(found.trial, (judged,))], answer, "It is as good as can be."
+    )
+    assert (first.verdict[0] == "It is as good as can be.") == noise
+    assert (
+        any(text.startswith("From one moment to the next alone") for text in first.verdict) == noise
+    )
