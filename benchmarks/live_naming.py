@@ -1,18 +1,16 @@
 """Does a live gateway name what is wrong, rightly and soon?
 
-    python -m benchmarks.live_naming tuning|elsewhere|inexact|reporting|fresh|latest
-        [--cache DIR]
+    python -m benchmarks.live_naming tuning|elsewhere|inexact|reporting|fresh|latest [--cache DIR]
         [--no-areas]
 
 Voyages of the blind test's generator (`benchmarks.hidden`: physics that shares no code with `sim`),
 each with one cause that sets in on the way (compass and wind: from the beginning), or with none, or
 with one that is not among those that are named live; `all`: all motors weaker alike. Numbers were
-chosen on `tuning` and `elsewhere` (other courses), with a look at `inexact` (vessel files that are a few per cent off).
-The figures are those of `reporting`, of `fresh` and of `latest`, which nobody had seen when they
-were chosen:
-other seeds, strengths and directions. Printed: per voyage every name that was told; per kind how
-many were called wrong, named rightly, alone or among others within 60 s of the cause's onset, alone
-within 60 s of the alarm that the model is wrong, and wrongly.
+chosen on `tuning` and `elsewhere` (other courses), with a look at `inexact` (vessel files that are
+a few per cent off). The figures are those of `reporting`, of `fresh` and of `latest`, which nobody
+had seen when they were chosen: other seeds, strengths and directions. Printed: per voyage every
+name that was told; per kind how many were called wrong, named rightly, alone or among others within
+60 s of the cause's onset, alone within 60 s of the alarm that the model is wrong, and wrongly.
 
 With `--no-areas` the vessel files say nothing of areas above water, as most do.
 
@@ -65,7 +63,8 @@ SOON_S = 60.0
 # which names are right for a kind; one that says less than it could is no wrong name
 RIGHT = {
     "current": {"current"}, "wind": {"wind"}, "thrust": {"thrust"}, "all": {"thrust"},
-    "compass": {"compass"}, "drag": {"drag"}, "other": {"none of these", "none clear"}, "complete": set(),
+    "compass": {"compass"}, "drag": {"drag"}, "other": {"none of these", "none clear"},
+    "complete": set(),
 }  # fmt: skip
 NONE_CLEAR = "none clear"  # no one cause stands out: less than could be said, and not wrong
 

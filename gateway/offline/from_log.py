@@ -272,9 +272,7 @@ def _diagnosed(
     coarse = replace(options, rate_hz=DIAGNOSIS_TRIALS.rate_hz)
     trial = _longest(usable_trials([log], coarse, progress))
     learn = trial if split.cut is None else limit_to_span(trial, TimeSpan(None, split.cut))
-    # of a boat whose thrust, arms and masses are guesses these move her alike
-    known = (e for e in known_effects() if not e.is_like_the_base)
-    settings = DiagnoseSettings(effects=(*known, *effects), prior=GUESSED_PRIOR)
+    settings = DiagnoseSettings(effects=(*known_effects(), *effects), prior=GUESSED_PRIOR)
     try:
         diagnosis = diagnosed_trials([learn], plain, settings, str(log), progress)
     except BadInput as error:
