@@ -96,8 +96,9 @@ class EffectSearch(LikelihoodSearch):
         return self._grown_and_exchanged([], base, [first] if more and self.most else [])
 
     def _alike_on_all(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """What is of a day with one set of numbers for all recordings where that does as well: it
-        is the boat's then, and tells of recordings that no fit has seen.
+        """What is of a day with one set of numbers for all recordings, where that does as well, or
+        explains more than numbers of each day beside it: it is the boat's then, and tells of
+        recordings that no fit has seen.
         """
         if len(fit.problem.trials) < thresholds.MIN_RECORDINGS:
             return steps, fit
@@ -108,11 +109,10 @@ class EffectSearch(LikelihoodSearch):
             self.progress(f"{effect.name} alike on all recordings")
             others = self._without(fit, {fit.names.index(effect.name)})
             alike = self._beside([*others.effects(), _with_one_set(fit, effect)], fit)
-            if is_worth_it(self._gain_over(fit, alike)):  # they differ from day to day
-                continue
             reference = fit_effects(others.added, others.unknowns, alike.problem, others.z)
-            row = ranked_over(reference, alike)
-            if self.is_believed(row, reference):
+            row, by_day = ranked_over(reference, alike), self._gain_over(fit, alike)
+            differ = is_worth_it(by_day) and by_day.nats > row.gain.nats
+            if not differ and self.is_believed(row, reference):
                 one = Ranking(reference, (row,))
                 steps, fit = [*(s for s in steps if s is not step), one], alike
                 steps, fit = self._grown(steps, fit, self._next(steps, fit))
