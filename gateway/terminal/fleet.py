@@ -88,17 +88,24 @@ def _dropped(recordings: Sequence[str]) -> str:
 def show_wear(wear: FleetWear) -> None:
     """A line a number, then what has changed."""
     console = ResultConsole()
-    table = result_table("over all recordings", "number", "recordings", "first", "last", "scatter",
-                         unit=True)  # fmt: skip
+    table = result_table("the course over all recordings", "number", "recordings", "begins at",
+                         "ends at", "scatter", unit=True)  # fmt: skip
     for one in wear.numbers:
+        ends = [float(one.course.mean[end]) for end in (0, -1)]
         table.add_row(
-            f"{one.boat}: {one.name}", str(len(one.dates)),
-            *(f"{float(one.course.mean[end]):.4g}" for end in (0, -1)),
-            f"{one.course.scatter:.2g}", one.unit,
+            f"{one.boat}: {one.name}", str(len(one.dates)), *(f"{end:.4g}" for end in ends),
+            scatter_text(one.course.scatter, max(map(abs, ends))), one.unit,
         )  # fmt: skip
     if wear.numbers:
         console.print(table)
     console.bullets(wear.sentences)
+
+
+def scatter_text(scatter: float, size: float) -> str:
+    """The scatter from recording to recording beyond their intervals; of less than a thousandth of
+    the number there is none.
+    """
+    return "none" if scatter < 1e-3 * size else f"{scatter:.2g}"
 
 
 def _problems(rows: Sequence[Mapping[str, Any]]) -> list[str]:
