@@ -142,10 +142,11 @@ class DisturbanceEstimate:
 
     @property
     def _handicap(self) -> Floats:
-        """What is taken off the score of each explanation (F,) [nats]."""
+        """What is taken off the score of each explanation (F,) [nats]; no water drives a boat."""
         pairs = zip(self.all.laws, self.all.names, strict=True)
         whole = [law is Law.THRUST and name == ALL_THRUSTERS for law, name in pairs]
-        return ALL_THRUSTERS_NATS * np.array(whole)
+        drives = [law is Law.DRAG for law in self.all.laws] & (self.means[:, BOAT_ERRORS] < -1.0)
+        return np.where(drives, np.inf, ALL_THRUSTERS_NATS * np.array(whole))
 
     def best(self, cause: Cause) -> DisturbanceFilter:
         """The filter of that cause which predicts best."""

@@ -431,3 +431,15 @@ def test_a_second_is_predicted_by_all_and_the_best_of_them_tells_the_noise(
         )
         np.testing.assert_allclose(after.noise, expected_noise)
         estimate = after
+
+
+@pytest.mark.parametrize(("growth", "cause"), [(-0.9, Cause.DRAG), (-1.1, Cause.NOTHING)])
+def test_no_drag_that_drives_the_boat_is_a_cause(
+    plain: DisturbanceEstimator, growth: float, cause: Cause
+) -> None:
+    """Of motors on another channel "183 % less drag ahead" was told."""
+    estimate = scored(plain, drag=30.0)
+    f = plain.all.laws.index(Law.DRAG)
+    estimate.means[f, BOAT_ERRORS] = growth
+    estimate.covariances[f, BOAT_ERRORS, BOAT_ERRORS] = 0.01
+    assert estimate.cause is cause
