@@ -1,5 +1,6 @@
 """What a replay did: how far the shadow stayed from the estimate, what force was missing."""
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ class ReplaySummary:
     events: int
     recordings: tuple[Path, ...]
     notes: tuple[str, ...] = ()  # what was odd about the log
+    warnings: tuple[str, ...] = ()  # what the shadow warned of, in order
 
     def to_dict(self) -> dict[str, Any]:
         """What `shadow replay --json` prints of a log: SI units and radians."""
@@ -41,6 +43,7 @@ class ReplaySummary:
             "missing_force_rms": dict(zip("XYN", self.missing.tolist(), strict=True)),
             "events": self.events,
             "notes": self.notes,
+            "warnings": self.warnings,
             "recordings": [str(path) for path in self.recordings],
         }
 
@@ -67,6 +70,7 @@ class ReplayTotals:
     squares: Floats = field(default_factory=lambda: np.zeros(6))
     missing: Floats = field(default_factory=lambda: np.zeros(3))
     events: int = 0
+    warnings: list[str] = field(default_factory=list)
     first_s: float = 0.0
     last_s: float = 0.0
 
@@ -74,7 +78,11 @@ class ReplayTotals:
         """Add what the shadow did and the events among the rows of topics."""
         for out in outs:
             self._add_rows(out)
-        self.events += sum(len(part) for part in rows if part.topic == "event")
+        for part in rows:
+            if part.topic == "event":
+                self.events += len(part)
+                told = map(json.loads, part.payloads)
+                self.warnings += [one["says"] for one in told if one["severity"] != "info"]
 
     def _add_rows(self, out: ShadowRows) -> None:
         if not len(out):
@@ -99,5 +107,5 @@ class ReplayTotals:
         return ReplaySummary(
             log.path, str(boat), self.last_s - self.first_s, self.count,
             wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / judged),
-            self.events, files, _notes(log.statistics),
+            self.events, files, _notes(log.statistics), tuple(self.warnings),
         )  # fmt: skip

@@ -144,6 +144,7 @@ def show_initial_vessel(made: VesselFile, out: Path) -> None:
 
 
 CHANNELS = ("x", "y", "psi", "u", "v", "r")
+MOST_WARNINGS = 4  # that are printed
 
 
 def show_replay(summary: "ReplaySummary") -> None:
@@ -166,8 +167,15 @@ def show_replay(summary: "ReplaySummary") -> None:
     )
     for note in summary.notes:
         out.print(f"note: {note}", highlight=False, markup=False)
+    warnings = list(dict.fromkeys(summary.warnings))
+    for warning in warnings[:MOST_WARNINGS]:
+        out.print(f"! {warning}", highlight=False, markup=False)
     for path in summary.recordings:
         out.path("recorded", path)
+    more = len(warnings) - MOST_WARNINGS
+    if summary.recordings and more > 0:
+        file = shell_path(summary.recordings[0])
+        out.print(f"{more} more warnings: shadow info --events {file}", markup=False)
 
 
 def show_export(done: "Exported") -> None:

@@ -1,8 +1,8 @@
 """What commands print and write: JSON alone where asked, else words and the place of the files."""
 
 import json
-import os
 import re
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -68,6 +68,21 @@ def test_the_json_of_a_replay_tells_where_everything_is(
     files = [Path(path) for one in (first, second) for path in one["recordings"]]
     assert [file.name for file in files] == ["voyage-shadow.mcap", "voyage-2-shadow.mcap"]
     assert all(Recording.open(file).finished for file in files)
+
+
+def test_a_replay_prints_what_the_shadow_warned_of(
+    run: Run, tmp_path: Path, boat: Path, log: Path
+) -> None:
+    """It was counted among "2 events", and told only by `info --events` of the recording."""
+    wrong, out = tmp_path / "wrong.toml", tmp_path / "out"
+    wrong.write_text(boat.read_text().replace("channel = 2", "channel = 9"))
+    done = run("replay", log, "-v", wrong, "--out", out)
+    assert done.status == 0
+    assert "! output 9 (" in done.out
+    told = strictly(run("replay", log, "-v", wrong, "--out", out, "--json").out)
+    (warning,) = told["replays"][0]["warnings"]
+    assert warning.startswith("output 9 (")
+    assert "! " not in run("replay", log, "-v", boat, "--out", out).out
 
 
 def test_the_json_of_a_comparison_has_its_documented_members(
