@@ -1,8 +1,8 @@
 """What commands print and write: JSON alone where asked, else words and the place of the files."""
 
 import json
-import re
 import os
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
