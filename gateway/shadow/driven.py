@@ -4,58 +4,77 @@ A motor on the wrong channel is none that failed: the model would run without it
 error that follows would be called a current, a drag or another motor.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.shadow import FilterInputs
-from gateway.shadow.sensor_checks import SensorFault
+from gateway.shadow.sensor_checks import SETTLE_S, SETTLING, UNDRIVEN
 from sim.state import Floats, Ints
 from sim.vessel import Vessel
 
-UNDRIVEN = int(SensorFault.UNDRIVEN)
 GRACE_S = 5.0  # since the first pulse: outputs may be reported in several messages; chosen
 
 
 class DrivenOutputs(NamedTuple):
-    """Which outputs of a vessel had a pulse so far, and since when any output has one [s]."""
+    """Which outputs of a vessel had a pulse so far.
+
+    channels, names  of its actuators
+    since   when any output had a pulse first [s]
+    whole   when the last of its own had one first [s]
+    """
 
     channels: tuple[int, ...] = ()
+    names: tuple[str, ...] = ()
     driven: tuple[bool, ...] = ()
     since: float = np.inf
+    whole: float = -np.inf
 
     @classmethod
     def start(cls, vessel: Vessel) -> "DrivenOutputs":
         """Before the first pulse."""
-        channels = tuple(actuator.servo.channel for actuator in vessel.actuators)
-        return cls(channels, (False,) * len(channels))
+        each = vessel.actuators
+        channels, names = tuple(a.servo.channel for a in each), tuple(a.name for a in each)
+        return cls(channels, names, (False,) * len(each), whole=np.inf if each else -np.inf)
 
-    def check(self, inputs: FilterInputs) -> tuple["DrivenOutputs", Ints | None]:
-        """K inputs in order of receipt -> the outputs after them, bits of `SensorFault` (K,); None
-        where all are driven.
+    def check(
+        self, inputs: FilterInputs
+    ) -> tuple["DrivenOutputs", tuple[Ints, NDArray[np.bool_]] | None]:
+        """K inputs in order of receipt -> the outputs after them; bits of `SensorFault` (K,) and
+        which outputs had a pulse by then (K, na), None where all is well.
+
+        Once one is missed that lasts until it has a pulse, whether the boat is armed or not; and a
+        while longer, for predictions that began without its thrust.
         """
-        if all(self.driven) or not len(inputs):
+        times = inputs.events.time_s
+        if not len(times) or (all(self.driven) and float(times[0]) - self.whole >= SETTLE_S):
             return self, None
-        pulses = inputs.pulse_table.pulses[:, [channel - 1 for channel in self.channels]]
-        own = np.isfinite(pulses)[inputs.pulse_row]
+        columns = np.array(self.channels, np.int64) - 1
+        own = np.isfinite(inputs.pulse_table.pulses[np.ix_(inputs.pulse_row, columns)])
         seen = np.logical_or.accumulate(own, axis=0) | np.array(self.driven)
-        active, times = inputs.active > 0.0, inputs.events.time_s
-        since = min(self.since, float(times[active.argmax()])) if active.any() else self.since
-        idle = active & ~seen.all(axis=1) & (times - since >= GRACE_S)
-        after = self._replace(driven=tuple(seen[-1].tolist()), since=since)
-        return after, np.where(idle, UNDRIVEN, 0)
+        some, every = inputs.active > 0.0, seen.all(axis=1)
+        since = min(self.since, float(times[some.argmax()])) if some.any() else self.since
+        whole = min(self.whole, float(times[every.argmax()])) if every.any() else self.whole
+        missed = ~every & (times - since >= GRACE_S)
+        young = ~every & (times >= since) & ~missed
+        settling = every & (whole - since >= GRACE_S) & (times - whole < SETTLE_S)
+        bits = np.where(missed, UNDRIVEN, np.where(young | settling, SETTLING, 0))
+        after = self._replace(driven=tuple(seen[-1].tolist()), since=since, whole=whole)
+        return after, (bits, seen)
 
-
-def undriven_text(outputs: Iterable[tuple[int, str]], pulses: Floats) -> str:
-    """Channels and names of actuators, pulses (32,) [µs], NaN where there is none -> which get
-    none, and which outputs do.
-    """
-    some = (np.flatnonzero(np.isfinite(pulses)) + 1).tolist()
-    idle = [f"output {channel} ({name})" for channel, name in outputs if channel not in some]
-    verb = "gets" if len(idle) == 1 else "get"
-    others = ", ".join(map(str, some))
-    return (
-        f"{' and '.join(idle)} of the vessel file {verb} no pulse, while {others} "
-        f"{'does' if len(some) == 1 else 'do'} (is `channel` right?)"
-    )
+    def text(self, seen: NDArray[np.bool_], pulses: Floats) -> str:
+        """Which outputs had a pulse so far (na,), pulses (32,) [µs] now, NaN where there is none
+        -> which never had one, and which outputs have some.
+        """
+        idle = [
+            f"output {channel} ({name})"
+            for channel, name, had in zip(self.channels, self.names, seen.tolist(), strict=True)
+            if not had
+        ]
+        some = (np.flatnonzero(np.isfinite(pulses)) + 1).tolist()
+        verb, others = "gets" if len(idle) == 1 else "get", ", ".join(map(str, some))
+        what = f"{' and '.join(idle)} of the vessel file {verb} no pulse"
+        if some:
+            what += f", while {others} {'does' if len(some) == 1 else 'do'}"
+        return f"{what} (is `channel` right?)"

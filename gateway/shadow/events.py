@@ -9,7 +9,7 @@ block later: a sensor that fails is noticed within seconds, and what it spoilt i
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from math import isfinite, isinf
 from operator import or_
@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 from gateway.estimation import Flag
 from gateway.estimation.filter import FilterRows
 from gateway.shadow import FilterInputs
-from gateway.shadow.driven import undriven_text
+from gateway.shadow.driven import DrivenOutputs
 from gateway.shadow.health import STEADY_S
 from gateway.shadow.path import BROKEN, ShadowRows, discontinuous
 from gateway.shadow.sensor_checks import (
     ALWAYS_WELL,
     REPORTED,
+    UNDRIVEN,
     WORDS,
     SensorFault,
     reasons_in,
@@ -196,12 +197,13 @@ class EventDetector:
     unfit_s: float = -np.inf  # since when
     well: int = ALWAYS_WELL  # faults whose absence the boat has reported
     lost: int = 0  # of `faults` those that were in `well` before: what comes back does so again
-    outputs: tuple[tuple[int, str], ...] = ()  # channel and name of each of the vessel's actuators
+    outputs: DrivenOutputs = field(default_factory=DrivenOutputs)
+    undriven: bool = False  # whether it was told that one of these never gets a pulse
 
     @classmethod
     def of(cls, vessel: Vessel) -> "EventDetector":
         """Before the first row, for a vessel."""
-        return cls(outputs=tuple((a.servo.channel, a.name) for a in vessel.actuators))
+        return cls(outputs=DrivenOutputs.start(vessel))
 
     def observe(
         self, inputs: FilterInputs, rows: FilterRows, out: ShadowRows
@@ -221,7 +223,8 @@ class EventDetector:
             diverged_s, divergences = _divergences(out, diverged_s)
             events += divergences
         now, sensor_events = self._sensors(inputs, rows)
-        events += sensor_events
+        now, output_events = now._outputs(inputs)
+        events += [*sensor_events, *output_events]
         events.sort(key=lambda event: event.receive_time_ns)
         if not len(out):
             return now, events
@@ -241,8 +244,8 @@ class EventDetector:
     ) -> tuple["EventDetector", list[EventRow]]:
         """Events of faults that make the boat's data unfit: each once, until all are over."""
         told, since, events = self.faults, self.unfit_s, list[EventRow]()
-        well, lost = self.well, self.lost
-        if not told and not np.count_nonzero(rows.faults):
+        well, lost, faults = self.well, self.lost, rows.faults & ~UNDRIVEN  # told by itself
+        if not told and not np.count_nonzero(faults):
             if well & REPORTED == REPORTED:
                 return self, events
             reported = reduce(or_, _reported(inputs), well)
@@ -250,7 +253,7 @@ class EventDetector:
         for k, (time, bits, reported) in enumerate(
             zip(
                 inputs.events.time_s.tolist(),
-                rows.faults.tolist(),
+                faults.tolist(),
                 _reported(inputs),
                 strict=True,
             )
@@ -259,7 +262,7 @@ class EventDetector:
             if found := reasons_in(new):
                 lost |= new & well
                 since, told = time if not told else since, told | bits
-                what = _joined([self._failed(fault, inputs, k) for fault in found])
+                what = _joined([WORDS[fault][0] for fault in found])
                 text = f"{what}: until that is over the model is not judged"
                 words = "sensor_failed", "warning", text
             elif told and not bits:
@@ -273,11 +276,27 @@ class EventDetector:
                 events.append(EventRow(*at, *words))
         return replace(self, faults=told, unfit_s=since, well=well, lost=lost), events
 
-    def _failed(self, fault: SensorFault, inputs: FilterInputs, k: int) -> str:
-        """What is said of a fault that begins at one of the inputs."""
-        if fault is SensorFault.UNDRIVEN and self.outputs:
-            return undriven_text(self.outputs, inputs.pulse_table.pulses[inputs.pulse_row[k]])
-        return WORDS[fault][0]
+    def _outputs(self, inputs: FilterInputs) -> tuple["EventDetector", list[EventRow]]:
+        """That outputs of the vessel never get a pulse, once, and that they do at last."""
+        outputs, missed = self.outputs.check(inputs)
+        told, events = self.undriven, list[EventRow]()
+        if missed is not None:
+            bits, seen = missed
+            for k in np.flatnonzero(np.diff((bits == UNDRIVEN).astype(int), prepend=int(told))):
+                told = not told
+                pulses = inputs.pulse_table.pulses[inputs.pulse_row[k]]
+                failed = f"{outputs.text(seen[k], pulses)}: until that is over the model is not"
+                words = (
+                    ("sensor_failed", "warning", f"{failed} judged")
+                    if told
+                    else ("sensor_restored", "info", f"{WORDS[SensorFault.UNDRIVEN][1]}: the model "
+                          "is judged from now on")
+                )  # fmt: skip
+                at = int(inputs.vehicle_time_ns[k]), int(inputs.receive_time_ns[k])
+                events.append(EventRow(*at, *words))
+        if outputs is self.outputs and told == self.undriven:
+            return self, events
+        return replace(self, outputs=outputs, undriven=told), events
 
 
 def _reported(inputs: FilterInputs) -> Iterator[int]:

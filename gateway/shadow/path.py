@@ -264,9 +264,9 @@ class ShadowPath:
         """
         filter_state, estimates = self.estimator.advance(state.filter, inputs.events, True, spend)
         sensors, faults = state.sensors.check(inputs)
-        outputs, undriven = state.outputs.check(inputs)
-        if undriven is not None:
-            faults = faults | undriven
+        outputs, missed = state.outputs.check(inputs)
+        if missed is not None:
+            faults = faults | missed[0]
         rows = estimates.with_faults(faults)
         choice = self._choose(state, inputs, rows)
         if not len(choice.row):

@@ -142,7 +142,10 @@ def _diagnosed(
     """The answer with one prior of the base numbers, and what it was found with."""
     plain = Model.of(vessel)
     content = RecordingContent.of(plain, trials)
-    effects = _effects_to_try(vessel, content, settings.effects)
+    catalogue = settings.effects
+    if len(trials) >= thresholds.MIN_RECORDINGS:  # what each has alike is the boat's
+        catalogue = tuple(e.of_the_boat if e.alike else e for e in catalogue)
+    effects = _effects_to_try(vessel, content, catalogue)
     progress("re-fitting the base")
     superset = SupersetModel.of(vessel, effects.shown, trials)
     base = fit_base(superset, plain, trials, settings)

@@ -21,15 +21,13 @@ this model has them, and the noise that it leaves.
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, final_fit, fit_effects
+from sim.diagnosis.fit import Fit, final_fit
 from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, search_forces
-from sim.diagnosis.heldout import Ranking, is_better_than_special, ranked_over
+from sim.diagnosis.heldout import Ranking, is_better_than_special, rank
 from sim.diagnosis.likelier import LikelihoodSearch, are_few, unlikely
 from sim.diagnosis.worth import is_at_floor, is_missed, is_worse_elsewhere, is_worth_it
-from sim.effects.effect import Effect, Scope
+from sim.effects.effect import Scope
 from sim.vessel import AddedEffect
 
 
@@ -65,7 +63,7 @@ class EffectSearch(LikelihoodSearch):
             fewer, fit = self._swapped(fewer, fit, last=True)
         fewer, fit = self._more_likely(first, fewer, fit)
         steps, fit = self._in_place_by_forces(first, *self._made_simpler(fewer, fit))
-        steps, fit = self._alike_on_all(steps, fit)
+        steps, fit = self._of_each_day(steps, fit)
         # one story: what took the place of the first is the first of the ranking that is told
         alone = (s for s in steps if s.reference is first.reference or not s.reference.names)
         first = next(alone, first)
@@ -95,26 +93,28 @@ class EffectSearch(LikelihoodSearch):
                     return steps, fit
         return self._grown_and_exchanged([], base, [first] if more and self.most else [])
 
-    def _alike_on_all(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """What is of a day with one set of numbers for all recordings, where that does as well, or
-        explains more than numbers of each day beside it: it is the boat's then, and tells of
-        recordings that no fit has seen.
+    def _of_each_day(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
+        """What was tried as the boat's, alike on all recordings, with numbers of each day: where
+        these explain more than the one set does, or what no one set could.
         """
-        if len(fit.problem.trials) < thresholds.MIN_RECORDINGS:
-            return steps, fit
-        for step in list(steps):
-            effect = step.best.effect
-            if not effect.alike or effect.is_alike:
+        for effect in (e for e in self.effects if e.is_alike):
+            held = [step for step in steps if step.best.name == effect.name]
+            if not held and len(steps) >= self.most:
                 continue
-            self.progress(f"{effect.name} alike on all recordings")
-            others = self._without(fit, {fit.names.index(effect.name)})
-            alike = self._beside([*others.effects(), _with_one_set(fit, effect)], fit)
-            reference = fit_effects(others.added, others.unknowns, alike.problem, others.z)
-            row, by_day = ranked_over(reference, alike), self._gain_over(fit, alike)
-            differ = is_worth_it(by_day) and by_day.nats > row.gain.nats
-            if not differ and self.is_believed(row, reference):
-                one = Ranking(reference, (row,))
-                steps, fit = [*(s for s in steps if s is not step), one], alike
+            self.progress(f"{effect.name} of each day")
+            others = self._without(fit, {fit.names.index(effect.name)}) if held else fit
+            ranking = rank(
+                self.superset, others.model(), [effect.of_a_day], others, self.progress, self.mapper
+            )
+            if not ranking.finalists:
+                continue
+            row, by_day = ranking.best, self._gain_over(ranking.best.fit, fit)
+            if held:
+                better = is_worth_it(by_day) and by_day.nats > held[0].best.gain.nats
+            else:
+                better = self.justified(row, steps, fit)
+            if better and self.is_believed(row, ranking.reference):
+                steps, fit = [*(s for s in steps if s not in held), ranking], row.fit
                 steps, fit = self._grown(steps, fit, self._next(steps, fit))
         return steps, fit
 
@@ -410,10 +410,3 @@ class EffectSearch(LikelihoodSearch):
             ranking = self.in_place_of(fit, {i, fit.names.index(other.name)}, {other.name})
             if ranking.finalists and self.is_believed(ranking.best, ranking.reference):
                 yield [*(s for s in left if s is not step), ranking], ranking.best.fit
-
-
-def _with_one_set(fit: Fit, effect: Effect) -> AddedEffect:
-    """One of the effects of a fit, with the middle of its numbers on the recordings for all."""
-    each = [fit.values(effect.name, k) for k in range(len(fit.problem.trials))]
-    middle = {key: float(np.median([values[key] for values in each])) for key in each[0]}
-    return AddedEffect(effect.of_the_boat, middle)

@@ -414,6 +414,11 @@ class Effect:
         return replace(self, scope=Scope.BOAT)
 
     @property
+    def of_a_day(self) -> "Effect":
+        """The same effect with numbers of each day."""
+        return replace(self, scope=Scope.VOYAGE)
+
+    @property
     def is_alike(self) -> bool:
         """Whether it is an effect of a day that this boat has alike on every one."""
         return bool(self.alike) and self.scope is Scope.BOAT

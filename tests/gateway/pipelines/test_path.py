@@ -1,5 +1,6 @@
 """The path is a pure function of its inputs, and what it says follows from them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -11,10 +12,10 @@ from gateway.estimation import Flag, MeasurementKind
 from gateway.ingest.mavlink.log import tlog_from_bytes
 from gateway.offline.replay import ReplayInput, replay_input_of
 from gateway.shadow import PulseTable
-from gateway.shadow.driven import GRACE_S
 from gateway.shadow.events import EventDetector
 from gateway.shadow.health import LogHealth
 from gateway.shadow.path import LOST_S, STALE_S, ShadowPath, ShadowRows, discontinuous
+from gateway.shadow.sensor_checks import SETTLE_S
 from gateway.shadow.topic_rows import event_rows, topic_rows
 from sim.effects.effect import Effect, Parameter, Scope
 from sim.following.follower import FollowerOptions, Reference, ReferenceMode, VesselFollower
@@ -305,46 +306,95 @@ def wired(*channels: int) -> Vessel:
     )
 
 
-def told_of(vessel: Vessel, size: int = 10**6) -> tuple[list[tuple[str, str]], ShadowRows]:
-    """Kind and text of the events about its data, with the facts taken in `size` at a time; the
-    rows of the last chunk.
+Pulses = Callable[[np.ndarray], None]
+
+
+def told_of(
+    vessel: Vessel, size: int = 10**6, changed: Pulses = lambda pulses: None, lost_gps: Span = NEVER
+) -> tuple[list[tuple[str, str]], Any, Any]:
+    """Kind and text of the events about its data, with the facts taken in `size` at a time; times
+    of the rows [s from the first], and whether the data were fit then.
+
+    changed   what becomes of the pulses (S, 32), row by row of their table
     """
     given, path = material(NEVER), path_of(ReferenceMode.MEASURED, vessel)
+    pulses = given.feed.pulse_table.pulses.copy()
+    changed(pulses)
+    begun = given.feed.events.time_s[0]
+    away = (given.feed.events.time_s - begun >= lost_gps[0]) & (
+        given.feed.events.time_s - begun < lost_gps[1]
+    )
+    feed = replace(
+        given.feed, pulse_table=PulseTable.of(pulses), gps_fix=np.where(away, 1.0, 3.0),
+    )  # fmt: skip
     state, detector, events = path.start(), EventDetector.of(vessel), list[tuple[str, str]]()
-    for begin in range(0, len(given.feed), size):
-        chunk = given.feed[begin : begin + size]
+    times, fit = list[float](), list[bool]()
+    for begin in range(0, len(feed), size):
+        chunk = feed[begin : begin + size]
         state, out, filtered = path.advance(state, chunk)
         detector, happened = detector.observe(chunk, filtered, out)
         events += [(h.kind, h.text) for h in happened if h.kind.startswith("sensor")]
-    return events, out
+        times += (out.time_s - begun).tolist()
+        fit += out.fit.tolist()
+    return events, np.array(times), np.array(fit)
+
+
+LEFT, RIGHT = (t.servo.channel for t in WAMV.thrusters)
+MISSED = (
+    f"output 9 (right) of the vessel file gets no pulse, while {LEFT}, {RIGHT} do (is `channel` "
+    "right?): until that is over the model is not judged"
+)
 
 
 @pytest.mark.parametrize("size", [10**6, 7])
 def test_a_motor_on_an_output_without_pulses_is_told_and_nothing_is_judged(size: int) -> None:
     """Motors on the wrong channel were told as a current, a drag or another motor that is weak."""
-    left, right = (t.servo.channel for t in WAMV.thrusters)
-    events, out = told_of(WAMV, size)
+    events, _, fit = told_of(WAMV, size)
     assert events == []
-    assert out.fit.all()
-    events, out = told_of(wired(left, 9), size)
-    assert events == [(
-        "sensor_failed",
-        f"output 9 (right) of the vessel file gets no pulse, while {left}, {right} do (is "
-        "`channel` right?): until that is over the model is not judged",
-    )]  # fmt: skip
-    assert not out.fit[out.time_s > out.time_s[0] + GRACE_S + 1.0].any()
-    ((_, text),), _ = told_of(wired(8, 9), size)
+    assert fit.all()
+    events, times, fit = told_of(wired(LEFT, 9), size)
+    assert events == [("sensor_failed", MISSED)]
+    assert not fit[times > 0.5].any()  # from the first pulse on
+    ((_, text),), *_ = told_of(wired(8, 9), size)
     assert text.startswith("output 8 (left) and output 9 (right) of the vessel file get no pulse")
+
+
+@pytest.mark.parametrize("size", [10**6, 7])
+def test_an_output_that_gets_pulses_late_is_judged_from_then_on(size: int) -> None:
+    def late(pulses: np.ndarray) -> None:
+        pulses[: 2 * len(pulses) // 3, RIGHT - 1] = np.nan
+
+    events, times, fit = told_of(WAMV, size, late)
+    assert [kind for kind, _ in events] == ["sensor_failed", "sensor_restored"]
+    assert events[1][1] == (
+        "all outputs of the vessel file get pulses: the model is judged from now on"
+    )
+    assert not fit[(times > 0.5) & (times < 10.0)].any()
+    assert fit[-1] == (times[-1] > 10.7 + SETTLE_S)
+
+
+@pytest.mark.parametrize("size", [10**6, 7])
+def test_neither_a_disarmed_boat_nor_a_lost_fix_ends_or_hides_that_an_output_is_missed(
+    size: int,
+) -> None:
+    def disarmed(pulses: np.ndarray) -> None:
+        pulses[2 * len(pulses) // 3 : 5 * len(pulses) // 6] = np.nan
+
+    assert told_of(wired(LEFT, 9), size, disarmed)[0] == [("sensor_failed", MISSED)]
+    events, *_ = told_of(wired(LEFT, 9), size, lost_gps=(8.0, 10.0))
+    assert [kind for kind, _ in events] == ["sensor_failed", "sensor_failed", "sensor_restored"]
+    assert events[1][1].startswith("the GPS has no fix")
+    assert events[2][1].startswith("the GPS has a fix again")
 
 
 def test_an_output_that_had_a_pulse_once_is_wired() -> None:
     """A motor that stops, or an autopilot that is disarmed, is no wrong channel."""
-    given, right = material(NEVER), WAMV.thrusters[1].servo.channel
-    pulses = given.feed.pulse_table.pulses.copy()
-    pulses[len(pulses) // 4 :, right - 1] = np.nan
-    feed = replace(given.feed, pulse_table=PulseTable.of(pulses))
-    path = path_of(ReferenceMode.MEASURED)
-    _, out, filtered = path.advance(path.start(), feed)
-    _, told = EventDetector.of(WAMV).observe(feed, filtered, out)
-    assert not [h for h in told if h.kind.startswith("sensor")]
-    assert out.fit.all()
+
+    def stops(pulses: np.ndarray) -> None:
+        pulses[len(pulses) // 4 :, LEFT - 1] = np.nan
+
+    events, _, fit = told_of(WAMV, changed=stops)
+    assert events == []
+    assert fit.all()
+    ((_, text),), *_ = told_of(wired(LEFT, 9), changed=stops)
+    assert text.startswith("output 9 (right) of the vessel file gets no pulse, while 2 does")
