@@ -165,7 +165,9 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
         own = "an effect of your own needs --effects FILE.py"
         meant = f"did you mean {near[0]}? " if near else ""
         raise BadInput(f"{where}: {meant}{own}; those known are {', '.join(sorted(known))}")
-    effect = _of_whom(f"{file}: {key}.{OF}", known[str(name)], values.pop(OF, None))
+    effect = known[str(name)]
+    if OF in values and OF not in {p.name for p in effect.parameters}:
+        effect = _of_whom(f"{file}: {key}.{OF}", effect, values.pop(OF))
     for parameter, value in values.items():
         if not _is_number(value):
             where = f"{file}: {key}.{shortened(parameter)} = {shortened(repr(value))}"
@@ -181,8 +183,6 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
 
 def _of_whom(where: str, effect: Effect, whose: Any) -> Effect:
     """An effect of a day as the boat's, where its entry says that every day has it alike."""
-    if whose is None:
-        return effect
     if whose != OF_THE_BOAT:
         raise BadInput(f"{where} = {shortened(repr(whose))}: expected {OF_THE_BOAT!r}, or none")
     if not effect.alike:

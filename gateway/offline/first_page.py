@@ -23,6 +23,10 @@ GUESSED = (  # what is said of a vessel file, and of what was assumed in its pla
     (" than modelled", " than was assumed"),
     (" than in the file", " than was assumed"),
     ("where the file says", "where it was assumed"),
+    ("Numbers of the vessel file are off", "Numbers that were assumed are off"),
+    ("of the thrust in the file", "of the thrust that was assumed"),
+    ("the thrust in the file were", "the thrust that was assumed were"),
+    (" of the file", ""),
 )
 PICTURE_S = 120.0  # of time that the picture shows: more is too dense for half a page
 
@@ -51,9 +55,23 @@ def first_page(
         tested=tuple(map(_tested, found)),
         verdict=verdict,
         picture=_picture(shown),
-        actions=tuple(dict.fromkeys([*([PUT_RIGHT] if wiring else []), *_actions(found, answer)])),
+        actions=_with_outputs_right(_actions(found, answer), answer, wiring),
         assumed=tuple(f"{text[0].upper()}{text[1:]}." for text in assumed),
     )
+
+
+def _with_outputs_right(
+    actions: Sequence[str], answer: DiagnosisResult | None, wiring: Sequence[str]
+) -> tuple[str, ...]:
+    """What to do, with the outputs first where they are wrong: unless what was found exchanges
+    them, and each mistake of theirs once.
+    """
+    others = [text for text in dict.fromkeys(actions) if text not in wiring]
+    if not wiring:
+        return tuple(others)
+    found = () if answer is None else answer.diagnosis.vessel.effects
+    exchanged = any(added.effect.wiring is not None for added in found)
+    return tuple(others if exchanged else [PUT_RIGHT, *others])
 
 
 def _is_predicted(found: Sequence[TrialComparison], answer: DiagnosisResult) -> bool:

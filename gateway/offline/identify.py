@@ -75,7 +75,7 @@ def identify_logs(
     trials = exclude_stretches([limit_to_span(t, span or TimeSpan()) for t in read], exclude)
     others = usable_trials(validate, options, progress)
     if not options.anyway:
-        _require_wiring(trials, [""] * len(trials), boat, vessel)
+        _require_wiring(trials, [""] * len(trials), boat, vessel, each=False)
     found = identify_trials(
         trials, boat, settings, others, names=names, file=vessel, progress=progress
     )
@@ -280,20 +280,26 @@ def identify_logs_by_recording(
 
 
 def _require_wiring(
-    trials: Sequence[Trial], whose: Sequence[str], boat: Vessel, file: str | Path
-) -> None:
+    trials: Sequence[Trial], whose: Sequence[str], boat: Vessel, file: str | Path,
+    each: bool = True,
+) -> None:  # fmt: skip
     """BadInput where a boat does not go where it is commanded: every fit would be of nonsense.
 
-    `whose`: of each trial its boat's name.
+    `whose`: of each trial its boat's name; `each`: one without a pulse on an output is enough, for
+    it is fitted alone.
     """
     for name in dict.fromkeys(whose):
-        own = [trial for trial, each in zip(trials, whose, strict=True) if each == name]
-        wrong = wiring_notices(wiring_of(own, boat), boat)
+        own = [trial for trial, boats in zip(trials, whose, strict=True) if boats == name]
+        found = wiring_of(own, boat)
+        if not each:
+            never = [one for one in found.undriven if len(one.runs) == len(own)]
+            found = replace(found, undriven=tuple(never))
+        wrong = wiring_notices(found, boat)
         if wrong:
             label = f" ({name})" if name else ""
             raise BadInput(
                 f"{file}{label}: {'; '.join(wrong)}. Set that first: the numbers would be those of "
-                "a boat with other motors (--anyway fits all the same)"
+                "a boat with other motors (on the command line --anyway fits all the same)"
             )
 
 

@@ -157,8 +157,10 @@ def report_of(
 
     `assumed`: what had to be assumed, a sentence each.
     """
-    trials = [one.trial for one in found]
-    wiring = wiring_notices(wiring_of(trials, vessels[0]), vessels[0])
+    wiring: tuple[str, ...] = ()
+    if not assumed:  # else the outputs are what the recording itself made likely
+        trials = [one.trial for one in found]
+        wiring = wiring_notices(wiring_of(trials, vessels[0]), vessels[0])
     first = first_page(found, answer, _headline(found), assumed, wiring)
     names = ", ".join(one.trial.name for one in found)
     now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

@@ -254,16 +254,16 @@ def playing(boats: Sequence[SimulatedBoat], endpoint: str) -> Iterator[PlayStatu
 class ListenerNotice:
     """Reports that it plays, when nobody listens for a while, and when somebody does; once each."""
 
-    def __init__(self, endpoint: str, progress: Progress, playing: str = "") -> None:
-        self._endpoint, self._progress, self._playing = endpoint, progress, playing
+    def __init__(self, endpoint: str, progress: Progress, begun: str = "") -> None:
+        self._endpoint, self._progress, self._begun = endpoint, progress, begun
         self._since_s = 0.0
         self._reported = False
 
     def note(self, status: PlayStatus) -> None:
         """Report what has changed; called each turn."""
-        if self._playing:
-            self._progress(self._playing)
-            self._playing = ""
+        if self._begun:
+            self._progress(self._begun)
+            self._begun = ""
         if status.no_listener is None:
             if self._reported:
                 self._progress(f"{self._endpoint}: connected")

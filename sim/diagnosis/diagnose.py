@@ -102,8 +102,8 @@ def diagnose(
     at_limit = numbers_at_limit(first.ladder[-1], settings.prior)
     if settings.trusted or settings.prior >= thresholds.GUESSED_PRIOR or not at_limit:
         return first
-    if first.verdict is Verdict.UNKNOWN and len(trials) >= thresholds.MIN_RECORDINGS:
-        return first  # of many another search takes minutes, and what explains them is no number
+    if len(trials) > thresholds.MAX_RECORDINGS_LOOKED_AT_TWICE:
+        return first
     progress("more room for the numbers of the file")
     wide = replace(settings, prior=thresholds.GUESSED_PRIOR)
     try:

@@ -94,8 +94,8 @@ class EffectSearch(LikelihoodSearch):
         return self._grown_and_exchanged([], base, [first] if more and self.most else [])
 
     def _of_each_day(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """What was tried as the boat's, alike on all recordings, with numbers of each day: where
-        these explain more than the one set does, or what no one set could.
+        """What was tried as the boat's, alike on all recordings, with numbers of each day where
+        these are worth it beside the one set, or explain what no one set could.
         """
         for effect in (e for e in self.effects if e.is_alike):
             held = [step for step in steps if step.best.name == effect.name]
@@ -108,9 +108,9 @@ class EffectSearch(LikelihoodSearch):
             )
             if not ranking.finalists:
                 continue
-            row, by_day = ranking.best, self._gain_over(ranking.best.fit, fit)
+            row = ranking.best
             if held:
-                better = is_worth_it(by_day) and by_day.nats > held[0].best.gain.nats
+                better = is_worth_it(self._gain_over(row.fit, fit))
             else:
                 better = self.justified(row, steps, fit)
             if better and self.is_believed(row, ranking.reference):

@@ -17,7 +17,6 @@ import numpy as np
 
 from sim.comparison import COMPASS
 from sim.monitoring import SecondMeans, WindModel, air_velocity
-from sim.monitoring.causes import Law
 from sim.monitoring.consistency import Misfit
 from sim.monitoring.disturbances import (
     MIN_SCORE_BETWEEN_NATS,
@@ -357,23 +356,26 @@ def _percent(share: float) -> str:
 
 
 def _thrust_text(estimate: DisturbanceEstimate) -> str:
-    """The thruster that explains it best, those that do so about as well, and all of them if they
-    do; alone where one would have to push much more than its file says.
+    """The thruster that explains it best, and those that do so about as well; or all of them, where
+    they do, or where one alone would have to push much more than its file says.
     """
-    each, scores = estimate.all, estimate.scores.tolist()
-    ranked = sorted(
-        ((scores[f], f) for f, law in enumerate(each.laws) if law is Law.THRUST), reverse=True
-    )
+    names = estimate.all.names
+    ranked = [(score, f) for score, kind, f in estimate.named if kind is Cause.THRUST]
     near = [f for score, f in ranked if ranked[0][0] - score < MIN_SCORE_BETWEEN_NATS]
-    share = {f: float(estimate.filter(f).disturbance[0]) for f in near}
-    whole = [f for f in near if each.names[f] == ALL_THRUSTERS]
-    single = [f for f in near if f not in whole]
-    if whole and single and share[single[0]] > MAX_SINGLE_GAIN:
-        single = []
-    names = " or ".join(each.names[f] for f in single)
-    texts = [f"thruster {names} giving {_percent(share[single[0]])} thrust"] if single else []
-    texts += [f"all thrusters giving {_percent(share[f])} thrust" for f in whole]
-    return " or ".join(texts if not whole or near[0] != whole[0] else reversed(texts))
+    share = {f: float(estimate.filter(f).disturbance[0]) for _, f in ranked}
+    single = [f for f in near if names[f] != ALL_THRUSTERS]
+    whole = next((f for _, f in ranked if names[f] == ALL_THRUSTERS), None)
+    if single and whole is not None and share[single[0]] > MAX_SINGLE_GAIN:
+        behind = float(estimate.scores[single[0]] - estimate.scores[whole])
+        if behind < MIN_SCORE_BETWEEN_NATS and estimate.filter(whole).significant:
+            near, single = [whole], []
+    texts = []
+    if single:
+        which = " or ".join(names[f] for f in single)
+        texts.append(f"thruster {which} giving {_percent(share[single[0]])} thrust")
+    if whole in near:
+        texts.append(f"all thrusters giving {_percent(share[whole])} thrust")
+    return " or ".join(texts if near[0] != whole else reversed(texts))
 
 
 def current_text(current: Floats) -> str:

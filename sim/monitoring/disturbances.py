@@ -283,7 +283,9 @@ class DisturbanceEstimator:
         return after, Balance.of(F)
 
     def _balances(self, estimate: DisturbanceEstimate, second: SecondMeans) -> Floats:
-        """Balances (10 + T, 3) that the laws take, where the estimate stands."""
+        """Balances (10 + T, 3), T of each thruster and of all, that the laws take, where the
+        estimate stands.
+        """
         current = estimate.means[WATER, BOAT_ERRORS : BOAT_ERRORS + 2]
         off = float(estimate.means[self.compass, BOAT_ERRORS])
         laws, shares = self.all.laws, estimate.means[:, BOAT_ERRORS]

@@ -21,6 +21,7 @@ from gateway.offline.first_page import first_page, of_a_guess
 from gateway.offline.report import report_of, write_report
 from sim.comparison.compare import compare
 from sim.diagnosis.answer import Verdict
+from sim.effects.catalogue import named
 from sim.model import Model
 from tests.gateway.figures.test_words import diagnosis
 from tests.sim.voyages import WAM_V, trial_of, voyage
@@ -213,11 +214,34 @@ def test_a_first_page_begins_with_outputs_that_are_not_the_boats(page):
     assert text.startswith("Port and starboard commands look swapped")
 
 
+def test_outputs_are_put_right_once(page):
+    """What was found exchanges them already: the file at the end is not to be changed once more."""
+    _, found = page
+    wiring = "port and starboard commands look swapped"
+    for effect, says in (("actuator_wiring", False), ("heading_offset", True)):
+        answer = SimpleNamespace(
+            diagnosis=diagnosis(Verdict.EXPLAINED, "heading_offset"), notices=(wiring,),
+            improves=True, voyage_effects=[], separations={},
+        )  # fmt: skip
+        answer.diagnosis.next_manoeuvre = None
+        added = SimpleNamespace(effect=named(effect))
+        answer.diagnosis.vessel = SimpleNamespace(effects=(added,))
+        first = first_page([found], answer, "", wiring=[wiring])
+        assert any(text.startswith("Correct the outputs") for text in first.actions) == says
+        assert wiring not in first.actions
+        assert sum("look swapped" in text for text in (*first.verdict, *first.actions)) == 1
+
+
 def test_of_a_vessel_that_was_assumed_nothing_is_said_of_its_file():
     assert of_a_guess("53 % nearer to the centre line than in the file (50–56 %)") == (
         "53 % nearer to the centre line than was assumed (50–56 %)"
     )
-    assert of_a_guess("weaker than modelled") == "weaker than was assumed"
+    for text in ("weaker than modelled", "Numbers of the vessel file are off: m33 8 → 3 kg m²",
+                 "the motors would give 80 % of the thrust in the file throughout",
+                 "as if the thrust in the file were in pounds", "actuators 1 and 2 of the file",
+                 "the antenna does not sit where the file says"):  # fmt: skip
+        assert "file" not in of_a_guess(text), text
+        assert "modelled" not in of_a_guess(text), text
 
 
 @pytest.mark.parametrize("noise", [True, False])

@@ -99,6 +99,21 @@ def test_a_moment_of_inertia_three_times_too_large_is_no_stronger_motor(current:
     assert "m33 of the file is off by more than 45 %" in found.summary
 
 
+@pytest.mark.parametrize(("recordings", "prior"), [(3, 1.0), (7, DiagnoseSettings().prior)])
+def test_of_few_recordings_too_a_number_that_is_far_off_is_told(
+    recordings: int, prior: float
+) -> None:
+    """Three voyages with a wrong number were "something … the catalogue does not hold"."""
+    trials = [
+        replace(sailed(None, 60.0, seed + 1), name=f"day {seed}") for seed in range(recordings)
+    ]
+    given = replace(WAM_V, dynamics=replace(WAM_V.dynamics, X_u=3.0 * WAM_V.dynamics.X_u))
+    few = replace(FEW, effects=(named("thrust_scale"), named("hull_lift")))
+    found = diagnose(trials, given, few)
+    assert found.prior == prior
+    assert ("X_u of the file is off by more than 45 %" in found.summary) is (prior == 1.0)
+
+
 @pytest.mark.slow
 def test_a_file_that_is_right_is_looked_at_once() -> None:
     found = diagnose([sailed()], WAM_V, FEW)

@@ -25,7 +25,7 @@ from sim.monitoring.alarm import (
     event_text,
     regimes_at,
 )
-from sim.monitoring.causes import Law
+from sim.monitoring.causes import BOAT_ERRORS, Law
 from sim.monitoring.consistency import WRONG_ABOVE, Misfit
 from sim.monitoring.disturbances import Cause, DisturbanceEstimator
 from tests.sim.monitoring.live_seconds import seconds
@@ -217,6 +217,35 @@ def test_what_comes_nearest_is_told_where_nothing_stands_out(
     assert said(drag=5.0).endswith("no one cause stands out, nearest comes 800 % more drag ahead")
     assert said(drag=1.9).endswith("no one cause stands out")
     assert said(anything=9.0).endswith("no one cause stands out")
+
+
+@pytest.mark.parametrize(
+    ("scores", "shares", "says"),
+    [
+        ((30.0, 0.0, 20.0), (-0.5, 0.1, -0.2), "looks like thruster left giving 50 % less thrust"),
+        ((20.0, 18.0, 0.0), (-0.5, -0.4, 0.1),
+         "looks like thruster left or right giving 50 % less thrust"),
+        ((0.0, 0.0, 40.0), (-0.5, 0.1, -0.3), "looks like all thrusters giving 30 % less thrust"),
+        # one that pushes half as much again is none, where all do as well
+        ((20.0, 18.0, 17.0), (1.4, 1.4, 0.8), "looks like all thrusters giving 80 % more thrust"),
+        ((30.0, 18.0, 17.0), (1.4, 1.4, 0.8), "looks like thruster left giving 140 % more thrust"),
+        # … and all of them by next to nothing are not told in its place
+        ((20.0, 0.0, 22.0), (-0.5, 0.1, -0.02), "looks like thruster left giving 50 % less thrust"),
+        ((20.0, 0.0, 22.0), (1.4, 0.1, 0.02), "looks like thruster left giving 140 % more thrust"),
+    ],
+)  # fmt: skip
+def test_one_thruster_several_or_all_are_told_by_what_each_explains(
+    estimator: DisturbanceEstimator, scores: tuple[float, ...], shares: tuple[float, ...], says: str
+) -> None:
+    alarm = in_trouble(estimator, 3)
+    which = [f for f, law in enumerate(estimator.all.laws) if law is Law.THRUST]
+    estimate = alarm.estimate
+    for f, score, share in zip(which, scores, shares, strict=True):
+        estimate.scores[f] = score
+        estimate.means[f, BOAT_ERRORS] = share
+        estimate.covariances[f, BOAT_ERRORS, BOAT_ERRORS] = 0.02**2
+    assert alarm.cause is Cause.THRUST
+    assert event_text(ModelEvent.EXPLAINED, alarm, estimator.air, "now").endswith(says)
 
 
 @pytest.mark.parametrize(
