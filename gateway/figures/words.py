@@ -208,7 +208,8 @@ def why_not_texts(
     """
     tied = {step.effects[-1] for step in rivals(d)}
     chance = {row.effect: row.probability for row in d.ranking}
-    out = {each.effect: f"These data cannot show it: {each.reason}." for each in d.refused}
+    shown = {True: "It would help here, and is not believed", False: "These data cannot show it"}
+    out = {each.effect: f"{shown[each.doubted]}: {each.reason}." for each in d.refused}
     for step in d.alternatives:
         name = step.effects[-1]
         if name not in d.effects and name not in out:

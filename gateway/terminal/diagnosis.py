@@ -56,12 +56,16 @@ def show_diagnosis(
     console.bullets(
         (*limits, *_doubts(last), *_of_voyages(found), *_look_alikes(found), *_unexplained(d))
     )
-    if d.refused:
-        console.print("\nnot judged, for these data cannot show it:")
+    for doubted, heading in (
+        (False, "not judged, for these data cannot show it"),
+        (True, "not believed, though it would help here"),
+    ):
         reasons: dict[str, list[str]] = {}
-        for refusal in d.refused:
+        for refusal in (r for r in d.refused if r.doubted == doubted):
             reasons.setdefault(refusal.reason, []).append(refusal.effect)
-        console.bullets(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
+        if reasons:
+            console.print(f"\n{heading}:")
+            console.bullets(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
     console.path("written", saved)
     if found.improves:
         console.path("written", out)

@@ -336,7 +336,10 @@ class Diagnosis:
             "depends_on": [
                 {"on": d.on, "share": d.share, "says": d.description} for d in self.depends_on
             ],
-            "refused": [{"effect": r.effect, "because": r.reason} for r in self.refused],
+            "refused": [
+                {"effect": r.effect, "because": r.reason} | ({"doubted": True} if r.doubted else {})
+                for r in self.refused
+            ],
             "next_manoeuvre": self.next_manoeuvre,
             "suggested": [
                 {"manoeuvre": s.manoeuvre.name, "seconds": s.seconds, "nats": s.nats}

@@ -336,7 +336,8 @@ def _doubted(selection: Selection, scorer: HeldOutScorer) -> list[Refusal]:
         for row in step.finalists
         if row.name not in selection.fit.names and is_missed(row.effect, row.gain)
     ]
-    return list({row.name: Refusal(row.name, doubt) for row, doubt in rows if doubt}.values())
+    told = {row.name: Refusal(row.name, doubt, True) for row, doubt in rows if doubt}
+    return list(told.values())
 
 
 def _suggested(

@@ -145,10 +145,11 @@ def separations(names: Sequence[str]) -> dict[tuple[str, str], Separation]:
 
 @dataclass(frozen=True)
 class Refusal:
-    """An effect that is not judged, and why."""
+    """An effect that is not judged, and why; or, `doubted`, would help and is not believed."""
 
     effect: str
     reason: str
+    doubted: bool = False
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,8 @@ def test_a_diagnosis_is_told_whole(page):
         ],
         "depends_on": [{"on": "time", "share": 0.2, "says": "grows with time"}],
         "next_manoeuvre": "full circles at two speeds",
-        "refused": [{"effect": "battery_sag", "because": "the voltage hardly changed"}],
+        "refused": [{"effect": "battery_sag", "because": "the voltage hardly changed"},
+                    {"effect": "hull_lift", "because": "wins nothing", "doubted": True}],
     }  # fmt: skip
     text = render(
         replace(page[0], diagnosis=answer, ladder=ReportFigure("The ladder", "", "<svg/>"))
@@ -148,6 +149,8 @@ def test_a_diagnosis_is_told_whole(page):
     for words in ("What is missing: confounded", "two explain it", "heading offset: angle",
                  "−0.1289", "60.0 %", "&lt; 0.1 %", "steady current", "grows with time",
                  "full circles at two speeds", "battery sag: the voltage hardly changed",
+                 "Not judged: these data cannot show it", "hull lift: wins nothing",
+                 "Not believed, though it would help here",
                  "The ladder"):  # fmt: skip
         assert words in text, words
 

@@ -11,6 +11,7 @@ from gateway.figures import ColouredPoints, Line
 from gateway.figures.diagnosis import _map_figure, timeline
 from gateway.figures.words import base_text, cause_text, diagnosis_texts, why_not_texts
 from sim.diagnosis.answer import Verdict
+from sim.diagnosis.next_experiment import Refusal
 from sim.effects import learned_anomaly, learned_drag
 from sim.effects.catalogue import EFFECTS
 from sim.effects.tables import EVENLY, MapField
@@ -239,7 +240,8 @@ def rejected(*, alone: float, found: float = 0.12, base: float = 0.6, tied: bool
                      confounded_with=("cg_offset",) if tied else ()),
                  row(effect="cg_offset", probability=0.01,
                      confounded_with=("heading_offset",) if tied else ())],
-        refused=[row(effect="battery_sag", reason="the voltage hardly changed")],
+        refused=[Refusal("battery_sag", "the voltage hardly changed"),
+                 Refusal("antenna_offset", "it wins nothing elsewhere", doubted=True)],
     )  # fmt: skip
 
 
@@ -254,13 +256,16 @@ def rejected(*, alone: float, found: float = 0.12, base: float = 0.6, tied: bool
     ],
 )  # fmt: skip
 def test_why_a_cause_was_not_chosen_is_said_as_it_is(d, against, says, not_said):
-    tried = ("heading_offset", "cg_offset", "battery_sag", "hull_lift")
+    tried = ("heading_offset", "cg_offset", "battery_sag", "hull_lift", "antenna_offset")
     texts = why_not_texts(d, tried, against)
-    assert set(texts) == {"cg_offset", "battery_sag", "hull_lift"}
+    assert set(texts) == {"cg_offset", "battery_sag", "hull_lift", "antenna_offset"}
     assert says in texts["cg_offset"]
     assert not_said not in texts["cg_offset"]
     assert "heading offset is 90.0 % probable, this one 1.0 %" in texts["cg_offset"]
-    assert "the voltage hardly changed" in texts["battery_sag"]
+    assert texts["battery_sag"] == "These data cannot show it: the voltage hardly changed."
+    assert texts["antenna_offset"] == (
+        "It would help here, and is not believed: it wins nothing elsewhere."
+    )
     assert "it was not fitted" in texts["hull_lift"]
 
 
