@@ -301,8 +301,11 @@ def fit_task(
     with TemporaryDirectory() as folder:
         given, out = Path(folder) / "vessel.toml", Path(folder) / "fitted.toml"
         given.write_text(text, encoding="utf-8")
-        identify_logs(list(paths), given, out, options=TrialOptions(mapping=mapping),
-                      effects=effects_in(files), chosen=scope.of, progress=send)  # fmt: skip
+        try:
+            identify_logs(list(paths), given, out, options=TrialOptions(mapping=mapping),
+                          effects=effects_in(files), chosen=scope.of, progress=send)  # fmt: skip
+        except BadInput as error:  # the file is this function's own: nobody finds it
+            raise BadInput(str(error).replace(f"{folder}{os.sep}", "")) from None
         return out.read_text(encoding="utf-8")
 
 

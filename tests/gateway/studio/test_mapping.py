@@ -6,8 +6,9 @@ import pytest
 
 from gateway.errors import BadInput
 from gateway.studio.serve import StudioOptions, session_of
-from gateway.studio.tasks import trials_in
+from gateway.studio.tasks import fit_task, trials_in
 from gateway.studio.worker import card_task
+from tests.gateway.ingest.made_table import Traps, boat_toml, written
 from tests.gateway.terminal.test_next_step import COMMANDED, table
 
 
@@ -31,3 +32,10 @@ def test_the_session_holds_it_and_a_missing_one_is_one_line(tmp_path: Path) -> N
         session.close()
     with pytest.raises(BadInput, match=r"absent\.toml: no such file"):
         session_of(StudioOptions((log,), mapping=tmp_path / "absent.toml", out=tmp_path))
+
+
+def test_a_fit_that_is_refused_names_no_file_of_the_studios_own(tmp_path: Path) -> None:
+    path, _ = written(tmp_path, Traps(swapped=True))
+    with pytest.raises(BadInput) as refused:
+        fit_task(lambda _: None, [str(path)], boat_toml(1, 3), ())
+    assert str(refused.value).startswith("vessel.toml: port and starboard commands look swapped")
