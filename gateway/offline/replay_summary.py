@@ -14,6 +14,9 @@ from gateway.shadow.path import ShadowRows
 from sim.state import Floats
 
 
+MIN_JUDGED = 0.01  # share of the rows: of fewer no missing force is told; chosen
+
+
 @dataclass(frozen=True)
 class ReplaySummary:
     """What a replay did."""
@@ -24,7 +27,7 @@ class ReplaySummary:
     rows: int
     wall_seconds: float
     rmse: Floats  # (6,) shadow − estimate while measured: north, east, yaw, u, v, r
-    missing: Floats  # (3,) root mean square of the missing force [N, N, N m]
+    missing: Floats | None  # (3,) root mean square of the missing force [N, N, N m]; None: unjudged
     events: int
     recordings: tuple[Path, ...]
     notes: tuple[str, ...] = ()  # what was odd about the log
@@ -40,7 +43,9 @@ class ReplaySummary:
             "rows": self.rows,
             "wall_seconds": self.wall_seconds,
             "following_rmse": dict(zip(channels, self.rmse.tolist(), strict=True)),
-            "missing_force_rms": dict(zip("XYN", self.missing.tolist(), strict=True)),
+            "missing_force_rms": (
+                {} if self.missing is None else dict(zip("XYN", self.missing.tolist(), strict=True))
+            ),
             "events": self.events,
             "notes": self.notes,
             "warnings": self.warnings,
@@ -103,9 +108,11 @@ class ReplayTotals:
         self, log: Log, boat: Boat, wall_seconds: float, files: tuple[Path, ...]
     ) -> ReplaySummary:
         """The sums as root mean squares."""
-        count, judged = max(self.compared, 1), max(self.judged, 1)
+        count = max(self.compared, 1)
+        enough = self.judged > MIN_JUDGED * self.compared
+        missing = np.sqrt(self.missing / self.judged) if enough else None
         return ReplaySummary(
             log.path, str(boat), self.last_s - self.first_s, self.count,
-            wall_seconds, np.sqrt(self.squares / count), np.sqrt(self.missing / judged),
+            wall_seconds, np.sqrt(self.squares / count), missing,
             self.events, files, _notes(log.statistics), tuple(self.warnings),
         )  # fmt: skip

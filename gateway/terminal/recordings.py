@@ -160,11 +160,14 @@ def show_replay(summary: "ReplaySummary") -> None:
     errors = zip(summary.rmse, (*POSE, *VELOCITIES), strict=True)
     table.add_row("", *(f"{value * axis.factor:.3g} {axis.unit}" for value, axis in errors))
     out.print(table)
-    X, Y, N = summary.missing
-    out.print(
-        f"missing force, root mean square: {X:.3g} N ahead, {Y:.3g} N to starboard, {N:.3g} N m: "
-        "what the vessel would need on top of its thrusters to move as measured"
-    )
+    if summary.missing is None:
+        out.print("missing force: not judged, at hardly any moment could these data do that")
+    else:
+        X, Y, N = summary.missing
+        out.print(
+            f"missing force, root mean square: {X:.3g} N ahead, {Y:.3g} N to starboard, "
+            f"{N:.3g} N m: what the vessel would need on top of its thrusters to move as measured"
+        )
     for note in summary.notes:
         out.print(f"note: {note}", highlight=False, markup=False)
     warnings = list(dict.fromkeys(summary.warnings))

@@ -79,9 +79,11 @@ def test_a_replay_prints_what_the_shadow_warned_of(
     done = run("replay", log, "-v", wrong, "--out", out)
     assert done.status == 0
     assert "! output 9 (" in done.out
+    assert "missing force: not judged" in done.out
     told = strictly(run("replay", log, "-v", wrong, "--out", out, "--json").out)
     (warning,) = told["replays"][0]["warnings"]
     assert warning.startswith("output 9 (")
+    assert told["replays"][0]["missing_force_rms"] == {}
     assert "! " not in run("replay", log, "-v", boat, "--out", out).out
 
 
