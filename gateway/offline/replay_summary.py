@@ -13,7 +13,6 @@ from gateway.json_rows import TopicRows
 from gateway.shadow.path import ShadowRows
 from sim.state import Floats
 
-
 MIN_JUDGED = 0.01  # share of the rows: of fewer no missing force is told; chosen
 
 
