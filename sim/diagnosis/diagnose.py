@@ -191,10 +191,10 @@ def _diagnosed(
 
 
 def _alike(effect: Effect, recordings: int) -> str:
-    """That what a day may bring was the same on every one; empty where each has its own numbers."""
+    """That what a day may bring was there on every one; empty where each has its own numbers."""
     if not effect.is_alike:
         return ""
-    return f"{effect.name} is alike on all {recordings} recordings, as of {effect.alike}"
+    return f"{effect.name} is there on all {recordings} recordings, as of {effect.alike}"
 
 
 def _long_enough(trials: Sequence[Trial]) -> list[Trial]:

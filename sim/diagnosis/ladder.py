@@ -21,10 +21,12 @@ this model has them, and the noise that it leaves.
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sim.diagnosis import thresholds
 from sim.diagnosis.fit import Fit, final_fit
 from sim.diagnosis.force_search import ForceProblem, fit_under_its_noise, search_forces
-from sim.diagnosis.heldout import Ranking, is_better_than_special, rank
+from sim.diagnosis.heldout import RankedEffect, Ranking, is_better_than_special, rank
 from sim.diagnosis.likelier import LikelihoodSearch, are_few, unlikely
 from sim.diagnosis.worth import is_at_floor, is_missed, is_worse_elsewhere, is_worth_it
 from sim.effects.effect import Scope
@@ -94,8 +96,9 @@ class EffectSearch(LikelihoodSearch):
         return self._grown_and_exchanged([], base, [first] if more and self.most else [])
 
     def _of_each_day(self, steps: list[Ranking], fit: Fit) -> tuple[list[Ranking], Fit]:
-        """What was tried as the boat's, alike on all recordings, with numbers of each day where
-        these are worth it beside the one set, or explain what no one set could.
+        """What was tried as the boat's, with numbers of each day where these are worth it and there
+        is none of it on some: what is there on all recordings stays the boat's, for on another day
+        it would be missed.
         """
         for effect in (e for e in self.effects if e.is_alike):
             held = [step for step in steps if step.best.name == effect.name]
@@ -109,10 +112,12 @@ class EffectSearch(LikelihoodSearch):
             if not ranking.finalists:
                 continue
             row = ranking.best
-            if held:
-                better = is_worth_it(self._gain_over(row.fit, fit))
-            else:
-                better = self.justified(row, steps, fit)
+            better = (
+                is_worth_it(self._gain_over(row.fit, fit))
+                if held
+                else (self.justified(row, steps, fit))
+            )
+            better = better and _is_absent_on_some(row)
             if better and self.is_believed(row, ranking.reference):
                 steps, fit = [*(s for s in steps if s not in held), ranking], row.fit
                 steps, fit = self._grown(steps, fit, self._next(steps, fit))
@@ -410,3 +415,14 @@ class EffectSearch(LikelihoodSearch):
             ranking = self.in_place_of(fit, {i, fit.names.index(other.name)}, {other.name})
             if ranking.finalists and self.is_believed(ranking.best, ranking.reference):
                 yield [*(s for s in left if s is not step), ranking], ranking.best.fit
+
+
+def _is_absent_on_some(row: RankedEffect) -> bool:
+    """Whether there is next to nothing of an effect of each day on one recording."""
+    values = [row.fit.values(row.name, k) for k in range(len(row.fit.problem.trials))]
+    return any(
+        min(size) < thresholds.MAX_ABSENT_SHARE * float(np.median(size))
+        for p in row.effect.parameters
+        if p.neutral is not None
+        for size in [[abs(each[p.name] - p.neutral) for each in values]]
+    )

@@ -292,7 +292,7 @@ class Effect:
     general_of    the simpler effect that this one can always stand in for: that one comes first
     contains      the effect that it holds as a whole: the two never stand side by side
     of_each_day   every voyage has some of it: fits of many recordings give each its own
-    alike         of an effect of a day: what of the boat it is where it is the same on every day
+    alike         of an effect of a day: what of the boat it is where every day has it
     partial       one such effect follows only part of what nature does: a sea has many waves
     unsteady      share of what it explains that it leaves by being taken for steady: gusts
     evidence      what its evidence is drawn against, or that by its values; None: found from the

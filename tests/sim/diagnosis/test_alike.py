@@ -1,4 +1,4 @@
-"""What a day may bring, but every day has alike, is told as the boat's, with one set of numbers."""
+"""What a day may bring, but every day has, is told as the boat's, with one set of numbers."""
 
 from dataclasses import replace
 
@@ -31,23 +31,25 @@ def test_only_effects_of_a_day_can_be_alike() -> None:
         assert effect.of_the_boat.laws == effect.laws
 
 
-def test_what_holds_the_boat_alike_on_all_recordings_is_the_boat() -> None:
-    found = diagnose(of_days(30.0, 30.0, 30.0), WAM_V, FEW)
+@pytest.mark.parametrize("drags", [(30.0, 30.0, 30.0), (25.0, 30.0, 35.0)])
+def test_what_holds_the_boat_on_all_recordings_is_the_boat(drags) -> None:
+    """On a day that no fit has seen it would be missed, though it is not quite the same."""
+    found = diagnose(of_days(*drags), WAM_V, FEW)
     assert found.effects == ("towed_load",)
     numbers = {e.name: e for e in found.ladder[-1].parameters["towed_load"]}
     assert set(numbers) == {"towed_load.drag", "towed_load.x"}  # one set
     assert all(e.trial is None for e in numbers.values())
     assert numbers["towed_load.drag"].value == pytest.approx(30.0, rel=0.2)
     assert numbers["towed_load.x"].value == pytest.approx(X_M, abs=0.3)
-    assert "towed_load is alike on all 3 recordings, as of motors, a skeg or" in found.summary
+    assert "towed_load is there on all 3 recordings, as of motors, a skeg or" in found.summary
 
 
-@pytest.mark.parametrize("drags", [(0.0, 60.0, 20.0), (25.0, 30.0, 35.0), (30.0, 30.0)])
-def test_what_differs_from_day_to_day_or_is_seen_on_two_is_of_the_day(drags) -> None:
+@pytest.mark.parametrize("drags", [(0.0, 60.0, 20.0), (0.0, 0.0, 40.0), (30.0, 30.0)])
+def test_what_some_day_does_not_have_or_two_recordings_show_is_of_the_day(drags) -> None:
     found = diagnose(of_days(*drags), WAM_V, FEW)
     assert found.effects == ("towed_load",)
     numbers = [e for e in found.ladder[-1].parameters["towed_load"] if e.name.endswith("drag")]
     assert [e.trial for e in numbers] == [f"day {k}" for k in range(len(drags))]
     for number, drag in zip(numbers, drags, strict=True):
         assert number.value == pytest.approx(drag, abs=3.0)
-    assert "alike" not in found.summary
+    assert "there on all" not in found.summary
