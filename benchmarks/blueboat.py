@@ -101,8 +101,8 @@ def fitted(
 
 
 def begun(names: Sequence[str]) -> list[AddedEffect]:
-    """Effects by their names, where a fit begins."""
-    known = {effect.name: effect for effect in EFFECTS}
+    """Effects by their names, where a fit begins; what all days may have alike as the boat's."""
+    known = {e.name: e.of_the_boat if e.alike else e for e in EFFECTS}
     return [AddedEffect(known[n], {p.name: p.start for p in known[n].parameters}) for n in names]
 
 
