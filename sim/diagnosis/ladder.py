@@ -112,13 +112,12 @@ class EffectSearch(LikelihoodSearch):
             if not ranking.finalists:
                 continue
             row = ranking.best
-            better = (
-                is_worth_it(self._gain_over(row.fit, fit))
-                if held
-                else (self.justified(row, steps, fit))
-            )
-            better = better and _is_absent_on_some(row)
-            if better and self.is_believed(row, ranking.reference):
+            if held:
+                better = is_worth_it(self._gain_over(row.fit, fit))
+            else:
+                better = self.justified(row, steps, fit)
+            rare = better and _is_absent_on_some(row)
+            if rare and self.is_believed(row, ranking.reference):
                 steps, fit = [*(s for s in steps if s not in held), ranking], row.fit
                 steps, fit = self._grown(steps, fit, self._next(steps, fit))
         return steps, fit
@@ -420,9 +419,9 @@ class EffectSearch(LikelihoodSearch):
 def _is_absent_on_some(row: RankedEffect) -> bool:
     """Whether there is next to nothing of an effect of each day on one recording."""
     values = [row.fit.values(row.name, k) for k in range(len(row.fit.problem.trials))]
-    return any(
-        min(size) < thresholds.MAX_ABSENT_SHARE * float(np.median(size))
+    sizes = (
+        [abs(each[p.name] - p.neutral) for each in values]
         for p in row.effect.parameters
         if p.neutral is not None
-        for size in [[abs(each[p.name] - p.neutral) for each in values]]
     )
+    return any(min(size) < thresholds.MAX_ABSENT_SHARE * np.median(size) for size in sizes)
