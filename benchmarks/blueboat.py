@@ -100,7 +100,7 @@ def fitted(
     return identify(trials, vessel, settings, [run.trial for run in others])
 
 
-def begun(names: Sequence[str]) -> list[AddedEffect]:
+def starts_of(names: Sequence[str]) -> list[AddedEffect]:
     """Effects by their names, where a fit begins; what all days may have alike as the boat's."""
     known = {e.name: e.of_the_boat if e.alike else e for e in EFFECTS}
     return [AddedEffect(known[n], {p.name: p.start for p in known[n].parameters}) for n in names]
@@ -127,7 +127,7 @@ def _mean(left: Sequence[Run], runs: Sequence[Run], effects: Sequence[str]) -> F
     """Figures (3, 3) of recordings by a fit on all others, as their mean."""
     numbers = {run.number for run in left}
     others = [run for run in runs if run.number not in numbers]
-    vessel = fitted(others, left, begun(effects)).vessel
+    vessel = fitted(others, left, starts_of(effects)).vessel
     each = [judged(vessel, run) for run in left]
     for run, figures in zip(left, each, strict=True):
         print(f"  {run.number}: u {figures[0, 0]:.3f}, r {figures[0, 2]:.3f}", flush=True)
@@ -167,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("\n".join(lines(rows)))
         return 0
     begun = time.perf_counter()
-    found = fitted(fit, judges, begun(a.effects))
+    found = fitted(fit, judges, starts_of(a.effects))
     print(f"\nfit on {len(fit)} runs without {' and '.join(JUDGE)}, "
           f"{time.perf_counter() - begun:.0f} s")  # fmt: skip
     table = [(run.number, judged(found.vessel, run)) for run in judges]

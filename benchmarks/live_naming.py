@@ -60,13 +60,13 @@ ELSEWHERE = (  # the same boats on courses of other kinds
 SETS = {"tuning": 11, "elsewhere": 13, "inexact": 15, "reporting": 12, "fresh": 14, "latest": 16}
 INEXACT = 0.05  # of the set of that name: each number of the vessel file is off by about so much
 SOON_S = 60.0
+NONE_CLEAR = "none clear"  # no one cause stands out: less than could be said, and not wrong
 # which names are right for a kind; one that says less than it could is no wrong name
 RIGHT = {
     "current": {"current"}, "wind": {"wind"}, "thrust": {"thrust"}, "all": {"thrust"},
-    "compass": {"compass"}, "drag": {"drag"}, "other": {"none of these", "none clear"},
+    "compass": {"compass"}, "drag": {"drag"}, "other": {"none of these", NONE_CLEAR},
     "complete": set(),
 }  # fmt: skip
-NONE_CLEAR = "none clear"  # no one cause stands out: less than could be said, and not wrong
 
 
 def cases(which: str) -> Iterator[Case]:

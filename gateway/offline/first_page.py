@@ -49,15 +49,20 @@ def first_page(
         verdict = (headline, *(f"From one moment to the next alone: {text}" for text in verdict))
     if failed := not_borne_out(found):
         verdict = (*failed, *(f"What was found: {text}" for text in verdict))
-    verdict = (*(f"{text[0].upper()}{text[1:]}." for text in wiring), *verdict)
+    verdict = (*_sentences(wiring), *verdict)
     shown = max(found, key=lambda one: one.comparisons[0].nrmse)
     return FirstPage(
         tested=tuple(map(_tested, found)),
         verdict=verdict,
         picture=_picture(shown),
         actions=_with_outputs_right(_actions(found, answer), answer, wiring),
-        assumed=tuple(f"{text[0].upper()}{text[1:]}." for text in assumed),
+        assumed=_sentences(assumed),
     )
+
+
+def _sentences(texts: Sequence[str]) -> tuple[str, ...]:
+    """Each with a capital letter and a full stop."""
+    return tuple(f"{text[0].upper()}{text[1:]}." for text in texts)
 
 
 def _with_outputs_right(

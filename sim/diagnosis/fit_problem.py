@@ -82,13 +82,13 @@ class SupersetModel:
         """A model of the vessel with these effects, the others switched off; whether their numbers
         are the boat's or of a day, they say.
         """
-        names, scopes = {e.name for e in self.effects}, {a.effect.name: a.effect for a in added}
+        names, given = {e.name for e in self.effects}, {a.effect.name: a.effect for a in added}
         own = [a for a in added if a.effect.name not in names]
         model = self._beside(own) if own else self.model
-        known = (
-            replace(a, effect=scopes.get(a.effect.name, a.effect)) for a in model.vessel.effects
+        every = (
+            replace(a, effect=given.get(a.effect.name, a.effect)) for a in model.vessel.effects
         )
-        model = replace(model, vessel=replace(model.vessel, effects=tuple(known)))
+        model = replace(model, vessel=replace(model.vessel, effects=tuple(every)))
         theta = model.theta.copy()
         for a in added:
             for key, value in a.values.items():

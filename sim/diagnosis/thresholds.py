@@ -28,10 +28,10 @@ MAX_BASE_SIGMAS = 3.0  # that a number of the base may move, in its prior's stan
 LIMIT_SHARE = 0.98  # of that: it is there
 GUESSED_PRIOR = 1.0  # relative standard deviation of base numbers that were guessed, or look so
 MAX_ROOM_RATIO = 1.05  # of errors: fewer effects, with more room for the base, do as well …
+MUCH_BETTER_RATIO = 0.8  # … and as many do much better
 MAX_ABSENT_SHARE = 0.3  # of the median: there is none of it on that day; chosen
 # Of more recordings another search takes minutes: there `shadow identify` comes first. Chosen.
 MAX_RECORDINGS_LOOKED_AT_TWICE = 6
-MUCH_BETTER_RATIO = 0.8  # … and as many do much better
 RESTART_SIGMAS = 1.0  # a base number that moved further: effects are also fitted from as given
 FOLDS = 4  # of the held-out test: every fourth block in turn
 SCREENED_ROWS = 2500  # means that the screening compares …

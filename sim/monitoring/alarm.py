@@ -213,7 +213,8 @@ class Alarm:
         own errors learn meanwhile takes a part of it.
         """
         kind, estimate = self.reported[0], self.estimate
-        if kind in DOUBTS or not any(kind is each for _, each, _ in estimate.named):
+        score = next((score for score, each, _ in estimate.named if each is kind), -np.inf)
+        if kind in DOUBTS or not np.isfinite(score):  # not finite: a drag that drives by now
             return False
         best = estimate.best(kind)
         return best.score - estimate.boat.score >= MIN_SCORE_HELD_NATS and best.significant

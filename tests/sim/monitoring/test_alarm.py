@@ -267,6 +267,18 @@ def test_a_name_stays_until_something_else_explains_it_better(
     assert replace(alarm, estimate=estimate, reported=(reported, False)).cause is cause
 
 
+def test_a_drag_that_has_come_to_drive_the_boat_is_no_name_any_more(
+    estimator: DisturbanceEstimator,
+) -> None:
+    alarm = replace(in_trouble(estimator, 3, drag=5.0), reported=(Cause.DRAG, False))
+    estimate = replace(alarm.estimate, count=500, time=alarm.estimate.opened + MIN_SECONDS)
+    f = estimator.all.laws.index(Law.DRAG)
+    for growth, cause in ((-0.9, Cause.DRAG), (-1.5, Cause.NOTHING)):
+        estimate.means[f, BOAT_ERRORS] = growth
+        estimate.covariances[f, BOAT_ERRORS, BOAT_ERRORS] = 0.01
+        assert replace(alarm, estimate=replace(estimate)).cause is cause
+
+
 @pytest.mark.parametrize("late", [0, 1, 3, 4])
 @pytest.mark.parametrize("thrust", [-0.5, 0.6])
 def test_trouble_begins_where_it_set_in_not_where_it_was_noticed(
