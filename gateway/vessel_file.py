@@ -48,6 +48,8 @@ from sim.vessel import (
 )
 
 _VESSEL_FILE = TypeAdapter(VesselFile)
+LISTED = "`shadow effects` lists those there are"
+TYPO = 0.8  # as alike two names are where one is the other with a letter wrong, as difflib tells
 OF, OF_THE_BOAT = "of", "boat"  # in the entry of an effect of a day that this boat has every day
 
 
@@ -154,17 +156,12 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
     values, known = dict(entry), {e.name: e for e in known_effects()} | given
     name, source = values.pop("type", None), values.pop("file", None)
     if name is None:
-        raise BadInput(
-            f"{file}: missing key {key}.type: expected one of {', '.join(sorted(known))}"
-        )
+        raise BadInput(f"{file}: missing key {key}.type: {LISTED}")
     if source is not None and name not in given:
         known = known | {e.name: e for e in _effects_in(file, f"{key}.file", source)}
     if name not in known:
-        where = f"{file}: {key}.type = {shortened(repr(name))}"
-        near = get_close_matches(str(name), known, 1)
-        own = "an effect of your own needs --effects FILE.py"
-        meant = f"did you mean {near[0]}? " if near else ""
-        raise BadInput(f"{where}: {meant}{own}; those known are {', '.join(sorted(known))}")
+        own = "one of your own needs --effects FILE.py"
+        raise BadInput(f"{file}: {no_effect(f'{key}.type', name, known)}; {own}")
     effect = known[str(name)]
     if OF in values and OF not in {p.name for p in effect.parameters}:
         effect = _of_whom(f"{file}: {key}.{OF}", effect, values.pop(OF))
@@ -179,6 +176,13 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
 
     check_effect(f"{file}: {key}", effect.parameters, added.values)
     return added
+
+
+def no_effect(key: str, name: Any, known: Iterable[str]) -> str:
+    """What is said of a name that no effect has; all names would be longer than what is printed."""
+    near = get_close_matches(str(name), known, 1, TYPO)
+    meant = f"did you mean {near[0]}? " if near else ""
+    return f"{key} = {shortened(repr(name))}: no such effect: {meant}{LISTED}"
 
 
 def _of_whom(where: str, effect: Effect, whose: Any) -> Effect:

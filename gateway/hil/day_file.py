@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from gateway.errors import BadInput
 from gateway.toml_file import explain, read_toml, validated
 from gateway.user_effects import known_effects
-from gateway.vessel_file import check_effect
+from gateway.vessel_file import check_effect, no_effect
 from gateway.vessel_tables import Bearing, StrictTable
 from sim.effects.effect import Effect
 from sim.hil.day import Day, Moment, Wind
@@ -135,7 +135,7 @@ def _moment(i: int, table: MomentTable, known: Mapping[str, Effect]) -> Moment:
 
 def _known(key: str, name: Any, known: Mapping[str, Effect]) -> Effect:
     if name not in known:
-        raise ValueError(f"{key} = {name!r}: expected one of {', '.join(sorted(known))}")
+        raise ValueError(no_effect(key, name, known))
     return known[name]
 
 

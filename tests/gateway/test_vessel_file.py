@@ -212,7 +212,11 @@ MISTAKES = {
     "motor": ('motor = "outboard"', 'motor = "x"', "rudders[1]: no thruster named 'x': there are"),
     "blade": ("area = 0.02", "", "rudders[0]: a blade needs its area"),
     "twins": ('"outboard_steering"', '"blade"', "the name 'blade' is given to 2 actuators"),
-    "effect": ("[hull]", '[[effects]]\ntype = "x"\n[hull]', "effects[0].type = 'x': an effect of"),
+    "effect": (
+        "[hull]",
+        '[[effects]]\ntype = "x"\n[hull]',
+        "effects[0].type = 'x': no such effect: `shadow effects`",
+    ),
     "no type": ("[hull]", "[[effects]]\nspeed = 1.0\n[hull]", "missing key effects[0].type"),
     "parameter": ("[hull]", CURRENT.replace("direction", "to") + "[hull]", "missing direction; u"),
     "no number": ("[hull]", CURRENT.replace("0.3", '"a"') + "[hull]", "effects[0].speed = 'a': e"),
@@ -303,7 +307,9 @@ def test_an_effect_of_ones_own_is_found_beside_the_vessel_file(tmp_path: Path) -
     given_too = load_vessel(path, load_effects(tmp_path / "line.py")).effects
     assert [(a.effect.name, a.values) for a in named] == [("line_drag", {"k": 20.0})]
     assert given_too == named
-    with pytest.raises(BadInput, match=r"type = 'line_drag': .*--effects FILE.py; .*cubic_drag, "):
+    with pytest.raises(
+        BadInput, match=r"type = 'line_drag': no such effect: `shadow.*--effects FILE.py"
+    ):
         load_vessel(path)
 
 

@@ -43,7 +43,7 @@ def test_an_effect_of_ones_own_takes_part_in_every_command(
     own.write_text(FILE.replace("FACTOR", "1"))
     boat.write_text(boat.read_text() + '\n[[effects]]\ntype = "line_drag"\nk = 20.0\n')
     words = command("replay", log, boat, tmp_path / "out")
-    one_line(run(*words), 2, "effects[0].type = 'line_drag': expected one of")
+    one_line(run(*words), 2, "effects[0].type = 'line_drag': ", "--effects FILE.py")
     (done,) = strictly(run(*words, "--effects", own, "--json").out)["replays"]
     assert done["missing_force_rms"]["X"] > 10.0  # a drag that the voyage did not have
     assert run("compare", log, "-v", boat, "--effects", own).status == 0

@@ -73,7 +73,7 @@ def test_an_empty_day_is_a_calm_one(tmp_path):
         ("[wind]\nspeed = 1", "missing key wind.direction"),
         ("[waves]\nheight = 2.0\nperiod = 2.0", "such waves break"),
         ("[waves]\nheight = -1.0\nperiod = 2.0", "waves.height = -1.0"),
-        ('[[effects]]\ntype = "tide"', "effects[0].type = 'tide': expected one of"),
+        ('[[effects]]\ntype = "tide"', "effects[0].type = 'tide': no such effect"),
         ('[[effects]]\ntype = "steady_current"', "steady_current takes speed, direction; missing"),
         ('[[effects]]\ntype = "steady_current"\nspeed = "1"', "effects[0].speed = '1'"),
         ("[[moments]]\nat = 1.0", "moments[0]: nothing changes"),
