@@ -191,10 +191,14 @@ def _diagnosed(
 
 
 def _alike(effect: Effect, recordings: int) -> str:
-    """That what a day may bring was there on every one; empty where each has its own numbers."""
+    """That what a day may bring has the same numbers on every one; empty where each has its own.
+
+    Not that it is seen on every one: a short one alone may not tell.
+    """
     if not effect.is_alike:
         return ""
-    return f"{effect.name} is there on all {recordings} recordings, as of {effect.alike}"
+    whose = f"all {recordings} recordings, as of {effect.alike}"
+    return f"{effect.name} has one set of numbers for {whose}"
 
 
 def _long_enough(trials: Sequence[Trial]) -> list[Trial]:

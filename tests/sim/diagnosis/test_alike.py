@@ -41,7 +41,7 @@ def test_what_holds_the_boat_on_all_recordings_is_the_boat(drags) -> None:
     assert all(e.trial is None for e in numbers.values())
     assert numbers["towed_load.drag"].value == pytest.approx(30.0, rel=0.2)
     assert numbers["towed_load.x"].value == pytest.approx(X_M, abs=0.3)
-    assert "towed_load is there on all 3 recordings, as of motors, a skeg or" in found.summary
+    assert "towed_load has one set of numbers for all 3 recordings, as of motors" in found.summary
 
 
 @pytest.mark.parametrize("drags", [(0.0, 60.0, 20.0), (0.0, 0.0, 40.0), (30.0, 30.0)])
@@ -52,4 +52,4 @@ def test_what_some_day_does_not_have_or_two_recordings_show_is_of_the_day(drags)
     assert [e.trial for e in numbers] == [f"day {k}" for k in range(len(drags))]
     for number, drag in zip(numbers, drags, strict=True):
         assert number.value == pytest.approx(drag, abs=3.0)
-    assert "there on all" not in found.summary
+    assert "one set of numbers" not in found.summary
