@@ -326,7 +326,7 @@ def compass_jumped(events: Events, time: Floats) -> Bools:
     here, where that is known, it is believed as soon as the autopilot's filter has settled.
     """
     unknown = np.full(len(events), np.nan)
-    _, bits = SensorMemory().after(events, (unknown, unknown, np.zeros(len(events))))
+    _, bits = SensorMemory().after(events, (unknown, unknown, np.zeros(len(events)), unknown))
     out = np.zeros(len(time), np.bool_)
     for start, stop in usable_stretches((bits & int(SensorFault.COMPASS)) > 0):
         begin, end = events.time_s[start] - CONFIRMED_S, events.time_s[stop - 1]

@@ -159,16 +159,23 @@ BLIND_S = 30.0  # … for at most this long
 TABLE = "pulse_table"  # of `FilterInputs`: no column
 
 
+NEVER_NS = np.iinfo(np.int64).min  # no message told of it
+
+
 class PulseTable(NamedTuple):
-    """pulses (S, 32) of each servo channel [µs], NaN = none; active (S,): 1 where any has one."""
+    """pulses (S, 32) of each servo channel [µs], NaN = none; active (S,): 1 where any has one;
+    heard_ns (S,): receipt of the message that told of them.
+    """
 
     pulses: Floats
     active: Floats
+    heard_ns: Ints
 
     @classmethod
-    def of(cls, pulses: Floats) -> "PulseTable":
-        """Pulses (S, 32) [µs]."""
-        return cls(pulses, np.asarray(np.isfinite(pulses).any(axis=1), np.float64))
+    def of(cls, pulses: Floats, heard_ns: Ints | None = None) -> "PulseTable":
+        """Pulses (S, 32) [µs], told of then (S,), by nobody where that is not given."""
+        heard = np.full(len(pulses), NEVER_NS) if heard_ns is None else heard_ns
+        return cls(pulses, np.asarray(np.isfinite(pulses).any(axis=1), np.float64), heard)
 
     @classmethod
     def joined(cls, tables: Sequence["PulseTable"]) -> "PulseTable":
@@ -245,6 +252,12 @@ class FilterInputs:
     def active(self) -> Floats:
         """Whether any channel has a pulse (K,): 1 or 0."""
         return self.pulse_table.active[self.pulse_row]
+
+    @property
+    def heard(self) -> Floats:
+        """Receipt of the last message that told of outputs (K,) [s], NaN where none need to."""
+        heard = self.pulse_table.heard_ns[self.pulse_row]
+        return np.where((heard == NEVER_NS) | (self.active == 0.0), np.nan, heard * 1e-9)
 
 
 def filter_inputs_of(
@@ -394,8 +407,13 @@ def _latest_pulses(
     none, family = np.full((1, CHANNELS), np.nan), command_family(decoded, choices)
     if not family:
         return PulseTable.of(none), np.zeros(len(order), np.int64)
-    changes = np.sort(np.concatenate([samples.order for samples in family]), kind="stable")
+    changes, heard = (
+        np.concatenate([getattr(samples, column) for samples in family])
+        for column in ("order", "receive_time_ns")
+    )
+    sequence = np.argsort(changes, kind="stable")
+    changes, heard = changes[sequence], heard[sequence]
     pulses = merged_channels(family, [_by_order(samples).at(changes) for samples in family])
     row = np.searchsorted(changes, order, side="right")
     row[_latest(choices, "armed", order, 1)[:, 0] == 0.0] = 0
-    return PulseTable.of(np.concatenate([none, pulses])), row
+    return PulseTable.of(np.concatenate([none, pulses]), np.append(NEVER_NS, heard)), row

@@ -42,6 +42,8 @@ FROZEN_S, FROZEN_COUNT = 3.0, 8
 FROZEN_COARSE_S = 5.0  # of a source with few digits
 MOVING_MPS = 0.3  # above it a position cannot stand still
 TURNED_RAD = 0.2  # by the gyro, while a coarse heading stood still
+UNHEARD_S = 3.0  # outputs that are told at all are told more often
+MAX_SILENT_STEP_S = 1.0  # of a longer silence of all it counts so much
 
 
 class SensorFault(IntFlag):
@@ -60,6 +62,7 @@ class SensorFault(IntFlag):
     FROZEN_POSITION = 1024
     SETTLING = 2048  # all is well again, but only just
     UNDRIVEN = 4096  # a motor of the vessel file has never had a pulse, others have
+    UNHEARD = 8192  # nobody tells of the outputs any more
 
 
 REASONS = tuple(fault for fault in SensorFault if fault is not SensorFault.SETTLING)
@@ -93,14 +96,18 @@ WORDS: dict[SensorFault, tuple[str, str]] = {
     SensorFault.UNDRIVEN: (
         "an output of the vessel file gets no pulse", "all outputs of the vessel file get pulses",
     ),
+    SensorFault.UNHEARD: ("the outputs are told no more", "the outputs are told again"),
 }  # fmt: skip
 
 YAW, YAW_RATE = int(MeasurementKind.YAW), int(MeasurementKind.YAW_RATE)
 VELOCITY, POSITION = int(MeasurementKind.VELOCITY), int(MeasurementKind.POSITION)
-BODY_VELOCITY = int(MeasurementKind.BODY_VELOCITY)
-GPS, COMPASS, SETTLING = (
-    int(fault) for fault in (SensorFault.GPS, SensorFault.COMPASS, SensorFault.SETTLING)
-)
+BODY_VELOCITY, TICK = int(MeasurementKind.BODY_VELOCITY), int(MeasurementKind.TICK)
+GPS, COMPASS, SETTLING, UNHEARD = (
+    int(fault)
+    for fault in (
+        SensorFault.GPS, SensorFault.COMPASS, SensorFault.SETTLING, SensorFault.UNHEARD,
+    )
+)  # fmt: skip
 EKF_SHIFT = 1  # of the bits of `gateway.ingest.mapping.EstimatorFault` among these
 FROZEN_BIT = np.zeros(len(MeasurementKind), np.int64)
 for _kind, _fault in (
@@ -114,10 +121,12 @@ for _kind, _fault in (
 Z0, Z1, TIME, CHANGED, SAME, TURNED_THEN = range(6)
 # … and places of the rest: rate and integral of the gyro, that at the last heading, the heading's
 # sum of jumps (forgotten, and since it jumped), when it jumped, a fix was seen, the last fault, …,
-# mean turn rate and how far it has been from that, since when fix or EKF are reported to be ill
-TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD, STATUS = (
-    range(13)
-)
+# mean turn rate and how far it has been from that, since when fix or EKF are reported to be ill, …
+# when outputs were last told of, for how long others have talked since, and the last event
+(
+    TURN, ANGLE, ANGLE_THEN, LEAK, OFFSET, JUMPED, HAD_FIX, UNFIT, BITS, SPEED, MEAN, SPREAD,
+    STATUS, HEARD, DEAF, LAST,
+) = range(16)  # fmt: skip
 
 
 @compiled
@@ -192,20 +201,34 @@ def frozen(kinds: Floats, rest: Floats, kind: int) -> bool:
 
 
 @compiled
+def note_outputs(rest: Floats, time: float, heard: float) -> None:
+    """Add to how long others have talked since the outputs were last told of.
+
+    Where all are silent there is nothing to be judged, and who talks first after that is chance.
+    """
+    step, rest[LAST] = time - rest[LAST], time
+    if heard == rest[HEARD] and step >= 0.0:
+        rest[DEAF] += min(step, MAX_SILENT_STEP_S)
+    else:
+        rest[HEARD], rest[DEAF] = heard, 0.0
+
+
+@compiled
 def check_events(
     kinds: Floats,
     rest: Floats,
     events: tuple[Floats, Ints, Floats],
-    held: tuple[Floats, Floats, Floats],
+    held: tuple[Floats, Floats, Floats, Floats],
     out: Ints,
 ) -> None:
     """K events with what held at each -> bits of `SensorFault` (K,); memory changes in place.
 
     events  time (K,), kind (K,), z (K, 2)
-    held    GPS fix (K,) and faults of the estimator (K,), NaN where unknown; armed (K,), 1 or 0
+    held    GPS fix (K,) and faults of the estimator (K,), NaN where unknown; armed (K,), 1 or 0;
+            when its outputs were last told of (K,) [s], NaN where that does not matter
     """
     time, kind, z = events
-    fix, estimator, armed = held
+    fix, estimator, armed, heard = held
     for k in range(len(time)):
         what, now = kind[k], time[k]
         sane = np.abs(z[k, 0]) < MAX_ANGLE_RAD or what == POSITION
@@ -241,6 +264,10 @@ def check_events(
         jumped = now - rest[JUMPED]
         if jumped >= CONFIRMED_S:
             bits |= COMPASS
+        if what != TICK:
+            note_outputs(rest, now, heard[k])
+        if rest[DEAF] > UNHEARD_S:
+            bits |= UNHEARD
         if bits or status or jumped >= 0.0:
             rest[UNFIT] = now
         if bits == 0 and 0.0 <= now - rest[UNFIT] < SETTLE_S:
@@ -273,16 +300,18 @@ class SensorMemory:
         if kinds is None or rest is None:
             kinds = np.zeros((len(FROZEN_BIT), 6))
             kinds[:, Z0], kinds[:, TIME] = np.nan, -np.inf
-            rest = np.zeros(13)
+            rest = np.zeros(16)
             rest[JUMPED], rest[UNFIT], rest[STATUS] = np.inf, -np.inf, np.inf
+            rest[HEARD] = rest[LAST] = np.nan
         self._kinds, self._rest = kinds, rest
 
     def check(self, inputs: FilterInputs) -> tuple["SensorMemory", Ints]:
         """K inputs in order of receipt -> the memory after them, bits of `SensorFault` (K,)."""
-        return self.after(inputs.events, (inputs.gps_fix, inputs.estimator, inputs.active))
+        held = inputs.gps_fix, inputs.estimator, inputs.active, inputs.heard
+        return self.after(inputs.events, held)
 
     def after(
-        self, events: Events, held: tuple[Floats, Floats, Floats]
+        self, events: Events, held: tuple[Floats, Floats, Floats, Floats]
     ) -> tuple["SensorMemory", Ints]:
         """The memory after K measurements, given what `check_events` asks of each."""
         after = SensorMemory(self._kinds.copy(), self._rest.copy())

@@ -7,7 +7,7 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 from sim.diagnosis import thresholds
-from sim.diagnosis.fit import Fit, fit_effects, is_held, start_values, unknowns_for
+from sim.diagnosis.fit import Fit, fit_effects, may_join, start_values, unknowns_for
 from sim.diagnosis.fit_problem import FitProblem, SupersetModel
 from sim.diagnosis.generality import doubt_of
 from sim.diagnosis.heldout import (
@@ -129,8 +129,8 @@ class CandidateSearch:
         )  # fmt: skip
 
     def _others(self, fit: Fit) -> list[Effect]:
-        """The effects that a fit does not hold, whole or as a part of another."""
-        return [e for e in self.effects if not is_held(e, fit.added)]
+        """The effects that may stand beside those of a fit."""
+        return [e for e in self.effects if may_join(e, fit.added)]
 
     def in_place_of(self, fit: Fit, at: Container[int], among: Container[str] | None) -> Ranking:
         """What could stand where these effects of a fit stand, by place, beside the others."""

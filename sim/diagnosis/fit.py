@@ -229,11 +229,14 @@ def _without_slope(fit: Fit, added: AddedEffect, fitted: set[str]) -> list[Estim
     return out
 
 
-def is_held(effect: Effect, added: Iterable[AddedEffect]) -> bool:
-    """Whether effects hold another one, whole or as a part."""
+def may_join(effect: Effect, added: Iterable[AddedEffect]) -> bool:
+    """Whether an effect may stand beside some: none holds it, whole or as a part, and what it is
+    one more of is there.
+    """
     present = [a.effect for a in added]
     names = {e.name for e in present}
-    return effect.name in {*names, *(e.contains for e in present)} or effect.contains in names
+    held = effect.name in {*names, *(e.contains for e in present)} or effect.contains in names
+    return not held and (not effect.beside or effect.beside in names)
 
 
 def unknowns_for(

@@ -30,7 +30,7 @@ from sim.diagnosis.fit import (
     Fit,
     Fitted,
     fit_effects,
-    is_held,
+    may_join,
     places_in,
     start_values,
     unknowns_for,
@@ -267,7 +267,7 @@ def _beside(
     problem: ForceProblem, fit: ForceFit, effects: Iterable[Effect], mapper: Mapper
 ) -> list[ForceFit]:
     """The effects that promise most beside those of a fit, fitted, what leaves least first."""
-    others = [e for e in effects if not is_held(e, fit.added)]
+    others = [e for e in effects if may_join(e, fit.added)]
     screened = mapper(partial(problem.screened, fit, problem.jacobian(fit)), others)
     begun = sorted((f for f in screened if f is not None), key=_cost)[: thresholds.FOLLOWED_FORCES]
     return sorted(mapper(problem.followed, begun), key=_cost)
@@ -311,7 +311,7 @@ def in_place_by_forces(
     problem, whole = problem.under_what_is_left(problem.with_effects(fit, present))
     whole = problem.fitted(whole)
     beside = problem.fitted(problem.with_effects(whole, others))
-    tried = [e for e in effects if acts_at_once(e) and not is_held(e, others)]
+    tried = [e for e in effects if acts_at_once(e) and may_join(e, others)]
     screened = mapper(partial(problem.screened, beside, problem.jacobian(beside)), tried)
     most = thresholds.MAX_FORCE_COST_IN_PLACE * whole.cost
     little = thresholds.MIN_SHARE_OF_FIRST_STEP * (beside.cost - whole.cost)

@@ -7,7 +7,7 @@ from sim.effects.effect import Effect, Symptom
 
 NAMES = """
     steady_current varying_current current_change steady_wind wind_change
-    inertial_force wave_motion
+    inertial_force wave_motion crossing_waves
     cross_damping crossflow_drag hull_lift cg_offset
     cubic_drag drag_growth payload_change towed_load
     actuator_wiring thruster_deadband thrust_curve reverse_loss thruster_imbalance thruster_fault

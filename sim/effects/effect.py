@@ -291,6 +291,7 @@ class Effect:
     shown_by      what a recording must hold to tell it
     general_of    the simpler effect that this one can always stand in for: that one comes first
     contains      the effect that it holds as a whole: the two never stand side by side
+    beside        the effect that it is one more of: tried where that one stands, and not alone
     of_each_day   every voyage has some of it: fits of many recordings give each its own
     alike         of an effect of a day: what of the boat it is where every day has it
     partial       one such effect follows only part of what nature does: a sea has many waves
@@ -341,6 +342,7 @@ class Effect:
     shown_by: tuple[Shown, ...] = ()
     general_of: str = ""
     contains: str = ""
+    beside: str = ""
     of_each_day: bool = False
     alike: str = ""
     partial: bool = False

@@ -24,6 +24,7 @@ from gateway.shadow.sensor_checks import (
     JUMP_HELD_S,
     SETTLE_S,
     STATUS_CONFIRMED_S,
+    UNHEARD_S,
     WORDS,
     SensorFault,
     SensorMemory,
@@ -145,6 +146,39 @@ def test_what_is_lost_is_said_at_its_begin_and_its_end_and_withheld_between() ->
     assert (unfit[times > LOST.to_s + SETTLE_S + 3.0] == 0.0).all()
     judged = np.array(found.column("residual", "receive_time_ns")) * 1e-9 - 1.7e9
     assert not ((judged > LOST.from_s + FAULTS["ekf"][1]) & (judged < LOST.to_s)).any()
+
+
+def heard_without(gone: Span, *kinds: str) -> list[tuple[float, str, str]]:
+    """Events of 40 s in which no message of those kinds comes for a while; all where none named."""
+    with Deck() as deck:
+        wire = [
+            item
+            for item in datagrams(played(40.0))
+            if not gone.has(item.receive_time_ns * 1e-9 - UNIX_S)
+            or (kinds and item.frames[0].message.get_type() not in kinds)
+        ]
+        found = deck.hear(wire, 40.0).heard()
+    return [
+        (m["receive_time_ns"] * 1e-9 - UNIX_S, m["kind"], m["says"])
+        for m in found.messages("event")
+    ]
+
+
+def test_outputs_that_are_told_no_more_are_said_and_judge_nothing() -> None:
+    """The last pulses hold on, and what the boat does without them would blame the model."""
+    happened = heard_without(Span(15.0, 25.0), "SERVO_OUTPUT_RAW")
+    ((failed, text),) = [(at, says) for at, kind, says in happened if kind == "sensor_failed"]
+    ((over, again),) = [(at, says) for at, kind, says in happened if kind == "sensor_restored"]
+    assert text == "the outputs are told no more: until that is over the model is not judged"
+    assert 15.0 + UNHEARD_S < failed < 15.0 + UNHEARD_S + 0.5
+    assert again.startswith("the outputs are told again, after ")
+    assert 25.0 + SETTLE_S - 0.5 < over < 25.0 + SETTLE_S + 1.0
+    assert not [kind for _, kind, _ in happened if kind in BLAME]
+
+
+def test_a_link_that_is_silent_as_a_whole_says_nothing_of_outputs() -> None:
+    happened = heard_without(Span(15.0, 25.0))
+    assert not [says for _, kind, says in happened if kind == "sensor_failed"]
 
 
 def test_what_was_not_there_at_first_does_not_come_again() -> None:
