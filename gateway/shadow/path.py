@@ -38,7 +38,9 @@ from sim.plants import VESSEL, PlantChoice, PlantKind
 from sim.state import Floats, Ints
 from sim.vessel import Vessel
 
-STALE_S = 1.0  # without a measurement for this long, telemetry is not fresh …
+STALE_S = 1.0  # without a measurement for this long, telemetry is not fresh; …
+SLOW_STALE_S = 3.0  # … that of a slow stream is after so many of its gaps, but then at the latest …
+STALE_GAPS, GAP_KEPT = 2.5, 0.9  # the longest gap counts less with each measurement that follows
 LOST_S = 5.0  # … nor without heading, or without velocity and position, for this long
 COMMANDS_KEPT_S = 15.0  # for those that act late: more than the longest delay of an effect
 CHANNELS = range(1, CHANNEL_COUNT + 1)
@@ -53,7 +55,8 @@ class RowMemory(NamedTuple):
 
     Time [s] of the last used measurement: any, of heading, of velocity or position, and of the end
     of the last silence. After it the first measurements are mostly of the heading alone: until all
-    have come, the estimate is still the one that ran blind.
+    have come, the estimate is still the one that ran blind. Gap [s]: the longest of late between
+    measurements; a stream that has just begun may be a slow one.
     """
 
     last: float = -np.inf
@@ -62,13 +65,14 @@ class RowMemory(NamedTuple):
     back: float = -np.inf
     published: float = -np.inf  # time of the last row that went out [s]
     jumped: float = 0.0  # 1: a discontinuity since the last row that went out
+    gap: float = SLOW_STALE_S / STALE_GAPS
 
 
 @compiled
 def choose_rows(
     before: tuple[float, ...], events: tuple[Any, ...], min_interval_s: float,
     out: tuple[Ints, NDArray[np.bool_], NDArray[np.bool_]],
-) -> tuple[int, float, float, float, float, float, float]:  # fmt: skip
+) -> tuple[int, float, float, float, float, float, float, float]:  # fmt: skip
     """Rows that go out: valid, at the end of a message, not faster than the rate asked for.
 
     before  a `RowMemory`
@@ -76,14 +80,17 @@ def choose_rows(
     out     (K,) their numbers, whether each is fresh (its estimate rests on measurements) and
             jumped, from the first on -> how many, and the `RowMemory` after all
     """
-    last, heading, motion, back, published, jumped = before
+    last, heading, motion, back, published, jumped, gap = before
     times, kinds, complete, flags, broken = events
     rows, fresh, leapt = out
     count = 0
     for k in range(len(times)):
         time, kind = times[k], kinds[k]
+        stale = min(max(STALE_S, STALE_GAPS * gap), SLOW_STALE_S)
         if flags[k] & USED:
-            back = time if time - last > STALE_S else back
+            back = time if time - last > stale else back
+            if 0.0 < time - last <= SLOW_STALE_S:
+                gap = max(time - last, GAP_KEPT * gap)
             last = time
             if kind == YAW:
                 heading = time
@@ -94,10 +101,10 @@ def choose_rows(
             published = min(published, time - min_interval_s)
         if flags[k] & VALID and complete[k] and time - published >= min_interval_s:
             known = min(heading, motion) >= max(back, time - LOST_S)
-            rows[count], fresh[count] = k, time - last <= STALE_S and known
+            rows[count], fresh[count] = k, time - last <= stale and known
             leapt[count] = jumped > 0.0
             published, jumped, count = time, 0.0, count + 1
-    return count, last, heading, motion, back, published, jumped
+    return count, last, heading, motion, back, published, jumped, gap
 
 
 def discontinuous(inputs: FilterInputs, rows: FilterRows) -> NDArray[np.bool_]:

@@ -41,6 +41,7 @@ MIN_CHANGE_SIGMAS = 4.0  # … of its present standard deviation: it is reported
 MIN_TROUBLE_S = 12.0  # since it set in, before any explanation of it
 MIN_SECONDS = 150  # before it is said that nothing explains it
 MAX_SINGLE_GAIN = 0.5  # of its thrust that one motor alone may push more than its file says
+NO_THRUST_SHARE = 0.1  # of its thrust: what is left or astern of so little is none
 MIN_SCORE_HELD_NATS = 4.0  # by which what was told has to beat the boat alone, to be told still
 MIN_SCORE_NEAREST_NATS = 2.0  # … and what comes nearest, to be told beside that nothing stands out
 FEW_HEADINGS = 2  # on so few, water and air are hard to tell apart
@@ -356,6 +357,17 @@ def _percent(share: float) -> str:
     return f"{abs(100.0 * share):.0f} % {'less' if share < 0.0 else 'more'}"
 
 
+def _given(share: float) -> str:
+    """Share of its thrust that a thruster gives more or less, in words; none gives less than
+    nothing, but it may push astern.
+    """
+    if share < -1.0 - NO_THRUST_SHARE:
+        return "pushing the other way"
+    if share < -1.0 + NO_THRUST_SHARE:
+        return "giving no thrust"
+    return f"giving {_percent(share)} thrust"
+
+
 def _thrust_text(estimate: DisturbanceEstimate) -> str:
     """The thruster that explains it best, and those that do so about as well; or all of them, where
     they do, or where one alone would have to push much more than its file says.
@@ -373,9 +385,9 @@ def _thrust_text(estimate: DisturbanceEstimate) -> str:
     texts = []
     if single:
         which = " or ".join(names[f] for f in single)
-        texts.append(f"thruster {which} giving {_percent(share[single[0]])} thrust")
+        texts.append(f"thruster {which} {_given(share[single[0]])}")
     if whole in near:
-        texts.append(f"all thrusters giving {_percent(share[whole])} thrust")
+        texts.append(f"all thrusters {_given(share[whole])}")
     return " or ".join(texts if near[0] != whole else reversed(texts))
 
 

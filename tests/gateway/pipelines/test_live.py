@@ -16,7 +16,16 @@ from gateway.recording.recorder import TICK_LINK
 from gateway.simulated_boat import THIN, Faults, Reboot, Silence
 from sim.following.follower import ReferenceMode
 from sim.model import Model
-from tests.gateway.pipelines.aboard import LINK, SETTINGS, Deck, Heard, at_ns, datagrams, played
+from tests.gateway.pipelines.aboard import (
+    LINK,
+    SETTINGS,
+    UNIX_S,
+    Deck,
+    Heard,
+    at_ns,
+    datagrams,
+    played,
+)
 from tests.sim.vessels import WAMV
 
 VELOCITY = ("surge_mps", "sway_mps", "yaw_rate_radps")
@@ -348,3 +357,17 @@ def test_what_waits_in_the_inbox_is_handled_in_one_turn_up_to_an_event() -> None
     assert deck.heard().payloads["shadow"] == alone.payloads["shadow"]
     (lost,) = [m for m in deck.heard().messages("event") if m["kind"] == "link_lost"]
     assert lost["says"] == f"{LINK}: closed"
+
+
+@pytest.mark.parametrize(("hz", "silences"), [(1.0, 0), (10.0, 1)])
+def test_a_slow_stream_is_not_silent_between_its_messages(hz: float, silences: int) -> None:
+    """An autopilot that denies every rate goes on at 1 Hz, and may lose a message."""
+    with Deck() as deck:
+        wire = [
+            item
+            for item in datagrams(played(40.0, rates=dict.fromkeys(THIN, hz)))
+            if not 29.1 < item.receive_time_ns * 1e-9 - UNIX_S < 30.4
+        ]
+        found = deck.hear(wire, 40.0).heard()
+    kinds = [m["kind"] for m in found.messages("event")]
+    assert [kinds.count(kind) for kind in ("telemetry_silent", "telemetry_back")] == [silences] * 2

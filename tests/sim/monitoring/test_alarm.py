@@ -232,6 +232,9 @@ def test_what_comes_nearest_is_told_where_nothing_stands_out(
         # … and all of them by next to nothing are not told in its place
         ((20.0, 0.0, 22.0), (-0.5, 0.1, -0.02), "looks like thruster left giving 50 % less thrust"),
         ((20.0, 0.0, 22.0), (1.4, 0.1, 0.02), "looks like thruster left giving 140 % more thrust"),
+        ((30.0, 0.0, 20.0), (-1.05, 0.1, -0.2), "looks like thruster left giving no thrust"),
+        ((30.0, 0.0, 20.0), (-0.89, 0.1, -0.2), "looks like thruster left giving 89 % less thrust"),
+        ((30.0, 0.0, 20.0), (-1.9, 0.1, -0.2), "looks like thruster left pushing the other way"),
     ],
 )  # fmt: skip
 def test_one_thruster_several_or_all_are_told_by_what_each_explains(
