@@ -56,7 +56,7 @@ class RowMemory(NamedTuple):
     Time [s] of the last used measurement: any, of heading, of velocity or position, and of the end
     of the last silence. After it the first measurements are mostly of the heading alone: until all
     have come, the estimate is still the one that ran blind. Gap [s]: the longest of late between
-    measurements; a stream that has just begun may be a slow one.
+    two of heading, or two of motion; a stream that has just begun may be a slow one.
     """
 
     last: float = -np.inf
@@ -89,13 +89,13 @@ def choose_rows(
         stale = min(max(STALE_S, STALE_GAPS * gap), SLOW_STALE_S)
         if flags[k] & USED:
             back = time if time - last > stale else back
-            if 0.0 < time - last <= SLOW_STALE_S:
-                gap = max(time - last, GAP_KEPT * gap)
-            last = time
+            last, since = time, time
             if kind == YAW:
-                heading = time
+                since, heading = heading, time
             elif kind in (VELOCITY, BODY_VELOCITY, POSITION):
-                motion = time
+                since, motion = motion, time
+            if 0.0 < time - since <= SLOW_STALE_S:
+                gap = max(time - since, GAP_KEPT * gap)
         if len(broken) and broken[k]:
             jumped = 1.0
             published = min(published, time - min_interval_s)
