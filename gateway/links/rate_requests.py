@@ -140,6 +140,7 @@ class BoatRequests:
     refusal: str = NO_ANSWER  # the result when the tries are used up
     accepted: frozenset[str] = frozenset()
     denied: Mapping[str, float] = field(default_factory=dict)  # message -> highest rate denied
+    refused: Mapping[str, float] = field(default_factory=dict)  # message -> rate asked for at first
     rounds: int = 0  # of asking again for what does not arrive
     sent_ns: int = 0
     last_ack: int = -1  # its sequence number: links repeat frames
@@ -156,7 +157,7 @@ class BoatRequests:
         if self.tries == len(ANSWER_TIMEOUTS_NS):
             never = self.refusal == NO_ANSWER and self.last_ack < 0
             given_up = self._outcome(self.refusal + (SIGNED_ONLY if never else ""))
-            after, request, _ = self._next(now_ns).due(now_ns)
+            after, request, _ = self._refused()._next(now_ns).due(now_ns)
             return after, request, given_up
         message = self.pending[0]
         request = RateRequest(self.boat, message, self.rates_hz[message], self.tries)
@@ -183,15 +184,26 @@ class BoatRequests:
             return again, None
         if text == ACCEPTED and message in self.denied:
             text = _stepped_down(rate, self.denied[message])
-        accepted = self.accepted | ({message} if text.startswith(ACCEPTED) else set())
+        if not text.startswith(ACCEPTED):
+            return after._refused()._next(now_ns), self._outcome(text)
+        accepted = self.accepted | {message}
         return replace(after._next(now_ns), accepted=accepted), self._outcome(text)
 
     def observed(
         self, rates_hz: Mapping[str, float], now_ns: int
     ) -> tuple["BoatRequests", tuple[RequestOutcome, ...]]:
-        """Rates that arrive (0 where left out): what was accepted but is slow is asked again."""
+        """Rates that arrive (0 where left out): what was accepted but is slow is asked again, of
+        what was refused it is said once what that costs.
+        """
         if self.pending or now_ns - self.sent_ns < REPEAT_NS or not any(rates_hz.values()):
             return self, ()
+        if self.refused:
+            had = ((m, rates_hz.get(m, 0.0), asked) for m, asked in self.refused.items())
+            return replace(self, refused={}), tuple(
+                RequestOutcome(self.boat, m, asked, _refused_text(rate, asked))
+                for m, rate, asked in had
+                if 0.0 < rate < SUFFICIENT_SHARE * asked
+            )
         slow = [
             m for m in self.rates_hz
             if m in self.accepted and rates_hz.get(m, 0.0) < SUFFICIENT_SHARE * self.rates_hz[m]
@@ -209,6 +221,11 @@ class BoatRequests:
             for m in slow
         )  # fmt: skip
 
+    def _refused(self) -> "BoatRequests":
+        message = self.pending[0]
+        asked = self.denied.get(message, self.rates_hz[message])
+        return replace(self, refused={**self.refused, message: asked})
+
     def _next(self, now_ns: int) -> "BoatRequests":
         return replace(self, pending=self.pending[1:], tries=0, due_ns=now_ns, refusal=NO_ANSWER)
 
@@ -218,8 +235,16 @@ class BoatRequests:
 
 def _stepped_down(rate_hz: float, denied_hz: float) -> str:
     """The result of a request that was taken at a lower rate, and what that costs."""
-    late = f"up to {1000.0 / rate_hz:.0f} ms old instead of {1000.0 / denied_hz:.0f}"
-    return f"{ACCEPTED}, {denied_hz:g} Hz denied: values are {late}"
+    return f"{ACCEPTED}, {denied_hz:g} Hz denied: values are {_age(rate_hz, denied_hz)}"
+
+
+def _refused_text(rate_hz: float, asked_hz: float) -> str:
+    """What comes of a message whose rate was refused, and what that costs."""
+    return f"not taken, {rate_hz:.3g} Hz arrive: values are {_age(rate_hz, asked_hz)}"
+
+
+def _age(rate_hz: float, asked_hz: float) -> str:
+    return f"up to {1000.0 / rate_hz:.0f} ms old instead of {1000.0 / asked_hz:.0f}"
 
 
 class DueMessages(NamedTuple):

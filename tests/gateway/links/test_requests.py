@@ -171,6 +171,30 @@ def test_a_boat_that_denies_every_rate_is_left_at_last(play):
     assert play.due() == ([("SYSTEM_TIME", 0)], 0, ["system 1: ATTITUDE at 10 Hz: denied"])
 
 
+@pytest.mark.parametrize(
+    ("arrives", "says"),
+    [
+        (1.0, ["not taken, 1 Hz arrive: values are up to 1000 ms old instead of 20"]),
+        (49.0, []),  # somebody else has asked for it
+        (0.0, []),  # and what it does not have costs no age
+    ],
+)
+def test_what_a_refusal_costs_is_said_once(play, arrives, says):
+    for _ in range(1 + len(STEPS_HZ)):
+        play.due()
+        play.answer(DENIED)
+    play.due()
+    play.answer()
+    play.due()
+    play.now += REPEAT_NS
+    rates = {"ATTITUDE": arrives, "SYSTEM_TIME": 1.0}
+    play.requests = play.requests.observed(BOAT, rates, play.now)
+    assert play.due()[2] == [f"system 1: ATTITUDE at 50 Hz: {text}" for text in says]
+    play.now += REPEAT_NS
+    play.requests = play.requests.observed(BOAT, rates, play.now)
+    assert play.due()[2] == []
+
+
 def parameters_asked(play, seconds):
     """Names of the parameters that are asked for within that time."""
     names = []
