@@ -34,10 +34,11 @@ BINS = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0)
 SINGLE = ("excitation", "mission", "weak", "faint", "base_off")
 # nature's own form: the catalogue's number has no exact counterpart
 OTHER_FORM = frozenset({
-    "varying_current", "steady_wind", "wave_motion", "payload_change", "thruster_deadband",
+    "varying_current", "steady_wind", "wave_motion", "crossing_waves", "payload_change",
+    "thruster_deadband",
     "thruster_lag", "advance_loss", "astern_stall", "current_change", "wind_change",
 })  # fmt: skip
-WAVES = frozenset({"wave_motion"})  # one train of a sea
+WAVES = frozenset({"wave_motion", "crossing_waves"})  # trains of a sea
 
 Json = Mapping[str, Any]
 

@@ -45,6 +45,10 @@ def _wave_motion(b: Boat, d: Dice, k: float, seconds: float) -> Values:
             "direction": bearing(d), "phase": bearing(d)}  # fmt: skip
 
 
+def _crossing_waves(b: Boat, d: Dice, k: float, seconds: float) -> Values:
+    return _wave_motion(b, d, 0.7 * k, seconds) | {"omega": of(d, 2.4, 3.2)}
+
+
 def _cubic_drag(b: Boat, d: Dice, k: float, seconds: float) -> Values:
     return {"X_uuu": -k * of(d, 0.6, 1.0) * b.ahead / b.top_speed() ** 3}
 
@@ -171,10 +175,13 @@ RECIPES: Mapping[str, Recipe] = {
     )
 }  # fmt: skip
 
+TRAINS: Mapping[str, Recipe] = {"crossing_waves": _crossing_waves}  # never alone
+
 # true of one day only: another voyage has its own
 OF_A_VOYAGE = frozenset({
     "steady_current", "varying_current", "steady_wind", "inertial_force", "wave_motion",
-    "drag_growth", "payload_change", "towed_load", "thruster_fault", "yaw_rate_bias",
+    "crossing_waves", "drag_growth", "payload_change", "towed_load", "thruster_fault",
+    "yaw_rate_bias",
     "current_change", "wind_change", "learned_drag", "learned_spot", "learned_profile",
     "learned_map", "learned_history", "learned_rhythm", "learned_anomaly",
 })  # fmt: skip
@@ -389,7 +396,7 @@ UNLISTED: Mapping[str, Recipe] = {
 def strong(name: str, boat: Boat, dice: Dice, share: float, seconds: float) -> Values:
     """Parameters of a cause at a share of its full strength."""
     known = {
-        **RECIPES, **CHANGES, **LATER, **SCALES, **ARMS, **SEAS,
+        **RECIPES, **CHANGES, **LATER, **SCALES, **ARMS, **SEAS, **TRAINS,
         **STRANGE, **UNLISTED, **UNHEARD, **UNNAMED, **UNTOLD, **UNASKED,
     }  # fmt: skip
     return known[name](boat, dice, 1.0 if name in WHOLE else share, seconds)

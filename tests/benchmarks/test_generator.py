@@ -50,6 +50,7 @@ EXAMPLES = {
     "steady_wind": {"speed": 8.0, "direction": 2.0},
     "inertial_force": {"force": 6.0, "direction": -1.0},
     "wave_motion": {"force": 15.0, "omega": 2.2, "direction": 0.5, "phase": 0.0},
+    "crossing_waves": {"force": 10.0, "omega": 2.8, "direction": 2.5, "phase": 0.0},
     "cubic_drag": {"X_uuu": -12.0},
     "drag_growth": {"rate": 0.02},
     "payload_change": {"factor": 1.4, "time": 10.0},

@@ -51,6 +51,7 @@ ALIKE = {  # nature has its own form: least correlation of what they do
     ),
     "steady_wind": ({"speed": 8.0, "direction": 2.0}, 0.9),
     "wave_motion": ({"force": 15.0, "omega": 2.2, "direction": 0.5, "phase": 0.0}, 0.6),
+    "crossing_waves": ({"force": 15.0, "omega": 1.6, "direction": 2.5, "phase": 1.0}, 0.6),
     "payload_change": ({"factor": 1.4, "time": 10.0}, 0.95),
     "thruster_deadband": ({"width": 0.15}, 0.3),  # as our files had it, rescaled
     "advance_loss": ({"per_mps": 0.2}, 0.9),

@@ -177,6 +177,7 @@ VALUES = {  # off the neutral value, where `start` is neutral or weak; within a 
         **{f"f{k}": 0.4 - 0.05 * k for k in range(9)},
     },
     "lever_arm": {"gain": 0.6, "which": 0.0},
+    "crossing_waves": {"force": 9.0, "omega": 1.5, "direction": 2.4, "phase": 1.0},
     "payload_change": {"factor": 1.4, "time": 4.01},
     "steady_current": {"speed": 0.3, "direction": 1.2},
     "steering_offset": {"angle": 0.1},

@@ -115,6 +115,11 @@ def wave_motion(force: float, omega: float, direction: float, phase: float) -> C
     return Cause(push=push)
 
 
+def crossing_waves(force: float, omega: float, direction: float, phase: float) -> Cause:
+    """A second group of waves, from elsewhere."""
+    return wave_motion(force, omega, direction, phase)
+
+
 def sea(height: float, period: float, direction: float, spread: float, seed: float) -> Cause:
     """A wind sea: `height` [m] significant, peak `period` [s], running towards `direction`.
 
@@ -151,7 +156,7 @@ CAUSES: Mapping[str, Callable[..., Cause]] = {
     law.__name__: law
     for law in (
         steady_current, varying_current, current_change, steady_wind, wind_change,
-        inertial_force, wave_motion,
+        inertial_force, wave_motion, crossing_waves,
     )
 }  # fmt: skip
 SEAS: Mapping[str, Callable[..., Cause]] = {"sea": sea}  # partly waves of the catalogue, else noise

@@ -11,7 +11,7 @@ import pytest
 from sim.body import Body, Flow, Report, RudderParameters, ThrusterParameters
 from sim.effects.catalogue import named
 from sim.effects.effect import ResidualForce
-from sim.effects.wave_motion import GRAVITY, _coarse_peaks, _refined, _Samples
+from sim.effects.wave_trains import GRAVITY, _coarse_peaks, _refined, _Samples
 from sim.state import Inertia, Pose
 from sim.vessel import Vessel
 from tests.sim.vessels import IACQUABOT, RUDDER_BOAT, WAMV
@@ -257,8 +257,8 @@ def test_a_train_that_is_taken_away_leaves_what_was_there_besides() -> None:
 
 def test_a_point_is_refined_to_the_peak_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
     some, window = samples(), 90.0
-    monkeypatch.setattr("sim.effects.wave_motion.MIN_OMEGA", 1.5)
-    monkeypatch.setattr("sim.effects.wave_motion.MAX_OMEGA", 1.95)
+    monkeypatch.setattr("sim.effects.wave_trains.MIN_OMEGA", 1.5)
+    monkeypatch.setattr("sim.effects.wave_trains.MAX_OMEGA", 1.95)
     peaks = _coarse_peaks(some, window, 0.1, 2.0 * np.pi / 96.0)
     assert len(peaks) == 8
     best = max(some.power(np.array([w]), np.array([t]), window)[0, 0] for w, t in peaks)
@@ -278,7 +278,7 @@ def test_only_so_many_samples_are_searched_as_waves_need(monkeypatch: pytest.Mon
         seen.append(given)
         return found
 
-    monkeypatch.setattr("sim.effects.wave_motion._strongest", strongest)
+    monkeypatch.setattr("sim.effects.wave_trains._strongest", strongest)
     time = 0.1 * np.arange(101)
     rows = ResidualForce(time, np.zeros((101, 2)), np.ones((101, 2)))
     search = named("wave_motion").search

@@ -8,7 +8,7 @@ import pytest
 
 from sim.effects.catalogue import named
 from sim.effects.effect import Values
-from sim.effects.wave_motion import _Samples
+from sim.effects.wave_trains import _Samples
 from sim.identification.search import start_points
 from sim.model import Model
 from sim.trial import Trial
