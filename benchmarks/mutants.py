@@ -56,7 +56,11 @@ TARGETS = {
     "effects": Target(
         ("sim/effects/*.py",),
         (f"{EFFECTS}/test_laws_by_hand.py", f"{EFFECTS}/test_learned.py",
-         f"{EFFECTS}/test_learned_formula.py", "tests/gateway/figures/test_effect_sentences.py",
+         f"{EFFECTS}/test_learned_formula.py", f"{EFFECTS}/test_learned_reading.py",
+         f"{EFFECTS}/test_learned_pair.py", f"{EFFECTS}/test_learned_rhythm.py",
+         f"{EFFECTS}/test_learned_places.py", f"{EFFECTS}/test_learned_anomaly.py",
+         f"{EFFECTS}/test_lever_arm.py", f"{EFFECTS}/test_pushes.py",
+         "tests/gateway/figures/test_effect_sentences.py",
          f"{EFFECTS}/test_laws.py", f"{EFFECTS}/test_single_effects.py",
          f"{EFFECTS}/test_effects.py"),
     ),
@@ -71,7 +75,7 @@ TARGETS = {
         ("sim/diagnosis/verdict.py", "sim/diagnosis/free_curve.py", "sim/diagnosis/heldout.py",
          "sim/diagnosis/evidence.py"),
         (f"{DIAGNOSIS}/test_verdict.py", f"{DIAGNOSIS}/test_heldout.py",
-         f"{DIAGNOSIS}/test_evidence.py"),
+         f"{DIAGNOSIS}/test_evidence.py", f"{DIAGNOSIS}/test_free_curve.py"),
     ),
     "disturbances": Target(
         ("sim/monitoring/disturbances.py", "sim/monitoring/causes.py",
