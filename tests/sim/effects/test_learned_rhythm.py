@@ -97,6 +97,23 @@ def test_it_is_looked_for_in_what_is_left_folded_with_every_period(
         assert first["size"] == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.parametrize(
+    ("period", "alike"),
+    [
+        (10.05, True),  # a rate next to it
+        (20.1, True),  # every second time
+        (13.7, False),
+        (26.0, False),
+    ],
+)
+def test_a_period_next_to_another_or_some_of_it_is_no_start_of_its_own(
+    period: float, alike: bool
+) -> None:
+    one, other = (rhythm.Window(1.0, p, 0.0, 3.0, 1.0, 0.0) for p in (10.0, period))
+    assert rhythm._is_like(one, other, apart=1e-3) is alike
+    assert rhythm._is_like(other, one, apart=1e-3) is alike
+
+
 def test_a_recording_that_is_too_short_for_a_rhythm_has_one_start() -> None:
     left = left_by(squalls, 25.0)
     (start,) = rhythm.search(WAMV, lambda: left)
@@ -126,6 +143,8 @@ def test_it_says_how_often_for_how_long_and_how_much() -> None:
         "a thrust of thruster 1 that changes and comes back every 5 s, for 2.1 s: "
         "100 % (90–110 %) less"
     )
+    little = rhythm.in_words(FittedValues({**RHYTHM, "acts": 3.0, "size": 0.2}))
+    assert little.endswith("20 % more")
     weed = rhythm.in_words(FittedValues({**RHYTHM, "acts": 3.0, "size": 0.5}))
     assert weed.startswith("a drag that changes and comes back every 5 s")
     assert weed.endswith("50 % more")

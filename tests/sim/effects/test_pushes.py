@@ -84,6 +84,10 @@ def test_a_search_begins_where_the_push_changes(name: str) -> None:
     starts = search(WAMV, lambda: missing(9.0 + 0.0j, 9.0j))
     evenly = search(WAMV, lambda: ResidualForce(T, np.zeros((len(T), 2)), np.zeros((len(T), 2))))
     assert len(starts) == len(evenly) + 2
+    times = [one["time"] for one in evenly]  # along the whole recording, not at its ends
+    assert len(set(times)) >= 4
+    assert T[0] < min(times) < 0.25 * T[-1]
+    assert 0.75 * T[-1] < max(times) < T[-1]
     best = starts[len(evenly)]
     sign = 1.0 if name == "current_change" else -1.0
     assert best["time"] == pytest.approx(CHANGE, abs=4.0)

@@ -69,6 +69,16 @@ def test_a_boats_own_damping_goes_with_the_velocity_through_the_water(
         np.testing.assert_allclose(boat, expected, rtol=1e-9)
 
 
+def test_what_a_current_adds_is_what_the_balance_in_still_water_lacks(
+    plain: DisturbanceEstimator,
+) -> None:
+    balances = np.zeros((WITH_COMPASS, 3))
+    balances[0], balances[1], balances[2] = (7.0, 5.0, 3.0), (1.0, 2.0, 0.5), (9.0, 9.0, 9.0)
+    at = plain.all.which[plain.all.laws.index(Law.CURRENT)]
+    found = plain.linearised(at, np.array([0.2, 0.1]), next(seconds(1)), balances)
+    np.testing.assert_allclose(found.force, [6.0, 3.0, 2.5])
+
+
 def test_motions_in_water_that_moves_and_a_step_from_it_and_under_a_compass_that_is_off() -> None:
     """East-going water on a heading to the east comes from astern; the boat turns in it."""
     motion = np.array([5.0, 6.0, HALF_PI, 2.0, -1.0, 0.5, 0.1, 0.2, 0.3])
