@@ -200,11 +200,15 @@ def summary_of(
         if seen:
             whole = "no prediction needs another effect of the catalogue"
         return f"{whole}: {numbers}{seen}"
-    if verdict is Verdict.EXPLAINED:
-        return f"{names}: {fell}"
-    if verdict is Verdict.CONFOUNDED:
+    if verdict is not Verdict.UNKNOWN:
+        noisy = ""
+        if last > thresholds.MAX_FLOORS * floor:
+            noisy = (
+                f"; {last / floor:.1f} times the noise is left, and weaker causes may hide in it"
+            )
         others = sorted({r.name for step in rivals for r in step})
-        return f"{names}: {fell}; these data cannot tell it from {' or '.join(others)}"
+        rest = f"; these data cannot tell it from {' or '.join(others)}" if others else ""
+        return f"{names}: {fell}{noisy}{rest}"
     one = "s" if len(ladder[-1].effects) == 1 else ""
     known = f"{names} help{one}, {fell}, but " if names else ""
     contradict = ""

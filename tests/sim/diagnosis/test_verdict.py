@@ -116,6 +116,15 @@ def test_a_vessel_at_the_floor_leaves_nothing_unexplained() -> None:
     assert unexplained_share([step(0.08), step(0.08)], 0.1) == 0.0
 
 
+@pytest.mark.parametrize(("floor", "noisy"), [(0.1, True), (0.25, False)])
+def test_what_is_left_above_the_noise_is_said_of_what_explains(floor: float, noisy: bool) -> None:
+    """Of one train of waves in a sea "explained" was all that was said, a weak motor beside it."""
+    ladder = [step(0.5), step(0.4), step(0.3, "wave_motion")]
+    for verdict, rivals in ((Verdict.EXPLAINED, []), (Verdict.CONFOUNDED, [RIVAL])):
+        said = summary_of(verdict, ladder, [rivals], [], floor)
+        assert ("3.0 times the noise is left, and weaker causes may hide in it" in said) is noisy
+
+
 def test_the_sentence_names_what_was_found_and_what_it_may_be_taken_for() -> None:
     ladder = [step(0.5), step(0.4), step(0.1, "hull_lift")]
     explained = summary_of(Verdict.EXPLAINED, ladder, [[]], [], 0.09)
@@ -399,7 +408,7 @@ def test_an_error_that_falls_only_on_recordings_that_were_fitted_is_told_so() ->
             scores[2] = HeldOutScore(left_out, None)
         steps = (step(0.8), step(0.7), step(0.3, "heading_offset"))
         ladder = [replace(s, left_out=score) for s, score in zip(steps, scores, strict=True)]
-        return summary_of(Verdict.EXPLAINED, ladder, [], [], 0.1)
+        return summary_of(Verdict.EXPLAINED, ladder, [], [], 0.25)
 
     assert said(0.9).endswith("which the fit did not see: 0.800 as given, 0.900 so")
     assert "did not see" not in said(0.4)
