@@ -255,9 +255,12 @@ class FilterInputs:
 
     @property
     def heard(self) -> Floats:
-        """Receipt of the last message that told of outputs (K,) [s], NaN where none need to."""
+        """Receipt of the last message that told of outputs (K,) [s]; −inf where none ever did, NaN
+        while the boat is disarmed.
+        """
         heard = self.pulse_table.heard_ns[self.pulse_row]
-        return np.where((heard == NEVER_NS) | (self.active == 0.0), np.nan, heard * 1e-9)
+        known = np.where(self.active > 0.0, heard * 1e-9, np.nan)
+        return np.where(heard == NEVER_NS, -np.inf, known)
 
 
 def filter_inputs_of(
@@ -402,7 +405,7 @@ def _latest_pulses(
 ) -> tuple[PulseTable, Ints]:
     """Pulses, and the row (K,) of those that hold at each position in the log.
 
-    Row 0 has none: before the first message, and while the boat is disarmed.
+    The first row has none, before the first message, nor has the last, while the boat is disarmed.
     """
     none, family = np.full((1, CHANNELS), np.nan), command_family(decoded, choices)
     if not family:
@@ -415,5 +418,6 @@ def _latest_pulses(
     changes, heard = changes[sequence], heard[sequence]
     pulses = merged_channels(family, [_by_order(samples).at(changes) for samples in family])
     row = np.searchsorted(changes, order, side="right")
-    row[_latest(choices, "armed", order, 1)[:, 0] == 0.0] = 0
-    return PulseTable.of(np.concatenate([none, pulses]), np.append(NEVER_NS, heard)), row
+    row[(_latest(choices, "armed", order, 1)[:, 0] == 0.0) & (row > 0)] = len(changes) + 1
+    told = np.concatenate([[NEVER_NS], heard, heard[-1:]])
+    return PulseTable.of(np.concatenate([none, pulses, none]), told), row

@@ -28,6 +28,7 @@ from gateway.shadow.sensor_checks import (
     ALWAYS_WELL,
     REPORTED,
     UNDRIVEN,
+    UNHEARD,
     WORDS,
     SensorFault,
     reasons_in,
@@ -246,7 +247,7 @@ class EventDetector:
         told, since, events = self.faults, self.unfit_s, list[EventRow]()
         well, lost, faults = self.well, self.lost, rows.faults & ~UNDRIVEN  # told by itself
         if not told and not np.count_nonzero(faults):
-            if well & REPORTED == REPORTED:
+            if well & (REPORTED | UNHEARD) == REPORTED | UNHEARD:
                 return self, events
             reported = reduce(or_, _reported(inputs), well)
             return self if reported == well else replace(self, well=reported), events
@@ -301,7 +302,8 @@ class EventDetector:
 
 def _reported(inputs: FilterInputs) -> Iterator[int]:
     """What the boat says is well, input by input."""
-    return map(reported_well, inputs.gps_fix.tolist(), inputs.estimator.tolist())
+    reported = inputs.gps_fix, inputs.estimator, inputs.heard
+    return map(reported_well, *(column.tolist() for column in reported))
 
 
 def _restored(fault: SensorFault, lost: int) -> str:

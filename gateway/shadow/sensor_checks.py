@@ -62,7 +62,7 @@ class SensorFault(IntFlag):
     FROZEN_POSITION = 1024
     SETTLING = 2048  # all is well again, but only just
     UNDRIVEN = 4096  # a motor of the vessel file has never had a pulse, others have
-    UNHEARD = 8192  # nobody tells of the outputs any more
+    UNHEARD = 8192  # nobody tells of the outputs, or not any more
 
 
 REASONS = tuple(fault for fault in SensorFault if fault is not SensorFault.SETTLING)
@@ -96,7 +96,7 @@ WORDS: dict[SensorFault, tuple[str, str]] = {
     SensorFault.UNDRIVEN: (
         "an output of the vessel file gets no pulse", "all outputs of the vessel file get pulses",
     ),
-    SensorFault.UNHEARD: ("the outputs are told no more", "the outputs are told again"),
+    SensorFault.UNHEARD: ("nobody tells of the outputs", "the outputs are told again"),
 }  # fmt: skip
 
 YAW, YAW_RATE = int(MeasurementKind.YAW), int(MeasurementKind.YAW_RATE)
@@ -205,12 +205,14 @@ def note_outputs(rest: Floats, time: float, heard: float) -> None:
     """Add to how long others have talked since the outputs were last told of.
 
     Where all are silent there is nothing to be judged, and who talks first after that is chance.
+    Messages of a log overtake one another by a little; a clock that starts anew goes back by more.
     """
-    step, rest[LAST] = time - rest[LAST], time
-    if heard == rest[HEARD] and step >= 0.0:
-        rest[DEAF] += min(step, MAX_SILENT_STEP_S)
-    else:
-        rest[HEARD], rest[DEAF] = heard, 0.0
+    if heard != rest[HEARD]:
+        rest[HEARD], rest[DEAF], rest[LAST] = heard, 0.0, time
+    step = time - rest[LAST]
+    if step > 0.0 or step < -MAX_SILENT_STEP_S:
+        rest[DEAF] += min(max(step, 0.0), MAX_SILENT_STEP_S)
+        rest[LAST] = time
 
 
 @compiled
@@ -225,7 +227,7 @@ def check_events(
 
     events  time (K,), kind (K,), z (K, 2)
     held    GPS fix (K,) and faults of the estimator (K,), NaN where unknown; armed (K,), 1 or 0;
-            when its outputs were last told of (K,) [s], NaN where that does not matter
+            when its outputs were last told of (K,) [s], −inf: never, NaN: that does not matter
     """
     time, kind, z = events
     fix, estimator, armed, heard = held
@@ -277,14 +279,15 @@ def check_events(
 
 REPORTED = sum(int(fault) << EKF_SHIFT for fault in EstimatorFault) | GPS  # by the boat itself
 UNDRIVEN = int(SensorFault.UNDRIVEN)
-ALWAYS_WELL = sum(map(int, REASONS)) & ~REPORTED & ~UNDRIVEN  # until it was seen to fail
+ALWAYS_WELL = sum(map(int, REASONS)) & ~REPORTED & ~UNDRIVEN & ~UNHEARD  # until seen to fail
 
 
-def reported_well(fix: float, estimator: float) -> int:
-    """GPS fix and faults of the estimator, NaN where unknown -> what the boat says is well: bits
-    of `SensorFault`."""
+def reported_well(fix: float, estimator: float, heard: float = np.nan) -> int:
+    """GPS fix and faults of the estimator, NaN where unknown, and when outputs were told, −inf:
+    never -> what the boat says is well: bits of `SensorFault`."""
     known = isfinite(estimator)
     well = REPORTED & ~GPS & ~(int(estimator) << EKF_SHIFT) if known else 0
+    well |= UNHEARD if isfinite(heard) else 0
     return well | GPS if fix >= FIX_3D else well
 
 

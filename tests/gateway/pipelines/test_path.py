@@ -318,15 +318,15 @@ def told_of(
     changed   what becomes of the pulses (S, 32), row by row of their table
     """
     given, path = material(NEVER), path_of(ReferenceMode.MEASURED, vessel)
-    pulses = given.feed.pulse_table.pulses.copy()
+    table = given.feed.pulse_table
+    pulses = table.pulses.copy()
     changed(pulses)
     begun = given.feed.events.time_s[0]
     away = (given.feed.events.time_s - begun >= lost_gps[0]) & (
         given.feed.events.time_s - begun < lost_gps[1]
     )
-    feed = replace(
-        given.feed, pulse_table=PulseTable.of(pulses), gps_fix=np.where(away, 1.0, 3.0),
-    )  # fmt: skip
+    told = PulseTable.of(pulses, table.heard_ns)
+    feed = replace(given.feed, pulse_table=told, gps_fix=np.where(away, 1.0, 3.0))
     state, detector, events = path.start(), EventDetector.of(vessel), list[tuple[str, str]]()
     times, fit = list[float](), list[bool]()
     for begin in range(0, len(feed), size):

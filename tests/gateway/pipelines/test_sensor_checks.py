@@ -5,6 +5,7 @@ Faults are injected into a simulated boat whose vessel is right: whatever blames
 
 import math
 import time
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -169,11 +170,21 @@ def test_outputs_that_are_told_no_more_are_said_and_judge_nothing() -> None:
     happened = heard_without(Span(15.0, 25.0), "SERVO_OUTPUT_RAW")
     ((failed, text),) = [(at, says) for at, kind, says in happened if kind == "sensor_failed"]
     ((over, again),) = [(at, says) for at, kind, says in happened if kind == "sensor_restored"]
-    assert text == "the outputs are told no more: until that is over the model is not judged"
+    assert text == "nobody tells of the outputs: until that is over the model is not judged"
     assert 15.0 + UNHEARD_S < failed < 15.0 + UNHEARD_S + 0.5
     assert again.startswith("the outputs are told again, after ")
     assert 25.0 + SETTLE_S - 0.5 < over < 25.0 + SETTLE_S + 1.0
     assert not [kind for _, kind, _ in happened if kind in BLAME]
+
+
+def test_outputs_that_nobody_has_ever_told_of_judge_nothing_and_do_not_come_again() -> None:
+    happened = heard_without(Span(0.0, 12.0), "SERVO_OUTPUT_RAW")
+    ((failed, text),) = [(at, says) for at, kind, says in happened if kind == "sensor_failed"]
+    ((_, there),) = [(at, says) for at, kind, says in happened if kind == "sensor_restored"]
+    assert text == "nobody tells of the outputs: until that is over the model is not judged"
+    assert failed < 2.0 + UNHEARD_S
+    assert there.startswith("the outputs are told, after ")
+    assert there.endswith("the model is judged from now on")
 
 
 def test_a_link_that_is_silent_as_a_whole_says_nothing_of_outputs() -> None:
@@ -274,11 +285,11 @@ def inputs(
     noise = 1e-4 * np.random.default_rng(1).standard_normal(count)
     z[0::3, 0], z[1::3, 0], z[2::3, 0] = yaw, rate, speed + noise
     ns = (time * 1e9).astype(np.int64)
-    pulses = PulseTable.of(np.full((1, CHANNELS), 1600.0 if armed else np.nan))
+    pulses = PulseTable.of(np.full((3 * count, CHANNELS), 1600.0 if armed else np.nan), ns)
     one = np.ones(3 * count)
     return FilterInputs(
         Events(time, np.tile([int(k) for k in kinds], count), z, np.ones((3 * count, 2))),
-        np.arange(3 * count), one > 0.0, ns, ns, np.zeros(3 * count, np.int64), one,
+        np.arange(3 * count), one > 0.0, ns, ns, np.arange(3 * count), one,
         np.ones((3 * count, 2)), np.repeat(np.broadcast_to(fix, count), 3) * 1.0,
         np.repeat(np.broadcast_to(ekf, count), 3) * 1.0, pulses,
     )  # fmt: skip
@@ -293,6 +304,19 @@ def turning(count: int, rate: float = 0.3, seed: int = 0) -> tuple[Any, Any]:
     dice = np.random.default_rng(seed)
     yaw = rate * np.arange(count) / 10.0 + 1e-3 * dice.standard_normal(count)
     return yaw, rate + 1e-3 * dice.standard_normal(count)
+
+
+def test_outputs_are_missed_though_messages_overtake_one_another() -> None:
+    yaw, rate = turning(100)
+    given = inputs(yaw, rate)
+    table = given.pulse_table
+    once = given.pulse_table._replace(heard_ns=np.full_like(table.heard_ns, 10**9))
+    late = given.events.time_s - 0.15 * (given.events.kind == MeasurementKind.VELOCITY)
+    given = replace(given, pulse_table=once, events=replace(given.events, time_s=late))
+    bits = faults(given)
+    silent = np.arange(100) / 10.0 - 0.15
+    assert not bits[silent < UNHEARD_S - 0.3].any()
+    assert (bits[silent > UNHEARD_S + 0.3] == SensorFault.UNHEARD).all()
 
 
 def test_how_inputs_are_cut_makes_no_difference() -> None:
