@@ -83,11 +83,12 @@ NEEDED = {  # what a comparison needs -> the quantities of which one tells it
 
 def _show_boat(out: ResultConsole, one: BoatSurvey) -> None:
     clock = one.clock
+    lost = f", {clock.unplaced} without a time that can be" if clock.unplaced else ""
     out.print(f"\n[bold]{one.boat}[/bold] {escape(one_line(one.firmware))}: {one.seconds:.0f} s")
     out.print(
         f"clock: {clock.sessions} boot sessions, {clock.reboots} reboots, {clock.wraps} wraps, "
         f"{clock.late} late, {clock.duplicates} duplicates, {clock.receive_steps} steps of the "
-        f"receiver's clock, delays spread over {clock.spread_s * 1000:.0f} ms"
+        f"receiver's clock, delays spread over {clock.spread_s * 1000:.0f} ms{lost}"
     )
     table = Table("quantity", "source", "rate", "longest gap", "why", title="sources chosen")
     for quantity, choice in one.sources.items():

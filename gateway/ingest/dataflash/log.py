@@ -50,6 +50,7 @@ GPS_EPOCH_S = 315_964_800  # 1980-01-06 in Unix time
 WEEK_S = 604_800
 LEAP_S = 18  # GPS − UTC since 2017, as in pymavlink
 REORDERED_US = 1_000_000  # the logger itself mixes messages by some ms: that is no step back
+LONE_US = 60_000_000  # one stamp that is so far from both its neighbours is none
 PRIMARY_LANE = (("XKF4", "PI"), ("NKF4", "PI"))  # message and column with the primary lane
 GYRO_BIAS = ("XKF1", "NKF1", "EKF1")  # column GZ [deg/s], column C where there are several lanes
 VEHICLES = {  # how the banner begins -> what the vehicle is
@@ -66,12 +67,15 @@ GPS_TIME = (("GWk", "GMS"), ("Week", "TimeMS"))  # columns of week and time of w
 
 
 @compiled
-def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> Ints:
-    """Time of each message, or of the one before where it has none: (K,) [µs since boot].
+def clocks(
+    data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints
+) -> tuple[Ints, int]:  # fmt: skip
+    """Time of each message, or of the one before where it has none or none that can be: (K,) [µs
+    since boot]; and how many had one that cannot be.
 
     width, scale  (256,)  by type: bytes of the clock at the front (8, 4 or 0: none), µs per count
     """
-    times = np.empty(len(offset), np.int64)
+    times, wild = np.empty(len(offset), np.int64), 0
     now = np.int64(-1)
     for i in range(len(offset)):
         number, start = kind[i], U(offset[i] + PAYLOAD)
@@ -88,8 +92,22 @@ def clocks(data: Bytes, offset: Ints, kind: Ints, width: Ints, scale: Ints) -> I
                 now = np.int64(count) * scale[number]
                 if first:  # what stands before the first clock (FMT records) is as old
                     times[:i] = now
+            else:
+                wild += 1
         times[i] = now
-    return times
+    return times, wild
+
+
+def without_lone(times: Ints) -> tuple[Ints, int]:
+    """Times (K,) [µs] in which one message alone is far from those around it takes the time of the
+    one before; and how many do.
+    """
+    step = np.diff(times)
+    near = np.abs(times[2:] - times[:-2]) < LONE_US
+    lone = np.flatnonzero((np.abs(step[:-1]) > LONE_US) & (np.abs(step[1:]) > LONE_US) & near) + 1
+    mended = times.copy()
+    mended[lone] = times[lone - 1]
+    return mended, len(lone)
 
 
 def unix_minus_boot_ns(gps: Mapping[str, NDArray[Any]]) -> int:
@@ -188,15 +206,22 @@ class DataflashLog(Log):
         """Type -> format, from the log's own FMT records."""
         return formats(self._records(fmt_itself()))
 
-    @cached_property
+    @property
     def time_us(self) -> Ints:
         """Time since boot of each message; where it has none, that of the one before: (K,)."""
+        return self._clock[0]
+
+    @cached_property
+    def _clock(self) -> tuple[Ints, int]:
+        """Times of all messages (K,) [µs since boot], and how many had one that cannot be."""
         width, scale = np.zeros(256, np.int64), np.ones(256, np.int64)
         for number, layout in self.formats.items():
             if layout.clock:
                 width[number] = layout.dtype["f0"].itemsize
                 scale[number] = 1 if layout.clock == "TimeUS" else 1000
-        return frozen(clocks(self.data, self.offset, self.type, width, scale))
+        times, wild = clocks(self.data, self.offset, self.type, width, scale)
+        times, lone = without_lone(times)
+        return frozen(times), wild + lone
 
     @cached_property
     def unix_minus_boot_ns(self) -> int:
@@ -213,6 +238,10 @@ class DataflashLog(Log):
         notes = []
         if garbled:
             notes.append(f"{garbled} message(s) refused: bytes are missing inside")
+        if wild := self._clock[1]:
+            notes.append(
+                f"{wild} message(s) with a time that cannot be: read as of the message before"
+            )
         if not self.unix_minus_boot_ns:
             notes.append("no GPS time: times count from the boot of the autopilot")
         return Statistics(

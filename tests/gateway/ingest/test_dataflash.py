@@ -226,6 +226,24 @@ def test_steps_back_of_the_boats_clock_are_counted() -> None:
     assert DataflashLog.from_bytes(raw).statistics.time_backwards == 1
 
 
+@pytest.mark.parametrize("wild", [0, 400_000_000, 10**18])
+def test_one_time_that_cannot_be_is_said_and_read_as_of_the_message_before(wild: int) -> None:
+    seconds = [100, 101, 102, 103, 104]
+    times = [1_000_000 * s for s in seconds]
+    times[2] = wild
+    log = DataflashLog.from_bytes(FMT_ITSELF + TICK + b"".join(tick(1, t) for t in times))
+    assert log.time_us[2:].tolist() == [1_000_000 * s for s in (100, 101, 101, 103, 104)]
+    assert "1 message(s) with a time that cannot be" in log.statistics.notes[0]
+    assert log.statistics.time_backwards == 0
+
+
+def test_times_of_a_second_boot_stay() -> None:
+    times = [500_000_000, 501_000_000, 1_000_000, 2_000_000]
+    log = DataflashLog.from_bytes(FMT_ITSELF + TICK + b"".join(tick(1, t) for t in times))
+    assert log.time_us[2:].tolist() == times
+    assert not [note for note in log.statistics.notes if "cannot be" in note]
+
+
 def test_order_is_the_position_among_all_messages() -> None:
     log = DataflashLog.from_bytes(FMT_ITSELF + TICK + tick(1, 5) + GPS + tick(1, 6))
     assert log.table("FMT").order.tolist() == [0, 1, 3]
