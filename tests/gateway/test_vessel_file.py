@@ -252,6 +252,11 @@ MISTAKES = {
     "long word": ("mass = 90.0", f"mass = '{'9' * 9000}'", "9…: input should be a valid number"),
     "long number": ("mass = 90.0", f"mass = {'9' * 5000}", "a number in it has too many digits"),
     "nested": ("[hull]", f"a = {'[' * 9000}{']' * 9000}\n[hull]", "nest too deeply"),
+    "nested in tables": (
+        "[hull]",
+        f"a = {('{' + 'a.' * 18 + 'a=') * 60}1{'}' * 60}\n[hull]",
+        "nest too deeply",
+    ),
     "1,000 effects": ("[hull]", CURRENT * 1000 + "[hull]", "at most 48 items"),
     "many digits": (
         "[hull]",
