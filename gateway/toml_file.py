@@ -19,6 +19,7 @@ from gateway.errors import BadInput
 T = TypeVar("T")
 MAX_BYTES = 1_000_000  # of a file that people write; the longest that ships has 3,000
 MAX_SHOWN = 60  # characters of a value that a message quotes
+MAX_TOLD = 500  # … and of what others say of one
 MAX_KEY_PARTS = 20  # `provenance."hull.mass".value` has three; chosen
 MAX_NESTING = 50  # of tables and arrays; a vessel file has four, and JSON readers end at 200
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?)"""
