@@ -73,7 +73,9 @@ def _ascending(pwm: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _astern_ahead(thrust: Point) -> Point:
-    if not -LARGEST <= thrust[0] <= 0.0 < thrust[1] <= LARGEST:
+    if max(map(abs, thrust)) > LARGEST:
+        raise ValueError(f"must be at most {LARGEST:g} N, astern and ahead")
+    if not thrust[0] <= 0.0 < thrust[1]:
         raise ValueError("must be thrust in N full astern (negative or 0), then full ahead")
     return thrust
 

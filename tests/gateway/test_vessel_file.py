@@ -248,7 +248,16 @@ MISTAKES = {
     "rudder's push": ("[hull]", curve(by=6, acts=2) + "[hull]", "go with one another alone"),
     "hard stop": ("X_u = -10.0", "X_u = -1.8e7", "stops the boat in less than 0.001 s"),
     "too heavy": ("mass = 90.0", "mass = 1e20", "hull.mass = 1e+20: input should be less than"),
-    "too strong": ("[-60.0, 120.0]", "[-60.0, 3e301]", "thrusters[0].thrust = [-60.0, 3e+301]: mu"),
+    "too strong": (
+        "[-60.0, 120.0]",
+        "[-60.0, 3e301]",
+        "thrust = [-60.0, 3e+301]: must be at most 1e",
+    ),
+    "too weak": (
+        "[-60.0, 120.0]",
+        "[60.0, 120.0]",
+        "= [60.0, 120.0]: must be thrust in N full ast",
+    ),
     "far away": ("[-1.1, 0.0]", "[-1100.0, 0.0]", "thrusters[0].position[0] = -1100.0: input sh"),
     "long word": ("mass = 90.0", f"mass = '{'9' * 9000}'", "9…: input should be a valid number"),
     "long number": ("mass = 90.0", f"mass = {'9' * 5000}", "a number in it has too many digits"),
