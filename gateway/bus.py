@@ -1,18 +1,18 @@
 """Publishes the shadow on zenoh: `shadow/<vessel>/<topic>`, last values on request, a life sign.
 
 By default the gateway is a peer that listens on the loopback interface and looks for nobody. Where
-a router already holds that port it joins as a client; with a zenoh configuration file it does what
-that says.
+a router or another gateway already holds that port it joins as a client; with a zenoh configuration
+file it does what that says.
 
 Publishing never waits: a slow subscriber loses samples (DROP). zenoh's callbacks run on threads of
 its own and only look at the last value kept here, under a lock.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Lock
+from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
 
@@ -26,6 +26,7 @@ from gateway.keelson import KeelsonPublisher
 from gateway.topics import TOPICS, Overflow, Topic
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+HEIR_LOOKS_S = 0.5  # so often a gateway that joined another one looks whether that is there
 OTHERS_S = 0.5  # for other gateways to answer that they are there
 MODEL_ENCODING = "application/toml"
 STATUS_ENCODING = "application/json"
@@ -60,7 +61,7 @@ def session_config(mode: str, endpoints: Mapping[str, Sequence[str]]) -> zenoh.C
     return config
 
 
-def _open_file(path: Path) -> zenoh.Session:
+def open_file(path: Path) -> zenoh.Session:
     """A session as a zenoh configuration file describes it, timestamps on in any case."""
     if not path.is_file():
         raise BadInput(f"{path}: no such zenoh configuration file: give an existing .json5 file")
@@ -75,13 +76,67 @@ def _open_file(path: Path) -> zenoh.Session:
         raise ShadowError(f"{path}: zenoh cannot start so: {first_line_of(error)}") from error
 
 
-def open_session(settings: BusSettings) -> zenoh.Session:
-    """Listen on the endpoint, or join whatever zenoh already listens there."""
-    if settings.config_file is not None:
-        return _open_file(settings.config_file)
+class PortHeir:
+    """Listens on an endpoint once the gateway is gone that did, for a session that had joined it.
+
+    Nobody would be reached there any more; the session finds the heir as it would find that gateway
+    again. Where a router listens nothing is done, ever: it could not come back.
+    """
+
+    def __init__(self, joined: zenoh.Session, endpoint: str) -> None:
+        self._joined, self._endpoint = joined, endpoint
+        self._routed = bool(joined.info.routers_zid())
+        self._own = ExitStack()
+        self._ended = Event()
+        self._thread = Thread(target=self._watch, name="zenoh port", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def stop(self) -> None:
+        """No longer look; what listens goes on until the end."""
+        self._ended.set()
+        self._thread.join()
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self._own.close()
+
+    def _watch(self) -> None:
+        while not self._routed and not self._ended.wait(HEIR_LOOKS_S):
+            self._routed = bool(self._joined.info.routers_zid())
+            alone = not self._routed and not self._joined.info.peers_zid()
+            if alone and (listening := _listening(self._endpoint)) is not None:
+                self._own.enter_context(listening)
+                return
+
+
+@contextmanager
+def open_session(settings: BusSettings) -> Iterator[zenoh.Session]:
+    """Inside: listen on the endpoint, or join whatever zenoh already listens there."""
     endpoint = settings.endpoint
+    with ExitStack() as scope:
+        if settings.config_file is not None:
+            yield scope.enter_context(open_file(settings.config_file))
+        elif (listening := _listening(endpoint)) is not None:
+            yield scope.enter_context(listening)
+        else:
+            joined = _joined(endpoint)
+            heir = scope.enter_context(PortHeir(joined, endpoint))
+            scope.enter_context(joined)  # closed before the heir: others hear through it of the end
+            scope.callback(heir.stop)
+            yield joined
+
+
+def _listening(endpoint: str) -> zenoh.Session | None:
+    """A session that listens there; None where something does already."""
     with suppress(zenoh.ZError):
         return zenoh.open(session_config("peer", {"listen": [endpoint]}))
+    return None
+
+
+def _joined(endpoint: str) -> zenoh.Session:
     try:
         return zenoh.open(session_config("client", {"connect": [endpoint]}))
     except zenoh.ZError as error:

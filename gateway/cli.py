@@ -30,6 +30,7 @@ from typer.core import TyperCommand
 
 from gateway.commands import PUBLISH, effects, fleet, live, model, recordings, tell_unused_mapping
 from gateway.errors import NUMERICAL_ERRORS, ShadowError, numerical_message, printable
+from gateway.long_running import other_ends
 
 app = typer.Typer(
     name="shadow",
@@ -111,7 +112,8 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells have it; typer returns it without a
 
 def main() -> None:
     """Entry point of `shadow`: one line and an exit status for everything that goes wrong."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave nothing half-written
+    for number in other_ends():
+        signal.signal(number, signal.default_int_handler)  # leave nothing half-written
     for stream in (sys.stdout, sys.stderr):  # a terminal need not know our letters, nor a name's
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -213,5 +215,6 @@ def _fail(text: str, status: int) -> NoReturn:
     """One line on standard error, even where it quotes names with line breaks; then exit."""
     if os.environ.get("SHADOW_DEBUG", "0") not in ("", "0"):
         traceback.print_exc()
-    print(f"error: {printable(' '.join(text.split()))}", file=sys.stderr)
+    with suppress(OSError):  # a terminal that is gone
+        print(f"error: {printable(' '.join(text.split()))}", file=sys.stderr)
     sys.exit(status)

@@ -41,7 +41,8 @@ from gateway.ingest.mcap import MAGIC
 from gateway.keelson import check_base
 from gateway.links.rate_requests import FULL_HZ, PRESETS, check_rates
 from gateway.plants import plant_relative_to
-from gateway.recording.foxglove_server import ORIGIN, parse_address
+from gateway.recording.foxglove_server import parse_address
+from gateway.recording.origin_gate import ORIGIN
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings
 from gateway.shadow.model_monitor import Adapt

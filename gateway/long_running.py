@@ -8,6 +8,7 @@ Lines are text for people, JSON for programs (`--log json`). A line is a string,
 only prints needs to know no more; its level, kind and vessel are those of the event that it tells.
 """
 
+import errno
 import signal
 import sys
 import threading
@@ -23,6 +24,17 @@ from gateway.errors import one_line
 
 LOOK_S = 0.05  # so often whoever sleeps looks whether the end was asked for
 AGAIN_S = 0.5  # what comes sooner is the same signal: `timeout` signals a program, then its group
+HANGUP: int | None = getattr(signal, "SIGHUP", None)  # Windows has none
+
+
+def other_ends() -> tuple[int, ...]:
+    """Signals beside Ctrl-C that ask for the end: SIGTERM, and SIGHUP of a window that was closed.
+
+    Where SIGHUP is ignored (`nohup`) it stays so.
+    """
+    if HANGUP is None or signal.getsignal(HANGUP) is signal.SIG_IGN:
+        return (signal.SIGTERM,)
+    return (signal.SIGTERM, HANGUP)
 
 
 class Stop:
@@ -57,10 +69,11 @@ class Stop:
 
 
 class Interrupts:
-    """Inside `with`, SIGINT and SIGTERM wait for the next `check` or `sleep`, or for the end of it.
+    """Inside `with`, SIGINT, SIGTERM and SIGHUP wait for the next `check` or `sleep`, or its end.
 
     What is open (a zenoh session, a recorder) is never left in the middle of a step, nor while it
-    closes. A second signal, a moment later, interrupts at once. Outside of the main thread this
+    closes. A second signal, a moment later, interrupts at once: not so SIGHUP, which a shell passes
+    on once more as it ends. Outside of the main thread this
     does nothing: there Python delivers no signals.
     """
 
@@ -70,7 +83,7 @@ class Interrupts:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in (signal.SIGINT, *other_ends()):
                 self._before[number] = signal.signal(number, self._ask)
         return self
 
@@ -93,20 +106,20 @@ class Interrupts:
         self.check()
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
-        if self._stop.set_again():
+        if self._stop.set_again() and number != HANGUP:
             raise KeyboardInterrupt
 
 
 def stop_on_signals() -> Stop:
-    """A `Stop` that SIGINT and SIGTERM set; one that comes later ends the program at once."""
+    """A `Stop` that SIGINT, SIGTERM and SIGHUP set; a later one of the first two ends at once."""
     stop = Stop()
 
     def ask(number: int, _: FrameType | None) -> None:
-        if stop.set_again():
+        if stop.set_again() and number != HANGUP:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, *other_ends()):
         signal.signal(number, ask)
     return stop
 
@@ -132,7 +145,10 @@ class LogLine(str):
 
 
 def print_line(text: str, form: LogFormat = LogFormat.TEXT) -> None:
-    """Print on standard error: text, or one JSON object of time, level, kind, vessel, message."""
+    """Print on standard error: text, or one JSON object of time, level, kind, vessel, message.
+
+    A terminal that is gone (EIO) takes no line; what runs goes on, or ends in order.
+    """
     shown = one_line(text)
     if form is LogFormat.JSON:
         line = text if isinstance(text, LogLine) else LogLine(text)
@@ -141,4 +157,8 @@ def print_line(text: str, form: LogFormat = LogFormat.TEXT) -> None:
             "time": now, "level": line.level, "kind": line.kind, "vessel": line.vessel,
             "message": shown,
         }).decode()  # fmt: skip
-    print(shown, file=sys.stderr, flush=True)
+    try:
+        print(shown, file=sys.stderr, flush=True)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise

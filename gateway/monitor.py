@@ -22,7 +22,7 @@ import orjson
 import zenoh
 from zenoh import ext
 
-from gateway.bus import DEFAULT_ENDPOINT, BusSettings, open_session, session_config
+from gateway.bus import DEFAULT_ENDPOINT, open_file, session_config
 from gateway.errors import BadInput
 from gateway.topics import WATCHED, Field, FieldType
 
@@ -165,7 +165,7 @@ class MonitorOptions:
 def join_bus(endpoint: str, config_file: Path | None) -> zenoh.Session | None:
     """Join the gateway or router at `endpoint`; None while nothing answers there."""
     if config_file is not None:
-        return open_session(BusSettings(config_file=config_file))
+        return open_file(config_file)
     try:
         config = session_config("client", {"connect": [endpoint]})
     except zenoh.ZError:

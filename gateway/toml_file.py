@@ -1,10 +1,12 @@
 """TOML files: read within bounds, checked against a typed table, mistakes in one line.
 
 What a stranger wrote may be meant to harm: a file is refused above `MAX_BYTES`, where tables or
-arrays nest too deeply, or where a number has thousands of digits.
+arrays nest too deeply, or where a number has thousands of digits. Keys of many parts (`a.a.a…`) are
+found before tomllib sees them: it takes time and memory by the square of their number.
 """
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +19,21 @@ from gateway.errors import BadInput
 T = TypeVar("T")
 MAX_BYTES = 1_000_000  # of a file that people write; the longest that ships has 3,000
 MAX_SHOWN = 60  # characters of a value that a message quotes
+MAX_TOLD = 500  # … and of what others say of one
+MAX_KEY_PARTS = 20  # `provenance."hull.mass".value` has three; chosen
+MAX_NESTING = 50  # of tables and arrays; a vessel file has four, and JSON readers end at 200
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?)"""
+_TOKEN = re.compile(  # each ends where a text or a comment is left open: one pass whatever it holds
+    rf"""
+    \"{{3}} (?:[^"\\]|\\.|"(?!""))*+ (?:\"{{3}})?
+    | '{{3}} (?:[^']|'(?!''))*+ (?:'{{3}})?
+    | \#[^\n]*+
+    | (?P<deep> (?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}})
+    | {_PART}
+    | [^\w"'\#-]++
+    """,
+    re.VERBOSE | re.DOTALL,
+)
 
 
 def read_toml(file: Path, what: str, kind: str = "a TOML file") -> dict[str, Any]:
@@ -29,15 +46,31 @@ def read_toml(file: Path, what: str, kind: str = "a TOML file") -> dict[str, Any
     if len(raw) > MAX_BYTES:
         raise BadInput(f"{file}: larger than {MAX_BYTES:,} bytes (MAX_BYTES): not {kind}")
     try:  # Notepad begins a file with a byte order mark
-        return tomllib.loads(raw.decode("utf-8-sig").replace("\r\n", "\n"))
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError:
         raise BadInput(f"{file}: not a text file; {what} is TOML") from None
+    if any(token["deep"] for token in _TOKEN.finditer(text)):
+        raise BadInput(f"{file}: not {kind}: a key has more than {MAX_KEY_PARTS} parts (a.a.a.…)")
+    try:
+        tables = tomllib.loads(text)
+        if _nest_deeper(tables, MAX_NESTING):
+            raise RecursionError
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{file}: not {kind}: {shortened(str(error), 200)}") from None
     except RecursionError:
         raise BadInput(f"{file}: not {kind}: tables or arrays nest too deeply") from None
     except ValueError:  # of int(): it takes no thousands of digits
         raise BadInput(f"{file}: not {kind}: a number in it has too many digits") from None
+    return tables
+
+
+def _nest_deeper(tables: dict[str, Any], most: int) -> bool:
+    """Whether tables or arrays stand within each other more than so often."""
+    level: list[Any] = [tables]
+    for _ in range(most):
+        held = (v for one in level for v in (one.values() if isinstance(one, dict) else one))
+        level = [value for value in held if isinstance(value, dict | list)]
+    return bool(level)
 
 
 def validated(kind: TypeAdapter[T], tables: Mapping[str, Any]) -> T:

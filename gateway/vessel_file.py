@@ -15,13 +15,15 @@ from typing import Any
 import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
-from gateway.errors import BadInput
+from gateway.errors import BadInput, printable
 from gateway.files import vessel_names, vessel_path
-from gateway.toml_file import explain, read_toml, shortened, validated
+from gateway.toml_file import MAX_TOLD, explain, read_toml, shortened, validated
 from gateway.user_effects import effect_file_beside, known_effects, load_trusted_effects
 from gateway.vessel_tables import (
     AREAS_KEY,
     ASSUMED_AREAS,
+    MAX_LISTED,
+    MAX_NAME,
     DynamicsTable,
     FloatingTable,
     HullTable,
@@ -49,6 +51,7 @@ from sim.vessel import (
 
 _VESSEL_FILE = TypeAdapter(VesselFile)
 LISTED = "`shadow effects` lists those there are"
+ROOM = 20  # characters behind a name: " fitted"
 TYPO = 0.8  # as alike two names are where one is the other with a letter wrong, as difflib tells
 OF, OF_THE_BOAT = "of", "boat"  # in the entry of an effect of a day that this boat has every day
 
@@ -113,8 +116,9 @@ def _check_provenance(file: Path, read: VesselFile, vessel: Vessel) -> None:
         if origin.ci95 is None or not origin.ci95[0] <= now <= origin.ci95[1]:
             interval = "" if origin.ci95 is None else f" ({_ends(origin.ci95)})"
             raise BadInput(
-                f"{file}: {key} = {now:g}: {origin.recording} gave {origin.value:g}{interval}: put "
-                f'that back, or take [provenance."{key}"] out where the new number is meant'
+                f"{file}: {key} = {now:g}: {shortened(origin.recording, 200)} gave "
+                f'{origin.value:g}{interval}: put that back, or take [provenance."{key}"] '
+                "out where the new number is meant"
             )
 
 
@@ -172,7 +176,7 @@ def _effect(file: Path, key: str, entry: dict[str, Any], given: dict[str, Effect
     try:
         added = AddedEffect(effect, {k: float(v) for k, v in values.items()})
     except ValueError as error:
-        raise BadInput(f"{file}: {key}: {error}") from None
+        raise BadInput(f"{file}: {key}: {shortened(str(error), MAX_TOLD)}") from None
 
     check_effect(f"{file}: {key}", effect.parameters, added.values)
     return added
@@ -228,7 +232,7 @@ def _effects_in(file: Path, key: str, source: Any) -> tuple[Effect, ...]:
     try:
         return load_trusted_effects(effect_file_beside(file, source))
     except BadInput as error:
-        raise BadInput(f"{file}: {key}: {error}") from None
+        raise BadInput(f"{file}: {key}: {shortened(str(error), MAX_TOLD)}") from None
 
 
 def vessel_tables(
@@ -292,6 +296,16 @@ def revised(
         before={k: was[k] for k in changed if k in was}, now=changed,
     )  # fmt: skip
     return (*old.history, revision) if changed else old.history
+
+
+def name_after(file: Path) -> str:
+    """The name of a boat that is called after a file, with room for a word behind it."""
+    return printable(file.stem)[: MAX_NAME - ROOM]
+
+
+def listed(texts: Iterable[str], mark: str = ", ") -> str:
+    """Names of recordings, or what was said on each, as a file holds them: those that fit."""
+    return shortened(mark.join(texts), MAX_LISTED - 1)
 
 
 def zenoh_key(vessel: Vessel) -> str:

@@ -6,7 +6,7 @@ Bounds are wide: they stop what no boat is, no integration can follow, no compil
 from pathlib import Path
 from typing import Annotated, Any
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, MaxLen
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator
 
 from gateway.errors import BadInput, one_line
@@ -16,6 +16,10 @@ LARGEST = 1e9  # of any number of a vessel, in SI: the largest ships have a mass
 LONGEST_M = 500.0  # the longest ship measures 458 m
 LARGEST_PLACE_M = 1000.0  # of a thruster or sensor from the origin
 MAX_RUDDERS, MAX_EFFECTS = 16, 48  # each is compiled into the model; the catalogue fits in
+MAX_NAME = 100  # characters of a name: tables and pictures have one in each row
+MAX_KEY = 300  # … of a number's: names of an actuator and of what it is
+MAX_SOURCE = 1000  # … of a sentence that people write
+MAX_LISTED = 20_000  # … of what commands list, as the names of hundreds of recordings
 FASTEST_S = 1e-3  # a boat that damping stops sooner has a number in the wrong unit
 
 Number = Annotated[float, Ge(-LARGEST), Le(LARGEST)]
@@ -69,7 +73,9 @@ def _ascending(pwm: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _astern_ahead(thrust: Point) -> Point:
-    if not -LARGEST <= thrust[0] <= 0.0 < thrust[1] <= LARGEST:
+    if max(map(abs, thrust)) > LARGEST:
+        raise ValueError(f"must be at most {LARGEST:g} N, astern and ahead")
+    if not thrust[0] <= 0.0 < thrust[1]:
         raise ValueError("must be thrust in N full astern (negative or 0), then full ahead")
     return thrust
 
@@ -89,6 +95,8 @@ def _port_starboard(angle: Point) -> Point:
 def _curve(given: Any) -> str | Points:
     """A name, or a table as tuples."""
     if isinstance(given, str):
+        if len(given) > MAX_NAME:
+            raise ValueError(f"expected a name of at most {MAX_NAME} characters")
         return given
     try:
         points = tuple((float(c), float(s)) for c, s in given)
@@ -100,7 +108,11 @@ def _curve(given: Any) -> str | Points:
     return points
 
 
-Name = Annotated[str, AfterValidator(_one_line)]
+Name = Annotated[str, MaxLen(MAX_NAME), AfterValidator(_one_line)]
+Word = Annotated[str, MaxLen(MAX_NAME)]
+Key = Annotated[str, MaxLen(MAX_KEY)]
+Source = Annotated[str, MaxLen(MAX_SOURCE)]
+Listed = Annotated[str, MaxLen(MAX_LISTED)]
 Pulses = Annotated[tuple[float, float, float], AfterValidator(_ascending)]
 Thrust = Annotated[Point, AfterValidator(_astern_ahead)]
 Curve = Annotated[Any, PlainValidator(_curve)]
@@ -170,8 +182,8 @@ class RudderTable(StrictTable):
     angle: Annotated[tuple[Steering, Steering], AfterValidator(_port_starboard)]
     area: Area = 0.0
     aspect: Positive = 1.5
-    wash: str | None = None
-    motor: str | None = None
+    wash: Word | None = None
+    motor: Word | None = None
 
 
 class SensorsTable(StrictTable):
@@ -212,31 +224,31 @@ class Provenance(StrictTable):
     fit    what found it: "identify, shooting, 240 s"
     """
 
-    recording: str = ""
-    date: str = ""
-    version: str = ""
-    fit: str = ""
+    recording: Listed = ""
+    date: Word = ""
+    version: Word = ""
+    fit: Listed = ""
     value: float | None = None
     ci95: Point | None = None
-    says: str = ""
+    says: Listed = ""
 
 
 class Revision(StrictTable):
     """[[history]]: a command that changed numbers, with what they were and what they are."""
 
-    date: str
-    by: str
-    recording: str = ""
-    version: str = ""
-    before: dict[str, float] = Field(default_factory=dict)
-    now: dict[str, float] = Field(default_factory=dict)
+    date: Word
+    by: Word
+    recording: Listed = ""
+    version: Word = ""
+    before: dict[Key, float] = Field(default_factory=dict)
+    now: dict[Key, float] = Field(default_factory=dict)
 
 
 class VesselFile(StrictTable):
     """A vessel file as written."""
 
     name: Name
-    source: str = ""
+    source: Source = ""
     sketch: bool = False
     hull: HullTable
     dynamics: DynamicsTable
@@ -245,7 +257,7 @@ class VesselFile(StrictTable):
     sensors: SensorsTable = SensorsTable()
     floating: FloatingTable = FloatingTable()
     effects: Annotated[tuple[dict[str, Any], ...], Field(max_length=MAX_EFFECTS)] = ()
-    provenance: dict[str, Provenance] = Field(default_factory=dict)
+    provenance: dict[Key, Provenance] = Field(default_factory=dict)
     history: tuple[Revision, ...] = ()
 
     @property

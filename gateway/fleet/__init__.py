@@ -34,14 +34,14 @@ from gateway.files import vessel_path
 from gateway.ingest.open import suffixes
 from gateway.toml_file import explain, read_toml, validated
 from gateway.vessel_file import load_vessel
-from gateway.vessel_tables import StrictTable
+from gateway.vessel_tables import MAX_NAME, StrictTable
 from sim.effects.effect import Effect
 
 
 class BoatTable(StrictTable):
     """[[vessels]]"""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
     file: str
     recordings: tuple[str, ...] = ("*",)
     system: int | None = None

@@ -12,10 +12,10 @@ from annotated_types import Ge, Gt, Le
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import BadInput
-from gateway.toml_file import explain, read_toml, validated
+from gateway.toml_file import MAX_TOLD, explain, read_toml, shortened, validated
 from gateway.user_effects import known_effects
 from gateway.vessel_file import check_effect, no_effect
-from gateway.vessel_tables import Bearing, StrictTable
+from gateway.vessel_tables import Bearing, StrictTable, Word
 from sim.effects.effect import Effect
 from sim.hil.day import Day, Moment, Wind
 from sim.plants.waves import Sea
@@ -57,8 +57,8 @@ class MomentTable(StrictTable):
 
     at: NotNegative
     over: NotNegative = 0.0
-    effect: str | None = None
-    thruster: str | None = None
+    effect: Word | None = None
+    thruster: Word | None = None
     gain: Annotated[float, Ge(0.0), Le(MAX_GAIN)] | None = None
     wind: WindTable | None = None
 
@@ -87,7 +87,7 @@ def load_day(file: Path, more_effects: Sequence[Effect] = ()) -> tuple[Day, str]
     try:
         return _day(read, known), file.read_text(encoding="utf-8")
     except (ValueError, BadInput) as error:
-        raise BadInput(f"{file}: {error}") from None
+        raise BadInput(f"{file}: {shortened(str(error), MAX_TOLD)}") from None
 
 
 def _day(read: DayFile, known: Mapping[str, Effect]) -> Day:
@@ -119,13 +119,13 @@ def _moment(i: int, table: MomentTable, known: Mapping[str, Effect]) -> Moment:
     if (table.thruster is None) != (table.gain is None):
         raise ValueError(f"{key}: thruster and gain (share of its thrust that is left) go together")
     if table.effect is None and values:
-        raise ValueError(f"{key}: unknown key {next(iter(values))}")
+        raise ValueError(f"{key}: unknown key {shortened(next(iter(values)))}")
     effect = None if table.effect is None else _known(f"{key}.effect", table.effect, known)
     parameters = effect.parameters if effect is not None else ()
     names = [p.name for p in parameters]
     unknown = [name for name in values if name not in names]
     if effect is not None and (unknown or not values):
-        what = f"unknown key {unknown[0]}" if unknown else "no number of it changes"
+        what = f"unknown key {shortened(unknown[0])}" if unknown else "no number of it changes"
         raise ValueError(f"{key}: {what}: {effect.name} has {', '.join(names)}")
     check_effect(key, [p for p in parameters if p.name in values], values)
     wind = None if table.wind is None else Wind(**dict(table.wind))
@@ -142,5 +142,7 @@ def _known(key: str, name: Any, known: Mapping[str, Effect]) -> Effect:
 def _numbers(key: str, values: Mapping[str, Any]) -> dict[str, float]:
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            raise ValueError(f"{key}.{name} = {value!r}: expected a number")
+            raise ValueError(
+                f"{key}.{shortened(name)} = {shortened(repr(value))}: expected a number"
+            )
     return {name: float(value) for name, value in values.items()}

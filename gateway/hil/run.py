@@ -340,5 +340,5 @@ def _report(loop: BoatLoop, progress: Progress) -> None:
 def run_until_stopped(
     plans: Sequence[LoopPlan], options: LoopOptions, progress: Progress
 ) -> list[BoatLoop]:
-    """Play until SIGINT or SIGTERM."""
+    """Play until SIGINT, SIGTERM or SIGHUP."""
     return run_loops(plans, options, progress, stop_on_signals().is_set)

@@ -255,8 +255,9 @@ def choose_boat(log: Log, system: int | None = None) -> Boat:
     chosen = [boat for boat in present if boat.system == system]
     if chosen:
         return chosen[0]
-    more = f" and {len(present) - MAX_LISTED} more" if len(present) > MAX_LISTED else ""
-    listed = ", ".join(str(boat) for boat in present[:MAX_LISTED]) + more
+    systems = list({boat.system: str(boat) for boat in reversed(present)}.values())[::-1]
+    more = f" and {len(systems) - MAX_LISTED} more" if len(systems) > MAX_LISTED else ""
+    listed = ", ".join(systems[:MAX_LISTED]) + more
     if system is None:
         raise BadInput(f"{log.path}: several boats in it, choose one: {listed}")
     raise BadInput(f"{log.path}: no boat with system id {system}; present: {listed}")

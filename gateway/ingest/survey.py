@@ -185,10 +185,10 @@ FAST_HZ = 5.0  # slower commands or motion hide effects that act within a fracti
 
 @dataclass(frozen=True)
 class MessageSurvey:
-    """How often one message came, by its receipt."""
+    """How often one message came, by its receipt; where that leaps by a day it is the clock's."""
 
     count: int
-    rate_hz: float  # between gaps
+    rate_hz: float
     longest_gap_s: float
 
 
@@ -263,10 +263,12 @@ def _steps(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dty
 
 def _message(times: np.ndarray[Any, np.dtype[np.int64]]) -> MessageSurvey:
     steps = _steps(times)
-    if not len(steps):
+    usual = steps[steps <= SLEEP * 1e-9]
+    if not len(usual):
         return MessageSurvey(len(times), 0.0, 0.0)
     # The mean, not the median: receipts come in bunches.
-    return MessageSurvey(len(times), float(len(times) - 1) / float(steps.sum()), float(steps.max()))
+    count = len(times) - 1 - (len(steps) - len(usual))
+    return MessageSurvey(len(times), count / float(usual.sum()), float(usual.max()))
 
 
 def _boat(log: Log, boat: Boat) -> BoatSurvey:

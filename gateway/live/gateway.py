@@ -426,7 +426,7 @@ SWITCH_S = 0.002
 
 
 def run_until_stopped(plans: Sequence[BoatPlan], options: LiveOptions, progress: Progress) -> None:
-    """Run until SIGINT or SIGTERM; then everything is finished cleanly."""
+    """Run until SIGINT, SIGTERM or SIGHUP; then everything is finished cleanly."""
     stop = stop_on_signals()
     sys.setswitchinterval(SWITCH_S)
     progress("getting ready: the first start with a vessel compiles for a while")

@@ -14,13 +14,14 @@ from gateway.files import write_whole
 from gateway.toml_file import explain
 from gateway.user_effects import known_effects
 from gateway.vessel_file import (
+    listed,
     load_vessel,
     read_vessel_file,
     revised,
     same_number,
     vessel_tables,
 )
-from gateway.vessel_tables import AREAS_KEY, Provenance, VesselFile
+from gateway.vessel_tables import AREAS_KEY, Listed, Provenance, VesselFile, Word
 from sim.effects.effect import Effect
 from sim.effects.tables import Formula
 from sim.identification import AREAS, updated_vessel
@@ -42,7 +43,7 @@ class NumberEntry(Entry):
     value: float
     ci95: tuple[float, float]
     unit: str = ""
-    doubt: str = ""
+    doubt: Listed = ""
 
 
 class StepEntry(Entry):
@@ -62,7 +63,7 @@ class RecordingEntry(Entry):
     """A recording that the diagnosis was made from."""
 
     name: str
-    date: str = ""
+    date: Word = ""
 
 
 class FormulaEntry(Entry):
@@ -88,7 +89,7 @@ class DiagnosisFile(Entry):
     curve: StepEntry | None = None
     formula: FormulaEntry | None = None
     recordings: tuple[RecordingEntry, ...] = ()
-    version: str = ""
+    version: Word = ""
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def add_from_diagnosis(
     known = {effect.name: effect for effect in (*known_effects(), *own)}
     step = _step_with(names, diagnosis, source, known)
     better = _with_numbers(boat, step, known, vessel)
-    recordings = ", ".join(r.name for r in diagnosis.recordings)
+    recordings = listed(r.name for r in diagnosis.recordings)
     history = revised(file, boat, better, "shadow add", recordings)
     tables = vessel_tables(better, file.provenance | _provenance(step, diagnosis), history)
     files = _effect_files(file, own, Path(vessel), Path(out))
@@ -261,7 +262,7 @@ def _with_numbers(
 def _provenance(step: StepEntry, diagnosis: DiagnosisFile) -> dict[str, Provenance]:
     """Where each number came from: recordings, date, version, interval, doubt."""
     common: dict[str, Any] = {
-        "recording": ", ".join(r.name for r in diagnosis.recordings),
+        "recording": listed(r.name for r in diagnosis.recordings),
         "date": diagnosis.recordings[0].date if diagnosis.recordings else "",
         "version": diagnosis.version,
         "fit": " ".join(["shadow diagnose", *step.effects]),

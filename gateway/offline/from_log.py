@@ -31,7 +31,7 @@ from gateway.offline.trials import TrialOptions, usable_trials
 from gateway.offline.usable_time import TimeSpan, limit_to_span
 from gateway.offline.vessel import ASTERN, BoatSize, check_size, first_vessel
 from gateway.user_effects import known_effects
-from gateway.vessel_file import load_vessel
+from gateway.vessel_file import load_vessel, name_after
 from sim.diagnosis.diagnose import DiagnoseSettings
 from sim.diagnosis.thresholds import GUESSED_PRIOR
 from sim.effects.effect import Effect
@@ -192,7 +192,7 @@ def learn_from(
         boat = load_vessel(file, own)
     progress("identifying")
     found = identify_trials([split.learn], boat, names=str(log), progress=progress)
-    name = f"{printable(Path(log).stem)} fitted"
+    name = f"{name_after(Path(log))} fitted"
     source = f"learnt from {printable(Path(log).name)} alone"
     plain = replace(found.vessel, name=name, source=source)
     answer = _diagnosed(Path(log), plain, split, options, own, progress)
@@ -227,7 +227,7 @@ def begin_vessel(
         wiring = f"the log does not say what its outputs drive: {wiring}"
     top = float(np.quantile(np.abs(trial.nu[trial.usable, Nu.U]), TOP_SPEED_SHARE))
     size = {"top_speed": max(round(top, 2), 0.1), **given}
-    text = first_vessel(log, printable(log.stem), outputs, size)
+    text = first_vessel(log, name_after(log), outputs, size)
     return text, (*_size_texts(given, size["top_speed"]), wiring)
 
 

@@ -28,7 +28,7 @@ from gateway.offline.usable_time import (
     limit_to_span,
     runs_without_thrust,
 )
-from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file, revised
+from gateway.vessel_file import dump_vessel, listed, load_vessel, read_vessel_file, revised
 from gateway.vessel_tables import DynamicsTable, Provenance
 from sim.effects.effect import Effect
 from sim.identification import BASE, MASSES, IdentifySettings
@@ -146,7 +146,7 @@ def provenance(
 
     Of a number that each recording has for itself, the file holds that of the first.
     """
-    names = ", ".join(trial.name for trial in trials)
+    names = listed(trial.name for trial in trials)
     return {
         f"dynamics.{e.name}" if e.name in DynamicsTable.model_fields else e.name: Provenance(
             recording=e.trial or names,
@@ -155,7 +155,7 @@ def provenance(
             fit=f"shadow identify, {fit}",
             value=e.value,
             ci95=e.ci95,
-            says="; ".join(filter(None, (e.doubt, *_on_other_recordings(e, estimates)))),
+            says=listed(filter(None, (e.doubt, *_on_other_recordings(e, estimates))), "; "),
         )
         for e in estimates
         if e.trial in (None, trials[0].name)
@@ -272,7 +272,7 @@ def identify_logs_by_recording(
         kept = [t for t, own in pairs if t.name in fitted and own == name] or trials[:1]
         estimates = [_estimate(one) for one in found.numbers if one.boat in ("", name)]
         origins = provenance(estimates, kept, f"each of {len(found.fits)} recordings alone")
-        sources = ", ".join(trial.name for trial in trials if trial.name in fitted)
+        sources = listed(trial.name for trial in trials if trial.name in fitted)
         history = revised(old, boat, found.vessels[name], "shadow identify --by-recording", sources)
         text = dump_vessel(found.vessels[name], old.provenance | origins, history)
         write_whole(file, text.encode(), "the vessel file")

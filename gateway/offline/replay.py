@@ -111,6 +111,7 @@ def open_outputs(
 # Of received facts, processed at a time. 5 takes a tenth longer; 20 makes recordings of all topics
 # 6 % larger: the same numbers in several topics stand too far apart to be compressed.
 CHUNK_S = 10.0
+MAX_CHUNK = 10_000  # measurements, where many share a receipt: memory goes with them
 PACE_S = 0.02  # the same at the speed at which it was recorded
 
 Pace = Callable[[float], None]  # sleeps for so many seconds, if above 0
@@ -319,7 +320,11 @@ def _chunk_ends(
     began, start = time.monotonic(), 0
     while start < len(feed):
         end = int(np.searchsorted(since, since[start] + chunk_s, side="left"))
-        end = min(max(end, start + 1), int(turns[np.searchsorted(turns, start, side="right")]))
+        end = min(
+            max(end, start + 1),
+            start + MAX_CHUNK,
+            int(turns[np.searchsorted(turns, start, side="right")]),
+        )
         if pace:
             pace(began + float(since[end - 1]) - time.monotonic())
         yield end

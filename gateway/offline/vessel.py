@@ -14,17 +14,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.errors import BadInput, printable
+from gateway.errors import BadInput
 from gateway.files import write_whole
 from gateway.ingest.log import choose_floating
 from gateway.ingest.mapping import THRUST_FUNCTIONS, Actuator, OutputFunction, actuators
 from gateway.ingest.open import open_log
 from gateway.number_keys import file_key
-from gateway.toml_file import explain
+from gateway.toml_file import MAX_TOLD, explain, shortened
 from gateway.vessel_file import (
     dump_vessel,
     edited_numbers,
     load_vessel,
+    name_after,
     number_name,
     read_vessel_file,
 )
@@ -92,7 +93,7 @@ def init_vessel(
             f"{log_path}: no parameters in it (PARAM_VALUE, PARM): record from boot or fetch "
             "them with the ground station, or copy a file from configs/vessels"
         )
-    text = first_vessel(log_path, name or printable(log_path.stem), actuators(parameters), given)
+    text = first_vessel(log_path, name or name_after(log_path), actuators(parameters), given)
     write_whole(out, text.encode(), "the vessel file")
     return read_vessel_file(out)
 
@@ -259,7 +260,7 @@ class Number:
         if self.origin is None:
             return self.unsaid
         parts = (self.origin.fit, self.origin.recording, self.origin.date, self.origin.says)
-        known = ", ".join(part for part in parts if part)
+        known = ", ".join(shortened(part, MAX_TOLD) for part in parts if part)
         if self.edited and self.origin.value is not None:
             return f"edited by hand, within its interval; {self.origin.value:.5g} by {known}"
         return known

@@ -4,30 +4,15 @@ It listens at [HOST:]PORT, on this machine alone by default. The library's threa
 sockets; the loop only hands messages over, and only those that somebody asked for. It never waits:
 a client that is too slow loses the oldest of its backlog. Clients can do nothing but subscribe. The
 boat of the first vessel has the topics of a recording, so that the same layout fits; those of other
-boats begin with their names.
-
-A browser lets any page connect to a WebSocket of this machine, and says in `Origin` which page that
-is. The library behind the socket does not look at it. A gate stands in front: it reads the head of
-each connection, refuses pages that nobody listed, and passes everything else on, byte for byte.
-Programs that are no browser send no `Origin` and are let in. The library's own port is on this
-machine alone, on Linux under a loopback address drawn by lot, so that a page cannot find it beside
-the gate.
+boats begin with their names. `gateway.recording.origin_gate` stands in front.
 """
 
-import contextlib
 import ipaddress
 import logging
-import re
-import secrets
-import socket
-import sys
-import threading
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from threading import Thread
 from typing import Any, Self
-from urllib.parse import urlsplit
 
 import numpy as np
 import orjson
@@ -35,171 +20,12 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput, ShadowError
 from gateway.json_rows import TopicRows
+from gateway.long_running import LogLine
 from gateway.recording import foxglove
 from gateway.recording.foxglove import PlayerRows
+from gateway.recording.origin_gate import ORIGINS, PROTOCOL, UPDATE, OriginGate, inner_host
 from gateway.recording.recorder import JSON, JSON_SCHEMA
 from gateway.topics import TOPICS
-
-MAX_CLIENTS = 32
-ACCEPT_AGAIN_S = 0.1  # after a connection could not be taken
-MAX_HEAD_BYTES = 16_384
-HEAD_TIMEOUT_S = 5.0  # for the handshake of a client, all of it: one that trickles keeps others out
-PIECE = 65_536
-LOCAL = ("localhost", "127.0.0.1", "::1")
-# Pages that players are served from, and "file://": programs of the desktop, as those two are.
-ORIGINS = (
-    "file://",
-    "https://app.foxglove.dev",
-    "https://studio.foxglove.dev",
-    "https://lichtblick-suite.github.io",
-)
-ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^\s/]*")  # scheme, host, perhaps a port
-
-
-def inner_host() -> str:
-    """A loopback address that nobody guesses; where there is only one, that."""
-    if not sys.platform.startswith("linux"):
-        return "127.0.0.1"
-    return ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-
-
-def allowed(origin: str | None, origins: Sequence[str]) -> bool:
-    """May a page of that origin connect? Pages served by this machine may."""
-    if origin is None or origin in origins:
-        return True
-    try:
-        parts = urlsplit(origin)
-        return parts.scheme in ("http", "https") and parts.hostname in LOCAL
-    except ValueError:
-        return False
-
-
-def origin_of(head: bytes) -> str | None:
-    """The `Origin` in the head of a request; None without one, "" where there are several."""
-    lines = head.decode("latin-1").split("\r\n")[1:]
-    pairs = [line.partition(":") for line in lines]
-    found = [value.strip() for name, _, value in pairs if name.strip().lower() == "origin"]
-    if len(found) > 1:
-        return ""
-    return found[0] if found else None
-
-
-class OriginGate:
-    """Listens while inside; `refused` is called with the origin of each page kept out."""
-
-    def __init__(
-        self,
-        address: tuple[str, int],
-        inner: tuple[str, int],
-        origins: Sequence[str],
-        refused: Callable[[str], None] = lambda origin: None,
-    ) -> None:
-        self._address, self._inner = address, inner
-        self._origins, self._refused = tuple(origins), refused
-        self._lock = threading.Lock()
-        self._open: set[socket.socket] = set()
-        self._clients = 0
-        self._listener: socket.socket | None = None
-
-    def __enter__(self) -> Self:
-        host, port = self._address
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        self._listener = socket.create_server((host, port), family=family)
-        threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            ends, self._open = [*self._open], set()
-            listener, self._listener = self._listener, None
-        for end in [*ends, *([listener] if listener else [])]:
-            _hang_up(end)
-
-    @property
-    def port(self) -> int:
-        """The TCP port that it listens on."""
-        assert self._listener is not None
-        return int(self._listener.getsockname()[1])
-
-    def _accept(self, listener: socket.socket) -> None:
-        while True:
-            try:
-                client, _ = listener.accept()
-            except OSError:  # closed; or the client is gone again, or no more files may be opened
-                if self._listener is None:
-                    return
-                time.sleep(ACCEPT_AGAIN_S)
-                continue
-            with self._lock:
-                full = self._clients >= MAX_CLIENTS or self._listener is None
-                self._clients += not full
-                if not full:
-                    self._open.add(client)
-            if full:
-                _hang_up(client)
-            else:
-                threading.Thread(target=self._serve, args=(client,), daemon=True).start()
-
-    def _serve(self, client: socket.socket) -> None:
-        """One connection: its handshake, then both ways until one end hangs up."""
-        inner: socket.socket | None = None
-        try:
-            head = _head(client)
-            origin = origin_of(head)
-            if not allowed(origin, self._origins):
-                self._refused(origin or "")
-                client.sendall(b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\n\r\n")
-                client.shutdown(socket.SHUT_WR)
-                client.recv(PIECE)  # what is left unread would take the answer away
-                return
-            inner = socket.create_connection(self._inner, HEAD_TIMEOUT_S)
-            with self._lock:
-                self._open.add(inner)
-            for end in (client, inner):
-                end.settimeout(None)
-                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            inner.sendall(head)
-            back = threading.Thread(target=_pass_on, args=(inner, client), daemon=True)
-            back.start()
-            _pass_on(client, inner)
-            back.join()
-        except (OSError, ValueError):
-            pass  # of this client alone
-        finally:
-            with self._lock:
-                self._clients -= 1
-                self._open -= {client, inner}
-            for end in filter(None, (client, inner)):
-                _hang_up(end)
-
-
-def _head(client: socket.socket) -> bytes:
-    """What a client sends until the empty line; ValueError where that is too much or too late."""
-    until, head = time.monotonic() + HEAD_TIMEOUT_S, b""
-    while b"\r\n\r\n" not in head:
-        client.settimeout(max(until - time.monotonic(), 0.001))
-        piece = client.recv(4096)
-        head += piece
-        if not piece or len(head) > MAX_HEAD_BYTES:
-            raise ValueError("no handshake")
-    return head
-
-
-def _pass_on(source: socket.socket, target: socket.socket) -> None:
-    """Copy until one end hangs up; then the other does."""
-    with contextlib.suppress(OSError):
-        while piece := source.recv(PIECE):
-            target.sendall(piece)
-    for end in (source, target):
-        with contextlib.suppress(OSError):
-            end.shutdown(socket.SHUT_RDWR)
-
-
-def _hang_up(end: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        end.shutdown(socket.SHUT_RDWR)
-    end.close()
-
 
 HOST = "127.0.0.1"
 
@@ -221,7 +47,7 @@ def on_this_machine(host: str) -> bool:
 
 
 BACKLOG = 1024  # messages that wait for one client: about three seconds of a boat at 50 Hz
-MAX_TOLD = 8  # pages that were refused and are named
+MAX_TOLD = 8  # pages that were refused, and subprotocols, that are named
 STOP_S = 0.5  # a client that does not read would hold up the end
 NAME = "digital shadow"
 
@@ -270,7 +96,7 @@ class FoxgloveServer:
 
     address   [HOST:]PORT
     origins   of web pages that may connect, beside `ORIGINS` and those of this machine
-    progress  is told of pages that were refused
+    progress  is told of pages and players that were refused
     """
 
     def __init__(
@@ -286,6 +112,7 @@ class FoxgloveServer:
         self._server: Any = None
         self._gate: OriginGate | None = None
         self._refused: set[str] = set()
+        self._foreign: set[str] = set()  # subprotocols
         self._plain_given = False
 
     def __enter__(self) -> Self:
@@ -297,7 +124,8 @@ class FoxgloveServer:
                 name=NAME, host=inner, port=0, context=self._context, message_backlog_size=BACKLOG,
             )  # fmt: skip
             inside = inner, int(self._server.port)
-            gate = OriginGate((self.host, self._port), inside, self._origins, self._refuse)
+            outside = self.host, self._port
+            gate = OriginGate(outside, inside, self._origins, self._refuse, self._tell_outdated)
             self._gate = gate.__enter__()
         except (RuntimeError, OSError) as error:
             self.__exit__()
@@ -334,18 +162,34 @@ class FoxgloveServer:
 
     def _refuse(self, origin: str) -> None:
         """Tell of a page that was refused, once for each of the first few."""
-        if origin not in self._refused and len(self._refused) < MAX_TOLD:
-            self._refused.add(origin)
+        if _is_new(origin, self._refused):
             self._progress(
                 f"Foxglove: a web page of {origin[:100] or 'several origins'} was refused; "
                 "origins under [foxglove] in gateway.toml lists those that may watch"
             )
+
+    def _tell_outdated(self, protocols: str) -> None:
+        """Tell of a player that speaks other subprotocols, once for each of the first few."""
+        if _is_new(protocols, self._foreign):
+            text = (
+                f"Foxglove: a player that speaks {protocols[:100] or 'no subprotocol'} was "
+                f"refused; this server speaks {PROTOCOL}: {UPDATE}"
+            )
+            self._progress(LogLine(text, "warning", "foxglove_refused"))
 
     def boat(self, name: str, leading: bool) -> BoatView:
         """Channels for a boat; the first leading one has the topics of a recording."""
         plain = leading and not self._plain_given
         self._plain_given |= plain
         return BoatView(self._sdk, self._context, self._rate_hz, "" if plain else name)
+
+
+def _is_new(kind: str, told: set[str]) -> bool:
+    """Whether a kind was not told of before, and is one of the first few: it is noted."""
+    new = kind not in told and len(told) < MAX_TOLD
+    if new:
+        told.add(kind)
+    return new
 
 
 def _library() -> Any:

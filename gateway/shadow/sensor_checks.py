@@ -68,7 +68,7 @@ class SensorFault(IntFlag):
 REASONS = tuple(fault for fault in SensorFault if fault is not SensorFault.SETTLING)
 # what is said while it lasts, and once it is over
 WORDS: dict[SensorFault, tuple[str, str]] = {
-    SensorFault.GPS: ("the GPS has no fix", "the GPS has a fix again"),
+    SensorFault.GPS: ("the GPS has no 3-D fix", "the GPS has a 3-D fix again"),
     SensorFault.EKF_ATTITUDE: (
         "the autopilot's EKF has no attitude", "the autopilot's EKF has its attitude again",
     ),

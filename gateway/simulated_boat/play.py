@@ -326,7 +326,7 @@ def play_until_stopped(
     seed: int,
     seconds: float,
 ) -> None:
-    """Play a program over and over until SIGINT, SIGTERM, or that long has passed."""
+    """Play a program over and over until SIGINT, SIGTERM, SIGHUP, or that long has passed."""
     stop = stop_on_signals()
     boat_transport(endpoint)  # what names no place to play to is told first
     progress(f"making {vessel.name} ready (the first time its model is compiled)")

@@ -29,6 +29,7 @@ from gateway.bus import DEFAULT_ENDPOINT
 from gateway.config import CREDIT, StudioSettings
 from gateway.errors import BadInput
 from gateway.files import RECORDINGS, VESSELS
+from gateway.long_running import other_ends
 from gateway.monitor import MonitorOptions
 from gateway.studio.access import Folders, OtherHost, OtherHostHandler, TokenAuth, new_token
 from gateway.studio.live_history import LiveHistory
@@ -264,7 +265,8 @@ def _has_lost_its_session(error: BaseException | None) -> bool:
 
 def _run_until_stopped(server: Any) -> None:
     loop = IOLoop.current()
-    signal.signal(signal.SIGTERM, lambda *_: loop.add_callback_from_signal(loop.stop))
+    for number in other_ends():
+        signal.signal(number, lambda *_: loop.add_callback_from_signal(loop.stop))
     try:
         loop.start()
     except KeyboardInterrupt:

@@ -27,6 +27,7 @@ from gateway.figures import FigureData
 from gateway.ingest.mapping import moment_of
 from gateway.ingest.open import open_log
 from gateway.ingest.survey import Survey, survey
+from gateway.long_running import HANGUP
 from gateway.offline.trials import FIRST_LOOK, trials_of
 from sim.effects.effect import LawError
 from sim.state import Eta, Floats
@@ -128,7 +129,8 @@ class Worker:
 
 def serve_jobs(connection: Connection) -> None:
     """The other process: jobs come in, messages go out, until the connection ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the studio's to handle
+    for number in filter(None, (signal.SIGINT, HANGUP)):
+        signal.signal(number, signal.SIG_IGN)  # Ctrl-C and a closed window are the studio's
     if hasattr(os, "nice"):
         os.nice(NICE)
 

@@ -14,6 +14,7 @@ from gateway.figures import DEGREES
 from gateway.offline.plan import PlanResult, pulse_bounds
 from gateway.offline.vessel import Passport, differences, outputs_that_differ
 from gateway.terminal import ResultConsole, result_table
+from gateway.toml_file import MAX_TOLD, shortened
 from sim.excitation import Manoeuvre
 from sim.excitation.responses import STEER, THROTTLE, StepResponse, StepResponses
 from sim.identification.by_recording import ByRecording
@@ -256,6 +257,8 @@ def show_history(read: Passport) -> None:
             else f"{name} {now:.4g}"
             for name, now in one.now.items()
         )
-        console.bullets([f"{one.date}, {one.by} on {one.recording}: {changed}"])
+        console.bullets(
+            [f"{one.date}, {one.by} on {shortened(one.recording, MAX_TOLD)}: {changed}"]
+        )
     if not read.tables.history:
         console.bullets(["no history: no command of this program has changed its numbers"])

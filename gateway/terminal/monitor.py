@@ -16,6 +16,7 @@ from rich.text import Text
 
 from gateway.errors import BadInput, ShadowError, one_line
 from gateway.figures import SURGE, SWAY, YAW_RATE
+from gateway.long_running import other_ends
 from gateway.monitor import (
     HIGH_LOSS,
     HIGH_NIS,
@@ -384,11 +385,12 @@ def _poll(watcher: BusWatcher) -> Iterator[tuple[VesselStatus, ...]]:
 
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the block as its normal end, so that the terminal is put in order."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Ctrl-C, SIGTERM and SIGHUP end the block as its normal end: the terminal is put in order."""
+    before = {n: signal.signal(n, signal.default_int_handler) for n in other_ends()}
     try:
         yield
     except KeyboardInterrupt:
         pass
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -35,7 +35,7 @@ from gateway.offline.add import read_diagnosis
 from gateway.offline.export import ExportFormat, ExportOptions, export, export_files
 from gateway.offline.simulate import read_commands
 from gateway.offline.trials import TrialOptions, trials_of
-from gateway.recording.foxglove_server import allowed, origin_of
+from gateway.recording.origin_gate import allowed, origin_of
 from gateway.studio import ranges_in
 from gateway.topics import TOPICS
 from gateway.vessel_file import dump_vessel, load_vessel

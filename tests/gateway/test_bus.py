@@ -224,6 +224,39 @@ def test_a_router_that_holds_the_port_is_joined(
         assert wait(subscriber.try_recv).payload.to_bytes() == PAYLOAD
 
 
+def test_the_last_gateway_takes_over_the_port_of_those_that_are_gone(
+    endpoint: str, client: Callable[[], zenoh.Session]
+) -> None:
+    def alive(asker: zenoh.Session) -> set[str]:
+        return {str(reply.ok.key_expr) for reply in asker.liveliness().get("shadow/*/alive")}
+
+    buses = [Bus(name, settings=BusSettings(endpoint)) for name in ("one", "two", "three")]
+    for bus in buses:
+        bus.__enter__()
+    watcher, left = client(), ["one", "two", "three"]
+    for bus in buses[:2]:
+        wait(lambda: alive(watcher) == {f"shadow/{name}/alive" for name in left})
+        bus.__exit__(None, None, None)
+        left.pop(0)
+        began = time.monotonic()
+        wait(lambda: alive(watcher) == {f"shadow/{name}/alive" for name in left})
+        assert time.monotonic() - began < 5.0
+        assert alive(client()) == {f"shadow/{name}/alive" for name in left}
+    buses[2].__exit__(None, None, None)
+
+
+def test_a_routers_port_is_left_to_the_router(endpoint: str) -> None:
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    router = zenoh.open(config)
+    with Bus("otter", settings=BusSettings(endpoint)):
+        router.close()
+        time.sleep(3.0)  # an heir would have listened by now
+        zenoh.open(config).close()
+
+
 def test_several_vessels_share_a_session(
     endpoint: str, client: Callable[[], zenoh.Session]
 ) -> None:

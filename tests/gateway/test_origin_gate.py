@@ -11,17 +11,18 @@ import pytest
 
 from gateway.config import FoxgloveSettings
 from gateway.errors import BadInput
-from gateway.recording import foxglove_server
-from gateway.recording.foxglove_server import (
+from gateway.recording import origin_gate
+from gateway.recording.foxglove_server import MAX_TOLD, FoxgloveServer
+from gateway.recording.origin_gate import (
     MAX_CLIENTS,
     MAX_HEAD_BYTES,
-    MAX_TOLD,
     ORIGINS,
-    FoxgloveServer,
+    PROTOCOL,
     OriginGate,
     allowed,
     inner_host,
     origin_of,
+    protocols_of,
 )
 
 PATIENCE_S = 10.0
@@ -80,11 +81,14 @@ def echo() -> Iterator[tuple[str, int]]:
         listener.shutdown(socket.SHUT_RDWR)
 
 
-def ask(port: int, origin: str | None) -> tuple[socket.socket, bytes]:
+def ask(
+    port: int, origin: str | None, protocols: str | None = PROTOCOL
+) -> tuple[socket.socket, bytes]:
     """A handshake, in two pieces -> the connection and what was sent."""
     line = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
     said = b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n"
     said += b"" if origin is None else f"Origin: {origin}\r\n".encode()
+    said += b"" if protocols is None else f"Sec-WebSocket-Protocol: {protocols}\r\n".encode()
     line.sendall(said)
     line.sendall(b"\r\nand more")
     return line, said + b"\r\nand more"
@@ -138,7 +142,7 @@ def test_a_connection_that_cannot_be_taken_does_not_close_the_gate() -> None:
 
 
 def test_no_handshake_no_entry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(foxglove_server, "HEAD_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(origin_gate, "HEAD_TIMEOUT_S", 0.2)
     with echo() as inner, OriginGate(("127.0.0.1", 0), inner, []) as gate:
         for said in (b"", b"GET / HT", b"x" * (MAX_HEAD_BYTES + 5000)):
             with socket.create_connection(("127.0.0.1", gate.port), PATIENCE_S) as line:
@@ -150,7 +154,7 @@ def test_no_handshake_no_entry(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_handshake_that_trickles_in_does_not_hold_its_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(foxglove_server, "HEAD_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(origin_gate, "HEAD_TIMEOUT_S", 0.5)
     with (
         echo() as inner,
         OriginGate(("127.0.0.1", 0), inner, []) as gate,
@@ -214,6 +218,54 @@ def test_the_server_refuses_pages_and_says_so_a_few_times() -> None:
             assert b"403" not in heard(line, 12)
     assert len(told) == MAX_TOLD
     assert told[0].startswith("Foxglove: a web page of https://0.example was refused; origins")
+
+
+def test_subprotocols_are_found_however_they_are_offered() -> None:
+    head = b"GET / HTTP/1.1\r\nHost: a\r\n%s\r\n\r\n"
+    assert protocols_of(head % b"sec-websocket-PROTOCOL: a, b,") == ["a", "b"]
+    assert protocols_of(head % b"Sec-WebSocket-Protocol: a\r\nSec-WebSocket-Protocol: b") == [
+        "a",
+        "b",
+    ]
+    assert protocols_of(head % b"X: a") == []
+
+
+@pytest.mark.parametrize(
+    ("protocols", "says", "told"),
+    [
+        ("foxglove.websocket.v1", "not foxglove.websocket.v1", "speaks foxglove.websocket.v1 was"),
+        (None, "and none was asked for", "speaks no subprotocol was"),
+    ],
+)
+def test_a_player_of_another_subprotocol_is_told_which_one_is_spoken(
+    protocols: str | None, says: str, told: str
+) -> None:
+    lines: list[str] = []
+    with FoxgloveServer("0", 10.0, progress=lines.append) as server:
+        for _ in range(3):
+            line, _ = ask(server.port, "https://app.foxglove.dev", protocols)
+            with line:
+                head, _, body = heard(line, 10_000).decode().partition("\r\n\r\n")
+            assert head.startswith("HTTP/1.1 400 ")
+            assert f"Content-Length: {len(body)}" in head
+            assert body.startswith(
+                f"This server speaks the WebSocket subprotocol {PROTOCOL}, {says}"
+            )
+            assert "Lichtblick (1.21 does not speak it, 1.29 does)" in body
+        for k in range(MAX_TOLD + 3):
+            line, _ = ask(server.port, None, f"v{k}")
+            with line:
+                assert heard(line, 12)[:12] == b"HTTP/1.1 400"
+    assert len(lines) == MAX_TOLD
+    assert sum(told in text for text in lines) == 1
+    assert PROTOCOL in lines[0]
+
+
+def test_a_player_that_offers_both_subprotocols_is_let_in() -> None:
+    with echo() as inner, OriginGate(("127.0.0.1", 0), inner, []) as gate:
+        line, said = ask(gate.port, None, f"foxglove.websocket.v1, {PROTOCOL}")
+        with line:
+            assert heard(line, len(said)) == said
 
 
 def test_an_origin_that_is_none_is_bad_input() -> None:

@@ -1,5 +1,6 @@
 """Ends that a signal asks for: no lock, nothing left in the middle, never lost."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -9,7 +10,7 @@ import time
 
 import pytest
 
-from gateway.long_running import LOOK_S, Interrupts, Stop
+from gateway.long_running import LOOK_S, Interrupts, Stop, print_line
 
 
 def interrupt() -> None:
@@ -107,6 +108,62 @@ def test_the_same_for_programs_that_run_until_they_are_asked_to_end(
     command = [sys.executable, "-c", PROGRAM, again_s]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
     assert (done.returncode, done.stdout) == (status, said)
+
+
+HANGS_UP = """
+import os, signal, sys, time
+from gateway import long_running
+long_running.AGAIN_S = 0.0
+if sys.argv[1] == "nohup":
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+stop = long_running.stop_on_signals()
+for _ in range(2):
+    os.kill(os.getpid(), signal.SIGHUP)
+    time.sleep(0.01)
+print("ended", stop.is_set())
+with long_running.Interrupts() as interrupts:
+    for _ in range(2):
+        os.kill(os.getpid(), signal.SIGHUP)
+        time.sleep(0.01)
+    print("step finished")
+print("went on")
+"""
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [("", "ended True\nstep finished\n"), ("nohup", "ended False\nstep finished\nwent on\n")],
+)
+def test_a_window_that_is_closed_ends_in_order_unless_nohup_says_otherwise(
+    how: str, said: str
+) -> None:
+    command = [sys.executable, "-c", HANGS_UP, how]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    assert done.stdout == said
+    assert "KeyboardInterrupt" in done.stderr or how == "nohup"
+
+
+class Gone:
+    """A terminal whose window is closed."""
+
+    def __init__(self, error: int) -> None:
+        self._error = error
+
+    def write(self, text: str) -> None:
+        raise OSError(self._error, os.strerror(self._error))
+
+    def flush(self) -> None:
+        pass
+
+
+def test_a_terminal_that_is_gone_takes_no_line_and_other_trouble_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "stderr", Gone(errno.EIO))
+    print_line("finished")
+    monkeypatch.setattr(sys, "stderr", Gone(errno.ENOSPC))
+    with pytest.raises(OSError, match="No space"):
+        print_line("finished")
 
 
 def test_handlers_are_as_before_and_another_thread_is_left_alone() -> None:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from gateway.errors import BadInput
 from gateway.files import remember
 from gateway.user_effects import TRUSTED, load_effects, trust
-from gateway.vessel_file import dump_vessel, load_vessel, read_vessel_file
-from gateway.vessel_tables import Provenance
+from gateway.vessel_file import dump_vessel, listed, load_vessel, name_after, read_vessel_file
+from gateway.vessel_tables import MAX_NAME, Provenance
 from sim.effects.catalogue import EFFECTS
 from sim.effects.effect import Kind, Parameter
 from sim.vessel import AddedEffect, Dynamics, Hull, Rudder, Sensors, Servo, Thruster, Vessel
@@ -25,6 +25,7 @@ SHIPPED = sorted((ROOT / "configs" / "vessels").glob("*.toml"))
 STEERED = (ROOT / "configs" / "vessels" / "steered.toml").read_text(encoding="utf-8")
 TABLE = "[[-1, -1], [0, 0], [0.2, 0.4], [0.5, 0.3], [1, 1]]"
 CURRENT = '[[effects]]\ntype = "steady_current"\nspeed = 0.3\ndirection = 1.2\n'
+LONG = "n" * 30_000
 
 positive = st.floats(1.0, 1e6)
 damping = st.floats(-1e3, 0.0)
@@ -247,11 +248,40 @@ MISTAKES = {
     "rudder's push": ("[hull]", curve(by=6, acts=2) + "[hull]", "go with one another alone"),
     "hard stop": ("X_u = -10.0", "X_u = -1.8e7", "stops the boat in less than 0.001 s"),
     "too heavy": ("mass = 90.0", "mass = 1e20", "hull.mass = 1e+20: input should be less than"),
-    "too strong": ("[-60.0, 120.0]", "[-60.0, 3e301]", "thrusters[0].thrust = [-60.0, 3e+301]: mu"),
+    "too strong": (
+        "[-60.0, 120.0]",
+        "[-60.0, 3e301]",
+        "thrust = [-60.0, 3e+301]: must be at most 1e",
+    ),
+    "too weak": (
+        "[-60.0, 120.0]",
+        "[60.0, 120.0]",
+        "= [60.0, 120.0]: must be thrust in N full ast",
+    ),
     "far away": ("[-1.1, 0.0]", "[-1100.0, 0.0]", "thrusters[0].position[0] = -1100.0: input sh"),
     "long word": ("mass = 90.0", f"mass = '{'9' * 9000}'", "9…: input should be a valid number"),
     "long number": ("mass = 90.0", f"mass = {'9' * 5000}", "a number in it has too many digits"),
     "nested": ("[hull]", f"a = {'[' * 9000}{']' * 9000}\n[hull]", "nest too deeply"),
+    "nested in tables": (
+        "[hull]",
+        f"a = {('{' + 'a.' * 18 + 'a=') * 60}1{'}' * 60}\n[hull]",
+        "nest too deeply",
+    ),
+    "long name": ('"Steered example"', f"'{'n' * 376_000}'", "name = 'nnn"),
+    "long thruster": ('"outboard"', f"'{'n' * 101}'", "thrusters[1].name = 'nnn"),
+    "long rudder": ('"blade"', f"'{'n' * 101}'", "rudders[0].name = 'nnn"),
+    "long wash": ("angle =", f"motor = '{LONG}'\nangle =", "motor = 'nnn"),
+    "long curve": ('"quadratic"', f"'{LONG}'", "expected a name of at most 100"),
+    "long source": ("made up", "s" * 1001, "source = 'sss"),
+    "long origin": ("[hull]", f"[provenance.m]\nfit = '{LONG}'\n[hull]", "provenance.m.fit = 'nnn"),
+    "long key": ("[hull]", f"[provenance.{LONG}]\n[hull]", "at most 300 characters"),
+    "long date": (
+        "[hull]",
+        f"[[history]]\ndate = '{LONG}'\nby = 'me'\n[hull]",
+        "history[0].date = 'nnn",
+    ),
+    "long parameter": ("[hull]", f"{CURRENT}{LONG} = 1\n[hull]", "takes speed, direction; unkn"),
+    "long path": ("[hull]", f"{CURRENT}file = '/{LONG}'\n[hull]", "effects[0].file: /nnn"),
     "1,000 effects": ("[hull]", CURRENT * 1000 + "[hull]", "at most 48 items"),
     "many digits": (
         "[hull]",
@@ -397,3 +427,12 @@ def test_a_table_of_thrust_comes_back_and_may_be_shared(tmp_path: Path) -> None:
     assert vessel.thrusters[1].curve == "main"
     path.write_text(dump_vessel(vessel), encoding="utf-8")
     assert load_vessel(path) == vessel
+
+
+def test_what_commands_list_and_names_after_files_fit_into_a_file() -> None:
+    recordings = listed(f"voyage {k}" for k in range(10_000))
+    assert recordings.startswith("voyage 0, voyage 1, ")
+    assert Provenance(recording=recordings).recording[-1] == "…"
+    assert listed(["a", "b"]) == "a, b"
+    assert name_after(Path("logs/otter.tlog")) == "otter"
+    assert len(f"{name_after(Path('a' * 250))} fitted") <= MAX_NAME

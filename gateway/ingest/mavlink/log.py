@@ -2,10 +2,14 @@
 
 Raw frames in the order of receipt, whatever container they came from, become tables. Sequence
 numbers show which frames of a source were lost, late or doubled.
+
+The order in the file is that of receipt: where the receiver's clock was set back, stamps are not.
+A file whose stamps go back again and again is in disorder itself, where its sequence numbers are
+more nearly whole in the order of the stamps: then that is the order of receipt.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +17,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import BadInput
 from gateway.ingest import looks_like
+from gateway.ingest.clock import STEP_BACK
 from gateway.ingest.log import (
     Boat,
     BoatSamples,
@@ -51,6 +56,7 @@ if TYPE_CHECKING:
 
 
 SOURCES = 65536  # systems × components
+MAX_STEPS = 32  # of a receiver's clock that was set back; chosen
 LATE = 32  # a sequence number that steps back less than this is a late frame, not a loss
 
 
@@ -167,16 +173,35 @@ class Frames:
 
 
 def _described(data: NDArray[np.uint8], offset: Ints, times: Ints, tally: Ints) -> Frames:
-    """Frames with their headers read and their statistics counted."""
-    headers = read_headers(data, offset)
+    """Frames in order of receipt, with their headers read and their statistics counted."""
+    steps, backwards = (int((np.diff(times) < limit).sum()) for limit in (-STEP_BACK, 0))
+    headers, notes = read_headers(data, offset), tuple[str, ...]()
+    if steps > MAX_STEPS:
+        order = _by_stamp(times, headers.sequence)
+        by_stamp = read_headers(data, offset[order])
+        if continuity(data, by_stamp)[0] <= continuity(data, headers)[0]:
+            headers, times, notes = by_stamp, times[order], (_disorder(steps),)
+        else:
+            notes = (_flapping(steps),)
     for array in (*headers, times):
         array.setflags(write=False)
-    statistics = _statistics(data, headers, times, tally)
+    found = _statistics(data, headers, tally)
+    statistics = replace(found, time_backwards=backwards, notes=(*notes, *found.notes))
     groups = group(headers.message_id, max(definitions()))
     return Frames(data, headers, times, statistics, groups)
 
 
-def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: Ints) -> Statistics:
+def _by_stamp(times: Ints, sequence: NDArray[np.uint8]) -> Ints:
+    """The order (K,) by stamp; frames of one stamp by their numbers, which go on at 0 after 255."""
+    group = np.unique(times, return_inverse=True)[1]
+    least, most = np.full(len(times), 255), np.zeros(len(times), np.int64)
+    np.minimum.at(least, group, sequence)
+    np.maximum.at(most, group, sequence)
+    turned = (most - least > 128)[group] & (sequence < 128)
+    return np.lexsort((sequence + 256 * turned, times))
+
+
+def _statistics(data: NDArray[np.uint8], headers: Headers, tally: Ints) -> Statistics:
     lost, late, doubled = continuity(data, headers)
     return Statistics(
         size_bytes=len(data),
@@ -190,7 +215,6 @@ def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: I
         truncated_tail=bool(tally[Tally.TRUNCATED_TAIL]),
         lost=int(lost),
         duplicates=int(doubled),
-        time_backwards=int(np.count_nonzero(np.diff(times) < 0)),
         notes=(_late(int(late)),) if late else (),
     )
 
@@ -198,6 +222,20 @@ def _statistics(data: NDArray[np.uint8], headers: Headers, times: Ints, tally: I
 def _present(starts: Ints) -> Ints:
     """Message ids of which there is at least one."""
     return np.flatnonzero(np.diff(starts))
+
+
+def _disorder(steps: int) -> str:
+    return (
+        f"its frames are in disorder: their time stamps go back {steps} times; read in the order "
+        "of the stamps"
+    )
+
+
+def _flapping(steps: int) -> str:
+    return (
+        f"the receiver's clock was set back {steps} times, though the frames are in order: when "
+        "they were received is not known"
+    )
 
 
 def _late(count: int) -> str:

@@ -77,6 +77,16 @@ def test_an_empty_day_is_a_calm_one(tmp_path):
         ('[[effects]]\ntype = "steady_current"', "steady_current takes speed, direction; missing"),
         ('[[effects]]\ntype = "steady_current"\nspeed = "1"', "effects[0].speed = '1'"),
         ("[[moments]]\nat = 1.0", "moments[0]: nothing changes"),
+        (f'[[effects]]\ntype = "steady_current"\n{"n" * 9000} = 1', "unknown nnn"),
+        (f"[[moments]]\nat = 1.0\n{'n' * 9000} = 'x'", "moments[0].nnn"),
+        (
+            f"[[moments]]\nat = 1.0\n{'n' * 9000} = 1.0\nthruster = 'a'\ngain = 1.0",
+            "unknown key nnn",
+        ),
+        (
+            f"[[moments]]\nat = 1.0\nthruster = '{'n' * 101}'\ngain = 1.0",
+            "moments[0].thruster = 'nnn",
+        ),
         ("[[moments]]\nat = -1.0", "moments[0].at = -1.0"),
         ('[[moments]]\nat = 1.0\nthruster = "left"', "thruster and gain"),
         ('[[moments]]\nat = 1.0\neffect = "steady_current"', "no number of it changes"),
@@ -107,6 +117,7 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path, text, wrong):
     assert str(failed.value).startswith(f"{file}: ")
     assert wrong in str(failed.value)
     assert "\n" not in str(failed.value)
+    assert len(str(failed.value)) < 1000  # nothing quotes a file at length
 
 
 def test_a_day_that_is_not_there(tmp_path):

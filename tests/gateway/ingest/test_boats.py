@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
-from gateway.ingest.log import choose_boat, not_a_boat
+from gateway.ingest.log import MAX_LISTED, choose_boat, not_a_boat
 from tests.gateway.ingest.scripted import ARDUPILOT, Script, attitude, heartbeat
 
 
@@ -44,6 +44,17 @@ def test_a_log_of_several_boats_asks_which() -> None:
         BadInput, match=r"choose one: system 1 \(ArduPilot surface boat\), system 7"
     ):
         choose_boat(log)
+
+
+def test_of_many_components_of_a_system_one_is_named_and_of_many_systems_the_first_few() -> None:
+    script = Script()
+    for system in range(1, MAX_LISTED + 4):
+        for component in (1, 2, 3):
+            script.send(0.0, heartbeat(), system=system, component=component)
+    with pytest.raises(BadInput, match=r" and 3 more$") as refused:
+        choose_boat(script.log())
+    named = str(refused.value).split("choose one: ")[1].removesuffix(" and 3 more").split(", ")
+    assert named == [f"system {k} (ArduPilot surface boat)" for k in range(1, MAX_LISTED + 1)]
 
 
 def test_a_wrong_system_id_is_answered_with_those_present() -> None:

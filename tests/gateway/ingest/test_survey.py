@@ -38,6 +38,16 @@ def test_survey_is_plain_json() -> None:
     assert "VFR_HUD" in plain["boats"][0]["sources"]["velocity"]["preference"]
 
 
+def test_a_leap_of_the_receivers_clock_is_no_gap_of_a_message() -> None:
+    script = thin_telemetry()
+    for t in np.arange(30.0, 60.0, 0.5):
+        script.send(t + 40 * 86_400.0, servo(100.0 + t, 1500, 1500))
+    found = survey(script.log()).messages["SERVO_OUTPUT_RAW"]
+    assert found.count == 120
+    assert found.rate_hz == pytest.approx(2.0)
+    assert found.longest_gap_s == pytest.approx(0.5)
+
+
 def test_every_odd_log_is_surveyed(shared_data: Path) -> None:
     paths = sorted((shared_data / "odd-logs").glob("*.[tbB]*"))
     assert paths

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gateway.errors import BadInput
 from gateway.ingest.mavlink.frames import definitions, layout
-from gateway.ingest.mavlink.log import Frames, MavlinkLog, tlog_from_bytes
+from gateway.ingest.mavlink.log import MAX_STEPS, Frames, MavlinkLog, tlog_from_bytes
 from gateway.ingest.open import open_log
 from tests.gateway.ingest.streams import (
     START_US,
@@ -261,6 +261,49 @@ def test_the_receive_clock_may_step_back() -> None:
     log = tlog_from_bytes(raw)
     assert log.statistics.time_backwards == 1
     assert log.table("HEARTBEAT").receive_time_ns.tolist() == [t * 1000 for t in times]
+
+
+SECONDS = 300  # of one frame a second
+
+
+def stamped(frames: list[bytes], seconds: list[int]) -> MavlinkLog:
+    pairs = zip(frames, seconds, strict=True)
+    return tlog_from_bytes(b"".join(record(frame, START_US + 10**6 * s) for frame, s in pairs))
+
+
+def test_a_file_in_disorder_is_read_in_the_order_of_its_stamps() -> None:
+    mav = packer()
+    sent = [heartbeat(mav) for _ in range(SECONDS)]
+    order = np.random.default_rng(3).permutation(SECONDS).tolist()
+    log = stamped([sent[k] for k in order], [k // 3 for k in order])  # three share a stamp
+    assert [log.frames.raw(i) for i in range(SECONDS)] == sent
+    assert (np.diff(log.frames.receive_time_ns) >= 0).all()
+    assert log.statistics.lost == 0
+    assert log.statistics.time_backwards > SECONDS // 3
+    (note,) = log.statistics.notes
+    assert note.startswith("its frames are in disorder: their time stamps go back ")
+
+
+def test_frames_that_are_in_order_stay_so_however_often_the_clock_was_set_back() -> None:
+    mav = packer()
+    sent = [heartbeat(mav) for _ in range(SECONDS)]
+    times = np.random.default_rng(3).permutation(SECONDS).tolist()
+    log = stamped(sent, times)
+    assert [log.frames.raw(i) for i in range(SECONDS)] == sent
+    (note,) = log.statistics.notes
+    assert note.startswith("the receiver's clock was set back ")
+
+
+@pytest.mark.parametrize(("steps", "sorts"), [(MAX_STEPS, False), (MAX_STEPS + 1, True)])
+def test_a_few_steps_of_the_clock_change_nothing(steps: int, sorts: bool) -> None:
+    """Parts of a voyage in the wrong order, as `cat` of its files may put them."""
+    mav, each = packer(), 4
+    sent = [heartbeat(mav) for _ in range(each * (steps + 1))]
+    order = [each * p + k for p in reversed(range(steps + 1)) for k in range(each)]
+    log = stamped([sent[k] for k in order], order)
+    wanted = range(len(sent)) if sorts else order
+    assert [log.frames.raw(i) for i in range(len(sent))] == [sent[k] for k in wanted]
+    assert bool(log.statistics.notes and "disorder" in log.statistics.notes[0]) is sorts
 
 
 def test_a_cut_tail_is_told() -> None:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -18,7 +19,15 @@ from mcap.reader import make_reader
 from gateway.bus import BusSettings, open_session
 from gateway.config import Settings, ZenohSettings, as_tables
 from gateway.errors import BadInput
-from gateway.offline.replay import ReplayOptions, ReplaySummary, options_by_log, replay
+from gateway.offline.replay import (
+    CHUNK_S,
+    MAX_CHUNK,
+    ReplayOptions,
+    ReplaySummary,
+    _chunk_ends,
+    options_by_log,
+    replay,
+)
 from gateway.recording.reader import Recording
 from gateway.recording.recorder import RecordingSettings, TopicsKept
 from gateway.shadow.model_monitor import Adapt
@@ -379,3 +388,11 @@ def test_the_shadow_stays_finite_and_near_on_every_log(
     # And that is no discontinuity: silences of the link, and once each the sensors that were not
     # ready and what the model lacks.
     assert summary.events < 0.1 * summary.seconds + 8
+
+
+def test_measurements_that_share_a_receipt_are_not_one_chunk() -> None:
+    """The newest receipt stands where the receiver's clock was set back: for hours, perhaps."""
+    count = 2 * MAX_CHUNK + 5
+    feed: Any = MagicMock(receive_time_ns=np.zeros(count, np.int64))
+    feed.__len__.return_value = count
+    assert list(_chunk_ends(feed, CHUNK_S, None, None)) == [MAX_CHUNK, 2 * MAX_CHUNK, count]

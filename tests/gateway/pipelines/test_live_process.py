@@ -69,7 +69,7 @@ def again(*paths: Path) -> dict[str, list[bytes]]:
 
 
 @pytest.mark.alone
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_it_ends_cleanly_and_soon_and_what_ran_runs_again(
     tmp_path: Path, number: signal.Signals, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -89,6 +89,37 @@ def test_it_ends_cleanly_and_soon_and_what_ran_runs_again(
     for topic in COMPARED:
         assert relived_rows[topic] == live_rows[topic]
     assert len(live_rows["shadow"]) > 200
+
+
+IN_A_WINDOW = """
+import os, sys
+os.setsid()
+window, pipe = os.fdopen(os.open({terminal!r}, os.O_RDWR), "w"), sys.stderr
+class Both:
+    def write(self, text):
+        pipe.write(text)
+        window.write(text)
+    def flush(self):
+        pipe.flush()
+        window.flush()
+sys.stderr = Both()
+"""
+
+
+@pytest.mark.alone
+def test_a_window_that_is_closed_leaves_a_finished_recording(tmp_path: Path) -> None:
+    window, terminal = os.openpty()
+    before = IN_A_WINDOW.format(terminal=os.ttyname(terminal))
+    with (
+        program(tmp_path, before=before) as live,
+        playing([boat()], f"udpout:127.0.0.1:{live.port}"),
+    ):
+        os.close(terminal)
+        wait(lambda: live.recordings and live.recordings[0].stat().st_size > 30_000)
+        os.close(window)
+        assert live.process.wait(10.0) == 0
+    assert live.told[-1] == "finished"
+    assert Recording.open(live.recordings[0]).finished
 
 
 @pytest.mark.alone

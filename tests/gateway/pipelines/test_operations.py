@@ -53,7 +53,7 @@ def test_metrics_say_what_health_and_the_links_say() -> None:
     with Metrics("0", lambda: {"udpin:x": vars(counts)}, lambda: 3) as metrics:
         assert ("shadow_health_loss", ("otter",)) not in scraped(metrics)
         metrics.health("otter", health())
-        metrics.health("teal", health(unfit="the GPS has no fix", loss=0.5))
+        metrics.health("teal", health(unfit="the GPS has no 3-D fix", loss=0.5))
         found = scraped(metrics)
         assert found["shadow_health_loss", ("otter",)] == 0.25
         assert found["shadow_health_loss", ("teal",)] == 0.5

@@ -383,8 +383,8 @@ def test_neither_a_disarmed_boat_nor_a_lost_fix_ends_or_hides_that_an_output_is_
     assert told_of(wired(LEFT, 9), size, disarmed)[0] == [("sensor_failed", MISSED)]
     events, *_ = told_of(wired(LEFT, 9), size, lost_gps=(8.0, 10.0))
     assert [kind for kind, _ in events] == ["sensor_failed", "sensor_failed", "sensor_restored"]
-    assert events[1][1].startswith("the GPS has no fix")
-    assert events[2][1].startswith("the GPS has a fix again")
+    assert events[1][1].startswith("the GPS has no 3-D fix")
+    assert events[2][1].startswith("the GPS has a 3-D fix again")
 
 
 def test_an_output_that_had_a_pulse_once_is_wired() -> None:

@@ -393,6 +393,37 @@ def test_two_gateways_on_one_boat(tmp_path: Path) -> None:
              0.0, back_after(second.recordings, begun)))  # fmt: skip
 
 
+def test_the_gateway_that_holds_the_port_of_zenoh_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    with (
+        program(tmp_path / "a", "--name", "one") as first,
+        program(tmp_path / "b", "--name", "two", endpoint=first.endpoint) as second,
+        playing([boat()], f"udpout:127.0.0.1:{first.port}"),
+        playing([boat()], f"udpout:127.0.0.1:{second.port}"),
+    ):
+        with subscribed(first.endpoint, "shadow/two/**") as came:
+            wait(lambda: came("shadow"))
+        first.end(signal.SIGKILL)
+        begun = time.monotonic()
+        back = wait(lambda: heard(second.endpoint, "shadow/two/**") and time.monotonic() - begun)
+        whole(second)
+    assert np.diff(fresh_s(second.recordings)).max() < 1.0
+    note(Row("the gateway is killed that holds zenoh's port", "SIGKILL; another one had joined it",
+             "the other one goes on and listens there", "nothing: it is found there again", 0.0,
+             back))  # fmt: skip
+
+
+def heard(endpoint: str, keys: str) -> bool:
+    """Whether a new watcher hears of a shadow there within a second."""
+    try:
+        with subscribed(endpoint, keys) as came:
+            time.sleep(1.0)
+            return bool(came("shadow"))
+    except zenoh.ZError:  # nobody listens
+        return False
+
+
 def test_the_boat_reboots_in_the_middle_of_a_chunk(tmp_path: Path) -> None:
     rebooting = Faults(reboots=(Reboot(SETTLED_S + 3.3, 1.5),))
     with (

@@ -46,7 +46,7 @@ SECONDS = 104.0
 FIRST_S, LASTS_S, EVERY_S = 66.0, 14.0, 40.0  # the monitor judges by then; each fault; the next one
 # what is said of each fault, and how soon [s]; they happen one after another in one voyage
 FAULTS = {
-    "gps": ("the GPS has no fix", 2.0),
+    "gps": ("the GPS has no 3-D fix", 2.0),
     "ekf": ("the autopilot's EKF has no velocity and no position", 3.0),
     "compass": ("the heading jumped", 1.0),
     "heading": ("the heading is frozen", 4.0),
@@ -205,7 +205,9 @@ def test_what_the_ekf_has_is_not_said_of_the_gps() -> None:
         both = SensorFaults(gps_lost=(LOST,), ekf_holds=(LOST,))
         found = deck.hear(datagrams(played(40.0, sensor_faults=both)), 40.0).heard()
     *_, (_, over) = events(found, "sensor_restored")
-    assert over.startswith("the GPS has a fix again and the autopilot's EKF has its velocity again")
+    assert over.startswith(
+        "the GPS has a 3-D fix again and the autopilot's EKF has its velocity again"
+    )
 
 
 @pytest.mark.parametrize(

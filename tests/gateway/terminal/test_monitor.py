@@ -111,7 +111,7 @@ def started(*words: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 @pytest.mark.alone
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_lines_wait_for_the_gateway_and_end_cleanly(endpoint: str, ending: signal.Signals) -> None:
     with started("--connect", endpoint, "--json") as running:
         assert running.stdout is not None

@@ -76,7 +76,7 @@ def test_a_vessel_that_is_gone_or_silent_is_shown_so() -> None:
 
 
 def test_data_that_cannot_judge_are_said_to_be_so_and_since_when() -> None:
-    why = "the GPS has no fix since 14:32:05 UTC"
+    why = "the GPS has no 3-D fix since 14:32:05 UTC"
     text = shown(status(health={"diverging": 0, "unfit": why}))
     assert "● cannot judge" in text
     assert f"data: {why}" in text
